@@ -24,8 +24,8 @@ from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, margin
 from cell.gap.selection.posterior import posterior
 from cell.gap.selection.screening import ranked_pairs
-from cell.gap.selection.search import BUDGET, other_signs
-from cell.gap.subject.subject import Subject
+from cell.gap.selection.search import BUDGET, within_reach
+from cell.gap.subject.subject import Candidate, Subject
 from cell.gap.verdict.findings import BaseFit, Screen
 from drivers.types import Array
 
@@ -92,17 +92,17 @@ def refit_on_base(
 ) -> Fits:
     """Refit the models of `fits` beside a new `base`, with the scatter `found` in runs `whole`.
 
-    Single effects and the best pairs with either sign again: beside another base the other one may
-    fit better.
+    Models that cannot come up to the best one are left out. Beside another base the other sign of
+    an effect may fit better.
     """
     known, tasks = base.estimate.evidence, []
+    gains = {m.model.names: margin(m, fits.base, fits.scale).gain for m in fits.models}
     for fit in (m.estimate for m in fits.models if m.model.effects):
-        start = with_scatter(fit, found, whole).point
-        tasks.append(refit(fit.model, known, start, _secants(fit, known), ROUGH_GAIN))
+        if within_reach(gains[fit.model.names], max(gains.values())):
+            start = with_scatter(fit, found, whole).point
+            tasks.append(refit(fit.model, known, start, _secants(fit, known), ROUGH_GAIN))
     done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
-    fits = replace(fits, models=(base, *done))
-    placed = [*fits.of_size(1), *fits.near_best(2)[: BUDGET.pairs]]
-    return fits.merge(other_signs(simulate, fits, placed))
+    return search.other_signs(simulate, replace(fits, models=(base, *done)))
 
 
 def _secants(fit: Estimate, known: Evidence) -> tuple[Array, ...] | None:
@@ -135,91 +135,62 @@ class ForwardSelection:
         promising = any(s.gain > least for s in screened.singles)
         if not (promising or self.fitted.doubted or ranked_pairs(screened.known, 1, least)):
             return fits
-        singles = screened.singles[: search.BUDGET.singles]
-        fits = search.fit_scores(self.simulate, fits, singles, self.subject.scope.candidates)
-        fits = fits.merge(search.other_signs(self.simulate, fits, fits.of_size(1)))
-        return self._refine_laws(fits)
+        singles = screened.singles[: BUDGET.singles]
+        return search.fit_scores(self.simulate, fits, singles, self._candidates)
 
     def refit_further(self, fits: Fits) -> Fits:
-        """Fit other single effects, then pairs and triples, while the best model leaves a gap."""
+        """Fit pairs and triples beside the best models, and alternatives of what is accepted.
+
+        Shape parameters come first: what the law of one effect gets wrong is no second effect.
+        """
         if len(fits.models) == 1:
             return fits
-        fits = self._refine_laws(fits)  # beside a revised base a law may leave more
-        if not _leaves_more(fits, anywhere=True):
-            if self._accept(fits).model.effects:
-                return self._refit_small_second(fits)
-            if not self.fitted.doubted:
-                return fits
-        self.progress("refit other single effects", 0.45)
-        simulate, candidates = self.simulate, self.subject.scope.candidates
-        looked = self.screened.singles[: search.BUDGET.probed]
-        others = [s for s in looked if fits.of(frozenset(s.names)) is None]
-        base, further = fits.base.estimate, search.BUDGET.additions
-        others = search.shortlist(simulate, base, others, candidates, further)
-        fits = search.fit_scores(simulate, fits, others, candidates)
-        if not _leaves_more(fits, anywhere=True):
-            return self._refit_small_second(fits)
-        return self._refit_pairs_and_triples(fits)
+        fits = fits.merge(search.shape_parameters(self.simulate, fits))
+        if _leaves_more(fits, anywhere=True):
+            fits = self._refit_pairs(fits)
+        elif self._accept(fits).model.effects:
+            self.progress("screen beside the accepted effect", 0.5)
+            fits = self._extend(fits, [self._accept(fits)])
+        if len(self._accept(fits).model.effects) == 2:
+            self.progress("refit triples", 0.7)
+            fits = self._extend(fits, [self._accept(fits)])
+        return self._refit_alternatives(fits)
 
-    def _refine_laws(self, fits: Fits) -> Fits:
-        """Free the shape parameters of the best models, unless the best one leaves nothing."""
-        if is_exhausted(fits):
-            return fits
-        return fits.merge(search.shape_parameters(self.simulate, fits))
+    def _refit_pairs(self, fits: Fits) -> Fits:
+        """Fit other single effects and the most promising pairs."""
+        self.progress("refit pairs", 0.5)
+        base, most = fits.base.estimate, BUDGET.additions
+        new = [s for s in self.screened.singles if fits.of(frozenset(s.names)) is None]
+        new = new[: BUDGET.probed - BUDGET.singles]
+        new += ranked_pairs(self.screened.known, BUDGET.screened_pairs)
+        new = search.shortlist(self.simulate, base, new, self._candidates, most)
+        fits = search.fit_scores(self.simulate, fits, new, self._candidates)
+        return self._extend(fits, fits.near_best(1)[: BUDGET.beam])
+
+    def _refit_alternatives(self, fits: Fits) -> Fits:
+        """Fit an accepted pair or triple without each effect, and with others in its place.
+
+        Again where one of these is accepted then: its effects have alternatives of their own.
+        """
+        tried: set[frozenset[str]] = set()
+        while len(names := self._accept(fits).model.names) > 1 and names not in tried:
+            tried.add(names)
+            subsets = search.without_each(self._accept(fits))
+            fits = search.fit_scores(self.simulate, fits, subsets, self._candidates)
+            parts = [m for name in names if (m := fits.of(names - {name})) is not None]
+            fits = self._extend(fits, parts)
+        return fits
+
+    def _extend(self, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:
+        return search.extend(self.simulate, fits, models, self._candidates, self.screened.probed)
 
     def _accept(self, fits: Fits) -> CrossValidatedFit:
         """The model that would be accepted if nothing else were fitted."""
         return choose(fits, posterior(fits, fits.scale)).accepted
 
-    def _refit_small_second(self, fits: Fits) -> Fits:
-        """Fit pairs of an accepted effect, or the best one, and what the screen shows beside it.
-
-        By what they predict and by evidence two single effects may change places where either is
-        only a part of the cause. Their shape parameters come first: what the law of one gets wrong
-        is no second effect.
-        """
-        if not self._accept(fits).model.effects:
-            return fits
-        fits = fits.merge(search.shape_parameters(self.simulate, fits))
-        accepted = self._accept(fits)
-        models = [accepted] if fits.best in (accepted, fits.base) else [accepted, fits.best]
-        self.progress("screen beside the accepted effect", 0.5)
-        candidates, probed = self.subject.scope.candidates, self.screened.probed
-        fits = search.extend_where_shown(self.simulate, fits, models, candidates, probed)
-        return self._refit_alternatives(fits) if self._is_pair(fits) else fits
-
-    def _refit_pairs_and_triples(self, fits: Fits) -> Fits:
-        """Fit the most promising pairs, triples beside an accepted pair, and their alternatives."""
-        self.progress("refit pairs", 0.5)
-        simulate, candidates = self.simulate, self.subject.scope.candidates
-        base, probed, most = fits.base.estimate, self.screened.probed, search.BUDGET.pairs
-        pairs = ranked_pairs(self.screened.known, search.BUDGET.screened_pairs)
-        pairs = search.shortlist(simulate, base, pairs, candidates, most)
-        fits = search.fit_scores(simulate, fits, pairs, candidates)
-        fits = search.extend(simulate, fits, 1, candidates, probed)
-        fits = fits.merge(search.other_signs(simulate, fits, fits.near_best(2)[:most]))
-        if self._is_pair(fits) and _leaves_more(fits, anywhere=False):
-            self.progress("refit triples", 0.7)
-            fits = search.extend(simulate, fits, 2, candidates, probed)
-        return self._refit_alternatives(fits)
-
-    def _is_pair(self, fits: Fits) -> bool:
-        return len(self._accept(fits).model.effects) == 2
-
-    def _refit_alternatives(self, fits: Fits) -> Fits:
-        """Fit accepted and best model without each effect, and with others in its place.
-
-        Again where one of these is accepted then: its effects have alternatives of their own.
-        """
-        candidates = self.subject.scope.candidates
-        tried: set[frozenset[str]] = set()
-        while (names := self._accept(fits).model.names) not in tried:
-            tried.add(names)
-            subsets = search.without_each(fits, self._accept(fits))
-            fits = search.fit_scores(self.simulate, fits, subsets, candidates)
-            others = search.substitutes(self.simulate, fits, self._accept(fits), candidates)
-            fits = search.fit_scores(self.simulate, fits, others, candidates)
-        return fits
+    @property
+    def _candidates(self) -> Sequence[Candidate]:
+        return self.subject.scope.candidates
 
 
 def _leaves_more(fits: Fits, *, anywhere: bool) -> bool:

@@ -93,7 +93,7 @@ def _fit_base(
     subject: Subject, runs: Evidence, simulate: Simulate, rng: np.random.Generator
 ) -> BaseFit:
     """Fit the base from several starts, estimate run-to-run spreads, and test what it leaves."""
-    rough = refit_base(simulate, Model(subject.scope.base), runs, rng)
+    rough = refit_base(simulate, Model(subject.scope.base), runs)
     found = spreads(rough)
     return _judge_base(subject, with_scatter(rough, found, runs), found, simulate, rng)
 

@@ -102,7 +102,7 @@ def _new_plan(
     measured = read_runs(folders, strip)
     subject = Strip(strip, measured, jobs)
     model, known_runs = Model(subject.scope.base), evidence(subject.runs)
-    base = refit_base(subject.simulate, model, known_runs, np.random.default_rng(0))
+    base = refit_base(subject.simulate, model, known_runs)
     values = {p.name: float(v) for p, v in zip(model.base, base.shared, strict=True)}
     plant = as_fitted(strip, values)
     copies, unseen = sizes(plant, [run for run in measured if run.usable], excess)

@@ -35,11 +35,12 @@ def linearise(model: Model, evidence: Evidence, point: Point) -> Task[Linearised
         steps.append(own_steps)
     answers = yield asked
     raw, jacobians, at = [], [], 0
-    for h, scale in zip(steps, evidence.scales, strict=True):
-        mine = answers[at : at + 1 + len(h)]
+    for run, h, scale in zip(evidence.runs, steps, evidence.scales, strict=True):
+        mine = answers[at : at + 1 + run.replicate + len(h)]
         at += len(mine)
         raw.append(mine[0])
-        jacobians.append(secants(mine[0], mine[1:], scale, h))
+        here, *moved = mine[run.replicate :]
+        jacobians.append(secants(here, moved, scale, h))
     return raw, tuple(jacobians)
 
 
@@ -85,17 +86,22 @@ def secants(here: Residuals, moved: Sequence[Residuals], scale: Array, steps: Ar
 def _secant_requests(
     model: Model, run: Run, shared: Array, local: Array
 ) -> tuple[list[Request], Array]:
-    """Requests at the values and one step of each unknown away, and the steps (k,)."""
-    asked = [request(model, run, shared, local)]
-    steps = []
+    """Requests at the values and one step of each unknown away, and the steps (k,).
+
+    For a replicate the first, at the values, comes once more as a response to compare with.
+    """
+    here = request(model, run, shared, local)
+    asked, steps = [here] if run.replicate else [], []
+    points = [(shared, local)]
     for i, p in enumerate(model.parameters):
         h = _step_within_bounds(p, shared[i])
-        asked.append(request(model, run, _step_one(shared, i, h), local))
+        points.append((_step_one(shared, i, h), local))
         steps.append(h)
     for i, p in enumerate(run.local):
         h = _step_within_bounds(p, local[i])
-        asked.append(request(model, run, shared, _step_one(local, i, h)))
+        points.append((shared, _step_one(local, i, h)))
         steps.append(h)
+    asked += [replace(request(model, run, *point), response=run.replicate) for point in points]
     return asked, np.array(steps)
 
 

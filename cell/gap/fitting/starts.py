@@ -1,50 +1,22 @@
-"""Fits of the base from several starts, and the directions that the runs do not determine."""
-
-from dataclasses import dataclass
+"""Fits of the base, and the directions that the runs do not determine."""
 
 import numpy as np
 
 from cell.gap.fitting import normal_equations
-from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, linearise, refit
+from cell.gap.fitting.gauss_newton import Estimate, linearise, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests
 from cell.gap.fitting.projection import stacked_jacobian
-from cell.gap.fitting.tasks import Simulate, run_all, run_one
+from cell.gap.fitting.tasks import Simulate, run_one
 from cell.gap.subject.subject import Parameter, Subject
 from drivers.types import Array
 
-
-@dataclass(frozen=True, slots=True)
-class Starts:
-    """Settings of the base fit: number of starts, and steps before a drawn one is given up.
-
-    The stated values count as a start. Source: set by hand.
-    """
-
-    count: int = 3
-    steps: int = 4
-
-
-STARTS = Starts()
 MAIN_PART = 0.3  # of a unit direction, from which on its words name a parameter; set by hand
 
 
-def refit_base(
-    simulate: Simulate, model: Model, evidence: Evidence, rng: np.random.Generator
-) -> Estimate:
-    """Best fit of the base from stated values and, if that leaves more than noise, drawn ones."""
-    nominal = np.array([p.start for p in model.parameters])
-    first = run_one(simulate, refit(model, evidence, Point(nominal, evidence.start())))
-    if all(np.mean(r**2) < 1.0 for r in first.residuals):
-        return first
-    points = [_draw_start(model, rng) for _ in range(STARTS.count - 1)]
-    tasks = [
-        refit(model, evidence, Point(p, evidence.start()), None, ROUGH_GAIN, STARTS.steps)
-        for p in points
-    ]
-    begun = best([first, *run_all(simulate, tasks)])
-    if begun is first:
-        return first
-    return best([first, run_one(simulate, refit(model, evidence, begun.point, begun.jacobians))])
+def refit_base(simulate: Simulate, model: Model, evidence: Evidence) -> Estimate:
+    """Fit of the base from its stated values."""
+    stated = Point(np.array([p.start for p in model.parameters]), evidence.start())
+    return run_one(simulate, refit(model, evidence, stated))
 
 
 def best(estimates: list[Estimate]) -> Estimate:
@@ -56,16 +28,6 @@ def best(estimates: list[Estimate]) -> Estimate:
 def objective_of(estimate: Estimate, scale: float) -> float:
     """Objective [nats] of an estimate at the dispersion `scale`."""
     return normal_equations.objective(estimate.residuals, estimate.z, estimate.limits, scale)
-
-
-def _draw_start(model: Model, rng: np.random.Generator) -> Array:
-    """Start values (P,) drawn within one prior width of the stated ones, off the bounds."""
-    values = []
-    for p in model.parameters:
-        width = _prior_width(p)
-        low, high = max(p.low, p.start - width), min(p.high, p.start + width)
-        values.append(low + (high - low) * rng.uniform(0.1, 0.9))
-    return np.array(values)
 
 
 def _prior_width(p: Parameter) -> float:

@@ -10,7 +10,6 @@ import hashlib
 import shutil
 import zipfile
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -38,11 +37,6 @@ def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
             mine, answers = answers[:count], answers[count:]
             _advance(i, tasks[i], mine, asked, results)
     return [results[i] for i in range(len(tasks))]
-
-
-def rough(simulate: Simulate) -> Simulate:
-    """Coarse variant of `simulate`, for where a few percent of a response do not matter."""
-    return lambda asked: simulate([replace(request, rough=True) for request in asked])
 
 
 def run_one(simulate: Simulate, task: Task[T]) -> T:
@@ -115,7 +109,7 @@ def digest(requests: Sequence[Request]) -> str:
         content.update(r.base.tobytes())
         for name in sorted(r.effects):
             content.update(name.encode() + r.effects[name].tobytes())
-        content.update(r.local.tobytes() + bytes([r.rough]))
+        content.update(r.local.tobytes() + bytes([r.response]))
     return content.hexdigest()
 
 

@@ -116,7 +116,7 @@ def _responses(subject: Subject, simulate: Simulate, base: Estimate) -> list[Arr
         shared = np.concatenate([base.shared, np.array(vector)])
         models.append((Model(base.model.base, (c,)), shared))
     answers = simulate([
-        replace(request(model, run, shared, own), rough=True)
+        replace(request(model, run, shared, own), response=True)
         for model, shared in models
         for run, own in zip(runs, base.point.local, strict=True)
     ])  # fmt: skip

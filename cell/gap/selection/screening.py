@@ -173,7 +173,7 @@ def probe(base: Estimate, candidate: Candidate, *, steps: bool = True) -> Task[P
     vectors = [v for group in groups for v in group]
     runs, local = base.evidence.runs, base.point.local
     asked = [
-        replace(request(model, run, np.concatenate([base.shared, v]), own), rough=True)
+        replace(request(model, run, np.concatenate([base.shared, v]), own), response=True)
         for v in (candidate.null, *vectors)
         for run, own in zip(runs, local, strict=True)
     ]

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 
@@ -11,7 +12,6 @@ from cell.gap.fitting.model import Evidence, Model, Point
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.starts import best, objective_of
 from cell.gap.fitting.tasks import Simulate, Task, run_all, side_by_side
-from cell.gap.selection.choice import is_exhausted
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import (
     ALPHA,
@@ -30,23 +30,24 @@ class Budget:
     """Effort of the search: models, steps of a fit, and shares of a gain; set by hand."""
 
     singles: int = 5  # models of one effect that are refitted
-    pairs: int = 3  # models of two effects that are refitted
-    screened_pairs: int = 8  # pairs from which those are chosen by a few steps of a fit
-    beam: int = 6  # best models to which a further effect is added
-    beam_share: float = 0.3  # of the best model's gain that a model in the beam has
+    screened_pairs: int = 8  # pairs that are looked at more closely
+    beam: int = 4  # best models to which a further effect is added
     probed: int = 12  # effects whose response is simulated at a model of the beam
     additions: int = 4  # effects of these that are added to a model of the beam
-    extensions: int = 12  # models of the whole beam with one effect added
     first_steps: int = 2  # of a fit from each start
     short_steps: int = 4  # of a fit from the best starts
-    start_share: float = 0.5  # of the best start's gain, under which a start is given up
-    finish_share: float = 0.1  # of the best model's gain, under which a fit is not finished
+    reach: float = 20.0  # nats by which a fit that is not finished may be behind the best
+    share: float = 0.5  # of the best gain that such a fit may have instead
     shape_start: float = 1 / 3  # of its prior spread, where a shape parameter begins too
     shape_gain: float = 0.5  # of the gain asked of an effect, asked of shape parameters
-    substitutes: int = 2  # models in which another effect replaces one that is accepted
 
 
 BUDGET = Budget()
+
+
+def within_reach(gain: float, most: float) -> bool:
+    """Whether a fit that gains `gain` [nats] so far may still come up to one that gains `most`."""
+    return gain >= min(BUDGET.share * most, most - BUDGET.reach)
 
 
 def fit_scores(
@@ -67,9 +68,9 @@ def fit_scores(
     begun = [e for e in run_all(simulate, tasks) if e is not None]
     every = [*(m.estimate for m in fits.models), *begun]
     scale = min(e.scale for e in every)
-    least_gain = BUDGET.finish_share * _gain(base, best(every), scale)
+    most = _gain(base, best(every), scale)
     found = run_all(
-        simulate, [_finish(e, promising=_gain(base, e, scale) >= least_gain) for e in begun]
+        simulate, [_finish(e, promising=within_reach(_gain(base, e, scale), most)) for e in begun]
     )
     return fits.merge(run_all(simulate, [validate(e) for e in found]))
 
@@ -147,13 +148,12 @@ def _best_short_fit(
 
 
 def _farthest(base: Estimate, begun: Sequence[Estimate], known: Estimate) -> list[Estimate]:
-    """Those of `begun` that gain a good part of the largest gain over `base`, of `known` too."""
+    """Those of `begun` within reach of the largest gain over `base`, of `known` too."""
     every = [*begun, known]
     scale = min(e.scale for e in every)
     gains = [_gain(base, e, scale) for e in every]
-    most = max(gains)
-    least = min(BUDGET.start_share * most, most)
-    return [e for e, gain in zip(begun, gains, strict=False) if gain >= least]
+    share = [gain >= BUDGET.share * max(gains) for gain in gains]
+    return [e for e, promising in zip(begun, share, strict=False) if promising]
 
 
 def with_shape_parameters(candidates: Sequence[Candidate], fits: Fits) -> list[Candidate]:
@@ -165,52 +165,31 @@ def with_shape_parameters(candidates: Sequence[Candidate], fits: Fits) -> list[C
 def extend(
     simulate: Simulate,
     fits: Fits,
-    size: int,
-    candidates: Sequence[Candidate],
-    probed: Sequence[ProbeResponses],
-) -> Fits:
-    """Fit the best models of `size` effects with one further effect each, and add them to `fits`.
-
-    Only the best model is extended where a larger one leaves nothing: its alternatives are beside
-    that. `probed` are responses at the base.
-    """
-    beam = 1 if is_exhausted(fits) else BUDGET.beam
-    scale, known = fits.scale.scale, with_shape_parameters(candidates, fits)
-    expected: dict[tuple[str, ...], tuple[float, Score]] = {}
-    for fit in [m.estimate for m in fits.near_best(size, BUDGET.beam_share)[:beam]]:
-        before, unit = objective_of(fit, scale), (fit.scale / scale) ** 2
-        screened = _screen_further(simulate, fit, known, probed, fits.immaterial)
-        for s in screened[: BUDGET.additions]:
-            joint = s.joined_to(fit)
-            after = before - unit * s.gain
-            if joint.names not in expected or after < expected[joint.names][0]:
-                expected[joint.names] = after, joint
-    order = sorted(expected.values(), key=lambda each: each[0])[: BUDGET.extensions]
-    scores = [score for _, score in order]
-    if beam > 1:
-        scores = shortlist(simulate, fits.base.estimate, scores, known, BUDGET.additions)
-    return fit_scores(simulate, fits, scores, candidates)
-
-
-def extend_where_shown(
-    simulate: Simulate,
-    fits: Fits,
     models: Sequence[CrossValidatedFit],
     candidates: Sequence[Candidate],
     probed: Sequence[ProbeResponses],
 ) -> Fits:
-    """Fit `models` with each further effect that the screen beside them clearly shows.
+    """Fit `models` with each further effect that the screen beside them shows, and add them.
 
     Along one response a test is sharper than over all residuals (score test: Rao 1948, Proc. Camb.
     Phil. Soc. 44, 50): runs without a gap as a whole may still hold a small effect. `probed` are
     responses at the base.
     """
-    by, scores = fits.scale, []
-    known = with_shape_parameters(candidates, fits)
+    by, known = fits.scale, with_shape_parameters(candidates, fits)
+    expected: dict[tuple[str, ...], tuple[float, Score]] = {}
     for fit in (m.estimate for m in models):
-        least = MIN_GAIN * by.inefficiency * (by.scale / fit.scale) ** 2
-        found = _screen_further(simulate, fit, known, probed, fits.immaterial)
-        scores += [s.joined_to(fit) for s in found[: BUDGET.additions] if s.gain > least]
+        before, unit = objective_of(fit, by.scale), (fit.scale / by.scale) ** 2
+        for s in _screen_further(simulate, fit, known, probed, fits.immaterial):
+            joint, after = s.joined_to(fit), before - unit * s.gain
+            is_new = fits.of(frozenset(joint.names)) is None
+            if is_new and unit * s.gain > MIN_GAIN * by.inefficiency:
+                expected[joint.names] = min(
+                    (after, joint), expected.get(joint.names, (after, joint)), key=itemgetter(0)
+                )
+    order = sorted(expected.values(), key=itemgetter(0))
+    scores = [score for _, score in order[: BUDGET.additions * len(models)]]
+    if len(models) > 1:
+        scores = shortlist(simulate, fits.base.estimate, scores, known, BUDGET.additions)
     return fit_scores(simulate, fits, scores, candidates)
 
 
@@ -223,95 +202,78 @@ def _screen_further(
 ) -> list[Score]:
     """Scores of the effects to add to `fit`, probed at its values, the largest gain first.
 
-    Beside `immaterial` amounts of all effects, whose responses (N, k) these are.
+    Responses at the base mean little beside a strong effect: by them, the most promising effects
+    are chosen, and the values at which each is probed. Beside `immaterial` amounts of all effects,
+    whose responses (N, k) these are.
     """
     about = projection(fit, nuisance=immaterial)
-    # responses at the base mean little beside a strong effect: they only choose what is probed
     others = [p for p in probed if p.candidate.name not in fit.model.names]
-    looked = {s.names[0] for s in ranking(table(about, others))[: BUDGET.probed]}
-    again = run_all(simulate, [probe(fit, c) for c in candidates if c.name in looked])
-    return ranking(table(about, again))
+    looked = {s.names[0]: s for s in ranking(table(about, others))[: BUDGET.probed]}
+    again = [
+        probe(fit, replace(c, probes=_most_promising(c, looked[c.name])))
+        for c in candidates
+        if c.name in looked
+    ]
+    return [replace(s, tried=()) for s in ranking(table(about, run_all(simulate, again)))]
 
 
-def without_each(fits: Fits, accepted: CrossValidatedFit) -> list[Score]:
-    """Scores of the `accepted` and of the best model, each without one of its effects.
+def _most_promising(
+    candidate: Candidate, score: Score
+) -> tuple[tuple[tuple[float, ...], ...], ...]:
+    """The probe of `candidate` that gains most by `score`: one group, or none at the null."""
+    values = candidate.complete(score.start.get(candidate.name, candidate.null))
+    if np.array_equal(values, candidate.null):
+        return ()
+    return ((tuple(map(float, values)),),)
 
-    Fits start from their values: beside another effect a fit may have left a local minimum.
+
+def without_each(accepted: CrossValidatedFit) -> list[Score]:
+    """Scores of the `accepted` model without each of its effects, to start from its values.
+
+    Beside another effect a fit may have left a local minimum.
     """
-    scores = []
-    for model in [accepted] if fits.best is accepted else [accepted, fits.best]:
-        names, fit = sorted(model.model.names), model.estimate
-        if len(names) > 1:
-            subsets = [tuple(n for n in names if n != gone) for gone in names]
-            scores += [Score(subset, 0.0, {}, after=fit) for subset in subsets]
-    return scores
+    names = accepted.model.names
+    subsets = [tuple(sorted(names - {gone})) for gone in sorted(names)]
+    return [Score(subset, 0.0, {}, after=accepted.estimate) for subset in subsets]
 
 
-def substitutes(
-    simulate: Simulate, fits: Fits, accepted: CrossValidatedFit, candidates: Sequence[Candidate]
-) -> list[Score]:
-    """Scores of the `accepted` model with each effect replaced by its best substitutes.
-
-    Only effects that were not fitted in its place are considered: of two similar ones a forward
-    search meets only one.
-    """
-    found = dict[tuple[str, ...], Score]()
-    for gone in sorted(accepted.model.names):
-        others = fits.of(accepted.model.names - {gone})
-        if others is None or not others.model.effects:
-            continue
-        fit = others.estimate
-        known = with_shape_parameters(candidates, fits)
-        absent = [c for c in known if c.name not in accepted.model.names]
-        new = [c for c in absent if fits.of(others.model.names | {c.name}) is None]
-        probed = run_all(simulate, [probe(fit, c) for c in new])
-        for s in ranking(table(projection(fit), probed))[: BUDGET.substitutes]:
-            joint = s.joined_to(fit)
-            found.setdefault(joint.names, joint)
-    return list(found.values())
-
-
-def other_signs(
-    simulate: Simulate, fits: Fits, models: Sequence[CrossValidatedFit]
-) -> list[CrossValidatedFit]:
-    """Fit to the end those of `models` whose effects have a place, with the other sign of each too.
+def other_signs(simulate: Simulate, fits: Fits) -> Fits:
+    """Fit with the other sign, too, the effects with a place of models that may still be best.
 
     A stiff seam here resembles a soft one next to it, on another base or beside another effect.
     """
-    tasks: list[Task[Estimate]] = []
-    for fit in (m.estimate for m in models):
-        placed = [
-            e for e in fit.model.effects if e.two_sided and any(p.shape for p in e.parameters)
-        ]
-        beside = [(e, fits.of(fit.model.names - {e.name})) for e in placed]
-        signs = [_with_other_sign(fit, e, other.estimate) for e, other in beside if other]
-        if signs:
-            same = refit(fit.model, fit.evidence, fit.point, fit.jacobians)
-            tasks.append(_best_of([same, *signs]))
-    return run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
+    by, tasks = fits.scale, []
+    for m in fits.models:
+        if margin(fits.best, m, by).gain > BUDGET.reach:
+            continue
+        for effect in m.model.effects:
+            beside = fits.of(m.model.names - {effect.name})
+            if effect.two_sided and any(p.shape for p in effect.parameters) and beside:
+                tasks.append(_with_other_sign(m.estimate, effect, beside.estimate))
+    found = [e for e in run_all(simulate, tasks) if e is not None]
+    return fits.merge(run_all(simulate, [validate(e) for e in found]))
 
 
-def _best_of(tasks: Sequence[Task[Estimate]]) -> Task[Estimate]:
-    """Best of several fits of a model; yields simulations."""
-    return best((yield from side_by_side(tasks)))
-
-
-def _with_other_sign(fit: Estimate, effect: Candidate, beside: Estimate) -> Task[Estimate]:
+def _with_other_sign(fit: Estimate, effect: Candidate, beside: Estimate) -> Task[Estimate | None]:
     """Fit of the model of `fit` with `effect` of the other sign, from where that gains most.
 
-    It gains that `beside` the other effects, as fitted without it. Without such a place the task
-    returns `fit`; yields simulations.
+    It gains that `beside` the other effects, as fitted without it. None without such a place, or
+    where the fit comes no farther; yields simulations.
     """
     probed = yield from probe(beside, effect)
     score = next(iter(ranking(table(projection(beside), [probed]))), None)
     shared, known = beside.model.split(beside.shared)
     fitted = fit.model.split(fit.shared)[1][effect.name]
+    starts: list[Start] = []
     for start in (score.start, score.mirrored) if score else ():
         values = (start or {}).get(effect.name, effect.null)
         if (values[0] - effect.null[0]) * (fitted[0] - effect.null[0]) < 0.0:
-            at = Point(fit.model.join(shared, {**known, effect.name: values}), beside.point.local)
-            return (yield from refit(fit.model, fit.evidence, at))
-    return fit
+            joint = fit.model.join(shared, {**known, effect.name: values})
+            starts.append((Point(joint, beside.point.local), None))
+    if not starts:
+        return None
+    begun = yield from _best_short_fit(beside, fit.model, starts, fit)
+    return None if begun is None else (yield from _finish(begun, promising=True))
 
 
 def shape_parameters(simulate: Simulate, fits: Fits) -> list[CrossValidatedFit]:
@@ -327,6 +289,11 @@ def shape_parameters(simulate: Simulate, fits: Fits) -> list[CrossValidatedFit]:
         tasks.append(_best_of([refit(model, fit.evidence, p, None, ROUGH_GAIN) for p in begin]))
     done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
     return [new for m, new in zip(best_models, done, strict=True) if _better(new, m, by)]
+
+
+def _best_of(tasks: Sequence[Task[Estimate]]) -> Task[Estimate]:
+    """Best of several fits of a model; yields simulations."""
+    return best((yield from side_by_side(tasks)))
 
 
 def _has_shape(model: Model) -> bool:

@@ -137,7 +137,8 @@ class Run:
 
     `condition` is shared by repeats, `index` counts in the order in which runs were taken;
     `content` belongs to the subject. `common` are errors of measuring that are alike in all runs:
-    by name, the residuals (n,) [SI] that one standard deviation of it makes.
+    by name, the residuals (n,) [SI] that one standard deviation of it makes. A `replicate` repeats
+    the motion of another run, along which its responses may be simulated.
     """
 
     name: str
@@ -147,20 +148,22 @@ class Run:
     content: object = None
     index: int = 0
     common: Mapping[str, Array] = field(default_factory=dict)
+    replicate: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
     """Inputs of a simulation: run, base parameters, parameters by effect, and the run's unknowns.
 
-    A `rough` one is compared with other rough ones only: a subject may simulate it faster.
+    One of a `response` is compared with other such ones only: for all repeats of a motion, a
+    subject may simulate one.
     """
 
     run: Run
     base: Array
     effects: Mapping[str, Array]
     local: Array
-    rough: bool = False
+    response: bool = False
 
 
 @dataclass(frozen=True, slots=True)

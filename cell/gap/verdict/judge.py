@@ -13,7 +13,7 @@ from cell.gap.fitting.gauss_newton import Estimate, final_fit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence
 from cell.gap.fitting.reml import estimate_spreads, with_own_scatter, with_spreads
 from cell.gap.fitting.starts import refine, refit_fine
-from cell.gap.fitting.tasks import Simulate, rough, run_all, run_one
+from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.selection.choice import Choice, choose, classes, rivals
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import ALPHA
@@ -165,7 +165,7 @@ def advice(
         replace(e, run=with_spreads(evidence([e.run]), judged.scatter).runs[0])
         for e in subject.experiments()
     ]
-    planned = run_one(rough(simulate), advise(first, second, experiments, choice.by))
+    planned = run_one(simulate, advise(first, second, experiments, choice.by))
     return Advice(tuple(planned), tuple(more))
 
 

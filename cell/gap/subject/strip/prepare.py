@@ -11,7 +11,17 @@ from cell.gap.subject.strip.compare import Comparison
 from cell.gap.subject.strip.layout import Floors, layout
 from cell.gap.subject.strip.runs import FoldMeasurement, MeasuredRun
 from cell.gap.subject.strip.scatter import RUN_EFFECTS, RunEffect
-from cell.gap.subject.strip.simulation import FINE, FINER, HashedModel, HashedPath, Job, Simulation
+from cell.gap.subject.strip.simulation import (
+    COARSE,
+    FINE,
+    FINER,
+    MEDIUM,
+    HashedModel,
+    HashedPath,
+    Job,
+    Resolution,
+    Simulation,
+)
 from cell.gap.subject.subject import Parameter, Residuals, Run, Samples
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
@@ -34,11 +44,13 @@ SAME_START = 1e-3  # s between the beginnings of two paths
 class Fold:
     """Measured fold: the path that drives the model, the comparison with it, and the run's index.
 
+    The rod has the fold's `resolution`.
+
     Pushed along the desk, the strip buckles; where it does is chaotic, because friction and grip
     compliance are unknown. Only strips with bending hysteresis keep the shape; they are simulated
     along `lifted_path`, which has no push. The standard runs lift first and never buckle.
 
-    Per sample (n,): `grid_error`, residuals of the coarse rod less those of a finer one, and
+    Per sample (n,): `grid_error`, residuals of this rod less those of a finer one, and
     `slopes`, the change of residuals per unit of each quantity that differs from run to run.
     """
 
@@ -48,12 +60,13 @@ class Fold:
     index: int
     grid_error: Array
     slopes: Mapping[str, Array]
+    resolution: Resolution = COARSE
 
     def drive(self, hashed: HashedModel) -> Job:
         """Simulation of the model along the path that suits it."""
         has_hysteresis = hashed.model.mechanics.law.yield_curvature > 0.0
         path = self.lifted_path if has_hysteresis else self.path
-        return Job.of(hashed, path, self.comparison.run.contact_height)
+        return Job.of(hashed, path, self.comparison.run.contact_height, self.resolution)
 
     def correct(self, found: Residuals, run: Run, local: Array) -> Residuals:
         """Residuals corrected to those of a fine rod, for values `local` (k,) of its unknowns."""
@@ -64,7 +77,7 @@ class Fold:
 
 
 def prepare(
-    runs: Sequence[MeasuredRun], strip: StripFile, floors: Floors, coarse: Simulation, jobs: int,
+    runs: Sequence[MeasuredRun], strip: StripFile, floors: Floors, simulate: Simulation,
     scatter: Sequence[RunEffect] = RUN_EFFECTS,
 ) -> list[Run]:  # fmt: skip
     """Convert measured folds to runs for the engine; folds that yield no sample are left out.
@@ -72,8 +85,10 @@ def prepare(
     `scatter` are the quantities that may differ from run to run.
     """
     folds = [_fold(run.measured, strip, floors) for run in runs]
-    nominal = [f.drive(HashedModel.of(describe(strip, index=f.index))) for f in folds]
-    linearised = linearise_folds(folds, nominal, coarse, jobs, scatter)
+    stated = [HashedModel.of(describe(strip, index=f.index)) for f in folds]
+    folds = _resolve(folds, stated, simulate)
+    nominal = [f.drive(model) for f, model in zip(folds, stated, strict=True)]
+    linearised = linearise_folds(folds, nominal, simulate, scatter)
     local = tuple(e.parameter for e in scatter)
     return [
         _engine_run(run, fold, about, local)
@@ -86,7 +101,7 @@ def prepare(
 class Linearisation:
     """Linearisation of a run's residuals about a model: changes per sample (n,).
 
-    `grid_error` is the change from a finer rod to the coarse one, `slopes` are those per unit of
+    `grid_error` is the change from a finer rod to that of the fold, `slopes` are those per unit of
     each quantity that differs from run to run; `length` [m] of the strip.
     """
 
@@ -96,18 +111,18 @@ class Linearisation:
 
 
 def linearise_folds(
-    folds: Sequence[Fold], drives: Sequence[Job], coarse: Simulation, jobs: int,
+    folds: Sequence[Fold], drives: Sequence[Job], simulate: Simulation,
     scatter: Sequence[RunEffect],
 ) -> list[Linearisation]:  # fmt: skip
     """Linearise the residuals of each of `folds` about its simulation in `drives`."""
     perturbed = [f.drive(HashedModel.of(e.apply(job.model, e.step)))
                  for f, job in zip(folds, drives, strict=True) for e in scatter]  # fmt: skip
-    motions = coarse([*drives, *perturbed])
+    motions = simulate([*drives, *perturbed])
     nominal = [
         fold.comparison(job.model, motion).mean
         for fold, job, motion in zip(folds, drives, motions[: len(folds)], strict=True)
     ]
-    grid_errors = _grid_errors(folds, drives, nominal, jobs)
+    grid_errors = _grid_errors(folds, drives, nominal, simulate)
     found = []
     for i, (fold, job) in enumerate(zip(folds, drives, strict=True)):
         limit = LARGEST_CHANGE * fold.comparison.layout.samples.floor
@@ -120,23 +135,47 @@ def linearise_folds(
     return found
 
 
-def _grid_errors(
-    folds: Sequence[Fold], drives: Sequence[Job], coarse: Sequence[Array], jobs: int
-) -> list[Array]:
-    """Residuals `coarse` of the coarse rod less those of a fine one, per sample (n,) of a fold.
+def _resolve(
+    folds: Sequence[Fold], models: Sequence[HashedModel], simulate: Simulation
+) -> list[Fold]:
+    """Folds with the coarsest resolution at which their `models` come near a fine rod."""
+    drives = [fold.drive(model) for fold, model in zip(folds, models, strict=True)]
+    coarse = [
+        fold.comparison(job.model, motion).mean
+        for fold, job, motion in zip(folds, drives, simulate(drives), strict=True)
+    ]
+    errors = _grid_errors(folds, drives, coarse, simulate, (FINE,))
+    return [
+        replace(fold, resolution=MEDIUM) if _is_doubted(fold, error) else fold
+        for fold, error in zip(folds, errors, strict=True)
+    ]
 
-    Where that is much, time steps half as long decide: an end that slips, or a strip that is
-    pushed, may take another way at a single resolution.
+
+def _grid_errors(
+    folds: Sequence[Fold],
+    drives: Sequence[Job],
+    found: Sequence[Array],
+    simulate: Simulation,
+    finer: Sequence[Resolution] = (FINE, FINER),
+) -> list[Array]:
+    """Residuals `found` of a fold's own rod less those of a `finer` one, per sample (n,).
+
+    Where that is much, the next resolution decides: an end that slips, or a strip that is pushed,
+    may take another way at a single one.
     """
-    floors = [fold.comparison.layout.samples.floor for fold in folds]
-    errors = [np.zeros_like(each) for each in coarse]
+    errors = [np.zeros_like(each) for each in found]
     asked = list(range(len(folds)))
-    for resolution in (FINE, FINER):
-        motions = Simulation(resolution, jobs)([drives[i] for i in asked])
+    for resolution in finer:
+        motions = simulate([replace(drives[i], resolution=resolution) for i in asked])
         for i, motion in zip(asked, motions, strict=True):
-            errors[i] = coarse[i] - folds[i].comparison(drives[i].model, motion).mean
-        asked = [i for i in asked if _rms(errors[i] / floors[i]) > DOUBTED]
+            errors[i] = found[i] - folds[i].comparison(drives[i].model, motion).mean
+        asked = [i for i in asked if _is_doubted(folds[i], errors[i])]
     return errors
+
+
+def _is_doubted(fold: Fold, error: Array) -> bool:
+    """Whether a finer rod changes the residuals of `fold` by an `error` (n,) over its floors."""
+    return _rms(error / fold.comparison.layout.samples.floor) > DOUBTED
 
 
 def _rms(values: Array) -> float:

@@ -26,7 +26,6 @@ SHAPE_PERIOD = 0.01  # s between the shapes that are kept
 AT_ONCE = 16  # motions in one call: all their shapes are in memory
 LANE_COUNT = 8  # motions that cost no more than one
 REMEMBERED = 96 * 2**20  # bytes of the cache: few motions are asked for again, and soon
-SELDOM = 16 * 2**20  # bytes of the cache where hardly any motion is asked for twice
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +37,10 @@ class Resolution:
     tolerance: float
 
 
-COARSE, FINE = Resolution(100, 0.005, 1e-4), Resolution(200, 0.0025, 1e-4)
-FINER = Resolution(200, 0.00125, 1e-4)
-"""For folds in which the fine rod differs much from the coarse one."""
-ROUGH = Resolution(100, 0.01, 1e-4)
-"""For responses alone: half the cost, and a few percent off where nothing jumps."""
+COARSE, MEDIUM = Resolution(100, 0.01, 1e-3), Resolution(100, 0.005, 1e-3)
+"""Of fits: the medium one for folds in which the fine rod differs much from the coarse one."""
+FINE, FINER = Resolution(200, 0.0025, 1e-4), Resolution(200, 0.00125, 1e-4)
+"""Of corrections: the finer one where the fine rod differs much from that of the fit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,18 +76,30 @@ class HashedModel:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """Simulation to run: a model along a reported gripper path; equal keys give equal motions."""
+    """Simulation to run: a model along a reported gripper path, by a rod of a resolution.
+
+    Jobs of equal `key` give equal motions.
+    """
 
     model: StripModel
     path: GripperPath
-    key: bytes
+    resolution: Resolution
+    digest: bytes
 
     @classmethod
-    def of(cls, hashed: HashedModel, path: HashedPath, contact_height: float) -> Self:
-        """Job with a key of all that its motion depends on; `contact_height` [m] ends contact."""
+    def of(
+        cls, hashed: HashedModel, path: HashedPath, contact_height: float, resolution: Resolution
+    ) -> Self:
+        """Job of `hashed` along `path`; contact ends at `contact_height` [m]."""
         seen = replace(hashed.model.observation, contact_height=contact_height)
-        key = hashed.digest + path.digest + struct.pack("<d", contact_height)
-        return cls(replace(hashed.model, observation=seen), path.rows, key)
+        digest = hashed.digest + path.digest + struct.pack("<d", contact_height)
+        return cls(replace(hashed.model, observation=seen), path.rows, resolution, digest)
+
+    @property
+    def key(self) -> bytes:
+        """Digest of all that the motion depends on."""
+        grain = self.resolution
+        return self.digest + struct.pack("<idd", grain.segments, grain.dt, grain.tolerance)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,16 +127,12 @@ class SimulatedMotion:
 
 
 class Simulation:
-    """Simulates with the rod at one resolution, on `jobs` threads, and caches its results.
+    """Simulates with the rod, on `jobs` threads, and caches its results.
 
     A motion does not depend on what is simulated beside it, nor on how many threads there are.
     """
 
-    def __init__(
-        self, grain: Resolution = COARSE, jobs: int = 1, remembered: int = REMEMBERED
-    ) -> None:
-        self.grain = grain
-        self._remembered = remembered
+    def __init__(self, jobs: int = 1) -> None:
         self._jobs = max(1, jobs)
         self._known: OrderedDict[bytes, SimulatedMotion | None] = OrderedDict()
         self._size = 0
@@ -141,7 +147,7 @@ class Simulation:
         return [found[d.key] for d in drives]
 
     def _simulate_batches(self, wanted: dict[bytes, Job]) -> dict[bytes, SimulatedMotion | None]:
-        """Simulate jobs by key in batches of similar duration and kind of model, by thread.
+        """Simulate jobs by key in batches of one resolution and similar duration, by thread.
 
         Lanes of a vector then end together: one that takes more effort makes the others wait.
         """
@@ -150,7 +156,7 @@ class Simulation:
         size = max(LANE_COUNT, min(AT_ONCE, share_of_thread))
         batches = [
             like[i : i + size]
-            for like in _split_by_terms(order, wanted)
+            for like in _split_by_kind(order, wanted)
             for i in range(0, len(like), size)
         ]
         asked = [[wanted[k] for k in batch] for batch in batches]
@@ -170,45 +176,51 @@ class Simulation:
             return [shown for drive in drives for shown in self._simulate_batch([drive])]
 
     def _simulate_together(self, drives: Sequence[Job]) -> list[SimulatedMotion | None]:
-        rod = Rod(self.grain.segments, strict=False, tolerance=self.grain.tolerance)
-        models, paths, dt = [d.model for d in drives], [d.path for d in drives], self.grain.dt
+        grain = drives[0].resolution
+        rod = Rod(grain.segments, strict=False, tolerance=grain.tolerance)
+        models, paths, dt = [d.model for d in drives], [d.path for d in drives], grain.dt
         every = max(1, round(SHAPE_PERIOD / dt))
         motions = simulate_all(rod, models, paths, dt=dt, every=every, precision=np.float32)
         return [
-            None if failed else self._condense(motion)
+            None if failed else _condense(motion, grain)
             for motion, failed in zip(motions, rod.failed, strict=True)
         ]
-
-    def _condense(self, motion: StripMotion) -> SimulatedMotion:
-        """Reduce a motion to what is compared; without any shape, the strip lies flat."""
-        arc = lattice(1.0, self.grain.segments)
-        shapes = motion.shapes.astype(np.float32, copy=False)
-        if not len(shapes):
-            flat = np.stack([arc * motion.poses[0, 0], np.zeros_like(arc)], axis=1)
-            shapes = flat[None].astype(np.float32)
-        begin = float(motion.t[0]) - self.grain.dt + SHAPE_PERIOD
-        force = mean_force(motion.t, motion.grip_force)
-        return SimulatedMotion(
-            motion.t, motion.poses, motion.contact_x, force, begin, shapes, arc, motion.touch
-        )
 
     def _remember(self, key: bytes, shown: SimulatedMotion | None) -> None:
         if key not in self._known:
             self._size += shown.size if shown else 0
         self._known[key] = shown
         self._known.move_to_end(key)
-        while self._size > self._remembered:
+        while self._size > REMEMBERED:
             _, gone = self._known.popitem(last=False)
             self._size -= gone.size if gone else 0
 
 
-def _split_by_terms(order: Sequence[bytes], wanted: Mapping[bytes, Job]) -> list[list[bytes]]:
-    """Split the keys of jobs, in `order`, by whether models need the rod's optional terms.
+def _condense(motion: StripMotion, grain: Resolution) -> SimulatedMotion:
+    """Reduce a motion to what is compared; without any shape, the strip lies flat."""
+    arc = lattice(1.0, grain.segments)
+    shapes = motion.shapes.astype(np.float32, copy=False)
+    if not len(shapes):
+        flat = np.stack([arc * motion.poses[0, 0], np.zeros_like(arc)], axis=1)
+        shapes = flat[None].astype(np.float32)
+    begin = float(motion.t[0]) - grain.dt + SHAPE_PERIOD
+    force = mean_force(motion.t, motion.grip_force)
+    return SimulatedMotion(
+        motion.t, motion.poses, motion.contact_x, force, begin, shapes, arc, motion.touch
+    )
 
-    A batch in which one strip needs those terms computes them for every strip. There is no split
-    where either part would not fill a vector.
+
+def _split_by_kind(order: Sequence[bytes], wanted: Mapping[bytes, Job]) -> list[list[bytes]]:
+    """Split the keys of jobs, in `order`, by resolution and by terms of the rod.
+
+    A batch in which one strip needs the rod's optional terms computes them for every strip. There
+    is no split by them where either part would not fill a vector.
     """
-    parts: list[list[bytes]] = [[], []]
-    for key in order:
-        parts[0 if needs_terms(wanted[key].model) else 1].append(key)
-    return parts if min(map(len, parts)) >= LANE_COUNT else [list(order)]
+    found: list[list[bytes]] = []
+    for grain in dict.fromkeys(wanted[key].resolution for key in order):
+        of_grain = [key for key in order if wanted[key].resolution == grain]
+        parts: list[list[bytes]] = [[], []]
+        for key in of_grain:
+            parts[0 if needs_terms(wanted[key].model) else 1].append(key)
+        found += parts if min(map(len, parts)) >= LANE_COUNT else [of_grain]
+    return found

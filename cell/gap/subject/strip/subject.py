@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import lru_cache, partial
-from itertools import groupby, islice
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -19,14 +20,7 @@ from cell.gap.subject.strip.runs import MeasuredRun, read_runs
 from cell.gap.subject.strip.scatter import FORCE_EFFECTS, RUN_EFFECTS, RunEffect
 from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
 from cell.gap.subject.strip.scope import file_values, scope
-from cell.gap.subject.strip.simulation import (
-    COARSE,
-    ROUGH,
-    SELDOM,
-    HashedModel,
-    Job,
-    Simulation,
-)
+from cell.gap.subject.strip.simulation import HashedModel, Job, Simulation
 from cell.gap.subject.subject import (
     Experiment,
     NamedValues,
@@ -98,11 +92,10 @@ def _note(key: str, old: float | None, source: str) -> dict[str, str]:
 
 
 class ResidualKey(NamedTuple):
-    """Key of residuals: run, key of its motion, whether that is rough, how it is observed."""
+    """Key of residuals: run, key of its motion, how it is observed."""
 
     run: str
     motion: bytes
-    rough: bool
     observation: Observation
 
 
@@ -133,21 +126,20 @@ class Strip(Subject):
         self._scatter = _scatter_of(scatter, has_force=has_force)
         self._ages = not AGEING.isdisjoint({*strip.effects, *strip.law})
 
-        self._simulation = Simulation(COARSE, jobs)
-        self._rough_simulation = Simulation(ROUGH, jobs, SELDOM)
+        self._simulation = Simulation(jobs)
         self._residual_cache: dict[ResidualKey, tuple[Comparison, Residuals]] = {}
         self._model_cache = lru_cache(DESCRIBED)(partial(_describe, strip, self.scope.base))
 
-        self.runs = prepare(
-            self._measured, strip, self._floors, self._simulation, jobs, self._scatter
-        )
+        self.runs = prepare(self._measured, strip, self._floors, self._simulation, self._scatter)
         self._replicates = replicates(self.runs)
+        self.runs = [replace(run, replicate=self._leader(run.content) is not run.content)
+                     for run in self.runs]  # fmt: skip
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
         """Residuals of `requests`, measured minus simulated; each motion is simulated once."""
         folds, drives = self._drive(requests)
         keys = [
-            ResidualKey(request.run.name, drive.key, request.rough, drive.model.observation)
+            ResidualKey(request.run.name, drive.key, drive.model.observation)
             for request, drive in zip(requests, drives, strict=True)
         ]
         residuals = self._compare(dict(zip(keys, zip(folds, drives, strict=True), strict=True)))
@@ -178,17 +170,14 @@ class Strip(Subject):
         Keys of one motion stay together, in the order in which they are asked.
         """
         first = {key.motion: i for i, key in reversed(list(enumerate(asked)))}
-        order = sorted(asked, key=lambda k: (k.rough, asked[k][1].path.duration, first[k.motion]))
+        keys = iter(sorted(asked, key=lambda k: (asked[k][1].path.duration, first[k.motion])))
         found: dict[ResidualKey, Residuals] = {}
         with ThreadPoolExecutor(self._jobs) as pool:
-            for rough, group in groupby(order, key=lambda key: key.rough):
-                simulation = self._rough_simulation if rough else self._simulation
-                keys = iter(group)
-                while portion := list(islice(keys, PORTION)):
-                    folds, drives = zip(*(asked[key] for key in portion), strict=True)
-                    residuals = pool.map(lambda fold, drive, motion: fold.comparison(
-                        drive.model, motion), folds, drives, simulation(drives))  # fmt: skip
-                    found.update(zip(portion, residuals, strict=True))
+            while portion := list(islice(keys, PORTION)):
+                folds, drives = zip(*(asked[key] for key in portion), strict=True)
+                residuals = pool.map(lambda fold, drive, motion: fold.comparison(
+                    drive.model, motion), folds, drives, self._simulation(drives))  # fmt: skip
+                found.update(zip(portion, residuals, strict=True))
         return found
 
     def draw_measured(self, run: Run) -> Scene:
@@ -207,7 +196,7 @@ class Strip(Subject):
     def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
         """Runs linearised about the models of `requests`, with corrections from a finer rod."""
         folds, drives = self._drive(requests)
-        linearised = linearise_folds(folds, drives, self._simulation, self._jobs, self._scatter)
+        linearised = linearise_folds(folds, drives, self._simulation, self._scatter)
         return [
             relinearise(request.run, fold, about)
             for request, fold, about in zip(requests, folds, linearised, strict=True)
@@ -216,7 +205,7 @@ class Strip(Subject):
     def experiments(self) -> Sequence[Experiment]:
         """Planned runs of the standard motions, simulated for the stated strip."""
         runs = planned_runs(self.file, self._measured[0].measured.sigma, next_index(self._measured))
-        ready = prepare(runs, self.file, self._floors, self._simulation, self._jobs)
+        ready = prepare(runs, self.file, self._floors, self._simulation)
         asked = {run.name: run for run in runs}
         return [Experiment(run.name, instruction(asked[run.name]), minutes(asked[run.name]), run)
                 for run in ready]  # fmt: skip
@@ -237,8 +226,11 @@ class Strip(Subject):
         return folds, drives
 
     def _simulated_fold(self, request: Request, fold: Fold) -> Fold:
-        """Fold whose path is simulated: for a rough request, one that stands for all replicates."""
-        return self._replicates.get(fold.path.digest, fold) if request.rough else fold
+        """Fold whose path is simulated: for a response, one that stands for all replicates."""
+        return self._leader(fold) if request.response else fold
+
+    def _leader(self, fold: Fold) -> Fold:
+        return self._replicates.get(fold.path.digest, fold)
 
     def _model(self, request: Request, fold: Fold) -> HashedModel:
         """Model of a request; the number of the run counts only where something ages."""

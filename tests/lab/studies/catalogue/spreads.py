@@ -62,8 +62,7 @@ def _estimate(case: Case) -> dict[str, float]:
         file = find_configs(None).strip_path(case.strip)
         subject = open_subject(file, find_runs([Path(name)]), jobs=1)
         known = evidence(subject.runs)
-        rng = np.random.default_rng(0)
-        base = refit_base(subject.simulate, Model(subject.scope.base), known, rng)
+        base = refit_base(subject.simulate, Model(subject.scope.base), known)
         return {spread.name: spread.value for spread in spreads(base)}
 
 
