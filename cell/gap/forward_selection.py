@@ -10,7 +10,7 @@ from itertools import takewhile
 import numpy as np
 
 from cell.gap.diagnosis import lack_of_fit
-from cell.gap.diagnosis.invariance import Repeats
+from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.lack_of_fit import localise
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, refit

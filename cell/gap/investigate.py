@@ -7,7 +7,7 @@ import numpy as np
 from scipy import special
 
 from cell.gap.diagnosis import lack_of_fit
-from cell.gap.diagnosis.invariance import Repeats
+from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.lack_of_fit import localise
 from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.gauss_newton import Estimate
@@ -22,17 +22,16 @@ from cell.gap.forward_selection import (
     refit_on_base,
     revised_base,
 )
-from cell.gap.selection.choice import leaves_nothing
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import ALPHA, LikelihoodScale, family_wise, likelihood_scale
 from cell.gap.selection.posterior import posterior
 from cell.gap.selection.prior import filling_floor, immaterial
 from cell.gap.selection.screening import ProbeResponses, Score, detectable, probe, ranking, table
 from cell.gap.subject.subject import Subject
-from cell.gap.verdict.decide import in_doubt, kind
+from cell.gap.verdict.decision import kind
 from cell.gap.verdict.findings import Advice, BaseFit, Findings, Screen
 from cell.gap.verdict.judge import advice, chosen, judge, refit_held_out
-from cell.gap.verdict.offered_law import Names, offered_law
+from cell.gap.verdict.offered_law import offered_law
 
 
 def investigate(
@@ -78,14 +77,10 @@ def investigate(
 
 
 def _with_law(found: Findings, simulate: Simulate, rng: np.random.Generator) -> Findings:
-    """Findings with a law, where one is offered for a gap without a name or one in doubt."""
-    verdict, choice = kind(found), found.choice
-    if verdict == "no_gap" or (verdict == "named" and not in_doubt(found)):
+    """Findings with a law, where one is offered for a gap without a name."""
+    if kind(found) != "unexplained":
         return found
-    nothing = leaves_nothing(choice.accepted, choice.fits)
-    names = Names(choice.accepted, verdict == "named", nothing)
-    rival = None if verdict == "unexplained" else names
-    law = offered_law(found.subject, simulate, choice, found.shown.before, rng, rival)
+    law = offered_law(found.subject, simulate, found.choice, found.shown.before, rng)
     return replace(found, offered=law)
 
 

@@ -2,11 +2,11 @@
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import special
 
+from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.tasks import Simulate, run_all
@@ -88,6 +88,13 @@ def excess_of(estimate: Estimate) -> float:
     return float(excess(run_squares(estimate)))
 
 
+def bounded_excess(estimate: Estimate) -> float:
+    """The excess gap that a fit leaves, wild samples bounded at its own dispersion."""
+    scale = robust.scale(np.concatenate(estimate.residuals))
+    clipped = tuple(clip_wild(estimate.residuals, scale))
+    return excess_of(replace(estimate, residuals=clipped))
+
+
 def sizes(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:
     """Root mean square gap by displayed quantity, and the excess gap as `excess`."""
     return {**rms(estimate, quantities), "excess": excess_of(estimate)}
@@ -99,16 +106,6 @@ def rms_left(estimate: Estimate) -> float:
     What a true model leaves has about the scale 1, so that this is where samples count as wild.
     """
     return float(np.sqrt(mean_square(clip_wild(estimate.residuals, scale=1.0))))
-
-
-def noise_rms(evidence: Evidence, share: float) -> float:
-    """Rms in units of noise and floor that noise alone exceeds in the `share` of cases.
-
-    By the chi-squared distribution, as if all samples had the mean noise and were independent.
-    """
-    pairs = zip(evidence.runs, evidence.scales, strict=True)
-    noise = np.concatenate([run.samples.noise / scale for run, scale in pairs])
-    return float(np.sqrt(np.mean(noise**2) * special.chdtri(len(noise), share) / len(noise)))
 
 
 def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrink:

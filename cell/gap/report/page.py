@@ -114,11 +114,10 @@ def _effect_names(names: Sequence[str]) -> str:
 
 
 def _candidate_row(row: CandidateEntry, best: bool) -> dict[str, Any]:
-    same = "" if row.invariance_p is None else probability(row.invariance_p)
     return {
         "name": row.name,
         "best": best,
-        "numbers": (f"{row.elpd_gain:.1f}", f"{row.se:.1f}", probability(row.p), same),
+        "numbers": (f"{row.elpd_gain:.1f}", f"{row.se:.1f}", probability(row.p)),
         "parameters": [f"{name} {interval(value)}" for name, value in row.parameters.items()],
     }
 
@@ -271,8 +270,8 @@ def page(found: Findings, verdict: Verdict) -> str:
 def _verdict_card(found: Findings, verdict: Verdict) -> Card:
     """Verdict card in large print: the effect, its size, and the share of the gap it closes."""
     number, below = "", ""
-    if verdict.effects and verdict.gap.before["excess"]:
-        number, below = f"{100 * verdict.gap.shrink:.0f} %", "of the gap closed"
+    if verdict.effects:
+        number, below = f"{100 * verdict.effects[0].confidence:.0f} %", "probable that this is it"
     lines = [sentence(found, verdict)]
     tone = TONES[verdict.verdict]
     if verdict.deviates:
@@ -294,12 +293,10 @@ def _next_commands(found: Findings, verdict: Verdict) -> list[str]:
     if verdict.verdict == "ambiguous":
         todo += ["`cell gap advise OUT` says which run would split them."]
     if found.offered is not None:
-        law, title = found.offered, "No name, but a description"
-        if verdict.verdict == "named":
-            title = "The name may imitate another cause; a description that does as well"
-        todo += [f"{title}: {law.words}. It closes {100 * law.shrink:.0f} % of the gap on held-out "
-                 f"runs; `cell gap accept OUT {name} --law` adds it, `cell gap undo` takes it "
-                 "back."]  # fmt: skip
+        law = found.offered
+        todo += [f"No name, but a description: {law.words}. It closes {100 * law.shrink:.0f} % of "
+                 f"the gap on held-out runs; `cell gap accept OUT {name} --law` adds it, `cell gap "
+                 "undo` takes it back."]  # fmt: skip
     return todo
 
 

@@ -3,10 +3,8 @@
 from collections.abc import Iterator, Mapping, Sequence
 
 from cell.gap.fitting.reml import Spread
-from cell.gap.selection.likelihood import margin
 from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
 from cell.gap.subject.subject import Quantity
-from cell.gap.verdict.decide import lone_run
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Deviation, ValueWithUnit, Verdict
 
@@ -105,14 +103,7 @@ def _name_effects(found: Findings, verdict: Verdict) -> str:
         f"{sentences[e.name]} ({e.name}: {_parameter_values(e.parameters)})"
         for e in verdict.effects
     )
-    text = f"{effects}; {sigmas(found):.1f} sigma."
-    if found.judged.outlying_run is not None:
-        text += f" Run {found.judged.outlying_run} goes another way and bears none of this out."
-    if (lone := lone_run(found)) is not None:
-        text += (
-            f" It rests on one run alone ({motion(lone.condition)}), which no other bears out: "
-            "make another of its kind before believing it."
-        )
+    text = f"{effects}; right with probability {verdict.effects[0].confidence:.2f}."
     if ends := at_their_ends(found):
         text += f" At the end of the range that is tried, and perhaps beyond: {', '.join(ends)}."
     if verdict.ambiguous:
@@ -129,6 +120,7 @@ def _class_members(found: Findings) -> frozenset[str]:
 
 def _ambiguity(found: Findings, verdict: Verdict) -> str:
     sentences = {c.name: f"{c.sentence} ({c.name})" for c in found.subject.scope.candidates}
+    sentences |= {p.name: f"the file is wrong about {p.name}" for p in found.subject.scope.base}
     groups = [[sentences.get(name, name) for name in group] for group in verdict.ambiguous]
     either = "; ".join(", or ".join(group) for group in groups)
     split = "No planned experiment would split them"
@@ -165,14 +157,6 @@ def change(found: Findings, verdict: Verdict) -> str:
             text = f"was {before} {q.unit} off and is now {after} {q.unit}"
         parts.append(f"{label(q)} {text} (noise {number(gap.floor[q.key])})")
     return "on held-out runs " + ", ".join(parts)
-
-
-def sigmas(found: Findings) -> float:
-    """Significance [sigma] of the surely named effects, by the likelihood ratio without them."""
-    fits = found.choice.fits  # the base stands in where that model was not fitted
-    without = fits.of(_class_members(found)) or fits.base
-    gain = margin(found.accepted, without, found.by).gain
-    return float(max(0.0, 2.0 * gain) ** 0.5)
 
 
 def at_their_ends(found: Findings) -> list[str]:

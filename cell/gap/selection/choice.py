@@ -15,10 +15,6 @@ from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, marg
 from cell.gap.selection.posterior import Posterior
 from drivers.types import Array
 
-LAW_ERROR = 0.02  # of a lead in nats: square of 15 %, by which responses are wrong; set by hand
-EXPLAINED = 0.5  # of what an effect gains, that may be missing in its rival; set by hand
-PRESENT = 0.5  # inclusion probability from which an effect is rather there than not
-
 
 @dataclass(frozen=True, slots=True)
 class Choice:
@@ -94,57 +90,15 @@ class Alternative:
 
 
 def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[Alternative]:
-    """Models that explain the runs about as well as the accepted one, and more probable ones."""
-    return [*probable_rivals(accepted, fits, sets), *more_probable(accepted, fits, sets)]
-
-
-def probable_rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[Alternative]:
     """Models of as many effects as the accepted one that the posterior does not exclude.
 
-    Excluded is what is less than ALPHA times as probable, beyond what errors of laws may decide.
+    Excluded is what is less than ALPHA times as probable.
     """
-    others = [_alternative(accepted, m, sets) for m in fits.of_size(len(accepted.model.effects))]
-    found = [
-        r
-        for r in others
-        if r.model is not accepted and r.behind < -np.log(ALPHA) + _law_error(accepted, r, sets)
-    ]
+    mine = accepted.model.names
+    others = [m for m in fits.of_size(len(mine)) if m is not accepted]
+    behind = [sets.lead(mine) - sets.lead(m.model.names) for m in others]
+    found = [Alternative(m, b) for m, b in zip(others, behind, strict=True) if b < -np.log(ALPHA)]
     return sorted(found, key=lambda r: r.behind)
-
-
-def _law_error(accepted: CrossValidatedFit, rival: Alternative, sets: Posterior) -> float:
-    """Nats by which a rival may be behind `accepted` though it is true, since no law is exact.
-
-    The share LAW_ERROR of what the accepted set gains over the base, but at most the share
-    EXPLAINED of what is gained by the effects that the rival lacks: what the rival has in their
-    place must gain the rest.
-    """
-    names = accepted.model.names
-    lead, shared = sets.lead(names), names & rival.model.model.names
-    fitted = {m.names for m in sets.models}
-    gain = lead - sets.lead(shared) if shared in fitted else lead
-    return max(0.0, min(LAW_ERROR * lead, EXPLAINED * gain))
-
-
-def _alternative(
-    accepted: CrossValidatedFit, other: CrossValidatedFit, sets: Posterior
-) -> Alternative:
-    return Alternative(other, sets.lead(accepted.model.names) - sets.lead(other.model.names))
-
-
-def more_probable(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[Alternative]:
-    """For each improbable accepted effect, the most probable fitted model without it.
-
-    The model of no effect does not count: whether there is a gap at all is decided elsewhere.
-    """
-    found = []
-    doubted = (e for e in accepted.model.names if sets.inclusion[e] < PRESENT)
-    for effect in sorted(doubted):
-        names = next(m.names for m in sets.models if effect not in m.names)
-        other = fits.of(names)
-        if names and other is not None:
-            found.append(_alternative(accepted, other, sets))
-    return found
 
 
 def classes(accepted: CrossValidatedFit, found: Sequence[Alternative]) -> list[list[str]]:
@@ -153,13 +107,13 @@ def classes(accepted: CrossValidatedFit, found: Sequence[Alternative]) -> list[l
     Rivals that differ in one effect give the class of the two effects; those that share none
     give one class of all.
     """
-    mine = accepted.model.names
-    merged: list[set[str]] = []
-    for rival in found:
-        group = set(mine ^ rival.model.model.names)
-        touching = [g for g in merged if g & group]
-        for g in touching:
-            group |= g
-            merged.remove(g)
-        merged.append(group)
-    return sorted(sorted(g) for g in merged)
+    return merged([sorted(accepted.model.names ^ rival.model.model.names) for rival in found])
+
+
+def merged(groups: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Groups of names, those that share a name as one."""
+    found: list[set[str]] = []
+    for names in groups:
+        group = set(names).union(*(g for g in found if not g.isdisjoint(names)))
+        found = [*(g for g in found if g.isdisjoint(group)), group]
+    return sorted(sorted(g) for g in found)

@@ -7,14 +7,13 @@ import numpy as np
 from scipy import special
 
 from cell.gap.diagnosis import held_out_gap
-from cell.gap.fitting import robust
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.reml import Spread, covariance, degrees_of_freedom
 from cell.gap.selection.likelihood import family_wise, likelihood_ratio_p, margin
 from cell.gap.subject.subject import Candidate, Parameter
-from cell.gap.verdict.confidence import confidence
-from cell.gap.verdict.decide import BARS, describe_rest, kind, unseen_gap
+from cell.gap.verdict.confidence import Numbers, calibration
+from cell.gap.verdict.decision import GAP, describe_left, kind, numbers, unseen_gap
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import (
     CandidateEntry,
@@ -26,6 +25,7 @@ from cell.gap.verdict.schema import (
     Probable,
     ProbableSet,
     Recommendation,
+    Unexplained,
     ValueWithUnit,
     Verdict,
     WhereBin,
@@ -55,7 +55,7 @@ HUGE = 1e12  # stands for an infinite value, which JSON cannot hold
 
 def verdict(found: Findings, runtime: float, simulations: int) -> Verdict:
     """Verdict document of an investigation, from its findings."""
-    which, sets, gap = kind(found), _posterior(found), _gap(found)
+    which, deciding = kind(found), numbers(found)
     values = intervals(found.judged.sized, found.by.inefficiency, found.judged.scatter)
     sure = found.sure if which == "named" else ()
     return Verdict(
@@ -65,25 +65,26 @@ def verdict(found: Findings, runtime: float, simulations: int) -> Verdict:
                 name=e.name,
                 of=e.of,
                 parameters=_values_by_parameter(e, values[e.name]),
-                confidence=confidence(sets, gap),
+                confidence=calibration().probability(deciding),
             )
             for e in sure
         ],
         ambiguous=[] if which == "no_gap" else [list(group) for group in found.judged.classes],
-        unexplained=describe_rest(found, which),
+        unexplained=_unexplained(found, which),
         base={
             p.name: Interval(value=v.value, low=v.low, high=v.high)
             for p, v in zip(found.subject.scope.base, values["base"], strict=True)
         },
         where=_where(found),
-        gap=gap,
+        gap=_gap(found),
         candidates=_candidates(found),
         advice=_advice(found),
         detectable={k: v for k, v in found.screened.detectable.items() if v is not None},
         held_out=list(found.held_out),
         runtime=runtime,
         simulations=simulations,
-        posterior=sets,
+        posterior=_posterior(found, deciding),
+        suspected=sorted(found.accepted.model.names) if which == "unexplained" else [],
         notes=_notes(found, which),
     )
 
@@ -141,22 +142,27 @@ def _gap(found: Findings) -> Gap:
     )
 
 
-def _posterior(found: Findings) -> Probable:
-    """Posterior part of a verdict.
+def _unexplained(found: Findings, which: Kind) -> Unexplained | None:
+    """Description of an unexplained gap, or of what named effects leave; None if nothing."""
+    if which == "no_gap" or not (which == "unexplained" or found.judged.remains):
+        return None
+    law = found.offered.words if found.offered is not None else "no sparse law found"
+    return Unexplained(description=describe_left(found), law=law, stable=found.offered is not None)
 
-    A set that holds all that was accepted and more effects besides does not speak against it.
-    """
-    posterior, after = found.posterior, found.shown.after
-    rivals = (rival.model.model.names for rival in found.judged.rivals)
-    accepted_or_rival = {found.accepted.model.names, *rivals}
-    log_odds = posterior.log_odds(lambda names: any(each <= names for each in accepted_or_rival))
-    probable = posterior.models[: LISTED.sets]
+
+def _posterior(found: Findings, deciding: Numbers) -> Probable:
+    """Posterior part of a verdict, with the numbers that decide on it."""
     return Probable(
-        models=[ProbableSet(names=sorted(m.names), p=m.p) for m in probable],
-        inclusion=posterior.inclusion,
-        left=held_out_gap.rms_left(after),
-        correlation=robust.correlation(after.evidence.runs, after.residuals),
-        log_odds=log_odds if np.isfinite(log_odds) else None,
+        models=[
+            ProbableSet(names=sorted(m.names), p=m.p) for m in found.posterior.models[: LISTED.sets]
+        ],
+        inclusion=found.posterior.inclusion,
+        left=deciding.left,
+        correlation=deciding.correlation,
+        log_odds=deciding.log_odds if np.isfinite(deciding.log_odds) else None,
+        ahead=deciding.gain,
+        worst=deciding.worst,
+        strain=deciding.strain,
         law=found.offered is not None,
     )
 
@@ -197,13 +203,11 @@ def _compare_with_base(
     for e in model.model.effects:
         for name, value in _values_by_parameter(e, values[e.name]).items():
             parameters[f"{e.name}.{name}" if several else name] = value
-    tests = found.judged.invariances.get(model.model.name)
     return CandidateEntry(
         name=model.model.name,
         elpd_gain=ahead.gain,
         se=ahead.se,
         p=p,
-        invariance_p=None if tests is None else min(t.p for t in tests.values()),
         parameters=parameters,
     )
 
@@ -224,7 +228,6 @@ def _compare_by_screen(found: Findings, name: str, gain: float) -> CandidateEntr
         elpd_gain=gain / by.inefficiency,
         se=0.0,
         p=found.screened.p.get(name, 1.0),
-        invariance_p=None,
         parameters=shown,
     )
 
@@ -244,7 +247,7 @@ def _advice(found: Findings) -> list[Recommendation]:
 
 def _notes(found: Findings, which: Kind) -> list[str]:
     """Note that held-out runs show a gap where the fitted ones show none; else nothing."""
-    if which != "no_gap" or (gap := unseen_gap(found)) <= BARS.seen:
+    if which != "no_gap" or (gap := unseen_gap(found)) <= GAP:
         return []
     return [
         f"held-out runs ({', '.join(found.held_out)}) leave {np.hypot(1.0, gap):.2g} times their "

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from cell.gap.diagnosis import held_out_gap
-from cell.gap.diagnosis.invariance import Invariance, Repeats
+from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.lack_of_fit import Bin, stronger_of_two
 from cell.gap.diagnosis.next_experiment import RatedExperiment, RepeatabilityGain
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
@@ -67,24 +67,18 @@ class Screen:
 class ModelTests:
     """Tests that may cast doubt on the accepted model.
 
-    `misfit` is the p-value of its residuals under noise, `leftover` under noise and tolerance,
-    without the `outlying_run` where it fits all others; `repeats` are compared in its residuals.
+    `misfit` is the p-value of its residuals under noise; `repeats` are compared in its residuals.
     `classes` are effects that the runs do not separate, `scatter` the quantities that differ from
     run to run beside it, `sized` the model fitted with these, from which sizes are estimated.
-    `phases` tests each of several effects by the parts of a motion: by rate, height, direction and
-    time. `places` are where the accepted effects show in the residuals of the base.
+    `places` are where the accepted effects show in the residuals of the base.
     """
 
-    invariances: dict[str, dict[str, Invariance]]
     misfit: float
-    leftover: float
-    outlying_run: str | None
     repeats: Repeats
     rivals: tuple[Alternative, ...]
     classes: tuple[tuple[str, ...], ...]
     sized: Estimate
     scatter: tuple[Spread, ...] = ()
-    phases: tuple[Invariance, ...] = ()
     places: tuple[Bin, ...] = ()
 
     @property

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from cell.gap.diagnosis import held_out_gap, lack_of_fit
-from cell.gap.diagnosis.invariance import Invariance, Repeats, invariance
+from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.lack_of_fit import Bin, matching_bins
 from cell.gap.diagnosis.next_experiment import advise, repeatability_gains
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
@@ -13,12 +13,12 @@ from cell.gap.fitting.gauss_newton import Estimate, final_fit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence
 from cell.gap.fitting.reml import estimate_spreads, with_own_scatter, with_spreads
 from cell.gap.fitting.starts import refine, refit_fine
-from cell.gap.fitting.tasks import Simulate, run_all, run_one
-from cell.gap.selection.choice import Choice, choose, classes, rivals
+from cell.gap.fitting.tasks import Simulate, run_one
+from cell.gap.selection.choice import Choice, choose, classes, merged, rivals
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import ALPHA
 from cell.gap.selection.posterior import Posterior
 from cell.gap.subject.subject import Subject
+from cell.gap.verdict.decision import refuted_values
 from cell.gap.verdict.findings import Advice, HeldOutFits, ModelTests, Screen
 from drivers.types import Array
 
@@ -45,32 +45,24 @@ def judge(
     whole: Evidence,
     rng: np.random.Generator,
 ) -> ModelTests:
-    """Test the accepted model of `choice` for lack of fit, drift and rivals.
+    """Test the accepted model of `choice` for lack of fit, and for what else may be in its place.
 
     `sets` are the probabilities of what was fitted; `whole` are the runs with every random unknown
     that they may have.
     """
     best = choice.accepted.estimate
-    invariances = _invariances(choice, simulate)
-    tolerance = {k: q.tolerance for k, q in subject.scope.quantities.items()}
     repeats, noise = Repeats.of(best), lack_of_fit.noise_left(best, rng)
-    strict = lack_of_fit.slack(best.evidence, repeats.inflation)
-    lenient = lack_of_fit.slack(best.evidence, repeats.inflation, tolerance)
-    lenient[lack_of_fit.lost_samples(best)] = np.inf
-    leftover, outlying_run = _leftover(best, noise, lenient)
+    allowed = lack_of_fit.slack(best.evidence, repeats.inflation)
     close = rivals(choice.accepted, choice.fits, sets) if best.model.effects else []
+    alike = merged([*classes(choice.accepted, close), *refuted_values(best, subject)])
     scatter = estimate_spreads(simulate, best, whole)
     return ModelTests(
-        invariances=invariances,
-        misfit=lack_of_fit.lack_of_fit(best, noise, strict),
-        leftover=leftover,
-        outlying_run=outlying_run,
+        misfit=lack_of_fit.lack_of_fit(best, noise, allowed),
         repeats=repeats,
         rivals=tuple(close),
-        classes=tuple(map(tuple, classes(choice.accepted, close))),
+        classes=tuple(map(tuple, alike)),
         sized=run_one(simulate, final_fit(with_own_scatter(simulate, best, scatter, whole))),
         scatter=scatter,
-        phases=_phase_tests(choice, simulate),
         places=_matching_places(choice, rng),
     )
 
@@ -84,44 +76,6 @@ def _matching_places(choice: Choice, rng: np.random.Generator) -> tuple[Bin, ...
     allowed = lack_of_fit.slack(base.evidence, Repeats.of(base).inflation)
     others = [m.estimate for m in choice.fits.models if m.model.effects and m is not fitted]
     return tuple(matching_bins(base, fitted.estimate, others, noise, allowed))
-
-
-def _phase_tests(choice: Choice, simulate: Simulate) -> tuple[Invariance, ...]:
-    """Tests of each of several accepted effects for one amplitude in all parts of a motion.
-
-    Two effects that only imitate a cause share its parts between them in other ways than each
-    would by itself.
-    """
-    fit = choice.accepted.estimate
-    if len(fit.model.effects) < 2:
-        return ()
-    tests = [invariance(fit, e.name, choice.by, phases=True) for e in fit.model.effects]
-    return tuple(run_all(simulate, tests))
-
-
-def _invariances(choice: Choice, simulate: Simulate) -> dict[str, dict[str, Invariance]]:
-    """Tests of equal amplitudes by model and effect: of the accepted model and all single ones."""
-    tested = [
-        (m, e.name)
-        for m in choice.fits.models
-        if m is choice.accepted or len(m.model.effects) == 1
-        for e in m.model.effects
-    ]
-    results = run_all(simulate, [invariance(m.estimate, e, choice.by) for m, e in tested])
-    found: dict[str, dict[str, Invariance]] = {}
-    for (m, e), result in zip(tested, results, strict=True):
-        found.setdefault(m.model.name, {})[e] = result
-    return found
-
-
-def _leftover(estimate: Estimate, noise: Array, allowed: Array) -> tuple[float, str | None]:
-    """p-value of the lack of fit, and name of the one run left out if effects fit all others."""
-    whole = lack_of_fit.lack_of_fit(estimate, noise, allowed)
-    if whole >= ALPHA or not estimate.model.effects:
-        return whole, None
-    name, samples = lack_of_fit.outlying_run(estimate)
-    others = lack_of_fit.lack_of_fit(estimate, noise, np.where(samples, np.inf, allowed))
-    return (others, name) if others >= ALPHA else (whole, None)
 
 
 def refit_held_out(

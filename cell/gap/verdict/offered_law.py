@@ -6,15 +6,14 @@ from itertools import combinations
 import numpy as np
 
 from cell.gap.diagnosis import held_out_gap
-from cell.gap.fitting.crossvalidation import CrossValidatedFit, on_runs
+from cell.gap.fitting.crossvalidation import on_runs
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.selection import search
 from cell.gap.selection.choice import Choice, is_exhausted, needed_models
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import MIN_GAIN
-from cell.gap.selection.posterior import Posterior, posterior
+from cell.gap.selection.posterior import posterior
 from cell.gap.selection.screening import probe, ranked_pairs, ranking, table
 from cell.gap.subject.subject import Subject
 
@@ -44,50 +43,13 @@ class OfferedLaw:
     """An empirical law: terms of the subject with fitted amounts, a description and no cause.
 
     `base` and `terms` hold values by name; `shrink` is the share of the excess gap on held-out
-    runs that it closes. `refutes` the accepted effects: it is clearly more probable than they are.
+    runs that it closes.
     """
 
     base: dict[str, float]
     terms: dict[str, float]
     words: str
     shrink: float
-    refutes: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Names:
-    """The accepted `model`, which a law must match to be offered, and whether it is `sure`.
-
-    A law is offered where it is clearly more probable, or no less with fewer terms; where no name
-    is sure, no less is enough. Nothing is more probable than a model that `leaves_nothing`.
-    """
-
-    model: CrossValidatedFit
-    sure: bool
-    leaves_nothing: bool = False
-
-    @property
-    def longest(self) -> int:
-        """Number of terms of the longest law that may be offered beside the model."""
-        return (
-            len(self.model.model.effects) - 1
-            if self.sure and self.leaves_nothing
-            else OFFER.longest
-        )
-
-    def allow(self, law: CrossValidatedFit, sets: Posterior) -> bool:
-        """Whether `law` is probable enough among `sets` to be offered beside the model."""
-        fewer = len(law.model.effects) < len(self.model.model.effects)
-        least = -MIN_GAIN if fewer or not self.sure else MIN_GAIN
-        return self._ahead(law, sets) > least
-
-    def is_refuted_by(self, law: CrossValidatedFit, sets: Posterior) -> bool:
-        """Whether `law` is clearly more probable among `sets` than the model."""
-        return self._ahead(law, sets) > MIN_GAIN
-
-    def _ahead(self, law: CrossValidatedFit, sets: Posterior) -> float:
-        """Lead [nats] of `law` over the model."""
-        return sets.lead(law.model.names) - sets.lead(self.model.model.names)
 
 
 def offered_law(
@@ -96,45 +58,35 @@ def offered_law(
     choice: Choice,
     before: Estimate,
     rng: np.random.Generator,
-    names: Names | None = None,
 ) -> OfferedLaw | None:
     """Most probable stable law beside the base of `choice` that shrinks the gap `before`.
 
     `before` is the base on runs that were held out. None where no term is clearly more probable
-    than none, no law is stable, none closes a gap on those runs, or `names` do not allow it.
+    than none, no law is stable, or none closes a gap on those runs.
     """
     if held_out_gap.excess_of(before) < OFFER.nothing:
         return None
-    longest = OFFER.longest if names is None else names.longest
-    if not longest:
-        return None
-    fits = choice.fits
-    laws = _fit_laws(subject, simulate, replace(fits, models=(fits.base,)), longest)
-    rival = () if names is None else (names.model,)
-    sets = posterior(replace(laws, models=(*laws.models, *rival)), choice.by)
-    for law in needed_models(laws, sets):
-        if (names is None or names.allow(law, sets)) and _stable(law.estimate):
+    laws = _fit_laws(subject, simulate, replace(choice.fits, models=(choice.fits.base,)))
+    for law in needed_models(laws, posterior(laws, choice.by)):
+        if _stable(law.estimate):
             after = held_out_gap.unseen(simulate, law.estimate, before.evidence)
             closed = held_out_gap.shrink(before, after, rng).value
             if closed >= OFFER.least:
-                refutes = names is not None and names.is_refuted_by(law, sets)
-                return _offer(law.estimate, closed, refutes=refutes)
+                return _offer(law.estimate, closed)
     return None
 
 
-def _fit_laws(subject: Subject, simulate: Simulate, fits: Fits, longest: int) -> Fits:
-    """Fit the most promising laws of up to `longest` terms, and add them to `fits`."""
+def _fit_laws(subject: Subject, simulate: Simulate, fits: Fits) -> Fits:
+    """Fit the most promising laws, and add them to `fits`."""
     fit = fits.base.estimate
     terms = [t for t in subject.scope.terms if len(t.parameters) == 1]
     probed = run_all(simulate, [probe(fit, t) for t in terms])
     known, plain = table(projection(fit), probed), [replace(t, probes=()) for t in terms]
-    scores = ranking(known)[: OFFER.singles]
-    if longest > 1:
-        scores += ranked_pairs(known, OFFER.pairs)
+    scores = [*ranking(known)[: OFFER.singles], *ranked_pairs(known, OFFER.pairs)]
     fits = search.fit_scores(simulate, fits, scores, terms)
-    for size in range(1, longest):
+    for size in range(1, OFFER.longest):
         if fits.of_size(size) and not is_exhausted(fits):
-            fits = search.extend(simulate, fits, size, plain, probed)
+            fits = search.extend(simulate, fits, fits.near_best(size)[:1], plain, probed)
     return fits
 
 
@@ -147,11 +99,11 @@ def _stable(estimate: Estimate) -> bool:
     return bool((np.mean(np.array(again) == signs, axis=0) >= OFFER.often).all())
 
 
-def _offer(fit: Estimate, shrink: float, *, refutes: bool) -> OfferedLaw:
+def _offer(fit: Estimate, shrink: float) -> OfferedLaw:
     values, terms = fit.model.split(fit.shared)
     base = {p.name: p.stated_value(float(v)) for p, v in zip(fit.model.base, values, strict=True)}
     amounts = {e.name: float(terms[e.name][0]) for e in fit.model.effects}
     words = " ".join(
         f"{amounts[e.name]:+.3g} {e.parameters[0].unit} x {e.sentence}" for e in fit.model.effects
     )
-    return OfferedLaw(base, amounts, words, shrink, refutes)
+    return OfferedLaw(base, amounts, words, shrink)

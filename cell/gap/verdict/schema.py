@@ -87,7 +87,7 @@ class CandidateEntry(Entry):
     elpd_gain: float
     se: float
     p: float
-    invariance_p: float | None
+    invariance_p: None = None
     parameters: dict[str, ValueWithUnit]
 
 
@@ -110,10 +110,12 @@ class ProbableSet(Entry):
 class Probable(Entry):
     """The posterior over the sets of effects that were fitted, the most probable first.
 
-    `left` is the rms that no law accounts for on held-out runs, in units of noise and floor, and
-    `correlation` that of neighbours in time in it; `log_odds` [nats] are those of the sets
-    that hold what was accepted, or its class, None where all do; `law` is whether a law is offered,
-    which has fewer terms and is no less probable.
+    With the numbers that decide on what was accepted (`verdict.decision`): `log_odds` [nats] of the
+    sets that hold it, or its class, None where all do; `ahead` [nats] by which unseen runs are
+    predicted better, `worst` of any run or quantity; `left`, the rms that no law accounts for
+    in units of noise and floor, and `correlation`, that of neighbours in time in it; `strain`, the
+    largest deviation of the base from the file in prior standard deviations. `law` is whether one
+    is offered.
     """
 
     models: list[ProbableSet]
@@ -121,11 +123,17 @@ class Probable(Entry):
     left: float
     correlation: float
     log_odds: float | None = None
+    ahead: float = 0.0
+    worst: float = 0.0
+    strain: float = 0.0
     law: bool = False
 
 
 class Verdict(Entry):
-    """Content of verdict.json: what is missing, how surely, and how the gap shrinks."""
+    """Content of verdict.json: what is missing, how surely, and how the gap shrinks.
+
+    `suspected` are effects that were accepted and are not named.
+    """
 
     schema_: Annotated[int, Field(alias="schema")] = 1
     verdict: Kind
@@ -142,6 +150,7 @@ class Verdict(Entry):
     runtime: float
     simulations: int
     posterior: Probable | None = None
+    suspected: list[str] = Field(default_factory=list)
     notes: list[str] = Field(default_factory=list)
     deviates: list[Deviation] = Field(default_factory=list)
 

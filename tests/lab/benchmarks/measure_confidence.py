@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 
-from cell.gap.verdict.confidence import Calibration, Features, calibration
+from cell.gap.verdict.confidence import Calibration, Numbers, calibration
 from drivers.files import replace_file
 from drivers.yaml_text import dump_yaml
 from tests.lab.exam.score import RIGHT_RESULTS
@@ -30,7 +30,7 @@ from tests.lab.studies.catalogue.confidence import (
 )
 from tests.lab.studies.study import Case, Outcome
 
-SIGNS = {field.name for field in fields(Features)}
+SIGNS = {field.name for field in fields(Numbers)}
 
 
 def main() -> int:

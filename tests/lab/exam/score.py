@@ -19,7 +19,7 @@ from cell.gap.strength import twins
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.strip.subject import open_strip
 from cell.gap.subject.subject import Candidate, Subject
-from cell.gap.verdict.confidence import Features
+from cell.gap.verdict.confidence import Numbers
 from cell.gap.verdict.schema import Interval, NamedEffect, Verdict
 from cell.gap.verdict.schema import Kind as VerdictKind
 from drivers.settings import Settings
@@ -83,7 +83,8 @@ class Outcome(Settings):
 
     `realised` is the excess gap after the base was refitted, `rival` the strongest model that was
     not accepted, with its nats over the base, `reason` the verdict's text on what remains, `signs`
-    what its confidence rests on.
+    what its confidence rests on. `suspect_right`: whether effects that were accepted, but not
+    named, are right.
     """
 
     case: str
@@ -106,6 +107,7 @@ class Outcome(Settings):
     runtime: float
     simulations: int
     signs: dict[str, float] | None = None
+    suspect_right: bool | None = None
 
     @property
     def right(self) -> bool:
@@ -132,6 +134,7 @@ def score(verdict: Verdict, case: Case, strip: StripFile) -> Outcome:
         base=tuple(_base(verdict, case, strip)), parameters=tuple(_effects(verdict, case)),
         rival=rival, reason=reason.description if reason else "",
         runtime=verdict.runtime, simulations=verdict.simulations, signs=_signs(verdict),
+        suspect_right=_is_suspect_right(verdict, case),
     )  # fmt: skip
 
 
@@ -233,10 +236,17 @@ def _compare(
     )  # fmt: skip
 
 
+def _is_suspect_right(verdict: Verdict, case: Case) -> bool | None:
+    """Whether what was accepted and not named is the answer; None where nothing was."""
+    if not verdict.suspected:
+        return None
+    return _score_names(frozenset(verdict.suspected), frozenset(case.answer)) in RIGHT_RESULTS
+
+
 def _signs(verdict: Verdict) -> dict[str, float] | None:
     if verdict.posterior is None or verdict.posterior.log_odds is None:
         return None
-    return asdict(Features.of(verdict.posterior, verdict.gap))
+    return asdict(Numbers.of(verdict.posterior))
 
 
 def _rival(verdict: Verdict, named: tuple[str, ...]) -> str:

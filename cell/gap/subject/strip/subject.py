@@ -132,8 +132,10 @@ class Strip(Subject):
 
         self.runs = prepare(self._measured, strip, self._floors, self._simulation, self._scatter)
         self._replicates = replicates(self.runs)
-        self.runs = [replace(run, replicate=self._leader(run.content) is not run.content)
-                     for run in self.runs]  # fmt: skip
+        self.runs = [
+            replace(run, replicate=self._leader(fold) is not fold)
+            for run, fold in ((run, cast(Fold, run.content)) for run in self.runs)
+        ]
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
         """Residuals of `requests`, measured minus simulated; each motion is simulated once."""

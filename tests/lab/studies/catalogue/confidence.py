@@ -17,7 +17,7 @@ from cell.config.places import find_configs
 from cell.gap.fit import fit
 from cell.gap.rehearse import table
 from cell.gap.verdict.accept import RECORD
-from cell.gap.verdict.confidence import LEFT_OPEN, Calibration, Features, Weight, calibration
+from cell.gap.verdict.confidence import Calibration, Numbers, Weight, calibration
 from drivers.strip.effects import registry
 from drivers.types import Array
 from tests.lab.exam.case import STRENGTHS, Case
@@ -32,19 +32,18 @@ FIFTHS, LACKING = 5, (1, 3)  # of five cases, those that lack the effect
 OUTSIDE_SHARE = 0.2  # of the causes that a confidence speaks of: as in the exam through images
 SIGN_WEIGHTS = {  # prior weights of the signs, and the values between which they count
     "log_odds": Weight(weight=3.0, low=0.0, high=200.0, by_order=True),
+    "gain": Weight(weight=1.0, low=0.0, high=200.0, by_order=True),
     "left": Weight(weight=-2.0, low=0.5, high=2.0),
     "correlated": Weight(weight=-2.0, low=0.0, high=1.0),
-    "closed": Weight(weight=1.0, low=0.0, high=1.0),
-    "law": Weight(weight=-2.0, low=0.0, high=1.0),
 }
 FIRM = 2.0  # one sigma of what a sign weighs about that, in log-odds
 DOUBTFUL = 0.7  # confidence under which a wrong name does little harm
 
 
 class Name(NamedTuple):
-    """Verdict that names: its signs, if it is right, if the library lacks the cause, its case."""
+    """Accepted effects: signs, whether right, whether the library lacks the cause, and the case."""
 
-    signs: Features
+    signs: Numbers
     right: bool
     outside: bool
     case: str
@@ -88,14 +87,20 @@ def names_to_withhold(case: Case) -> list[str]:
 
 
 def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
-    """Verdicts that name an effect, and the share of the causes that the library lacks."""
+    """Accepted effects, named or suspected, and the share of the causes that the library lacks."""
     found = [
-        Name(Features(**v["signs"]), v["is_right"], _is_outside(v), v["case"])
+        Name(Numbers(**v["signs"]), _is_right(v), _is_outside(v), v["case"])
         for v in (o.values for o in outcomes)
-        if v["is_named"] and v["signs"]
+        if v["signs"] and (v["is_named"] or v["suspect_right"] is not None)
     ]
     causes = [_is_outside(o.values) for o in outcomes if o.values["hidden"]]
     return found, sum(causes) / max(len(causes), 1)
+
+
+def _is_right(values: Values) -> bool:
+    """Whether the accepted effects of a verdict are right; of a withheld cause none are."""
+    right = values["is_right"] if values["is_named"] else values["suspect_right"]
+    return bool(right) and not values["without"]
 
 
 def _is_outside(values: Values) -> bool:
@@ -108,24 +113,6 @@ def shares(found: Sequence[Name], outside: float) -> Array:
     lacking = OUTSIDE_SHARE / outside if outside else 1.0
     whole = (1.0 - OUTSIDE_SHARE) / (1.0 - outside or 1.0)  # all of them may be outside
     return np.array([lacking if name.outside else whole for name in found])
-
-
-def left_by_right(outcomes: Sequence[Outcome]) -> list[float]:
-    """Rms on held-out runs, in units of noise and floor, of the right verdicts."""
-    return [
-        v["signs"]["left"]
-        for v in (o.values for o in outcomes)
-        if v["signs"] and not v["without"] and v.get("result") in RIGHT_RESULTS
-    ]
-
-
-def fit_most_left(left: Sequence[float]) -> float:
-    """Rms that the share LEFT_OPEN of right verdicts, which have `left` these, exceeds.
-
-    A cause outside the library that leaves no more is as well described by effects of the library,
-    so that no residual shows it. Without right verdicts, the value that the package ships.
-    """
-    return float(np.quantile(left, 1.0 - LEFT_OPEN)) if left else calibration().most_left
 
 
 def fit_calibration(found: Sequence[Name], counts: Array, source: str) -> Calibration:
@@ -216,10 +203,7 @@ def calibrate(outcomes: Sequence[Outcome]) -> Values:
         plain = log_loss([(rate, name.right) for name in found], counts)
         source += f" Left out one by one, log loss {log_loss(stated, counts):.3f} nats, "
         source += f"of one probability for all {plain:.3f}."
-    left = left_by_right(outcomes)
-    source += f" `most_left` of {len(left)} right verdicts."
-    content = fit_calibration(found, counts, source).model_dump()
-    return content | {"most_left": fit_most_left(left)}
+    return fit_calibration(found, counts, source).model_dump()
 
 
 def count_verdicts(outcomes: Sequence[Outcome]) -> str:

@@ -1,0 +1,179 @@
+"""Decides a verdict from four numbers, and says why.
+
+1. `log_odds`: the posterior's, that the accepted effects are present, or others that the runs do
+   not separate from them. One covariance holds noise, floor, what differs from run to run, errors
+   of laws, and immaterial amounts of absent effects (`selection.posterior`).
+2. `gain` and `worst`: how much better runs are predicted to which nothing was fitted: conditions
+   left out in turn, and held-out runs; in all, and in the run or quantity that gains least.
+3. `left` and `correlation`: what no law accounts for in fitted and held-out runs.
+4. `strain`: how far the accepted effects carry the base from what the file states.
+
+The probability that the name is right is a calibrated function of the first three. An effect is
+named where that is LEAST or more, and unseen runs are predicted better, none of them clearly worse.
+An effect whose own response is that of a strained base is in one class with a wrong file.
+"""
+
+from collections import defaultdict
+
+import numpy as np
+
+from cell.gap.diagnosis import held_out_gap
+from cell.gap.fitting import robust
+from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.projection import stacked_jacobian
+from cell.gap.selection.likelihood import ALPHA, MIN_GAIN
+from cell.gap.subject.subject import Subject
+from cell.gap.verdict.confidence import LEAST, Numbers, calibration
+from cell.gap.verdict.findings import Findings
+from cell.gap.verdict.schema import Kind
+from drivers.types import Array
+
+GAP = 0.5  # excess on held-out runs, in units of the noise, that is a gap by itself; set by hand
+STRAINED = 4.0  # prior standard deviations: right names strain a base by 0.7 at most
+ALIKE = 0.9  # cosine of two responses above which one cannot be told from the other
+
+
+def kind(found: Findings) -> Kind:
+    """Kind of verdict that the findings support."""
+    if not found.accepted.model.effects:
+        return "unexplained" if gap_is_there(found) else "no_gap"
+    if not is_credible(numbers(found)):
+        return "unexplained"
+    return "named" if found.sure else "ambiguous"
+
+
+def is_credible(n: Numbers) -> bool:
+    """Whether what was accepted is probable, and predicts what it was not fitted to."""
+    return calibration().probability(n) >= LEAST and n.gain > 0.0 and n.worst > -MIN_GAIN
+
+
+def gap_is_there(found: Findings) -> bool:
+    """Whether the base leaves a gap that shows in a place or on held-out runs.
+
+    A misfit as a whole that no place shows, and no run that was held out, is no gap.
+    """
+    if not found.fitted.gap:
+        return False
+    shows = any(place.p < ALPHA for place in found.fitted.places)
+    return shows or unseen_gap(found) > GAP
+
+
+def unseen_gap(found: Findings) -> float:
+    """Excess gap of the base on held-out runs, wild samples bounded."""
+    return held_out_gap.bounded_excess(found.shown.before)
+
+
+def numbers(found: Findings) -> Numbers:
+    """The numbers that decide on the accepted effects."""
+    accepted, after = found.accepted, found.shown.after
+    runs, quantities = _gains(found)
+    known = {accepted.model.names, *(rival.model.model.names for rival in found.judged.rivals)}
+    fits = (accepted.estimate, after)
+    left, related = zip(*map(_left, fits), strict=True)
+    return Numbers(
+        log_odds=found.posterior.log_odds(lambda names: any(each <= names for each in known)),
+        gain=sum(runs),
+        worst=min([*runs, *quantities]),
+        left=max(left),
+        correlation=max(related),
+        strain=max(map(abs, _strains(accepted.estimate).values()), default=0.0),
+    )
+
+
+def _left(fit: Estimate) -> tuple[float, float]:
+    """Rms that a fit leaves, in units of noise and floor, and the correlation of neighbours."""
+    return held_out_gap.rms_left(fit), robust.correlation(fit.evidence.runs, fit.residuals)
+
+
+def _gains(found: Findings) -> tuple[list[float], list[float]]:
+    """Predictive gain [nats] over the base by run and by quantity, wild samples bounded.
+
+    Of runs left out in turn as predicted from the others, and of held-out ones.
+    """
+    by, base, accepted = found.by, found.base, found.accepted
+    pairs = [
+        (base.estimate, base.left_out, accepted.estimate, accepted.left_out),
+        (found.shown.before, found.shown.before.residuals,
+         found.shown.after, found.shown.after.residuals),
+    ]  # fmt: skip
+    by_run: list[float] = []
+    by_quantity: dict[str, float] = defaultdict(float)
+    for before, missed, after, misses in pairs:
+        rows = zip(
+            before.evidence.runs, missed, before.evidence.scales, misses, after.evidence.scales,
+            strict=True,
+        )  # fmt: skip
+        for run, r, scale, now, its in rows:
+            unit = np.maximum(scale, its) * by.scale
+            gain = robust.bounded_loss(r * scale / unit) - robust.bounded_loss(now * its / unit)
+            by_run.append(float(gain.sum()) / by.inefficiency)
+            for name in np.unique(run.samples.quantity):
+                mine = gain[run.samples.quantity == name]
+                by_quantity[str(name)] += float(mine.sum()) / by.inefficiency
+    return by_run, list(by_quantity.values())
+
+
+def _strains(fit: Estimate) -> dict[str, float]:
+    """Deviation of each base value from what the file states, in prior standard deviations."""
+    pairs = zip(fit.model.base, fit.shared, strict=False)
+    return {p.name: (float(v) - p.start) / p.spread for p, v in pairs if np.isfinite(p.spread)}
+
+
+def refuted_values(fit: Estimate, subject: Subject) -> list[list[str]]:
+    """Classes of an effect of `fit` and values of the file, either of which may be wrong.
+
+    Beside the effect those values lie STRAINED standard deviations off or more, and what that
+    changes is what the effect changes.
+    """
+    far = [name for name, strain in _strains(fit).items() if abs(strain) > STRAINED]
+    if not far or not subject.scope.believed:
+        return []
+    moved = fit.shared - np.array([p.start for p in fit.model.parameters])
+    responses = stacked_jacobian(fit)[:, : len(moved)] * moved
+    names = [p.name for p in fit.model.base]
+    strained = responses[:, [names.index(name) for name in far]].sum(axis=1)
+    classes, at = [], len(names)
+    for effect in fit.model.effects:
+        mine = responses[:, at : at + len(effect.parameters)].sum(axis=1)
+        at += len(effect.parameters)
+        if abs(_cosine(mine, strained)) > ALIKE:
+            classes.append([effect.name, *far])
+    return classes
+
+
+def _cosine(a: Array, b: Array) -> float:
+    return float(a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), np.finfo(float).tiny))
+
+
+def reasons(found: Findings) -> list[str]:
+    """Reasons for which the accepted effects are not named, or the gap is not explained."""
+    n, repeats = numbers(found), found.judged.repeats
+    words = []
+    if found.accepted.model.effects:
+        p = calibration().probability(n)
+        words.append(f"the name is right with probability {p:.2f}, asked is {LEAST:g}")
+        if n.gain <= 0.0:
+            words.append("runs that the fit has not seen are predicted no better")
+        elif n.worst <= -MIN_GAIN:
+            words.append("a run or a quantity that the fit has not seen is predicted worse")
+    if repeats.drifts and repeats.drift is not None:
+        words.append(f"the specimen changes from run to run: {repeats.drift.words}")
+    if repeats.differ:
+        factor = max(repeats.inflation.values())
+        words.append(f"repeats of one condition differ by {factor:.1f} times the stated noise")
+    return words
+
+
+def describe_left(found: Findings) -> str:
+    """Sentence on what the best model leaves, and why it is not believed."""
+    quantities, shown = found.subject.scope.quantities, found.shown
+    after = held_out_gap.sizes(shown.after, quantities)
+    least = held_out_gap.floor(shown.before.evidence, quantities)
+    sizes = ", ".join(
+        f"{after[q.key]:.3g} {q.unit} of {q.key.rsplit('_', 1)[0]} (noise {least[q.key]:.2g})"
+        for q in quantities.values()
+        if q.key in after
+    )
+    best = found.accepted.model.name
+    of = "the refitted model" if best == "base" else f"the model with {best}"
+    return "; ".join([f"{of} leaves {sizes} on held-out runs", *reasons(found)])
