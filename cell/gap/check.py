@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Literal
@@ -24,7 +24,7 @@ from cell.gap.subject.run_folders import (
     note,
     read_table,
 )
-from cell.gap.subject.subject import Subject
+from cell.gap.subject.subject import Candidate, Subject
 from cell.gap.verdict.schema import Entry
 from drivers.errors import ConfigurationError
 from drivers.readers import LARGEST_TEXT, read_bytes, read_yaml
@@ -292,7 +292,10 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
             words = f"{p.name}: known to {p.spread:.2g} {p.unit}, by these runs to {s:.2g}"
             yield _finding(IDENTIFIABLE, words, "move faster, higher or longer")
     about = projection(stated, robustly=False)
-    library = [probe(stated, c, steps=False) for c in subject.scope.candidates]
+    library = [
+        probe(stated, replace(c, probes=(_largest_probe(c),)), steps=False)
+        for c in subject.scope.candidates
+    ]
     directions: dict[str, Array] = {}
     for probed in run_all(subject.simulate, library):
         largest, name = _largest_response(about, probed), probed.candidate.name
@@ -306,6 +309,13 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
         if abs(float(a @ b)) > LARGEST_CORRELATION:
             words = f"{one} and {other} show alike: these runs cannot separate them"
             yield _finding(IDENTIFIABLE, words, "fit, then `cell gap advise`")
+
+
+def _largest_probe(candidate: Candidate) -> tuple[tuple[float, ...], ...]:
+    """The group of probes of the largest amount; of several places, that in the middle."""
+    amounts = [abs(group[0][0] - candidate.null[0]) for group in candidate.probes]
+    largest = [i for i, amount in enumerate(amounts) if amount == max(amounts)]
+    return candidate.probes[largest[len(largest) // 2]]
 
 
 def _largest_response(about: Projection, probed: ProbeResponses) -> Array:

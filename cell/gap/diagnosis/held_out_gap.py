@@ -10,7 +10,7 @@ from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.tasks import Simulate, run_all
-from cell.gap.selection.likelihood import clip_wild, mean_square
+from cell.gap.selection.likelihood import clip_wild
 from cell.gap.subject.subject import Quantity, Words
 from drivers.types import Array
 
@@ -100,12 +100,13 @@ def sizes(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, f
     return {**rms(estimate, quantities), "excess": excess_of(estimate)}
 
 
-def rms_left(estimate: Estimate) -> float:
-    """Root mean square residual in units of noise and floor, wild samples bounded.
+def rms_by_run(estimate: Estimate) -> list[float]:
+    """Root mean square residual of each run in units of noise and floor, wild samples bounded.
 
     What a true model leaves has about the scale 1, so that this is where samples count as wild.
     """
-    return float(np.sqrt(mean_square(clip_wild(estimate.residuals, scale=1.0))))
+    tame = clip_wild(estimate.residuals, scale=1.0)
+    return [float(np.sqrt(np.mean(np.square(r)))) for r in tame]
 
 
 def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrink:

@@ -5,7 +5,7 @@
    of laws, and immaterial amounts of absent effects (`selection.posterior`).
 2. `gain` and `worst`: how much better runs are predicted to which nothing was fitted: conditions
    left out in turn, and held-out runs; in all, and in the run or quantity that gains least.
-3. `left` and `correlation`: what no law accounts for in fitted and held-out runs.
+3. `left` and `correlation`: what no law accounts for in most runs, fitted and held-out.
 4. `strain`: how far the accepted effects carry the base from what the file states.
 
 The probability that the name is right is a calibrated function of the first three. An effect is
@@ -30,6 +30,7 @@ from drivers.types import Array
 
 GAP = 0.5  # excess on held-out runs, in units of the noise, that is a gap by itself; set by hand
 STRAINED = 4.0  # prior standard deviations: right names strain a base by 0.7 at most
+ASTRAY = 2.0  # times what most runs leave, that a run leaves which goes another way; set by hand
 ALIKE = 0.9  # cosine of two responses above which one cannot be told from the other
 
 
@@ -69,20 +70,15 @@ def numbers(found: Findings) -> Numbers:
     runs, quantities = _gains(found)
     known = {accepted.model.names, *(rival.model.model.names for rival in found.judged.rivals)}
     fits = (accepted.estimate, after)
-    left, related = zip(*map(_left, fits), strict=True)
+    related = [robust.correlation(fit.evidence.runs, fit.residuals) for fit in fits]
     return Numbers(
         log_odds=found.posterior.log_odds(lambda names: any(each <= names for each in known)),
         gain=sum(runs),
         worst=min([*runs, *quantities]),
-        left=max(left),
+        left=float(np.median([rms for fit in fits for rms in held_out_gap.rms_by_run(fit)])),
         correlation=max(related),
         strain=max(map(abs, _strains(accepted.estimate).values()), default=0.0),
     )
-
-
-def _left(fit: Estimate) -> tuple[float, float]:
-    """Rms that a fit leaves, in units of noise and floor, and the correlation of neighbours."""
-    return held_out_gap.rms_left(fit), robust.correlation(fit.evidence.runs, fit.residuals)
 
 
 def _gains(found: Findings) -> tuple[list[float], list[float]]:
@@ -156,6 +152,12 @@ def reasons(found: Findings) -> list[str]:
             words.append("runs that the fit has not seen are predicted no better")
         elif n.worst <= -MIN_GAIN:
             words.append("a run or a quantity that the fit has not seen is predicted worse")
+    fit = found.accepted.estimate
+    rms, run = max(
+        zip(held_out_gap.rms_by_run(fit), (r.name for r in fit.evidence.runs), strict=True)
+    )
+    if rms > ASTRAY * n.left:
+        words.append(f"run {run} goes another way")
     if repeats.drifts and repeats.drift is not None:
         words.append(f"the specimen changes from run to run: {repeats.drift.words}")
     if repeats.differ:

@@ -247,10 +247,8 @@ def test_cause_outside_the_library_is_unexplained() -> None:
 
 def test_proxy_whose_amplitude_drifts_between_conditions_is_not_named() -> None:
     proxy: Law = lambda t, s, i: 0.1 * bump(t, 1.0, i) * (1.0 if s < 1.5 else -1.0)  # noqa: E731
-    found, verdict = judged(Curves(proxy, repeats=3))
+    _, verdict = judged(Curves(proxy, repeats=3))
     assert verdict.verdict == "unexplained"
-    tests = found.judged.invariances["bump"]["bump"]
-    assert not tests.holds
 
 
 def test_specimen_that_drifts_from_run_to_run_is_not_called_in_order() -> None:

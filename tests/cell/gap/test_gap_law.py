@@ -11,8 +11,6 @@ from cell.gap.subject.strip.scope import candidates
 from cell.gap.subject.strip.subject import patch_file
 from cell.gap.subject.subject import Scope
 from cell.gap.verdict.accept import LAW_PATCH, RECORD, accept, sha256, undo
-from cell.gap.verdict.compose import verdict as compose
-from cell.gap.verdict.offered_law import OfferedLaw
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
@@ -84,19 +82,6 @@ def test_a_law_stands_beside_a_name_that_only_imitates(monkeypatch: pytest.Monke
     assert found.offered is not None
     assert found.offered.terms["bump"] == pytest.approx(0.3, rel=0.05)
     assert found.offered.shrink > verdict.gap.shrink
-
-
-@pytest.mark.parametrize(("refutes", "said"), [(True, "unexplained"), (False, "named")])
-def test_a_law_that_is_clearly_more_probable_takes_the_name(*, refutes: bool, said: str) -> None:
-    found, _ = judged(Withheld(hidden(bump, 0.2)))
-    law = OfferedLaw({}, {"bump": 0.2}, "+0.2 m x there is a bump", 1.0, refutes)
-    beside = compose(replace(found, offered=law), 0.0, 1)
-    assert beside.verdict == said
-    assert bool(beside.effects) is not refutes
-    if refutes:
-        assert beside.unexplained is not None
-        assert beside.unexplained.law == law.words
-        assert "law without a cause is clearly more" in beside.unexplained.description
 
 
 def test_no_law_stands_beside_two_effects_that_are_there() -> None:

@@ -6,15 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.gap.diagnosis.invariance import invariance
-from cell.gap.fitting.tasks import run_one
-from cell.gap.selection.fits import Fits
 from cell.gap.subject.subject import Candidate, Parameter, Request, Residuals, Scope
 from drivers.types import Array
 from tests.cell.gap import test_gap_engine
 from tests.cell.gap.test_gap_engine import LAWS, Curves, Law, T, bump, hidden, judged, wave
-from tests.cell.gap.test_gap_engine import fitted as at
-from tests.cell.gap.test_gap_robust import validated
 
 THRESHOLD, PROBES, CREEP = 0.5, (0.3, 1.0, 3.0), 0.02
 
@@ -76,9 +71,6 @@ def two_sided(signed: bool = True, wave: float = 0.0) -> Lumps:
     return Lumps(truth, names=("wave",), signed=signed)
 
 
-BOTH: Law = lambda t, s, i: 0.2 * bump(t, s, i) - 0.15 * wave(t, s, i)  # noqa: E731
-
-
 class Bending(Curves):
     """Curves whose bump may lean: its finer parameter adds a share of its slope."""
 
@@ -100,18 +92,6 @@ class Bending(Curves):
 
 def leaning(t: np.ndarray, speed: float, _: int) -> np.ndarray:
     return 5.0 * (t - 0.5) * bump(t, speed, 0)
-
-
-def test_an_effect_of_a_pair_has_one_amplitude_in_all_phases_of_a_motion() -> None:
-    halved: Law = lambda t, s, i: BOTH(t, s, i) - 0.1 * bump(t, s, i) * (t > 0.5)  # noqa: E731
-    for law, holds in ((BOTH, True), (halved, False)):
-        subject = Curves(law)
-        models = [validated(at(subject, names), subject) for names in ((), ("bump", "wave"))]
-        by = Fits(tuple(models)).scale
-        fit = models[1].estimate
-        found = run_one(subject.simulate, invariance(fit, "bump", by, phases=True))
-        assert found.holds is holds
-        assert run_one(subject.simulate, invariance(fit, "bump", by)).holds
 
 
 def astray(*runs: int) -> Law:

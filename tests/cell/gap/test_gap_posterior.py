@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from cell.gap.diagnosis.held_out_gap import noise_rms
-from cell.gap.fitting.model import evidence
 from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.fitting.tasks import run_all
 from cell.gap.selection.fits import Fits
@@ -13,7 +11,7 @@ from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.selection.posterior import Posterior, posterior
 from cell.gap.selection.prior import Beliefs, beliefs, filling_floor
 from cell.gap.selection.screening import probe
-from cell.gap.verdict.confidence import Features, calibration
+from cell.gap.verdict.confidence import Numbers, calibration
 from drivers.types import Array
 from tests.cell.gap.test_gap_engine import (
     Curves,
@@ -116,7 +114,7 @@ def test_a_verdict_states_what_its_signs_are_worth() -> None:
     assert verdict.posterior.models[0].names == ["bump"]
     assert sum(m.p for m in verdict.posterior.models) == pytest.approx(1.0)
     (effect,) = verdict.effects
-    found = Features.of(verdict.posterior, verdict.gap)
+    found = Numbers.of(verdict.posterior)
     assert effect.confidence == calibration().probability(found)
     assert found.left == pytest.approx(1.0, abs=0.2)
     assert abs(found.correlation) < 0.3
@@ -126,11 +124,3 @@ def test_the_base_is_believed_where_nothing_is_hidden() -> None:
     found = sets(Curves(nothing), ("bump",), ("wave",))
     assert not found.models[0].names
     assert found.models[0].p > 0.9
-
-
-def test_noise_alone_leaves_no_more_than_it_may() -> None:
-    """Of subjects with hardly a floor, one in a hundred leaves more than `noise_rms`."""
-    runs = evidence(Curves(nothing, repeats=1).runs)
-    most, count = noise_rms(runs, 0.01), sum(len(run.samples) for run in runs.runs)
-    drawn = np.random.default_rng(0).normal(size=(4000, count))
-    assert np.mean(np.sqrt(np.mean(drawn**2, axis=1)) > most) == pytest.approx(0.01, abs=0.006)

@@ -22,10 +22,3 @@ def test_a_value_that_a_bound_stopped_is_told() -> None:
     found, verdict = judged(Curves(hidden(bump, 0.3)))
     assert "perhaps beyond" not in sentence(found, verdict)
     assert "perhaps beyond: bump size" in sentence(with_size(found, 5.0), verdict)
-
-
-def test_a_run_that_went_another_way_is_told() -> None:
-    found, verdict = judged(Curves(hidden(bump, 0.3)))
-    assert "another way" not in sentence(found, verdict)
-    told = replace(found, judged=replace(found.judged, outlying_run="r3"))
-    assert "Run r3 goes another way" in sentence(told, verdict)
