@@ -127,6 +127,9 @@ def accept(
     law: Annotated[
         bool, typer.Option("--law", help="Accept the law that describes what nothing explains.")
     ] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Accept what is suspected, where nothing is named.")
+    ] = False,
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
@@ -138,7 +141,7 @@ def accept(
 
     file = _single_file(strip, model, configs, subject)
     cell_file = _cell_file(configs) if model is None else None
-    accepted = put(fitted, file, cell_file, law=law)
+    accepted = put(fitted, file, cell_file, law=law, force=force)
     _print_changes("accepted", accepted.effects, accepted.files, as_json=as_json)
 
 
@@ -204,7 +207,7 @@ def _verdict_lines(verdict: "Verdict") -> Iterator[str]:
             f"{name} {p.value:.4g} {p.unit} ({p.low:.4g} to {p.high:.4g})"
             for name, p in effect.parameters.items()
         )
-        yield f"  {effect.name}: {values}; confidence {effect.confidence:.2f}"
+        yield f"  {effect.name}: {values}; right with probability {effect.confidence:.2f}"
     for names in verdict.ambiguous:
         yield f"  alike in these runs: {', '.join(names)}"
     if verdict.unexplained is not None:

@@ -26,12 +26,13 @@ from cell.gap.verdict.accept import (
     MODEL_PATCH,
     PATCH,
     RECORD,
+    SUSPECT_PATCH,
     sha256,
 )
 from cell.gap.verdict.compose import deviations
 from cell.gap.verdict.compose import verdict as compose
 from cell.gap.verdict.findings import Findings
-from cell.gap.verdict.schema import Verdict
+from cell.gap.verdict.schema import NamedEffect, Verdict
 from drivers.errors import ConfigurationError
 from drivers.files import write_file, writing
 from drivers.yaml_text import dump_yaml
@@ -40,7 +41,7 @@ Overlay = Callable[[Findings, Verdict, Path], None]
 """Writes a recording of measured and simulated runs to a path, for a viewer."""
 
 Effects = dict[str, dict[str, float]]
-ENGINE_VERSION = "52"  # a fit that another version began starts anew
+ENGINE_VERSION = "53"  # a fit that another version began starts anew
 
 
 def quiet(stage: str, share: float) -> None:
@@ -83,7 +84,7 @@ def fit(
     verdict = compose(found, time.monotonic() - began, simulate.total)
     deviates = deviations(subject.scope.base, verdict.base)
     notes = [*verdict.notes, *map(note, copies, copies.values()), *subject.notes]
-    notes += subject.consequences(*_values(verdict))
+    notes += subject.consequences(*_values(verdict, verdict.effects))
     verdict = verdict.model_copy(update={"notes": notes, "deviates": deviates})
     progress("write", 0.97)
     _write(found, verdict, file, out)
@@ -98,7 +99,7 @@ def fit(
 def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
     """Write the record, the report and the patches of a fit; its verdict is written last."""
     record = {"schema": 1, "file": str(file), "file_sha256": sha256(file),
-              "effects": [e.name for e in verdict.effects],
+              "effects": [e.name for e in (*verdict.effects, *verdict.suspected)],
               "values": [d.parameter for d in verdict.deviates],
               "scatter": [asdict(s) for s in found.judged.scatter],
               "steadier": {s.name: s.sigma for s in found.advised.steadier},
@@ -112,13 +113,14 @@ def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
         write_file(out / LAW_PATCH, dump_yaml(law_patch))
         _write_model(found, out / LAW_MODEL_PATCH, found.offered.base, terms)
     offers_values = bool(verdict.deviates) and not found.accepted.model.effects
-    if verdict.verdict == "named" or offers_values:
-        _write_patches(found, verdict, out, source, PATCH if not offers_values else BASE_PATCH)
+    if verdict.effects or verdict.suspected or offers_values:
+        name = BASE_PATCH if offers_values else PATCH if verdict.effects else SUSPECT_PATCH
+        _write_patches(found, verdict, out, source, name)
 
 
 def _write_patches(found: Findings, verdict: Verdict, out: Path, source: str, name: str) -> None:
     """Write the patch of values and effects of `verdict` as `name`, its model, and the cell's."""
-    base, effects = _values(verdict)
+    base, effects = _values(verdict, [*verdict.effects, *verdict.suspected])
     patch, cell_patch = found.subject.patch(base, effects, source)
     write_file(out / name, dump_yaml(patch))
     _write_model(found, out / MODEL_PATCH, base, effects)
@@ -133,10 +135,10 @@ def _write_model(found: Findings, path: Path, base: Mapping[str, float], effects
         write_file(path, text)
 
 
-def _values(verdict: Verdict) -> tuple[dict[str, float], Effects]:
-    """Values of the base by name, and of each named effect by parameter."""
+def _values(verdict: Verdict, effects: Sequence[NamedEffect]) -> tuple[dict[str, float], Effects]:
+    """Values of the base of `verdict` by name, and of each of `effects` by parameter."""
     base = {name: v.value for name, v in verdict.base.items()}
-    return base, {e.name: {k: v.value for k, v in e.parameters.items()} for e in verdict.effects}
+    return base, {e.name: {k: v.value for k, v in e.parameters.items()} for e in effects}
 
 
 def _key(file: Path, runs: Sequence[RunFolder], held: Sequence[str]) -> str:
@@ -151,7 +153,15 @@ def _clear(out: Path) -> None:
     if not first.is_dir() or not os.access(first, os.W_OK | os.X_OK):
         what = "cannot be written to" if first.is_dir() else "is a file"
         raise ConfigurationError(f"--out {out}: {first} {what}; give a folder that can be written")
-    patches = (PATCH, BASE_PATCH, CELL_PATCH, LAW_PATCH, MODEL_PATCH, LAW_MODEL_PATCH)
+    patches = (
+        PATCH,
+        SUSPECT_PATCH,
+        BASE_PATCH,
+        CELL_PATCH,
+        LAW_PATCH,
+        MODEL_PATCH,
+        LAW_MODEL_PATCH,
+    )
     pages = (RECORD, "report.html", "overlay.rrd")
     for name in ("verdict.json", *pages, *patches, "accepted.json"):
         (out / name).unlink(missing_ok=True)

@@ -342,12 +342,12 @@ def _has_threshold(p: ProbeResponses) -> bool:
     """
     if p.candidate.two_sided and _shapes(p.candidate).any():
         return False
+    amounts = [abs(float(group[0][0] - p.candidate.null[0])) for group in p.groups]
     near, *far = (
-        float(np.linalg.norm(response[:, 0]))
-        / max(abs(group[0][0] - p.candidate.null[0]), np.finfo(float).tiny)
-        for group, response in zip(p.groups, p.responses, strict=True)
+        float(np.linalg.norm(response[:, 0])) / amount if amount else 0.0
+        for amount, response in zip(amounts, p.responses, strict=True)
     )
-    return bool(near < DEFAULT_REACH.steep * max(far, default=0.0))
+    return near < DEFAULT_REACH.steep * max(far, default=0.0)
 
 
 def _other_sign(known: Table, p: ProbeResponses, best: Score) -> dict[str, Array] | None:

@@ -24,6 +24,7 @@ from drivers.yaml_text import edit_yaml
 STORED = 4 * MEGABYTE
 RECORD, ACCEPTED = "fit.json", "accepted.json"
 PATCH, CELL_PATCH, LAW_PATCH = "patch.yaml", "cell-patch.yaml", "law-patch.yaml"
+SUSPECT_PATCH = "suspect-patch.yaml"  # effects that were accepted and are not named
 BASE_PATCH = "base-patch.yaml"  # values alone: no effect, but base values other than stated
 MODEL_PATCH, LAW_MODEL_PATCH = "model-patch.xml", "law-model-patch.xml"
 ABSENT = ""  # text of a file that an acceptance makes
@@ -113,23 +114,31 @@ def sha256(path: Path) -> str:
 
 
 def accept(
-    out: Path, file: Path, cell_file: Path | None = None, *, law: bool = False
+    out: Path,
+    file: Path,
+    cell_file: Path | None = None,
+    *,
+    law: bool = False,
+    force: bool = False,
 ) -> AcceptResult:
     """Apply the patches of the fit in `out` to `file` and, where there is one, to the cell file.
 
-    With `law`, the patch of the law that describes what no effect explains. Refuses when `file` is
+    With `law`, the patch of the law that describes what no effect explains; with `force`, that of
+    effects that are suspected, where none is named. Refuses when `file` is
     not the one that was fitted, has changed since, or there is nothing to accept, and patches that
     are no longer whole: what is written can be read again. Files of an interrupted acceptance are
     restored first.
     """
     with lock_folders([out_folder(out), *_folders(file, cell_file)]):
-        return _accept(out, file, cell_file, law=law)
+        return _accept(out, file, cell_file, law=law, force=force)
 
 
-def _accept(out: Path, file: Path, cell_file: Path | None, *, law: bool) -> AcceptResult:
+def _accept(
+    out: Path, file: Path, cell_file: Path | None, *, law: bool, force: bool
+) -> AcceptResult:
     record = _record(out)
     _restore_interrupted(out, file, cell_file)
-    patch = _patch(out, law=law)
+    patch = _patch(out, law=law, force=force)
     if not patch.exists():
         raise ConfigurationError(f"{out}: {_nothing_to_accept(out, law=law)}")
     if sha256(file) != record.file_sha256:
@@ -171,10 +180,12 @@ def _changes(
     return changes
 
 
-def _patch(out: Path, *, law: bool) -> Path:
-    """Path of the patch to accept: a law, the named effects, or else values of the base."""
+def _patch(out: Path, *, law: bool, force: bool) -> Path:
+    """Path of the patch to accept: a law, named or suspected effects, or else base values."""
     if law:
         return out / LAW_PATCH
+    if force and (out / SUSPECT_PATCH).exists():
+        return out / SUSPECT_PATCH
     named, values = out / PATCH, out / BASE_PATCH
     return values if values.exists() and not named.exists() else named
 
@@ -184,6 +195,8 @@ def _nothing_to_accept(out: Path, *, law: bool) -> str:
     if law:
         return "no law was offered, so there is none to accept"
     offered = "; a law is offered: add --law" if (out / LAW_PATCH).is_file() else ""
+    if (out / SUSPECT_PATCH).is_file():
+        offered += "; effects are suspected (report.html): --force accepts them"
     return f"nothing was named, so there is nothing to accept{offered}"
 
 
@@ -281,7 +294,11 @@ def out_folder(out: Path) -> Path:
 
 def _model_paths(out: Path, file: Path) -> list[Path]:
     """Paths of the models that an acceptance of the fit in `out` writes beside `file`."""
-    patches = [p for p in (out / PATCH, out / LAW_PATCH, out / BASE_PATCH) if p.exists()]
+    patches = [
+        p
+        for p in (out / PATCH, out / SUSPECT_PATCH, out / LAW_PATCH, out / BASE_PATCH)
+        if p.exists()
+    ]
     contents = [read_yaml(p) for p in patches]
     return [file.parent / str(c["model"]) for c in contents if c.get("kind") == "mechanism"]
 

@@ -57,18 +57,19 @@ def verdict(found: Findings, runtime: float, simulations: int) -> Verdict:
     """Verdict document of an investigation, from its findings."""
     which, deciding = kind(found), numbers(found)
     values = intervals(found.judged.sized, found.by.inefficiency, found.judged.scatter)
-    sure = found.sure if which == "named" else ()
+    named = {"named": found.sure, "unexplained": found.accepted.model.effects}.get(which, ())
+    effects = [
+        NamedEffect(
+            name=e.name,
+            of=e.of,
+            parameters=_values_by_parameter(e, values[e.name]),
+            confidence=calibration().probability(deciding),
+        )
+        for e in named
+    ]
     return Verdict(
         verdict=which,
-        effects=[
-            NamedEffect(
-                name=e.name,
-                of=e.of,
-                parameters=_values_by_parameter(e, values[e.name]),
-                confidence=calibration().probability(deciding),
-            )
-            for e in sure
-        ],
+        effects=effects if which == "named" else [],
         ambiguous=[] if which == "no_gap" else [list(group) for group in found.judged.classes],
         unexplained=_unexplained(found, which),
         base={
@@ -84,7 +85,7 @@ def verdict(found: Findings, runtime: float, simulations: int) -> Verdict:
         runtime=runtime,
         simulations=simulations,
         posterior=_posterior(found, deciding),
-        suspected=sorted(found.accepted.model.names) if which == "unexplained" else [],
+        suspected=effects if which == "unexplained" else [],
         notes=_notes(found, which),
     )
 

@@ -42,7 +42,7 @@ class Deviation(ValueWithUnit):
 
 
 class NamedEffect(Entry):
-    """An effect that the patch adds."""
+    """An effect that a patch adds, and the probability that it and those beside it are right."""
 
     name: str
     of: Literal["strip", "cell", "model", "rig"]
@@ -150,7 +150,7 @@ class Verdict(Entry):
     runtime: float
     simulations: int
     posterior: Probable | None = None
-    suspected: list[str] = Field(default_factory=list)
+    suspected: list[NamedEffect] = Field(default_factory=list)
     notes: list[str] = Field(default_factory=list)
     deviates: list[Deviation] = Field(default_factory=list)
 

@@ -240,7 +240,8 @@ def _is_suspect_right(verdict: Verdict, case: Case) -> bool | None:
     """Whether what was accepted and not named is the answer; None where nothing was."""
     if not verdict.suspected:
         return None
-    return _score_names(frozenset(verdict.suspected), frozenset(case.answer)) in RIGHT_RESULTS
+    suspected = frozenset(effect.name for effect in verdict.suspected)
+    return _score_names(suspected, frozenset(case.answer)) in RIGHT_RESULTS
 
 
 def _signs(verdict: Verdict) -> dict[str, float] | None:

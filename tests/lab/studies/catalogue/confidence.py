@@ -193,8 +193,8 @@ def calibrate(outcomes: Sequence[Outcome]) -> Values:
     found, outside = names(outcomes)
     counts = shares(found, outside)
     source = (
-        f"{len(found)} verdicts that name, {sum(not name.right for name in found)} of them wrong, "
-        f"{sum(name.outside for name in found)} of a cause that the library lacks, counted as if "
+        f"{len(found)} verdicts that accept, {sum(not n.right for n in found)} of them wrong, "
+        f"{sum(n.outside for n in found)} of a cause that the library lacks, counted as if "
         f"{100 * OUTSIDE_SHARE:.0f} % of all causes were such."
     )
     if found:
