@@ -241,11 +241,11 @@ def remains(found: Findings, verdict: Verdict) -> dict[str, Any]:
 
 def write_report(found: Findings, verdict: Verdict, path: Path) -> None:
     """Write the report page at `path`."""
-    write_file(path, page(found, verdict))
+    write_file(path, page(found, verdict, path.parent))
 
 
-def page(found: Findings, verdict: Verdict) -> str:
-    """HTML text of the report: the verdict card, figures, and below them all numbers."""
+def page(found: Findings, verdict: Verdict, out: Path) -> str:
+    """HTML text of the report in `out`: the verdict card, figures, and below them all numbers."""
     runs, held = len(found.subject.runs), len(verdict.held_out)
     name = found.subject.name
     return document(
@@ -254,7 +254,7 @@ def page(found: Findings, verdict: Verdict) -> str:
         title=f"{name}: simulation against {runs} measured runs, {held} of them held out",
         name=name,
         said=_verdict_card(found, verdict),
-        following=_next_commands(found, verdict),
+        following=_next_commands(found, verdict, out),
         notes=verdict.notes,
         held=compare_held_out(found, verdict),
         where=where(found),
@@ -273,6 +273,8 @@ def _verdict_card(found: Findings, verdict: Verdict) -> Card:
     if verdict.effects:
         number, below = f"{100 * verdict.effects[0].confidence:.0f} %", "probable that this is it"
     lines = [sentence(found, verdict)]
+    if found.shown.changed:
+        lines.append(f"{_shrinkage_words(found, verdict)}: {change(found, verdict)}.")
     tone = TONES[verdict.verdict]
     if verdict.deviates:
         tone = "bad" if tone == "bad" else "fair"
@@ -280,23 +282,30 @@ def _verdict_card(found: Findings, verdict: Verdict) -> Card:
     return Card(tone, headline(verdict), tuple(lines), number, below)
 
 
-def _next_commands(found: Findings, verdict: Verdict) -> list[str]:
+def _next_commands(found: Findings, verdict: Verdict, out: Path) -> list[str]:
     """Sentences on the commands to type next, for the folder where the fit was called."""
-    name, todo = found.subject.option, []
+    fit, todo = f"{out} {found.subject.option}", []
     if verdict.verdict == "named":
-        todo += [f"`cell gap accept OUT {name}` puts it into the file; `cell gap undo OUT {name}` "
-                 "takes it back."]  # fmt: skip
+        todo.append(f"`cell gap accept {fit}` puts it into the file; `cell gap undo {fit}` takes "
+                    "it back.")  # fmt: skip
     elif verdict.deviates and not found.accepted.model.effects:
-        todo += [f"`cell gap accept OUT {name}` puts the refitted values into the file, and `cell "
-                 f"gap undo OUT {name}` takes them back. If these runs are of another strip, name "
-                 "its file instead."]  # fmt: skip
+        todo.append(f"`cell gap accept {fit}` puts the refitted values into the file, and `cell "
+                    f"gap undo {fit}` takes them back. If these runs are of another strip, name "
+                    "its file instead.")  # fmt: skip
+    elif verdict.verdict == "no_gap":
+        todo.append("Nothing more is needed: the model holds.")
     if verdict.verdict == "ambiguous":
-        todo += ["`cell gap advise OUT` says which run would split them."]
+        todo.append(f"`cell gap advise {out}` says which run would split them.")
+    if verdict.suspected:
+        names = " + ".join(effect.name for effect in verdict.suspected)
+        todo.append(f"Suspected, but not named: {names}, right with probability "
+                    f"{verdict.suspected[0].confidence:.2f}. `cell gap accept {fit} --force` takes "
+                    "it all the same.")  # fmt: skip
     if found.offered is not None:
         law = found.offered
-        todo += [f"No name, but a description: {law.words}. It closes {100 * law.shrink:.0f} % of "
-                 f"the gap on held-out runs; `cell gap accept OUT {name} --law` adds it, `cell gap "
-                 "undo` takes it back."]  # fmt: skip
+        todo.append(f"No name, but a description: {law.words}. It closes {100 * law.shrink:.0f} % "
+                    f"of the gap on held-out runs; `cell gap accept {fit} --law` adds it, `cell "
+                    "gap undo` takes it back.")  # fmt: skip
     return todo
 
 
