@@ -99,7 +99,7 @@ def fit(
 def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
     """Write the record, the report and the patches of a fit; its verdict is written last."""
     record = {"schema": 1, "file": str(file), "file_sha256": sha256(file),
-              "effects": [e.name for e in (*verdict.effects, *verdict.suspected)],
+              "effects": [e.name for e in verdict.effects or verdict.suspected],
               "values": [d.parameter for d in verdict.deviates],
               "scatter": [asdict(s) for s in found.judged.scatter],
               "steadier": {s.name: s.sigma for s in found.advised.steadier},
@@ -120,7 +120,7 @@ def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
 
 def _write_patches(found: Findings, verdict: Verdict, out: Path, source: str, name: str) -> None:
     """Write the patch of values and effects of `verdict` as `name`, its model, and the cell's."""
-    base, effects = _values(verdict, [*verdict.effects, *verdict.suspected])
+    base, effects = _values(verdict, verdict.effects or verdict.suspected)
     patch, cell_patch = found.subject.patch(base, effects, source)
     write_file(out / name, dump_yaml(patch))
     _write_model(found, out / MODEL_PATCH, base, effects)

@@ -236,10 +236,11 @@ class Subject(ABC):
 
     `runs` are in the order in which they were taken, `notes` are remarks for the operator on them.
     `scope` holds base parameters, candidate effects, quantities and descriptive terms. `option`
-    names its file on the command line.
+    names its file on the command line, `kind` the subjects on which its confidence was measured.
     """
 
     name: str
+    kind: Literal["strip", "mechanism"] = "mechanism"
     runs: Sequence[Run]
     scope: Scope
     notes: Sequence[str] = ()

@@ -12,8 +12,15 @@ from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.reml import Spread, covariance, degrees_of_freedom
 from cell.gap.selection.likelihood import family_wise, likelihood_ratio_p, margin
 from cell.gap.subject.subject import Candidate, Parameter
-from cell.gap.verdict.confidence import Numbers, calibration
-from cell.gap.verdict.decision import GAP, describe_left, kind, numbers, unseen_gap
+from cell.gap.verdict.decision import (
+    GAP,
+    deciding_numbers,
+    describe_left,
+    kind,
+    named_effects,
+    probability,
+    unseen_gap,
+)
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import (
     CandidateEntry,
@@ -55,21 +62,21 @@ HUGE = 1e12  # stands for an infinite value, which JSON cannot hold
 
 def verdict(found: Findings, runtime: float, simulations: int) -> Verdict:
     """Verdict document of an investigation, from its findings."""
-    which, deciding = kind(found), numbers(found)
+    which = kind(found)
     values = intervals(found.judged.sized, found.by.inefficiency, found.judged.scatter)
-    named = {"named": found.sure, "unexplained": found.accepted.model.effects}.get(which, ())
+    named = [e.name for e in named_effects(found)]
     effects = [
         NamedEffect(
             name=e.name,
             of=e.of,
             parameters=_values_by_parameter(e, values[e.name]),
-            confidence=calibration().probability(deciding),
+            confidence=probability(found, e.name),
         )
-        for e in named
+        for e in found.sure
     ]
     return Verdict(
         verdict=which,
-        effects=effects if which == "named" else [],
+        effects=[e for e in effects if e.name in named],
         ambiguous=[] if which == "no_gap" else [list(group) for group in found.judged.classes],
         unexplained=_unexplained(found, which),
         base={
@@ -84,8 +91,8 @@ def verdict(found: Findings, runtime: float, simulations: int) -> Verdict:
         held_out=list(found.held_out),
         runtime=runtime,
         simulations=simulations,
-        posterior=_posterior(found, deciding),
-        suspected=effects if which == "unexplained" else [],
+        posterior=_posterior(found),
+        suspected=[e for e in effects if e.name not in named],
         notes=_notes(found, which),
     )
 
@@ -151,8 +158,9 @@ def _unexplained(found: Findings, which: Kind) -> Unexplained | None:
     return Unexplained(description=describe_left(found), law=law, stable=found.offered is not None)
 
 
-def _posterior(found: Findings, deciding: Numbers) -> Probable:
+def _posterior(found: Findings) -> Probable:
     """Posterior part of a verdict, with the numbers that decide on it."""
+    deciding = deciding_numbers(found)
     return Probable(
         models=[
             ProbableSet(names=sorted(m.names), p=m.p) for m in found.posterior.models[: LISTED.sets]

@@ -20,14 +20,15 @@ from cell.gap.verdict.schema import Probable
 from drivers.settings import Settings, load
 
 LEAST = 0.5  # probability from which an effect is named: it is rather right than wrong
-CONFIDENCE_FILE = Path(__file__).with_name("confidence.yaml")
+FILES = {"strip": "confidence.yaml", "mechanism": "confidence-mechanism.yaml"}
+"""Calibrations by the kind of subject on whose verdicts they were measured."""
 
 
 @dataclass(frozen=True, slots=True)
 class Numbers:
-    """Numbers that speak for or against the accepted effects of a fit.
+    """Numbers that speak for or against an accepted effect of a fit.
 
-    `log_odds` [nats] are the posterior's of what is accepted, or its class; `gain` [nats] is how
+    `log_odds` [nats] are the posterior's of the effect, or of its class; `gain` [nats] is how
     much better unseen runs are predicted, `worst` that of the run or quantity that gains least.
     `left` is the rms that no law accounts for, in units of noise and floor, in the middle of the
     runs; `correlation` that of neighbours in time in it, in fitted or held-out runs, where it is
@@ -76,7 +77,7 @@ class Weight(Settings):
 
 
 class Calibration(Settings):
-    """Content of confidence.yaml: `intercept` and `weights` of the log-odds of a right verdict.
+    """Content of a file of FILES: `intercept` and `weights` of the log-odds of a right verdict.
 
     `source` names the verdicts that were used, `belongs_to` the place of the file.
     """
@@ -93,6 +94,6 @@ class Calibration(Settings):
 
 
 @cache
-def calibration() -> Calibration:
-    """Load the calibration of stated confidence that the package ships."""
-    return load(CONFIDENCE_FILE, Calibration)
+def calibration(kind: str = "strip") -> Calibration:
+    """Load the calibration of stated confidence that the package ships for a kind of subject."""
+    return load(Path(__file__).with_name(FILES[kind]), Calibration)

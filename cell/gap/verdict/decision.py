@@ -1,18 +1,20 @@
 """Decides a verdict from four numbers, and says why.
 
-1. `log_odds`: the posterior's, that the accepted effects are present, or others that the runs do
-   not separate from them. One covariance holds noise, floor, what differs from run to run, errors
-   of laws, and immaterial amounts of absent effects (`selection.posterior`).
+1. `log_odds`: the posterior's, that an accepted effect is present, or one that the runs do not
+   separate from it. One covariance holds noise, floor, what differs from run to run, errors of
+   laws, and immaterial amounts of absent effects (`selection.posterior`).
 2. `gain` and `worst`: how much better runs are predicted to which nothing was fitted: conditions
    left out in turn, and held-out runs; in all, and in the run or quantity that gains least.
 3. `left` and `correlation`: what no law accounts for in most runs, fitted and held-out.
 4. `strain`: how far the accepted effects carry the base from what the file states.
 
-The probability that the name is right is a calibrated function of the first three. An effect is
-named where that is LEAST or more, and unseen runs are predicted better, none of them clearly worse.
-An effect whose own response is that of a strained base is in one class with a wrong file.
+The probability that a name is right is a calibrated function of them. An effect is named where that
+is LEAST or more, and unseen runs are predicted better, none of them clearly worse. What is named
+need not account for all: what is left is described beside it. An effect whose own response is that
+of a strained base is in one class with a wrong file.
 """
 
+import math
 from collections import defaultdict
 
 import numpy as np
@@ -22,7 +24,7 @@ from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.selection.likelihood import ALPHA, MIN_GAIN
-from cell.gap.subject.subject import Subject
+from cell.gap.subject.subject import Candidate, Subject
 from cell.gap.verdict.confidence import LEAST, Numbers, calibration
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Kind
@@ -38,14 +40,29 @@ def kind(found: Findings) -> Kind:
     """Kind of verdict that the findings support."""
     if not found.accepted.model.effects:
         return "unexplained" if gap_is_there(found) else "no_gap"
-    if not is_credible(numbers(found)):
+    credible = credible_effects(found)
+    if not credible:
         return "unexplained"
-    return "named" if found.sure else "ambiguous"
+    return "named" if named_effects(found) else "ambiguous"
 
 
-def is_credible(n: Numbers) -> bool:
-    """Whether what was accepted is probable, and predicts what it was not fitted to."""
-    return calibration().probability(n) >= LEAST and n.gain > 0.0 and n.worst > -MIN_GAIN
+def named_effects(found: Findings) -> list[Candidate]:
+    """Credible effects that the runs separate from all others."""
+    sure = [effect.name for effect in found.sure]
+    return [effect for effect in credible_effects(found) if effect.name in sure]
+
+
+def credible_effects(found: Findings) -> list[Candidate]:
+    """Accepted effects that are probable, where they predict what they were not fitted to."""
+    runs, quantities = _gains(found)
+    if sum(runs) <= 0.0 or min([*runs, *quantities]) <= -MIN_GAIN:
+        return []
+    return [e for e in found.accepted.model.effects if probability(found, e.name) >= LEAST]
+
+
+def probability(found: Findings, effect: str) -> float:
+    """Calibrated probability that the accepted `effect`, or one of its class, is right."""
+    return calibration(found.subject.kind).probability(numbers(found, effect))
 
 
 def gap_is_there(found: Findings) -> bool:
@@ -64,21 +81,30 @@ def unseen_gap(found: Findings) -> float:
     return held_out_gap.bounded_excess(found.shown.before)
 
 
-def numbers(found: Findings) -> Numbers:
-    """The numbers that decide on the accepted effects."""
-    accepted, after = found.accepted, found.shown.after
+def numbers(found: Findings, effect: str | None) -> Numbers:
+    """The numbers that decide on the accepted `effect`; of the base, where it is None."""
     runs, quantities = _gains(found)
-    known = {accepted.model.names, *(rival.model.model.names for rival in found.judged.rivals)}
-    fits = (accepted.estimate, after)
+    fits = (found.accepted.estimate, found.shown.after)
+    classes = [group for group in found.judged.classes if effect in group]
+    alike = {effect, *(name for group in classes for name in group)}
     related = [robust.correlation(fit.evidence.runs, fit.residuals) for fit in fits]
     return Numbers(
-        log_odds=found.posterior.log_odds(lambda names: any(each <= names for each in known)),
+        log_odds=math.inf
+        if effect is None
+        else found.posterior.log_odds(lambda names: not alike.isdisjoint(names)),
         gain=sum(runs),
         worst=min([*runs, *quantities]),
         left=float(np.median([rms for fit in fits for rms in held_out_gap.rms_by_run(fit)])),
         correlation=max(related),
-        strain=max(map(abs, _strains(accepted.estimate).values()), default=0.0),
+        strain=max(map(abs, _strains(found.accepted.estimate).values()), default=0.0),
     )
+
+
+def deciding_numbers(found: Findings) -> Numbers:
+    """The numbers of the least sure effect that is named or, without names, was accepted."""
+    effects = named_effects(found) or found.accepted.model.effects
+    every = [numbers(found, effect.name) for effect in effects]
+    return min(every, key=lambda n: n.log_odds, default=numbers(found, None))
 
 
 def _gains(found: Findings) -> tuple[list[float], list[float]]:
@@ -143,20 +169,21 @@ def _cosine(a: Array, b: Array) -> float:
 
 def reasons(found: Findings) -> list[str]:
     """Reasons for which the accepted effects are not named, or the gap is not explained."""
-    n, repeats = numbers(found), found.judged.repeats
+    repeats, fit = found.judged.repeats, found.accepted.estimate
     words = []
-    if found.accepted.model.effects:
-        p = calibration().probability(n)
-        words.append(f"the name is right with probability {p:.2f}, asked is {LEAST:g}")
-        if n.gain <= 0.0:
+    for effect in fit.model.effects:
+        p = probability(found, effect.name)
+        if p < LEAST:
+            words.append(f"{effect.name} is right with probability {p:.2f} (named from {LEAST:g})")
+    if fit.model.effects:
+        runs, quantities = _gains(found)
+        if sum(runs) <= 0.0:
             words.append("runs that the fit has not seen are predicted no better")
-        elif n.worst <= -MIN_GAIN:
+        elif min([*runs, *quantities]) <= -MIN_GAIN:
             words.append("a run or a quantity that the fit has not seen is predicted worse")
-    fit = found.accepted.estimate
-    rms, run = max(
-        zip(held_out_gap.rms_by_run(fit), (r.name for r in fit.evidence.runs), strict=True)
-    )
-    if rms > ASTRAY * n.left:
+    by_run = held_out_gap.rms_by_run(fit)
+    rms, run = max(zip(by_run, (r.name for r in fit.evidence.runs), strict=True))
+    if rms > ASTRAY * float(np.median(by_run)):
         words.append(f"run {run} goes another way")
     if repeats.drifts and repeats.drift is not None:
         words.append(f"the specimen changes from run to run: {repeats.drift.words}")

@@ -12,8 +12,7 @@ from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.starts import refit_fine
 from cell.gap.fitting.tasks import run_one
 from cell.gap.subject.subject import Request, Run
-from cell.gap.verdict.confidence import calibration
-from cell.gap.verdict.decision import describe_left, kind, numbers
+from cell.gap.verdict.decision import describe_left, kind, probability
 from drivers.types import Array
 from tests.cell.gap.test_gap_engine import Curves, T, fitted, hidden, judged, nothing, wave
 
@@ -111,7 +110,8 @@ def test_gaps_on_held_out_runs_are_compared_by_the_floors_of_both_models() -> No
 def test_a_model_that_leaves_more_of_unseen_runs_is_the_less_probable() -> None:
     found, verdict = judged(Curves(hidden(wave, 0.3)))
     assert verdict.verdict == "named"
-    worse = replace(found, shown=replace(found.shown, after=found.shown.before))
-    assert calibration().probability(numbers(worse)) < verdict.effects[0].confidence
+    shown = replace(found.shown, before=found.shown.after, after=found.shown.before)
+    worse = replace(found, shown=shown)
+    assert probability(worse, "wave") < verdict.effects[0].confidence
     assert kind(worse) == "unexplained"
-    assert "asked is 0.5" in describe_left(worse)
+    assert "has not seen is predicted worse" in describe_left(worse)

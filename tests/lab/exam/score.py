@@ -133,7 +133,7 @@ def score(verdict: Verdict, case: Case, strip: StripFile) -> Outcome:
         realised=verdict.gap.before["excess"], shrink=verdict.gap.shrink,
         base=tuple(_base(verdict, case, strip)), parameters=tuple(_effects(verdict, case)),
         rival=rival, reason=reason.description if reason else "",
-        runtime=verdict.runtime, simulations=verdict.simulations, signs=_signs(verdict),
+        runtime=verdict.runtime, simulations=verdict.simulations, signs=signs(verdict),
         suspect_right=_is_suspect_right(verdict, case),
     )  # fmt: skip
 
@@ -244,7 +244,8 @@ def _is_suspect_right(verdict: Verdict, case: Case) -> bool | None:
     return _score_names(suspected, frozenset(case.answer)) in RIGHT_RESULTS
 
 
-def _signs(verdict: Verdict) -> dict[str, float] | None:
+def signs(verdict: Verdict) -> dict[str, float] | None:
+    """Numbers that decide on a verdict; None where nothing speaks against it."""
     if verdict.posterior is None or verdict.posterior.log_odds is None:
         return None
     return asdict(Numbers.of(verdict.posterior))

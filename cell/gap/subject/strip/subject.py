@@ -105,6 +105,8 @@ class Strip(Subject):
     `notes` warn the operator of runs that are not whole.
     """
 
+    kind = "strip"
+
     def __init__(
         self, strip: StripFile, runs: Sequence[MeasuredRun], jobs: int = 1,
         floors: Floors | None = None, without: Sequence[str] = (),

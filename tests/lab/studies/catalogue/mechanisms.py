@@ -11,6 +11,7 @@ import numpy as np
 from cell.gap.fit import fit
 from cell.gap.verdict.schema import Verdict
 from tests.lab.exam.mechanisms import OUTSIDE, TRACKED, amounts, make_runs
+from tests.lab.exam.score import signs
 from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 CAUSE_CYCLE = ("nothing", "dry_friction", "outside", "quadratic_damping", "cable_spring", "nothing",
@@ -50,7 +51,8 @@ def measure(case: Values) -> Values:
     return {**score(hidden, verdict), "covered": coverage(hidden, truth, verdict), "cpu": cpu,
             "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
             "verdict": verdict.verdict, "named": [e.name for e in verdict.effects],
-            "ambiguous": verdict.ambiguous}  # fmt: skip
+            "ambiguous": verdict.ambiguous, "suspected": [e.name for e in verdict.suspected],
+            "signs": signs(verdict)}  # fmt: skip
 
 
 def score(hidden: str, verdict: Verdict) -> dict[str, bool]:
