@@ -49,7 +49,7 @@ def test_names_are_right_as_often_as_stated() -> None:
     assert np.mean(high) == pytest.approx(np.mean([p for p, _ in stated if p > 0.8]), abs=0.05)
     assert np.mean(low) == pytest.approx(np.mean([p for p, _ in stated if p < 0.6]), abs=0.07)
     assert log_loss(stated) < log_loss([(0.7, name.right) for name in fresh])
-    assert "2000 verdicts that name" in reliable(stated)
+    assert "2000 verdicts that accept" in reliable(stated)
     assert "outside" not in reliable(stated)
     assert f"{OUTSIDE_SHARE:.0%} of causes outside" in reliable(stated, shares(fresh, 0.4))
 

@@ -183,7 +183,7 @@ def reliable(stated: Sequence[tuple[float, bool]], counts: Array | None = None) 
     ]
     weighed = "" if counts is None else f" (with {OUTSIDE_SHARE:.0%} of causes outside {errors[1]})"
     return (
-        f"{table(head, rows)}\n\n{len(stated)} verdicts that name, {len(wrong)} of them wrong, "
+        f"{table(head, rows)}\n\n{len(stated)} verdicts that accept, {len(wrong)} of them wrong, "
         f"{low} of these stated under {DOUBTFUL}; expected calibration error {errors[0]}{weighed}."
     )
 
