@@ -9,7 +9,6 @@ import pytest
 
 import cell.gap.subject.mechanism.effects
 import drivers.strip.effects
-from cell.campaign.progress import Quiet
 from cell.campaign.run import measure
 from cell.cli.options import policy_names as typed_policies
 from cell.config.drivers import arms, cameras
@@ -35,6 +34,7 @@ from policies.registry import entries, make_policy, policy_names
 from tests.cell.orchestrator.test_monitors import GOOD
 from tests.cell.orchestrator.test_orchestrator_stops import phases
 from tests.lab.exam.causes import cause_of, causes
+from tests.lab.exam.run import Quiet
 from tests.lab.studies import campaign, catalogue
 from tests.lab.studies.table import markdown
 from tests.support.mechanisms import PRESCRIBED, make_arm

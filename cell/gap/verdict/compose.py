@@ -92,7 +92,7 @@ def verdict(found: Findings, runtime: float, simulations: int) -> Verdict:
         runtime=runtime,
         simulations=simulations,
         posterior=_posterior(found),
-        suspected=[e for e in effects if e.name not in named],
+        suspected=[e for e in effects if e.name not in named and which != "no_gap"],
         notes=_notes(found, which),
     )
 

@@ -38,11 +38,8 @@ ALIKE = 0.9  # cosine of two responses above which one cannot be told from the o
 
 def kind(found: Findings) -> Kind:
     """Kind of verdict that the findings support."""
-    if not found.accepted.model.effects:
+    if not credible_effects(found):
         return "unexplained" if gap_is_there(found) else "no_gap"
-    credible = credible_effects(found)
-    if not credible:
-        return "unexplained"
     return "named" if named_effects(found) else "ambiguous"
 
 

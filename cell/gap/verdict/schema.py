@@ -150,13 +150,13 @@ class Verdict(Entry):
     runtime: float
     simulations: int
     posterior: Probable | None = None
-    suspected: list[NamedEffect] = Field(default_factory=list)
     notes: list[str] = Field(default_factory=list)
     deviates: list[Deviation] = Field(default_factory=list)
+    suspected: list[NamedEffect] = Field(default_factory=list)
 
     def to_json(self) -> str:
-        """Text of verdict.json; `deviates` stands there only where something does."""
-        absent = set() if self.deviates else {"deviates"}
+        """Text of verdict.json; `deviates` and `suspected` stand there only where they say any."""
+        absent = {key for key in ("deviates", "suspected") if not getattr(self, key)}
         return self.model_dump_json(by_alias=True, indent=1, exclude=absent) + "\n"
 
 

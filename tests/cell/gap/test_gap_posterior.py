@@ -115,7 +115,7 @@ def test_a_verdict_states_what_its_signs_are_worth() -> None:
     assert sum(m.p for m in verdict.posterior.models) == pytest.approx(1.0)
     (effect,) = verdict.effects
     found = Numbers.of(verdict.posterior)
-    assert effect.confidence == calibration().probability(found)
+    assert effect.confidence == calibration("mechanism").probability(found)
     assert found.left == pytest.approx(1.0, abs=0.2)
     assert abs(found.correlation) < 0.3
 

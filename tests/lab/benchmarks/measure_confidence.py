@@ -39,7 +39,9 @@ def main() -> int:
     outcomes = verdicts_in(asked.ledgers)
     found, outside = names(outcomes)
     if not found:
-        sys.stderr.write("no verdict in these ledgers accepts an effect and has signs; give others\n")
+        sys.stderr.write(
+            "no verdict in these ledgers accepts an effect and has signs; give others\n"
+        )
         return 1
     known = [o.values for o in outcomes if o.values["is_named"] and o.values["signs"]]
     stated = [(v["confidence"], v["is_right"]) for v in known if v["confidence"] is not None]

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from cell.campaign.journal import Record
-from cell.campaign.progress import Quiet
 from cell.campaign.run import Part
 from drivers.errors import Fault
 from tests.lab.exam.case import Case, Kind
@@ -18,6 +17,7 @@ from tests.lab.exam.run import (
     JOURNAL,
     LEDGER,
     VERDICTS_FOLDER,
+    Quiet,
     run_exam,
     spread,
     summarise,

@@ -29,6 +29,9 @@ from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array, frozen
 
 TRUSTED = 2.0  # times the change by a finer rod: how far off another engine or a strip may be
+# times the change by a smaller time step: how far off it may be for another model; hidden effects
+# change it by 0.2 to 0.4 of itself
+STEP_TRUSTED = 0.5
 DOUBTED = 1.0  # floors rms over a fold that a finer rod changes: a still finer one decides
 LARGEST_CHANGE = 20.0  # floors: a larger change is no discretisation error but another fold
 LEAVING_TRAVEL = 0.03  # m of travel in which a strip leaves the desk
@@ -101,11 +104,13 @@ def prepare(
 class Linearisation:
     """Linearisation of a run's residuals about a model: changes per sample (n,).
 
-    `grid_error` is the change from a finer rod to that of the fold, `slopes` are those per unit of
+    `grid_error` is the change from a finer rod to that of the fold, `doubt` how far off it may be
+    for another model or a real strip; `slopes` are the changes per unit of
     each quantity that differs from run to run; `length` [m] of the strip.
     """
 
     grid_error: Array
+    doubt: Array
     slopes: Mapping[str, Array]
     length: float
 
@@ -123,15 +128,19 @@ def linearise_folds(
         for fold, job, motion in zip(folds, drives, motions[: len(folds)], strict=True)
     ]
     grid_errors = _grid_errors(folds, drives, nominal, simulate)
+    step_errors = _grid_errors(folds, drives, nominal, simulate, (MEDIUM,))
     found = []
     for i, (fold, job) in enumerate(zip(folds, drives, strict=True)):
         limit = LARGEST_CHANGE * fold.comparison.layout.samples.floor
         grid_error = _drop_large(grid_errors[i], limit)
+        step_error = _drop_large(step_errors[i], limit)
+        doubt = np.hypot(TRUSTED * (grid_error - step_error), STEP_TRUSTED * step_error)
         slopes = {}
         for k, e in enumerate(scatter, start=i * len(scatter)):  # jobs are perturbed fold by fold
             residuals = fold.comparison(perturbed[k].model, motions[len(folds) + k]).mean
             slopes[e.name] = frozen(_drop_large(residuals - nominal[i], limit) / e.step)
-        found.append(Linearisation(frozen(grid_error), slopes, job.model.mechanics.length))
+        length = job.model.mechanics.length
+        found.append(Linearisation(frozen(grid_error), doubt, slopes, length))
     return found
 
 
@@ -211,12 +220,12 @@ def _common_errors(
 
 
 def relinearise(run: Run, fold: Fold, about: Linearisation) -> Run:
-    """Copy of `run` linearised about another model, its floors raised by the grid errors there.
+    """Copy of `run` linearised about another model, its floors raised by doubts of grid errors.
 
     A strip with less damping than stated keeps swinging, where grids differ.
     """
     stated = fold.comparison.layout.samples.floor
-    floor = np.maximum(run.samples.floor, np.hypot(stated, TRUSTED * about.grid_error))
+    floor = np.maximum(run.samples.floor, np.hypot(stated, about.doubt))
     samples = replace(run.samples, floor=floor)
     content = replace(fold, grid_error=about.grid_error, slopes=about.slopes)
     common = _common_errors(fold.comparison.run, samples, about)
