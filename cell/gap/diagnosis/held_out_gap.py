@@ -100,13 +100,17 @@ def sizes(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, f
     return {**rms(estimate, quantities), "excess": excess_of(estimate)}
 
 
-def rms_by_run(estimate: Estimate) -> list[float]:
-    """Root mean square residual of each run in units of noise and floor, wild samples bounded.
+def rms_by_run(estimate: Estimate, quantities: Mapping[str, Quantity]) -> list[float]:
+    """Root mean square residual of each run in units of noise, floor and tolerance.
 
     What a true model leaves has about the scale 1, so that this is where samples count as wild.
     """
-    tame = clip_wild(estimate.residuals, scale=1.0)
-    return [float(np.sqrt(np.mean(np.square(r)))) for r in tame]
+    known = estimate.evidence
+    found = []
+    for run, r, scale in zip(known.runs, estimate.residuals, known.scales, strict=True):
+        tolerance = np.array([quantities[str(name)].tolerance for name in run.samples.quantity])
+        found.append(r * scale / np.hypot(scale, tolerance))
+    return [float(np.sqrt(np.mean(np.square(r)))) for r in clip_wild(found, scale=1.0)]
 
 
 def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrink:

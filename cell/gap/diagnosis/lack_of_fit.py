@@ -3,7 +3,6 @@
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import TypeVar
 
 import numpy as np
@@ -133,21 +132,11 @@ def noise_left(estimate: Estimate, rng: np.random.Generator) -> Array:
     return about.left(noise)
 
 
-def slack(
-    evidence: Evidence,
-    inflation: Mapping[str, float],
-    tolerance: Mapping[str, float] = MappingProxyType({}),
-) -> Array:
-    """Factor (N,) that widens the scale of each sample beyond its stated noise.
-
-    `inflation` multiplies the noise of a channel, `tolerance` [SI] adds to that of a quantity.
-    """
-    factors = []
-    for run, scale in zip(evidence.runs, evidence.scales, strict=True):
-        more = np.array([inflation.get(str(c), 1.0) for c in run.samples.channel])
-        extra = np.array([tolerance.get(str(c), 0.0) for c in run.samples.quantity])
-        factors.append(np.hypot(more * scale, extra) / scale)
-    return np.concatenate(factors)
+def slack(evidence: Evidence, inflation: Mapping[str, float]) -> Array:
+    """Factor (N,) that widens the scale of each sample: the `inflation` of its channel's noise."""
+    return np.array(
+        [inflation.get(str(c), 1.0) for run in evidence.runs for c in run.samples.channel]
+    )
 
 
 def outlying_run(estimate: Estimate) -> tuple[str | None, NDArray[np.bool_]]:

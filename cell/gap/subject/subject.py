@@ -183,7 +183,7 @@ class Quantity:
 
     Without a key it is fitted like any other, and its gap is part of the excess only.
 
-    `tolerance` [SI] is the rms that may remain after an effect was named: what a model of this
+    `tolerance` [SI] is the rms that is not held against a named effect: what a model of this
     subject is not trusted below.
     """
 

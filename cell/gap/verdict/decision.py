@@ -81,7 +81,7 @@ def unseen_gap(found: Findings) -> float:
 def numbers(found: Findings, effect: str | None) -> Numbers:
     """The numbers that decide on the accepted `effect`; of the base, where it is None."""
     runs, quantities = _gains(found)
-    fits = (found.accepted.estimate, found.shown.after)
+    fits, known = (found.accepted.estimate, found.shown.after), found.subject.scope.quantities
     classes = [group for group in found.judged.classes if effect in group]
     alike = {effect, *(name for group in classes for name in group)}
     related = [robust.correlation(fit.evidence.runs, fit.residuals) for fit in fits]
@@ -91,7 +91,7 @@ def numbers(found: Findings, effect: str | None) -> Numbers:
         else found.posterior.log_odds(lambda names: not alike.isdisjoint(names)),
         gain=sum(runs),
         worst=min([*runs, *quantities]),
-        left=float(np.median([rms for fit in fits for rms in held_out_gap.rms_by_run(fit)])),
+        left=float(np.median([rms for fit in fits for rms in held_out_gap.rms_by_run(fit, known)])),
         correlation=max(related),
         strain=max(map(abs, _strains(found.accepted.estimate).values()), default=0.0),
     )
@@ -178,7 +178,7 @@ def reasons(found: Findings) -> list[str]:
             words.append("runs that the fit has not seen are predicted no better")
         elif min([*runs, *quantities]) <= -MIN_GAIN:
             words.append("a run or a quantity that the fit has not seen is predicted worse")
-    by_run = held_out_gap.rms_by_run(fit)
+    by_run = held_out_gap.rms_by_run(fit, found.subject.scope.quantities)
     rms, run = max(zip(by_run, (r.name for r in fit.evidence.runs), strict=True))
     if rms > ASTRAY * float(np.median(by_run)):
         words.append(f"run {run} goes another way")

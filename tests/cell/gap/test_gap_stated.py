@@ -9,7 +9,6 @@ import yaml
 from cell.cli.gap import _next_command, _verdict_lines
 from cell.gap.fit import fit
 from cell.gap.report.sentence import headline
-from cell.gap.subject.strip.layout import Floors
 from cell.gap.subject.strip.scope import scope
 from cell.gap.subject.subject import Parameter
 from cell.gap.verdict.accept import BASE_PATCH, PATCH, accept, undo
@@ -67,11 +66,11 @@ def test_an_inverse_parameter_is_tolerated_as_files_state_it() -> None:
 
 
 def test_a_strip_file_s_own_spread_is_its_tolerance() -> None:
-    plain = {p.name: p for p in scope(denim(), Floors()).base}
+    plain = {p.name: p for p in scope(denim()).base}
     assert plain["bending_length"].tolerated == pytest.approx((0.01445, 0.01955))
     assert plain["retardation_time"].tolerated is None
     spread = {"bending_length": (0.010, 0.030), "retardation_time": (0.01, 0.04)}
-    stated = scope(denim().model_copy(update={"spread": spread}), Floors()).base
+    stated = scope(denim().model_copy(update={"spread": spread})).base
     assert [p.tolerated for p in stated] == [(0.010, 0.030), (0.01, 0.04)]
 
 

@@ -59,9 +59,9 @@ ENGINES: Mapping[str, type[Forward | Prescribed]] = {
     "forward": Forward, "prescribed": Prescribed, "planar": PlanarChain,
 }  # fmt: skip
 """Engine by the mode of a mechanism."""
-# rms gap that is tolerated, of positions [rad, m] and rates; of torques a share of their spread: in
-# geared drives they follow from current or duty, with constants, ripple and supply known to 10-20 %
-TOLERANCE = {"position": 1e-3, "velocity": 1e-2, "torque": 0.2, "tracking": 1e-4, "site": 1e-3,
+# rms gap that is tolerated, of positions [rad, m] and rates; of torques a share of their spread,
+# for they follow from current or duty, with ripple and supply that no model states; assumed
+TOLERANCE = {"position": 1e-3, "velocity": 1e-2, "torque": 0.05, "tracking": 1e-4, "site": 1e-3,
              "sensor": 0.0}  # fmt: skip
 KEYS = {"position": ("mrad", 1e3), "tracking": ("mrad", 1e3), "velocity": ("mrads", 1e3),
         "torque": ("Nm", 1.0), "site": ("mm", 1e3), "sensor": ("si", 1.0)}  # fmt: skip

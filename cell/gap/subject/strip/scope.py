@@ -6,7 +6,6 @@ from itertools import product
 
 import numpy as np
 
-from cell.gap.subject.strip.layout import Floors
 from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
 from cell.gap.subject.subject import Candidate, Parameter, Quantity, ScatterSource, Scope
 from drivers.errors import Unsupported
@@ -61,7 +60,6 @@ def _candidate(term: Term) -> Candidate:
 
 def scope(
     strip: StripFile,
-    floors: Floors,
     lifted: float = 0.0,
     without: Sequence[str] = (),
     *,
@@ -82,12 +80,12 @@ def scope(
         scatter=tuple(ScatterSource(e.name, e.sentence, e.remedy) for e in KNOWN_EFFECTS),
         left=UNTRUE,
         quantities={
-            "profile": Quantity("profile_mm", 1e3, "mm", 2 * floors.profile),
-            "contact_x": Quantity("contact_x_mm", 1e3, "mm", 2 * floors.contact_x),
-            "displacement": Quantity("displacement_mm", 1e3, "mm", 2 * floors.displacement),
-            "touch_x": Quantity("", 1e3, "mm", floors.displacement),
-            "touch_time": Quantity("touch_ms", 1e3, "ms", 2 * floors.touch_time),
-            "force": Quantity("", 1e3, "mN", 2 * floors.force),
+            "profile": Quantity("profile_mm", 1e3, "mm"),
+            "contact_x": Quantity("contact_x_mm", 1e3, "mm"),
+            "displacement": Quantity("displacement_mm", 1e3, "mm"),
+            "touch_x": Quantity("", 1e3, "mm"),
+            "touch_time": Quantity("touch_ms", 1e3, "ms"),
+            "force": Quantity("", 1e3, "mN"),
         },
     )  # fmt: skip
 

@@ -124,7 +124,7 @@ class Strip(Subject):
 
         has_force = any(run.measured.has_force for run in self._measured)
         lifted = _lift_off_position(self._measured)
-        self.scope = scope(strip, self._floors, lifted, without, has_force=has_force)
+        self.scope = scope(strip, lifted, without, has_force=has_force)
         self._scatter = _scatter_of(scatter, has_force=has_force)
         self._ages = not AGEING.isdisjoint({*strip.effects, *strip.law})
 
