@@ -23,7 +23,7 @@ from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Frame, Pose
+from drivers.types import Frame
 from tests.support.twin_calibration import NO_STRIP, true_lens
 
 CAMERA = CameraSettings()
@@ -74,11 +74,6 @@ def test_camera_nudged_by_five_millimetres_is_noticed(nudge: tuple[float, float]
     assert "calibrate again" in check.remedy
 
 
-def test_lifted_camera_moves_the_line_of_the_desk_too() -> None:
-    assert len(_landmarks().marks) == 8
-    assert _shift(_frame((0.0, 0.005), seed=7)).desk == pytest.approx(4.3, abs=0.6)
-
-
 def test_hand_that_is_not_seen_again_is_refused() -> None:
     dark = Frame(0.0, 0.0, "test", 0, np.full((720, 1280, 3), 30, np.uint8))
     shift = _shift(dark)
@@ -86,11 +81,6 @@ def test_hand_that_is_not_seen_again_is_refused() -> None:
     check = camera_check(shift, SETTINGS)
     assert not check.passed
     assert "the gripper is not seen there" in check.reason
-
-
-def test_tip_outside_of_the_image_gives_no_landmark() -> None:
-    with pytest.raises(ConfigurationError, match="is not in the image; choose another pose"):
-        remember(_frame(), Pose(2.0, 0.1, 0.0), LENS, _homography())
 
 
 def test_broken_landmark_is_refused_in_one_line() -> None:

@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from drivers.child import Child, ChildDied, SharedImage, end_with_parent
@@ -87,22 +86,6 @@ def test_child_answers_in_order_and_only_when_asked(child) -> None:
     assert [child.receive(PATIENCE), child.receive(PATIENCE)] == [1, "two"]
     assert child.receive(0.0) is None
     assert not child.ends
-
-
-def test_image_reaches_the_child_also_when_it_grows(child) -> None:
-    for side in (4, 8, 2):
-        picture = np.full((side, side, 3), 7, np.uint8)
-        child.image.write(picture)
-        child.send(("look", picture.shape))
-        assert child.receive(PATIENCE) == picture.sum()
-
-
-def test_image_that_is_received_cannot_be_changed() -> None:
-    image = SharedImage()
-    image.write(np.zeros((2, 2, 3), np.uint8))
-    with pytest.raises(ValueError, match="read-only"):
-        image.read((2, 2, 3))[:] = 1
-    image.close()
 
 
 def test_child_that_raises_says_what(child) -> None:

@@ -70,8 +70,9 @@ def spoiled_fold(monkeypatch, runs: Path, change) -> tuple:
     ("spoil", "fault", "within", "still"),
     [
         (frozen, "image_frozen", 0.15, 0.15 + STOP_TIME),
-        (silent, "image_stale", 0.5, 0.35),  # it stands, and waits for an image, before it is named
-        (black, "low_confidence", 0.55, 0.55 + STOP_TIME),
+        # it stands, and waits for an image, before it is named
+        pytest.param(silent, "image_stale", 0.5, 0.35, marks=pytest.mark.slow),
+        pytest.param(black, "low_confidence", 0.55, 0.55 + STOP_TIME, marks=pytest.mark.slow),
     ],
 )
 def test_bad_images_stop_the_arm(monkeypatch, tmp_path, spoil, fault, within, still) -> None:

@@ -11,20 +11,17 @@ from drivers.strip.engine import Stepper
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
-from drivers.types import Array
 from policies.checkpoint import load_checkpoint
 from policies.domain import grid
 from policies.feedback import COMMITTED
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
 from policies.train.objective import TrainingSettings
-from policies.train.search import first_weights
 
 pytestmark = pytest.mark.slow
 
 CONFIGS = Path(__file__).parents[2] / "configs" / "strips"
 STRIPS = [load_strip(path) for path in sorted(CONFIGS.glob("*.yaml"))]
-SMALL = TrainingSettings(population=14, strips=2, segments=40, generations=2, validate_every=1)
 
 
 def fold(name: str, strips: list[StripFile], seed: int = 0, engine: Stepper | None = None) -> Folds:
@@ -32,12 +29,6 @@ def fold(name: str, strips: list[StripFile], seed: int = 0, engine: Stepper | No
     rng = np.random.default_rng(seed)
     policy, judge = make_policy(name), engine or Rod()
     return roll_out(policy, judge, strips[0], models, settings=Rollout(), rng=rng)
-
-
-def candidates(count: int) -> Array:
-    rng = np.random.default_rng(0)
-    start = first_weights(rng)
-    return start + 0.05 * rng.normal(size=(count, len(start)))
 
 
 def test_ten_fabrics_lie_in_the_papers_range_and_say_where_they_come_from() -> None:

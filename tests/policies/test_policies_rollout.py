@@ -87,12 +87,6 @@ def test_touch_is_scored_and_force_is_its_mean() -> None:
     assert folds.touched.all()
 
 
-def test_fold_whose_path_ends_untouched_has_no_displacement() -> None:
-    folds = fold(make_policy("triangular"), Ideal(touch_at=-1.0))
-    assert np.isnan(folds.displacement).all()
-    assert folds.trace[-1, 0] == pytest.approx([0.0, 0.0], abs=5e-3)
-
-
 def test_images_are_as_old_as_their_stamps_say() -> None:
     policy = Watcher()
     fold(policy, Ideal(touch_at=0.05), sensing=Sensing(0.0, 0.0, 0.0, (0.05, 0.05)))

@@ -36,14 +36,6 @@ def steady(path: Path, dt: float, speed: float = 0.1) -> Array:
     return path.poses(np.minimum(steps * dt * speed, path.length))
 
 
-def soft_start(path: Path, dt: float, duration: float, speed: float = 0.1) -> Array:
-    """Poses (k, 3) along the path, the speed reached within 0.4 s without a jump in anything."""
-    t = np.arange(1, round(duration / dt) + 1) * dt
-    share = np.clip(t / 0.4, 0.0, 1.0)
-    travel = speed * np.where(t < 0.4, 0.4 * (share**3 - share**4 / 2), t - 0.2)
-    return path.poses(np.minimum(travel, path.length))
-
-
 def for_all(poses: Array, count: int) -> Array:
     """The same poses (k, 3) for each of `count` strips (k, count, 3)."""
     return np.repeat(poses[:, None], count, axis=1)

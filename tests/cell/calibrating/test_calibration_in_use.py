@@ -1,6 +1,5 @@
 """A calibration in use: foreign and expired ones are refused, its facts go into the run."""
 
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from types import SimpleNamespace
 
@@ -43,11 +42,6 @@ def test_expired_calibration_is_refused_on_hardware_before_anything_moves() -> N
     with pytest.raises(PreflightRefused, match="is 31 days old, allowed are 30") as caught:
         check_usable(made(), _hardware(), 30, late)
     assert caught.value.exit_code == 3
-
-
-def test_twin_does_not_age() -> None:
-    twin = replace(_hardware(), plant=SimpleNamespace())
-    check_usable(made(), twin, 30, NOW + timedelta(days=400))
 
 
 def test_run_records_id_residual_latency_and_age() -> None:

@@ -5,13 +5,9 @@ import io
 from rich.console import Console
 
 from calibration.wizard.coverage import Gate
-from calibration.wizard.latency import LatencyVerdict
 from calibration.wizard.news import News, Result, Row
-from calibration.wizard.touches import TouchSettings
 from cell.calibrating.wizard_panel import WizardPanel
 
-SETTINGS = TouchSettings()
-LATE = LatencyVerdict(0.031, 0.0004, 0.1, 40)
 GATES = (
     Gate("x", 0.2, 0.5, "", "show it far left and far right"),
     Gate("its top away", 2.0, 2.0, "views", "lean its top away"),
@@ -56,11 +52,3 @@ def test_without_a_terminal_each_answer_is_a_line() -> None:
         "image 7: 0 corners of the board are seen; light it",
         "point 3: touched again at x 368, z 15 mm",
     ]
-
-
-SMALL = 80, 24  # columns, lines of the smallest terminal that anybody uses
-FULL = tuple(
-    Gate(name, 0.0, 2.0, "views", "lean its right edge nearer to the camera than that")
-    for name in ("x", "y", "size", "skew", "its top away", "its top nearer",
-                 "its right edge away", "its right edge nearer", "image", "views")
-)  # fmt: skip

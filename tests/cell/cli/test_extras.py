@@ -29,13 +29,6 @@ def run_bare(*words: str, at: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
-@pytest.mark.parametrize("words", [("home",), ("jog", "--x", "1")], ids=lambda words: words[0])
-def test_arm_of_the_twin_moves_without_the_robots_library(words, tmp_path: Path) -> None:
-    done = run_bare(*words, at=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("moved: the gripper is at x ")
-
-
 @pytest.mark.parametrize(
     "words",
     [

@@ -73,24 +73,6 @@ def test_a_ruler_s_word_is_believed_within_bounds_and_a_later_one_replaces_it(
     assert [(one.run, round(one.rig, 6)) for one in words] == [("r2", 0.002)]
 
 
-def test_single_experiences_are_listed_and_taken_back(memory: Memory, run: Path) -> None:
-    call(run, "--edges", "3mm")
-    listed = call("list").splitlines()
-    assert len(listed) == 4
-    assert listed[0].strip().startswith("r0: denim, a, adaptive: displacement +3.0 mm beyond")
-    aside = Path(call("forget", run).removeprefix("set aside: ").strip())
-    assert [one.run for one in memory.experiences()] == ["r0", "r1"]
-    assert aside.read_text().count('"run": "r2"') == 2
-    call("forget", "r0")
-    with pytest.raises(ConfigurationError, match="nothing was learned from this run"):
-        call("forget", "r0")
-    assert [one.run for one in memory.experiences()] == ["r1"]
-
-
-def test_the_largest_correction_is_stated(memory: Memory, run: Path) -> None:
-    assert "aimed -2.0 mm, laid the edge +0.0 mm; at most 8 mm each" in call()
-
-
 def test_the_twin_and_the_real_cell_learn_apart(memory: Memory) -> None:
     twin = Memory(find_configs(None).cell().name, twin=True)
     twin.add(Experience("t0", "adaptive", "denim", "a", "camera", -0.005))

@@ -24,12 +24,6 @@ def test_every_cell_stands_whole_on_a_line(monkeypatch, capsys, width) -> None:
         assert max(map(len, shown.splitlines())) <= max(width, 45)
 
 
-def test_a_wide_terminal_gets_a_table(monkeypatch, capsys) -> None:
-    monkeypatch.setenv("COLUMNS", "200")
-    print_table(COLUMNS, ROWS, "Runs", text=4)
-    assert capsys.readouterr().out.count("\n") == len(ROWS) + 5
-
-
 def test_what_a_file_says_moves_no_cursor_and_is_no_markup(monkeypatch, capsys) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     print_table(("run", "outcome"), [("a", "[/red]\x1b[2J")], text=2)

@@ -11,9 +11,6 @@ import yaml
 from typer.testing import CliRunner
 
 from cell.cli.app import app
-from cell.config.places import CHECKOUT_CONFIGS, Configs
-from cell.gap.subject.run_folders import find_runs
-from cell.gap.subject.strip.runs import read_runs
 from cell.record.documents import write_document
 from cell.record.exchange.import_runs import import_runs
 from cell.record.run import read_run
@@ -111,22 +108,6 @@ def test_imported_run_holds_what_was_measured(tmp_path: Path) -> None:
     assert run.result.t_layer_touch == pytest.approx(2.8, abs=1e-6)
 
 
-def test_what_was_not_measured_is_left_out_and_the_workflow_reads_on(tmp_path: Path) -> None:
-    folders = [foreign(tmp_path / name) for name in ("a", "b")]
-    bare = mapping(
-        tmp_path, profile=None, contact=None, result=None, sigma={"gripper": 1e-4}, condition=None
-    )
-    made = import_runs(folders, bare, tmp_path / "runs")
-    assert set(pq.read_table(made[0] / "ticks.parquet").column_names) == {"t", "x", "z", "f_x"}
-    assert yaml.safe_load((made[1] / "run.yaml").read_text())["sigma"] == {"gripper": 1e-4}
-    runs = read_runs(find_runs(made), Configs(CHECKOUT_CONFIGS).strip("denim"))
-    assert all(run.usable for run in runs)
-    pitch = runs[0].measured.poses[:, 2]
-    assert pitch[0] == pytest.approx(0.0, abs=0.02)
-    assert pitch[-1] == pytest.approx(np.pi / 2, abs=0.02)
-    assert len(runs[0].measured.contact_t) == 0
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -194,20 +175,6 @@ def test_table_that_cannot_be_used_is_refused_by_its_own_name(
         import_runs([folder], in_metres(tmp_path), tmp_path / "runs")
     assert str(error.value).startswith(f"{folder / 'tip.csv'}: ")
     assert said in str(error.value)
-
-
-def test_folder_of_folders_is_imported_and_a_mapping_among_them_is_passed_over(tmp_path) -> None:
-    place = tmp_path / "measured"
-    folders = [plain(place / name) for name in ("a", "b")]
-    how = in_metres(place)
-    for n, places in enumerate(([place], [*folders, how])):
-        made = import_runs(places, how, tmp_path / f"runs{n}")
-        assert [run.name for run in made] == ["a", "b"]
-    assert import_runs(sorted(place.iterdir()), None, tmp_path / "own")
-    with pytest.raises(ConfigurationError, match="holds no tables"):
-        import_runs([how], how, tmp_path / "none")
-    with pytest.raises(ConfigurationError, match="nowhere: is not there"):
-        import_runs([tmp_path / "nowhere"], how, tmp_path / "none")
 
 
 @pytest.mark.parametrize("fault", [KeyboardInterrupt, ConfigurationError, MemoryError])

@@ -68,6 +68,7 @@ def test_runs_of_the_cell_are_in_order(runs: Path) -> None:
     assert not recordings([RunFolder(runs / "nowhere", "nowhere")])
 
 
+@pytest.mark.slow
 def test_a_fit_refuses_a_stuck_reading_unless_asked(runs: Path, tmp_path: Path) -> None:
     x = column(runs, "x")
     x[120:200] = x[120]

@@ -30,6 +30,7 @@ def made(runs: Path) -> Plan:
         return plan([runs], STRIP, runs.parent / "rehearsal", 2.5, 2, 1)
 
 
+@pytest.mark.slow
 def test_every_effect_is_hidden_in_its_size_or_said_to_be_beyond_these_runs(made: Plan) -> None:
     effects = [copy.effect for copy in made.copies]
     assert effects.count("nothing") == 2

@@ -8,7 +8,7 @@ import pytest
 from cell.orchestrator.hanging import RESTING_WAY as AT_REST
 from cell.orchestrator.hanging import hang_still
 from cell.orchestrator.recorder import Record
-from cell.orchestrator.snapshot import Hold, MoveTo, Snapshot
+from cell.orchestrator.snapshot import MoveTo, Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
 from cell.perception.measurement import StripMeasurement
@@ -86,11 +86,3 @@ def test_a_strip_that_never_rests_is_waited_for_no_longer_than_allowed() -> None
     assert facts["still"] is False
     assert facts["moved"] > AT_REST
     assert time == pytest.approx(BRAKES + 1.5, abs=0.06)
-
-
-def test_the_gripper_comes_to_rest_upright_before_the_strip_is_waited_for() -> None:
-    _, _, commands = paused(swing=0.0, decay=1.0)
-    moves = [command for command in commands if isinstance(command, MoveTo)]
-    assert {move.pose for move in moves} == {Pose(0.5, 0.1, np.pi / 2)}
-    assert isinstance(commands[0], Hold)
-    assert isinstance(commands[-1], Hold)

@@ -43,9 +43,6 @@ def test_loop_that_is_not_visible_is_none(hidden: dict[str, object]) -> None:
     assert Loop.seen_in(replace(SEEN, **hidden)) is None
 
 
-STRIPS = Path(__file__).parents[3] / "configs" / "strips"
-
-
 def ending(laid: LaidFold | None) -> tuple[str, str, int]:
     settings = find_configs(None).cell().controller
     context = FoldContext(settings, *[SimpleNamespace()] * 4)

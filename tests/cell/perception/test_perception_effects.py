@@ -69,6 +69,7 @@ def _off(profile: Array, curve: Array) -> float:
     return float(distances(profile, curve).mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "values"), SEEN)
 def test_accepted_effect_of_the_camera_is_taken_out_of_what_images_say(
     name: str, values: Values

@@ -108,15 +108,6 @@ def test_edge_that_slid_on_the_desk_takes_neither_contact_nor_profile_away(slid:
     assert abs(sight.profile[0, 0] - sight.contact_x) < 0.004
 
 
-def test_flat_strip_touches_the_desk_up_to_its_edge_and_shows_no_profile() -> None:
-    perception, camera, fold = _ready()
-    sight = perception.look(camera.frame(fold, 0), fold.pose(0.0))
-    assert sight.contact_x == pytest.approx(fold.strip.length, abs=0.003)
-    assert len(sight.profile) == 0
-    assert np.isnan(sight.gap)
-    assert sight.confidence > 0.9
-
-
 @pytest.mark.parametrize("level", [0, 90, 255])
 def test_blank_image_is_no_sight_and_no_exception(level: int) -> None:
     perception, camera, fold = _ready()

@@ -146,9 +146,3 @@ def test_second_training_in_the_same_folder_is_refused(monkeypatch, capsys, tmp_
         os.close(place)
     assert "another training" in said
     assert list(tmp_path.iterdir()) == []
-
-
-def test_cluster_without_the_extra_says_what_to_install(monkeypatch, capsys, tmp_path) -> None:
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    said = refused(monkeypatch, capsys, "--out", tmp_path, "--cluster", "tcp://127.0.0.1:1")
-    assert "-m pip install 'distributed" in said

@@ -150,9 +150,7 @@ class Machine:
     busybox: str
     kernel: KernelFiles
 
-    def run(
-        self, folder: Path, command: Sequence[str], *, seconds: float, processor: str = "Nehalem"
-    ) -> Iterator[str]:
+    def run(self, folder: Path, command: Sequence[str], *, seconds: float) -> Iterator[str]:
         """Boot, and give each line that `command` writes; raises OSError when there is no boot.
 
         The boot files are made in `folder`. The command may write to /run alone. After `seconds`
@@ -167,7 +165,7 @@ class Machine:
         )
         asked = [
             self.emulator,
-            *_hardware(processor, folder / "console"),
+            *_hardware(folder / "console"),
             "-kernel",
             image,
             "-initrd",
@@ -215,10 +213,10 @@ def find_machine() -> Machine | str:
     return Machine(emulator, busybox, kernel)
 
 
-def _hardware(processor: str, console: Path) -> list[str]:
+def _hardware(console: Path) -> list[str]:
     share = "local,id=host,path=/,security_model=none,readonly=on,multidevs=remap"
     return [
-        *("-machine", "pc,accel=tcg", "-cpu", processor, "-m", "1536"),
+        *("-machine", "pc,accel=tcg", "-cpu", "Nehalem", "-m", "1536"),
         *("-icount", "shift=0,sleep=off"),
         *("-nodefaults", "-no-reboot", "-nographic", "-serial", f"file:{console}"),
         *("-serial", "stdio"),
@@ -238,9 +236,7 @@ def _script(command: Sequence[str], modules: int) -> str:
     )
 
 
-def beside_vivid(
-    folder: Path, module: str, *, seconds: float, processor: str = "Nehalem"
-) -> Iterator[str]:
+def beside_vivid(folder: Path, module: str, *, seconds: float) -> Iterator[str]:
     """Lines that `module` writes; the test is skipped, or fails, where vivid cannot be had.
 
     The host's own vivid is used where it is loaded and may be unbound; `folder` is for the boot.
@@ -257,4 +253,4 @@ def beside_vivid(
         if os.environ.get(REQUIRED) == "1":
             pytest.fail(machine)
         pytest.skip(machine)
-    yield from machine.run(folder, command, seconds=seconds, processor=processor)
+    yield from machine.run(folder, command, seconds=seconds)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drivers.fci_server.dynamics import Dynamics, LaggingArm
+from drivers.fci_server.dynamics import Dynamics
 from drivers.fci_server.posture import Course, Posture
 from drivers.franka.kinematics import FLANGE_TO_TIP, HOME
 from drivers.franka.model import HAND_CENTRE, HAND_MASS, ArmPlant, holding_torques
@@ -36,15 +36,3 @@ def test_a_payload_weighs_and_resists_like_a_heavier_hand():
         for p in (ArmPlant(), ArmPlant(payload=payload))
     )
     assert with_load[1] > own[1] > 0.1
-
-
-def test_links_stand_behind_their_motors_by_compliance_times_torque():
-    dynamics = Dynamics(ArmPlant(compliance=(1e-4,) * 7))
-    trailing = LaggingArm.of(at(), FLANGE_TO_TIP, 0.0, 0.0, dynamics.sag)
-    sag = 1e-4 * Dynamics(ArmPlant()).torque(at())
-    assert trailing.posture.q == pytest.approx(Q - sag, abs=1e-12)
-    assert np.abs(sag).max() > 5e-4
-    for k in range(200):
-        trailing.tick(Q + 0.1 * (1 - np.cos(0.01 * k)))
-    assert np.isfinite(trailing.posture.q).all()
-    assert np.abs(trailing.posture.joints.acceleration).max() < 100.0

@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import drivers
 
 SCRIPT = """
@@ -29,6 +31,7 @@ def _largest_and_hits(sources: Path, cache: Path) -> tuple[str, ...]:
     return tuple(told.stdout.split())
 
 
+@pytest.mark.slow
 def test_second_checkout_compiles_nothing_and_changed_sources_anew(tmp_path: Path) -> None:
     first, second = _copy_of_sources(tmp_path / "first"), _copy_of_sources(tmp_path / "second")
     cache = tmp_path / "cache"

@@ -31,22 +31,6 @@ def test_strip_at_rest_does_not_move_at_all() -> None:
     np.testing.assert_allclose(before[0, :, 0], rod.arc()[0], atol=1e-15)
 
 
-def test_grasped_edge_stands_exactly_on_the_commanded_pose() -> None:
-    rod = Rod(60)
-    rod.reset([paper_model(0.05), paper_model(0.2)])
-    for pose in steady(PATH, DT)[:400:40]:
-        rod.step(np.tile(pose, (2, 1)), DT)
-        np.testing.assert_array_equal(rod.shapes()[:, -1], np.tile(pose[:2], (2, 1)))
-
-
-def test_segments_keep_their_length() -> None:
-    rod = Rod(100)
-    rod.reset([paper_model(0.1)])
-    rod.advance(for_all(steady(PATH, DT)[:900], 1), DT)
-    lengths = np.linalg.norm(np.diff(rod.shapes()[0], axis=0), axis=1)
-    np.testing.assert_allclose(lengths, np.diff(rod.arc()[0]), rtol=2e-5)
-
-
 def test_strip_moves_bit_for_bit_alike_alone_and_among_others() -> None:
     models = paper_grid()
     poses = steady(PATH, DT)
@@ -66,18 +50,6 @@ def test_start_in_which_the_layers_touch_is_refused() -> None:
     rod = Rod(40)
     with pytest.raises(Unsupported, match="strip 0 at which its layers touch"):
         rod.reset([paper_model(0.02)], np.array([[0.3, 0.10, np.pi / 2]]))
-
-
-def test_rougher_tolerance_moves_a_fold_by_less_than_a_micrometre_once_lifted() -> None:
-    poses = steady(PATH, DT)
-    shapes = []
-    for tolerance in (1e-4, 1e-3):
-        rod = Rod(60, tolerance=tolerance)
-        rod.reset([paper_model(0.1), paper_model(0.05)])
-        shapes.append(rod.follow(for_all(poses, 2), DT, every=20).shapes)
-    off = np.abs(shapes[1] - shapes[0])
-    assert np.nanmax(off) > 0.0
-    assert np.nanmedian(off.max(axis=(2, 3))) < 1e-6
 
 
 def test_gripper_that_jerks_wildly_finds_shapes_or_says_so() -> None:

@@ -15,12 +15,10 @@ from drivers.strip.rod.static import settle
 from drivers.types import Array
 from policies.path import Path, circular, triangular
 from tests.support.rod_cases import (
-    STIFFNESS,
     for_all,
     overhang,
     paper_grid,
     paper_model,
-    soft_start,
     steady,
 )
 
@@ -104,46 +102,6 @@ def test_displacements_are_those_of_the_paper_and_converged(
     assert error.max() < 0.0008
 
 
-def _taut_lift(segments: int) -> Array:
-    """contact_x (k, n) on the first third of the circle, from 1.3 s on."""
-    angle = np.linspace(0.0, np.pi, 20001)
-    circle = Path.through(0.3 * np.stack([1 + np.cos(angle), np.sin(angle)], axis=-1))
-    models = [paper_model(k, b) for k in STIFFNESS[::2] for b in (1.0, 50.0)]
-    rod = Rod(segments)
-    rod.reset(models)
-    seen = rod.follow(for_all(soft_start(circle, 0.005, 3.2), len(models)), 0.005)
-    return seen.contact_x[260:]
-
-
-def test_contact_on_a_taut_lift_converges_in_second_order() -> None:
-    exact = _taut_lift(400)
-    error = {n: float(np.sqrt(np.mean((_taut_lift(n) - exact) ** 2))) for n in (40, 80, 160)}
-    assert error[160] < 0.0003
-    assert error[80] < 0.35 * error[40]
-    assert error[160] < 0.35 * error[80]
-
-
-def _after_a_shake(order: int, dt: float) -> Array:
-    """(displacement [m], touch [s]) of two strips shaken at z = 0.14 m, 10 mm at 2 Hz."""
-    t = np.arange(1, round(8.5 / dt) + 1) * dt
-    shake = 0.01 * np.sin(4 * np.pi * (t - 2.0)) * ((t > 2.0) & (t < 3.0))
-    path = triangular(0.6)
-    travel = 0.1 * np.minimum(t, 2.0) + 0.1 * np.clip(t - 3.0, 0.0, None) + shake
-    rod = Rod(60, order)
-    strips = [StripFile.model_validate(_fabric(c, 0.6, 0.015)) for c in (0.0184, 0.0333)]
-    rod.reset([describe(strip) for strip in strips])
-    rod.advance(for_all(path.poses(np.minimum(travel, path.length)), 2), dt)
-    return np.array([(touch.displacement, touch.time) for touch in rod.touch if touch])
-
-
-def test_touch_after_a_shake_converges_in_second_order_in_time() -> None:
-    exact = _after_a_shake(2, 0.0005)
-    coarse, fine = (np.abs(_after_a_shake(2, dt) - exact).max(axis=0) for dt in (0.008, 0.004))
-    assert (fine < 0.4 * coarse).all()
-    assert fine[0] < 0.0001
-    assert fine[1] < 0.002
-
-
 def _swing(order: int, dt: float) -> tuple[Array, Array]:
     """Energy [J] (k,) of a hanging strip pushed for 0.4 s, and what viscosity took, from 0.5 s."""
     model, segments = describe(_fabric(0.0233, 0.6, 0.004)), 60
@@ -178,12 +136,3 @@ def test_free_swing_loses_the_energy_that_viscosity_dissipates() -> None:
     energy, taken = _swing(2, 0.0005)
     assert energy[0] - energy[-1] == pytest.approx(taken[-1], rel=0.06)
     assert np.diff(energy).max() < 0.01 * (energy[0] - energy[-1])
-
-
-def test_second_order_steps_do_not_damp_like_fabric() -> None:
-    lost = {}
-    for name, order, dt in (("exact", 2, 0.0005), ("bdf2", 2, 0.005), ("euler", 1, 0.005)):
-        energy, _ = _swing(order, dt)
-        lost[name] = energy[0] - energy[-1]
-    assert lost["bdf2"] == pytest.approx(lost["exact"], rel=0.08)
-    assert lost["euler"] > 1.2 * lost["exact"]

@@ -13,33 +13,11 @@ from drivers.twin.chain.engine import Chain
 from drivers.twin.settings import WrenchSettings
 from drivers.types import Array
 from policies.experiments.standard import STANDARD
-from policies.path import lift_pitch
 from tests.drivers.twin.test_twin_arm import DENIM, twin_with
 from tests.support.twin_moves import grasp, lift, wait
 
 ENGINES = {"rod": Rod(120), "chain": Chain(80)}
-SOFT = DENIM.model_copy(update={"bending_length": 0.006, "retardation_time": 0.1})
 HEIGHT, STILL = 0.25, 2.0  # m of the gripper, s at rest there
-
-
-def raised(engine: Rod | Chain) -> StripMotion:
-    """A soft strip that hangs from a gripper which came up and in, and stands still."""
-    t = np.arange(0.0, 4.0 + STILL, 0.01)
-    share = np.clip(t / 4.0, 0.0, 1.0)
-    travel = 0.5 - 0.5 * np.cos(np.pi * share)
-    x, z = DENIM.length - (HEIGHT - 0.02) * travel, HEIGHT * np.sqrt(travel * (2.0 - travel))
-    way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(z)))])
-    poses = np.stack([x, z, lift_pitch(way)], axis=1)
-    return simulate(engine, describe(SOFT), t, poses)
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-def test_a_strip_at_rest_weighs_on_the_gripper_what_hangs_from_it(engine: str) -> None:
-    motion = raised(ENGINES[engine])
-    hanging = SOFT.length - motion.contact_x[-1]
-    x, z = motion.grip_force[-1]
-    assert z == pytest.approx(-SOFT.weight * hanging / SOFT.length, rel=0.05)
-    assert x == pytest.approx(motion.holding_force[-1], abs=0.005 * SOFT.weight)
 
 
 def test_both_engines_feel_the_same_force_in_a_fold() -> None:

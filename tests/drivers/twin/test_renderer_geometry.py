@@ -1,19 +1,15 @@
 """What the twin's camera draws stands where its optics say, to fractions of a pixel."""
 
 from dataclasses import replace
-from math import radians
 
 import cv2
 import numpy as np
 import pytest
 
-from drivers.errors import ConfigurationError
-from drivers.settings import parse
 from drivers.twin.board import Placement, board_frame, board_pose
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
-from drivers.twin.renderer.ribbon import smooth, through_nodes
 from drivers.twin.settings import CameraSettings
 from tests.support.rendered_cell import empty, midline, scene
 
@@ -89,20 +85,6 @@ def test_motion_blur_leaves_the_near_edge_centred_on_the_middle_of_the_exposure(
     assert frames[1][v, u].mean() < 0.75 * frames[0][v, u].mean()
 
 
-def test_chain_nodes_are_rounded_without_a_bias_of_desk_contact() -> None:
-    fine, arc = midline("lifted", nodes=2401)
-    links, coarse = fine[::40], arc[::40]
-    s = np.linspace(0, 0.6, 6001)
-    crossings = []
-    for height in np.linspace(0.0005, 0.03, 60):
-        round_, _ = through_nodes(smooth(links, coarse), coarse, s)
-        drawn = np.interp(height, round_[3500:, 1], round_[3500:, 0])
-        crossings.append(drawn - np.interp(height, links[35:, 1], links[35:, 0]))
-    hermite, _ = through_nodes(links, coarse, s)
-    assert abs(np.mean(crossings)) < 1e-4
-    assert np.abs(hermite - fine[np.searchsorted(arc, s).clip(0, 2400)]).max() < 5e-4
-
-
 @pytest.mark.parametrize("place", [(0.05, 0.02), (0.31, 0.30), (0.6, 0.02), (0.62, 0.25)])
 def test_pointer_disc_is_centred_on_the_gripper_point(place: tuple[float, float]) -> None:
     renderer = Renderer(CameraSettings(noise=0.0), StripLook(RED, 0.001, 0.05), seed=0)
@@ -114,18 +96,6 @@ def test_pointer_disc_is_centred_on_the_gripper_point(place: tuple[float, float]
     dv, du = np.mgrid[0:29, 0:29]
     centre = np.array([(share * du).sum(), (share * dv).sum()]) / share.sum() + (left, top)
     assert np.hypot(*(centre - (u, v))) < 0.05
-
-
-def test_rays_undo_the_lens_all_over_the_image() -> None:
-    u, v = np.meshgrid(np.linspace(0, 1279, 17), np.linspace(0, 719, 9))
-    rays = OPTICS.rays(u.astype(np.float32), v.astype(np.float32))
-    points = OPTICS.centre + 2.0 * np.stack(rays, axis=-1)
-    assert np.abs(OPTICS.project(points) - np.stack([u, v], axis=-1)).max() < 2e-3
-
-
-def test_camera_above_five_degrees_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="elevation"):
-        parse({"elevation": radians(5.5)}, CameraSettings, "cell.yaml: camera")
 
 
 def board() -> cv2.aruco.CharucoBoard:

@@ -14,7 +14,6 @@ from tests.support.twin_moves import drive, grasp, lift, move, wait
 
 DENIM = load_strip(Path(__file__).parents[3] / "configs" / "strips" / "denim.yaml")
 L = DENIM.length
-EDGE = Pose(L, 0.0, 0.0)
 
 
 def twin_with(

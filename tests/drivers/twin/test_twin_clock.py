@@ -104,7 +104,3 @@ def test_world_slower_than_the_wall_falls_behind(wall: Wall) -> None:
     clock = RealTimeClock(twin)
     clock.wait_until(1.0)
     assert clock.now() - twin.now() > 2.0
-
-
-def cost(wall: Wall, seconds: float) -> None:
-    wall.seconds += seconds

@@ -11,8 +11,7 @@ from drivers.strip.engine import StripMotion, simulate
 from drivers.strip.model import Effects, StripModel
 from drivers.twin.chain.engine import Chain
 from drivers.twin.chain.forces import DahlFriction
-from drivers.twin.scene import Scene
-from drivers.types import Array, Pose
+from drivers.types import Array
 from policies.path import triangular
 from tests.lab.exam.causes import cause_of, causes
 from tests.lab.exam.causes.cause import Cause
@@ -71,6 +70,7 @@ def test_causes_at_null_leave_the_chain_bit_for_bit(effects: Effects) -> None:
     assert np.array_equal(found.shapes, expected.shapes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ALIKE)
 def test_cause_changes_a_fold_like_the_effect_that_it_resembles(
     name: str, bare: StripMotion
@@ -101,18 +101,7 @@ def test_friction_of_dahl_dissipates_over_a_cycle_and_stays_below_its_limit() ->
     assert moments[1] == pytest.approx(stiffness[0] * angles[1], rel=0.1)  # stuck at first
 
 
-class Still:
-    """A world that is grasped at 2 s and tells when it was looked at."""
-
-    def __init__(self) -> None:
-        self.asked: list[float] = []
-
-    def scene(self, stamp: float) -> Scene:
-        self.asked.append(stamp)
-        points = np.zeros((2, 2))
-        return Scene(stamp, points, np.zeros(2), Pose(0, 0, 0), 0.01, holds_strip=stamp >= 2.0)
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", sorted({n for n, cause in causes().items() if cause.sizes} - {"lens", "clock_drift"})
 )

@@ -83,6 +83,7 @@ def test_the_package_states_its_source_and_more_for_a_longer_lead() -> None:
     assert 0.0 < stated[0] < stated[2] < 1.0
 
 
+@pytest.mark.slow
 def test_the_package_holds_the_calibration_of_its_source() -> None:
     names_of = re.findall(r"[a-z]+-\d+\.jsonl", calibration().source)
     outcomes = verdicts_in([LEDGERS / name for name in names_of])

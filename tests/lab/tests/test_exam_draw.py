@@ -18,6 +18,7 @@ def ruler() -> Ruler:
     return Ruler.standard(denim(), MOTIONS, Sigma.model_validate(BY.sigma()))
 
 
+@pytest.mark.slow
 def test_effects_that_cancel_each_leave_next_to_nothing(ruler: Ruler) -> None:
     twins = {"camera_latency": {"time": 0.03}, "control_delay": {"time": 0.03}}
     assert ruler.excess([{k: v} for k, v in twins.items()]).min() > 1.0
@@ -34,6 +35,7 @@ def test_different_effects_keep_their_gaps(ruler: Ruler) -> None:
     assert (each <= 1.1 * ruler.excess([{k: v} for k, v in both.items()])).all()
 
 
+@pytest.mark.slow
 def test_a_slip_is_as_strong_as_asked_or_is_not_drawn(ruler: Ruler) -> None:
     effect = registry()["grip_slip"]
     strengths = draw_strengths(effect, denim(), np.random.default_rng(0))

@@ -8,16 +8,11 @@ import pytest
 from cell.record.files import TICKS
 from drivers.strip.describe import describe
 from tests.lab.exam import from_state, through_images
-from tests.lab.exam.from_state import LEVELS, RunScatter, paths_by_hand
+from tests.lab.exam.from_state import LEVELS, RunScatter
 from tests.support.exam_cases import case
 from tests.support.gap_strip_cases import denim
 
 LENGTH, MANY = 0.6, 40
-
-
-@pytest.fixture(scope="module")
-def paths():
-    return paths_by_hand(LENGTH, 3, MANY)
 
 
 def test_a_sealed_run_by_hand_states_its_number_and_no_seed() -> None:
@@ -37,6 +32,7 @@ def test_runs_differ_by_as_much_as_their_level_says(level) -> None:
     assert np.std([d.stiffness for d in drawn]) == pytest.approx(of.stiffness, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_chain_from_the_state_follows_the_law_of_its_cause(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -140,6 +140,7 @@ def tilted(tmp_path_factory: pytest.TempPathFactory) -> Sequence[RunFolder]:
     return find_runs([folder])
 
 
+@pytest.mark.slow
 def test_knowing_the_truth_closes_the_gap(tilted: Sequence[RunFolder]) -> None:
     equal = case("a", "single", {"desk_tilt": {"angle": 0.02}})
     similar = case("b", "single", {}, causes={"slope": {"rise": 1.0}}, answer=("desk_tilt",))

@@ -8,8 +8,7 @@ import pytest
 
 from cell.campaign.journal import Record
 from cell.campaign.run import Part
-from drivers.errors import Fault
-from tests.lab.exam.case import Case, Kind
+from tests.lab.exam.case import Kind
 from tests.lab.exam.cases import Sources
 from tests.lab.exam.diagnosis import FILES, NoVerdict, diagnose, stage
 from tests.lab.exam.ledger import Entry, Ledger
@@ -79,10 +78,6 @@ class Seen(Quiet):
 
     def finish(self, part: Part, record: Record) -> None:
         self.lines.append(part.key + summarise(record))
-
-
-def refused(_: Case, __: Path) -> None:
-    raise Fault("preflight_refused", "the desk is too high")
 
 
 @pytest.mark.long

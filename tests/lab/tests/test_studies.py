@@ -41,6 +41,7 @@ def test_an_unknown_study_is_refused_with_those_that_exist() -> None:
         study_of("lookz")
 
 
+@pytest.mark.slow
 def test_an_interval_contains_the_truth_at_its_nominal_rate() -> None:
     rng = np.random.default_rng(0)
     inside = 0

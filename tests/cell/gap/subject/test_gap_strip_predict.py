@@ -1,6 +1,5 @@
 """What the model predicts of measured folds: white at the truth, and telling away from it."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,8 +22,6 @@ from tests.support.gap_strip_cases import (
     written,
 )
 
-SLACK = 0.0003  # m, about as much as a gripper leaves
-Effects = Mapping[str, Array]
 NAMES = ("there-and-back", "fast", "early-shake", "taut-lift")
 HIDDEN: dict[str, tuple[float, ...]] = {
     "bending_hysteresis": (8.0, 8.0, 0.5, 0.4),
@@ -32,7 +29,6 @@ HIDDEN: dict[str, tuple[float, ...]] = {
     "camera_latency": (0.02,),
     "desk_tilt": (0.01,),
 }
-SILENT = {"layer_adhesion", "pre_curl"}
 """No fold that ends at the touch, with both ends clamped, can show these."""
 
 

@@ -42,14 +42,6 @@ def drag(_: Any, rate: Any, __: int) -> Any:
     return 1e-4 * np.abs(rate) * rate
 
 
-def magnet(bend: Any, _: Any, __: int) -> Any:
-    return 4e-3 * np.sin(12.0 * bend) * np.exp(-((bend / 0.15) ** 2))
-
-
-def softening(_: Any, rate: Any, index: int) -> Any:
-    return 5e-5 * index * rate
-
-
 def fitted(folder: Path, law: Law | None, seed: int) -> tuple[Verdict, Path, Path]:
     """Verdict, file and runs of swings made under a hidden law."""
     made = make_swings(PENDULUM, LIFTS, SIGMA, np.random.default_rng(seed), law)
@@ -110,6 +102,7 @@ def test_verdict_file_is_the_contract_and_holds_only_numbers(rubbing: Path) -> N
     assert list(verdict["advice"][0]) == ["experiment", "separates", "expected_sigma", "minutes"]
 
 
+@pytest.mark.slow
 def test_same_verdict_whatever_the_number_of_jobs(rubbing: Path, tmp_path: Path) -> None:
     two = fit([rubbing / "runs"], rubbing / "pendulum.yaml", tmp_path / "out", jobs=2)
     one = read_verdict(rubbing / "out" / "verdict.json")
@@ -117,6 +110,7 @@ def test_same_verdict_whatever_the_number_of_jobs(rubbing: Path, tmp_path: Path)
     assert texts[0] == texts[1]
 
 
+@pytest.mark.slow
 def test_interrupted_fit_goes_on_where_it_stopped(
     rubbing: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -58,6 +58,7 @@ def test_triangle_and_circle_miss_by_what_a_fine_chain_misses(triangle: StripMot
     assert displacement(fold(middling(), circular(LENGTH))) == pytest.approx(0.0689, abs=0.0025)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("k", "factor", "triangle", "circle"),
     [(0.02, 1, -0.0291, 0.0587), (0.3, 50, -0.0502, 0.0613)],
@@ -70,6 +71,7 @@ def test_corners_of_the_papers_range_agree_with_a_fine_chain(
     assert displacement(fold(strip, circular(LENGTH))) == pytest.approx(circle, abs=0.0025)
 
 
+@pytest.mark.slow
 def test_displacement_hardly_changes_with_links_or_step(triangle: StripMotion) -> None:
     path = triangular(LENGTH)
     finer = displacement(fold(middling(), path, links=90))

@@ -1,7 +1,5 @@
 """Effects in the chain do what their laws say, alone."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -18,16 +16,7 @@ from policies.path import triangular
 from tests.support.chain_moves import H, carry
 from tests.support.effect_cases import LENGTH, PATHS, affected, bare, denim, way
 
-WEIGHT = 0.4 * 0.05 * LENGTH * 9.81  # N
-STIFF = denim(
-    length=0.3, bending_length=0.15, retardation_time=0.3
-)  # for a strip that stands out freely
 LINKS = 40
-
-
-def afloat(model: StripModel) -> StripModel:
-    """The same strip without weight."""
-    return replace(model, boundary=replace(model.boundary, gravity=(0.0, 0.0)))
 
 
 def folded(model: StripModel, path: str = "triangular", links: int = LINKS) -> StripMotion:

@@ -57,6 +57,7 @@ def test_every_effect_is_null_to_the_bit_and_changes_something_beyond(arm) -> No
         assert np.nanmax(np.abs(moved.mean - plain.mean)) > 1e-9, candidate.name
 
 
+@pytest.mark.slow
 def test_a_law_compiled_into_the_engine_acts_as_the_law_itself(arm) -> None:
     """A steady torque by the compiled hook is what a motor's constant force would be."""
     if arm.opened.mechanism.mode != "forward":

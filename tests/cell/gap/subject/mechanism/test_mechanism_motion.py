@@ -9,23 +9,16 @@ import yaml
 from cell.gap.fit import fit
 from cell.gap.subject.mechanism.effects import effect_of, ordered_values
 from cell.gap.subject.mechanism.importer import write_run
-from cell.gap.subject.mechanism.runs import Recording
 from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Request
-from drivers.types import Array
 from tests.lab.exam import mechanisms as synthetic
 
-T = np.arange(0.0, 6.0, 0.004)
 CUTOFF, WIDTH = 60.0, 0.06
 HIDDEN = (
     "nothing", "dry_friction", "quadratic_damping", "cable_spring", "armature", "payload",
     "torque_constant", "torque_bias", "encoder_bias", "control_delay", "joint_elasticity",
 )  # fmt: skip
-
-
-def recording(**columns: Array) -> Recording:
-    return Recording("00", "a", 0, T, columns)
 
 
 @pytest.mark.parametrize("hidden", HIDDEN)
