@@ -6,7 +6,11 @@ from typing import Protocol, runtime_checkable
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A value with the interval that contains the true one in 68 % of the folds."""
+    """A parameter of the rods that a policy steers by, with the interval that holds 68 % of them.
+
+    Rods take up what they lack, so that it is none of the strip's own parameter: on the twin that
+    of the bending length holds it in a third of the folds (the laboratory's study `unknown`).
+    """
 
     value: float
     low: float
@@ -36,8 +40,8 @@ class FoldPrediction:
     def sentence(self) -> str:
         """The prediction as text for the operator."""
         return (
-            f"predicted {1e3 * self.displacement:+.1f} mm, sigma {1e3 * self.sigma:.1f} mm; "
-            f"bending length {self.bending_length.text(1e3, 1)} mm, retardation time "
+            f"predicted {1e3 * self.displacement:+.1f} mm, sigma {1e3 * self.sigma:.1f} mm, "
+            f"by rods with bending length {self.bending_length.text(1e3, 1)} mm, retardation time "
             f"{self.retardation_time.text(1e3, 0)} ms, yarn friction "
             f"{self.yield_curvature.text(1.0, 0)} 1/m"
         )

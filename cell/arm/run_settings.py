@@ -22,11 +22,7 @@ def confirm(settings: CellFile, ask: Callable[[str], str]) -> None:
     Raises PreflightRefused where it was not typed.
     """
     question = f"A real robot will move. Type the cell's name ({settings.name}) to go on: "
-    try:
-        typed = ask(question).strip()
-    except EOFError:
-        typed = ""
-    if typed != settings.name:
+    if ask(question).strip() != settings.name:
         raise PreflightRefused(
             f"the cell's name was not typed; nothing has moved; type {settings.name!r} when asked"
         )

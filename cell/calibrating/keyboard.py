@@ -10,13 +10,15 @@ from contextlib import contextmanager
 from typing import TextIO
 
 from cell.devices.devices import CalibrationAids, Devices
-from cell.orchestrator.operator import Answer, Ask, Operator, Question, Unattended
+from cell.orchestrator.operator import Answer, Ask, Interrupted, Operator, Question, Unattended
 
 CTRL_D = "\x04"  # Ctrl-D, which a terminal that sends single keys passes on as a character
 ENTER = "\n"
 KEY_HELP = "Enter go on | s leave out | r the last one again | a go on alone"
 POLL_INTERVAL = 0.1  # s between looks at Ctrl-C
-ANSWERS = {ENTER: Answer.GO, "s": Answer.SKIP, "r": Answer.AGAIN}
+ALONE = "a"
+ANSWERS = {ENTER: Answer.GO, ALONE: Answer.GO, "s": Answer.SKIP, "r": Answer.AGAIN}
+POINTER = frozenset({Ask.POINTER_IN, Ask.POINTER_OUT})
 
 
 class Keys:
@@ -78,7 +80,7 @@ class TwinOperator:
     def answer(self, question: Question) -> Answer | None:
         """Ask the person; an answer on the pointer mounts it on the twin, or removes it."""
         answer = self._person.answer(question)
-        if answer is not None and question.ask in {Ask.POINTER_IN, Ask.POINTER_OUT}:
+        if answer is not None and question.ask in POINTER:
             self._aids.hold_pointer(question.ask is Ask.POINTER_IN)
         return answer
 
@@ -86,8 +88,9 @@ class TwinOperator:
 class Keyboard:
     """Operator at a terminal: Enter continues, s skips, r repeats, a continues without questions.
 
+    Questions on the pointer are asked even then: only a person knows that no hand is in the way.
     On the twin, whose time stands still, it `waits` for a key until `interrupted`; on hardware it
-    polls, and the arm stays monitored. At the end of the input it continues without questions.
+    polls, and the arm stays monitored.
     """
 
     def __init__(
@@ -106,8 +109,11 @@ class Keyboard:
         self._alone = False
 
     def answer(self, question: Question) -> Answer | None:
-        """Answer to `question`; None until a key was typed, or when interrupted."""
-        if self._alone:
+        """Answer to `question`; None until a key was typed, or when interrupted.
+
+        Raises Interrupted at the end of the input.
+        """
+        if self._alone and question.ask not in POINTER:
             return Answer.GO
         if question != self._asked:
             self._asked = question
@@ -116,12 +122,10 @@ class Keyboard:
             key = self._keys.read(POLL_INTERVAL if self._waits else 0.0)
             if key is None and not self._waits:
                 return None
-            if key in {CTRL_D, "a"}:
-                self._alone = True
-                self._prompt("")
-                return Answer.GO
+            if key == CTRL_D:
+                raise Interrupted("the input has ended: nobody answers at the cell")
             if key in ANSWERS:
-                self._asked = None
+                self._asked, self._alone = None, self._alone or key == ALONE
                 self._prompt("")
                 return ANSWERS[key]
             if key is not None:

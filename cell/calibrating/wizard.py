@@ -49,8 +49,7 @@ from calibration.wizard.verdict import Line
 from cell.config.cell import CellFile
 from cell.devices.devices import Devices
 from cell.orchestrator.context import CalibrationContext
-from cell.orchestrator.interrupt import Interrupted
-from cell.orchestrator.operator import Answer, Ask, Operator, Question
+from cell.orchestrator.operator import Answer, Ask, Interrupted, Operator, Question
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.run import Run
 from drivers.errors import ConfigurationError, Fault

@@ -22,8 +22,7 @@ from calibration.wizard.session import ROWS_FILE, read_rows
 from calibration.wizard.verdict import Level, Line
 from cell.calibrating.keyboard import operator_of, single_keys
 from cell.devices.devices import Devices
-from cell.orchestrator.interrupt import Interrupt, Interrupted
-from cell.orchestrator.operator import Operator
+from cell.orchestrator.operator import Interrupt, Interrupted, Operator
 from cell.report.words import plural
 from drivers.types import Array
 

@@ -65,7 +65,7 @@ def twin(
         return
     from calibration.calibration import save_calibration
     from cell.calibrating.calibrate import calibrate_anew
-    from cell.orchestrator.interrupt import Interrupt
+    from cell.orchestrator.operator import Interrupt
 
     with Interrupt() as interrupted:
         made, path = calibrate_anew(_settings(configs), interrupted)

@@ -260,7 +260,7 @@ def _rehearse(request: "Request", *, as_json: bool) -> int:
     from cell.devices.open import emulation
     from cell.folding.batch import agreed
     from cell.folding.rehearsal import rehearse
-    from cell.orchestrator.interrupt import Interrupt
+    from cell.orchestrator.operator import Interrupt
 
     (request,) = agreed([request], ask)
     with Interrupt() as interrupted:

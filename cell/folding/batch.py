@@ -16,7 +16,7 @@ from cell.doctor.machine import versions
 from cell.folding.fold import fold, write_pages
 from cell.folding.request import Request, with_correction
 from cell.folding.result import FoldResult
-from cell.orchestrator.interrupt import Interrupt, Interrupted
+from cell.orchestrator.operator import Interrupt, Interrupted
 from cell.orchestrator.run import Observer
 from drivers.child import ChildDied
 from drivers.errors import CellError, Fault, PreflightRefused, Unexpected

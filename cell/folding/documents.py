@@ -101,7 +101,10 @@ def learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> Stri
         effects["bending_hysteresis"] = {"yield_curvature": round(friction.value, 1)}
         notes["effects.bending_hysteresis.yield_curvature"] = friction.text(1.0, 0) + " 1/m"
     kept = [entry for entry in strip.provenance if entry.key not in notes]
-    new = [Provenance(key=key, source=source, note=f"68 %: {text}") for key, text in notes.items()]
+    new = [
+        Provenance(key=key, source=source, note=f"of its rods 68 %: {text}")
+        for key, text in notes.items()
+    ]
     intervals = {"bending_length": (length.low, length.high)}
     intervals |= {"retardation_time": (time.low, time.high)}
     return strip.model_copy(

@@ -7,6 +7,7 @@ import numpy as np
 from calibration.calibration import Calibration
 from cell.config.settings import CellSettings
 from cell.devices.fold_path import largest_speed, whole_path
+from cell.perception.preflight import check_scope
 from drivers.arm.obstacles import require_clear
 from drivers.errors import CellError, Fault, PreflightRefused
 from drivers.installation import Installation, MotionLimits
@@ -22,19 +23,6 @@ SEGMENTS = 60  # of the model that draws the path; millimetres do not matter her
 ARM_REACH = 0.78  # m from its base that a Panda's hand reaches over a desk, pointing down
 PATH_ERROR = 0.005  # m that the path may be drawn wrong by
 APPROACH_POINTS, RETREAT_POINTS = 3, 3  # of the gripper's path, before and after the fold
-WIDTH_RANGE = (0.005, 0.20)  # m, both ends folded through images, seen within 1 mm of the truth
-THICKNESS_RANGE = (0.0, 0.004)  # m
-
-
-def outside_scope(strip: StripFile) -> Iterator[str]:
-    """Reasons why perception is not valid for `strip`, a line each; none where it is."""
-    bounds = (("width", strip.width, WIDTH_RANGE), ("thickness", strip.thickness, THICKNESS_RANGE))
-    for key, value, (low, high) in bounds:
-        if not low <= value <= high:
-            yield (
-                f"{key}: is {1e3 * value:g} mm, images are read of strips of {1e3 * low:g} to "
-                f"{1e3 * high:g} mm; fold another cut of the fabric"
-            )
 
 
 def check_feasible(
@@ -54,7 +42,7 @@ def check_feasible(
     path = gripper_path(settings, strip, policy)
     carry = path[APPROACH_POINTS - 1 : -RETREAT_POINTS]  # from the grasp on
     problems = [
-        *outside_scope(strip),
+        *(check.sentence() for check in check_scope(strip) if not check.passed),
         *_height_problems(settings, strip, policy),
         *path_problems(path, carry, settings, limits),
         *_reach_problems(path, settings.installation),

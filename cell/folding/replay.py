@@ -21,7 +21,7 @@ from cell.record.run import Run, read_run
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
 from drivers.strip.file import StripFile
-from drivers.types import Array, Frame, Pose
+from drivers.types import Array, Frame
 from policies.policy import Observation
 from policies.profile import seen_profile
 from policies.registry import make_policy
@@ -111,7 +111,7 @@ def _repeat_perception(
         _check_size(run, frame, calibration)
         row = recorded.get(frame.sequence)
         if row is not None:
-            measurement = perception.look(frame, _gripper(run, float(sights.stamp[row])))
+            measurement = perception.look(frame, run.ticks.pose_at(float(sights.stamp[row])))
             differences.extend(_differences(measurement, sights, row))
             images += 1
     return images, differences
@@ -161,7 +161,7 @@ def _observe(
 ) -> Observation:
     """Observation for the policy: the recorded measurement in `row`, the gripper as measured."""
     stamp = float(sights.stamp[row])
-    gripper = _gripper(run, stamp)
+    gripper = run.ticks.pose_at(stamp)
     return Observation(
         time=np.array([then.time]),
         x=np.array([then.x]),
@@ -182,12 +182,6 @@ def _checkpoint(run: Run) -> Path | None:
     if run.header.checkpoint is None:
         return None
     return run.folder / CHECKPOINT
-
-
-def _gripper(run: Run, stamp: float) -> Pose:
-    ticks = run.ticks
-    columns = (ticks.x, ticks.z, ticks.pitch)
-    return Pose(*(float(np.interp(stamp, ticks.t, column)) for column in columns))
 
 
 def _header_entry(run: Run, key: str, model: type[Any]) -> Any:

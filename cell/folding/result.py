@@ -10,6 +10,7 @@ from cell.config.unknown import UNKNOWN_NAME as UNKNOWN
 from cell.folding.documents import LEARNED
 from cell.folding.request import Request
 from cell.orchestrator.outcome import Outcome, StopReason
+from cell.record.header import LAID
 from drivers.errors import CellError
 
 LINE_COLUMNS = ["run", "strip", "policy", "seed", "outcome", "displacement", "displacement_true"]
@@ -117,14 +118,15 @@ class FoldResult:
         if self.displacement is None:
             warning = "" if self.warning is None else f"\n  {self.warning}"
             return f"{self.strip}: {self.outcome}: {self.reason}{warning}"
-        folded = "folded" if self.exit_code == 0 else f"not folded ({self.outcome})"
+        folded = "folded" if self.exit_code == 0 or self.outcome in LAID else "not folded"
+        folded += "" if self.exit_code == 0 else f" ({self.outcome})"
         text = f"{self.strip}: {folded}, displacement {1e3 * self.displacement:+.1f} mm"
-        if self.displacement_true is not None:
-            text += f" (true {1e3 * self.displacement_true:+.1f} mm)"
+        text += _true_words(self.displacement_true)
         if self.edge_offset is not None:
             text += f"; laid down, the edges lie {1e3 * self.edge_offset:+.1f} mm apart"
-        if self.edge_offset_true is not None:
-            text += f" (true {1e3 * self.edge_offset_true:+.1f} mm)"
+        elif self.edge_offset_true is not None:
+            text += "; the edges are not seen"
+        text += _true_words(self.edge_offset_true)
         if self.predicted is not None:
             text += f"\n  {self.predicted}"
             if self.strip == UNKNOWN:
@@ -136,3 +138,7 @@ class FoldResult:
         if self.exit_code != 0 and self.reason not in (self.warning or ""):
             text += f"\n  {self.reason}"
         return text
+
+
+def _true_words(true: float | None) -> str:
+    return "" if true is None else f" (true {1e3 * true:+.1f} mm)"

@@ -54,22 +54,20 @@ class Monitor:
     check: Check
 
 
-def _arm_stale(snapshot: Snapshot, rules: Rules) -> str | None:
-    limits = rules.limits
-    age = snapshot.time - snapshot.arm.stamp
-    if abs(age) <= limits.arm_age:  # a stamp of the future would hide how old all later ones are
+def _stale(what: str, age: float, limit: float, known: str = "") -> str | None:
+    if abs(age) <= limit:  # a stamp of the future would hide how old all later ones are
         return None
-    return f"the arm's state is {1e3 * age:.0f} ms old, allowed {1e3 * limits.arm_age:.0f} ms"
+    return f"{what} is {1e3 * age:.0f} ms old, allowed {1e3 * limit:.0f} ms{known}"
+
+
+def _arm_stale(snapshot: Snapshot, rules: Rules) -> str | None:
+    return _stale("the arm's state", snapshot.time - snapshot.arm.stamp, rules.limits.arm_age)
 
 
 def _hand_stale(snapshot: Snapshot, rules: Rules) -> str | None:
-    age, limit = snapshot.time - snapshot.hand.stamp, rules.limits.hand_age
-    if abs(age) <= limit:
-        return None
-    return (
-        f"the hand's state is {1e3 * age:.0f} ms old, allowed {1e3 * limit:.0f} ms: whether it "
-        "still holds the strip is not known"
-    )
+    known = ": whether it still holds the strip is not known"
+    age = snapshot.time - snapshot.hand.stamp
+    return _stale("the hand's state", age, rules.limits.hand_age, known)
 
 
 def _setpoint_expired(snapshot: Snapshot, _: Rules) -> str | None:
@@ -128,6 +126,16 @@ def _low_confidence(snapshot: Snapshot, rules: Rules) -> str | None:
     return (
         f"confidence in the images is {seen:.2f}, below {limits.confidence:.2f} "
         f"for more than {limits.doubt:.1f} s"
+    )
+
+
+def _too_thick(snapshot: Snapshot, _: Rules) -> str | None:
+    resting = snapshot.view.resting
+    if not resting > 0:
+        return None
+    return (
+        f"the layers rest {1e3 * resting:.1f} mm apart and do not touch: the strip is thicker than "
+        "stated; correct its `thickness`, or look what lies between its layers"
     )
 
 
@@ -196,27 +204,22 @@ def _grip_lost(snapshot: Snapshot, _: Rules) -> str | None:
     return None if snapshot.hand.grasped else "the hand no longer holds the strip"
 
 
+def _lasting(what: str, spent: float, limit: float) -> str | None:
+    return f"{what} lasts {spent:.0f} s, allowed {limit:.0f} s" if spent > limit else None
+
+
 def _state_overtime(snapshot: Snapshot, rules: Rules) -> str | None:
-    limits = rules.limits
     spent = snapshot.time - snapshot.entered
-    if spent <= limits.state_duration:
-        return None
-    return f"{snapshot.state} lasts {spent:.0f} s, allowed {limits.state_duration:.0f} s"
+    return _lasting(snapshot.state, spent, rules.limits.state_duration)
 
 
 def _overtime(snapshot: Snapshot, rules: Rules) -> str | None:
-    limits = rules.limits
-    if snapshot.time <= limits.duration:
-        return None
-    return f"the run lasts {snapshot.time:.0f} s, allowed {limits.duration:.0f} s"
+    return _lasting("the run", snapshot.time, rules.limits.duration)
 
 
 def _calibration_overtime(snapshot: Snapshot, rules: Rules) -> str | None:
-    limits = rules.limits
     spent = snapshot.time - snapshot.entered
-    if spent <= limits.calibration:
-        return None
-    return f"the calibration lasts {spent:.0f} s, allowed {limits.calibration:.0f} s"
+    return _lasting("the calibration", spent, rules.limits.calibration)
 
 
 _WAITING = frozenset({State.CALIBRATE})  # for people
@@ -240,6 +243,7 @@ MONITORS: tuple[Monitor, ...] = (
     Monitor("image_reader_dead", SEEING, _reader_dead),
     Monitor("image_reading_overdue", SEEING, _reading_overdue),
     Monitor("camera_moved", _FOLDING, _camera_moved),
+    Monitor("strip_too_thick", frozenset({State.FOLD}), _too_thick),
     Monitor("low_confidence", _FOLDING, _low_confidence),
     Monitor("state_overtime", _ALIVE - _WAITING, _state_overtime),
     Monitor("overtime", _ALIVE - _WAITING, _overtime),

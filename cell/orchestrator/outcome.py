@@ -3,10 +3,13 @@
 from dataclasses import dataclass, replace
 from typing import Self
 
+from cell.orchestrator.operator import Interrupted
 from cell.perception.agreement import Agreement
 from cell.perception.measurement import SeenTouch
 from drivers.errors import CellError, Fault, PreflightRefused
 from policies.prediction import FoldPrediction
+
+NAMES = {PreflightRefused: "preflight_refused", Interrupted: "interrupted"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,8 +26,7 @@ class StopReason:
         if isinstance(error, Fault):
             return cls(error.name, error.reason, error.exit_code)
         if isinstance(error, CellError):
-            name = "preflight_refused" if isinstance(error, PreflightRefused) else "error"
-            return cls(name, str(error), error.exit_code)
+            return cls(NAMES.get(type(error), "error"), str(error), error.exit_code)
         return cls("internal_error", f"{type(error).__name__}: {error}", Fault.exit_code)
 
 

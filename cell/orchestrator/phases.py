@@ -1,6 +1,6 @@
 """Phases of a fold, one generator for each state."""
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator
 from dataclasses import asdict
 from functools import partial
 from math import sqrt
@@ -33,7 +33,7 @@ from cell.perception.camera_watch import UNWATCHED
 from cell.perception.laid import LaidFold, Loop, edge_offset, laid_length
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.preflight import PreflightCheck, camera_check
-from cell.perception.sight import Reader
+from cell.perception.sight import ImageResult, Reader, Request
 from drivers.errors import Fault, PreflightRefused
 from drivers.types import Frame, Pose, Velocity
 from policies.follower import Follower
@@ -61,7 +61,7 @@ def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     record.event(frame.stamp, "preflight", checks=facts)
     record.describe(preflight=facts)
     if not all(check.passed for check in checks):
-        raise PreflightRefused(_failures(checks))
+        raise PreflightRefused("\n".join(c.sentence() for c in checks if not c.passed))
     for check in checks:
         if check.name == UNWATCHED:
             cell.warning = f"{check.reason}; {check.remedy}"
@@ -73,9 +73,14 @@ def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
 def _inspect(
     sight: Reader, picture: StillPicture
 ) -> "Generator[Command, Snapshot, tuple[PreflightCheck, ...]]":
-    """Check the strip before the grasp, and wait for the checks."""
-    sight.inspect(picture.frame, picture.time)
-    while (checks := sight.checks()) is None:
+    """Check the strip before the grasp, and wait for the checks.
+
+    Raises Fault `image_reader_dead` where the reader has ended.
+    """
+    sight.ask(Request(picture.frame), picture.time)
+    while not isinstance(checks := sight.result(), tuple):
+        if sight.dead:
+            raise Fault("image_reader_dead", sight.dead)
         yield Hold()
     return checks
 
@@ -199,9 +204,9 @@ def _laid_strip(
     """Measure the laid strip in `frame`, its grasped edge released near `edge`."""
     if cell.reader is None:
         return None
-    cell.reader.look(frame, edge, frame.arrival, touches=False)
+    cell.reader.ask(Request(frame, edge), frame.arrival)
     found = cell.reader.result()
-    if found is not None:
+    if isinstance(found, ImageResult):
         return found.measurement
     return (yield from wait_for(lambda now: now.view.read)).view.measurement
 
@@ -292,8 +297,3 @@ def _seen_touch(cell: FoldContext) -> SeenTouch:
     if cell.seen_touch is None:
         raise Fault("illegal_event", "LAY was entered without a touch")
     return cell.seen_touch
-
-
-def _failures(checks: Sequence[PreflightCheck]) -> str:
-    failed = [check for check in checks if not check.passed]
-    return "\n".join(f"{check.name}: {check.reason}; {check.remedy}" for check in failed)

@@ -2,7 +2,7 @@
 
 from bisect import bisect_right
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import nan
 
 import numpy as np
@@ -11,7 +11,7 @@ from cell.config.settings import MonitorLimits
 from cell.orchestrator.states import State
 from cell.perception.camera_watch import FrozenImages
 from cell.perception.measurement import SeenTouch, StripMeasurement
-from cell.perception.sight import Reader
+from cell.perception.sight import ImageResult, Reader, Request
 from drivers.errors import Fault
 from drivers.protocols import Camera
 from drivers.types import ArmState, Frame, Pose
@@ -51,7 +51,8 @@ class View:
     `doubtful_since` when confidence fell below its limit, None while it is good. `reading_since` is
     when the image under way was begun, `dead` why none is read any more. `shift` [m] is how far the
     camera seems moved since the preflight, and `moved` the successive images that say so. Since
-    `stale_since` the newest image is too old to move by; None while it is not.
+    `stale_since` the newest image is too old to move by; None while it is not. `resting` [m] is the
+    distance at which layers rest that do not touch.
     """
 
     frame: Frame | None = None
@@ -66,6 +67,7 @@ class View:
     shift: float = nan
     moved: int = 0
     stale_since: float | None = None
+    resting: float = nan
 
 
 class Vision:
@@ -75,79 +77,62 @@ class Vision:
         """Read from `camera`; `limits` are those of confidence, camera shift and image age."""
         self._camera = camera
         self._limits = limits
-        self._shift, self._moved = nan, 0
         self._frozen = FrozenImages()
-        self._frame: Frame | None = None
-        self._identical = 1
-        self._measurement: StripMeasurement | None = None
-        self._touch: SeenTouch | None = None
-        self._doubtful_since: float | None = None
-        self._stale_since: float | None = None
+        self._view = View()
         self._waiting: Frame | None = None  # the newest one to be read
 
     def look(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> View:
         """Update the view at `now` [s] in `state`; raises Fault where a due image has no reader."""
         fresh = self._take_frame(state, arm)
-        read = self._read(state, now, arm, reader)
-        self._note_age(now)
-        return View(
-            frame=self._frame,
-            fresh=fresh,
-            identical=self._identical,
-            measurement=self._measurement,
-            touch=self._touch,
-            doubtful_since=self._doubtful_since,
-            read=read,
-            reading_since=None if reader is None else reader.since,
-            dead="" if reader is None else reader.dead,
-            shift=self._shift,
-            moved=self._moved,
-            stale_since=self._stale_since,
-        )
+        self._view = replace(self._view, fresh=fresh, read=False)
+        self._read(state, now, arm, reader)
+        if reader is not None:
+            self._view = replace(self._view, reading_since=reader.since, dead=reader.dead)
+        frame, since = self._view.frame, self._view.stale_since
+        stale = frame is not None and now - frame.stamp > self._limits.image_age
+        if stale != (since is not None):
+            self._view = replace(self._view, stale_since=now if stale else None)
+        return self._view
 
     def _take_frame(self, state: State, arm: ArmHistory) -> bool:
         """Take a frame newer than the last one; returns whether one arrived."""
-        after = self._frame.stamp if self._frame is not None else -1.0
+        after = self._view.frame.stamp if self._view.frame is not None else -1.0
         after = after if state in MEASURED_STATES else after + IDLE_IMAGE_PERIOD
         frame = self._camera.read(after, timeout=0.0)
         if frame is None:
             return False
-        self._frame = frame
         self._waiting = frame if state in MEASURED_STATES else None
-        self._identical = self._frozen.count(frame, arm.pose_at(frame.stamp))
+        identical = self._frozen.count(frame, arm.pose_at(frame.stamp))
+        self._view = replace(self._view, frame=frame, identical=identical)
         return True
 
-    def _read(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> bool:
-        """Begin and finish measurements due at this tick; returns whether one has finished.
+    def _read(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> None:
+        """Begin and finish measurements due at this tick.
 
         The newest image is begun where none is under way, also after one that has just finished.
         """
-        read = False
         if self._waiting is not None and reader is None:
             raise Fault("no_perception", "images are to be read before a picture was judged")
         while reader is not None and not reader.dead:
             if self._waiting is not None and reader.since is None:
                 frame, self._waiting = self._waiting.restamp(-reader.latency), None
-                touches = state is not State.LIFT
-                reader.look(frame, arm.pose_at(frame.stamp), now, touches=touches)
+                gripper, touches = arm.pose_at(frame.stamp), state is not State.LIFT
+                reader.ask(Request(frame, gripper, touches), now)
             found = reader.result()
-            if found is None:
-                break
-            read = True
-            self._measurement, self._touch = found.measurement, found.touch
-            self._update_confidence(found.measurement)
-            self._shift = found.shift
-            self._moved = self._moved + 1 if found.shift > self._limits.camera_shift else 0
-        return read
+            if not isinstance(found, ImageResult):
+                return
+            self._add(found)
 
-    def _note_age(self, now: float) -> None:
-        if self._frame is None or now - self._frame.stamp <= self._limits.image_age:
-            self._stale_since = None
-        elif self._stale_since is None:
-            self._stale_since = now
-
-    def _update_confidence(self, measurement: StripMeasurement) -> None:
-        if measurement.confidence >= self._limits.confidence:
-            self._doubtful_since = None
-        elif self._doubtful_since is None:
-            self._doubtful_since = measurement.stamp
+    def _add(self, found: ImageResult) -> None:
+        before, seen = self._view, found.measurement
+        since = seen.stamp if before.doubtful_since is None else before.doubtful_since
+        self._view = replace(
+            before,
+            read=True,
+            measurement=seen,
+            touch=found.touch,
+            resting=found.resting,
+            doubtful_since=None if seen.confidence >= self._limits.confidence else since,
+            shift=found.shift,
+            moved=before.moved + 1 if found.shift > self._limits.camera_shift else 0,
+        )

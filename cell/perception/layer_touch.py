@@ -15,6 +15,7 @@ THINNEST = 0.001  # m, the distance at which layers of a thin strip are seen to 
 FEWEST_FALLS = 6  # measurements of the fall, before which nothing is decided
 RECENT_FALLS = 3  # of them, the last, that must show closed layers
 RISE_SHARE = 0.25  # of the fall between two images, by which a gap is still above that at rest
+RESTING_FALLS = 20  # in a row at one distance, of layers that rest
 UNEVEN = 0.5  # of the strip's length that the layers may differ by, where anyone speaks of a fold
 
 
@@ -60,6 +61,19 @@ class LayerTouch:
                 self._falls = [*self._falls, fall][-self._settings.touch_frames :]
                 self._touch = self._find_touch()
         return self._touch
+
+    def resting(self) -> float:
+        """Distance [m] at which the layers rest, farther apart than the strip is thick; else NaN.
+
+        The strip is thicker than stated then, or something lies between its layers.
+        """
+        falls, margin = self._falls, self._settings.touch_margin
+        recent = [fall.gap for fall in falls[-RESTING_FALLS:]]
+        rests = len(recent) == RESTING_FALLS and max(recent) - min(recent) < margin
+        if self._touch is not None or not rests:
+            return float("nan")
+        distance = float(np.median(recent))
+        return distance if distance > self._distances[1] + margin else float("nan")
 
     def _follows(self, fall: Fall) -> bool:
         """Whether `fall` is later than all before it, and consistent with the strip's length."""

@@ -32,7 +32,8 @@ from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Image, frozen
 
 MOSTLY = 0.5  # share of the background from which what is taken for the strip is the background
-THICKEST = 0.008  # m; from there on the desk before it is looked for within its cut edge
+WIDTH_RANGE = (0.005, 0.20)  # m, both ends folded through images, seen within 1 mm of the truth
+THICKNESS_RANGE = (0.0, 0.004)  # m
 WHITE_LEVEL, BLACK_LEVEL = 252.0, 12.0  # grey levels from which a pixel has no colour
 BURNT = 0.1  # share of pixels that may be so
 SOLID = 0.5  # share of strip that every part of it shows
@@ -52,6 +53,10 @@ class PreflightCheck:
     reason: str
     remedy: str
 
+    def sentence(self) -> str:
+        """The check as text for the operator: what, the finding, what to do."""
+        return f"{self.name}: {self.reason}; {self.remedy}"
+
 
 def _check_size(image: Image, calibration: Calibration) -> PreflightCheck:
     """Check whether the image (h, w, 3) has the calibration's size."""
@@ -65,14 +70,20 @@ def _check_size(image: Image, calibration: Calibration) -> PreflightCheck:
     )
 
 
-def _check_thickness(strip: StripFile) -> PreflightCheck:
-    """Check whether the strip is thin enough for perception."""
-    return PreflightCheck(
-        "thickness",
-        strip.thickness <= THICKEST,
-        f"the strip is {1e3 * strip.thickness:.1f} mm thick, its edge is found in images up to "
-        f"{1e3 * THICKEST:.1f} mm",
-        "fold a thinner strip, or correct `thickness` in its file",
+def check_scope(strip: StripFile) -> tuple[PreflightCheck, ...]:
+    """Check whether images are read of strips as wide and as thick as `strip`."""
+    return tuple(
+        PreflightCheck(
+            key,
+            low <= value <= high,
+            f"is {1e3 * value:g} mm, images are read of strips of {1e3 * low:g} to "
+            f"{1e3 * high:g} mm",
+            f"fold another cut of the fabric, or correct `{key}` in the strip's file",
+        )
+        for key, value, (low, high) in (
+            ("width", strip.width, WIDTH_RANGE),
+            ("thickness", strip.thickness, THICKNESS_RANGE),
+        )
     )
 
 
@@ -162,7 +173,10 @@ def _check_place(seen: Underside, strip: StripFile, *, clear: bool) -> Preflight
 
 
 def _check_rest(
-    seen: Underside, appearance: Appearance, settings: PerceptionSettings, strip: StripFile
+    seen: Underside,
+    appearance: Appearance,
+    settings: PerceptionSettings,
+    strip: StripFile,
 ) -> tuple[PreflightCheck, ...]:
     """Check whether the strip lies flat, in the calibrated plane, with the stated length."""
     x, z = seen.x[seen.present], seen.z[seen.present]
@@ -239,7 +253,7 @@ def inspect(
     image = frame.image
     refused = [
         check
-        for check in (_check_size(image, calibration), _check_thickness(strip))
+        for check in (_check_size(image, calibration), *check_scope(strip))
         if not check.passed
     ]
     if refused:
@@ -263,9 +277,8 @@ def inspect(
     if not lies.passed:
         return Preflight((*distinct, lies), None)
     appearance = Appearance(scene, frozen(resting_line(lying)))
-    return Preflight(
-        (*distinct, lies, *_check_rest(lying, appearance, settings, strip)), appearance
-    )
+    rest = _check_rest(lying, appearance, settings, strip)
+    return Preflight((*distinct, lies, *rest), appearance)
 
 
 def _levels(scene: Segmenter, image: Image) -> Image:

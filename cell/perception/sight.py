@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import nan
 from multiprocessing.connection import Connection
-from typing import Any, Protocol
+from typing import Protocol
 
 import cv2
 import numpy as np
@@ -33,11 +33,18 @@ NICE = -10
 
 @dataclass(frozen=True, slots=True)
 class ImageResult:
-    """Results from one image; `shift` [m] is the camera's apparent motion, NaN where unknown."""
+    """Results from one image; `shift` [m] is the camera's apparent motion, NaN where unknown.
+
+    `resting` [m] is the distance of layers that rest apart, as of `LayerTouch`.
+    """
 
     measurement: StripMeasurement
     touch: SeenTouch | None
     shift: float = nan
+    resting: float = nan
+
+
+Answer = ImageResult | tuple[PreflightCheck, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,10 +84,29 @@ class StripSight:
             raise Fault("no_perception", "images are to be read before a picture was judged")
         measurement = self._perception.look(frame, gripper)
         touch = self._touch.update(measurement, gripper) if touches else None
-        return ImageResult(measurement, touch, self._camera.shift(frame.image, gripper))
+        shift = self._camera.shift(frame.image, gripper)
+        return ImageResult(measurement, touch, shift, self._touch.resting())
 
 
 Maker = Callable[[Subject], StripSight]
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """Request to measure the strip in `frame`, taken at `gripper`; `touches` detects touch too.
+
+    Without a `gripper`, to check the image taken before the grasp.
+    """
+
+    frame: Frame
+    gripper: Pose | None = None
+    touches: bool = False
+
+    def answer(self, sight: StripSight) -> Answer:
+        """Results by `sight`, or the checks before the grasp."""
+        if self.gripper is None:
+            return sight.inspect(self.frame)
+        return sight.look(self.frame, self.gripper, touches=self.touches)
 
 
 class Reader(Protocol):
@@ -97,23 +123,14 @@ class Reader(Protocol):
     def dead(self) -> str:
         """Reason why the reader no longer reads images; empty while it works."""
 
-    def inspect(self, frame: Frame, now: float) -> None:
-        """Begin to check the image taken before the grasp, at `now` [s]."""
-
-    def checks(self) -> tuple[PreflightCheck, ...] | None:
-        """Preflight checks of the image handed over, returned once; None until they are ready.
-
-        Raises Fault `image_reader_dead` where the reader has ended.
-        """
-
-    def look(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:
-        """Begin to measure `frame` at `now` [s], taken at `gripper`; `touches` detects touch too.
+    def ask(self, request: Request, now: float) -> None:
+        """Begin with `request` at `now` [s].
 
         Raises Fault `image_size` for an image of another size than the calibrated ones.
         """
 
-    def result(self) -> ImageResult | None:
-        """Results from the image handed over last, returned once; None until they are ready."""
+    def result(self) -> Answer | None:
+        """Answer to the last request, returned once; None until it is ready."""
 
 
 class InlineReader:
@@ -124,53 +141,16 @@ class InlineReader:
 
     def __init__(self, sight: StripSight, latency: float) -> None:
         self._sight, self.latency = sight, latency
-        self._checks: tuple[PreflightCheck, ...] | None = None
-        self._result: ImageResult | None = None
+        self._result: Answer | None = None
 
-    def inspect(self, frame: Frame, now: float) -> None:  # noqa: ARG002
-        """Check the image taken before the grasp."""
-        self._checks = self._sight.inspect(frame)
+    def ask(self, request: Request, now: float) -> None:  # noqa: ARG002
+        """Carry out `request`."""
+        self._result = request.answer(self._sight)
 
-    def checks(self) -> tuple[PreflightCheck, ...] | None:
-        """Preflight checks of the last image."""
-        return self._checks
-
-    def look(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:  # noqa: ARG002
-        """Measure `frame`, taken at `gripper`; with `touches`, detect layer touch too."""
-        self._result = self._sight.look(frame, gripper, touches=touches)
-
-    def result(self) -> ImageResult | None:
-        """Results from the last image, returned once."""
+    def result(self) -> Answer | None:
+        """Answer to the last request, returned once."""
         result, self._result = self._result, None
         return result
-
-
-@dataclass(frozen=True, slots=True)
-class Ready:
-    """First message of the process: it can be given an image."""
-
-
-@dataclass(frozen=True, slots=True)
-class Inspect:
-    """Request to check the shared image before the grasp; `frame` is without its image."""
-
-    frame: Frame
-
-
-@dataclass(frozen=True, slots=True)
-class Measure:
-    """Request to measure the strip in the shared image; `frame` is without its image."""
-
-    frame: Frame
-    gripper: Pose
-    touches: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Checks:
-    """Answer to `Inspect`."""
-
-    checks: tuple[PreflightCheck, ...]
 
 
 class ProcessReader:
@@ -202,53 +182,26 @@ class ProcessReader:
         """ID of the process that measures images."""
         return self._child.pid
 
-    def inspect(self, frame: Frame, now: float) -> None:
-        """Hand over the image taken before the grasp to the idle process, at `now` [s]."""
-        self._hand_over(frame, now)
-        self._child.send(Inspect(replace(frame, image=NO_IMAGE)))
-
-    def checks(self) -> tuple[PreflightCheck, ...] | None:
-        """Preflight checks of the image handed over, returned once; None until they are ready.
-
-        Raises Fault `image_reader_dead` where the process has ended.
-        """
-        answer = self._answer()
-        if self.dead:
-            raise Fault("image_reader_dead", self.dead)
-        return answer.checks if isinstance(answer, Checks) else None
-
-    def look(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:
-        """Hand over `frame`, taken at `gripper`, to the idle process, at `now` [s].
+    def ask(self, request: Request, now: float) -> None:
+        """Hand `request` over to the idle process, at `now` [s].
 
         Raises Fault `image_size` for an image of another size than the calibrated ones.
         """
-        self._hand_over(frame, now)
-        self._child.send(Measure(replace(frame, image=NO_IMAGE), gripper, touches))
-
-    def result(self) -> ImageResult | None:
-        """Results from the image handed over last, returned once; None until they are ready."""
-        answer = self._answer()
-        return answer if isinstance(answer, ImageResult) else None
-
-    def close(self) -> None:
-        """End the process."""
-        self._child.close()
-        self._image.close()
-
-    def _hand_over(self, frame: Frame, now: float) -> None:
-        if frame.image.shape != self._shape:
+        image = request.frame.image
+        if image.shape != self._shape:
             h, w, _ = self._shape
-            raise Fault("image_size", f"an image of {frame.image.shape[:2]} pixels, not {h} x {w}")
-        self._image.write(frame.image)
+            raise Fault("image_size", f"an image of {image.shape[:2]} pixels, not {h} x {w}")
+        self._image.write(image)
         self.since = now
+        self._child.send(replace(request, frame=replace(request.frame, image=NO_IMAGE)))
 
-    def _answer(self) -> Any:
-        """The process's next answer; None while there is none, or once it is dead."""
+    def result(self) -> Answer | None:
+        """Answer to the last request, returned once; None until it is ready, or once `dead`."""
         if self.dead:
             return None
         ends = self._child.ends  # looked at first: what it said before that is still heard
         try:
-            answer = self._child.receive(0.0)
+            answer: Answer | None = self._child.receive(0.0)
         except ChildDied as died:
             self.dead = ENDED if died.failure is None else str(died)
             return None
@@ -257,6 +210,11 @@ class ProcessReader:
         elif ends:
             self.dead = ENDED
         return answer
+
+    def close(self) -> None:
+        """End the process."""
+        self._child.close()
+        self._image.close()
 
 
 def read_images(
@@ -267,14 +225,11 @@ def read_images(
     cv2.setNumThreads(1)
     sight = maker(subject)
     gc.freeze()
-    pipe.send(Ready())
+    pipe.send(True)  # it can be given an image
     while True:
-        asked: Inspect | Measure = pipe.recv()
+        asked: Request = pipe.recv()
         frame = replace(asked.frame, image=image.read(shape))
-        if isinstance(asked, Inspect):
-            pipe.send(Checks(sight.inspect(frame)))
-        else:
-            pipe.send(sight.look(frame, asked.gripper, touches=asked.touches))
+        pipe.send(replace(asked, frame=frame).answer(sight))
 
 
 def _go_first() -> None:

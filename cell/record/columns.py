@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from drivers.errors import ConfigurationError
-from drivers.types import Array, frozen
+from drivers.types import Array, Pose, frozen
 
 FARTHEST_HAND = 5.0  # m, further from the fixed edge nothing of a cell can be
 FULL_TURN = 2 * np.pi
@@ -56,6 +56,11 @@ class Ticks:
         _check_order(values["t"], origin, strictly=True)
         state = table["state"].to_pylist() if table.column_names.count("state") == 1 else []
         return cls(**values, state=tuple(str(name) for name in state))
+
+    def pose_at(self, stamp: float) -> Pose:
+        """Gripper pose at `stamp` [s], interpolated."""
+        columns = self.x, self.z, self.pitch
+        return Pose(*(float(np.interp(stamp, self.t, column)) for column in columns))
 
     @classmethod
     def none(cls) -> Self:

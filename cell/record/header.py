@@ -12,8 +12,10 @@ Number = Annotated[float, Field(ge=-1e9, le=1e9)]  # in any unit, mistaken ones 
 
 UNMEASURED = 1.0  # m, an error beside which nothing of a cell matters
 GOALS = frozenset({"layer_touch", "path_done", "calibrated"})
-NOT_FOLDED = frozenset({"edges_not_seen", "edges_apart", "unlike_model"})
-"""The layers touched, which was measured, and yet nobody may call the strip folded."""
+LAID = frozenset({"unlike_model"})
+"""The strip lies folded, and yet not as the cell was told or saw it."""
+NOT_FOLDED = LAID | {"edges_not_seen", "edges_apart"}
+"""The layers touched, which was measured, and yet nobody may call the fold a success."""
 STOPS = frozenset({"interrupted", "preflight_refused", "error", "internal_error", "record", "exam"})
 MONITORED = frozenset(
     {"overspeed", "tracking_error", "workspace", "force", "grip_lost", "overtime"}
@@ -122,7 +124,7 @@ class Header(Recorded):
 
 
 class Interval(Settings):
-    """An estimate and the interval that contains the true value in 68 % of the folds."""
+    """A parameter of the rods that a policy steers by, with the interval of 68 % of them."""
 
     model_config = ConfigDict(extra="allow")
 

@@ -287,7 +287,7 @@ def predictions(result: Result | None) -> list[tuple[str, str]]:
             "displacement",
             f"{millimetres(final.displacement, signed=True)} ± {millimetres(final.sigma)}",
         ),
-        ("bending length", _interval_text(final.bending_length, 1e3, 1, "mm")),
+        ("bending length of its rods", _interval_text(final.bending_length, 1e3, 1, "mm")),
         ("retardation time", _interval_text(final.retardation_time, 1e3, 0, "ms")),
         ("yarn friction", _interval_text(final.yield_curvature, 1.0, 0, "1/m")),
     ]

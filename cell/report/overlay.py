@@ -20,7 +20,7 @@ from cell.report.words import seconds
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
 from drivers.strip.file import StripFile
-from drivers.types import Array, Frame, Image, Pose
+from drivers.types import Array, Image
 
 SHOWN_IMAGES = 6
 VIEW_MARGIN = 0.06  # m around the motion
@@ -234,16 +234,10 @@ def _outlines(run: Run) -> Iterator[Silhouette]:
     perception = Perception(calibration, settings, strip, appearance)
     chosen = np.unique(np.linspace(0, len(laying) - 1, MOST_IMAGES).round().astype(int))
     for frame in filter(None, (read_frame(laying[i]) for i in chosen)):
-        pixels = perception.outline(frame, _gripper(run, frame))
+        pixels = perception.outline(frame, run.ticks.pose_at(frame.stamp))
         if len(pixels):
             state = state_at(run, frame.stamp)
             yield Silhouette(frame.sequence, state, pixels, calibration.to_plane(pixels))
-
-
-def _gripper(run: Run, frame: Frame) -> Pose:
-    ticks = run.ticks
-    at = (float(np.interp(frame.stamp, ticks.t, c)) for c in (ticks.x, ticks.z, ticks.pitch))
-    return Pose(*at)
 
 
 def state_at(run: Run, stamp: float) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from cell.record.files import RESULT, is_under_way
-from cell.record.header import Result
+from cell.record.header import LAID, Result
 from cell.record.run import Run
 from cell.report.kit import Tone
 from cell.report.words import millimetres, outcome_title, seconds, side
@@ -31,7 +31,7 @@ class Verdict:
 
 def _sigma_lines(run: Run, *, laid: bool) -> str:
     """One sigma of displacement or `laid` edges, and the calibration's error, a line each."""
-    sigma, source = run.header.sigma.displacement, "repeats"
+    sigma, source = run.header.sigma.displacement, "stated in run.yaml"
     if laid and run.header.sigma.edge_offset is not None:
         sigma, source = run.header.sigma.edge_offset, "camera"
     error = _calibration_error(run)
@@ -76,7 +76,7 @@ def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) 
     edge = result.edge_offset
     sentences = [
         *_edges_sentences(edge, truth.get("edge_offset")),
-        *_touch_sentences(run, result, d, truth),
+        *_touch_sentences(result, d, truth),
     ]
     agreed = result.agreement
     if agreed is not None and not agreed.like_model and agreed.reason != result.reason:
@@ -93,6 +93,8 @@ def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) 
 
 
 def _fold_tone(result: Result, d: float) -> Tone:
+    if result.outcome in LAID:
+        return "fair"
     if result.outcome != "layer_touch":
         return "bad"
     off = max(abs(d), abs(result.edge_offset or 0.0))
@@ -119,14 +121,10 @@ def _edges_sentences(offset: float | None, true: object) -> list[str]:
     return sentences
 
 
-def _touch_sentences(
-    run: Run, result: Result, displacement: float, truth: Mapping[str, Any]
-) -> list[str]:
+def _touch_sentences(result: Result, displacement: float, truth: Mapping[str, Any]) -> list[str]:
     """Sentences on how the layers met, as measured and in truth."""
     when = "" if result.t_layer_touch is None else f" after {seconds(result.t_layer_touch)}"
-    accuracy = millimetres(run.header.sigma.displacement)
-    distance = f"{millimetres(abs(displacement))} \N{PLUS-MINUS SIGN} {accuracy}"
-    upper = f"the upper one was {side(displacement)} by {distance}"
+    upper = f"the upper one was {side(displacement)} by {millimetres(abs(displacement))}"
     sentences = [f"Where the layers first touched{when}, {upper}."]
     true_displacement = truth.get("displacement")
     if isinstance(true_displacement, int | float):

@@ -12,7 +12,7 @@ OUTCOMES = {
     "interrupted": "Stopped by the operator",
     "edges_not_seen": "Not folded: no fold is seen where it was laid",
     "edges_apart": "Not folded: the edges do not lie where they were laid",
-    "unlike_model": "Not folded as predicted: the strip does not behave like the model",
+    "unlike_model": "Folded, but the strip does not behave like the model",
 }
 
 

@@ -15,7 +15,7 @@ from cell.calibrating.calibrate import calibrate_anew, calibration_of, kept_cali
 from cell.config.cell import CellFile
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.folding.fold import fold
-from cell.orchestrator.interrupt import Interrupted
+from cell.orchestrator.operator import Interrupted
 from drivers.errors import ConfigurationError, Fault
 from tests.cell.conftest import straight_camera
 from tests.support.requests import request_for

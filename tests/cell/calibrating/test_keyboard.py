@@ -14,19 +14,21 @@ from types import SimpleNamespace
 import pytest
 
 from cell.calibrating.keyboard import Keyboard, Keys, TwinOperator
-from cell.orchestrator.operator import Answer, Ask, Question, Unattended
+from cell.orchestrator.operator import Answer, Ask, Interrupted, Question, Unattended
 
 TOUCH = Question(Ask.TOUCH, "point 4: 3 of 24 points are touched")
 
 
 @contextmanager
-def typing(content: str, prompt: Callable[[str], None] = lambda _: None) -> Iterator[Keyboard]:
+def typing(
+    content: str, prompt: Callable[[str], None] = lambda _: None, *, waits: bool = True
+) -> Iterator[Keyboard]:
     """A keyboard at a pipe through which `content` comes."""
     reader, writer = os.pipe()
     os.write(writer, content.encode())
     os.close(writer)
     with os.fdopen(reader) as stream:
-        yield Keyboard(Keys(stream), prompt, waits=True)
+        yield Keyboard(Keys(stream), prompt, waits=waits)
 
 
 def test_keys_mean_go_leave_out_and_again() -> None:
@@ -35,6 +37,18 @@ def test_keys_mean_go_leave_out_and_again() -> None:
         answers = [keyboard.answer(TOUCH) for _ in range(3)]
     assert answers == [Answer.GO, Answer.SKIP, Answer.AGAIN]
     assert said[0].startswith("point 4: 3 of 24 points are touched  [Enter go on")
+
+
+def test_from_a_on_it_goes_on_alone_but_for_the_pointer() -> None:
+    with typing("a\ns\n") as keyboard:
+        assert [keyboard.answer(TOUCH) for _ in range(3)] == 3 * [Answer.GO]
+        assert keyboard.answer(Question(Ask.POINTER_OUT, "take it out")) is Answer.SKIP
+
+
+@pytest.mark.parametrize("waits", [True, False])
+def test_the_end_of_input_confirms_nothing(waits: bool) -> None:
+    with typing("", waits=waits) as keyboard, pytest.raises(Interrupted, match="input has ended"):
+        keyboard.answer(TOUCH)
 
 
 def test_on_hardware_no_key_is_no_answer_and_nothing_waits() -> None:
@@ -65,7 +79,7 @@ import fcntl, sys, termios
 fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 from cell.calibrating.keyboard import Keyboard
 from cell.calibrating.keyboard import Keys, single_keys
-from cell.orchestrator.interrupt import Interrupt
+from cell.orchestrator.operator import Interrupt
 from cell.orchestrator.operator import Ask, Question
 
 with Interrupt() as interrupted, single_keys(sys.stdin):

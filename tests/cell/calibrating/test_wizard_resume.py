@@ -17,8 +17,7 @@ from cell.calibrating.wizard import LensSession, calibrate_lens
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import open_cell
-from cell.orchestrator.interrupt import Interrupted
-from cell.orchestrator.operator import Answer, Question, Unattended
+from cell.orchestrator.operator import Answer, Interrupted, Question, Unattended
 from drivers.errors import ConfigurationError
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from cell.calibrating.wizard_panel import wizard_session
-from cell.orchestrator.interrupt import Interrupted
+from cell.orchestrator.operator import Interrupted
 
 
 @pytest.mark.parametrize("stop", [KeyboardInterrupt, Interrupted], ids=["twice", "once"])

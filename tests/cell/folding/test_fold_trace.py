@@ -102,6 +102,20 @@ def test_fold_of_another_law_is_flagged_in_event_result_and_final_line() -> None
     assert "does not behave like the model" in finished(outcome).sentence().splitlines()[-1]
 
 
+def test_strip_that_lies_folded_is_not_called_unfolded() -> None:
+    said = replace(DONE, outcome=UNLIKE_REASON, exit_code=1, displacement=0.0).sentence()
+    assert said.startswith("denim: folded (unlike_model), displacement +0.0 mm; laid down")
+    assert (
+        "not folded (edges_apart)" in replace(DONE, outcome="edges_apart", exit_code=1).sentence()
+    )
+
+
+def test_two_true_numbers_in_a_row_each_say_of_what() -> None:
+    hidden = replace(DONE, displacement_true=-0.033, edge_offset=None, edge_offset_true=-0.6)
+    said = hidden.sentence()
+    assert "-33.8 mm (true -33.0 mm); the edges are not seen (true -600.0 mm)" in said
+
+
 def test_printed_line_states_the_laid_edge_and_whether_the_strip_is_like_the_model() -> None:
     line = replace(DONE, like_model=False, edge_offset_true=-0.0312345678).line()
     assert (line["edge_offset"], line["edge_offset_true"]) == (-0.03, -0.031235)

@@ -6,9 +6,9 @@ import cell.orchestrator.run as orchestrator
 from cell.orchestrator.run import at_most
 from cell.orchestrator.snapshot import Drive, Hold, Snapshot
 from cell.orchestrator.states import Event, State
-from cell.perception.sight import ImageResult
+from cell.perception.sight import ImageResult, Request
 from drivers.errors import Fault
-from drivers.types import Frame, Pose, Velocity
+from drivers.types import Pose, Velocity
 from tests.support.plain_cell import Bench, plain_bench, result_of
 
 AWAY = Velocity(-0.1, 0.05, 0.0)
@@ -24,10 +24,10 @@ class LateReader:
         self.since: float | None = None
         self.dead = ""
 
-    def look(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:
+    def ask(self, request: Request, now: float) -> None:
         assert self.since is None
         self.since, self.left = now, self.ticks
-        self.begun.append(frame)
+        self.begun.append(request.frame)
 
     def result(self) -> ImageResult | None:
         if self.since is None:

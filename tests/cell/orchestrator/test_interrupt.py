@@ -3,7 +3,7 @@ import signal
 
 import pytest
 
-from cell.orchestrator.interrupt import Interrupt
+from cell.orchestrator.operator import Interrupt
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

@@ -65,6 +65,7 @@ BROKEN = {
         hand=replace(HAND, stamp=121.0),
         view=replace(GOOD.view, frame=replace(FRAME, stamp=121.0)),
     ),
+    "strip_too_thick": showing(resting=0.0025),
     "calibration_overtime": replace(GOOD, state=State.CALIBRATE, entered=-LIMITS.calibration),
 }
 
@@ -90,6 +91,7 @@ WATCHED = {
     "image_reader_dead": MOVING,
     "image_reading_overdue": MOVING,
     "camera_moved": {State.LIFT, State.FOLD},
+    "strip_too_thick": {State.FOLD},
     "low_confidence": {State.LIFT, State.FOLD},
     "state_overtime": MOVING | {State.PREFLIGHT},
     "overtime": MOVING | {State.PREFLIGHT},

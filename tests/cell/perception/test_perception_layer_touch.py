@@ -122,3 +122,17 @@ def test_lost_images_delay_the_telling_not_the_time() -> None:
     assert touch is not None
     assert touch.time == pytest.approx(0.6, abs=0.02)
     assert told > 0.65
+
+
+@pytest.mark.parametrize(("rest", "rests"), [(0.0025, True), (0.0009, False)])
+def test_layers_that_rest_farther_apart_than_the_strip_is_thick_are_no_touch_and_said(
+    rest: float, rests: bool
+) -> None:
+    detector = LayerTouch(PerceptionSettings(), DENIM)
+    for k in range(30):  # they close until now
+        detector.update(_measured(k, 0.001 + 0.05 * (0.6 - k / 60)), GRIPPER)
+    assert np.isnan(detector.resting())
+    for k in range(30, 60):
+        touch = detector.update(_measured(k, _closing(0.05, 0.6, rest)(k / 60)), GRIPPER)
+    assert (touch is None) == rests
+    assert np.isfinite(detector.resting()) == rests

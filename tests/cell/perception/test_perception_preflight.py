@@ -91,3 +91,8 @@ def test_short_strip_is_refused_with_its_length() -> None:
     judged = _judged(_picture(_flat(0.57), LOOK))
     reason = next(check.reason for check in judged.checks if check.name == "length")
     assert re.search(r"x = (568|569|570) mm", reason)
+
+
+def test_thicker_strip_than_a_fold_accepts_is_refused_by_its_picture_too() -> None:
+    judged = _judged(_picture(_flat(), LOOK), DENIM.model_copy(update={"thickness": 0.005}))
+    assert _failed(judged) == ["thickness"]

@@ -14,7 +14,7 @@ from cell.config.settings import MonitorLimits
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import ArmHistory, View, Vision
 from cell.perception.settings import PerceptionSettings
-from cell.perception.sight import ProcessReader, Subject
+from cell.perception.sight import ProcessReader, Request, Subject
 from drivers.errors import Fault
 from drivers.types import ZERO_VELOCITY, ArmState, Frame, Pose
 from tests.support.sights import FAILS, HANGS, PlainSight
@@ -52,7 +52,7 @@ def awaited(look: Callable):
 
 @pytest.mark.parametrize("touches", [False, True])
 def test_what_the_process_sees_is_what_the_loop_gets(process, touches) -> None:
-    process.look(image(40), POSE, 3.0, touches=touches)
+    process.ask(Request(image(40), POSE, touches), 3.0)
     assert process.since == 3.0
     found = awaited(process.result)
     here = PlainSight(None).look(image(40), POSE, touches=touches)
@@ -65,34 +65,32 @@ def test_what_the_process_sees_is_what_the_loop_gets(process, touches) -> None:
 
 def test_an_answer_is_given_once_and_not_before_it_is_asked_for(process) -> None:
     assert process.result() is None
-    process.look(image(0), POSE, 3.0, touches=False)
+    process.ask(Request(image(0), POSE, False), 3.0)
     assert len(awaited(process.result).measurement.profile) == 0
     assert process.result() is None
 
 
 def test_checks_before_the_grasp_come_back_by_name(process) -> None:
-    process.inspect(image(3), 3.0)
-    assert [(c.name, c.passed) for c in awaited(process.checks)] == [("bright", False)]
+    process.ask(Request(image(3)), 3.0)
+    assert [(c.name, c.passed) for c in awaited(process.result)] == [("bright", False)]
 
 
 def test_an_image_of_another_size_is_refused_before_it_is_handed_over(process) -> None:
     small = Frame(1.5, 1.52, "made", 7, np.zeros((4, 5, 3), np.uint8))
     with pytest.raises(Fault, match="image_size"):
-        process.look(small, POSE, 3.0, touches=False)
+        process.ask(Request(small, POSE, False), 3.0)
     assert process.since is None
 
 
 @pytest.mark.slow
 def test_a_process_that_hangs_keeps_its_image_and_one_that_is_killed_is_dead() -> None:
     process = started()
-    process.look(image(HANGS), POSE, 3.0, touches=False)
+    process.ask(Request(image(HANGS), POSE, False), 3.0)
     assert process.result() is None
     assert (process.since, process.dead) == (3.0, "")
     os.kill(process.pid, signal.SIGKILL)
     awaited(lambda: process.result() or process.dead or None)
     assert "ended" in process.dead
-    with pytest.raises(Fault, match="image_reader_dead"):
-        process.checks()
     process.close()
 
 
@@ -119,8 +117,8 @@ class OneFrame:
 
 def test_a_fold_is_judged_and_then_read_by_the_process(process) -> None:
     arm = ArmState(1.5, 1.5, "made", POSE, ZERO_VELOCITY, POSE, moving=False, expired=False)
-    process.inspect(image(40), 1.6)
-    assert awaited(process.checks)[0].passed
+    process.ask(Request(image(40)), 1.6)
+    assert awaited(process.result)[0].passed
     history, vision = ArmHistory(), Vision(OneFrame(), MonitorLimits())
     history.add(arm)
     first = vision.look(State.FOLD, 1.6, history, process)
@@ -140,6 +138,6 @@ def test_a_fold_is_judged_and_then_read_by_the_process(process) -> None:
 
 def test_a_process_that_fails_says_why(process) -> None:
     """The last test of this process."""
-    process.look(image(FAILS), POSE, 3.0, touches=False)
+    process.ask(Request(image(FAILS), POSE, False), 3.0)
     awaited(lambda: process.result() or process.dead or None)
     assert process.dead == "ZeroDivisionError: nobody foresaw this"

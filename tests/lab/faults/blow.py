@@ -17,7 +17,7 @@ from cell.devices.open import open_cell
 from cell.folding.fold import fold_with
 from cell.folding.request import Recording, Request
 from cell.folding.result import FoldResult
-from cell.orchestrator.interrupt import Interrupt
+from cell.orchestrator.operator import Interrupt
 from cell.orchestrator.snapshot import Snapshot
 from cell.record.run import read_run
 from drivers.errors import CellError

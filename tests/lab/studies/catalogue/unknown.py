@@ -69,7 +69,23 @@ def measure(case: Values) -> Values:
             "length_off": found["believed_length"] - length,
             "time_off": found["believed_time"] - time,
         }
+        found |= _held(Path(result.run), strip)
     return found
+
+
+def _held(run: Path, strip: StripFile) -> Values:
+    """Whether the intervals of the policy's rods hold the strip's own parameters."""
+    stored = read_run(run).result
+    told = None if stored is None else stored.foretold
+    if told is None:
+        return {}
+    friction = strip.effects.get("bending_hysteresis", {}).get("yield_curvature", 0.0)
+    known = {
+        "length_held": (told.bending_length, strip.bending_length),
+        "time_held": (told.retardation_time, strip.retardation_time),
+        "friction_held": (told.yield_curvature, friction),
+    }
+    return {name: span.low <= true <= span.high for name, (span, true) in known.items()}
 
 
 def _loop_size(run: Path, length: float, edges: float | None) -> Values:
@@ -128,6 +144,10 @@ STUDY = Study(
         *QUANTITIES,
         Quantity("length_off", Statistic.RMS, "%", 100.0, label="length off", digits=1),
         Quantity("time_off", Statistic.RMS, "%", 100.0, label="time off", digits=0),
+        *(
+            Quantity(f"{name}_held", Statistic.SHARE, "%", 100.0, label=f"{name} held", digits=0)
+            for name in ("length", "time", "friction")
+        ),
     ),
     fits=(
         Fit("cell/perception/laid.yaml", laid_weights),
