@@ -4,7 +4,7 @@ import ctypes
 import gc
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
@@ -15,6 +15,7 @@ sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 LIBC = ctypes.CDLL(None)
+Result = Generator[None, object, object]
 
 # Tests share the machine's compiled kernels, and nothing else that its user has.
 CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "folding-cell"
@@ -37,9 +38,9 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol(item: pytest.Function, nextitem: pytest.Function | None) -> Iterator:
+def pytest_runtest_protocol(item: pytest.Function, nextitem: pytest.Function | None) -> Result:
     """Free the memory of a module's tests after its last one: cached folds, cycles, freed pages."""
-    yield
+    done = yield
     if nextitem is None or nextitem.module is not item.module:
         for made in vars(item.module).values():
             if hasattr(made, "cache_clear") and made.__module__ == item.module.__name__:
@@ -47,4 +48,4 @@ def pytest_runtest_protocol(item: pytest.Function, nextitem: pytest.Function | N
         gc.collect()
         if hasattr(LIBC, "malloc_trim"):  # of glibc
             LIBC.malloc_trim(0)
-    return True
+    return done

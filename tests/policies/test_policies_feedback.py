@@ -28,21 +28,6 @@ def checkpoint(weights: Array) -> Checkpoint:
     return Checkpoint(schema=1, policy="feedback", weights=tuple(weights), training=training)
 
 
-def test_candidates_side_by_side_decide_like_each_alone() -> None:
-    rng = np.random.default_rng(1)
-    weights = rng.normal(size=(3, WEIGHT_COUNT))
-    x, z, contact = rng.uniform(0.1, 0.4, size=(3, 6))
-    together = Feedback(weights)
-    together.reset(STRIP, 0.1, 6)
-    found = together.decide(observation(x, z, contact)).direction.reshape(3, 2)
-    for j in range(3):
-        alone = Feedback(weights[j])
-        alone.reset(STRIP, 0.1, 2)
-        part = slice(2 * j, 2 * j + 2)
-        expected = alone.decide(observation(x[part], z[part], contact[part])).direction
-        np.testing.assert_allclose(found[j], expected, rtol=1e-12)
-
-
 def test_fold_ends_once_the_gripper_has_gone_by_the_fixed_edge() -> None:
     policy = Feedback(np.zeros(WEIGHT_COUNT))
     policy.reset(STRIP, 0.1, 2)

@@ -9,12 +9,9 @@ from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect, Parameter
 from drivers.strip.engine import StripMotion
 from drivers.strip.file import StripFile
-from drivers.strip.grip_path import true_path
 from drivers.strip.model import StripModel
-from drivers.strip.observation import seen_contact, seen_points, seen_time, seen_touch
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.motions import GripperPath, simulate_all
-from drivers.types import Array
 from policies.path import Path, circular, triangular
 
 LENGTH = 0.6
@@ -89,21 +86,3 @@ def folds(
     """The models along one path, all in one batch."""
     ways = [way(PATHS[path])] * len(models)
     return simulate_all(Rod(segments), models, ways, dt=dt, every=EVERY)
-
-
-def prediction(model: StripModel, motion: StripMotion) -> dict[str, Array]:
-    """What the cell would measure of a motion of `folds`, each value beside its stamp."""
-    path = way(PATHS["triangular"])
-    stamps = np.asarray(seen_time(model.observation, motion.t))
-    profile = seen_points(model, motion.shapes)
-    seen = {
-        "contact_x": np.stack([stamps, seen_contact(model.observation, motion.contact_x)]),
-        "profile": np.concatenate([stamps[EVERY - 1 :: EVERY], profile.ravel()]),
-        "force": np.stack([motion.t, motion.holding_force]),
-    }
-    if motion.touch is not None:
-        t, poses = true_path(model.rig, path.t, path.poses)
-        grip = np.array([np.interp(motion.touch.time, t, poses[:, c]) for c in range(3)])
-        place = seen_touch(model, motion.touch, grip, grip)
-        seen["layer_touch"] = np.array([place.time, place.x, place.displacement])
-    return seen

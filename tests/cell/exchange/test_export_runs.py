@@ -99,22 +99,6 @@ def test_a_file_whose_writer_was_killed_gives_its_whole_chunks(runs, tmp_path: P
     assert np.array_equal(read_run(folder).ticks.x, read_run(runs[0]).ticks.x)
 
 
-def test_a_data_set_of_others_is_read_by_a_mapping(runs, tmp_path: Path) -> None:
-    [root] = export_runs(runs, "lerobot", tmp_path / "out")
-    (root / "meta/mapping.yaml").unlink()
-    with pytest.raises(ConfigurationError, match="nothing says which column holds what"):
-        import_runs([root], None, tmp_path / "back")
-    columns = {
-        "t": {"column": "timestamp", "unit": "s"},
-        "x": {"column": "observation.state.x", "unit": "m"},
-        "z": {"column": "observation.state.z", "unit": "m"},
-    }
-    ticks = {"file": "episode", "columns": columns}
-    how = mapping(tmp_path, ticks=ticks, profile=None, contact=None, result=None)
-    made = import_runs([root], how, tmp_path / "back")
-    assert np.array_equal(read_run(made[1]).ticks.x, read_run(runs[1]).ticks.x)
-
-
 @pytest.mark.parametrize("kind", ["lerobot", "mcap"])
 def test_a_spoilt_export_is_refused_in_one_line(runs, kind: Format, tmp_path: Path) -> None:
     made = export_runs(runs, kind, tmp_path / "out")

@@ -32,13 +32,6 @@ def elbow() -> float:
     return float(home_joints(SETTINGS, STRIP)[2])
 
 
-def test_path_of_a_rehearsal_is_the_fold_s_raised(elbow) -> None:
-    planned = rehearsal(FCI, STRIP, PATH, SPEEDS, elbow)
-    fold = PATH[2:-1]  # without what only avoids a strip that lies there
-    assert planned.path - fold == pytest.approx(np.tile([0, HOVER_HEIGHT, 0], (len(fold), 1)))
-    assert np.array_equal(planned.speeds, SPEEDS[2:-1])
-
-
 def test_fold_that_does_not_fit_in_the_air_is_refused() -> None:
     higher = np.add(PATH, (0.0, 0.05, 0.0))
     with pytest.raises(ConfigurationError, match=r"reaches z 0\.55 m, the workspace ends at 0\.50"):

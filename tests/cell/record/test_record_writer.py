@@ -8,7 +8,6 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 
-from cell.perception.measurement import StripMeasurement
 from cell.record import frames
 from cell.record.run import read_run
 from cell.record.stream import Tick
@@ -232,17 +231,3 @@ def test_slow_disk_on_hardware_loses_images_but_not_their_place(tmp_path, monkey
     notes = read_run(writer.folder).frame_index()
     assert len(notes) == frames.QUEUE + 20
     assert 18 <= sum(not note.sha256 for note in notes) <= 20
-
-
-def test_age_of_the_newest_image_stands_in_each_row(tmp_path):
-    writer = RunWriter.create(tmp_path, HEADER, "none")
-    curve = np.array([[0.3, 0.0], [0.4, 0.1]])
-    for t in (0.0, 0.01, 0.02):
-        writer.tick(Tick(t, 0.6, 0.0, 0.0, 0.6, 0.0, "FOLD"))
-        if t == 0.0:
-            writer.sight(
-                StripMeasurement(-0.02, 1, 0.3, 1.0, curve, 1.0, (0.4, 0.1), np.nan, np.nan)
-            )
-    writer.finish({"outcome": "path_done"})
-    age = read_run(writer.folder).ticks.image_age
-    np.testing.assert_allclose(age, [np.nan, 0.03, 0.04])

@@ -22,7 +22,7 @@ from cell.record.writer import RunWriter
 from cell.report.facts import advice
 from cell.report.page import report, write_report
 from cell.report.runs_page import write_comparison, write_runs_page
-from cell.report.verdict import verdict, verdict_of
+from cell.report.verdict import verdict_of
 from drivers.types import Frame
 from policies.prediction import Estimate, FoldPrediction
 from tests.cell.conftest import HEADER
@@ -176,13 +176,6 @@ def test_fault_is_named_with_its_reason(finished):
     assert said.figure == ""
 
 
-def test_verdict_in_one_line_carries_its_errors(finished, killed):
-    line = verdict(read_run(finished))
-    assert line.startswith("denim: Folded: the edges lie 31.0 mm apart: −31.0 mm (± 1.0 mm")
-    assert "\n" not in line
-    assert verdict(read_run(killed)).startswith("denim: The process died at t = 4.28 s")
-
-
 def test_report_can_be_written_again_with_the_same_bytes(make_run, tmp_path):
     folder = make_run(tmp_path)
     before = {p.name: p.read_bytes() for p in folder.iterdir() if p.is_file()}
@@ -225,19 +218,6 @@ def test_text_from_a_run_cannot_become_markup(make_run, tmp_path):
         assert HOSTILE.split("$")[0] in words(text)
         parsed = outline(text)
         assert (parsed.open, parsed.crossed) == ([], [])
-
-
-def test_figure_says_what_a_script_reads(page):
-    axes = json.loads(unescape(re.findall(r'data-chart="([^"]*)"', page)[1]))
-    assert [[curve["name"] for curve in each["curves"]] for each in axes[1:]] == [
-        ["gripper x", "contact x", "fold tip x"],
-        ["gripper z", "fold tip z", "gap of the layers"],
-    ]
-    assert "FOLD" in [cell[4] for cell in axes[0]["cells"]]
-    assert {each["share"] for each in axes} == {0}
-    assert [each["y"]["unit"] for each in axes[1:]] == ["mm", "mm"]
-    assert (axes[2]["x"]["name"], axes[2]["x"]["unit"]) == ("t", "s")
-    assert page.count("d3js.org") == 1
 
 
 @pytest.fixture

@@ -17,7 +17,6 @@ from tests.support.effect_cases import (
     denim,
     folds,
     levels,
-    prediction,
     usual,
 )
 
@@ -90,25 +89,6 @@ def test_effect_at_null_is_the_very_same_description(effect: Effect) -> None:
         assert apply_effects(model, {effect.name: _nulls(effect)}) is model
 
 
-EVERYWHERE = {"contact_x", "profile", "layer_touch"}
-SHOWN_ELSEWHERE = {"contact_bias": {"contact_x"}, "layer_adhesion": set()}
-
-
-def test_every_effect_but_the_one_past_the_end_changes_the_prediction() -> None:
-    models = [bare(), *(affected(e.name, **_middle(e)) for e in EFFECTS)]
-    motions = folds(models)
-    without = prediction(models[0], motions[0])
-    for effect, model, motion in zip(EFFECTS, models[1:], motions[1:], strict=True):
-        changed = {
-            channel
-            for channel, values in prediction(model, motion).items()
-            if not np.array_equal(values, without.get(channel))
-        }
-        # Layers cling only once they touch, and there a rod's motion ends.
-        assert bool(changed) == (effect.name != "layer_adhesion"), effect.name
-        assert SHOWN_ELSEWHERE.get(effect.name, EVERYWHERE) <= changed, effect.name
-
-
 @pytest.mark.parametrize("path", ["triangular", "circular"])
 def test_folds_stay_finite_over_the_range_of_every_parameter(path: str) -> None:
     models = [affected(effect.name, **values) for effect, values in CASES]
@@ -116,16 +96,6 @@ def test_folds_stay_finite_over_the_range_of_every_parameter(path: str) -> None:
         assert motion.touch is not None, (effect.name, values)
         assert np.isfinite(motion.contact_x).all(), (effect.name, values)
         assert np.isfinite(motion.shapes).all(), (effect.name, values)
-
-
-def test_strips_with_and_without_effects_move_bit_for_bit_alike_alone_and_together() -> None:
-    names = ("relaxation", "end_slip", "grip_slip", "length_error", "stretch", "air_drag")
-    models = [bare(), *(affected(name, **_middle(registry()[name])) for name in names)]
-    for model, among in zip(models, folds(models), strict=True):
-        (alone,) = folds([model])
-        np.testing.assert_array_equal(among.contact_x, alone.contact_x)
-        np.testing.assert_array_equal(among.shapes, alone.shapes)
-        assert among.touch == alone.touch
 
 
 @of_effect

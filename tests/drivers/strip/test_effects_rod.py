@@ -16,7 +16,7 @@ from drivers.strip.rod.layout import Block
 from drivers.strip.rod.terms import air, resist
 from drivers.types import Array
 from tests.support.effect_cases import LENGTH, PATHS, affected, bare, denim, folds, way
-from tests.support.rod_cases import for_all, overhang, paper_model
+from tests.support.rod_cases import overhang, paper_model
 
 RATE = 250.0  # 1/s
 STIFF = denim(length=0.3, bending_length=0.15)  # for a strip that hangs over an edge
@@ -119,23 +119,6 @@ def test_grip_slips_above_its_force() -> None:
     assert 0.2 < pulls[0] < 0.3 + WEIGHT
 
 
-def test_yielding_grip_turns_by_its_compliance_times_the_moment() -> None:
-    compliance, pose = 500.0, np.array([[0.45, 0.12, np.pi / 2]])
-    pitches, moments = [], []
-    for model in (bare(), affected("gripper_compliance", compliance=compliance)):
-        rod = Rod(200)
-        rod.reset([model], pose)
-        points = rod.shapes()[0]
-        ends = np.arctan2(*np.diff(points[-4:], axis=0).T[::-1])
-        spans = np.linalg.norm(np.diff(points[-4:], axis=0), axis=1)
-        bends = np.diff(ends) / (0.5 * (spans[1:] + spans[:-1]))
-        moments.append(denim().rigidity * (1.5 * bends[1] - 0.5 * bends[0]))
-        pitches.append(ends[-1] + 0.5 * spans[-1] * bends[1])
-    assert pitches[0] == pytest.approx(np.pi / 2, abs=2e-3)
-    assert abs(pitches[1] - pitches[0]) > 0.005
-    assert pitches[1] - np.pi / 2 == pytest.approx(-compliance * moments[1], abs=2e-3)
-
-
 @pytest.mark.parametrize(
     ("name", "values", "expected"),
     [
@@ -185,33 +168,3 @@ def test_friction_between_yarns_moves_the_displacement_as_measured() -> None:
     without, with_yarns = folds([paper_model(0.1), paper_model(0.1, effects=yarns)])
     moved = with_yarns.touch.displacement - without.touch.displacement
     assert moved == pytest.approx(-0.014, abs=0.006)
-
-
-def test_friction_between_yarns_separates_loading_from_unloading() -> None:
-    yarns = {"bending_hysteresis": {"yield_curvature": 12.0}}
-    middle, far = np.array([0.5, 0.12, np.pi / 2]), np.array([0.38, 0.2, np.pi / 2])
-    away = middle + np.linspace(0.0, 1.0, 300)[:, None] * (far - middle)
-    wait = np.repeat(middle[None], 400, axis=0)
-    rod = Rod(60)
-    rod.reset([paper_model(0.05, 20.0), paper_model(0.05, 20.0, yarns)], np.stack([middle] * 2))
-    rod.advance(for_all(wait, 2), 0.005)
-    there = rod.shapes()
-    rod.advance(for_all(np.concatenate([away, away[::-1], wait]), 2), 0.005)
-    apart = np.linalg.norm(rod.shapes() - there, axis=2).max(axis=1)
-    assert apart[0] < 1e-4
-    assert apart[1] > 4e-4
-
-
-def test_seam_counts_where_it_is() -> None:
-    bare = paper_model(0.1)
-    models = [bare]
-    for middle in (0.1, 0.3):
-        rigidity = bare.mechanics.rigidity.copy()
-        cells = (np.arange(len(rigidity)) + 0.5) / len(rigidity) * 0.6
-        rigidity[np.abs(cells - middle) < 0.01] *= 5
-        viscosity = bare.mechanics.viscosity * rigidity / bare.mechanics.rigidity
-        mechanics = replace(bare.mechanics, rigidity=rigidity, viscosity=viscosity)
-        models.append(replace(bare, mechanics=mechanics))
-    plain, aside, inside = (motion.touch.displacement for motion in folds(models))
-    assert abs(aside - plain) < 0.001
-    assert inside - plain < -0.010

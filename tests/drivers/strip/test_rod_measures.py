@@ -5,8 +5,6 @@ import math
 import numba
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from drivers.strip import shape as definition
 from drivers.strip.rod import measures as compiled
@@ -54,20 +52,6 @@ def test_measures_of_folds_are_as_defined(path: Path) -> None:
     seen = rod.follow(for_all(steady(path, DT), 9), DT, every=20)
     shapes = [s for many in seen.shapes for s in many if np.isfinite(s).all()]
     assert sum(_agree(shape) for shape in shapes) > 20
-
-
-@settings(max_examples=100, deadline=None)
-@given(
-    angles=st.lists(st.floats(-0.7, 0.7), min_size=6, max_size=30),
-    start=st.floats(-0.5, 3.5),
-)
-def test_measures_of_any_curve_are_as_defined(angles: list[float], start: float) -> None:
-    direction = start + np.cumsum(angles)
-    steps = 0.01 * np.stack([np.cos(direction), np.sin(direction)], axis=-1)
-    points = np.concatenate([[[0.0, 0.0]], np.cumsum(steps, axis=0)])
-    tip = int(np.argmax(points[:, 0]))
-    if (np.diff(points[: tip + 1, 0]) > 0).all():
-        _agree(points)
 
 
 @pytest.mark.parametrize("path", PATHS.values(), ids=PATHS)

@@ -8,23 +8,17 @@ import pytest
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
 from drivers.twin.renderer.looks import (
-    PLAIN,
-    Box,
-    Look,
     StripLook,
 )
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
-from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Array
 from tests.support.rendered_cell import empty, midline, scene
 
 SETTINGS = CameraSettings()
 DENIM = StripLook((40, 60, 110), 0.001, 0.05)
 STRIPS = sorted((Path(__file__).parents[3] / "configs" / "strips").glob("*.yaml"))
 QUIET = CameraSettings(noise=0.0)
-SMALL = CameraSettings(width=640, height=360, noise=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -87,40 +81,3 @@ def test_every_strip_stands_out_from_desk_and_backdrop(strip: StripFile) -> None
             for shift in ((0.0, 0.0), aside)
         )
         assert np.linalg.norm(there - beside) > 40
-
-
-def _drawn(look: Look, at: Scene, settings: CameraSettings = SMALL) -> Array:
-    strip = StripLook(DENIM.colour, DENIM.thickness, DENIM.width, look.pattern)
-    return Renderer(settings, strip, 0, surround=look).render([at], 0).astype(float)
-
-
-def test_things_stand_still_behind_the_strip_and_never_before_it() -> None:
-    wall = Look(things=(Box((0.0, 0.1, 0.0), (0.6, 0.2, 0.3), (250, 250, 250)),))
-    bare, covered = (_drawn(look, scene("lifted"), QUIET) for look in (PLAIN, wall))
-    points, _ = midline("lifted")
-    optics = Optics.of(QUIET)
-    u, v = optics.plane(points[60:300:20], 0.02).round().astype(int).T
-    assert np.abs(bare[v, u] - covered[v, u]).max() < 60
-    there, elsewhere = (
-        optics.plane(np.array([at])).round().astype(int)[0] for at in ((0.2, 0.2), (0.65, 0.2))
-    )
-    assert np.abs(bare - covered)[there[1], there[0]].max() > 100
-    assert np.abs(bare - covered)[elsewhere[1], elsewhere[0]].max() < 10
-
-
-@pytest.mark.parametrize("thickness", [0.004, 0.008])
-def test_thick_strip_is_as_wide_as_its_thickness_and_what_is_seen_of_its_face(
-    thickness: float,
-) -> None:
-    strip = StripLook((200, 30, 30), thickness, 0.05)
-    at, bare = scene("lifted"), empty(0.3, 5.0)
-    seen, without = (Renderer(QUIET, strip, 0).render([it], 0).astype(float) for it in (at, bare))
-    points, _ = midline("lifted")
-    optics, k = Optics.of(QUIET), 540  # hangs, its face in sight
-    near, far = (optics.plane(points[k], y) for y in (0.0, 0.05))
-    scale = QUIET.distance / QUIET.focal
-    row = np.abs(seen - without)[int(near[1])].max(axis=-1)
-    columns = slice(int(near[0]) - 60, int(near[0]) + 60)
-    found = (row[columns] > 60).sum() * scale
-    swept = abs(far[0] - near[0]) * scale
-    assert found == pytest.approx(thickness + swept - 0.001, abs=0.0012)

@@ -3,7 +3,6 @@
 import pytest
 
 import drivers.clock
-from drivers.errors import Fault
 from drivers.twin.clock import RealTimeClock, Turn, TwinClock
 
 
@@ -14,36 +13,6 @@ def test_periodic_events_do_not_drift() -> None:
     assert len(times) == 6000
     assert times[-1] == 100.0
     assert max(abs(t - (n + 1) / 60) for n, t in enumerate(times)) < 1e-9
-
-
-def test_ticks_steps_and_frames_of_one_moment_run_in_their_turn() -> None:
-    clock, seen = TwinClock(), []
-    clock.every(0.035, lambda t: seen.append(("camera", t)), Turn.CAMERA)
-    clock.every(0.005, lambda t: seen.append(("world", t)), Turn.WORLD)
-    clock.every(0.001, lambda t: seen.append(("servo", t)), Turn.SERVO)
-    clock.wait_until(0.1)
-    by_time: dict[float, list[str]] = {}
-    for name, time in seen:
-        by_time.setdefault(time, []).append(name)
-    assert len(by_time) == 100
-    assert by_time[0.035] == by_time[0.07] == ["servo", "world", "camera"]
-    assert by_time[0.04] == ["servo", "world"]
-    assert by_time[0.041] == ["servo"]
-
-
-def test_error_of_an_event_comes_out_at_its_time_and_the_clock_goes_on_after_it() -> None:
-    clock, seen = TwinClock(), []
-
-    def fail(now: float) -> None:
-        raise Fault("strip_torn", f"at {now}")
-
-    clock.at(0.5, fail, Turn.WORLD)
-    clock.every(0.2, seen.append, Turn.SERVO)
-    with pytest.raises(Fault, match=r"at 0\.5"):
-        clock.wait_until(1.0)
-    assert clock.now() == 0.5
-    clock.wait_until(1.0)
-    assert seen == [0.2, 0.4, 0.6, 0.8, 1.0]
 
 
 class Wall:

@@ -12,9 +12,6 @@ from tests.lab.exam.case import Case
 from tests.lab.exam.ledger import Entry, Ledger
 from tests.lab.exam.score import Outcome, oracle, result, score
 from tests.lab.exam.targets import (
-    brier,
-    calibration_error,
-    reliability,
     wilson,
 )
 from tests.support.exam_cases import case, few_runs, named, verdict
@@ -99,19 +96,6 @@ def test_wilson_agrees_with_its_published_values() -> None:
     assert wilson(15, 148) == pytest.approx((0.0624, 0.1605), abs=5e-5)
     assert wilson(0, 20) == pytest.approx((0.0, 0.1611), abs=5e-5)
     assert wilson(1, 29) == pytest.approx((0.0061, 0.1718), abs=5e-5)
-
-
-def test_confidence_is_binned_and_judged() -> None:
-    stated = [(0.95, True), (0.91, False), (0.2, False), (1.0, True)]
-    low, high = reliability(stated)
-    assert (low.right.count, high.right.count, high.right.hits) == (1, 3, 2)
-    assert brier(stated) == pytest.approx((0.05**2 + 0.91**2 + 0.2**2) / 4)
-    away = abs((0.95 + 0.91 + 1.0) / 3 - 2 / 3)
-    assert calibration_error(stated) == pytest.approx((0.2 + 3 * away) / 4)
-    assert calibration_error(stated, counts=[1.0, 1.0, 3.0, 1.0]) == pytest.approx(
-        (0.6 + 3 * away) / 6
-    )
-    assert calibration_error([(1.0, True)]) == 0.0
 
 
 def entry(name: str, of: str = "1", **changes: Any) -> Entry:

@@ -52,12 +52,6 @@ def test_an_interval_contains_the_truth_at_its_nominal_rate() -> None:
     assert 180 <= inside <= 199
 
 
-def test_a_share_has_the_exact_interval_even_where_all_hold() -> None:
-    found = figure(Quantity("ok", Statistic.SHARE, "%", 100.0), [[1.0]] * 20)
-    assert (found.value, found.high) == (100.0, 100.0)
-    assert found.low == pytest.approx(100 * 0.025 ** (1 / 20), abs=0.1)
-
-
 def filled(folder: Path, of: str | None = None, count: int = 4) -> StudyRequest:
     """Some cases of `validity` with made up outcomes, one of them set aside."""
     asked = StudyRequest(study_of("validity"), 0, 6, folder)

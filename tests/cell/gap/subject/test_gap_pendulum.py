@@ -9,7 +9,6 @@ import pytest
 
 from cell.gap.subject.mechanism.file import PendulumFile
 from cell.gap.subject.mechanism.pendulum import mechanism_of, open_recordings, recording
-from cell.gap.subject.mechanism.planar_chain import fields_of, levers
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.subject import Request
 from drivers.types import Array
@@ -70,25 +69,6 @@ def test_chain_moves_as_an_independent_engine_says(effects: Any, law: Any) -> No
     left = residuals(subject_of(file, made.t, made.angles),
                      {k: np.array(v) for k, v in effects.items()})  # fmt: skip
     np.testing.assert_allclose(left, 0.0, atol=1e-4)
-
-
-def test_energy_is_kept_without_losses() -> None:
-    free = content(2)
-    for link in free["links"]:
-        link["damping"] = 0.0
-    t, lift = np.arange(0.0, 1.0, 0.002), 1.5 * np.array([1.0, 1.3])
-    angles = np.repeat((np.pi + lift)[:, None], len(t), axis=1)
-    subject = subject_of(PendulumFile.model_validate(free), t, angles)
-    (states,), _, _ = subject._engine._simulate([subject._case(asked(subject, {}))])
-    lever, moment, _ = (x[0] for x in levers(fields_of(subject.opened.mechanism.model, 1)))
-
-    def energy(theta: Array, omega: Array) -> float:
-        inertia = lever * np.cos(theta[:, None] - theta[None])
-        return float(0.5 * omega @ inertia @ omega - 9.81 * moment @ np.cos(theta))
-
-    absolute = np.cumsum(states, axis=2)
-    first, last = energy(*absolute[0]), energy(*absolute[-1])
-    assert abs(last - first) < 1e-6 * 9.81 * moment.sum()
 
 
 # --- files -----------------------------------------------------------------------------------

@@ -81,22 +81,6 @@ def test_stored_run_is_shown_again(rebuilt):
     assert timelines(rebuilt, "/signals/above/gripper_z") == {"t", "tick"}
 
 
-def test_strip_is_drawn_flat_and_in_millimetres_beside_the_verdict(rebuilt):
-    drawn = {}
-    for chunk in RrdReader(rebuilt).stream().to_chunks():
-        batch = chunk.to_record_batch()
-        for name in (name for name in batch.schema.names if ":" in name):
-            drawn.setdefault((chunk.entity_path, name), []).extend(batch[name].to_pylist())
-    run = read_run(rebuilt.parent)
-    strips = drawn["/strip/measured", "LineStrips2D:strips"]
-    first = np.array(next(strip for strip in strips if strip)[0])
-    assert np.allclose(first, run.profile.curves()[0][1] * (1e3, -1e3), atol=1e-3)
-    signal = drawn["/signals/along/gripper_x", "Scalars:scalars"]
-    assert np.nanmax([row[0] for row in signal if row]) == pytest.approx(600.0, abs=1.0)
-    (said,) = drawn["/verdict", "TextDocument:text"]
-    assert said[0].startswith("# Folded: the edges lie 31.0 mm apart")
-
-
 def test_dead_run_is_shown_as_far_as_it_goes(killed, tmp_path):
     folder = shutil.copytree(killed, tmp_path / killed.name)
     rows = entities(viz_from_run(folder))

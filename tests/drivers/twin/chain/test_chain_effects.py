@@ -13,8 +13,8 @@ from drivers.twin.chain.lumps import Lumps
 from drivers.twin.chain.spec import build
 from drivers.types import Array
 from policies.path import triangular
-from tests.support.chain_moves import H, carry
-from tests.support.effect_cases import LENGTH, PATHS, affected, bare, denim, way
+from tests.support.chain_moves import H
+from tests.support.effect_cases import PATHS, affected, bare, denim, way
 
 LINKS = 40
 
@@ -86,18 +86,3 @@ def layers_together(shape: Array, gap: float) -> int:
     tip = int(np.argmax(shape[:, 0]))
     lower = np.interp(shape[tip:, 0], shape[: tip + 1, 0], shape[: tip + 1, 1])
     return int((shape[tip:, 1] - lower < gap)[3:].sum())
-
-
-def test_long_steps_are_several_short_ones_with_laws_that_remember() -> None:
-    effects = {"relaxation": {"ratio": 0.4, "time": 0.2}, "grip_slip": {"force": 0.05}}
-    strip = denim(effects={"relaxation": effects["relaxation"], "air_drag": {"coefficient": 2.0}})
-    chains = (Chain(20), Chain(20))
-    for chain in chains:
-        chain.reset([describe(strip, {"grip_slip": effects["grip_slip"]})])
-        pose = carry(chain, 0.2, triangular(LENGTH))
-    one, two = chains
-    move = np.array([-0.001, 0.0, 0.0])
-    one.step((pose + move)[None], 2 * H)
-    two.step((pose + move / 2)[None], H)
-    two.step((pose + move)[None], H)
-    np.testing.assert_allclose(one.shapes(), two.shapes(), atol=1e-9)

@@ -94,20 +94,6 @@ def test_what_was_hidden_explains_torques_and_tracking(soft):
     assert min(late["tracking"], stiff["tracking"]) > 5 * whole["tracking"]
 
 
-def test_consequences_are_millimetres_of_the_gripper_and_where_they_go(soft):
-    words = soft.consequences({}, {"control_delay": {"time": 0.006},
-                                   "dry_friction": {f"torque_joint{i}": 3.0 for i in range(1, 8)},
-                                   "encoder_bias": {"bias_joint4": 0.01}})  # fmt: skip
-    assert [w.split(":")[0] for w in words[::2]] == [
-        "control_delay", "dry_friction", "encoder_bias"]  # fmt: skip
-    millimetres = [float(w.split("up to ")[1].split(" mm")[0]) for w in words[::2]]
-    assert 2.0 < millimetres[0] < 20.0
-    assert 0.2 < millimetres[1] < 5.0
-    assert 4.0 < millimetres[2] < 8.0  # 10 mrad about the elbow, half a metre away
-    assert "twin.arm.robot_delay" in words[1]
-    assert "no field" in words[3]
-
-
 def test_load_and_delay_are_accepted_into_the_cell(soft, tmp_path):
     shutil.copytree(FILE.parent, tmp_path / "arm")
     shutil.copy(CHECKOUT_CONFIGS / "cell.yaml", tmp_path / "cell.yaml")
