@@ -30,7 +30,7 @@ def study(
     ] = None,
     cluster: Cluster = None,
     show: Annotated[
-        bool, typer.Option("--show", help="Draw table and page of what OUT holds; measure nothing.")
+        bool, typer.Option("--show", help="Print the table of what OUT holds; measure nothing.")
     ] = False,
     quick: Annotated[
         bool,
@@ -44,7 +44,7 @@ def study(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Measure something of the cell over many cases: with a table, a page and intervals.
+    """Measure something of the cell over many cases: with a table and intervals.
 
     A case that OUT holds, by the same code, is done: the same command goes on where it stopped.
     """
@@ -115,21 +115,20 @@ def _measure(
 
 
 def _print_study(asked: "StudyRequest", *, as_json: bool) -> tuple[bool, bool]:
-    """Print a study and write its page; returns whether bars are kept, and whether cases failed."""
+    """Print a study and write its table; returns whether bars are kept and cases failed."""
     from tests.lab.studies.campaign import read_study
-    from tests.lab.studies.page import write_page
-    from tests.lab.studies.table import keeps_bars, markdown, rows
+    from tests.lab.studies.table import keeps_bars, markdown, rows, write_table
 
     found = read_study(asked)
     table = rows(found)
-    page = write_page(found)
+    written = write_table(found)
     if as_json:
         for row in table:
             figures = {f.quantity.title: _figure_facts(asdict(f)) for f in row.figures}
             line = {"study": asked.study.name, "group": row.group, "count": row.count}
             print_json(line | {"figures": figures})
     else:
-        sys.stdout.write(f"{asked.study.question}\n\n{markdown(found)}  {page}\n")
+        sys.stdout.write(f"{asked.study.question}\n\n{markdown(found)}  {written}\n")
     return keeps_bars(table), bool(found.lost)
 
 

@@ -23,9 +23,6 @@ from drivers.types import Frame
 from tests.cell.benchmark.test_benchmark import measured
 from tests.cell.conftest import HEADER
 from tests.cell.gap.test_gap_engine import Curves, bump, hidden, judged
-from tests.lab.studies.campaign import read_study
-from tests.lab.studies.page import write_page
-from tests.lab.tests.test_studies import filled
 from tests.support.browser import FOUND, LOOKS, Browser, Look, browser
 
 pytestmark = [
@@ -65,9 +62,7 @@ def pages(
     listed = write_runs_page(list_runs(finished.parent), place / "runs.html")
     measured_page = place / "benchmark.html"
     measured_page.write_text(page_of(measured()), "utf-8")
-    study = write_page(read_study(filled(place)))
     made = [
-        study,
         measured_page,
         write_report(finished),
         write_report(killed),

@@ -2,11 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
-from tests.lab.studies.campaign import StudyRecord
+from cell.campaign.progress import clock
+from cell.record.documents import write_document
+from drivers.files import replace_file
+from tests.lab.studies.campaign import StudyRecord, cost
 from tests.lab.studies.study import Figure, Outcome, figure
 
-ALL = "all"
+ALL, TABLE_FILE = "all", "table.md"
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,6 +20,28 @@ class Row:
     group: str
     count: int
     figures: tuple[Figure, ...]
+
+
+def write_table(kept: StudyRecord) -> Path:
+    """Write the ledger of a study and its table with costs and losses; returns the table's path.
+
+    A whole study that fits something also writes its data files. Raises OSError where the folder
+    cannot be written.
+    """
+    folder, study = kept.asked.folder, kept.asked.study
+    folder.mkdir(parents=True, exist_ok=True)
+    for fit in study.fits if len(kept.outcomes) >= kept.asked.count else ():
+        found = dict(fit.of(kept.outcomes))
+        found["source"] = f"{found.get('source', '')} {progress(kept)}".strip()
+        write_document(folder / Path(fit.path).name, found | {"belongs_to": fit.path})
+    if study.ledger is not None:
+        text = f"{study.ledger.of(kept.outcomes)}\n{progress(kept)}\n"
+        replace_file(folder / Path(study.ledger.path).name, text.encode())
+    lost = "".join(f"- {record.key}: {record.reason}\n" for record in kept.lost)
+    costs = "".join(f"- {name}: {text}\n" for name, text in cost(kept, clock))
+    content = f"{study.question}\n\n{markdown(kept)}\n{costs}{lost}"
+    replace_file(folder / TABLE_FILE, content.encode())
+    return folder / TABLE_FILE
 
 
 def rows(kept: StudyRecord) -> tuple[Row, ...]:

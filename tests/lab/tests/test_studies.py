@@ -15,8 +15,8 @@ from drivers.settings import load
 from tests.lab.__main__ import app
 from tests.lab.studies.campaign import StudyRequest, inputs, read_study
 from tests.lab.studies.catalogue import studies, study_of
-from tests.lab.studies.page import write_page
 from tests.lab.studies.study import Quantity, Statistic, figure
+from tests.lab.studies.table import write_table
 
 
 @pytest.mark.parametrize("name", sorted(studies()))
@@ -72,7 +72,7 @@ def test_a_whole_study_writes_its_data_file_with_its_source(tmp_path: Path) -> N
         facts = {"schema": 1, "key": case.key, "of": inputs(asked.study), "state": "measured"}
         values = {"damping": damping, "length": 0.0}
         Journal(asked.journal).put(Record(**facts, outcome={"values": values}))
-    write_page(read_study(asked))
+    write_table(read_study(asked))
     found = load(tmp_path / "damping.yaml", ModelError)
     assert found.damping == pytest.approx(0.0354, abs=1e-4)
     assert found.source.startswith("root mean square over blanket, denim; 4 cases")
@@ -89,7 +89,7 @@ def test_the_command_lists_shows_and_refuses(tmp_path: Path) -> None:
     )
     assert shown.exit_code == 0
     assert "4 of 6 so far" in shown.output
-    assert (tmp_path / "study.html").read_text().count("<svg") == 1
+    assert "no outcome after 600 s" in (tmp_path / "table.md").read_text()
     out = ["--out", str(tmp_path / "none")]
     for words in (*(["--shard", wrong] for wrong in ("0/3", "4/3", "a")), ["--show", *out]):
         refused = CliRunner().invoke(app, ["study", "validity", *words])
