@@ -274,7 +274,7 @@ def _verdict_card(found: Findings, verdict: Verdict) -> Card:
         number, below = f"{100 * verdict.effects[0].confidence:.0f} %", "probable that this is it"
     lines = [sentence(found, verdict)]
     if found.shown.changed:
-        lines.append(f"{_shrinkage_words(found, verdict)}: {change(found, verdict)}.")
+        lines.append(f"On runs held out: {_shrinkage_words(found, verdict).lower()}.")
     tone = TONES[verdict.verdict]
     if verdict.deviates:
         tone = "bad" if tone == "bad" else "fair"

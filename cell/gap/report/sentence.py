@@ -100,10 +100,11 @@ def _name_effects(found: Findings, verdict: Verdict) -> str:
     """Sentence on the named effects, with doubts about them."""
     sentences = {c.name: c.sentence for c in found.subject.scope.candidates}
     effects = ", and ".join(
-        f"{sentences[e.name]} ({e.name}: {_parameter_values(e.parameters)})"
+        f"{sentences[e.name]} ({e.name}: {_parameter_values(e.parameters)}; right with "
+        f"probability {e.confidence:.2f})"
         for e in verdict.effects
     )
-    text = f"{effects}; right with probability {verdict.effects[0].confidence:.2f}."
+    text = f"{effects}."
     if ends := at_their_ends(found):
         text += f" At the end of the range that is tried, and perhaps beyond: {', '.join(ends)}."
     if verdict.ambiguous:
