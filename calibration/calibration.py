@@ -48,6 +48,11 @@ class Calibration:
     landmarks: Landmarks | None = None
     accepted_anyway: tuple[str, ...] = ()
 
+    @property
+    def residual(self) -> float:
+        """The rms distance [m] at touched points."""
+        return 1e-3 * self.residual_mm
+
     def to_plane(self, pixels: Array) -> Array:
         """Points (n, 2) x, z [m] in the plane of the near edge at raw image points (n, 2) [px]."""
         return self.homography.to_plane(self.lens.undistort(pixels))

@@ -1,6 +1,8 @@
 """Feasibility of a fold in its cell, checked from files before anything moves."""
 
 from collections.abc import Iterator
+from itertools import product
+from math import hypot
 
 import numpy as np
 
@@ -16,12 +18,15 @@ from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array, Pose
 from policies.policy import Policy
-from policies.rollout import Rollout, roll_out
+from policies.prediction import Predictor
+from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import Sensing
 
 SEGMENTS = 60  # of the model that draws the path; millimetres do not matter here
 ARM_REACH = 0.78  # m from its base that a Panda's hand reaches over a desk, pointing down
 PATH_ERROR = 0.005  # m that the path may be drawn wrong by
+# relative, where no spread is stated
+UNKNOWN_SPREADS = {"bending_length": 0.1, "retardation_time": 0.5}
 APPROACH_POINTS, RETREAT_POINTS = 3, 3  # of the gripper's path, before and after the fold
 
 
@@ -32,14 +37,16 @@ def check_feasible(
     calibration: Calibration,
     limits: MotionLimits,
     desk: float = 0.0,
-) -> None:
-    """Raise PreflightRefused for a strip that this cell cannot see, reach or fold.
+) -> tuple[float, float] | None:
+    """Displacement [m] that the model expects of a fold, and its standard deviation [m].
 
-    Its arm moves within `limits`. Also where the hand would meet a desk that ends at `desk` [m], 0
-    for an arm without a hand's body. The gripper's path is that of `policy` in the model; it is
-    reset.
+    None where the layers do not touch in the model. The policy is reset. Raises PreflightRefused
+    for a strip that this cell cannot see, reach or fold with an arm that moves within `limits`,
+    also where the hand would meet a desk that ends at `desk` [m], 0 for an arm without a hand's
+    body.
     """
-    path = gripper_path(settings, strip, policy)
+    folds = _simulate(settings, strip, policy)
+    path = gripper_path(settings, strip, policy, folds)
     carry = path[APPROACH_POINTS - 1 : -RETREAT_POINTS]  # from the grasp on
     problems = [
         *(check.sentence() for check in check_scope(strip) if not check.passed),
@@ -51,6 +58,7 @@ def check_feasible(
     ]
     if problems:
         raise PreflightRefused("\n".join(problems))
+    return None if folds is None else _expected(folds, settings.sigma.displacement)
 
 
 def path_problems(
@@ -91,26 +99,57 @@ def _desk_collisions(
         yield f"desk: {fault}"
 
 
-def gripper_path(settings: CellSettings, strip: StripFile, policy: Policy) -> Array:
-    """Gripper positions (n, 2) [m] of approach, the fold as the model predicts it, and retreat."""
+def gripper_path(
+    settings: CellSettings, strip: StripFile, policy: Policy, folds: Folds | None
+) -> Array:
+    """Gripper positions (n, 2) [m] of approach, the first of the model's `folds`, and retreat.
+
+    Where the model cannot follow the strip, the fold is the lift, which is known.
+    """
     beyond, aside = strip.length + settings.fold.approach, settings.fold.approach
     before = [(beyond, settings.fold.clear_height), (beyond, 0.0), (strip.length, 0.0)]
     after = [(0.0, 0.0), (-aside, 0.0), (-aside, 2 * aside)]
-    return np.vstack([before, _fold_path(settings, strip, policy), after])
+    if folds is None:
+        policy.reset(strip, settings.fold.speed, 1)
+    fold = policy.lift().points if folds is None else folds.trace[:, 0]
+    return np.vstack([before, fold, after])
 
 
-def _fold_path(settings: CellSettings, strip: StripFile, policy: Policy) -> Array:
-    """Gripper positions (n, 2) [m] of the simulated fold; those of the lift where that fails."""
-    speed = settings.fold.speed
-    rollout = Rollout(speed=speed, sensing=Sensing(delay=(0.03, 0.03)))
+def _simulate(settings: CellSettings, strip: StripFile, policy: Policy) -> Folds | None:
+    """Folds in the model: of `strip`, and of its corners unless the policy predicts by itself.
+
+    None where the model cannot follow this strip.
+    """
+    rollout = Rollout(speed=settings.fold.speed, sensing=Sensing(delay=(0.03, 0.03)))
     rng = np.random.default_rng(0)
+    strips = [strip, *(() if isinstance(policy, Predictor) else corner_strips(strip))]
     try:
-        model = [describe(strip, settings.effects)]
-        folds = roll_out(policy, Rod(SEGMENTS), strip, model, settings=rollout, rng=rng)
-    except CellError:  # the model cannot follow this strip; the path to begin with is known
-        policy.reset(strip, speed, 1)
-        return policy.lift().points
-    return folds.trace.reshape(-1, 2)
+        models = [describe(each, settings.effects) for each in strips]
+        return roll_out(policy, Rod(SEGMENTS), strip, models, settings=rollout, rng=rng)
+    except CellError:
+        return None
+
+
+def _expected(folds: Folds, repeats: float) -> tuple[float, float] | None:
+    """Displacement [m] of the first of `folds`, and its standard deviation [m].
+
+    Over the corners of what is not known of the strip, and over `repeats` [m] of one fold. None
+    where a fold does not touch.
+    """
+    if not np.isfinite(folds.displacement).all():
+        return None
+    corners = folds.displacement[1:]
+    return float(folds.displacement[0]), hypot(np.std(corners) if len(corners) else 0.0, repeats)
+
+
+def corner_strips(strip: StripFile) -> list[StripFile]:
+    """Copies of `strip` at the corners of its parameters' uncertainty."""
+    spans = []
+    for key, spread in UNKNOWN_SPREADS.items():
+        value = getattr(strip, key)
+        spans.append(strip.spread.get(key, (value * (1 - spread), value * (1 + spread))))
+    corners = [dict(zip(UNKNOWN_SPREADS, corner, strict=True)) for corner in product(*spans)]
+    return [strip.model_copy(update=corner) for corner in corners]
 
 
 def _height_problems(settings: CellSettings, strip: StripFile, policy: Policy) -> Iterator[str]:

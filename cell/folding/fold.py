@@ -29,6 +29,7 @@ from cell.orchestrator.recorder import Record, Recorder
 from cell.orchestrator.run import Observer, Run
 from cell.orchestrator.safe_stop import run_suppressed
 from cell.perception.sight import InlineReader, ProcessReader, Reader, StripSight, Subject
+from cell.perception.witness import judge
 from cell.record.files import CALIBRATION, CHECKPOINT
 from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
@@ -83,7 +84,7 @@ def fold_with(
         has_hand = request.choice.arm_driver(settings).real
         desk = desk_end(settings.installation, strip.length) if has_hand else 0.0
         limits = request.choice.motion_limits(settings)
-        check_feasible(settings, strip, policy, calibration, limits, desk)
+        expected = check_feasible(settings, strip, policy, calibration, limits, desk)
         begun = time.perf_counter()
         header = run_header(request, settings, calibration, devices.camera.rate)
         header |= {} if correction is None else {"learning": correction.facts()}
@@ -95,6 +96,7 @@ def fold_with(
             context = FoldContext(
                 settings.controller, strip, policy, calibration, reader, desk=desk
             )
+            context.expected = expected
             context.place = 0.0 if correction is None else correction.place
             outcome, truth = _record_fold(request, context, devices, writer, observers, interrupted)
         if correction is not None and request.learning.learns:
@@ -217,7 +219,8 @@ def write_pages(request: Request, result: FoldResult) -> FoldResult:
 
 
 def _warning(outcome: Outcome, preflight: str) -> str | None:
-    """Warnings for the operator, on an unlike strip and from `preflight`; None without any."""
+    """Warnings on what disagrees, on an unlike strip and from `preflight`; None without any."""
     agreed = outcome.agreement
+    doubts = [witness.sentence() for witness in judge(outcome.witnesses)]
     unlike = "" if agreed is None or agreed.like_model else agreed.sentence()
-    return "\n  ".join(filter(None, (unlike, preflight))) or None
+    return "\n  ".join(filter(None, (*doubts, unlike, preflight))) or None

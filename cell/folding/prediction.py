@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from cell.arm.arm_prediction import ArmPrediction, predict_arm
 from cell.calibrating.calibration_in_use import check_current
 from cell.config.cell import CellFile
 from cell.devices.open import real_camera
-from cell.folding.feasible import path_problems
+from cell.folding.feasible import corner_strips, path_problems
 from cell.folding.request import Request
 from drivers.errors import ConfigurationError
 from drivers.installation import MotionLimits
@@ -25,9 +24,6 @@ from drivers.types import Array
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import Sensing
-
-# relative, where no spread is stated
-UNKNOWN_SPREADS = {"bending_length": 0.1, "retardation_time": 0.5}
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +68,7 @@ def predict(request: Request) -> Prediction:
     """Simulate the fold of `request`; raises ConfigurationError for a path beyond its limits."""
     settings, strip = request.cell, request.strip
     _check_calibration(settings, request)
-    folds = simulate_policy(request, settings, [strip, *_corner_strips(strip)])
+    folds = simulate_policy(request, settings, [strip, *corner_strips(strip)])
     reach = _reach(folds)
     _check_path(folds, settings, strip, request.choice.motion_limits(settings))
     nominal, spread = folds.displacement[0], folds.displacement[folds.touched]
@@ -128,16 +124,6 @@ def _predict_arm_motion(
 
 def _displacement(value: float | None) -> str:
     return "no touch" if value is None else f"displacement {1e3 * value:+.1f} mm"
-
-
-def _corner_strips(strip: StripFile) -> list[StripFile]:
-    """Copies of `strip` at the corners of its parameters' uncertainty."""
-    spans = []
-    for key, spread in UNKNOWN_SPREADS.items():
-        value = getattr(strip, key)
-        spans.append(strip.spread.get(key, (value * (1 - spread), value * (1 + spread))))
-    corners = [dict(zip(UNKNOWN_SPREADS, corner, strict=True)) for corner in product(*spans)]
-    return [strip.model_copy(update=corner) for corner in corners]
 
 
 def _reach(folds: Folds) -> tuple[float, float, float, float]:

@@ -10,12 +10,13 @@ from cell.config.unknown import UNKNOWN_NAME as UNKNOWN
 from cell.folding.documents import LEARNED
 from cell.folding.request import Request
 from cell.orchestrator.outcome import Outcome, StopReason
+from cell.perception.witness import Witness
 from cell.record.header import LAID
 from drivers.errors import CellError
 
 LINE_COLUMNS = ["run", "strip", "policy", "seed", "outcome", "displacement", "displacement_true"]
 LINE_COLUMNS += ["layer_touch", "edge_offset", "edge_offset_true", "like_model"]
-LINE_COLUMNS += ["duration", "wall", "calibration", "exit_code"]
+LINE_COLUMNS += ["duration", "wall", "calibration", "exit_code", "witnesses"]
 # m
 LINE_DIGITS = {name: 6 for name in LINE_COLUMNS if name.startswith(("displacement", "edge_offset"))}
 LINE_DIGITS |= {"layer_touch": 4, "duration": 4, "wall": 2}  # s
@@ -28,8 +29,8 @@ class FoldResult:
     `displacement` is as measured by the camera, `edge_offset` the offset between the laid edges
     with the sign of d; values named true come from the twin only. `predicted` is the policy's
     prediction as text, `like_model` whether the strip behaved like the model (None where nothing
-    judged it), and `warning` says that it did not, or what the preflight found; `correction` says
-    by how much the aim was corrected.
+    judged it), `witnesses` what was compared, and `warning` what of this disagrees, or what the
+    preflight found; `correction` says by how much the aim was corrected.
     """
 
     run: str
@@ -51,6 +52,7 @@ class FoldResult:
     warning: str | None = None
     like_model: bool | None = None
     correction: str | None = None
+    witnesses: tuple[Witness, ...] = ()
 
     @classmethod
     def refusal(cls, request: Request, error: CellError) -> Self:
@@ -92,6 +94,7 @@ class FoldResult:
             warning=warning,
             like_model=None if outcome.agreement is None else outcome.agreement.like_model,
             correction=request.learning.correction.sentence(),
+            witnesses=outcome.witnesses,
         )
 
     @property
@@ -111,6 +114,7 @@ class FoldResult:
         for key, digits in LINE_DIGITS.items():
             if values[key] is not None:
                 values[key] = round(values[key], digits)
+        values["witnesses"] = [witness.facts() for witness in self.witnesses]
         return values
 
     def sentence(self) -> str:

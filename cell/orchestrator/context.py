@@ -1,7 +1,7 @@
 """Inputs and results of a run: one context each for a fold, a calibration, a motion by hand."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import degrees
 
@@ -16,9 +16,9 @@ from cell.orchestrator.operator import Operator, Unattended
 from cell.orchestrator.outcome import StopReason
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.steps import Motion
-from cell.perception.laid import LaidFold
 from cell.perception.measurement import SeenTouch
 from cell.perception.sight import Reader
+from cell.perception.witness import Witness, judge
 from drivers.arm.obstacles import desk_end
 from drivers.strip.file import StripFile
 from drivers.types import Pose
@@ -32,8 +32,9 @@ class Context(ABC):
     settings: CellSettings
     reader: Reader | None = None
     seen_touch: SeenTouch | None = None
-    laid: LaidFold | None = None
+    edge_offset: float | None = None
     predicted: FoldPrediction | None = None
+    witnesses: Sequence[Witness] = ()
 
     @property
     def desk(self) -> float:
@@ -50,9 +51,11 @@ class FoldContext(Context):
     """Context of a fold: the controller's knowledge of cell and strip, and the results so far.
 
     `sight` checks the image of the strip before the grasp, and is the `reader` of images from then
-    on. `seen_touch` is the layer_touch once it is seen, `laid` the fold after the retreat,
-    `predicted` the policy's latest prediction. The grasped edge is laid at `place` [m]. The plant
-    is not part of it. The `desk` [m] ends there for the arm's hand, 0 for none. A `warning` of the
+    on. `seen_touch` is the layer_touch once it is seen, `edge_offset` [m] that of the laid edges as
+    the camera sees it once the strip was `released`, `predicted` the policy's latest prediction,
+    `expected` the displacement and its standard deviation [m] by the model before the fold;
+    `witnesses` are what was compared. The grasped edge is laid at `place` [m]. The plant is not
+    part of it. The `desk` [m] ends there for the arm's hand, 0 for none. A `warning` of the
     preflight is for the operator.
     """
 
@@ -63,20 +66,39 @@ class FoldContext(Context):
     sight: Reader
     reader: Reader | None = None
     seen_touch: SeenTouch | None = None
-    laid: LaidFold | None = None
+    edge_offset: float | None = None
+    released: bool = False
     predicted: FoldPrediction | None = None
+    expected: tuple[float, float] | None = None
+    witnesses: list[Witness] = field(default_factory=list)
     place: float = 0.0
     desk: float = 0.0
     warning: str = ""
 
+    def note_expected(self, touch: SeenTouch) -> None:
+        """Compare the displacement at `touch` with the policy's prediction, or with the model's."""
+        expected, known = self.expected, self.predicted
+        if known is not None:
+            expected = None if known.blind else (known.displacement, known.sigma)
+        if expected is not None:
+            off = touch.displacement - expected[0]
+            self.witnesses.append(Witness("displacement", off, {"prediction": expected[1]}))
+
     def completion(self) -> StopReason:
-        """Outcome and exit code: 0 where the layers touched and the strip lies folded, else 1."""
+        """Outcome and exit code: 0 where the layers touched and all witnesses agree, else 1."""
         if self.seen_touch is None:
             return StopReason("path_done", "the path ended and no touch was seen", 1)
-        complaint = None if self.laid is None else self.laid.complaint()
-        if complaint is None:
+        if self.released and self.edge_offset is None:
+            return StopReason(
+                "edges_not_seen",
+                "the layers touched, but the camera sees no fold where it was laid: the strip "
+                "sprang open or is hidden; look at it, and lay it again",
+                1,
+            )
+        refuted = next((w for w in judge(self.witnesses) if w.refuted), None)
+        if refuted is None:
             return StopReason("layer_touch", "the layers touch", 0)
-        return StopReason(*complaint, 1)
+        return StopReason(f"{refuted.name}_apart", refuted.sentence(), 1)
 
 
 @dataclass

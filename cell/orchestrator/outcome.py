@@ -6,6 +6,7 @@ from typing import Self
 from cell.orchestrator.operator import Interrupted
 from cell.perception.agreement import Agreement
 from cell.perception.measurement import SeenTouch
+from cell.perception.witness import Witness
 from drivers.errors import CellError, Fault, PreflightRefused
 from policies.prediction import FoldPrediction
 
@@ -40,7 +41,8 @@ class Outcome:
 
     Times are from the lift [s]; `touch` is the measured one, `edge_offset` the offset of the laid
     edges [m], `duration` the whole run on the cell's clock [s], `predicted` by the policy,
-    `agreement` whether the strip behaved like the model, where that was found out.
+    `witnesses` what was compared of camera, arm and prediction, `agreement` whether the strip
+    behaved like the model, where that was found out.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Outcome:
     edge_offset: float | None
     duration: float
     predicted: FoldPrediction | None = None
+    witnesses: tuple[Witness, ...] = ()
     agreement: Agreement | None = None
 
     @classmethod

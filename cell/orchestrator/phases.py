@@ -30,10 +30,11 @@ from cell.orchestrator.steps import (
     wait_for,
 )
 from cell.perception.camera_watch import UNWATCHED
-from cell.perception.laid import LaidFold, Loop, edge_offset, laid_length
+from cell.perception.laid import Loop, edge_offset, laid_length, laid_weights
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.preflight import PreflightCheck, camera_check
 from cell.perception.sight import ImageResult, Reader, Request
+from cell.perception.witness import Witness, grip_witness, held_end
 from drivers.errors import Fault, PreflightRefused
 from drivers.types import Frame, Pose, Velocity
 from policies.follower import Follower
@@ -60,6 +61,7 @@ def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     facts = [asdict(check) for check in checks]
     record.event(frame.stamp, "preflight", checks=facts)
     record.describe(preflight=facts)
+    cell.witnesses += [check.witness for check in checks if check.witness is not None]
     if not all(check.passed for check in checks):
         raise PreflightRefused("\n".join(c.sentence() for c in checks if not c.passed))
     for check in checks:
@@ -129,14 +131,17 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
 
     Ends with PATH_DONE where the policy's path ends before a touch is seen.
     """
-    command = Drive(begin.velocity)
+    command, offsets = Drive(begin.velocity), list[float]()
     while True:
         snapshot = yield command
         seen = snapshot.view.measurement
         if not snapshot.view.read or seen is None or seen.stamp < record.origin:
             continue
+        offsets.append(held_end(seen))
         if snapshot.view.touch is not None:
             cell.seen_touch = snapshot.view.touch
+            cell.witnesses += grip_witness(offsets, cell.calibration.residual)
+            cell.note_expected(snapshot.view.touch)
             return Event.LAYER_TOUCH
         decision = cell.policy.decide(observe(snapshot))
         record.decision(snapshot, decision)
@@ -191,10 +196,13 @@ def release(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     frame = (yield from still_picture()).frame
     loop = _visible_loop(cell, (yield from _laid_strip(cell, frame, pose)))
     length, thickness = cell.strip.length, cell.strip.thickness
-    seen = None if loop is None else edge_offset(length, thickness, loop)
-    cell.laid = LaidFold(released=-pose.x, seen=seen)
+    cell.released = True
+    if loop is not None:
+        cell.edge_offset = edge_offset(length, thickness, loop)
+        spreads = {"map, twice": 2.0 * cell.calibration.residual, "loop": laid_weights().rms}
+        cell.witnesses.append(Witness("edges", cell.edge_offset + pose.x, spreads))
     facts = {} if loop is None else {"loop": loop._asdict()}
-    record.event(snapshot.time, "edges_seen", edge_offset=seen, **facts)
+    record.event(snapshot.time, "edges_seen", edge_offset=cell.edge_offset, **facts)
     return Event.RELEASED
 
 

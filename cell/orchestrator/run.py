@@ -231,11 +231,10 @@ class Run:
         """Outcome of the ended run, its touch in measured time."""
         context = self._context
         end = self._stopped or context.completion()
-        touch, laid = context.seen_touch, context.laid
+        touch = context.seen_touch
         if touch is not None:
             touch = replace(touch, time=touch.time - self._recorder.origin)
-        edge_offset = None if laid is None else laid.seen
-        found = touch, edge_offset, duration, context.predicted
+        found = touch, context.edge_offset, duration, context.predicted, tuple(context.witnesses)
         return Outcome(end.name, end.reason, end.exit_code, *found)
 
 

@@ -28,6 +28,7 @@ from cell.perception.scene import (
     separation,
 )
 from cell.perception.settings import PerceptionSettings
+from cell.perception.witness import BY_HAND, Witness
 from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Image, frozen
 
@@ -46,12 +47,13 @@ BLOT_SIZE = 61  # px over which what looks like the strip is counted
 
 @dataclass(frozen=True, slots=True)
 class PreflightCheck:
-    """Result of one named check: the finding, and the remedy for a failure."""
+    """Result of one named check: the finding, the remedy for a failure, what it compares."""
 
     name: str
     passed: bool
     reason: str
     remedy: str
+    witness: Witness | None = None
 
     def sentence(self) -> str:
         """The check as text for the operator: what, the finding, what to do."""
@@ -177,6 +179,7 @@ def _check_rest(
     appearance: Appearance,
     settings: PerceptionSettings,
     strip: StripFile,
+    residual: float,
 ) -> tuple[PreflightCheck, ...]:
     """Check whether the strip lies flat, in the calibrated plane, with the stated length."""
     x, z = seen.x[seen.present], seen.z[seen.present]
@@ -202,6 +205,7 @@ def _check_rest(
         f"its free edge is at x = {1e3 * seen.end:.0f} mm, stated length "
         f"{1e3 * strip.length:.0f} mm, allowed within {1e3 * settings.length_tolerance:.0f} mm",
         "push the fixed edge to x = 0, or state the strip's own length",
+        Witness("free_edge", error, {"map": residual, "laid by hand": BY_HAND}),
     )
     return flat, level, length
 
@@ -277,7 +281,7 @@ def inspect(
     if not lies.passed:
         return Preflight((*distinct, lies), None)
     appearance = Appearance(scene, frozen(resting_line(lying)))
-    rest = _check_rest(lying, appearance, settings, strip)
+    rest = _check_rest(lying, appearance, settings, strip, calibration.residual)
     return Preflight((*distinct, lies, *rest), appearance)
 
 

@@ -12,7 +12,7 @@ Number = Annotated[float, Field(ge=-1e9, le=1e9)]  # in any unit, mistaken ones 
 
 UNMEASURED = 1.0  # m, an error beside which nothing of a cell matters
 GOALS = frozenset({"layer_touch", "path_done", "calibrated"})
-LAID = frozenset({"unlike_model"})
+LAID = frozenset({"unlike_model", "grip_apart", "displacement_apart", "free_edge_apart"})
 """The strip lies folded, and yet not as the cell was told or saw it."""
 NOT_FOLDED = LAID | {"edges_not_seen", "edges_apart"}
 """The layers touched, which was measured, and yet nobody may call the fold a success."""
@@ -156,11 +156,23 @@ class AgreementNote(Settings):
     reason: str = ""
 
 
+class WitnessNote(Settings):
+    """Difference [m] of two sources of one length, its `spread` [m], a `reason` to doubt them."""
+
+    model_config = ConfigDict(extra="allow")
+
+    name: str
+    difference: Number
+    spread: Number
+    reason: str = ""
+
+
 class Result(Recorded):
     """Contents of result.yaml: the outcome, and of a layer touch the time [s] and lengths [m].
 
     A run of the cell adds the reason of its end, its `duration` [s], the `confidence` in the touch,
-    `edge_offset` [m] of the laid edges, and of a policy that predicts, `foretold` and `agreement`.
+    `edge_offset` [m] of the laid edges, the `witnesses` that were compared, and of a policy that
+    predicts, `foretold` and `agreement`.
     """
 
     outcome: str = Field(min_length=1)
@@ -174,6 +186,7 @@ class Result(Recorded):
     edge_offset: Number | None = None
     foretold: PredictionNote | None = None
     agreement: AgreementNote | None = None
+    witnesses: tuple[WitnessNote, ...] = ()
 
     @model_validator(mode="after")
     def _touch_is_whole(self) -> Self:

@@ -45,6 +45,9 @@ def _result_rows(result: Result) -> Rows:
         rows.append(("confidence in the touch", f"{100 * result.confidence:.0f} %"))
     if result.edge_offset is not None:
         rows.append(("edges apart once laid", millimetres(result.edge_offset, signed=True)))
+    for note in result.witnesses:
+        apart = millimetres(note.difference, signed=True)
+        rows.append((f"sources differ: {note.name}", f"{apart} ± {millimetres(note.spread)}"))
     return rows
 
 

@@ -78,6 +78,8 @@ def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) 
         *_edges_sentences(edge, truth.get("edge_offset")),
         *_touch_sentences(result, d, truth),
     ]
+    reasons = (note.reason for note in result.witnesses)
+    sentences += [_sentence(reason) for reason in reasons if reason != result.reason]
     agreed = result.agreement
     if agreed is not None and not agreed.like_model and agreed.reason != result.reason:
         sentences.append(_sentence(agreed.reason))

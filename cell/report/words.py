@@ -12,6 +12,8 @@ OUTCOMES = {
     "interrupted": "Stopped by the operator",
     "edges_not_seen": "Not folded: no fold is seen where it was laid",
     "edges_apart": "Not folded: the edges do not lie where they were laid",
+    "grip_apart": "Folded, but camera and arm disagree on where the held end is",
+    "displacement_apart": "Folded, but far off the prediction",
     "unlike_model": "Folded, but the strip does not behave like the model",
 }
 

@@ -72,8 +72,10 @@ def test_rig_that_is_off_in_every_known_way_measures_like_one_that_is_not(
 
 
 @pytest.mark.slow
-def test_hidden_effect_shows(denim: Folded, tmp_path: Path) -> None:
-    folded = affected({"tcp_offset": RIG["tcp_offset"]}, tmp_path, accepted=False)
+@pytest.mark.parametrize("name", ["tcp_offset", "homography_shift"])
+def test_hidden_effect_shows(name: str, denim: Folded, tmp_path: Path) -> None:
+    folded = affected({name: RIG[name]}, tmp_path, accepted=False)
+    assert name != "homography_shift" or folded.result.outcome == "edges_apart"
     off = np.abs(contact_errors(folded)).mean() > np.abs(contact_errors(denim)).mean() + 1e-3
     missed = abs(folded.result.displacement - folded.result.displacement_true) > 2e-3
     assert off or missed

@@ -219,6 +219,12 @@ def test_record_keeps_the_contract(denim: Folded) -> None:
     assert (folder / CALIBRATION).exists()
 
 
+def test_camera_arm_and_prediction_agree(denim: Folded) -> None:
+    known = {each["name"]: each for each in denim.result.line()["witnesses"]}
+    assert list(known) == ["free_edge", "grip", "displacement", "edges"]
+    assert all(abs(each["difference"]) < 3.0 * each["spread"] for each in known.values())
+
+
 def test_hand_lays_the_edge_down_without_pressing_into_the_desk(denim: Folded) -> None:
     ticks = denim.run.ticks
     laid = ticks.t > denim.run.result.t_layer_touch

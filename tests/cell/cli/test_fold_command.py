@@ -57,7 +57,7 @@ def test_a_line_holds_what_programs_agreed_on_and_no_more(folds, capsys) -> None
     assert list(line) == [
         *("run", "strip", "policy", "seed", "outcome", "displacement", "displacement_true"),
         *("layer_touch", "edge_offset", "edge_offset_true", "like_model"),
-        *("duration", "wall", "calibration", "exit_code"),
+        *("duration", "wall", "calibration", "exit_code", "witnesses"),
     ]
     assert line["displacement"] == -0.033765
     assert line["displacement_true"] is None

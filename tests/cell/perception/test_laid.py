@@ -11,8 +11,9 @@ from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold
 from cell.orchestrator.context import FoldContext
-from cell.perception.laid import EDGE_TOLERANCE, TOP, LaidFold, Loop
+from cell.perception.laid import TOP, Loop, laid_weights
 from cell.perception.measurement import StripMeasurement
+from cell.perception.witness import Witness
 from cell.record.run import read_run
 from tests.cell.folding.test_fold_trace import TOUCH
 from tests.support.made_results import DONE
@@ -43,27 +44,31 @@ def test_loop_that_is_not_visible_is_none(hidden: dict[str, object]) -> None:
     assert Loop.seen_in(replace(SEEN, **hidden)) is None
 
 
-def ending(laid: LaidFold | None) -> tuple[str, str, int]:
+def ending(seen: float, *more: Witness) -> tuple[str, str, int]:
+    """Name, reason and exit code of a fold whose edges were released at x = 0."""
     settings = find_configs(None).cell().controller
     context = FoldContext(settings, *[SimpleNamespace()] * 4)
-    context.seen_touch, context.laid = TOUCH, laid
+    context.seen_touch, context.released, context.edge_offset = TOUCH, True, seen
+    context.witnesses = [Witness("edges", seen, {"loop": laid_weights().rms}), *more]
     end = context.completion()
     return end.name, end.reason, end.exit_code
 
 
-def test_fold_that_lies_where_it_was_laid_is_a_fold() -> None:
-    assert ending(LaidFold(released=-0.010, seen=-0.012)) == (
-        "layer_touch",
-        "the layers touch",
-        0,
-    )
+@pytest.mark.parametrize("apart", [0.0, 0.002, -0.004])  # the last is doubted, and said
+def test_fold_that_lies_where_it_was_laid_is_a_fold(apart: float) -> None:
+    assert ending(apart) == ("layer_touch", "the layers touch", 0)
 
 
-@pytest.mark.parametrize("apart", [-0.0625, EDGE_TOLERANCE + 0.001, 0.2])
+@pytest.mark.parametrize("apart", [-0.0625, -0.0081, 0.0046, 0.2])
 def test_edge_far_from_where_it_was_laid_is_no_fold(apart: float) -> None:
-    name, reason, code = ending(LaidFold(released=0.0, seen=apart))
+    name, reason, code = ending(apart)
     assert (name, code) == ("edges_apart", 1)
-    assert f"{1e3 * apart:+.1f} mm" in reason
+    assert f"camera and arm differ by {1e3 * apart:+.1f} mm" in reason
+
+
+def test_the_worst_of_the_witnesses_names_the_end() -> None:
+    off = Witness("displacement", 0.0059, {"prediction": 0.0001})
+    assert ending(0.006, off)[0] == "displacement_apart"
 
 
 def test_json_says_what_the_camera_sees_of_the_edges_and_whether_the_model_holds() -> None:
