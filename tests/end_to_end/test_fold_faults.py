@@ -19,39 +19,10 @@ from cell.record.run import read_run
 from cell.report.page import write_report
 from drivers.errors import SimulationNotFinite
 from drivers.types import Frame
+from tests.lab.faults.failing import FailingCamera, freeze, lose_all
 from tests.support.requests import request_for
 
 STOP_TIME = 0.35  # s of the cell's time to brake from the fold's speed and settle
-
-
-class SpoiledCamera:
-    """A camera whose frames pass through `spoil` once the strip has been lifted for a while."""
-
-    def __init__(self, camera, clock, spoil, start: float) -> None:
-        self._camera, self._clock, self._spoil, self._start = camera, clock, spoil, start
-        self._kept: Frame | None = None
-        self.rate = camera.rate
-
-    def connect(self) -> None:
-        self._camera.connect()
-
-    def close(self) -> None:
-        self._camera.close()
-
-    def read(self, after: float, timeout: float) -> Frame | None:
-        frame = self._camera.read(after, timeout)
-        if self._clock.now() < self._start or frame is None:
-            self._kept = frame or self._kept
-            return frame
-        return self._spoil(frame, self._kept)
-
-
-def frozen(frame: Frame, kept: Frame) -> Frame:
-    return replace(frame, image=kept.image)
-
-
-def silent(frame: Frame, kept: Frame) -> None:
-    return None
 
 
 def black(frame: Frame, kept: Frame) -> Frame:
@@ -69,9 +40,9 @@ def spoiled_fold(monkeypatch, runs: Path, change) -> tuple:
 @pytest.mark.parametrize(
     ("spoil", "fault", "within", "still"),
     [
-        (frozen, "image_frozen", 0.15, 0.15 + STOP_TIME),
+        (freeze, "image_frozen", 0.15, 0.15 + STOP_TIME),
         # it stands, and waits for an image, before it is named
-        pytest.param(silent, "image_stale", 0.5, 0.35, marks=pytest.mark.slow),
+        pytest.param(lose_all, "image_stale", 0.5, 0.35, marks=pytest.mark.slow),
         pytest.param(black, "low_confidence", 0.55, 0.55 + STOP_TIME, marks=pytest.mark.slow),
     ],
 )
@@ -79,7 +50,15 @@ def test_bad_images_stop_the_arm(monkeypatch, tmp_path, spoil, fault, within, st
     begin = 5.0  # in FOLD for a second
 
     def change(devices: Devices) -> Devices:
-        camera = SpoiledCamera(devices.camera, devices.clock, spoil, begin)
+        camera, kept = FailingCamera(devices.camera), []
+
+        def late(frame: Frame, _: Frame) -> Frame | None:
+            if devices.clock.now() >= begin:
+                return spoil(frame, *kept)
+            kept[:] = [frame]
+            return frame
+
+        camera.spoil = late
         return replace(devices, camera=camera)
 
     result, run = spoiled_fold(monkeypatch, tmp_path, change)

@@ -14,7 +14,7 @@ from calibration.wizard.touches import TouchSettings, touch_plan
 from cell.config.places import CHECKOUT_CONFIGS
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
-from tests.cell.cli.test_command_errors import refused, run
+from tests.support.commands import refused, run
 from tests.support.twin_calibration import NO_STRIP, pointer_frame, true_lens
 
 CONFIGS = ("--configs", CHECKOUT_CONFIGS)

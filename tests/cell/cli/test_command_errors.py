@@ -7,34 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from cell.__main__ import main
 from cell.config.places import CHECKOUT_CONFIGS
+from tests.support.commands import refused
 
 
 @pytest.fixture
 def configs(tmp_path: Path) -> Path:
     return Path(shutil.copytree(CHECKOUT_CONFIGS, tmp_path / "configs"))
-
-
-def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
-    monkeypatch.setattr("sys.argv", ["cell", *map(str, words)])
-    monkeypatch.setattr("__main__.__package__", None)  # else `python -m pytest` is named
-    with pytest.raises(SystemExit) as ended:
-        main()
-    return int(ended.value.code or 0)
-
-
-def refused(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: object
-) -> str:
-    """What a command that must be refused as bad input says: a line for each thing wrong."""
-    code = run(monkeypatch, *words)
-    told = capsys.readouterr()
-    assert code == 2, told
-    assert told.out == ""
-    assert "Traceback" not in told.err
-    assert told.err.startswith("cell: ")
-    return told.err.removeprefix("cell: ").strip()
 
 
 def test_unknown_strip_lists_the_known_ones(monkeypatch, capsys, configs, tmp_path) -> None:

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from cell.__main__ import main
 from cell.config.places import CHECKOUT_CONFIGS
 from cell.folding.request import Request
 from cell.folding.result import FoldResult
 from drivers.errors import CellError, ConfigurationError
+from tests.support.commands import run
 from tests.support.made_results import DONE, STOPPED
 
 
@@ -36,12 +36,10 @@ def folds(monkeypatch, tmp_path) -> Callable[..., tuple[int, list[dict], list[Re
         monkeypatch.setattr("cell.folding.batch.write_pages", lambda _, result: result)
         monkeypatch.setattr("cell.folding.batch.calibration_of", lambda *_: None)
         words = ("fold", "--strip", "denim", "--json", "--runs", tmp_path / "r", *words)
-        monkeypatch.setattr("sys.argv", ["cell", *map(str, words)])
-        with pytest.raises(SystemExit) as ended:
-            main()
+        code = run(monkeypatch, *words)
         told = capsys.readouterr()
         lines = [json.loads(line, parse_constant=no_constant) for line in told.out.splitlines()]
-        return int(ended.value.code or 0), lines, told.err.splitlines(), asked
+        return code, lines, told.err.splitlines(), asked
 
     return command
 
@@ -121,11 +119,8 @@ def test_a_defect_of_the_program_is_one_line_and_no_traceback(
         raise ZeroDivisionError("nobody foresaw this")
 
     monkeypatch.setattr("cell.record.listing.list_runs", defect)
-    monkeypatch.setattr("sys.argv", ["cell", "runs", "--runs", str(tmp_path)])
-    with pytest.raises(SystemExit) as ended:
-        main()
+    assert run(monkeypatch, "runs", "--runs", tmp_path) == 1
     told = capsys.readouterr()
-    assert ended.value.code == 1
     assert told.err.count("\n") == 1
     assert "ZeroDivisionError in test_fold_command.py" in told.err
     assert "nobody foresaw this" in told.err

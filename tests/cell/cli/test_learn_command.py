@@ -12,7 +12,7 @@ from cell.cli.app import app
 from cell.config.places import find_configs
 from cell.learning.experience import Experience, Memory, run_key
 from drivers.errors import ConfigurationError
-from tests.cell.cli.test_command_errors import refused
+from tests.support.commands import refused
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from drivers.settings import parse
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
 from policies.registry import make_policy
-from tests.cell.cli.test_command_errors import refused
+from tests.support.commands import refused
 
 ROOT = Path(__file__).resolve().parents[3]
 DENIM = ROOT / "configs" / "strips" / "denim.yaml"

@@ -19,7 +19,7 @@ from cell.folding.standard_runs import standard_requests
 from cell.orchestrator.outcome import Outcome
 from drivers.errors import ConfigurationError, PreflightRefused
 from drivers.strip.describe import load_strip
-from tests.cell.cli.test_command_errors import run
+from tests.support.commands import run
 from tests.support.requests import request_for
 
 NOWHERE = "192.0.2.7"  # of the block for documentation: no robot is there

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from cell.cli.table import print_table, printable
+from tests.support.commands import run
 
 NAMES = ["20261121T041512Z-jacket-knit-fold-7f3a", "20261121T041530Z-trouser-twill-fold-11c2"]
 COLUMNS = ("run", "strip", "policy", "outcome", "d mm", "s", "MB")
@@ -32,15 +33,11 @@ def test_what_a_file_says_moves_no_cursor_and_is_no_markup(monkeypatch, capsys) 
 
 
 def test_runs_of_any_header_are_listed(tmp_path: Path, monkeypatch, capsys) -> None:
-    from cell.__main__ import main
 
     for i, text in enumerate(
         ["strip: '[/x]'", "strip: [1]", 'strip: "\\x1b"', "- 1", "a: &a [*a]"]
     ):
         (tmp_path / str(i)).mkdir()
         (tmp_path / str(i) / "run.yaml").write_text(text)
-    monkeypatch.setattr("sys.argv", ["cell", "runs", "--runs", str(tmp_path)])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 0
+    assert run(monkeypatch, "runs", "--runs", tmp_path) == 0
     assert "[/x]" in capsys.readouterr().out

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cell.__main__ import main
+from tests.support.commands import run
 from tests.support.fci_wire import RawArm
 
 FAULTS = """\
@@ -17,13 +17,6 @@ schema: 1
 faults:
   - {at: 0, kind: wrong_version, version: 8}
 """
-
-
-def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
-    monkeypatch.setattr("sys.argv", ["cell", "twin", "serve", *map(str, words)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    return int(ended.value.code or 0)
 
 
 @pytest.fixture
@@ -66,7 +59,7 @@ def test_fault_script_that_says_nothing_possible_is_refused(
 ) -> None:
     script = tmp_path / "faults.yaml"
     script.write_text(text)
-    assert run(monkeypatch, "--faults", script) == 2
+    assert run(monkeypatch, "twin", "serve", "--faults", script) == 2
     told = capsys.readouterr()
     assert str(script) in told.err
     assert said in told.err
@@ -74,5 +67,5 @@ def test_fault_script_that_says_nothing_possible_is_refused(
 
 @pytest.mark.parametrize("address", ["robot", "127.0.0", "203.0.113.9"])
 def test_address_that_is_not_this_machines_is_refused(monkeypatch, capsys, address: str) -> None:
-    assert run(monkeypatch, "--address", address) == 2
+    assert run(monkeypatch, "twin", "serve", "--address", address) == 2
     assert "address" in capsys.readouterr().err

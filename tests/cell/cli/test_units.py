@@ -8,10 +8,10 @@ import pytest
 import typer
 import yaml
 
-from cell.__main__ import main
 from cell.cli.app import app
 from cell.cli.options import length_parser
 from cell.config.places import CHECKOUT_CONFIGS
+from tests.support.commands import run
 
 UNIT = re.compile(r"\[(m|mm|s|deg|rad|kg/m\^2|N|Hz)\]")
 
@@ -48,9 +48,7 @@ def test_bare_number_is_in_the_units_of_the_option() -> None:
 def test_strip_is_made_from_lengths_as_a_ruler_shows_them(tmp_path, monkeypatch) -> None:
     shutil.copytree(CHECKOUT_CONFIGS, tmp_path / "configs")
     monkeypatch.chdir(tmp_path)
-    words = "cell strips new linen --length 600mm --width 5cm --thickness 0.4mm"
-    monkeypatch.setattr("sys.argv", words.split())
-    with pytest.raises(SystemExit):
-        main()
+    words = "strips new linen --length 600mm --width 5cm --thickness 0.4mm"
+    run(monkeypatch, *words.split())
     made = yaml.safe_load((tmp_path / "configs/strips/linen.yaml").read_text())
     assert [made[key] for key in ("length", "width", "thickness")] == [0.6, 0.05, 0.0004]

@@ -14,8 +14,8 @@ from cell.gap.subject.mechanism.file import PendulumFile
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.strip.simulation import Simulation
 from drivers.types import Array
-from tests.cell.cli.test_command_errors import refused
 from tests.cell.gap.subject.test_gap_strip_runs import drop_column, edit_column, edit_yaml, put
+from tests.support.commands import refused
 from tests.support.gap_strip_cases import STRIP, folds, written
 from tests.support.swings import make_swings, write_swings
 

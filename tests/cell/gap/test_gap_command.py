@@ -1,15 +1,13 @@
 """`cell gap` on the command line: fit, accept, undo, advise."""
 
 import json
-import os
 from pathlib import Path
 
 import pytest
 
-from cell.__main__ import main
 from cell.cli.gap import _verdict_lines
 from cell.gap.verdict.schema import Verdict
-from tests.cell.cli.test_command_errors import refused
+from tests.support.commands import refused, run
 
 SINGLE = Path(__file__).resolve().parents[4] / "shared" / "data" / "pendulum" / "single"
 
@@ -40,12 +38,7 @@ def test_a_folder_without_a_fit_is_refused(monkeypatch, capsys, tmp_path, comman
 def test_a_fit_prints_the_verdict_that_it_wrote(monkeypatch, capsys, tmp_path) -> None:
     runs = [SINGLE / "runs" / f"{k:02d}" for k in range(4)]
     words = ["gap", "fit", *runs, "--strip", SINGLE / "pendulum.yaml"]
-    monkeypatch.setattr(
-        "sys.argv", ["cell", *map(os.fspath, words), "--out", str(tmp_path), "--json"]
-    )
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert not ended.value.code
+    assert run(monkeypatch, *words, "--out", tmp_path, "--json") == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((tmp_path / "verdict.json").read_text())
     assert {"report.html", "overlay.rrd"} <= {path.name for path in tmp_path.iterdir()}

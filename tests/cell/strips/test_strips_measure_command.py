@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from cell.__main__ import main
 from cell.config.places import CHECKOUT_CONFIGS
 from drivers.strip.describe import load_strip
+from tests.support.commands import refused, run
 from tests.support.hanging_photographs import Scene, photograph
 
 
@@ -26,33 +26,14 @@ def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
-    monkeypatch.setattr("sys.argv", ["cell", "strips", *map(str, words)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    return int(ended.value.code or 0)
-
-
 def test_a_strip_file_that_cannot_be_read_does_not_hide_the_others(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], configs: Path
 ) -> None:
     (configs / "strips" / "broken.yaml").write_text("name: [")
-    assert run(monkeypatch, "--configs", configs) == 0
+    assert run(monkeypatch, "strips", "--configs", configs) == 0
     told = capsys.readouterr()
     assert "denim" in told.out
     assert told.err.startswith(f"cell: {configs / 'strips' / 'broken.yaml'}")
-
-
-def refused(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: object
-) -> str:
-    """The one line of a command that must be refused as bad input."""
-    assert run(monkeypatch, *words) == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err.startswith("cell: ")
-    assert len(told.err.splitlines()) == 1, told.err
-    return told.err
 
 
 def test_measure_prints_pictures_and_leaves_strip_files_alone(
@@ -61,7 +42,7 @@ def test_measure_prints_pictures_and_leaves_strip_files_alone(
     before = (configs / "strips" / "denim.yaml").read_bytes()
     out = tmp_path / "out"
     words = ("--photo", photo, "--overhang", 0.06, "--out", out, "--configs", configs)
-    assert run(monkeypatch, "measure", "denim", *words) == 0
+    assert run(monkeypatch, "strips", "measure", "denim", *words) == 0
     told = capsys.readouterr().out
     assert told.startswith("denim: bending length 2")
     assert "95 %" in told
@@ -79,7 +60,9 @@ def test_measure_writes_the_bending_length_and_where_it_comes_from(
     path.write_text(path.read_text().replace("width: 0.05", "width: 0.05  # cut with a knife"))
     before = load_strip(path)
     words = ("--photo", photo, "--overhang", 0.06, "--out", tmp_path / "out")
-    code = run(monkeypatch, "measure", "denim", *words, "--configs", configs, "--write", "--json")
+    code = run(
+        monkeypatch, "strips", "measure", "denim", *words, "--configs", configs, "--write", "--json"
+    )
     assert code == 0
     line = json.loads(capsys.readouterr().out)
     after = load_strip(path)
@@ -118,7 +101,9 @@ def test_bad_input_is_one_clear_line_and_nothing_is_written(
 ) -> None:
     paths = {"photo": photo, **bad_pictures(tmp_path)}
     words = [str(word).format(**paths) for word in words]
-    line = refused(monkeypatch, capsys, "measure", "sample", *words, "--out", tmp_path / "out")
+    line = refused(
+        monkeypatch, capsys, "strips", "measure", "sample", *words, "--out", tmp_path / "out"
+    )
     assert said in line
     assert not (tmp_path / "out").exists()
 
@@ -148,7 +133,7 @@ def test_writing_to_an_unknown_strip_is_refused_before_anything_is_measured(
     monkeypatch, capsys, configs, tmp_path, photo
 ) -> None:
     words = ("--photo", photo, "--overhang", 0.06, "--out", tmp_path / "out", "--write")
-    line = refused(monkeypatch, capsys, "measure", "silk", *words, "--configs", configs)
+    line = refused(monkeypatch, capsys, "strips", "measure", "silk", *words, "--configs", configs)
     assert "cell strips new" in line
     assert not (tmp_path / "out").exists()
 
@@ -156,7 +141,7 @@ def test_writing_to_an_unknown_strip_is_refused_before_anything_is_measured(
 def test_new_strip_says_what_was_assumed(monkeypatch, capsys, configs) -> None:
     words = ("--length", 0.5, "--width", 0.04, "--areal-density", 0.31, "--colour", 10, 20, 30)
     told = ("--source", "areal_density=scales, 2026")
-    assert run(monkeypatch, "new", "felt", *words, *told, "--configs", configs) == 0
+    assert run(monkeypatch, "strips", "new", "felt", *words, *told, "--configs", configs) == 0
     assert "assumed, not measured: bending_length, retardation_time" in capsys.readouterr().out
     strip = load_strip(configs / "strips" / "felt.yaml")
     assert (strip.name, strip.length, strip.width, strip.areal_density) == ("felt", 0.5, 0.04, 0.31)
@@ -179,5 +164,5 @@ def test_new_strip_that_cannot_be_is_refused(
     monkeypatch, capsys, configs, name, words, said
 ) -> None:
     before = {path: path.read_bytes() for path in (configs / "strips").iterdir()}
-    assert said in refused(monkeypatch, capsys, "new", name, *words, "--configs", configs)
+    assert said in refused(monkeypatch, capsys, "strips", "new", name, *words, "--configs", configs)
     assert {path: path.read_bytes() for path in (configs / "strips").iterdir()} == before

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.__main__ import main
 from cell.parallel import workers
 from cell.train.evaluation import Engine, evaluate
 from cell.train.run import SUBSTEPS
@@ -21,28 +20,9 @@ from policies.adaptive.bias import Bias
 from policies.adaptive.train.transfer import FitQuality
 from policies.registry import make_policy
 from policies.train.objective import TrainingSettings
+from tests.support.commands import refused, run
 
 TINY = ["--generations", "6", "--population", "4", "--strips", "1", "--grid", "2"]
-
-
-def command(monkeypatch: pytest.MonkeyPatch, *words: object) -> None:
-    monkeypatch.setattr("sys.argv", ["cell", "train", *map(str, words)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert not ended.value.code
-
-
-def refused(monkeypatch, capsys, *words: object) -> str:
-    """The one line with which a command is refused as bad input."""
-    monkeypatch.setattr("sys.argv", ["cell", "train", *map(str, words)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    told = capsys.readouterr()
-    assert ended.value.code == 2, told
-    assert told.out == ""
-    assert told.err.startswith("cell: ")
-    assert told.err.count("\n") == 1
-    return str(told.err)
 
 
 def killed_after(folder: Path, generation: int) -> None:
@@ -62,11 +42,11 @@ def test_run_killed_twice_ends_with_the_weights_of_one_left_alone(
     monkeypatch, capsys, tmp_path: Path
 ) -> None:
     alone, killed = tmp_path / "alone", tmp_path / "killed"
-    command(monkeypatch, "--out", alone, "--jobs", 1, "--json", *TINY)
+    assert run(monkeypatch, "train", "--out", alone, "--jobs", 1, "--json", *TINY) == 0
     line = json.loads(capsys.readouterr().out)
     killed_after(killed, 2)
     killed_after(killed, 4)
-    command(monkeypatch, "--out", killed, "--jobs", 2, *TINY)
+    assert run(monkeypatch, "train", "--out", killed, "--jobs", 2, *TINY) == 0
     told = capsys.readouterr()
     assert "goes on after 4 of 6" in told.err or "goes on after 5 of 6" in told.err
     assert "chain (the plant)" in told.out
@@ -83,7 +63,7 @@ def test_end_of_a_training_through_images_is_printed(monkeypatch, capsys, tmp_pa
     quality = FitQuality(folds=96, bias=7e-4, within=0.68)
     monkeypatch.setattr("cell.train.transfer.transfer", lambda *_: (Bias(), quality))
     words = ("--policy", "adaptive", "--checkpoint", tmp_path / "bare.npz", "--out", tmp_path)
-    command(monkeypatch, *words)
+    assert run(monkeypatch, "train", *words) == 0
     assert capsys.readouterr().out == (
         "96 folds through images; of folds left out the displacement is 0.70 mm rms off the "
         f"prediction, 68 % within one sigma; {tmp_path / 'adaptive.npz'}\n"
@@ -133,7 +113,7 @@ def test_workers_end_with_the_process_that_leads_them() -> None:
 
 def test_other_settings_in_the_same_folder_are_refused(monkeypatch, capsys, tmp_path) -> None:
     (tmp_path / "feedback.jsonl").write_text('{"schema": 1, "settings": {"seed": 3}}\n')
-    assert "other settings" in refused(monkeypatch, capsys, "--out", tmp_path, *TINY)
+    assert "other settings" in refused(monkeypatch, capsys, "train", "--out", tmp_path, *TINY)
     assert not (tmp_path / "feedback.json").exists()
 
 
@@ -141,7 +121,7 @@ def test_second_training_in_the_same_folder_is_refused(monkeypatch, capsys, tmp_
     place = os.open(tmp_path, os.O_RDONLY)
     try:
         fcntl.flock(place, fcntl.LOCK_EX)
-        said = refused(monkeypatch, capsys, "--out", tmp_path, *TINY)
+        said = refused(monkeypatch, capsys, "train", "--out", tmp_path, *TINY)
     finally:
         os.close(place)
     assert "another training" in said

@@ -1,0 +1,27 @@
+"""Commands of `cell` as a shell calls them, in this process."""
+
+import pytest
+
+from cell.__main__ import main
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
+    """Exit code of `cell` with these words."""
+    monkeypatch.setattr("sys.argv", ["cell", *map(str, words)])
+    monkeypatch.setattr("__main__.__package__", None)  # else `python -m pytest` is named
+    with pytest.raises(SystemExit) as ended:
+        main()
+    return int(ended.value.code or 0)
+
+
+def refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: object
+) -> str:
+    """What a command that must be refused as bad input says: a line for each thing wrong."""
+    code = run(monkeypatch, *words)
+    told = capsys.readouterr()
+    assert code == 2, told
+    assert told.out == ""
+    assert "Traceback" not in told.err
+    assert told.err.startswith("cell: ")
+    return told.err.removeprefix("cell: ").strip()
