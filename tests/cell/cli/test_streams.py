@@ -26,6 +26,7 @@ def fold(request, *_more, **_named):
 
 cell.folding.batch.fold = fold
 cell.folding.batch.calibration_of = lambda *_: None
+cell.folding.batch.write_pages = lambda _, result: result
 from cell.__main__ import main
 main()
 """
@@ -64,7 +65,7 @@ def test_output_that_goes_nowhere_changes_no_exit_code(tmp_path, redirect, code)
     assert clean(done)
 
 
-@pytest.mark.parametrize("redirect", ["| true", ">&- 2>&-"])
+@pytest.mark.parametrize("redirect", ["| true", ">/dev/full"])
 def test_a_fold_is_recorded_and_ends_with_its_own_code(tmp_path, redirect) -> None:
     (tmp_path / "fold.py").write_text(FOLD)
     done = shell(f"{sys.executable} fold.py fold --strip denim --viz off {redirect}", tmp_path)
