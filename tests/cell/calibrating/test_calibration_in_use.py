@@ -3,23 +3,15 @@
 from datetime import UTC, datetime, timedelta
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
-from calibration.calibration import Calibration, change_calibration
-from calibration.landmarks import Landmark, Landmarks
+from calibration.calibration import Calibration
 from cell.calibrating.calibration_in_use import check_usable, record_entry
 from cell.devices.devices import Devices
 from drivers.errors import ConfigurationError, PreflightRefused
 from tests.cell.conftest import straight_camera
 
 NOW = datetime(2026, 11, 20, 12, 0, tzinfo=UTC)
-MARKS = Landmarks(
-    x=0.4,
-    z=0.2,
-    pitch=1.5,
-    marks=(Landmark.of("tip", np.full((9, 9), 7, np.uint8), 0, 0, 9),),
-)
 
 
 def made(**facts: object) -> Calibration:
@@ -53,16 +45,3 @@ def test_run_records_id_residual_latency_and_age() -> None:
         "date": "2026-11-18T12:00:00+00:00",
         "age_days": 2.0,
     }
-
-
-def test_locks_landmarks_and_override_are_part_of_the_identity(tmp_path) -> None:
-    plain = made()
-    ids = {
-        plain.id,
-        made(locks={"focus_absolute": 30}).id,
-        made(landmarks=MARKS).id,
-        made(accepted_anyway=("why",)).id,
-    }
-    assert len(ids) == 4
-    assert change_calibration(plain).id == plain.id
-    assert change_calibration(made(landmarks=MARKS), landmarks=None).id == plain.id

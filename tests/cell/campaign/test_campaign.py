@@ -44,18 +44,6 @@ def test_parts_that_fail_die_or_never_end_leave_the_others_measured(tmp_path: Pa
     assert found["e"].reason == "no outcome after 6 s; its process was ended"
 
 
-@pytest.mark.slow
-def test_finished_parts_are_not_measured_again_and_failed_ones_are(tmp_path: Path) -> None:
-    marks = tmp_path / "marks"
-    parts = [Fine("a", marks), Impossible("b", marks), Deadly("c", marks)]
-    run(parts, tmp_path / "j")
-    assert sorted(marks.read_text().split()) == ["a", "b", "c", "c"]
-    found, watcher = run([*parts, Fine("d", marks)], tmp_path / "j")
-    assert sorted(watcher.known) == ["a", "c"]
-    assert sorted(marks.read_text().split()) == ["a", "b", "b", "c", "c", "d"]
-    assert found["c"].state == "set_aside"
-
-
 def test_journals_merge_by_copying_and_shards_are_the_whole(tmp_path: Path) -> None:
     keys = [f"part {number}" for number in range(10)]
     whole = Journal(tmp_path / "whole")

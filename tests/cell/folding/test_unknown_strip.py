@@ -6,7 +6,6 @@ import pytest
 
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.folding.documents import LEARNED, offer_strip
-from drivers.errors import ConfigurationError
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
 from policies.prediction import Estimate, FoldPrediction
@@ -31,12 +30,6 @@ def test_strip_without_a_file_is_the_middle_of_the_papers_range() -> None:
     low, high = strip.spread["bending_length"]
     assert low < strip.bending_length < high
     assert {entry.source for entry in strip.provenance} == {"assumed"}
-
-
-@pytest.mark.parametrize("length", ["", "long", "-1", "nan", "9"])
-def test_what_is_no_length_of_a_strip_is_refused(length: str) -> None:
-    with pytest.raises(ConfigurationError, match="--length"):
-        without_file(length)
 
 
 def test_offered_file_is_a_strip_file_that_says_where_its_numbers_are_from(tmp_path: Path) -> None:

@@ -10,27 +10,13 @@ from drivers.fci_server.robot import resting_robot
 from drivers.fci_server.state import Publisher
 from drivers.fci_server.wire import Reflex
 from drivers.franka.body import Box, Solids, apart
-from drivers.franka.kinematics import FLANGE, FLANGE_TO_TIP, HOME, frames
-from drivers.franka.model import CENTRES, GRAVITY, MASSES, holding_torques
+from drivers.franka.kinematics import FLANGE_TO_TIP, HOME
+from drivers.franka.model import holding_torques
 from drivers.types import frozen
 
 FLOOR = Solids(frozen(np.eye(4)), (Box("floor", (-5, -5, -5), (5, 5, 0.0)),))
 HAND = frozen([-0.01, 0.0, 0.03])
 FOLDED = frozen([1.06, -1.42, -2.7, -2.49, 2.44, 3.79, 2.07])  # the wrist in the shoulder
-
-
-def test_torques_of_gravity_are_the_gradient_of_its_energy() -> None:
-    q = HOME + np.array([0.3, 0.2, -0.4, 0.3, 0.5, 0.2, 0.1])
-
-    def energy(joints: np.ndarray) -> float:
-        links = frames(joints)
-        heights = np.einsum("jk,jk->j", links[:, 2, :3], CENTRES) + links[:, 2, 3]
-        held = links[6] @ np.array([HAND[0], HAND[1], HAND[2] + FLANGE, 1.0])
-        return float(GRAVITY * (MASSES @ heights + 0.73 * held[2]))
-
-    steps = 1e-6 * np.eye(7)
-    gradient = [(energy(q + step) - energy(q - step)) / 2e-6 for step in steps]
-    assert holding_torques(q, 0.73, HAND) == pytest.approx(gradient, abs=1e-6)
 
 
 def test_state_holds_gravity_of_arm_hand_and_load() -> None:

@@ -16,7 +16,7 @@ from drivers.strip.rod.lumping import KNOWN_FIELDS
 from drivers.strip.rod.motions import GripperPath, simulate_all
 from drivers.strip.rod.static import fit_length
 from policies.path import triangular
-from tests.support.rod_cases import for_all, paper_grid, paper_model, steady
+from tests.support.rod_cases import paper_model
 
 DT = 0.005
 PATH = triangular(0.6)
@@ -29,21 +29,6 @@ def test_strip_at_rest_does_not_move_at_all() -> None:
     rod.advance(np.repeat([[[0.6, 0.0, 0.0]]], 100, axis=0), DT)
     np.testing.assert_allclose(rod.shapes(), before, atol=1e-12)
     np.testing.assert_allclose(before[0, :, 0], rod.arc()[0], atol=1e-15)
-
-
-def test_strip_moves_bit_for_bit_alike_alone_and_among_others() -> None:
-    models = paper_grid()
-    poses = steady(PATH, DT)
-    together = Rod(40)
-    together.reset(models)
-    seen = together.follow(for_all(poses, len(models)), DT, every=50)
-    for i in (0, 7, 24):
-        alone = Rod(40)
-        alone.reset([models[i]])
-        mine = alone.follow(for_all(poses, 1), DT, every=50)
-        np.testing.assert_array_equal(mine.contact_x[:, 0], seen.contact_x[:, i])
-        np.testing.assert_array_equal(mine.shapes[:, 0], seen.shapes[:, i])
-        assert alone.touch[0] == together.touch[i]
 
 
 def test_start_in_which_the_layers_touch_is_refused() -> None:

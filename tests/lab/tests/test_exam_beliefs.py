@@ -3,46 +3,21 @@
 from collections.abc import Callable
 from itertools import product
 
-import numpy as np
-import pytest
-
-from cell.gap.selection.posterior import Posterior, SetProbability
 from cell.gap.selection.prior import BELIEFS_FILE, Beliefs, beliefs
-from tests.lab.exam.case import Case
 from tests.lab.studies.catalogue.beliefs import (
     IMMATERIAL,
-    LAPSE,
     STUDY,
     WRONG_SIGMAS,
     fit_beliefs,
-    log_score,
 )
 from tests.lab.studies.study import Case as StudyCase
 from tests.lab.studies.study import Outcome
-
-
-def sets(**shares: float) -> Posterior:
-    """Posterior over sets of effects, whose names are joined by two underscores."""
-    models = [
-        SetProbability(frozenset(filter(None, k.split("__"))), 0.0, p) for k, p in shares.items()
-    ]
-    return Posterior(tuple(models))
-
-
-def hiding(*names: str) -> Case:
-    return Case(name="a", tier="state", kind="single", strip="denim", seed=0, answer=names)
 
 
 def outcome(nats: Callable[[float, float], float]) -> Outcome:
     scores = [{"immaterial": i, "wrong": w, "nats": nats(i, w)}
               for i, w in product(IMMATERIAL, WRONG_SIGMAS)]  # fmt: skip
     return Outcome(StudyCase(0, 0, {}), {"scores": scores})
-
-
-def test_the_score_is_the_probability_of_what_is_hidden() -> None:
-    found = sets(seam=0.7, hem_mass=0.2, seam__air_drag=0.1)
-    assert log_score(found, hiding("seam")) == pytest.approx(np.log(LAPSE + 0.99 * 0.7))
-    assert log_score(found, hiding("air_drag", "seam")) == pytest.approx(np.log(LAPSE + 0.99 * 0.1))
 
 
 def test_the_fitted_beliefs_score_best_over_all_cases() -> None:

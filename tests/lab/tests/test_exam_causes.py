@@ -10,7 +10,6 @@ from drivers.strip.describe import describe
 from drivers.strip.engine import StripMotion, simulate
 from drivers.strip.model import Effects, StripModel
 from drivers.twin.chain.engine import Chain
-from drivers.twin.chain.forces import DahlFriction
 from drivers.types import Array
 from policies.path import triangular
 from tests.lab.exam.causes import cause_of, causes
@@ -86,19 +85,6 @@ def test_cause_changes_a_fold_like_the_effect_that_it_resembles(
     assert cosine > 0.75
     assert 0.4 < np.linalg.norm(cause) / np.linalg.norm(known) < 2.5
     assert not np.array_equal(cause, known)
-
-
-def test_friction_of_dahl_dissipates_over_a_cycle_and_stays_below_its_limit() -> None:
-    limit, stiffness, wide = np.array([2.0]), np.array([50.0]), 0.5
-    element = DahlFriction(limit, stiffness, 1.5)
-    angles = wide * np.sin(np.linspace(0.0, 6 * np.pi, 3001))
-    moments = np.array([element(np.array([a]), np.zeros(1), STEP)[0][0] for a in angles])
-    last = 2000  # where the last cycle begins
-    middle = 0.5 * (moments[1:] + moments[:-1])
-    lost = float((middle * np.diff(angles))[last:].sum())
-    assert np.abs(moments).max() <= limit[0]
-    assert 0.6 < lost / (4 * limit[0] * wide) < 1.0  # of what dry friction at the limit takes
-    assert moments[1] == pytest.approx(stiffness[0] * angles[1], rel=0.1)  # stuck at first
 
 
 @pytest.mark.slow

@@ -75,14 +75,6 @@ def test_names_are_right_only_where_the_effect_is_in_the_library() -> None:
     assert Calibration.model_validate({**content, "belongs_to": "confidence.yaml"}).weights
 
 
-def test_the_package_states_its_source_and_more_for_a_longer_lead() -> None:
-    by = calibration()
-    assert "verdicts that accept" in by.source
-    stated = [by.probability(told(n)) for n in (1.0, 20.0, 150.0)]
-    assert stated == sorted(stated)
-    assert 0.0 < stated[0] < stated[2] < 1.0
-
-
 @pytest.mark.slow
 def test_the_package_holds_the_calibration_of_its_source() -> None:
     names_of = re.findall(r"[a-z]+-\d+\.jsonl", calibration().source)
