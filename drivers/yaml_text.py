@@ -187,7 +187,9 @@ def _change_mapping(node: Any, value: Mapping[str, Any]) -> None:
 def _change_list(node: Any, value: Sequence[Any]) -> None:
     _check(node, MutableSequence)
     added = len(value) - len(node)
-    if added > 0 and _nearly_equal(node, value[added:], besides=1):
+    if added > 0 and _nearly_equal(node, value[:-added], besides=1):
+        node.extend(value[-added:])
+    elif added > 0 and _nearly_equal(node, value[added:], besides=1):
         # new entries in front: the others keep their comments
         for item in reversed(value[:added]):
             node.insert(0, item)

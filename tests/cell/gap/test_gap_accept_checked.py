@@ -9,9 +9,11 @@ import pytest
 import yaml
 
 from cell.config.places import find_configs
+from cell.gap.subject.strip.subject import patch_file
 from cell.gap.verdict.accept import accept, undo
 from cell.gap.verdict.schema import read_verdict
 from drivers.errors import ConfigurationError
+from drivers.strip.describe import load_strip
 
 EFFECT = {"bending_hysteresis": {"yield_curvature": 20.0, "stiffness_ratio": 8.0}}
 
@@ -27,7 +29,7 @@ class Fitted:
         digest = hashlib.sha256(self.file.read_bytes()).hexdigest()
         record = {"schema": 1, "file_sha256": digest, "effects": ["bending_hysteresis"]}
         (self.out / "fit.json").write_text(json.dumps(record))
-        patch = yaml.safe_load(self.file.read_text()) | {"effects": EFFECT}
+        patch, _ = patch_file(load_strip(self.file), {"bending_length": 0.0168}, EFFECT, "fit")
         (self.out / "patch.yaml").write_text(yaml.safe_dump(patch))
 
 
@@ -43,6 +45,21 @@ def test_what_was_accepted_comes_back(fitted) -> None:
     assert "yield_curvature" in fitted.file.read_text()
     undo(fitted.out, fitted.file, fitted.cell)
     assert fitted.file.read_bytes() == before
+
+
+def test_accepting_changes_the_lines_that_it_changes(fitted) -> None:
+    before = fitted.file.read_text().splitlines()
+    accept(fitted.out, fitted.file, fitted.cell)
+    after = fitted.file.read_text().splitlines()
+    assert [line for line in before if line not in after] == ["bending_length: 0.0170"]
+    assert "bending_length: 0.0168" in after
+
+
+def test_what_is_only_suspected_is_accepted_by_force_alone(fitted) -> None:
+    (fitted.out / "patch.yaml").rename(fitted.out / "suspect-patch.yaml")
+    with pytest.raises(ConfigurationError, match="effects are suspected.*--force"):
+        accept(fitted.out, fitted.file, fitted.cell)
+    assert accept(fitted.out, fitted.file, fitted.cell, force=True).effects == tuple(EFFECT)
 
 
 BROKEN = {

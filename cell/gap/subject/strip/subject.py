@@ -51,9 +51,9 @@ def patch_file(
     source: str,
 ) -> tuple[dict[str, object], dict[str, object] | None]:  # fmt: skip
     """Content of the strip file with refitted values and named effects, and the cell's effects."""
-    content: dict[str, Any] = strip.model_dump(mode="json", by_alias=True)
-    notes = list(content.pop("provenance"))
-    known = {name: dict(values) for name, values in content["effects"].items()}
+    content: dict[str, Any] = strip.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    notes = list(content.pop("provenance", ()))
+    known = {name: dict(values) for name, values in content.get("effects", {}).items()}
     for name, value in base.items():
         if "." in name:
             effect, key = name.split(".")
