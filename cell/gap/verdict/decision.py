@@ -16,6 +16,7 @@ of a strained base is in one class with a wrong file.
 
 import math
 from collections import defaultdict
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -81,20 +82,30 @@ def unseen_gap(found: Findings) -> float:
 def numbers(found: Findings, effect: str | None) -> Numbers:
     """The numbers that decide on the accepted `effect`; of the base, where it is None."""
     runs, quantities = _gains(found)
-    fits, known = (found.accepted.estimate, found.shown.after), found.subject.scope.quantities
+    fits = (found.accepted.estimate, found.shown.after)
+    by_run = [held_out_gap.rms_by_run(fit, found.subject.scope.quantities) for fit in fits]
+    left = float(np.median([rms for of_fit in by_run for rms in of_fit]))
     classes = [group for group in found.judged.classes if effect in group]
     alike = {effect, *(name for group in classes for name in group)}
-    related = [robust.correlation(fit.evidence.runs, fit.residuals) for fit in fits]
     return Numbers(
         log_odds=math.inf
         if effect is None
         else found.posterior.log_odds(lambda names: not alike.isdisjoint(names)),
         gain=sum(runs),
         worst=min([*runs, *quantities]),
-        left=float(np.median([rms for fit in fits for rms in held_out_gap.rms_by_run(fit, known)])),
-        correlation=max(related),
+        left=left,
+        correlation=max(
+            _correlation(fit, [rms <= ASTRAY * left for rms in of_fit])
+            for fit, of_fit in zip(fits, by_run, strict=True)
+        ),
         strain=max(map(abs, _strains(found.accepted.estimate).values()), default=0.0),
     )
+
+
+def _correlation(fit: Estimate, together: Sequence[bool]) -> float:
+    """Correlation of neighbours in time in the residuals of the runs that go `together`."""
+    kept = fit.on([i for i, shares in enumerate(together) if shares])
+    return robust.correlation(kept.evidence.runs, kept.residuals)
 
 
 def deciding_numbers(found: Findings) -> Numbers:
