@@ -1,14 +1,15 @@
 """A small arm with two motors, and runs of it made by plain MuJoCo with hidden causes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import yaml
 
-from cell.gap.subject.mechanism.importer import write_run
 from drivers.types import Array
 
 ARM = """<mujoco model="arm">
@@ -52,6 +53,13 @@ PRESCRIBED: dict[str, Any] = {
 }  # fmt: skip
 NOISE = {"shoulder": 3e-4, "elbow": 3e-4, "t1": 0.02, "t2": 0.02, "a2_torque": 0.02}
 Hidden = Callable[[Any], None]
+
+
+def write_run(out: Path, columns: Mapping[str, Array], head: Mapping[str, Any]) -> None:
+    """A run folder `out` with columns (m,) by name and the header `head`."""
+    out.mkdir(parents=True, exist_ok=True)
+    pq.write_table(pa.table(dict(columns)), out / "signals.parquet")
+    (out / "run.yaml").write_text(yaml.safe_dump({"schema": 1, **head}))
 
 
 def make_arm(

@@ -8,11 +8,11 @@ import numpy as np
 import yaml
 
 from cell.gap.subject.mechanism.file import PendulumFile
-from cell.gap.subject.mechanism.importer import write_run
 from cell.gap.subject.mechanism.pendulum import mechanism_of
 from cell.gap.subject.run_folders import read_table
 from drivers.readers import read_yaml
 from drivers.settings import load
+from tests.support.mechanisms import write_run
 
 RADIUS = 0.005  # m of the rods that air brakes
 DRAG = "1 0.1 0.93 0 0"  # blunt, slender, angular: a rod about its end, as integrated along it

@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from cell.gap.subject.mechanism.importer import write_run
 from cell.gap.subject.run_folders import read_table
+from tests.support.mechanisms import write_run
 from tests.support.pendulum_mechanism import convert_pendulum
 
 CONFIGS = Path(__file__).parents[3] / "configs" / "mechanisms"

@@ -12,10 +12,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from cell.gap.subject.mechanism.importer import write_run
 from drivers.files import replace_file
 from drivers.types import Array
 from drivers.yaml_text import dump_yaml
+from tests.support.mechanisms import write_run
 
 RUNS, SPAN, STEP, EVERY = 8, 4.0, 4e-4, 10  # number, s, s, steps per reading
 LINK, CENTRE = 0.3, 0.15  # m, length of a link and distance of its centre of mass from its joint

@@ -251,8 +251,9 @@ class SplitModel:
 
     def __init__(self, mechanism: Mechanism) -> None:
         self._mechanism = mechanism
-        base = mechanism.model
-        self._model = compile_model(_split(mechanism), "split", base.nuser_jnt, mechanism.step)
+        base, name = mechanism.model, mechanism.name
+        self._model = compile_model(mechanism.source, name, base.nuser_jnt, mechanism.step,
+                                    _split(mechanism))  # fmt: skip
         self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         if hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"):
             self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
@@ -322,8 +323,7 @@ def _body_names(model: Any) -> list[str]:
 
 def _split(mechanism: Mechanism) -> str:
     """MJCF text of the model with a flexible joint between each joint and its body."""
-    spec = mujoco.MjSpec.from_string(mechanism.xml)
-    root = ET.fromstring(spec.to_xml())  # noqa: S314  our own text
+    root = ET.fromstring(mechanism.source.spec().to_xml())  # noqa: S314  our own text
     bodies = list(root.iter("body"))
     for body, name in zip(bodies, _body_names(mechanism.model)[1:], strict=True):
         body.set("name", name)

@@ -16,11 +16,12 @@ from cell.gap.subject.mechanism.model import (
     LIGHT,
     Joint,
     Mechanism,
+    Source,
     check_joints,
     compile_model,
     joints_of,
     number_of,
-    read_xml,
+    read_source,
 )
 from cell.gap.subject.mechanism.passive import HEAD
 from cell.gap.subject.mechanism.runs import Recording, Signal, pace, read_recording, repeat_noise
@@ -199,8 +200,8 @@ class MechanismData:
     pendulum: PendulumFile | None = None
 
 
-def open_file(path: Path) -> tuple[MechanismFile, str, Any]:
-    """Read the mechanism file at `path`; returns it with its model's XML and compiled form.
+def open_file(path: Path) -> tuple[MechanismFile, Source, Any]:
+    """Read the mechanism file at `path`; returns it with its model's source and compiled form.
 
     Raises ConfigurationError for anything broken in them.
     """
@@ -211,11 +212,11 @@ def open_file(path: Path) -> tuple[MechanismFile, str, Any]:
         raise ConfigurationError(
             f"{path}: model: {file.model} lies outside {folder}; paths stay in the file's folder"
         )
-    xml = read_xml(place, folder)
-    model = compile_model(xml, str(place), torques().slots, file.step, folder=folder)
+    source = read_source(place, folder)
+    model = compile_model(source, str(place), torques().slots, file.step)
     check_joints(model, str(place))
     _check_names(file, model, str(path))
-    return file, xml, model
+    return file, source, model
 
 
 def _check_names(file: MechanismFile, model: Any, origin: str) -> None:
@@ -248,7 +249,7 @@ def _check_names(file: MechanismFile, model: Any, origin: str) -> None:
 
 def open_all(path: Path, folders: Sequence[RunFolder]) -> MechanismData:
     """Read the mechanism at `path` and its measured runs; ConfigurationError for broken input."""
-    file, xml, model = open_file(path)
+    file, source, model = open_file(path)
     is_hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
     hinges = [model.joint(i).name for i in range(model.njnt) if is_hinge[i]]
     recordings = sorted((read_recording(f, file, hinges) for f in folders), key=lambda r: r.index)
@@ -261,7 +262,7 @@ def open_all(path: Path, folders: Sequence[RunFolder]) -> MechanismData:
                     for n, s in in_order if not _is_given_motion(s, file))  # fmt: skip
     moving = [n for n, kind in file.inputs.items() if kind == "position"]
     moving += [n for n, s in file.signals.items() if s.is_ not in ("torque", "tracking")]
-    mechanism = _mechanism(file, xml, model, recordings, signals)
+    mechanism = _mechanism(file, source, model, recordings, signals)
     check_effects(file.effects, mechanism, str(path))
     mix = np.array([_joint_weights(s, file.signals[s.name], model) for s in signals])
     base = base_of(file, mechanism, str(path))
@@ -339,8 +340,13 @@ def _sum_of_joints(model: Any, name: str) -> Array:
     return row
 
 
-def _mechanism(file: MechanismFile, xml: str, model: Any, recordings: Sequence[Recording],
-               signals: Sequence[Signal]) -> Mechanism:  # fmt: skip
+def _mechanism(
+    file: MechanismFile,
+    source: Source,
+    model: Any,
+    recordings: Sequence[Recording],
+    signals: Sequence[Signal],
+) -> Mechanism:
     """Mechanism of a compiled model, its solver options set, its joints' sizes from the runs."""
     _set_options(model)
     joints = _measured_joints(file, model, recordings, signals)
@@ -353,7 +359,7 @@ def _mechanism(file: MechanismFile, xml: str, model: Any, recordings: Sequence[R
     measured_at = [s.name for s in signals if s.kind == "position"]
     encoders = tuple(j.name for j in joints) if prescribed else tuple(measured_at)
     actuators = tuple(model.actuator(i).name for i in range(model.nu))
-    return Mechanism(file.name, file.mode, file.step, xml, model, joints, actuators, encoders,
+    return Mechanism(file.name, file.mode, file.step, source, model, joints, actuators, encoders,
                      torque, bool(min(j.inertia for j in joints) >= LIGHT),
                      tuple((s.name, s.joint) for s in signals if s.kind == "tracking"))  # fmt: skip
 

@@ -1,5 +1,6 @@
 """Reads MuJoCo models without foreign code, and finds typical sizes of their joints."""
 
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +14,10 @@ from drivers.errors import ConfigurationError
 from drivers.readers import MEGABYTE, read_text
 from drivers.types import Array
 
-ASSETS = ("file", "meshdir", "texturedir", "assetdir", "filename")
+ASSETS = ("mesh", "hfield", "skin", "texture")  # with files that are read when compiled
+REPEATERS = ("replicate", "composite", "flexcomp")
+MOST_BODIES = 2000  # loading takes the square of copies: 115 s for 20,000
+MOST_BYTES = 200 * MEGABYTE  # of a model's text, and of all files that it names
 LIGHT = 1e-3  # kg m^2 below which MuJoCo's own dry friction is too weak
 POSES = 24  # at which weights and inertias are taken
 LEAST_TORQUE = 1e-9  # N m, typical torque of a joint that neither weight nor motion loads
@@ -38,10 +42,28 @@ class Joint:
 
 
 @dataclass(frozen=True, slots=True)
+class Source:
+    """Text of a model, whose meshes lie in `folder`, with motors on the joints `motors`."""
+
+    text: str
+    folder: Path | None = None
+    motors: tuple[str, ...] = ()
+
+    def spec(self, text: str | None = None) -> Any:
+        """Specification of the model, or of its changed `text`; files are found in its folder."""
+        spec = mujoco.MjSpec.from_string(self.text if text is None else text)
+        spec.modelfiledir = "" if self.folder is None else f"{self.folder}/"
+        for joint in self.motors if text is None else ():
+            motor = spec.add_actuator(name=joint, target=joint)
+            motor.trntype = mujoco.mjtTrn.mjTRN_JOINT
+        return spec
+
+
+@dataclass(frozen=True, slots=True)
 class Mechanism:
     """Compiled model with its joints and signals, and the `mode` in which it is simulated.
 
-    `xml` is the model's text. `mode` is `forward`, `prescribed`, or `planar`, a chain of hinges
+    `mode` is `forward`, `prescribed`, or `planar`, a chain of hinges
     that swings by its own equations. Compared `torques` and `trackings` are named with the number
     of their joint; where there are trackings, positions are those of links, and motors follow
     commands. `native` says that MuJoCo's own dry friction is used, not the compiled one.
@@ -50,7 +72,7 @@ class Mechanism:
     name: str
     mode: str
     step: float
-    xml: str
+    source: Source
     model: Any
     joints: tuple[Joint, ...]
     actuators: tuple[str, ...]
@@ -88,54 +110,145 @@ def tip(mechanism: Mechanism, body: int) -> Array:
     return np.array(max(places, key=lambda p: float(np.linalg.norm(p))))
 
 
-def read_xml(path: Path, folder: Path) -> str:
-    """Read the text of the MJCF or URDF at `path`, self-contained and without foreign code.
+def read_source(path: Path, folder: Path) -> Source:
+    """Read the MJCF or URDF at `path`, with what it includes, without foreign code.
 
-    Raises ConfigurationError for text that is no XML, plugins, and files outside `folder`.
+    Raises ConfigurationError for text that is no XML, plugins, files that are read while parsing,
+    joints that MuJoCo would drop, and files outside `folder`.
     """
-    text = read_text(path, 20 * MEGABYTE)
-    if "<!ENTITY" in text or "<!DOCTYPE" in text:
-        raise ConfigurationError(f"{path}: declares XML entities; write them out")
-    try:
-        root = ET.fromstring(text)  # noqa: S314  entities were refused above
-    except ET.ParseError as error:
-        raise ConfigurationError(f"{path}: is not valid XML: {error}; mend it") from None
+    text = read_text(path, MOST_BYTES)
+    root = _root(text, path)
     if root.tag not in ("mujoco", "robot"):
         raise ConfigurationError(f"{path}: root is <{root.tag}>; give MJCF or URDF")
+    if _include(root, path, folder, {path.resolve()}) or _find_packages(root, folder):
+        text = ET.tostring(root, encoding="unicode")
     for element in root.iter():
         if element.tag in ("plugin", "extension"):
             raise ConfigurationError(
                 f"{path}: <{element.tag}>: plugins run foreign code and are refused; remove it"
             )
-        for key in ASSETS:
-            place = element.get(key)
-            if place is not None:
-                _check_inside(path, place, folder)
-        if element.tag == "include":
+        if element.get("file") is not None and element.tag not in ASSETS:
             raise ConfigurationError(
-                f"{path}: <include>: is not followed; save the model whole (mj_saveLastXML)"
+                f"{path}: <{element.tag} file>: is not read; write it into the model"
             )
-    return text
+    _check_copies(root, path)
+    for joint in root.findall("joint"):
+        _check_mimic(joint, path)
+    return Source(text, folder)
 
 
-def _check_inside(path: Path, place: str, folder: Path) -> None:
-    whole = (folder / place.removeprefix("package://")).resolve()
-    if Path(place).is_absolute() or not whole.is_relative_to(folder.resolve()):
+def _root(text: str, path: Path) -> ET.Element:
+    if "<!ENTITY" in text or "<!DOCTYPE" in text:
+        raise ConfigurationError(f"{path}: declares XML entities; write them out")
+    try:
+        return ET.fromstring(text)  # noqa: S314  entities were refused above
+    except ET.ParseError as error:
+        raise ConfigurationError(f"{path}: is not valid XML: {error}; mend it") from None
+
+
+def _include(root: ET.Element, path: Path, folder: Path, seen: set[Path]) -> bool:
+    """Put the content of included files in place of `include`; whether there was any.
+
+    Paths count from the folder of the model, and a file is included once, as MuJoCo has it.
+    """
+    found = False
+    for parent in list(root.iter()):
+        for element in parent.findall("include"):
+            place = _inside(path, element.get("file", ""), folder)
+            if place in seen:
+                raise ConfigurationError(f"{path}: includes {place.name} twice; allowed: once")
+            seen.add(place)
+            inner = _root(read_text(place, MOST_BYTES), place)
+            _include(inner, path, folder, seen)
+            at = list(parent).index(element)
+            parent.remove(element)
+            for k, child in enumerate(inner):
+                parent.insert(at + k, child)
+            found = True
+    return found
+
+
+def _find_packages(root: ET.Element, folder: Path) -> bool:
+    """Write `package://NAME/FILE` of a URDF as a path in its folder; whether there was any."""
+    found = False
+    for mesh in root.iter("mesh"):
+        name, separator, file = mesh.get("filename", "").removeprefix("package://").partition("/")
+        if separator and mesh.get("filename", "").startswith("package://"):
+            own = name == folder.name or not (folder / name).is_dir()
+            mesh.set("filename", file if own else f"{name}/{file}")
+            found = True
+    return found
+
+
+def _check_copies(root: ET.Element, path: Path, copies: int = 1) -> None:
+    """Refuse elements that repeat bodies more often than can be loaded in a second."""
+    for element in root:
+        counts = element.get("count", "1").split() if element.tag in REPEATERS else ()
+        try:
+            inside = copies * math.prod(max(1, int(c)) for c in counts)
+        except ValueError:
+            raise ConfigurationError(
+                f"{path}: <{element.tag}>: count: {element.get('count')} is no number; mend it"
+            ) from None
+        if inside > MOST_BODIES:
+            raise ConfigurationError(
+                f"{path}: <{element.tag}>: makes {inside} copies; allowed: {MOST_BODIES}"
+            )
+        _check_copies(element, path, inside)
+
+
+def _check_mimic(joint: ET.Element, path: Path) -> None:
+    """Refuse a joint of a URDF that follows another one, which MuJoCo would set free or drop."""
+    mimic = joint.find("mimic")
+    if mimic is not None:
+        name, leader = joint.get("name"), mimic.get("joint")
+        line = f"{mimic.get('offset', '0')} {mimic.get('multiplier', '1')} 0 0 0"
         raise ConfigurationError(
-            f"{path}: {place}: lies outside {folder}; paths of a model stay in its folder"
+            f"{path}: joint {name}: mimic: MuJoCo drops it; save the model as MJCF and add "
+            f'<equality><joint joint1="{name}" joint2="{leader}" polycoef="{line}"/></equality>'
         )
 
 
-def compile_model(
-    xml: str, origin: str, slots: int, step: float, *, folder: Path | None = None
-) -> Any:
-    """Compile `xml` to an MjModel with `slots` user numbers per joint and steps of `step` [s].
+def _inside(origin: Path, place: str, folder: Path) -> Path:
+    """Resolved path of a regular file `place` in `folder`; ConfigurationError for any other."""
+    whole = (folder / place).resolve()
+    if not whole.is_relative_to(folder.resolve()):
+        raise ConfigurationError(
+            f"{origin}: {place}: lies outside {folder}; paths of a model stay in its folder"
+        )
+    if not whole.is_file():
+        raise ConfigurationError(f"{origin}: {place}: there is no such file in {folder}; add it")
+    return whole
+
+
+def _check_spec(spec: Any, source: Source, origin: str) -> None:
+    """Refuse files that a parsed model names outside its folder, and models that are too large."""
+    if len(spec.bodies) > MOST_BODIES:
+        raise ConfigurationError(f"{origin}: has {len(spec.bodies)} bodies; allowed: {MOST_BODIES}")
+    named = [(spec.meshdir, x.file) for x in (*spec.meshes, *spec.hfields, *spec.skins)]
+    textures = [name for x in spec.textures for name in (x.file, *x.cubefiles)]
+    named += [(spec.texturedir, name) for name in textures]
+    total = 0
+    for place, file in named:
+        if file and source.folder is not None:
+            path = Path(place) / (Path(file).name if spec.strippath else file)
+            total += _inside(Path(origin), str(path), source.folder).stat().st_size
+        if total > MOST_BYTES:
+            raise ConfigurationError(
+                f"{origin}: {file}: meshes and textures hold over {MOST_BYTES // MEGABYTE} MB; "
+                "thin them, or leave those of looks out"
+            )
+
+
+def compile_model(source: Source, origin: str, slots: int, step: float,
+                  text: str | None = None) -> Any:  # fmt: skip
+    """Compile a model, or its changed `text`, with `slots` user numbers a joint and `step` [s].
 
     RK4 replaces the Euler integrator. Raises ConfigurationError for a model that does not load.
     """
-    assets = {p.name: p.read_bytes() for p in folder.iterdir() if p.is_file()} if folder else {}
     try:
-        spec = mujoco.MjSpec.from_string(xml, assets=assets)
+        spec = source.spec(text)
+        _check_spec(spec, source, origin)
         spec.nuser_jnt = slots
         spec.option.timestep = step
         if spec.option.integrator == mujoco.mjtIntegrator.mjINT_EULER:

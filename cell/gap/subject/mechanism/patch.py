@@ -17,7 +17,7 @@ from cell.gap.subject.mechanism.effects import effect_of, ordered_values
 from cell.gap.subject.mechanism.fields import ModelFields
 from cell.gap.subject.mechanism.file import PendulumFile
 from cell.gap.subject.mechanism.load import LIMITLESS, MechanismData
-from cell.gap.subject.mechanism.model import Mechanism, tip
+from cell.gap.subject.mechanism.model import Mechanism, Source, tip
 from cell.gap.subject.subject import NamedValues
 from drivers.types import Array
 
@@ -97,7 +97,7 @@ def accepted_xml(opened: MechanismData, base: Mapping[str, float], effects: Name
         if effect.edits(m) and effect.edit is not None:
             effect.edit(m, ordered_values(effect, m, values), fields)
     fields.finish()
-    root = _mjcf_root(m.xml)
+    root = _mjcf_root(m.source)
     _write_bodies(root, m, edited)
     _write_joints(root, m, edited)
     _write_actuators(root, m, edited)
@@ -107,12 +107,12 @@ def accepted_xml(opened: MechanismData, base: Mapping[str, float], effects: Name
     return ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _mjcf_root(xml: str) -> ET.Element:
-    """Root element of the model as MJCF: as its owner wrote it, or converted from URDF."""
-    root = ET.fromstring(xml)  # noqa: S314  checked when it was read
-    if root.tag == "mujoco":
+def _mjcf_root(source: Source) -> ET.Element:
+    """Root element of the model as MJCF: as its owner wrote it, or converted, with its motors."""
+    root = ET.fromstring(source.text)  # noqa: S314  checked when it was read
+    if root.tag == "mujoco" and not source.motors:
         return root
-    return ET.fromstring(mujoco.MjSpec.from_string(xml).to_xml())  # noqa: S314
+    return ET.fromstring(source.spec().to_xml())  # noqa: S314
 
 
 def _text(values: Sequence[float] | Array) -> str:

@@ -10,7 +10,7 @@ from cell.gap.subject.mechanism.effects import check_effects, torques
 from cell.gap.subject.mechanism.fields import Fields
 from cell.gap.subject.mechanism.file import MechanismFile, PendulumFile
 from cell.gap.subject.mechanism.load import FORWARD_FLOOR, SMOOTH, Base, MechanismData, zone_of
-from cell.gap.subject.mechanism.model import Joint, Mechanism, compile_model
+from cell.gap.subject.mechanism.model import Joint, Mechanism, Source, compile_model
 from cell.gap.subject.mechanism.planar_chain import fastest, fields_of, levers
 from cell.gap.subject.mechanism.runs import Recording, Signal, check_angle
 from cell.gap.subject.run_folders import (
@@ -81,8 +81,8 @@ def open_recordings(
 
 def mechanism_of(pendulum: PendulumFile, origin: str) -> Mechanism:
     """Planar mechanism of a pendulum, hanging at zero; typical torques are those of level links."""
-    xml = pendulum.xml()
-    model = compile_model(xml, origin, torques().slots, 0.01)
+    source = Source(pendulum.xml())
+    model = compile_model(source, origin, torques().slots, 0.01)
     model.jnt_user[:, 3] = SMOOTH
     _, (moment,), _ = levers(fields_of(model, 1))
     fast = fastest(model)
@@ -90,8 +90,8 @@ def mechanism_of(pendulum: PendulumFile, origin: str) -> Mechanism:
                    for i, weight in enumerate(map(float, pendulum.gravity * moment)))  # fmt: skip
     # a bias of the first encoder is a tilted frame
     encoders = tuple(j.name for j in joints[1:])
-    return Mechanism(pendulum.name, "planar", SWING_STEP / fast, xml, model, joints, (), encoders,
-                     (), native=False)  # fmt: skip
+    return Mechanism(pendulum.name, "planar", SWING_STEP / fast, source, model, joints, (),
+                     encoders, (), native=False)  # fmt: skip
 
 
 def _base(pendulum: PendulumFile, mechanism: Mechanism) -> list[Base]:

@@ -10,7 +10,6 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from cell.gap.subject.mechanism.importer import import_table
 from cell.gap.subject.mechanism.subject import open_mechanism
 from cell.gap.subject.run_folders import find_runs, read_table
 from drivers.errors import ConfigurationError
@@ -37,17 +36,31 @@ def line(folder: Path, *, file: dict[str, Any] | None = None, xml: str | None = 
     return text
 
 
-PLUGIN = ARM.replace("<worldbody>", '<extension><plugin plugin="x"/></extension><worldbody>')
-OUTSIDE = ARM.replace("<worldbody>", '<asset><mesh file="../../etc/x.stl"/></asset><worldbody>')
+def _with(text: str) -> str:
+    """The arm with `text` where its worldbody begins."""
+    return ARM.replace("<worldbody>", text)
+
+
+PLUGIN = _with('<extension><plugin plugin="x"/></extension><worldbody>')
+OUTSIDE = _with('<asset><mesh file="../../etc/x.stl"/></asset><worldbody>')
+MIMIC = '<robot><joint name="b"><mimic joint="a" multiplier="0.5"/></joint></robot>'
 MODELS = {
     "not XML": (ARM[:80], "is not valid XML"),
     "does not load": (ARM.replace('mass="1.0"', 'mass="-1.0"'), "does not load"),
     "plugin": (PLUGIN, "plugins run foreign code"),
     "outside": (OUTSIDE, "lies outside"),
+    "texture": (_with('<asset><texture type="cube" fileright="../x.png"/></asset><worldbody>'),
+                "lies outside"),
+    "missing": (_with('<asset><mesh file="x.stl"/></asset><worldbody>'),
+                "x.stl: there is no such file"),
+    "parsed file": (_with('<asset><model file="x.xml"/></asset><worldbody>'),
+                    "<model file>: is not read; write it into the model"),
+    "copies": (_with('<worldbody><replicate count="20"><replicate count="10000"><site/></replicate>'
+                     "</replicate>"), "makes 200000 copies"),
     "entity": ("<!DOCTYPE x [<!ENTITY a 'b'>]>" + ARM, "entities"),
-
     "free joint": (ARM.replace('axis="0 1 0" damping="0.1" armature="0.01"', 'type="ball"'),
                    "is free or a ball"),
+    "mimic": (MIMIC, '<joint joint1="b" joint2="a" polycoef="0 0.5 0 0 0"/>'),
     "other root": ("<html/>", "give MJCF or URDF"),
 }  # fmt: skip
 
@@ -111,14 +124,3 @@ def test_a_broken_table_is_refused(tmp_path: Path, name: str) -> None:
 def test_a_model_that_explodes_is_refused(tmp_path: Path) -> None:
     text = line(tmp_path, xml=ARM.replace('kp="30"', 'kp="3e9"'), content=FORWARD)
     assert "explodes; make step smaller" in text
-
-
-def test_a_table_of_others_is_imported_by_its_mapping(tmp_path: Path) -> None:
-    (tmp_path / "log.csv").write_text("ms,deg\n" + "\n".join(f"{k},{k}" for k in range(40)))
-    mapping = {"schema": 1, "t": {"column": "ms", "factor": 0.001},
-               "columns": {"elbow": {"column": "deg", "factor": np.pi / 180.0}}}  # fmt: skip
-    (tmp_path / "map.yaml").write_text(yaml.safe_dump(mapping))
-    import_table(tmp_path / "log.csv", tmp_path / "map.yaml", tmp_path / "run", {"mechanism": "a"})
-    table = read_table(tmp_path / "run" / "signals.parquet")
-    assert table["t"][10] == pytest.approx(0.01)
-    assert table["elbow"][30] == pytest.approx(np.radians(30))

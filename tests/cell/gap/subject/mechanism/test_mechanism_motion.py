@@ -8,11 +8,11 @@ import yaml
 
 from cell.gap.fit import fit
 from cell.gap.subject.mechanism.effects import effect_of, ordered_values
-from cell.gap.subject.mechanism.importer import write_run
 from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Request
 from tests.lab.exam import mechanisms as synthetic
+from tests.support.mechanisms import write_run
 
 CUTOFF, WIDTH = 60.0, 0.06
 HIDDEN = (

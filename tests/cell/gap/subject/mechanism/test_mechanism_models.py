@@ -1,0 +1,117 @@
+"""Models of others are read as MuJoCo reads them, from their folder alone."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from cell.gap.subject.mechanism.model import Source, compile_model, read_source
+from cell.gap.subject.mechanism.subject import open_mechanism
+from cell.gap.subject.run_folders import find_runs
+from cell.gap.subject.subject import Request
+from drivers.errors import ConfigurationError
+
+CASES = Path(__file__).parents[6] / "shared" / "cases"
+MESHED = """<mujoco><compiler meshdir="assets" autolimits="true"/><include file="parts/joints.xml"/>
+<asset><mesh name="a" file="visual/link.obj"/><mesh name="b" file="collision/link.obj"/></asset>
+<worldbody><body name="1"><joint name="j" class="arm"/><geom type="mesh" mesh="a"/>
+<body name="2" pos="1 0 0"><joint name="k" class="arm"/><geom type="mesh" mesh="b"/></body></body>
+</worldbody></mujoco>"""
+JOINTS = """<mujocoinclude><include file="parts/option.xml"/>
+<default><default class="arm"><joint axis="0 1 0" damping="0.3"/></default></default>
+</mujocoinclude>"""
+URDF = """<robot name="r"><link name="base"/><link name="arm"><collision><geometry>
+<mesh filename="package://{}/meshes/collision/link.obj"/></geometry></collision></link>
+<joint name="j" type="continuous"><parent link="base"/><child link="arm"/></joint></robot>"""
+
+
+def tetrahedron(size: float) -> str:
+    corners = ((0, 0, 0), (size, 0, 0), (0, size, 0), (0, 0, size))
+    return "".join(f"v {x} {y} {z}\n" for x, y, z in corners) + (
+        "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    )
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Path:
+    """A robot's folder as it is shipped, with meshes of one name, and what must not be opened."""
+    folder = tmp_path / "robot"
+    for place, size in (("assets", 1.0), ("meshes", 2.0)):
+        for k, kind in enumerate(("visual", "collision")):
+            (folder / place / kind).mkdir(parents=True)
+            (folder / place / kind / "link.obj").write_text(tetrahedron(size + k))
+    (folder / "parts").mkdir()
+    (folder / "parts" / "joints.xml").write_text(JOINTS)
+    (folder / "parts" / "option.xml").write_text('<mujoco><option gravity="0 0 -3"/></mujoco>')
+    (folder / "model.xml").write_text(MESHED)
+    os.mkfifo(folder / "film.mp4")  # whoever opened it would wait for ever
+    return folder
+
+
+def loaded(path: Path) -> mujoco.MjModel:
+    return compile_model(read_source(path, path.parent), str(path), 0, 0.002)
+
+
+def test_meshes_and_includes_are_those_that_mujoco_finds(robot: Path) -> None:
+    ours, theirs = (
+        loaded(robot / "model.xml"),
+        mujoco.MjModel.from_xml_path(str(robot / "model.xml")),
+    )
+    for name in ("body_mass", "body_ipos", "body_inertia", "dof_damping"):
+        np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
+    assert ours.opt.gravity[2] == -3.0
+    assert ours.body_mass[2] > 7.0 * ours.body_mass[1]  # of another mesh with the same name
+
+
+@pytest.mark.parametrize("package", ["robot", "meshes_of_robot"])
+def test_packages_of_a_urdf_are_its_folder(robot: Path, package: str) -> None:
+    (robot / "arm.urdf").write_text(URDF.format(package))
+    assert loaded(robot / "arm.urdf").body_mass[1] == pytest.approx(1000.0 * 27.0 / 6.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda folder: (folder / "parts" / "option.xml").write_text(
+            '<mujoco><include file="model.xml"/></mujoco>'), "includes model.xml twice"),
+        (lambda folder: (folder / "parts" / "option.xml").symlink_to("/etc/hostname"), "outside"),
+        (lambda folder: os.truncate(folder / "assets" / "visual" / "link.obj", 1 << 32), "MB"),
+    ],
+    ids=["circle", "link", "size"],
+)  # fmt: skip
+def test_files_that_are_not_read_are_refused(
+    robot: Path, change: Callable[[Path], object], words: str
+) -> None:
+    if words == "outside":
+        (robot / "parts" / "option.xml").unlink()
+    change(robot)
+    with pytest.raises(ConfigurationError, match=words):
+        loaded(robot / "model.xml")
+
+
+def test_changed_texts_find_the_same_meshes(robot: Path) -> None:
+    source = read_source(robot / "model.xml", robot)
+    text = source.spec().to_xml()
+    again = compile_model(Source(text, robot), "again", 0, 0.002)
+    np.testing.assert_allclose(again.body_mass, loaded(robot / "model.xml").body_mass)
+
+
+@pytest.mark.skipif(not CASES.is_dir(), reason=f"no cases in {CASES}")
+@pytest.mark.parametrize("case", ["closed-loop/model", "wrong-link-mass/model",
+                                  "menagerie-meshdir"])  # fmt: skip
+def test_robots_of_others_give_the_same_digits_from_any_folder(
+    case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = CASES / case / "robot.yaml"
+    runs = next(p for p in (file.parent / "runs", file.parent.parent / "runs") if p.is_dir())
+    found = []
+    for place in (tmp_path, file.parent, Path("/")):
+        monkeypatch.chdir(place)
+        subject = open_mechanism(Path(os.path.relpath(file)), find_runs([runs]))
+        base = np.array([p.start for p in subject.scope.base])
+        asked = [Request(run, base, {}, np.zeros(0)) for run in subject.runs]
+        found.append(np.concatenate([r.mean for r in subject.simulate(asked)]).tobytes())
+    assert found[0] == found[1] == found[2]
