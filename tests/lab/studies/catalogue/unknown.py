@@ -63,13 +63,13 @@ def measure(case: Values) -> Values:
         )  # fmt: skip
         found = dict(compare(result)) | {"untrained": untrained_spread().added}
         found |= _loop_size(Path(result.run), strip.length, result.edge_offset_true)
+        found |= _held(Path(result.run), strip)
     length, time, _ = truth(strip)
     if "believed_length" in found:
         found |= {
             "length_off": found["believed_length"] - length,
             "time_off": found["believed_time"] - time,
         }
-        found |= _held(Path(result.run), strip)
     return found
 
 
