@@ -77,6 +77,18 @@ def check_names(configs: Path | None, strip: str, policy: str | None = None) -> 
         )
 
 
+def run_folder(text: str) -> Path:
+    """Folder of a run that is named by its path, by the end of its name, or as the `last` one.
+
+    The latter two are looked for in ./runs; what is not found there stays a path.
+    """
+    place = Path(text)
+    if place.exists() or len(place.parts) != 1 or not text.isalnum():
+        return place
+    end = "" if text == "last" else text
+    return max(Path("runs").glob(f"[0-9]*Z-*{end}"), default=place)
+
+
 def check_readable(path: Path, remedy: str = "") -> None:
     """Raise ConfigurationError for a file that cannot be opened; `remedy` says what to do."""
     from drivers.errors import ConfigurationError

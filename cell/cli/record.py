@@ -7,17 +7,21 @@ from typing import Annotated
 
 import typer
 
-from cell.cli.options import Json, busy, print_json
+from cell.cli.options import Json, busy, print_json, run_folder
 from cell.record.files import CALIBRATION, is_run
 from drivers.errors import ConfigurationError
 
-Run = Annotated[Path, typer.Argument(help="A run folder.")]
+Run = Annotated[Path, typer.Argument(parser=run_folder, help="A run folder, or last.")]
 
 
 def report(
     runs: Annotated[
         list[Path],
-        typer.Argument(metavar="RUN...", help="Run folders, or the file of a calibration."),
+        typer.Argument(
+            metavar="RUN...",
+            parser=run_folder,
+            help="Run folders, the ends of their names, or last; or the file of a calibration.",
+        ),
     ],
     out: Annotated[
         Path | None,

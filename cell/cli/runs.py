@@ -109,7 +109,7 @@ def _print_table(rows: "Sequence[RunRow]") -> None:
     tagged = any(row.tags for row in rows)
     columns = ("run", "strip", "policy", "outcome", *(("tags",) if tagged else ()))
     shown = [
-        (r.name, r.strip, r.policy, r.outcome, *((r.tags,) if tagged else ()), *_numbers(r))
+        (r.short, r.strip, r.policy, r.outcome, *((r.tags,) if tagged else ()), *_numbers(r))
         for r in rows
     ]
     print_table((*columns, "d mm", "edge mm", "s", "MB"), shown, text=len(columns))

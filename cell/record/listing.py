@@ -63,6 +63,13 @@ class RunRow:
         """Name of the run's folder, with bytes that are no UTF-8 as escapes."""
         return self.folder.name.encode(errors="backslashreplace").decode()
 
+    @property
+    def short(self) -> str:
+        """Name for tables: the last four characters and the moment, or the whole of another's."""
+        if BEGAN.match(self.name) is None:
+            return self.name
+        return f"{self.name[-4:]}  {self.began:%Y-%m-%d %H:%M}"
+
 
 COLUMNS = ("run", *(field.name for field in fields(RunRow)[1:]))  # the folder by its name
 

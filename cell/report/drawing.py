@@ -136,7 +136,7 @@ def _axes(axes: Any, figure: Any) -> Facts:
         "curves": list(_curves(axes)),
         "cells": [
             cell
-            for fields in (_bars, _histogram_bins, _image_fields, _mesh_fields)
+            for fields in (_bars, _image_fields, _mesh_fields)
             for cell in fields(axes, figure, x, y)
             if all(map(isfinite, cell[:4]))
         ],
@@ -207,20 +207,6 @@ def _bars(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
                 label = f"{_span_text(*along_y)}: {name}{_value_text(*along_x)}"
             places = (value for corner in corners for value in _svg_point(figure, *corner))
             yield [*places, patch.reading if is_named else label]
-
-
-def _histogram_bins(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
-    """Cells of a histogram that is drawn as one outline: two corners [pt] and a label per bin."""
-    from matplotlib.patches import StepPatch
-
-    for steps in (patch for patch in axes.patches if isinstance(patch, StepPatch)):
-        values, edges, _ = steps.get_data()
-        places = axes.transData.transform(np.column_stack([edges, np.ones_like(edges)]))[:, 0]
-        for k, value in enumerate(values):
-            ends = ((places[k], axes.bbox.y1), (places[k + 1], axes.bbox.y0))
-            span = _span_text(x, edges[k], edges[k + 1] - edges[k])
-            label = f"{span}: {_number(value)} {y['unit']}"
-            yield [*(v for end in ends for v in _svg_point(figure, *end)), label.strip()]
 
 
 def _value_text(axis: Facts, start: float, size: float) -> str:

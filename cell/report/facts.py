@@ -139,12 +139,16 @@ def _timing_rows(run: Run) -> Rows:
     """Rows of the images' age and the computing time of the control loop."""
     age, costs = image_ages(run), run.costs()
     costs = costs[np.isfinite(costs)]
-    rows = Rows()
-    if age.size:
-        rows.append(("images, median age", milliseconds(float(np.median(age)))))
-    if costs.size:
-        rows.append(("one turn of the loop, median", milliseconds(float(np.median(costs)))))
-    return rows
+    timing = run.header.arm_timing
+    longest = None if timing is None else f"at most {milliseconds(1e-3 * timing.longest_ms)}"
+    named = {"age of the images": age, "one turn of the loop": costs}
+    rows = [(name, _median_and_most(times)) for name, times in named.items() if times.size]
+    return [*rows, ("from state to state of the arm", longest)] if longest else rows
+
+
+def _median_and_most(times: Any) -> str:
+    """Text of the median of `times` (n,) [s], and of the largest."""
+    return f"{milliseconds(float(np.median(times)))}, at most {milliseconds(float(times.max()))}"
 
 
 def _time_span(t: Any) -> float:

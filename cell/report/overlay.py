@@ -23,10 +23,11 @@ from drivers.strip.file import StripFile
 from drivers.types import Array, Image
 
 SHOWN_IMAGES = 6
+WIDTH, CLOSE_WIDTH = 960, 1280  # px
 VIEW_MARGIN = 0.06  # m around the motion
 FOLDED = 0.005  # m by which a fold stands out beyond the gripper; before, the gripper is in front
 LAID_BEGIN, LAID_SHARE = -0.05, 0.7  # m along x, and share of the reach, between which a fold lies
-LAID_HEIGHTS = (-0.03, 0.06)  # m above the desk around a laid fold
+LAID_HEIGHTS = (-0.03, 0.09)  # m above the desk around a laid fold
 SMALLEST_WINDOW = 0.25  # share of the image's width and height
 EIGHTHS, SUBPIXEL_BITS = 8, 3  # of a pixel, the fixed-point unit in which OpenCV draws
 MARK_RADIUS = 11  # px
@@ -75,26 +76,45 @@ def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPict
             image = _with_sight(image, note, calibration, sights, tips, curves)
             image = window.of(_with_outline(image, note.sequence, outlines))
         whole = frame_file(Path(), note.sequence).as_posix()
-        pictures.append(KeyPicture(jpeg_text(image), _caption(note, run, sights), whole))
+        pictures.append(KeyPicture(jpeg_text(image, WIDTH), _caption(note, run, sights), whole))
     return tuple(pictures)
 
 
-def end_picture(run: Run) -> str:
-    """Last kept image as JPEG text, cropped to the laid strip if calibrated; empty without one."""
+def close_ups(run: Run) -> tuple[KeyPicture, ...]:
+    """Kept images at the touch of the layers and at the end, cropped to the fold.
+
+    Empty without a calibration; an image that cannot be read is skipped.
+    """
     kept = [note for note in run.frame_index() if note.file is not None]
-    image = _read(kept[-1]) if kept else None
-    calibration = run.calibration()
-    if image is None or calibration is None or not _matches_size(image, calibration):
-        return "" if image is None else jpeg_text(image)
+    calibration, touch = run.calibration(), None if run.result is None else run.result.t_layer_touch
+    if not kept or calibration is None:
+        return ()
+    chosen = {"at the end": kept[-1]}
+    if touch is not None:
+        first = min(kept, key=lambda note: abs(note.stamp - touch))
+        chosen = {"where the layers touch": first} | chosen
     reach = float(np.max(run.ticks.x, initial=0.1))
+    pictures = []
+    for words, note in chosen.items():
+        image = _read(note)
+        if image is not None and _matches_size(image, calibration):
+            whole = frame_file(Path(), note.sequence).as_posix()
+            caption = f"{words}  ·  {seconds(note.stamp)}"
+            jpeg = jpeg_text(_laid_part(image, calibration, reach), CLOSE_WIDTH)
+            pictures.append(KeyPicture(jpeg, caption, whole))
+    return tuple(pictures)
+
+
+def _laid_part(image: Image, calibration: Calibration, reach: float) -> Image:
+    """Part of `image` in which a fold of a strip lies that reached as far as `reach` [m]."""
     corners = [(x, z) for x in (LAID_BEGIN, LAID_SHARE * reach) for z in LAID_HEIGHTS]
     pixels = calibration.to_image(np.array(corners))
     if not np.isfinite(pixels).all():
-        return jpeg_text(image)
+        return image
     size = np.array([image.shape[1], image.shape[0]])
     left, top = np.clip(pixels.min(axis=0), 0, size - 2).astype(int)
     right, bottom = np.clip(pixels.max(axis=0), (left + 2, top + 2), size).astype(int)
-    return jpeg_text(image[top:bottom, left:right])
+    return image[top:bottom, left:right]
 
 
 def poster(run: Run) -> str:

@@ -1,5 +1,6 @@
 """HTML page of a run."""
 
+import base64
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -25,10 +26,9 @@ from cell.report.figures import (
     predictions,
     signals_figure,
     strip_figure,
-    timing_figure,
 )
 from cell.report.kit import Link, page
-from cell.report.overlay import end_picture, key_pictures, poster, silhouettes
+from cell.report.overlay import close_ups, key_pictures, poster, silhouettes
 from cell.report.verdict import verdict_of
 from cell.report.words import millimetres
 from drivers.errors import ConfigurationError
@@ -43,6 +43,7 @@ FILES = (
     (PROFILE, "the strip in every image"),
     (RUN, "settings and versions"),
 )
+LARGEST_FILM = 8_000_000  # bytes that a page carries
 RECENT = 8  # earlier runs that a page names
 
 
@@ -75,7 +76,7 @@ def report(run: Run) -> str:
         kicker=f"Fold of {run.header.strip}{policy}",
         name=run.name,
         said=said,
-        end=end_picture(run) if said.figure else "",
+        close_ups=close_ups(run) if said.figure else (),
         spoilt=spoilt,
         advice=advice(run) if died else [],
         remains=remains(run) if died else [],
@@ -99,7 +100,6 @@ def _figures(run: Run) -> dict[str, Any]:
         "outlook": outlook_figure(run, outlook) if len(outlook.t) > 1 else "",
         "strip": strip_figure(run, outlines) if has_ticks else "",
         "signals": signals_figure(run) if has_ticks else "",
-        "timing": timing_figure(run) if has_ticks else "",
     }
 
 
@@ -122,11 +122,24 @@ def _truth(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
 
 
 def _film(run: Run) -> dict[str, Any] | None:
-    """The run's film, if there is one: path from the page, first stamp [s], first image kept."""
-    first = next((note.stamp for note in run.frame_index() if note.film == 0), None)
-    if first is None or not (run.folder / FILM).is_file():
+    """The run's film, if there is one: its address, first stamp [s], first image kept."""
+    found = film_of(run)
+    return None if found is None else {**found, "poster": poster(run)}
+
+
+def film_of(run: Run) -> dict[str, Any] | None:
+    """Film for a page: `begin`, its first stamp [s], and `source`, its content or its address.
+
+    A page with the content can be mailed; a film of more than LARGEST_FILM stays beside it.
+    """
+    path = run.folder / FILM
+    begin = next((note.stamp for note in run.frame_index() if note.film == 0), None)
+    if begin is None or not path.is_file():
         return None
-    return {"path": FILM, "begin": first, "poster": poster(run)}
+    if path.stat().st_size > LARGEST_FILM:
+        return {"begin": begin, "source": FILM}
+    content = base64.b64encode(path.read_bytes()).decode()
+    return {"begin": begin, "source": f"data:video/mp4;base64,{content}"}
 
 
 def _files(run: Run) -> list[tuple[Link, str]]:

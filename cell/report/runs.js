@@ -16,7 +16,7 @@ function show() {
 
 function sort(column, down) {
   const number = (row) => parseFloat(text(row, column));
-  const numeric = rows.some((row) => !Number.isNaN(number(row)) && column > 4);
+  const numeric = rows.some((row) => /^[+-]?[\d.]+$/.test(text(row, column)));
   const key = (a, b) => numeric
     ? (Number.isNaN(number(a)) - Number.isNaN(number(b))) || (number(a) - number(b)) * down
     : text(a, column).localeCompare(text(b, column)) * down;

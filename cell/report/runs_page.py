@@ -1,18 +1,23 @@
 """HTML pages on several runs: the list with thumbnails, and the comparison of some."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from cell.record.files import REPORT
+from cell.record.columns import FARTHEST_HAND
+from cell.record.files import FILM, REPORT
 from cell.record.frames import decode, read_index
+from cell.record.header import Result
 from cell.record.listing import RunRow, read_row
 from cell.record.run import Run, read_broken_run
+from cell.record.truth import read_truth
 from cell.report.drawing import MUTED, as_svg, canvas
-from cell.report.facts import facts
+from cell.report.facts import LEFT_OUT, facts
 from cell.report.kit import Link, jpeg_text, page
+from cell.report.page import film_of
 from cell.report.verdict import Verdict
 from cell.report.words import NO_VALUE, millimetres, plural, seconds
 from drivers.errors import ConfigurationError
@@ -20,10 +25,12 @@ from drivers.files import write_file
 
 PICTURED = 300  # newest runs with a thumbnail; more would make the page heavy
 THUMBNAIL_WIDTH = 128  # px
-COLUMN_HEADINGS = ("run", "strip", "policy", "outcome", "d mm", "edges mm", "s", "tags")
+COLUMN_HEADINGS = ("run", "edges mm", "d mm", "outcome", "policy", "strip", "s", "note")
 COLOURS = ("#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0", "#b4382c", "#4a9aa8", "#8c7a2b", "#c05a94")
 MOST_RUNS = 40  # runs in one comparison; more lines cannot be distinguished
-PER_RUN_KEYS = frozenset({"seed", "index"})  # which differ from run to run by themselves
+MOST_FILMS, MOST_COLUMNS = 4, 4  # runs of which films play side by side, and with a column each
+SHAPES = 4  # equal times at which the strips are drawn
+PER_RUN_KEYS = frozenset({"seed", "index", "condition", "calibration.age_days"})  # which differ from run to run by themselves
 
 
 def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
@@ -51,12 +58,11 @@ def runs_page(rows: Sequence[RunRow], place: Path) -> str:
 
 
 def _cells(row: RunRow, place: Path) -> tuple[str | Link, ...]:
-    report = row.folder / REPORT
-    name = Link(row.name, os.path.relpath(report, place)) if report.exists() else row.name
-    lengths = ("" if v is None else f"{1e3 * v:+.1f}" for v in (row.displacement, row.edge_offset))
+    lengths = ("" if v is None else f"{1e3 * v:+.1f}" for v in (row.edge_offset, row.displacement))
     lasted = "" if row.duration is None else f"{row.duration:.1f}"
     outcome = row.outcome.replace("_", " ")
-    return (name, row.strip, row.policy, outcome, *lengths, lasted, row.tags)
+    said = " · ".join(filter(None, (row.tags, row.note)))
+    return (_link(row, place), *lengths, outcome, row.policy, row.strip, lasted, said)
 
 
 def _thumbnail(row: RunRow) -> str:
@@ -88,69 +94,108 @@ def write_comparison(folders: Sequence[Path], out: Path) -> Path:
 def comparison(runs: Sequence[Run], place: Path) -> str:
     """HTML page that compares `runs`, for a file in the folder `place`."""
     title = f"{len(runs)} runs of {', '.join(sorted({run.header.strip for run in runs}))}"
-    settings, differences = _differences(runs)
+    truths = [_truth(run) for run in runs]
+    table = _differences(runs, truths)
+    films = [(_short_name(run), film_of(run)) for run in runs[:MOST_FILMS]]
     return page(
         "report/templates/compare.html",
         title,
         title=title,
-        said=_verdict(runs),
-        numbers=[_numbers(run, place) for run in runs],
-        settings=settings,
-        differences=differences,
-        paths=_paths(runs),
+        said=_verdict(runs, truths, [row[0] for row in table[1:]]),
+        films=[(name, film) for name, film in films if film and film["source"] != FILM],
+        numbers=[_numbers(run, truth, place) for run, truth in zip(runs, truths, strict=True)],
+        differences=list(zip(*table, strict=True)) if len(runs) > MOST_COLUMNS else table,
+        shapes=_shapes(runs),
         contacts=_contacts(runs),
     )
 
 
-def _verdict(runs: Sequence[Run]) -> Verdict:
-    found = [r.result.displacement for r in runs if r.result and r.result.displacement is not None]
-    if not found:
+def _truth(run: Run) -> Mapping[str, Any]:
+    """Truth of a run on the twin; empty where it was not kept or cannot be read."""
+    try:
+        return read_truth(run.folder) or {}
+    except ConfigurationError:
+        return {}
+
+
+def _verdict(
+    runs: Sequence[Run], truths: Sequence[Mapping[str, Any]], differing: Sequence[str]
+) -> Verdict:
+    """Which fold lies best by the camera and in truth, and what was set otherwise."""
+    names = [_short_name(run) for run in runs]
+    results = [run.result or Result(outcome="") for run in runs]
+    seen = [r.displacement if r.edge_offset is None else r.edge_offset for r in results]
+    true = [truth.get("edge_offset", truth.get("displacement")) for truth in truths]
+    ranked = _ranked(names, seen)
+    if not ranked:
         return Verdict("fair", "No run has a displacement", ())
-    spread = millimetres(max(found) - min(found))
-    mean = millimetres(float(np.mean(found)), signed=True)
-    mean_text = f"{len(found)} of {len(runs)} runs have one; their mean is {mean}."
-    return Verdict("good", f"Displacements lie within {spread} of one another", (mean_text,))
+    said = [f"By the camera: {', '.join(ranked)}."]
+    said += [f"In truth, which the twin knows: {', '.join(_ranked(names, true))}."] * any(true)
+    if differing:
+        said.append(f"They differ in {', '.join(differing)}.")
+    return Verdict("good", f"{ranked[0].partition(': ')[0]} lies best", tuple(said))
 
 
-def _numbers(run: Run, place: Path) -> tuple[str | Link, ...]:
+def _ranked(names: Sequence[str], offsets: Sequence[float | None]) -> list[str]:
+    """Names of runs with their offsets [m], the smallest first; those without one are left out."""
+    known = [(abs(v), name, v) for name, v in zip(names, offsets, strict=True) if v is not None]
+    return [f"{name}: {millimetres(v, signed=True)}" for _, name, v in sorted(known)]
+
+
+def _numbers(run: Run, truth: Mapping[str, Any], place: Path) -> tuple[str | Link, ...]:
     row = read_row(run.folder)
-    report = run.folder / REPORT
-    href = os.path.relpath(report, place)
-    return (
-        Link(row.name, href) if report.exists() else row.name,
-        row.policy,
-        NO_VALUE if row.seed is None else str(row.seed),
-        row.outcome.replace("_", " "),
-        millimetres(row.displacement, signed=True),
-        millimetres(row.edge_offset, signed=True),
-        seconds(row.touch),
-        seconds(row.duration, 1),
-    )
+    lengths = (row.displacement, truth.get("displacement"), row.edge_offset)
+    shown = (millimetres(v, signed=True) for v in (*lengths, truth.get("edge_offset")))
+    outcome = row.outcome.replace("_", " ")
+    return (_link(row, place), row.policy, outcome, *shown, seconds(row.touch))
 
 
-def _differences(runs: Sequence[Run]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Heading and rows of the settings that differ: a row per setting, a column per run."""
-    settings = [dict(facts(run)) | dict(_flatten(run.header.config or {}, "cell")) for run in runs]
+def _link(row: RunRow, place: Path) -> str | Link:
+    """Short name of a run, which leads to its page where it has one."""
+    report = row.folder / REPORT
+    return Link(row.short, os.path.relpath(report, place)) if report.exists() else row.short
+
+
+def _differences(runs: Sequence[Run], truths: Sequence[Mapping[str, Any]]) -> list[tuple[str, ...]]:
+    """Heading and rows of the settings that differ: a row per setting, a column per run.
+
+    The plant is stated by its values where these are known.
+    """
+    settings = []
+    for run, truth in zip(runs, truths, strict=True):
+        stated = dict(facts(run)) | dict(_flatten(run.header.config or {}, "cell"))
+        stated |= dict(_flatten(truth.get("plant", {}), "plant"))
+        settings.append({k: v for k, v in stated.items() if not (truth and k == "plant_sha256")})
     keys = dict.fromkeys(key for each in settings for key in each if key not in PER_RUN_KEYS)
     rows = [(key, *(each.get(key, NO_VALUE) for each in settings)) for key in keys]
     heading = ("setting", *(_short_name(run) for run in runs))
-    return heading, [row for row in rows if len(set(row[1:])) > 1]
+    return [heading, *(row for row in rows if len(set(row[1:])) > 1)]
 
 
 def _flatten(content: object, prefix: str) -> Iterator[tuple[str, str]]:
     if isinstance(content, dict):
         for key, value in content.items():
-            yield from _flatten(value, f"{prefix}.{key}")
+            if key not in LEFT_OUT:
+                yield from _flatten(value, f"{prefix}.{key}")
     else:
         yield prefix, str(content)
 
 
-def _paths(runs: Sequence[Run]) -> str:
+def _shapes(runs: Sequence[Run]) -> str:
+    """Figure (SVG) of the lifted strips at equal times, and of the paths of the gripper."""
     with canvas(8.4, 4.0) as figure:
         axes = figure.add_subplot(aspect="equal", anchor="W")
         axes.axhline(0, color=MUTED, lw=0.8)
+        ends = [run.profile.t.max() for run in runs if run.profile.t.size]
+        times = np.linspace(0.0, min(ends, default=0.0), SHAPES + 1)[1:]
         for number, run in enumerate(runs):
             axes.plot(1e3 * run.ticks.x, 1e3 * run.ticks.z, **_line(number, run))
+            curves = run.profile.curves()
+            for time in times if curves else ():
+                _, points = min(curves, key=lambda curve: abs(curve[0] - time))
+                near = points[(np.abs(points) < FARTHEST_HAND).all(axis=1)]
+                said = f"{_short_name(run)}, {time:.1f} s"
+                axes.plot(*(1e3 * near).T, color=_colour(number), lw=0.9, gid=said)
         axes.set(xlabel="x  [mm]", ylabel="z  [mm]")
         figure.legend(loc="outside lower left", ncols=2)
         return as_svg(figure)

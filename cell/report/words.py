@@ -43,7 +43,8 @@ def milliseconds(value: float | None) -> str:
     """Text of a time [s] in milliseconds."""
     if value is None or not math.isfinite(value):
         return NO_VALUE
-    return f"{1e3 * value:.3g} ms".replace("-", MINUS)
+    digits = ".0f" if abs(value) >= 0.1 else ".3g"
+    return f"{1e3 * value:{digits}} ms".replace("-", MINUS)
 
 
 def event_title(kind: str) -> str:
