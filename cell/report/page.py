@@ -82,7 +82,7 @@ def report(run: Run) -> str:
         remains=remains(run) if died else [],
         measures=measures(run),
         predictions=predictions(run.result),
-        film=_film(run),
+        film=film_of(run),
         checks=checks(run),
         events=listed_events(run),
         files=_files(run),
@@ -121,14 +121,8 @@ def _truth(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
         return None, [*spoilt, str(error)]
 
 
-def _film(run: Run) -> dict[str, Any] | None:
-    """The run's film, if there is one: its address, first stamp [s], first image kept."""
-    found = film_of(run)
-    return None if found is None else {**found, "poster": poster(run)}
-
-
 def film_of(run: Run) -> dict[str, Any] | None:
-    """Film for a page: `begin`, its first stamp [s], and `source`, its content or its address.
+    """Film for a page: `begin`, its first stamp [s], `source`, content or address, and `poster`.
 
     A page with the content can be mailed; a film of more than LARGEST_FILM stays beside it.
     """
@@ -136,10 +130,10 @@ def film_of(run: Run) -> dict[str, Any] | None:
     begin = next((note.stamp for note in run.frame_index() if note.film == 0), None)
     if begin is None or not path.is_file():
         return None
-    if path.stat().st_size > LARGEST_FILM:
-        return {"begin": begin, "source": FILM}
-    content = base64.b64encode(path.read_bytes()).decode()
-    return {"begin": begin, "source": f"data:video/mp4;base64,{content}"}
+    source = FILM
+    if path.stat().st_size <= LARGEST_FILM:
+        source = f"data:video/mp4;base64,{base64.b64encode(path.read_bytes()).decode()}"
+    return {"begin": begin, "source": source, "poster": poster(run)}
 
 
 def _files(run: Run) -> list[tuple[Link, str]]:

@@ -10,7 +10,6 @@ import numpy as np
 from cell.record.columns import FARTHEST_HAND
 from cell.record.files import FILM, REPORT
 from cell.record.frames import decode, read_index
-from cell.record.header import Result
 from cell.record.listing import RunRow, read_row
 from cell.record.run import Run, read_broken_run
 from cell.record.truth import read_truth
@@ -30,7 +29,8 @@ COLOURS = ("#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0", "#b4382c", "#4a9aa8", "#8
 MOST_RUNS = 40  # runs in one comparison; more lines cannot be distinguished
 MOST_FILMS, MOST_COLUMNS = 4, 4  # runs of which films play side by side, and with a column each
 SHAPES = 4  # equal times at which the strips are drawn
-PER_RUN_KEYS = frozenset({"seed", "index", "condition", "calibration.age_days"})  # which differ from run to run by themselves
+# Keys that differ from run to run by themselves.
+PER_RUN_KEYS = frozenset({"seed", "index", "condition", "calibration.age_days"})
 
 
 def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
@@ -106,7 +106,6 @@ def comparison(runs: Sequence[Run], place: Path) -> str:
         numbers=[_numbers(run, truth, place) for run, truth in zip(runs, truths, strict=True)],
         differences=list(zip(*table, strict=True)) if len(runs) > MOST_COLUMNS else table,
         shapes=_shapes(runs),
-        contacts=_contacts(runs),
     )
 
 
@@ -123,8 +122,8 @@ def _verdict(
 ) -> Verdict:
     """Which fold lies best by the camera and in truth, and what was set otherwise."""
     names = [_short_name(run) for run in runs]
-    results = [run.result or Result(outcome="") for run in runs]
-    seen = [r.displacement if r.edge_offset is None else r.edge_offset for r in results]
+    rows = [read_row(run.folder) for run in runs]
+    seen = [row.displacement if row.edge_offset is None else row.edge_offset for row in rows]
     true = [truth.get("edge_offset", truth.get("displacement")) for truth in truths]
     ranked = _ranked(names, seen)
     if not ranked:
@@ -198,20 +197,6 @@ def _shapes(runs: Sequence[Run]) -> str:
                 axes.plot(*(1e3 * near).T, color=_colour(number), lw=0.9, gid=said)
         axes.set(xlabel="x  [mm]", ylabel="z  [mm]")
         figure.legend(loc="outside lower left", ncols=2)
-        return as_svg(figure)
-
-
-def _contacts(runs: Sequence[Run]) -> str:
-    with canvas(8.4, 3.4) as figure:
-        axes = figure.add_subplot()
-        for number, run in enumerate(runs):
-            seen = np.isfinite(run.ticks.contact_x)
-            axes.plot(run.ticks.t[seen], 1e3 * run.ticks.contact_x[seen], **_line(number, run))
-            if run.result is not None and run.result.t_layer_touch is not None:
-                axes.axvline(
-                    run.result.t_layer_touch, color=_colour(number), lw=0.8, ls=(0, (3, 2))
-                )
-        axes.set(xlabel="t  [s]", ylabel="contact x  [mm]")
         return as_svg(figure)
 
 

@@ -113,7 +113,7 @@ def test_film_of_a_run_plays_in_step_with_its_curves(tmp_path):
     writer.finish({"outcome": "path_done"})
     text = write_report(writer.folder).read_text()
     assert outline(text).crossed == []
-    assert 'data-begin="-0.070000" src="film.mp4"' in text
+    assert 'data-begin="-0.070000" src="data:video/mp4;base64,' in text
     first, last = (float(re.search(rf'data-{name}="(\S+)"', text)[1]) for name in ("first", "last"))
     assert first <= 0.0
     assert last >= 0.11
@@ -132,8 +132,8 @@ def test_verdict_stands_on_top_with_sign_error_and_truth(page):
 
 
 def test_page_shows_pictures_figures_events_and_facts(page):
-    assert page.count("data:image/jpeg") == 7  # the last one is on top too
-    assert page.count("<svg") == 3
+    assert page.count("data:image/jpeg") == 8  # two are on top, large
+    assert page.count("<svg") == 2
     text = words(page)
     for claim in ("FOLD, after made", "contact 450 mm", "seed 7", "drivers.arm twin", "l1"):
         assert claim in text, claim
@@ -146,7 +146,7 @@ def test_dead_run_is_explained(dead_page):
     assert "the twin's arm ended with its process" in text
     assert "43 images seen" in text
     assert "429 rows" in text
-    assert dead_page.count("<svg") == 3
+    assert dead_page.count("<svg") == 2
 
 
 def test_after_death_at_a_real_arm_the_hand_is_opened_first(killed, tmp_path):
@@ -239,7 +239,7 @@ def test_page_states_and_draws_what_was_predicted(predicting) -> None:
     assert "do not agree, 3.1 mm apart" in text
     assert "predicted 60 times" in text
     assert "foretold" not in text
-    assert page.count("<svg") == 4
+    assert page.count("<svg") == 3
 
 
 def test_page_shows_quality_scale_and_plane(calibration, tmp_path):
