@@ -18,9 +18,8 @@ from policies.adaptive.fabrics import EFFECTS, effect, friction, plain
 from policies.domain import grid
 from policies.path import TAKEOVER_HEIGHT
 from policies.planned import Planned
-from policies.policy import Policy
 from policies.registry import make_policy
-from policies.rollout import MultiStepper, Rollout, roll_out
+from policies.rollout import Folds, MultiStepper, Rollout, roll_out
 from policies.sensing import IMAGE_SENSING
 
 
@@ -117,14 +116,7 @@ class RangePart:
         """Fold all strips of the grid."""
         strips = grid(self.side)
         recording = RecordingEngine(_engine(self.engine))
-        folds = roll_out(
-            knowing(self.policy, strips),
-            recording,
-            strips[0],
-            [describe(strip) for strip in strips],
-            settings=Rollout(speed=self.speed),
-            rng=np.random.default_rng(0),
-        )
+        folds = fold_all(self.policy, strips, recording, Rollout(speed=self.speed))
         return RangeFolds(
             policy=self.policy,
             engine=self.engine,
@@ -134,15 +126,28 @@ class RangePart:
         )
 
 
-def knowing(policy: str, strips: Sequence[StripFile]) -> Policy:
-    """Make the policy by name; the planned one, which must know the strips, is given them."""
-    return Planned(strips) if policy == Planned.name else make_policy(policy, in_rod=True)
+def fold_all(
+    policy: str,
+    strips: Sequence[StripFile],
+    engine: Stepper,
+    settings: Rollout,
+    *,
+    known: Sequence[StripFile] = (),
+    rng: np.random.Generator | None = None,
+) -> Folds:
+    """Fold `strips` side by side in `engine` by `policy`, which knows the files `known` of them.
+
+    By default it knows the strips as they are, and noise is drawn from the seed 0.
+    """
+    known = known or strips
+    decide = Planned(known) if policy == Planned.name else make_policy(policy, in_rod=True)
+    models = [describe(strip) for strip in strips]
+    rng = rng or np.random.default_rng(0)
+    return roll_out(decide, engine, known[0], models, settings=settings, rng=rng)
 
 
 def _engine(name: str) -> Stepper:
     if name == "rod":
-        from drivers.strip.rod.engine import Rod
-
         return Rod(SEGMENTS, strict=False)
     from drivers.twin.chain.engine import Chain
 
@@ -184,14 +189,8 @@ class EffectPart:
         rng = np.random.default_rng(1)
         strips = [self._strip(rng) for _ in range(self.count)]
         known = [strip.model_copy(update={"effects": {}}) for strip in strips]
-        folds = roll_out(
-            knowing(self.policy, known),
-            Rod(SEGMENTS, strict=False),
-            known[0],
-            [describe(strip) for strip in strips],
-            settings=Rollout(speed=self.speed, sensing=IMAGE_SENSING),
-            rng=rng,
-        )
+        settings, engine = Rollout(speed=self.speed, sensing=IMAGE_SENSING), _engine("rod")
+        folds = fold_all(self.policy, strips, engine, settings, known=known, rng=rng)
         return EffectFolds(
             policy=self.policy,
             effect=self.effect,

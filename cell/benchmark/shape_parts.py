@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 
-from cell.benchmark.range_parts import RecordingEngine, knowing
+from cell.benchmark.range_parts import RecordingEngine, fold_all
 from cell.benchmark.results import (
     Adaptation,
     CriticalPoints,
@@ -26,7 +26,7 @@ from drivers.types import Array
 from policies.domain import DAMPING_RATIO, strip_at
 from policies.path import TAKEOVER_HEIGHT, Path
 from policies.planned import plan, raise_path
-from policies.rollout import Rollout, roll_out
+from policies.rollout import Rollout
 from policies.sensing import EXACT_SENSING
 
 STEP = 0.005  # s
@@ -145,14 +145,8 @@ class EvolutionPart:
     def _shapes_of_fold(self) -> "_Shapes":
         """Record the strip's shapes in a fold by the policy, from take-over to touch."""
         strip, recording = strip_at(*STRIP_PLACE), RecordingEngine(Rod(), shapes=True)
-        folds = roll_out(
-            knowing(self.policy, [strip]),
-            recording,
-            strip,
-            [describe(strip)],
-            settings=Rollout(speed=self.speed, sensing=EXACT_SENSING),
-            rng=np.random.default_rng(0),
-        )
+        settings = Rollout(speed=self.speed, sensing=EXACT_SENSING)
+        folds = fold_all(self.policy, [strip], recording, settings)
         end = int(recording.frames[0])
         shapes = np.array(recording.midlines[:end])[:, 0]
         contacts = np.array(recording.contacts[:end])[:, 0]
@@ -208,14 +202,7 @@ class AdaptationPart:
         """Fold one strip of each stiffness, with exact observations."""
         strips = [strip_at(u, DAMPING_SHARE) for u in np.linspace(0.0, 1.0, STIFFNESSES)]
         settings = Rollout(speed=self.speed, sensing=EXACT_SENSING)
-        folds = roll_out(
-            knowing(self.policy, strips),
-            Rod(),
-            strips[0],
-            [describe(strip) for strip in strips],
-            settings=settings,
-            rng=np.random.default_rng(0),
-        )
+        folds = fold_all(self.policy, strips, Rod(), settings)
         ends = [  # number of decisions up to the touch
             len(folds.trace) if touch is None else int(np.ceil(touch.time / settings.period))
             for touch in folds.touch

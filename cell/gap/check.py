@@ -318,8 +318,8 @@ def _largest_probe(candidate: Candidate) -> tuple[tuple[float, ...], ...]:
     return candidate.probes[largest[len(largest) // 2]]
 
 
-def _largest_response(about: Projection, probed: ProbeResponses) -> Array:
+def _largest_response(projection: Projection, probed: ProbeResponses) -> Array:
     """Largest response (N,) of an effect to its own probes that the base cannot absorb."""
     firsts = np.concatenate([group[:, :1] for group in probed.responses], axis=1)
-    left = about.left(firsts)
+    left = projection.left(firsts)
     return np.asarray(left[:, int(np.argmax(np.linalg.norm(left, axis=0)))])

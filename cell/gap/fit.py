@@ -96,41 +96,43 @@ def fit(
     return verdict
 
 
-def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
+def _write(findings: Findings, verdict: Verdict, file: Path, out: Path) -> None:
     """Write the record, the report and the patches of a fit; its verdict is written last."""
     record = {"schema": 1, "file": str(file), "file_sha256": sha256(file),
               "effects": [e.name for e in verdict.effects or verdict.suspected],
               "values": [d.parameter for d in verdict.deviates],
-              "scatter": [asdict(s) for s in found.judged.scatter],
-              "steadier": {s.name: s.sigma for s in found.advised.steadier},
-              "law": found.offered and asdict(found.offered)}  # fmt: skip
+              "scatter": [asdict(s) for s in findings.model_tests.scatter],
+              "steadier": {s.name: s.sigma for s in findings.advice.steadier},
+              "law": findings.law and asdict(findings.law)}  # fmt: skip
     write_file(out / RECORD, json.dumps(record, indent=1))
-    write_report(found, verdict, out / "report.html")
+    write_report(findings, verdict, out / "report.html")
     source = f"cell gap fit, {out.name}"
-    if found.offered is not None:
-        terms = {name: {"amount": value} for name, value in found.offered.terms.items()}
-        law_patch, _ = found.subject.patch(found.offered.base, terms, source)
+    if findings.law is not None:
+        terms = {name: {"amount": value} for name, value in findings.law.terms.items()}
+        law_patch, _ = findings.subject.patch(findings.law.base, terms, source)
         write_file(out / LAW_PATCH, dump_yaml(law_patch))
-        _write_model(found, out / LAW_MODEL_PATCH, found.offered.base, terms)
-    offers_values = bool(verdict.deviates) and not found.accepted.model.effects
+        _write_model(findings, out / LAW_MODEL_PATCH, findings.law.base, terms)
+    offers_values = bool(verdict.deviates) and not findings.accepted.model.effects
     if verdict.effects or verdict.suspected or offers_values:
         name = BASE_PATCH if offers_values else PATCH if verdict.effects else SUSPECT_PATCH
-        _write_patches(found, verdict, out, source, name)
+        _write_patches(findings, verdict, out, source, name)
 
 
-def _write_patches(found: Findings, verdict: Verdict, out: Path, source: str, name: str) -> None:
+def _write_patches(findings: Findings, verdict: Verdict, out: Path, source: str, name: str) -> None:
     """Write the patch of values and effects of `verdict` as `name`, its model, and the cell's."""
     base, effects = _values(verdict, verdict.effects or verdict.suspected)
-    patch, cell_patch = found.subject.patch(base, effects, source)
+    patch, cell_patch = findings.subject.patch(base, effects, source)
     write_file(out / name, dump_yaml(patch))
-    _write_model(found, out / MODEL_PATCH, base, effects)
+    _write_model(findings, out / MODEL_PATCH, base, effects)
     if cell_patch is not None:
         write_file(out / CELL_PATCH, dump_yaml(cell_patch))
 
 
-def _write_model(found: Findings, path: Path, base: Mapping[str, float], effects: Effects) -> None:
+def _write_model(
+    findings: Findings, path: Path, base: Mapping[str, float], effects: Effects
+) -> None:
     """Write the accepted model of a subject that keeps one beside its file."""
-    text = found.subject.model_text(base, effects)
+    text = findings.subject.model_text(base, effects)
     if text is not None:
         write_file(path, text)
 

@@ -34,11 +34,11 @@ Progress = Callable[[str, float], None]
 
 
 def revised_base(
-    simulate: Simulate, fits: Fits, scatter: Sequence[Spread], whole: Evidence
+    simulate: Simulate, fits: Fits, scatter: Sequence[Spread], complete: Evidence
 ) -> tuple[Estimate, tuple[Spread, ...]] | None:
     """Refit the base model and its scatter from run to run, starting from the models that lead it.
 
-    `whole` are the runs with all unknowns. Returns None where neither clearly changes.
+    `complete` are the runs with all unknowns. Returns None where neither clearly changes.
 
     A base that lacks an effect takes a part of it for scatter, or does not see the scatter for it,
     and may have stopped in a local minimum.
@@ -46,19 +46,21 @@ def revised_base(
     leading = leading_models(fits)
     if not leading:
         return None
-    found = estimate_spreads(simulate, leading[0].estimate, whole)
+    spreads = estimate_spreads(simulate, leading[0].estimate, complete)
     better = better_base(simulate, fits, leading)
-    before = {s.name: s.value for s in scatter}
-    if better is None and not clearly_differ(before, {s.name: s.value for s in found}):
+    current = {s.name: s.value for s in scatter}
+    if better is None and not clearly_differ(current, {s.name: s.value for s in spreads}):
         return None
-    return with_scatter(better or fits.base.estimate, found, whole), found
+    return with_scatter(better or fits.base.estimate, spreads, complete), spreads
 
 
 def leading_models(fits: Fits) -> list[CrossValidatedFit]:
     """Models that lead the base: the one that predicts clearly better, and more probable ones."""
-    by = fits.scale
-    names = [fits.best.model.names] if margin(fits.best, fits.base, by).gain >= MIN_GAIN else []
-    before_base = takewhile(lambda m: m.names, posterior(fits, by).models)
+    likelihood = fits.likelihood
+    names = (
+        [fits.best.model.names] if margin(fits.best, fits.base, likelihood).gain >= MIN_GAIN else []
+    )
+    before_base = takewhile(lambda m: m.names, posterior(fits, likelihood).models)
     names += [m.names for m in before_base if m.p > ALPHA]
     return [m for name in dict.fromkeys(names) if (m := fits.of(name)) is not None]
 
@@ -70,72 +72,78 @@ def better_base(
 
     A base that stopped in a local minimum leaves a gap that is none.
     """
-    base, begin = fits.base.estimate, []
+    base, tasks = fits.base.estimate, []
     for fit in (m.estimate for m in leading):
         values, _ = fit.model.split(fit.shared)
         start = Point(values, fit.point.local)
-        begin.append(refit(base.model, base.evidence, start, None, ROUGH_GAIN, BUDGET.short_steps))
-    begun = best([base, *run_all(simulate, begin)])
-    if begun is base:
+        tasks.append(refit(base.model, base.evidence, start, None, ROUGH_GAIN, BUDGET.short_steps))
+    started = best([base, *run_all(simulate, tasks)])
+    if started is base:
         return None
-    again = run_one(simulate, refit(base.model, base.evidence, begun.point, begun.jacobians))
-    scale = min(base.scale, again.scale)
-    return again if objective_of(again, scale) < objective_of(base, scale) - MIN_GAIN else None
+    refitted = run_one(simulate, refit(base.model, base.evidence, started.point, started.jacobians))
+    scale = min(base.scale, refitted.scale)
+    return (
+        refitted if objective_of(refitted, scale) < objective_of(base, scale) - MIN_GAIN else None
+    )
 
 
 def refit_on_base(
     simulate: Simulate,
     fits: Fits,
     base: CrossValidatedFit,
-    found: Sequence[Spread],
-    whole: Evidence,
+    spreads: Sequence[Spread],
+    complete: Evidence,
 ) -> Fits:
-    """Refit the models of `fits` beside a new `base`, with the scatter `found` in runs `whole`.
+    """Refit the models of `fits` beside a new `base`, with the scatter `spreads` from run to run.
 
-    Models that cannot come up to the best one are left out. Beside another base the other sign of
-    an effect may fit better.
+    `complete` are the runs with all unknowns. Models that cannot come up to the best one are
+    left out. Beside another base the other sign of an effect may fit better.
     """
-    known, tasks = base.estimate.evidence, []
-    gains = {m.model.names: margin(m, fits.base, fits.scale).gain for m in fits.models}
+    new_evidence, tasks = base.estimate.evidence, []
+    gains = {m.model.names: margin(m, fits.base, fits.likelihood).gain for m in fits.models}
     for fit in (m.estimate for m in fits.models if m.model.effects):
         if within_reach(gains[fit.model.names], max(gains.values())):
-            start = with_scatter(fit, found, whole).point
-            tasks.append(refit(fit.model, known, start, _secants(fit, known), ROUGH_GAIN))
-    done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
-    return search.other_signs(simulate, replace(fits, models=(base, *done)))
+            start = with_scatter(fit, spreads, complete).point
+            tasks.append(
+                refit(fit.model, new_evidence, start, _secants(fit, new_evidence), ROUGH_GAIN)
+            )
+    refitted = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
+    return search.other_signs(simulate, replace(fits, models=(base, *refitted)))
 
 
-def _secants(fit: Estimate, known: Evidence) -> tuple[Array, ...] | None:
-    """Secants (n, shared + local) of each run at `fit`, whitened by the scales of `known`.
+def _secants(fit: Estimate, evidence: Evidence) -> tuple[Array, ...] | None:
+    """Secants (n, shared + local) of each run at `fit`, whitened by the scales of `evidence`.
 
-    None where the runs of `known` have other unknowns of their own.
+    None where the runs of `evidence` have other unknowns of their own.
     """
-    pairs = list(zip(fit.evidence.runs, known.runs, strict=True))
+    pairs = list(zip(fit.evidence.runs, evidence.runs, strict=True))
     if any([p.name for p in a.local] != [p.name for p in b.local] for a, b in pairs):
         return None
-    rows = zip(fit.jacobians, fit.evidence.scales, known.scales, strict=True)
-    return tuple(jacobian * (had / has)[:, None] for jacobian, had, has in rows)
+    rows = zip(fit.jacobians, fit.evidence.scales, evidence.scales, strict=True)
+    return tuple(
+        jacobian * (old_scale / new_scale)[:, None] for jacobian, old_scale, new_scale in rows
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class ForwardSelection:
-    """Fits more models of `subject`, beside a base as `fitted` and by a library as `screened`."""
+    """Fits more models of `subject`, beside the base of `base_fit`, by the library of `screen`."""
 
     subject: Subject
     simulate: Simulate
     progress: Progress
-    fitted: BaseFit
-    screened: Screen
+    base_fit: BaseFit
+    screen: Screen
 
     def refit_singles(self, fits: Fits) -> Fits:
         """Fit the most promising single effects beside the base, unless none can be accepted."""
         self.progress("refit the best", 0.25)
-        screened = self.screened
-        least = MIN_GAIN * fits.scale.inefficiency
-        promising = any(s.gain > least for s in screened.singles)
-        if not (promising or self.fitted.doubted or ranked_pairs(screened.known, 1, least)):
+        screen = self.screen
+        least = MIN_GAIN * fits.likelihood.inefficiency
+        promising = any(s.gain > least for s in screen.singles)
+        if not (promising or self.base_fit.doubted or ranked_pairs(screen.equations, 1, least)):
             return fits
-        singles = screened.singles[: BUDGET.singles]
+        singles = screen.singles[: BUDGET.singles]
         return search.fit_scores(self.simulate, fits, singles, self._candidates)
 
     def refit_further(self, fits: Fits) -> Fits:
@@ -160,11 +168,11 @@ class ForwardSelection:
         """Fit other single effects and the most promising pairs."""
         self.progress("refit pairs", 0.5)
         base, most = fits.base.estimate, BUDGET.additions
-        new = [s for s in self.screened.singles if fits.of(frozenset(s.names)) is None]
-        new = new[: BUDGET.probed - BUDGET.singles]
-        new += ranked_pairs(self.screened.known, BUDGET.screened_pairs)
-        new = search.shortlist(self.simulate, base, new, self._candidates, most)
-        fits = search.fit_scores(self.simulate, fits, new, self._candidates)
+        scores = [s for s in self.screen.singles if fits.of(frozenset(s.names)) is None]
+        scores = scores[: BUDGET.probed - BUDGET.singles]
+        scores += ranked_pairs(self.screen.equations, BUDGET.screened_pairs)
+        scores = search.shortlist(self.simulate, base, scores, self._candidates, most)
+        fits = search.fit_scores(self.simulate, fits, scores, self._candidates)
         return self._extend(fits, fits.near_best(1)[: BUDGET.beam])
 
     def _refit_alternatives(self, fits: Fits) -> Fits:
@@ -182,11 +190,11 @@ class ForwardSelection:
         return fits
 
     def _extend(self, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:
-        return search.extend(self.simulate, fits, models, self._candidates, self.screened.probed)
+        return search.extend(self.simulate, fits, models, self._candidates, self.screen.probed)
 
     def _accept(self, fits: Fits) -> CrossValidatedFit:
         """The model that would be accepted if nothing else were fitted."""
-        return choose(fits, posterior(fits, fits.scale)).accepted
+        return choose(fits, posterior(fits, fits.likelihood)).accepted
 
     @property
     def _candidates(self) -> Sequence[Candidate]:

@@ -42,46 +42,46 @@ def investigate(
     train = [run for run in subject.runs if run.name not in held_out]
     test = [run for run in subject.runs if run.name in held_out]
     progress("refit the base", 0.02)
-    whole = evidence(train)
-    fitted = _fit_base(subject, whole, simulate, rng)
+    evidence_of_fit = evidence(train)
+    base_fit = _fit_base(subject, evidence_of_fit, simulate, rng)
     progress("screen the candidates", 0.12)
-    screened = _screen(subject, fitted, simulate)
-    fits = Fits((fitted.base,), screened.library)
+    screen = _screen(subject, base_fit, simulate)
+    fits = Fits((base_fit.base,), screen.library)
     stages = ((ForwardSelection.refit_singles, 0.4), (ForwardSelection.refit_further, 0.75))
     for refit_more, share in stages:
         best_before = fits.best
-        fits = refit_more(ForwardSelection(subject, simulate, progress, fitted, screened), fits)
+        fits = refit_more(ForwardSelection(subject, simulate, progress, base_fit, screen), fits)
         if fits.best is best_before:
             continue
-        revised = revised_base(simulate, fits, fitted.scatter, whole)
+        revised = revised_base(simulate, fits, base_fit.scatter, evidence_of_fit)
         if revised is not None:
             progress("refit the base beside the best", share)
-            fitted = _judge_base(subject, *revised, simulate, rng)
-            screened = _score_candidates(subject, fitted, screened.probed)
-            fits = refit_on_base(simulate, fits, fitted.base, fitted.scatter, whole)
-            fits = replace(fits, library=screened.library)
+            base_fit = _judge_base(subject, *revised, simulate, rng)
+            screen = _score_candidates(subject, base_fit, screen.probed)
+            fits = refit_on_base(simulate, fits, base_fit.base, base_fit.scatter, evidence_of_fit)
+            fits = replace(fits, library=screen.library)
     progress("judge", 0.8)
-    sets = posterior(fits, fits.scale)
+    sets = posterior(fits, fits.likelihood)
     choice = chosen(subject, simulate, fits, sets)
-    judged = judge(subject, choice, sets, simulate, whole, rng)
+    tests = judge(subject, choice, sets, simulate, evidence_of_fit, rng)
     progress("show on held-out runs", 0.9)
-    unseen = with_spreads(evidence(test), fitted.scatter)
-    shown = refit_held_out(subject, simulate, fitted.base, choice.accepted, unseen, rng)
+    unseen = with_spreads(evidence(test), base_fit.scatter)
+    held_out_fits = refit_held_out(subject, simulate, base_fit.base, choice.accepted, unseen, rng)
     progress("advise", 0.95)
-    is_gap = bool(choice.accepted.model.effects) or fitted.gap
-    advised = advice(subject, screened, choice, judged, simulate) if is_gap else Advice()
-    found = Findings(
-        subject, tuple(held_out), fitted, screened, choice, sets, judged, shown, advised
+    is_gap = bool(choice.accepted.model.effects) or base_fit.gap
+    advice_given = advice(subject, screen, choice, tests, simulate) if is_gap else Advice()
+    findings = Findings(
+        subject, tuple(held_out), base_fit, screen, choice, sets, tests, held_out_fits, advice_given
     )
-    return _with_law(found, simulate, rng)
+    return _with_law(findings, simulate, rng)
 
 
-def _with_law(found: Findings, simulate: Simulate, rng: np.random.Generator) -> Findings:
+def _with_law(findings: Findings, simulate: Simulate, rng: np.random.Generator) -> Findings:
     """Findings with a law, where one is offered for a gap without a name."""
-    if kind(found) != "unexplained":
-        return found
-    law = offered_law(found.subject, simulate, found.choice, found.shown.before, rng)
-    return replace(found, offered=law)
+    if kind(findings) != "unexplained":
+        return findings
+    law = offered_law(findings.subject, simulate, findings.choice, findings.unseen.before, rng)
+    return replace(findings, law=law)
 
 
 def _fit_base(
@@ -89,8 +89,8 @@ def _fit_base(
 ) -> BaseFit:
     """Fit the base from several starts, estimate run-to-run spreads, and test what it leaves."""
     rough = refit_base(simulate, Model(subject.scope.base), runs)
-    found = spreads(rough)
-    return _judge_base(subject, with_scatter(rough, found, runs), found, simulate, rng)
+    scatter = spreads(rough)
+    return _judge_base(subject, with_scatter(rough, scatter, runs), scatter, simulate, rng)
 
 
 def _judge_base(
@@ -140,28 +140,28 @@ def _score_candidates(
 
     Like the posterior it gives every absent effect of the library its spike prior.
     """
-    base, by = fitted.base.estimate, likelihood_scale([fitted.base])
+    base, likelihood = fitted.base.estimate, likelihood_scale([fitted.base])
     library = filling_floor(base, probed, believed=subject.scope.believed)
     about = projection(base, nuisance=immaterial(library))
-    known = table(about, probed)
-    singles = ranking(known)
+    equations = table(about, probed)
+    singles = ranking(equations)
     return Screen(
         tuple(probed),
-        known,
+        equations,
         tuple(singles),
-        _screened_p(subject, singles, by),
-        detectable(about, probed, by),
+        _screened_p(subject, singles, likelihood),
+        detectable(about, probed, likelihood),
         library,
     )
 
 
 def _screened_p(
-    subject: Subject, singles: Sequence[Score], by: LikelihoodScale
+    subject: Subject, singles: Sequence[Score], likelihood: LikelihoodScale
 ) -> dict[str, float]:
     """Likelihood-ratio p-values of the linear screen by name, family-wise over the library."""
     size = {c.name: len(c.parameters) for c in subject.scope.candidates}
     raw = {
-        s.names[0]: float(special.chdtrc(size[s.names[0]], 2.0 * s.gain / by.inefficiency))
+        s.names[0]: float(special.chdtrc(size[s.names[0]], 2.0 * s.gain / likelihood.inefficiency))
         for s in singles
     }
     return family_wise(raw, list(size))

@@ -46,13 +46,13 @@ def floor(evidence: Evidence, quantities: Mapping[str, Quantity]) -> dict[str, f
 
 def _mean_by_word(words: Words, square: Array) -> dict[str, float]:
     """Mean of the finite squares (n,) of each word."""
-    found = {}
+    means = {}
     for name in np.unique(words):
         values = square[words == name]
         values = values[np.isfinite(values)]
         if len(values):
-            found[str(name)] = float(values.mean())
-    return found
+            means[str(name)] = float(values.mean())
+    return means
 
 
 def _display_gaps(
@@ -61,8 +61,8 @@ def _display_gaps(
     """Root mean square by displayed quantity of `squares_by_run` (n,), in displayed units."""
     squares: dict[str, list[float]] = defaultdict(list)
     for run, square in zip(evidence.runs, squares_by_run, strict=True):
-        for name, found in _mean_by_word(run.samples.quantity, square).items():
-            squares[name].append(found)
+        for name, mean in _mean_by_word(run.samples.quantity, square).items():
+            squares[name].append(mean)
     return {
         quantities[name].key: quantities[name].factor * float(np.sqrt(np.mean(values)))
         for name, values in squares.items()
@@ -72,10 +72,10 @@ def _display_gaps(
 
 def run_squares(estimate: Estimate) -> Array:
     """Mean square whitened residual of each run, channels with equal weight (R,)."""
-    found = []
+    squares = []
     for run, r in zip(estimate.evidence.runs, estimate.residuals, strict=True):
-        found.append(np.mean(list(_mean_by_word(run.samples.channel, r**2).values())))
-    return np.array(found)
+        squares.append(np.mean(list(_mean_by_word(run.samples.channel, r**2).values())))
+    return np.array(squares)
 
 
 def excess(squares: Array) -> Array:
@@ -105,25 +105,25 @@ def rms_by_run(estimate: Estimate, quantities: Mapping[str, Quantity]) -> list[f
 
     What a true model leaves has about the scale 1, so that this is where samples count as wild.
     """
-    known = estimate.evidence
-    found = []
-    for run, r, scale in zip(known.runs, estimate.residuals, known.scales, strict=True):
+    evidence = estimate.evidence
+    scaled = []
+    for run, r, scale in zip(evidence.runs, estimate.residuals, evidence.scales, strict=True):
         tolerance = np.array([quantities[str(name)].tolerance for name in run.samples.quantity])
-        found.append(r * scale / np.hypot(scale, tolerance))
-    return [float(np.sqrt(np.mean(np.square(r)))) for r in clip_wild(found, scale=1.0)]
+        scaled.append(r * scale / np.hypot(scale, tolerance))
+    return [float(np.sqrt(np.mean(np.square(r)))) for r in clip_wild(scaled, scale=1.0)]
 
 
 def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrink:
     """Shrink 1 - after / before of the excess gap, with a bootstrap over runs (Efron 1979)."""
-    was, now = run_squares(before), run_squares(after)
-    drawn = rng.integers(0, len(was), (DRAWS, len(was)))
-    value = float(_share_closed(was, now))
-    shares = _share_closed(was[drawn], now[drawn])
+    squares_before, squares_after = run_squares(before), run_squares(after)
+    drawn = rng.integers(0, len(squares_before), (DRAWS, len(squares_before)))
+    value = float(_share_closed(squares_before, squares_after))
+    shares = _share_closed(squares_before[drawn], squares_after[drawn])
     low, high = np.quantile(shares, [0.025, 0.975])
     return Shrink(value, float(low), float(high))
 
 
 def _share_closed(before: Array, after: Array) -> Array:
     """Share (...) of the excess gap closed, of mean squares (..., R); zero without a gap."""
-    was = excess(before)
-    return np.where(was > 0.0, 1.0 - excess(after) / np.where(was > 0.0, was, 1.0), 0.0)
+    gap = excess(before)
+    return np.where(gap > 0.0, 1.0 - excess(after) / np.where(gap > 0.0, gap, 1.0), 0.0)

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from cell.gap.fitting import robust
@@ -25,13 +24,11 @@ class Testing:
     """Settings of the lack-of-fit test. Source: set by hand.
 
     Repeats are compared in bins of `bin_time` [s], as long as the samples of a strip; noise is
-    drawn `draws` times; a model must describe at least `described` runs before one more may be an
-    outlier.
+    drawn `draws` times.
     """
 
     bin_time: float = 0.3
     draws: int = 400
-    described: int = 6
 
 
 TESTING = Testing()
@@ -71,12 +68,12 @@ def _repeat_bins(
     for run, r in zip(estimate.evidence.runs, residuals, strict=True):
         for key, rows in _rows_by([run], _place_and_time).items():
             bins[(run.condition, *key)].append((float(r[rows].mean()), len(rows)))
-    found: dict[str, list[tuple[str, Array, Array]]] = defaultdict(list)
+    repeats: dict[str, list[tuple[str, Array, Array]]] = defaultdict(list)
     for (condition, channel, *_), values in bins.items():
         if len(values) > 1:
             mean, count = np.array(values).T
-            found[condition].append((channel, mean, count))
-    return found
+            repeats[condition].append((channel, mean, count))
+    return repeats
 
 
 def _place_and_time(run: Run, i: int) -> tuple[str, str, str, int]:
@@ -112,10 +109,10 @@ def lack_of_fit(estimate: Estimate, noise: Array, allowed: Array) -> float:
         estimate.evidence.runs, lambda run, i: (run.samples.channel[i], run.condition)
     )
     rows = list(by_channel.values())
-    found = np.array([np.mean(r[i] ** 2) for i in rows])
+    observed = np.array([np.mean(r[i] ** 2) for i in rows])
     drawn = np.array([np.mean(noise[i] ** 2, axis=0) for i in rows])
     mean, spread = drawn.mean(axis=1, keepdims=True), drawn.std(axis=1, keepdims=True) + 1e-12
-    worst = float(((found[:, None] - mean) / spread).max())
+    worst = float(((observed[:, None] - mean) / spread).max())
     null = ((drawn - mean) / spread).max(axis=0)
     return (1.0 + float((null >= worst).sum())) / (1.0 + len(null))
 
@@ -137,25 +134,6 @@ def slack(evidence: Evidence, inflation: Mapping[str, float]) -> Array:
     return np.array(
         [inflation.get(str(c), 1.0) for run in evidence.runs for c in run.samples.channel]
     )
-
-
-def outlying_run(estimate: Estimate) -> tuple[str | None, NDArray[np.bool_]]:
-    """Name of the run with the largest residuals, None of few runs, and its sample mask (N,)."""
-    squares = [float(np.mean(robust.clip_residuals(r) ** 2)) for r in estimate.residuals]
-    owner = np.repeat(np.arange(len(squares)), [len(r) for r in estimate.residuals])
-    if len(squares) <= TESTING.described:
-        return None, np.zeros(len(owner), dtype=bool)
-    worst = int(np.argmax(squares))
-    return estimate.evidence.runs[worst].name, owner == worst
-
-
-def lost_samples(estimate: Estimate) -> NDArray[np.bool_]:
-    """Mask (N,) of samples that the model lost while it predicts others of their run.
-
-    The strip lies down in another place there, which is for the other channels to judge.
-    """
-    lost = [np.isnan(raw.mean) for raw in estimate.raw]
-    return np.concatenate([rows & ~rows.all() for rows in lost])
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,11 +163,11 @@ def localise(estimate: Estimate, noise: Array, allowed: Array) -> list[Bin]:
     r = np.concatenate(estimate.residuals) / allowed
     bins = _rows_by_bin(estimate)
     rows = list(bins.values())
-    whole, drawn = _statistics(r, rows, noise)
-    tame, _ = _statistics(robust.clip_residuals(r), rows, noise)
+    statistics, drawn = _statistics(r, rows, noise)
+    bounded, _ = _statistics(robust.clip_residuals(r), rows, noise)
     places = []
-    for key, z, judged in zip(bins, whole, np.abs(tame), strict=True):
-        p = (1.0 + float((drawn >= judged).sum())) / (1.0 + len(drawn))
+    for key, z, bounded_z in zip(bins, statistics, np.abs(bounded), strict=True):
+        p = (1.0 + float((drawn >= bounded_z).sum())) / (1.0 + len(drawn))
         places.append(Bin(*key, float(z), p))
     return sorted(places, key=lambda place: -abs(place.z))
 

@@ -36,7 +36,7 @@ def advise(
     first: Estimate,
     second: tuple[Model, Array],
     experiments: Sequence[Experiment],
-    by: LikelihoodScale,
+    likelihood: LikelihoodScale,
 ) -> Task[list[RatedExperiment]]:
     """Experiments by expected separation per minute, best first; yields simulations.
 
@@ -58,9 +58,8 @@ def advise(
         difference = np.nan_to_num((other[i].mean - raw[i].mean) / planned.scales[i])
         own = np.diag([p.spread**-2 for p in planned.runs[i].local])
         square = _unabsorbed_square(difference, jacobians[i], block_diag(known, own))
-        sigma = float(np.sqrt(max(0.0, square)))
-        pair = (first.model.name, model.name)
-        found.append(RatedExperiment(experiment, pair, sigma / by.scale / by.inefficiency**0.5))
+        sigma = likelihood.standardise(float(np.sqrt(max(0.0, square))))
+        found.append(RatedExperiment(experiment, (first.model.name, model.name), sigma))
     return sorted(found, key=lambda a: -a.rate)
 
 
@@ -90,7 +89,7 @@ class RepeatabilityGain:
 
 
 def repeatability_gains(
-    first: Estimate, second: tuple[Model, Array], by: LikelihoodScale
+    first: Estimate, second: tuple[Model, Array], likelihood: LikelihoodScale
 ) -> Task[list[RepeatabilityGain]]:
     """Gains in separation by halving each run-to-run spread, largest first; yields simulations.
 
@@ -112,5 +111,5 @@ def repeatability_gains(
         halved = [REMEDY_SHARE**-2 if p.name == name else 1.0 for p in every]
         then = _unabsorbed_square(difference, jacobian, np.diag(np.array(halved) * known))
         more = max(0.0, then - now)
-        found.append(RepeatabilityGain(name, more**0.5 / by.scale / by.inefficiency**0.5))
+        found.append(RepeatabilityGain(name, likelihood.standardise(more**0.5)))
     return sorted(found, key=lambda s: -s.sigma)

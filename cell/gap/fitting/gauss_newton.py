@@ -27,20 +27,20 @@ FINAL_GAIN, ROUGH_GAIN = 0.05, 2.0
 
 def linearise(model: Model, evidence: Evidence, point: Point) -> Task[Linearised]:
     """Residuals and whitened secants (n, shared + local) of each run; yields simulations."""
-    asked: list[Request] = []
+    batch: list[Request] = []
     steps: list[Array] = []
     for run, local in zip(evidence.runs, point.local, strict=True):
-        own_requests, own_steps = _secant_requests(model, run, point.shared, local)
-        asked += own_requests
-        steps.append(own_steps)
-    answers = yield asked
-    raw, jacobians, at = [], [], 0
-    for run, h, scale in zip(evidence.runs, steps, evidence.scales, strict=True):
-        mine = answers[at : at + 1 + run.replicate + len(h)]
-        at += len(mine)
-        raw.append(mine[0])
-        here, *moved = mine[run.replicate :]
-        jacobians.append(secants(here, moved, scale, h))
+        run_requests, run_steps = _secant_requests(model, run, point.shared, local)
+        batch += run_requests
+        steps.append(run_steps)
+    answers = yield batch
+    raw, jacobians, offset = [], [], 0
+    for run, run_steps, scale in zip(evidence.runs, steps, evidence.scales, strict=True):
+        run_answers = answers[offset : offset + 1 + run.replicate + len(run_steps)]
+        offset += len(run_answers)
+        raw.append(run_answers[0])
+        at_point, *stepped = run_answers[run.replicate :]
+        jacobians.append(secants(at_point, stepped, scale, run_steps))
     return raw, tuple(jacobians)
 
 
@@ -76,9 +76,9 @@ def _mirror(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
     return tuple(replace(p, step=-p.step) for p in parameters)
 
 
-def secants(here: Residuals, moved: Sequence[Residuals], scale: Array, steps: Array) -> Array:
+def secants(at_point: Residuals, stepped: Sequence[Residuals], scale: Array, steps: Array) -> Array:
     """Whitened finite differences (n, len(steps)), zero where a residual is lost."""
-    columns = [(m.mean - here.mean) / scale / h for m, h in zip(moved, steps, strict=True)]
+    columns = [(m.mean - at_point.mean) / scale / h for m, h in zip(stepped, steps, strict=True)]
     matrix = np.array(columns).reshape(len(columns), len(scale)).T
     return np.asarray(np.nan_to_num(matrix, nan=0.0, posinf=0.0, neginf=0.0))
 
@@ -90,19 +90,19 @@ def _secant_requests(
 
     For a replicate the first, at the values, comes once more as a response to compare with.
     """
-    here = request(model, run, shared, local)
-    asked, steps = [here] if run.replicate else [], []
+    at_point = request(model, run, shared, local)
+    batch, steps = [at_point] if run.replicate else [], []
     points = [(shared, local)]
     for i, p in enumerate(model.parameters):
-        h = _step_within_bounds(p, shared[i])
-        points.append((_step_one(shared, i, h), local))
-        steps.append(h)
+        step = _step_within_bounds(p, shared[i])
+        points.append((_step_one(shared, i, step), local))
+        steps.append(step)
     for i, p in enumerate(run.local):
-        h = _step_within_bounds(p, local[i])
-        points.append((shared, _step_one(local, i, h)))
-        steps.append(h)
-    asked += [replace(request(model, run, *point), response=run.replicate) for point in points]
-    return asked, np.array(steps)
+        step = _step_within_bounds(p, local[i])
+        points.append((shared, _step_one(local, i, step)))
+        steps.append(step)
+    batch += [replace(request(model, run, *point), response=run.replicate) for point in points]
+    return batch, np.array(steps)
 
 
 def _step_within_bounds(p: Parameter, value: float) -> float:
@@ -175,15 +175,15 @@ class Estimate:
 
     def normal(self, scale: float | None = None) -> normal_equations.Normal:
         """Normal equations of data and priors at dispersion `scale` (default: its own)."""
-        used = self.scale if scale is None else scale
-        data = normal_equations.normal(self.place, self.residuals, self.jacobians, used)
+        dispersion = self.scale if scale is None else scale
+        data = normal_equations.normal(self.place, self.residuals, self.jacobians, dispersion)
         return normal_equations.with_prior(data, self.z, self.limits)
 
-    def on(self, keep: Sequence[int]) -> "Estimate":
-        """The same estimate, restricted to the runs with the numbers `keep`."""
+    def on(self, indices: Sequence[int]) -> "Estimate":
+        """The same estimate, restricted to the runs with the numbers `indices`."""
 
         def pick(by_run: Sequence[T]) -> tuple[T, ...]:
-            return tuple(by_run[i] for i in keep)
+            return tuple(by_run[i] for i in indices)
 
         return replace(
             self,
@@ -332,23 +332,23 @@ def _second_order_step(
 
 
 def _broyden_update(
-    search: _Search, moved: Array, before: Sequence[Residuals], after: Sequence[Residuals]
+    search: _Search, change: Array, before: Sequence[Residuals], after: Sequence[Residuals]
 ) -> tuple[Array, ...]:
-    """Jacobians by run after the step `moved` (size,), by Broyden's update (1965).
+    """Jacobians by run after the step `change` (size,), by Broyden's update (1965).
 
     They give the change of the residuals that was seen, at least change in units of what each
     unknown does; samples that either side lost change nothing.
     """
-    found, units = [], np.diag(search.curvature)
+    updated, units = [], np.diag(search.curvature)
     rows = zip(before, after, search.evidence.scales, search.jacobians, strict=True)
     for i, (a, b, scale, jacobian) in enumerate(rows):
-        at = search.place.columns(i)
-        step, along = moved[at], units[at] * moved[at]
+        columns = search.place.columns(i)
+        step, along = change[columns], units[columns] * change[columns]
         beyond = np.nan_to_num((b.mean - a.mean) / scale - jacobian @ step)
-        found.append(
+        updated.append(
             jacobian + np.outer(beyond, along) / max(float(along @ step), np.finfo(float).tiny)
         )
-    return tuple(found)
+    return tuple(updated)
 
 
 def _evaluate(search: _Search, points: Sequence[Array]) -> Task[list[_Trial]]:

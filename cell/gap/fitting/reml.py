@@ -88,12 +88,12 @@ def spreads(estimate: Estimate) -> tuple[Spread, ...]:
     counts too, and is left out where that is below `SEARCH.smallest`. Others are taken in one by
     one while each gains enough beside those: a slack that differs looks like a grip that does.
     """
-    known = {p.name: p for run in estimate.evidence.runs for p in run.local if p.random}
-    if not known or len(estimate.evidence.runs) < 2:
+    varying = {p.name: p for run in estimate.evidence.runs for p in run.local if p.random}
+    if not varying or len(estimate.evidence.runs) < 2:
         return ()
-    likelihood, parameters = Likelihood.of(estimate, known), list(known.values())
+    likelihood, parameters = Likelihood.of(estimate, varying), list(varying.values())
     fit = SpreadFit.of(likelihood, [k for k, p in enumerate(parameters) if p.common])
-    fit = _add_others(fit, len(known))
+    fit = _add_others(fit, len(varying))
     chosen = [parameters[k] for k in fit.active]
     shares = np.array([fit.mean_share(i, common=p.common) for i, p in enumerate(chosen)])
     errors = likelihood.errors(fit.active, np.maximum(shares, SEARCH.smallest))
@@ -122,22 +122,22 @@ class Likelihood:
     usual: Array
 
     @classmethod
-    def of(cls, estimate: Estimate, known: dict[str, Parameter]) -> Self:
-        """Integrate all but the random unknowns, `known` by name, out of the linearised fit.
+    def of(cls, estimate: Estimate, varying: dict[str, Parameter]) -> Self:
+        """Integrate all unknowns but `varying`, by name, out of the linearised fit.
 
         The common part of a quantity counts as an unknown of its own: a constant error of the rig
         is no scatter.
         """
-        every = unknowns(estimate.model, estimate.evidence)
-        order = list(known)
-        owner = np.array([order.index(p.name) if p.random else -1 for p in every])
-        usual = np.array([known[name].spread for name in order])
-        whole, pull = _equations(estimate, every, owner, usual)
+        parameters = unknowns(estimate.model, estimate.evidence)
+        order = list(varying)
+        owner = np.array([order.index(p.name) if p.random else -1 for p in parameters])
+        usual = np.array([varying[name].spread for name in order])
+        curvature, pull = _equations(estimate, parameters, owner, usual)
         random = np.flatnonzero(owner >= 0)
-        fixed = np.setdiff1d(np.arange(len(whole)), random)
+        fixed = np.setdiff1d(np.arange(len(curvature)), random)
         unit = usual[owner[random]]
-        across = np.linalg.solve(whole[np.ix_(fixed, fixed)], whole[np.ix_(fixed, random)])
-        left = whole[np.ix_(random, random)] - whole[np.ix_(random, fixed)] @ across
+        across = np.linalg.solve(curvature[np.ix_(fixed, fixed)], curvature[np.ix_(fixed, random)])
+        left = curvature[np.ix_(random, random)] - curvature[np.ix_(random, fixed)] @ across
         return cls(
             0.5 * (left + left.T) * unit[:, None] * unit,
             (pull[random] - across.T @ pull[fixed]) * unit,
@@ -151,19 +151,19 @@ class Likelihood:
         And its gradient (k,) in the logarithms of their `shares` (k,) of the usual spreads; the
         other quantities do not scatter.
         """
-        place = np.full(len(self.usual), -1)
-        place[list(active)] = np.arange(len(active))
-        owner = place[self.owner]
+        position = np.full(len(self.usual), -1)
+        position[list(active)] = np.arange(len(active))
+        owner = position[self.owner]
         kept = np.flatnonzero(owner >= 0)
         owner = owner[kept]
         precision = shares[owner] ** -2
-        whole = self.curvature[np.ix_(kept, kept)] + np.diag(precision)
-        d = 1.0 / np.sqrt(np.diag(whole))  # scales the diagonal to one
-        lower = np.linalg.cholesky(whole * d[:, None] * d + 1e-10 * np.eye(len(d)))
-        inverse = cho_solve((lower, True), np.eye(len(d)))
-        scaled = inverse @ (d * self.pull[kept])
-        mean, variance = d * scaled, d**2 * np.diag(inverse)  # of u, given the shares
-        half_logdet = float(np.log(np.diag(lower) / d * shares[owner]).sum())
+        posterior = self.curvature[np.ix_(kept, kept)] + np.diag(precision)
+        unit = 1.0 / np.sqrt(np.diag(posterior))  # scales the diagonal to one
+        lower = np.linalg.cholesky(posterior * unit[:, None] * unit + 1e-10 * np.eye(len(unit)))
+        inverse = cho_solve((lower, True), np.eye(len(unit)))
+        scaled = inverse @ (unit * self.pull[kept])
+        mean, variance = unit * scaled, unit**2 * np.diag(inverse)  # of u, given the shares
+        half_logdet = float(np.log(np.diag(lower) / unit * shares[owner]).sum())
         loss = half_logdet - 0.5 * float(self.pull[kept] @ mean) + 0.5 * float(shares @ shares)
         each = 1.0 - precision * (variance + mean**2)
         return loss, np.bincount(owner, each, len(active)) + shares**2
@@ -173,15 +173,15 @@ class Likelihood:
         logs, curvature = np.log(shares), np.zeros(len(shares))
         for i in range(len(shares)):
             step = SEARCH.log_step * np.eye(len(shares))[i]
-            low, here, high = (self.loss(np.exp(logs + side * step) if side else shares, active)[0]
-                               for side in (-1.0, 0.0, 1.0))  # fmt: skip
-            second = (low + high - 2.0 * here) / SEARCH.log_step**2
+            low, high = (self.loss(np.exp(logs + side * step), active)[0] for side in (-1.0, 1.0))
+            middle = self.loss(shares, active)[0]
+            second = (low + high - 2.0 * middle) / SEARCH.log_step**2
             curvature[i] = max(second, SEARCH.least_curvature)
         return np.asarray(1.0 / np.sqrt(curvature))
 
 
 def _equations(
-    estimate: Estimate, every: Sequence[Parameter], owner: Array, usual: Array
+    estimate: Estimate, parameters: Sequence[Parameter], owner: Array, usual_spreads: Array
 ) -> tuple[Array, Array]:
     """Curvature (u + q, u + q) and pull (u + q,) of data and priors, but those of scatter.
 
@@ -192,17 +192,19 @@ def _equations(
     variance = max(SEARCH.least_noise, variance)
     weight = np.sqrt(robust.weights(r / estimate.scale) / variance) / estimate.scale
     columns = stacked_jacobian(estimate)
-    prior = np.array([0.0 if p.random else p.spread**-2 for p in every])
-    start = np.array([p.start for p in every])
+    prior = np.array([0.0 if p.random else p.spread**-2 for p in parameters])
+    start = np.array([p.start for p in parameters])
     without_scatter = r - columns @ np.where(owner >= 0, estimate.z, 0.0)
     prior_pull = prior * (estimate.z - start)
-    common = np.stack([columns[:, owner == k].sum(axis=1) for k in range(len(usual))], axis=1)
-    common_prior = (SEARCH.shared * usual) ** -2
-    whole = np.concatenate([columns, common], axis=1) * weight[:, None]
-    curvature = whole.T @ whole + np.diag(np.concatenate([prior, common_prior]))
+    common = np.stack(
+        [columns[:, owner == k].sum(axis=1) for k in range(len(usual_spreads))], axis=1
+    )
+    common_prior = (SEARCH.shared * usual_spreads) ** -2
+    weighted = np.concatenate([columns, common], axis=1) * weight[:, None]
+    curvature = weighted.T @ weighted + np.diag(np.concatenate([prior, common_prior]))
     curvature += np.diag(1e-9 * np.diag(curvature) + 1e-12)  # keeps it positive definite
     prior_pull = np.concatenate([prior_pull, np.zeros(len(common_prior))])
-    return curvature, -(whole.T @ (without_scatter * weight) + prior_pull)
+    return curvature, -(weighted.T @ (without_scatter * weight) + prior_pull)
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,12 +221,17 @@ class SpreadFit:
         """Fit the shares of the quantities `active`, from `start` (j,) for the first of them."""
         if not len(active):
             return cls(likelihood, (), np.zeros(0), likelihood.loss(np.zeros(0), [])[0])
-        first = list(start)
-        begin = np.log([*first, *[SEARCH.begin] * (len(active) - len(first))])
+        start_shares = list(start)
+        start_logs = np.log([*start_shares, *[SEARCH.begin] * (len(active) - len(start_shares))])
         limits = [(np.log(SEARCH.smallest), np.log(SEARCH.largest))] * len(active)
-        found = optimize.minimize(lambda x: likelihood.loss(np.exp(x), active), begin, jac=True,
-                                  method="L-BFGS-B", bounds=limits)  # fmt: skip
-        return cls(likelihood, tuple(active), np.exp(found.x), float(found.fun))
+        optimum = optimize.minimize(
+            lambda x: likelihood.loss(np.exp(x), active),
+            start_logs,
+            jac=True,
+            method="L-BFGS-B",
+            bounds=limits,
+        )
+        return cls(likelihood, tuple(active), np.exp(optimum.x), float(optimum.fun))
 
     def mean_share(self, i: int, *, common: bool) -> float:
         """Posterior mean of the share of active quantity `i`, with the others at their most likely.
@@ -274,65 +281,67 @@ def clearly_differ(before: Mapping[str, float], now: Mapping[str, float]) -> boo
 
 
 def with_own_scatter(
-    simulate: Simulate, estimate: Estimate, found: Sequence[Spread], whole: Evidence
+    simulate: Simulate, estimate: Estimate, spreads: Sequence[Spread], complete: Evidence
 ) -> Estimate:
-    """Refit `estimate` with the spreads `found`, if they clearly differ from those it has.
+    """Refit `estimate` with `spreads`, if they clearly differ from those it has.
 
-    Returns it unchanged otherwise; `whole` are the runs with every random unknown.
+    Returns it unchanged otherwise; `complete` are the runs with every random unknown.
     """
-    used = {p.name: p.spread for run in estimate.evidence.runs for p in run.local if p.random}
-    if not clearly_differ(used, {s.name: s.value for s in found}):
+    current = {p.name: p.spread for run in estimate.evidence.runs for p in run.local if p.random}
+    if not clearly_differ(current, {s.name: s.value for s in spreads}):
         return estimate
-    start = with_scatter(estimate, found, whole)
+    start = with_scatter(estimate, spreads, complete)
     return run_one(simulate, refit(start.model, start.evidence, start.point))
 
 
-def with_spreads(known: Evidence, found: Sequence[Spread]) -> Evidence:
-    """Copy of `known` that keeps only the random unknowns of `found`, with their spreads."""
-    value = {s.name: s.value for s in found}
+def with_spreads(evidence: Evidence, spreads: Sequence[Spread]) -> Evidence:
+    """Copy of `evidence` that keeps only the random unknowns of `spreads`, with their spreads."""
+    spread_of = {s.name: s.value for s in spreads}
     runs = []
-    for run in known.runs:
-        kept = [
-            replace(p, spread=value[p.name]) if p.random else p
+    for run in evidence.runs:
+        parameters = [
+            replace(p, spread=spread_of[p.name]) if p.random else p
             for p in run.local
-            if not p.random or p.name in value
+            if not p.random or p.name in spread_of
         ]
-        runs.append(replace(run, local=tuple(kept)))
-    return Evidence(tuple(runs), known.scales)
+        runs.append(replace(run, local=tuple(parameters)))
+    return Evidence(tuple(runs), evidence.scales)
 
 
-def with_scatter(estimate: Estimate, found: Sequence[Spread], whole: Evidence) -> Estimate:
-    """Copy of `estimate` that keeps only the random unknowns of `found`, of the runs `whole`.
+def with_scatter(estimate: Estimate, spreads: Sequence[Spread], complete: Evidence) -> Estimate:
+    """Copy of `estimate` with only the random unknowns of `spreads` in the runs `complete`.
 
     Only its model, evidence and point are valid: residuals are those of the old fit.
     """
-    return _with_unknowns(estimate, with_spreads(whole, found))
+    return _with_unknowns(estimate, with_spreads(complete, spreads))
 
 
-def estimate_spreads(simulate: Simulate, estimate: Estimate, whole: Evidence) -> tuple[Spread, ...]:
-    """Estimate the run-to-run spreads of all random unknowns of `whole`, near `estimate`.
+def estimate_spreads(
+    simulate: Simulate, estimate: Estimate, complete: Evidence
+) -> tuple[Spread, ...]:
+    """Estimate the run-to-run spreads of all random unknowns of `complete`, near `estimate`.
 
     The estimate may hold some of the unknowns only: it is refitted with all of them first, so that
     its residuals are noise.
     """
-    if not any(p.random for run in whole.runs for p in run.local):
+    if not any(p.random for run in complete.runs for p in run.local):
         return ()
-    here = _with_unknowns(estimate, whole)
-    _, jacobians = run_one(simulate, linearise(here.model, here.evidence, here.point))
-    again = refit(here.model, here.evidence, here.point, jacobians, ROUGH_GAIN)
-    return spreads(run_one(simulate, again))
+    extended = _with_unknowns(estimate, complete)
+    _, jacobians = run_one(simulate, linearise(extended.model, extended.evidence, extended.point))
+    refitted = refit(extended.model, extended.evidence, extended.point, jacobians, ROUGH_GAIN)
+    return spreads(run_one(simulate, refitted))
 
 
-def _with_unknowns(estimate: Estimate, whole: Evidence) -> Estimate:
-    """Copy of `estimate` with the own unknowns of the runs `whole`; new ones are at their start."""
-    usual = {run.name: run.local for run in whole.runs}
+def _with_unknowns(estimate: Estimate, complete: Evidence) -> Estimate:
+    """Copy of `estimate` with the unknowns of the runs `complete`, new ones at their start."""
+    unknowns_of = {run.name: run.local for run in complete.runs}
     runs, local = [], []
-    for run, own in zip(estimate.evidence.runs, estimate.point.local, strict=True):
-        value = {p.name: float(v) for p, v in zip(run.local, own, strict=True)}
-        local.append(np.array([value.get(p.name, p.start) for p in usual[run.name]]))
-        runs.append(replace(run, local=usual[run.name]))
-    known = Evidence(tuple(runs), estimate.evidence.scales)
-    return replace(estimate, evidence=known, point=Point(estimate.shared, tuple(local)))
+    for run, local_values in zip(estimate.evidence.runs, estimate.point.local, strict=True):
+        value_of = {p.name: float(v) for p, v in zip(run.local, local_values, strict=True)}
+        local.append(np.array([value_of.get(p.name, p.start) for p in unknowns_of[run.name]]))
+        runs.append(replace(run, local=unknowns_of[run.name]))
+    evidence = Evidence(tuple(runs), estimate.evidence.scales)
+    return replace(estimate, evidence=evidence, point=Point(estimate.shared, tuple(local)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -359,19 +368,19 @@ def covariance(estimate: Estimate, inefficiency: float) -> Array:
         return inverse * inefficiency
     scale = estimate.scale
     weight = robust.weights(np.concatenate(estimate.residuals) / scale) / scale**2
-    moved = inverse @ (stacked_jacobian(estimate).T @ (weight[:, None] * errors))
-    return np.asarray(inverse * inefficiency + moved @ moved.T)
+    common = inverse @ (stacked_jacobian(estimate).T @ (weight[:, None] * errors))
+    return np.asarray(inverse * inefficiency + common @ common.T)
 
 
 def _common_error_responses(estimate: Estimate) -> Array:
     """Whitened residuals (N, k) caused by one standard deviation of each common error."""
-    known = estimate.evidence
-    names = list(dict.fromkeys(name for run in known.runs for name in run.common))
+    evidence = estimate.evidence
+    names = list(dict.fromkeys(name for run in evidence.runs for name in run.common))
     parts = [
         np.array([run.common.get(name, np.zeros(len(scale))) / scale for name in names])
         .reshape(len(names), len(scale))
         .T
-        for run, scale in zip(known.runs, known.scales, strict=True)
+        for run, scale in zip(evidence.runs, evidence.scales, strict=True)
     ]
     return np.concatenate(parts)
 
@@ -382,15 +391,15 @@ def degrees_of_freedom(estimate: Estimate, inefficiency: float, scatter: Sequenc
     2 V^2 / var V, by how the variance V goes with the logarithm of each spread and how well that
     is known (Satterthwaite 1946, An approximate distribution of estimates of variance components).
     """
-    whole = _variance(estimate, inefficiency, {})
-    doubt = np.zeros_like(whole)
+    variance = _variance(estimate, inefficiency, {})
+    uncertainty = np.zeros_like(variance)
     for spread in scatter:
         more, less = (
             _variance(estimate, inefficiency, {spread.name: float(np.exp(side * FREEDOM.step))})
             for side in (1.0, -1.0)
         )
-        doubt += ((more - less) / (2.0 * FREEDOM.step) * spread.error) ** 2
-    return np.clip(2.0 * whole**2 / np.maximum(doubt, 1e-300), FREEDOM.least, FREEDOM.most)
+        uncertainty += ((more - less) / (2.0 * FREEDOM.step) * spread.error) ** 2
+    return np.clip(2.0 * variance**2 / np.maximum(uncertainty, 1e-300), FREEDOM.least, FREEDOM.most)
 
 
 def _variance(estimate: Estimate, inefficiency: float, factors: dict[str, float]) -> Array:
@@ -399,7 +408,7 @@ def _variance(estimate: Estimate, inefficiency: float, factors: dict[str, float]
     def with_factor(p: Parameter) -> Parameter:
         return replace(p, spread=p.spread * factors.get(p.name, 1.0)) if p.random else p
 
-    known = estimate.evidence
-    runs = tuple(replace(run, local=tuple(map(with_factor, run.local))) for run in known.runs)
-    moved = replace(estimate, evidence=replace(known, runs=runs))
-    return np.asarray(np.diag(covariance(moved, inefficiency)))
+    evidence = estimate.evidence
+    runs = tuple(replace(run, local=tuple(map(with_factor, run.local))) for run in evidence.runs)
+    scaled = replace(estimate, evidence=replace(evidence, runs=runs))
+    return np.asarray(np.diag(covariance(scaled, inefficiency)))

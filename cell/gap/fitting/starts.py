@@ -70,9 +70,9 @@ def refit_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimat
     return run_one(simulate, refit(rough.model, runs, rough.point))
 
 
-def refine(subject: Subject, model: Model, point: Point, known: Evidence) -> Evidence:
+def refine(subject: Subject, model: Model, point: Point, coarse: Evidence) -> Evidence:
     """Runs corrected for the coarse simulation at `point`, whitened by noise and the new floor."""
-    return evidence(subject.refine(requests(model, known.runs, point)))
+    return evidence(subject.refine(requests(model, coarse.runs, point)))
 
 
 def nominal(subject: Subject, simulate: Simulate) -> Estimate:

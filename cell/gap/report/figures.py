@@ -38,12 +38,12 @@ class Replay:
     after: Scene | None
 
 
-def replay(found: Findings, *, held_out_only: bool = False) -> Iterator[Replay]:
+def replay(findings: Findings, *, held_out_only: bool = False) -> Iterator[Replay]:
     """Simulate runs under the refitted base and the accepted model, held-out ones first."""
-    subject, shown = found.subject, found.shown
+    subject, shown = findings.subject, findings.unseen
     pairs = [(True, shown.before, shown.after if shown.changed else None)]
     if not held_out_only:
-        base, best = found.base.estimate, found.accepted.estimate
+        base, best = findings.base.estimate, findings.accepted.estimate
         pairs.append((False, base, best if best.model.effects else None))
     for held_out, before, after in pairs:
         runs = before.evidence.runs

@@ -29,10 +29,10 @@ HAND_RGBA, DESK_RGBA = 0xC9CED6FF, 0x8A9099FF
 RADIUS_MM = 1.2  # mm
 
 
-def write_overlay(found: Findings, verdict: Verdict, path: Path) -> None:
+def write_overlay(findings: Findings, verdict: Verdict, path: Path) -> None:
     """Write the Rerun recording of a fit at `path`; ConfigurationError where it cannot be."""
-    words = f"{headline(verdict)}. {sentence(found, verdict)}"
-    write_recording(found.subject.name, list(replay(found)), path, words)
+    words = f"{headline(verdict)}. {sentence(findings, verdict)}"
+    write_recording(findings.subject.name, list(replay(findings)), path, words)
 
 
 def write_recording(name: str, runs: Sequence[Replay], path: Path, words: str) -> None:

@@ -48,14 +48,14 @@ TONES: dict[Kind, Tone] = {
 }
 
 
-def where(found: Findings) -> dict[str, str]:
+def where(findings: Findings) -> dict[str, str]:
     """A sentence and a map of the places where the refitted base deviates beyond noise."""
-    return {"words": _where(found), "map": figures.heat_map(found.places)}
+    return {"words": _where(findings), "map": figures.heat_map(findings.places)}
 
 
-def _where(found: Findings) -> str:
+def _where(findings: Findings) -> str:
     """Text on the strongest place of disagreement, and how many exceed the noise."""
-    places = found.places
+    places = findings.places
     strong = [place for place in places if place.p < LISTED.significance]
     if not strong:
         return "Nowhere beyond what noise does."
@@ -66,19 +66,19 @@ def _where(found: Findings) -> str:
         "places disagree beyond noise (dots; family-wise 5 %). Shown is the model after its base "
         "parameters were refitted."
     )
-    alone = sum(place.p < LISTED.significance for place in found.fitted.places)
-    if found.judged.places and alone < len(strong):
+    alone = sum(place.p < LISTED.significance for place in findings.base_fit.places)
+    if findings.model_tests.places and alone < len(strong):
         text += (
             f" By itself {alone or 'none'} of them would stand out from noise and from what "
             f"differs from run to run; the others are where what is left goes the way of "
-            f"{found.accepted.model.name}."
+            f"{findings.accepted.model.name}."
         )
     return text
 
 
-def candidates(found: Findings, verdict: Verdict) -> dict[str, Any]:
+def candidates(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on all fitted models, with their gain on runs left out."""
-    accepted = found.accepted.model.name
+    accepted = findings.accepted.model.name
     note = (
         "What each effect gains in predicting runs that the fit had not seen, in nats. Taken is "
         "the most probable set of effects that predicts better than each fitted part of it, and "
@@ -87,9 +87,9 @@ def candidates(found: Findings, verdict: Verdict) -> dict[str, Any]:
     return {
         "note": note,
         "bars": figures.candidate_bars(verdict.candidates, accepted) if verdict.candidates else "",
-        "leads": _leads(found),
+        "leads": _leads(findings),
         "probable": _probable_sets(verdict),
-        "dead": ", ".join(p.candidate.name for p in found.screened.probed if p.dead),
+        "dead": ", ".join(p.candidate.name for p in findings.screen.probed if p.dead),
         "rows": [_candidate_row(row, row.name == accepted) for row in verdict.candidates],
     }
 
@@ -122,10 +122,10 @@ def _candidate_row(row: CandidateEntry, best: bool) -> dict[str, Any]:
     }
 
 
-def _leads(found: Findings) -> str:
+def _leads(findings: Findings) -> str:
     """Sentence on the lead of the accepted or most probable set over each fitted part of it."""
-    sets = found.posterior
-    first = found.accepted.model.names or sets.models[0].names
+    sets = findings.posterior
+    first = findings.accepted.model.names or sets.models[0].names
     leads = [
         f"{_effect_names(sorted(part.names))} by {sets.lead(first) - sets.lead(part.names):.0f}"
         for part in sets.models
@@ -139,10 +139,10 @@ def name_model(model: str) -> str:
     return "the refitted base" if model == "base" else model
 
 
-def base(found: Findings, verdict: Verdict) -> dict[str, Any]:
+def base(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on the base: a table of stated and refitted values, and a note."""
-    stated = {p.name: p for p in found.subject.scope.base}
-    weak = "; ".join(found.fitted.weak)
+    stated = {p.name: p for p in findings.subject.scope.base}
+    weak = "; ".join(findings.base_fit.weak)
     note = f"The runs say less than was known before of: {weak}."
     return {
         "rows": [_base_row(stated[name], value) for name, value in verdict.base.items()],
@@ -165,22 +165,22 @@ def _four_digits(value: float, of: str) -> str:
     return number(in_small_unit(value, of), 4)
 
 
-def compare_held_out(found: Findings, verdict: Verdict) -> dict[str, Any]:
+def compare_held_out(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on the held-out runs, before and after: figures, a sentence, a table."""
-    gap, before = verdict.gap, found.shown.before
-    after = found.shown.after if found.shown.changed else None
-    words = {q.key: f"{label(q)} [{q.unit}]" for q in found.subject.scope.quantities.values()}
+    gap, before = verdict.gap, findings.unseen.before
+    after = findings.unseen.after if findings.unseen.changed else None
+    words = {q.key: f"{label(q)} [{q.unit}]" for q in findings.subject.scope.quantities.values()}
     sides = [gap.before, gap.floor] if after is None else [gap.before, gap.after, gap.floor]
     names = conditions(before.evidence.runs)
     was = _excess_by_run(before)
     now = None if after is None else _excess_by_run(after)
     typical = int(np.argsort(was)[len(was) // 2])
-    quantities = dict(found.subject.scope.quantities)
+    quantities = dict(findings.subject.scope.quantities)
     return {
         "typical": names[typical],
-        "midlines": _midline_figure(found, before.evidence.runs[typical].name),
+        "midlines": _midline_figure(findings, before.evidence.runs[typical].name),
         "traces": figures.residual_traces(before, after, typical, quantities),
-        "shrank": f"{_shrinkage_words(found, verdict)}: {change(found, verdict)}",
+        "shrank": f"{_shrinkage_words(findings, verdict)}: {change(findings, verdict)}",
         "head": ("rms", *(("gap",) if after is None else ("before", "after")), "noise"),
         "rows": [
             (words.get(key, "excess [noise]"), *(f"{side[key]:.3g}" for side in sides))
@@ -205,14 +205,14 @@ def conditions(runs: Sequence[Run]) -> list[str]:
     ]
 
 
-def _midline_figure(found: Findings, run: str) -> str:
+def _midline_figure(findings: Findings, run: str) -> str:
     """Figure of the midlines of one held-out run, where the subject has curves."""
-    drawn = next((r for r in replay(found, held_out_only=True) if r.name == run), None)
+    drawn = next((r for r in replay(findings, held_out_only=True) if r.name == run), None)
     return "" if drawn is None else figures.midlines(drawn)
 
 
-def _shrinkage_words(found: Findings, verdict: Verdict) -> str:
-    if not found.shown.changed:
+def _shrinkage_words(findings: Findings, verdict: Verdict) -> str:
+    if not findings.unseen.changed:
         return "No effect was added"
     gap = verdict.gap
     if not gap.before["excess"]:
@@ -221,9 +221,9 @@ def _shrinkage_words(found: Findings, verdict: Verdict) -> str:
     return f"The gap shrank by {100 * gap.shrink:.0f} % {ends}"
 
 
-def remains(found: Findings, verdict: Verdict) -> dict[str, Any]:
+def remains(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on what the accepted model leaves, and on detection limits."""
-    rest, law = verdict.unexplained, found.offered
+    rest, law = verdict.unexplained, findings.law
     stable = "stable" if rest is not None and rest.stable else "not stable"
     what = "" if rest is None else capital(rest.description)
     return {
@@ -231,50 +231,50 @@ def remains(found: Findings, verdict: Verdict) -> dict[str, Any]:
         "law": "" if rest is None else rest.law,
         "share": f"{100 * law.shrink:.0f} %" if law else "none",
         "alike": "; ".join(" or ".join(group) for group in verdict.ambiguous),
-        "silent": ", ".join(undetectable(found)),
+        "silent": ", ".join(undetectable(findings)),
         "detectable": [
-            (name, smallest(found, name, value))
+            (name, smallest(findings, name, value))
             for name, value in sorted(verdict.detectable.items())
         ],
     }
 
 
-def write_report(found: Findings, verdict: Verdict, path: Path) -> None:
+def write_report(findings: Findings, verdict: Verdict, path: Path) -> None:
     """Write the report page at `path`."""
-    write_file(path, page(found, verdict, path.parent))
+    write_file(path, page(findings, verdict, path.parent))
 
 
-def page(found: Findings, verdict: Verdict, out: Path) -> str:
+def page(findings: Findings, verdict: Verdict, out: Path) -> str:
     """HTML text of the report in `out`: the verdict card, figures, and below them all numbers."""
-    runs, held = len(found.subject.runs), len(verdict.held_out)
-    name = found.subject.name
+    runs, held = len(findings.subject.runs), len(verdict.held_out)
+    name = findings.subject.name
     return document(
         "gap/report/gap.html",
         f"{name}: simulation and measurement",
         title=f"{name}: simulation against {runs} measured runs, {held} of them held out",
         name=name,
-        said=_verdict_card(found, verdict),
-        following=_next_commands(found, verdict, out),
+        said=_verdict_card(findings, verdict),
+        following=_next_commands(findings, verdict, out),
         notes=verdict.notes,
-        held=compare_held_out(found, verdict),
-        where=where(found),
-        remains=remains(found, verdict),
-        repeats=repeats(found),
+        held=compare_held_out(findings, verdict),
+        where=where(findings),
+        remains=remains(findings, verdict),
+        repeats=repeats(findings),
         experiments=_experiments_table(verdict),
-        candidates=candidates(found, verdict),
-        base=base(found, verdict),
-        foot=_provenance(found, verdict),
+        candidates=candidates(findings, verdict),
+        base=base(findings, verdict),
+        foot=_provenance(findings, verdict),
     )
 
 
-def _verdict_card(found: Findings, verdict: Verdict) -> Card:
+def _verdict_card(findings: Findings, verdict: Verdict) -> Card:
     """Verdict card in large print: the effect, its size, and the share of the gap it closes."""
     number, below = "", ""
     if verdict.effects:
         number, below = f"{100 * verdict.effects[0].confidence:.0f} %", "probable that this is it"
-    lines = [sentence(found, verdict)]
-    if found.shown.changed:
-        lines.append(f"On runs held out: {_shrinkage_words(found, verdict).lower()}.")
+    lines = [sentence(findings, verdict)]
+    if findings.unseen.changed:
+        lines.append(f"On runs held out: {_shrinkage_words(findings, verdict).lower()}.")
     tone = TONES[verdict.verdict]
     if verdict.deviates:
         tone = "bad" if tone == "bad" else "fair"
@@ -282,13 +282,13 @@ def _verdict_card(found: Findings, verdict: Verdict) -> Card:
     return Card(tone, headline(verdict), tuple(lines), number, below)
 
 
-def _next_commands(found: Findings, verdict: Verdict, out: Path) -> list[str]:
+def _next_commands(findings: Findings, verdict: Verdict, out: Path) -> list[str]:
     """Sentences on the commands to type next, for the folder where the fit was called."""
-    fit, todo = f"{out} {found.subject.option}", []
+    fit, todo = f"{out} {findings.subject.option}", []
     if verdict.verdict == "named":
         todo.append(f"`cell gap accept {fit}` puts it into the file; `cell gap undo {fit}` takes "
                     "it back.")  # fmt: skip
-    elif verdict.deviates and not found.accepted.model.effects:
+    elif verdict.deviates and not findings.accepted.model.effects:
         todo.append(f"`cell gap accept {fit}` puts the refitted values into the file, and `cell "
                     f"gap undo {fit}` takes them back. If these runs are of another strip, name "
                     "its file instead.")  # fmt: skip
@@ -301,8 +301,8 @@ def _next_commands(found: Findings, verdict: Verdict, out: Path) -> list[str]:
         todo.append(f"Suspected, but not named: {names}, right with probability "
                     f"{verdict.suspected[0].confidence:.2f}. `cell gap accept {fit} --force` takes "
                     "it all the same.")  # fmt: skip
-    if found.offered is not None:
-        law = found.offered
+    if findings.law is not None:
+        law = findings.law
         todo.append(f"No name, but a description: {law.words}. It closes {100 * law.shrink:.0f} % "
                     f"of the gap on held-out runs; `cell gap accept {fit} --law` adds it, `cell "
                     "gap undo` takes it back.")  # fmt: skip
@@ -320,8 +320,8 @@ def _experiments_table(verdict: Verdict) -> list[tuple[str, ...]] | None:
     ]  # fmt: skip
 
 
-def _provenance(found: Findings, verdict: Verdict) -> str:
-    held = [run for run in found.subject.runs if run.name in verdict.held_out]
+def _provenance(findings: Findings, verdict: Verdict) -> str:
+    held = [run for run in findings.subject.runs if run.name in verdict.held_out]
     return (
         f"{verdict.simulations} simulated runs in {verdict.runtime:.0f} s. "
         f"Held out: {', '.join(conditions(held))}."

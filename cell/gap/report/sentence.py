@@ -85,7 +85,7 @@ def headline(verdict: Verdict) -> str:
     return "; ".join(parts)
 
 
-def sentence(found: Findings, verdict: Verdict) -> str:
+def sentence(findings: Findings, verdict: Verdict) -> str:
     """Sentence on the missing effect and its certainty, for a technician; sizes stand elsewhere."""
     words = {
         "named": _name_effects,
@@ -93,35 +93,35 @@ def sentence(found: Findings, verdict: Verdict) -> str:
         "no_gap": _no_gap,
         "unexplained": _describe_rest,
     }
-    return words[verdict.verdict](found, verdict)
+    return words[verdict.verdict](findings, verdict)
 
 
-def _name_effects(found: Findings, verdict: Verdict) -> str:
+def _name_effects(findings: Findings, verdict: Verdict) -> str:
     """Sentence on the named effects, with doubts about them."""
-    sentences = {c.name: c.sentence for c in found.subject.scope.candidates}
+    sentences = {c.name: c.sentence for c in findings.subject.scope.candidates}
     effects = ", and ".join(
         f"{sentences[e.name]} ({e.name}: {_parameter_values(e.parameters)}; right with "
         f"probability {e.confidence:.2f})"
         for e in verdict.effects
     )
     text = f"{effects}."
-    if ends := at_their_ends(found):
+    if ends := at_their_ends(findings):
         text += f" At the end of the range that is tried, and perhaps beyond: {', '.join(ends)}."
     if verdict.ambiguous:
         either = "; ".join(" or ".join(group) for group in verdict.ambiguous)
         text += f" Beside it something is missing that these runs cannot tell apart: {either}"
-        text += f" (the numbers are with {' and '.join(sorted(_class_members(found)))})."
+        text += f" (the numbers are with {' and '.join(sorted(_class_members(findings)))})."
     return capital(text)
 
 
-def _class_members(found: Findings) -> frozenset[str]:
+def _class_members(findings: Findings) -> frozenset[str]:
     """Effects of the accepted model that represent a class of indistinguishable ones."""
-    return found.accepted.model.names - {e.name for e in found.sure}
+    return findings.accepted.model.names - {e.name for e in findings.separable}
 
 
-def _ambiguity(found: Findings, verdict: Verdict) -> str:
-    sentences = {c.name: f"{c.sentence} ({c.name})" for c in found.subject.scope.candidates}
-    sentences |= {p.name: f"the file is wrong about {p.name}" for p in found.subject.scope.base}
+def _ambiguity(findings: Findings, verdict: Verdict) -> str:
+    sentences = {c.name: f"{c.sentence} ({c.name})" for c in findings.subject.scope.candidates}
+    sentences |= {p.name: f"the file is wrong about {p.name}" for p in findings.subject.scope.base}
     groups = [[sentences.get(name, name) for name in group] for group in verdict.ambiguous]
     either = "; ".join(", or ".join(group) for group in groups)
     split = "No planned experiment would split them"
@@ -130,43 +130,43 @@ def _ambiguity(found: Findings, verdict: Verdict) -> str:
     return f"Something is missing that these runs cannot tell apart: {either}. {split}."
 
 
-def _no_gap(found: Findings, verdict: Verdict) -> str:
+def _no_gap(findings: Findings, verdict: Verdict) -> str:
     many = len(verdict.detectable)
     sizes = f" {many} effects would have shown, from the sizes listed below on." if many else ""
-    silent = undetectable(found)
+    silent = undetectable(findings)
     never = f" Not detectable here at any possible size: {', '.join(silent)}." if silent else ""
     return f"The model explains the fitted runs down to their noise.{sizes}{never}"
 
 
-def _describe_rest(found: Findings, verdict: Verdict) -> str:
+def _describe_rest(findings: Findings, verdict: Verdict) -> str:
     rest = verdict.unexplained
     description = rest.description if rest is not None else ""
-    accepted = found.accepted.model
+    accepted = findings.accepted.model
     tried = f"; {accepted.name} explains a part but not all of it" if accepted.effects else ""
     return capital(f"{description}: no effect of the library accounts for it{tried}.")
 
 
-def change(found: Findings, verdict: Verdict) -> str:
+def change(findings: Findings, verdict: Verdict) -> str:
     """Gap before, after and noise floor on held-out runs, by quantity."""
     parts, gap = [], verdict.gap
-    for q in found.subject.scope.quantities.values():
+    for q in findings.subject.scope.quantities.values():
         if q.key not in gap.before:
             continue
         before, after = number(gap.before[q.key]), number(gap.after[q.key])
         text = f"is {before} {q.unit} off"
-        if found.accepted.model.effects:
+        if findings.accepted.model.effects:
             text = f"was {before} {q.unit} off and is now {after} {q.unit}"
         parts.append(f"{label(q)} {text} (noise {number(gap.floor[q.key])})")
     return "on held-out runs " + ", ".join(parts)
 
 
-def at_their_ends(found: Findings) -> list[str]:
+def at_their_ends(findings: Findings) -> list[str]:
     """Names of the parameters of surely named effects whose fitted value is a bound."""
-    fit = found.accepted.estimate
+    fit = findings.accepted.estimate
     _, values = fit.model.split(fit.shared)
     return [
         f"{e.name} {p.name.replace('_', ' ')}"
-        for e in found.sure
+        for e in findings.separable
         for p, value in zip(e.parameters, values[e.name], strict=True)
         if value in (p.low, p.high) and value != p.start
     ]
@@ -190,14 +190,14 @@ def _parameter_values(parameters: dict[str, ValueWithUnit]) -> str:
     )
 
 
-def undetectable(found: Findings) -> list[str]:
+def undetectable(findings: Findings) -> list[str]:
     """Effects that would have shown in these runs at no size that is physically possible."""
-    return sorted(name for name, size in found.screened.detectable.items() if size is None)
+    return sorted(name for name, size in findings.screen.detectable.items() if size is None)
 
 
-def smallest(found: Findings, name: str, value: float) -> str:
+def smallest(findings: Findings, name: str, value: float) -> str:
     """Text of the detection limit of an effect: an upper limit for reciprocal parameters."""
-    candidate = next(c for c in found.subject.scope.candidates if c.name == name)
+    candidate = next(c for c in findings.subject.scope.candidates if c.name == name)
     first = candidate.parameters[0]
     return f"{'at most ' if first.inverse else ''}{quantity(value, first.unit)}"
 
@@ -218,11 +218,11 @@ def capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def repeats(found: Findings) -> list[tuple[str, ...]] | None:
+def repeats(findings: Findings) -> list[tuple[str, ...]] | None:
     """Rows on each quantity that differs from run to run, with its remedy; None if unknown."""
-    if not any(p.random for run in found.subject.runs for p in run.local):
+    if not any(p.random for run in findings.subject.runs for p in run.local):
         return None
-    return list(_rows(found))
+    return list(_rows(findings))
 
 
 def remedies(
@@ -251,11 +251,11 @@ def remedies(
             )
 
 
-def _rows(found: Findings) -> Iterator[tuple[str, ...]]:
+def _rows(findings: Findings) -> Iterator[tuple[str, ...]]:
     """Sentence, spread, its interval, gain if halved, and remedy of each quantity."""
-    known = {e.name: e for e in found.subject.scope.scatter}
-    more = {s.name: f"{s.sigma:.1f} sigma more" for s in found.advised.steadier}
-    for s in found.judged.scatter:
+    known = {e.name: e for e in findings.subject.scope.scatter}
+    more = {s.name: f"{s.sigma:.1f} sigma more" for s in findings.advice.steadier}
+    for s in findings.model_tests.scatter:
         factor, unit = SHOWN_UNITS.get(s.unit, (1.0, s.unit))
         ends = f"{number(factor * s.low, 2)} to {number(factor * s.high, 2)}"
         sentence, remedy = known[s.name].sentence, known[s.name].remedy

@@ -22,12 +22,12 @@ class Choice:
 
     accepted: CrossValidatedFit
     fits: Fits
-    by: LikelihoodScale
+    likelihood: LikelihoodScale
 
 
 def choose(fits: Fits, sets: Posterior) -> Choice:
     """Accept the most probable model of which each effect is needed; else the base."""
-    return Choice(next(needed_models(fits, sets), fits.base), fits, fits.scale)
+    return Choice(next(needed_models(fits, sets), fits.base), fits, fits.likelihood)
 
 
 def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
@@ -36,7 +36,7 @@ def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
     A model clearly leads each fitted part of it, the base too, and predicts runs left out better:
     what a fit gains in its own runs, others may not confirm.
     """
-    scale = fits.scale.scale
+    scale = fits.likelihood.scale
 
     def leads(model: CrossValidatedFit, part: CrossValidatedFit) -> bool:
         lead = sets.lead(model.model.names) - sets.lead(part.model.names)
@@ -50,33 +50,29 @@ def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
 
 
 def is_exhausted(fits: Fits) -> bool:
-    """Whether the effects of the best model leave too little for a further one to explain."""
-    return leaves_nothing(fits.best, fits)
-
-
-def leaves_nothing(model: CrossValidatedFit, fits: Fits) -> bool:
-    """Whether effects of `model` leave less on runs left out than a further one has to gain.
+    """Whether effects of the best model leave less on runs left out than one more has to gain.
 
     Beyond what immaterial amounts of all effects leave there. On the likelihood scale of a model
     that leaves nothing but noise, as most samples show it: a generous floor leaves less than it
     states.
     """
+    model = fits.best
     if not model.model.effects:
         return False
-    ideal = replace(fits.scale, scale=1.0, inefficiency=1.0)
+    ideal = replace(fits.likelihood, scale=1.0, inefficiency=1.0)
     noise = [0.5 * len(r) * robust.spread(r) ** 2 for r in model.left_out]
     left = model.losses(ideal.scale) - np.array(noise)
     return _beyond_model_error(left, model, fits, ideal) < fits.unresolved + MIN_GAIN
 
 
 def _beyond_model_error(
-    left: Array, model: CrossValidatedFit, fits: Fits, by: LikelihoodScale
+    left: Array, model: CrossValidatedFit, fits: Fits, likelihood: LikelihoodScale
 ) -> float:
     """Sum of what is `left` (R,) [nats] in each run, less what errors of its laws may explain.
 
     What a law gets wrong of what it explains in a run, another effect would absorb there.
     """
-    explained = np.maximum(margin(model, fits.base, by).each, 0.0)
+    explained = np.maximum(margin(model, fits.base, likelihood).each, 0.0)
     wrong = max(e.model_error for e in model.model.effects) * explained
     return float(np.sum(left - np.clip(left, 0.0, wrong)))
 
@@ -94,26 +90,28 @@ def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[Alt
 
     Excluded is what is less than ALPHA times as probable.
     """
-    mine = accepted.model.names
-    others = [m for m in fits.of_size(len(mine)) if m is not accepted]
-    behind = [sets.lead(mine) - sets.lead(m.model.names) for m in others]
-    found = [Alternative(m, b) for m, b in zip(others, behind, strict=True) if b < -np.log(ALPHA)]
-    return sorted(found, key=lambda r: r.behind)
+    names = accepted.model.names
+    others = [m for m in fits.of_size(len(names)) if m is not accepted]
+    behind = [sets.lead(names) - sets.lead(m.model.names) for m in others]
+    alternatives = [
+        Alternative(m, b) for m, b in zip(others, behind, strict=True) if b < -np.log(ALPHA)
+    ]
+    return sorted(alternatives, key=lambda r: r.behind)
 
 
-def classes(accepted: CrossValidatedFit, found: Sequence[Alternative]) -> list[list[str]]:
+def classes(accepted: CrossValidatedFit, rivals: Sequence[Alternative]) -> list[list[str]]:
     """Classes of effects, by name, that the runs cannot separate from one another.
 
     Rivals that differ in one effect give the class of the two effects; those that share none
     give one class of all.
     """
-    return merged([sorted(accepted.model.names ^ rival.model.model.names) for rival in found])
+    return merged([sorted(accepted.model.names ^ rival.model.model.names) for rival in rivals])
 
 
 def merged(groups: Sequence[Sequence[str]]) -> list[list[str]]:
     """Groups of names, those that share a name as one."""
-    found: list[set[str]] = []
+    disjoint: list[set[str]] = []
     for names in groups:
-        group = set(names).union(*(g for g in found if not g.isdisjoint(names)))
-        found = [*(g for g in found if g.isdisjoint(group)), group]
-    return sorted(sorted(g) for g in found)
+        group = set(names).union(*(g for g in disjoint if not g.isdisjoint(names)))
+        disjoint = [*(g for g in disjoint if g.isdisjoint(group)), group]
+    return sorted(sorted(g) for g in disjoint)

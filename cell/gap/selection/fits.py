@@ -31,7 +31,7 @@ class Fits:
         return next(m for m in self.models if not m.model.effects)
 
     @property
-    def scale(self) -> LikelihoodScale:
+    def likelihood(self) -> LikelihoodScale:
         """Scale of log-likelihoods, from the model that fits best."""
         return likelihood_scale(self.models)
 
@@ -48,7 +48,7 @@ class Fits:
 
     def of_size(self, size: int) -> list[CrossValidatedFit]:
         """Models of `size` effects, the one that predicts best first."""
-        return by_loss([m for m in self.models if len(m.model.effects) == size], self.scale)
+        return by_loss([m for m in self.models if len(m.model.effects) == size], self.likelihood)
 
     def of(self, names: frozenset[str]) -> CrossValidatedFit | None:
         """The model with exactly these effects, if it was fitted."""
@@ -57,14 +57,14 @@ class Fits:
     @property
     def best(self) -> CrossValidatedFit:
         """The model that predicts best, whatever its size."""
-        return by_loss(self.models, self.scale)[0]
+        return by_loss(self.models, self.likelihood)[0]
 
     def near_best(self, size: int, share: float = GAIN_SHARE) -> list[CrossValidatedFit]:
         """Models of `size` effects that gain over the `share` of what the best of them gains."""
         if not size:
             return []
-        by, models = self.scale, self.of_size(size)
-        gains = [margin(m, self.base, by).gain for m in models]
+        models = self.of_size(size)
+        gains = [margin(m, self.base, self.likelihood).gain for m in models]
         return [m for m, gain in zip(models, gains, strict=True) if gain > share * gains[0]]
 
     def merge(self, more: Sequence[CrossValidatedFit]) -> "Fits":
@@ -77,6 +77,8 @@ class Fits:
         return replace(self, models=tuple(found.values()))
 
 
-def by_loss(models: Sequence[CrossValidatedFit], by: LikelihoodScale) -> list[CrossValidatedFit]:
+def by_loss(
+    models: Sequence[CrossValidatedFit], likelihood: LikelihoodScale
+) -> list[CrossValidatedFit]:
     """Sort `models` by their predictive loss, the best first."""
-    return sorted(models, key=lambda m: (float(m.losses(by.scale).sum()), m.model.name))
+    return sorted(models, key=lambda m: (float(m.losses(likelihood.scale).sum()), m.model.name))

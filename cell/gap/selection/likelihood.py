@@ -1,5 +1,6 @@
 """Comparison of models by predictive likelihood: margins [nats] and their p-values."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -24,6 +25,10 @@ class LikelihoodScale:
 
     scale: float
     inefficiency: float
+
+    def standardise(self, distance: float) -> float:
+        """Distance [sigma] of two models from their whitened `distance`."""
+        return distance / self.scale / math.sqrt(self.inefficiency)
 
 
 def likelihood_scale(models: Sequence[CrossValidatedFit]) -> LikelihoodScale:
@@ -52,32 +57,30 @@ class Margin:
         return float(np.sqrt(n) * self.each.std(ddof=1)) if n > 1 else 0.0
 
 
-def margin(model: CrossValidatedFit, other: CrossValidatedFit, by: LikelihoodScale) -> Margin:
+def margin(
+    model: CrossValidatedFit, other: CrossValidatedFit, likelihood: LikelihoodScale
+) -> Margin:
     """Margin of `model` over `other`, nested or not."""
-    return Margin((other.losses(by.scale) - model.losses(by.scale)) / by.inefficiency)
+    ahead = other.losses(likelihood.scale) - model.losses(likelihood.scale)
+    return Margin(ahead / likelihood.inefficiency)
 
 
 def likelihood_ratio_p(
-    model: CrossValidatedFit, part: CrossValidatedFit, by: LikelihoodScale
+    model: CrossValidatedFit, part: CrossValidatedFit, likelihood: LikelihoodScale
 ) -> float:
     """p-value of the likelihood-ratio test of `model` against `part`, nested in it (Wilks 1938).
 
     It is conservative where the sign of a parameter is fixed.
     """
-    loss = sum(float(robust.loss(r / by.scale).sum()) for r in model.estimate.residuals)
-    nested = sum(float(robust.loss(r / by.scale).sum()) for r in part.estimate.residuals)
+    loss = sum(float(robust.loss(r / likelihood.scale).sum()) for r in model.estimate.residuals)
+    nested = sum(float(robust.loss(r / likelihood.scale).sum()) for r in part.estimate.residuals)
     freedom = len(model.model.parameters) - len(part.model.parameters)
-    return float(special.chdtrc(freedom, max(0.0, 2.0 * (nested - loss) / by.inefficiency)))
+    return float(special.chdtrc(freedom, max(0.0, 2.0 * (nested - loss) / likelihood.inefficiency)))
 
 
 def clip_wild(residuals: Sequence[Array], scale: float) -> list[Array]:
     """Residuals (n,) clipped at OFF_TRACK times `scale`, so that no wild sample decides."""
     return [np.clip(r, -robust.OFF_TRACK * scale, robust.OFF_TRACK * scale) for r in residuals]
-
-
-def mean_square(residuals: Sequence[Array]) -> float:
-    """Mean r^2 of residuals (n,), every run with equal weight."""
-    return float(np.mean([np.mean(np.square(r)) for r in residuals]))
 
 
 def family_wise(p: Mapping[str, float], names: Sequence[str]) -> dict[str, float]:

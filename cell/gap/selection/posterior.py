@@ -42,17 +42,17 @@ class Posterior:
     def inclusion(self) -> dict[str, float]:
         """Inclusion probability of each effect by name, the most probable first."""
         names = {name for model in self.models for name in model.names}
-        found = {name: sum(m.p for m in self.models if name in m.names) for name in names}
-        return dict(sorted(found.items(), key=lambda each: (-each[1], each[0])))
+        shares = {name: sum(m.p for m in self.models if name in m.names) for name in names}
+        return dict(sorted(shares.items(), key=lambda each: (-each[1], each[0])))
 
-    def log_odds(self, of: Callable[[frozenset[str]], bool]) -> float:
-        """Log-odds [nats] of the sets for which `of` holds; infinite where it holds for all."""
-        held = np.array([of(m.names) for m in self.models])
+    def log_odds(self, holds: Callable[[frozenset[str]], bool]) -> float:
+        """Log-odds [nats] of the sets for which `holds` holds; infinite where it holds for all."""
+        holding = np.array([holds(m.names) for m in self.models])
         nats = np.array([m.nats for m in self.models])
-        for_all, for_none = bool(held.all()), not held.any()
+        for_all, for_none = bool(holding.all()), not holding.any()
         if for_all or for_none:
             return float("inf") if for_all else float("-inf")
-        return float(special.logsumexp(nats[held]) - special.logsumexp(nats[~held]))
+        return float(special.logsumexp(nats[holding]) - special.logsumexp(nats[~holding]))
 
     def lead(self, names: frozenset[str]) -> float:
         """Lead [nats] of the set `names` over the base."""
@@ -60,17 +60,17 @@ class Posterior:
         return nats[names] - nats[frozenset()]
 
 
-def posterior(fits: Fits, by: LikelihoodScale, prior: Beliefs | None = None) -> Posterior:
+def posterior(fits: Fits, likelihood: LikelihoodScale, prior: Beliefs | None = None) -> Posterior:
     """Probabilities of the sets of effects in `fits`; without a `prior`, by the package's."""
     prior = prior or beliefs()
-    about = _About.of(fits, by, prior)
+    common = _About.of(fits, likelihood, prior)
     chance = prior.expected / max(len(fits.library), 2.0 * prior.expected)
     odds = float(special.logit(chance))
-    nats = [about.evidence(m.estimate) + odds * len(m.model.effects) for m in fits.models]
+    nats = [common.evidence(m.estimate) + odds * len(m.model.effects) for m in fits.models]
     shares = special.softmax(nats)
     rows = zip(fits.models, nats, shares, strict=True)
-    weighed = [SetProbability(m.model.names, float(n), float(p)) for m, n, p in rows]
-    return Posterior(tuple(sorted(weighed, key=lambda w: (-w.nats, sorted(w.names)))))
+    models = [SetProbability(m.model.names, float(n), float(p)) for m, n, p in rows]
+    return Posterior(tuple(sorted(models, key=lambda w: (-w.nats, sorted(w.names)))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,15 +83,15 @@ class _About:
     prior: Beliefs
 
     @classmethod
-    def of(cls, fits: Fits, by: LikelihoodScale, prior: Beliefs) -> "_About":
+    def of(cls, fits: Fits, likelihood: LikelihoodScale, prior: Beliefs) -> "_About":
         """Weights of samples and spikes for all sets of `fits`.
 
         Wild samples are those of the best fit: at its own, a bad model would call wild what it does
         not explain.
         """
         base, best = fits.base.estimate, min(fits.models, key=lambda m: m.estimate.objective)
-        r = _in_units_of(base, best.estimate)[0] / by.scale
-        weight = np.sqrt(robust.weights(r) / by.inefficiency) / by.scale
+        r = _in_units_of(base, best.estimate)[0] / likelihood.scale
+        weight = np.sqrt(robust.weights(r) / likelihood.inefficiency) / likelihood.scale
         spikes = {name: prior.immaterial * r for name, r in fits.library.items()}
         return cls(base, weight, spikes, prior)
 
@@ -108,35 +108,35 @@ class _About:
         spikes = [s for name, s in self.spikes.items() if name not in fit.model.names]
         columns = np.concatenate([residual[:, None], jacobian, *spikes], axis=1)
         explained = np.concatenate(self.base.residuals) - residual
-        whole, logdet = self._whiten(columns, share * explained)
-        r, responses = whole[:, 0], whole[:, 1:]
-        own = slice(len(fit.model.base), len(fit.model.parameters))
-        limits, z = _with_proper_priors(fit.limits, own), fit.z
+        whitened, logdet = self._whiten(columns, share * explained)
+        r, responses = whitened[:, 0], whitened[:, 1:]
+        laws = slice(len(fit.model.base), len(fit.model.parameters))
+        limits, z = _with_proper_priors(fit.limits, laws), fit.z
         precision = np.concatenate([limits.precision, np.ones(responses.shape[1] - len(z))])
-        away = np.concatenate([z - limits.mean, np.zeros(len(precision) - len(z))])
+        deviation = np.concatenate([z - limits.mean, np.zeros(len(precision) - len(z))])
         curvature = responses.T @ responses + np.diag(precision)
-        pull = responses.T @ r + precision * away
+        gradient = responses.T @ r + precision * deviation
         inverse, half_logdet = _invert(curvature)
-        step = -inverse @ pull
-        nats = -0.5 * float(r @ r + precision @ away**2 + pull @ step) - 0.5 * logdet
+        step = -inverse @ gradient
+        nats = -0.5 * float(r @ r + precision @ deviation**2 + gradient @ step) - 0.5 * logdet
         nats -= half_logdet
-        nats += 0.5 * float(np.log(limits.precision[own]).sum())
-        return nats + _truncation(limits, z + step[: len(z)], np.diag(inverse)[: len(z)], own)
+        nats += 0.5 * float(np.log(limits.precision[laws]).sum())
+        return nats + _truncation(limits, z + step[: len(z)], np.diag(inverse)[: len(z)], laws)
 
-    def _whiten(self, columns: Array, wrong: Array) -> tuple[Array, float]:
-        """Columns (N, k) whitened by noise and law error `wrong` (N,), and its log determinant."""
-        weighed, error = columns * self.weight[:, None], wrong * self.weight
+    def _whiten(self, columns: Array, law_error: Array) -> tuple[Array, float]:
+        """Columns (N, k) whitened by noise and `law_error` (N,), and its log determinant."""
+        weighed, error = columns * self.weight[:, None], law_error * self.weight
         if not error.any():
             return weighed, 0.0
-        logdet, at = 0.0, 0
+        logdet, first = 0.0, 0
         for run in self.base.evidence.runs:
             for number in np.unique(run.samples.series):
-                mine = at + np.flatnonzero(run.samples.series == number)
-                t = run.samples.t[mine - at]
-                lower = np.linalg.cholesky(_error_covariance(t, error[mine], self.prior.memory))
-                weighed[mine] = solve_triangular(lower, weighed[mine], lower=True)
+                rows = first + np.flatnonzero(run.samples.series == number)
+                t = run.samples.t[rows - first]
+                lower = np.linalg.cholesky(_error_covariance(t, error[rows], self.prior.memory))
+                weighed[rows] = solve_triangular(lower, weighed[rows], lower=True)
                 logdet += 2.0 * float(np.log(np.diag(lower)).sum())
-            at += len(run.samples)
+            first += len(run.samples)
         return weighed, logdet
 
 
@@ -161,30 +161,33 @@ def _error_covariance(t: Array, error: Array, memory: float) -> Array:
 def _in_units_of(base: Estimate, fit: Estimate) -> tuple[Array, Array]:
     """Residual (N,) and Jacobian (N, size) of `fit`, whitened by the scales of `base`."""
     scales = zip(fit.evidence.scales, base.evidence.scales, strict=True)
-    unit = np.concatenate([mine / its for mine, its in scales])
+    unit = np.concatenate([own_scale / base_scale for own_scale, base_scale in scales])
     return np.concatenate(fit.residuals) * unit, stacked_jacobian(fit) * unit[:, None]
 
 
-def _with_proper_priors(limits: normal_equations.Bounds, own: slice) -> normal_equations.Bounds:
-    """Copy of `limits` in which effect parameters, the slice `own`, all have a normal prior.
+def _with_proper_priors(limits: normal_equations.Bounds, laws: slice) -> normal_equations.Bounds:
+    """Copy of `limits` in which effect parameters, the slice `laws`, all have a normal prior.
 
     Those without one get a standard deviation of a quarter of their range.
     """
     precision = limits.precision.copy()
-    deviation = 0.25 * (limits.high[own] - limits.low[own])
-    precision[own] = np.where(precision[own] > 0.0, precision[own], deviation**-2)
+    deviation = 0.25 * (limits.high[laws] - limits.low[laws])
+    precision[laws] = np.where(precision[laws] > 0.0, precision[laws], deviation**-2)
     return replace(limits, precision=precision)
 
 
-def _truncation(limits: normal_equations.Bounds, mean: Array, variance: Array, own: slice) -> float:
-    """Log ratio [nats] of posterior to prior mass within bounds, each of `own` by itself."""
+def _truncation(
+    limits: normal_equations.Bounds, mean: Array, variance: Array, laws: slice
+) -> float:
+    """Log ratio [nats] of posterior to prior mass within bounds, each of `laws` by itself."""
 
     def log_mass(middle: Array, deviation: Array) -> Array:
-        low, high = (limits.low[own] - middle) / deviation, (limits.high[own] - middle) / deviation
+        low = (limits.low[laws] - middle) / deviation
+        high = (limits.high[laws] - middle) / deviation
         return _log_normal_mass(low, high)
 
-    before = log_mass(limits.mean[own], limits.precision[own] ** -0.5)
-    return float((log_mass(mean[own], np.sqrt(variance[own])) - before).sum())
+    before = log_mass(limits.mean[laws], limits.precision[laws] ** -0.5)
+    return float((log_mass(mean[laws], np.sqrt(variance[laws])) - before).sum())
 
 
 def _log_normal_mass(low: Array, high: Array) -> Array:

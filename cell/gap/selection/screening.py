@@ -48,13 +48,13 @@ class Score:
     @property
     def starts(self) -> list[dict[str, Array]]:
         """Start values (k,) by effect of each fit to try; missing effects start at null."""
-        found: list[dict[str, Array]] = [{}]
+        starts: list[dict[str, Array]] = [{}]
         if not self.linear:
-            found.append(self.start)
-        found += self.tried
+            starts.append(self.start)
+        starts += self.tried
         if self.mirrored is not None:
-            found.append(self.mirrored)
-        return [{**self._known, **values} for values in found]
+            starts.append(self.mirrored)
+        return [{**self._known, **values} for values in starts]
 
     def joined_to(self, fit: Estimate) -> "Score":
         """Score of these effects and those of `fit`, to start from it."""
@@ -80,9 +80,9 @@ def starts(
     model = with_effects(base.model, score.names, candidates)
     origin = score.after or base
     shared, _ = origin.model.split(origin.shared)
-    first, *others = (Point(model.join(shared, v), origin.point.local) for v in score.starts)
-    known = _secants(origin, model, score) if origin.evidence is base.evidence else None
-    return model, [(first, known), *((p, None) for p in others)]
+    origin_point, *others = (Point(model.join(shared, v), origin.point.local) for v in score.starts)
+    secants = _secants(origin, model, score) if origin.evidence is base.evidence else None
+    return model, [(origin_point, secants), *((p, None) for p in others)]
 
 
 def with_effects(model: Model, names: Sequence[str], candidates: Sequence[Candidate]) -> Model:
@@ -96,20 +96,20 @@ def _secants(origin: Estimate, model: Model, score: Score) -> tuple[Array, ...] 
     None where one of the effects was not screened there.
     """
     count, base = len(origin.shared), len(model.base)
-    whole = np.concatenate([jacobian[:, :count] for jacobian in origin.jacobians])
-    by_effect, at = dict(score.secants), base
+    stacked = np.concatenate([jacobian[:, :count] for jacobian in origin.jacobians])
+    by_effect, column = dict(score.secants), base
     for effect in origin.model.effects:
-        by_effect[effect.name] = whole[:, at : at + len(effect.parameters)]
-        at += len(effect.parameters)
-    found = [by_effect.get(e.name) for e in model.effects]
-    known = [f for f, e in zip(found, model.effects, strict=True) if _is_complete(f, e)]
-    if len(known) < len(found) or not origin.model.names <= model.names:
+        by_effect[effect.name] = stacked[:, column : column + len(effect.parameters)]
+        column += len(effect.parameters)
+    secants = [by_effect.get(e.name) for e in model.effects]
+    complete = [f for f, e in zip(secants, model.effects, strict=True) if _is_complete(f, e)]
+    if len(complete) < len(secants) or not origin.model.names <= model.names:
         return None
-    shared = np.concatenate([whole[:, :base], *known], axis=1)
+    shared = np.concatenate([stacked[:, :base], *complete], axis=1)
     edges = np.cumsum([len(jacobian) for jacobian in origin.jacobians])[:-1]
     return tuple(
-        np.concatenate([some, jacobian[:, count:]], axis=1)
-        for some, jacobian in zip(np.split(shared, edges), origin.jacobians, strict=True)
+        np.concatenate([rows, jacobian[:, count:]], axis=1)
+        for rows, jacobian in zip(np.split(shared, edges), origin.jacobians, strict=True)
     )
 
 
@@ -168,25 +168,25 @@ def probe(base: Estimate, candidate: Candidate, *, steps: bool = True) -> Task[P
     Without `steps` from the null, which a linear screen needs, only its own probes.
     """
     model = Model(base.model.base, (*base.model.effects, candidate))
-    own = tuple(tuple(candidate.complete(np.array(v)) for v in g) for g in candidate.probes)
-    groups = (_steps_from_null(candidate), *own) if steps else own
+    probes = tuple(tuple(candidate.complete(np.array(v)) for v in g) for g in candidate.probes)
+    groups = (_steps_from_null(candidate), *probes) if steps else probes
     vectors = [v for group in groups for v in group]
     runs, local = base.evidence.runs, base.point.local
-    asked = [
-        replace(request(model, run, np.concatenate([base.shared, v]), own), response=True)
+    requests = [
+        replace(request(model, run, np.concatenate([base.shared, v]), unknowns), response=True)
         for v in (candidate.null, *vectors)
-        for run, own in zip(runs, local, strict=True)
+        for run, unknowns in zip(runs, local, strict=True)
     ]
-    answers = yield asked
+    answers = yield requests
     at_null, columns = answers[: len(runs)], []
     for k in range(1, len(vectors) + 1):
         at_probe = answers[k * len(runs) : (k + 1) * len(runs)]
         rows = zip(at_probe, at_null, base.evidence.scales, strict=True)
         columns.append(np.concatenate([response(*row) for row in rows]))
-    responses, at = [], 0
+    responses, offset = [], 0
     for group in groups:
-        responses.append(np.array(columns[at : at + len(group)]).T)
-        at += len(group)
+        responses.append(np.array(columns[offset : offset + len(group)]).T)
+        offset += len(group)
     return ProbeResponses(candidate, groups, tuple(responses))
 
 
@@ -222,41 +222,43 @@ class Table:
         return np.asarray(self.together[np.ix_(*rows)])
 
 
-def table(about: Projection, probed: Sequence[ProbeResponses]) -> Table:
+def table(projection: Projection, probed: Sequence[ProbeResponses]) -> Table:
     """Table of the probes of every candidate that changes something."""
     alive = tuple(p for p in probed if not p.dead)
     columns: dict[tuple[str, int], Columns] = {}
-    at = 0
+    column = 0
     for p in alive:
         for group, responses in enumerate(p.responses):
-            columns[p.candidate.name, group] = np.arange(at, at + responses.shape[1])
-            at += responses.shape[1]
-    parts = [about.weigh(response) for p in alive for response in p.responses]
-    whole = np.concatenate(parts, axis=1) if parts else np.zeros((len(about.residual), 0))
-    form = about.form(whole)
+            columns[p.candidate.name, group] = np.arange(column, column + responses.shape[1])
+            column += responses.shape[1]
+    parts = [projection.weigh(response) for p in alive for response in p.responses]
+    stacked = np.concatenate(parts, axis=1) if parts else np.zeros((len(projection.residual), 0))
+    form = projection.form(stacked)
     return Table(alive, form, columns, _most_together(form, list(columns.values())))
 
 
-def ranking(known: Table) -> list[Score]:
+def ranking(equations: Table) -> list[Score]:
     """Scores of all candidates that change something, the largest gain first."""
-    scores = [_score(known, (p,)) for p in known.probed]
+    scores = [_score(equations, (p,)) for p in equations.probed]
     return sorted(scores, key=lambda s: (-s.gain, s.names))
 
 
-def ranked_pairs(known: Table, among: int, least: float = 0.0) -> list[Score]:
+def ranked_pairs(equations: Table, among: int, least: float = 0.0) -> list[Score]:
     """Scores of the best `among` pairs of candidates that gain over `least` [nats], best first.
 
     Two effects whose responses nearly cancel gain nothing alone and much together, so that pairs
     are screened over all candidates, not over the best single ones. Pairs are looked at closely
     in the order of what they could gain without bounds, until no other can be among the best.
     """
-    pairs = [(float(known.most(pair).max()), pair) for pair in combinations(known.probed, 2)]
-    found: list[Score] = []
+    pairs = [
+        (float(equations.most(pair).max()), pair) for pair in combinations(equations.probed, 2)
+    ]
+    scores: list[Score] = []
     for most, pair in sorted(pairs, key=lambda each: -each[0]):
-        if most <= least or (len(found) >= among and most < found[among - 1].gain):
+        if most <= least or (len(scores) >= among and most < scores[among - 1].gain):
             break
-        found = sorted([*found, _score(known, pair)], key=lambda s: (-s.gain, s.names))
-    return [s for s in found[:among] if s.gain > least]
+        scores = sorted([*scores, _score(equations, pair)], key=lambda s: (-s.gain, s.names))
+    return [s for s in scores[:among] if s.gain > least]
 
 
 def _most_together(form: normal_equations.Normal, groups: Sequence[Columns]) -> Array:
@@ -265,23 +267,25 @@ def _most_together(form: normal_equations.Normal, groups: Sequence[Columns]) -> 
     A second group gains by the Schur complement of the first: what that one does not explain.
     """
     gradient, curvature = form.gradient, form.curvature
-    first = np.array([at[0] for at in groups], dtype=np.int64)
-    wide = [b for b, at in enumerate(groups) if len(at) > 1]
+    first = np.array([columns[0] for columns in groups], dtype=np.int64)
+    wide = [b for b, columns in enumerate(groups) if len(columns) > 1]
     most = np.zeros((len(groups), len(groups)))
-    for a, at in enumerate(groups):
-        inverse = _inverse(curvature[np.ix_(at, at)])
-        across = curvature[:, at] @ inverse
-        slope = gradient - across @ gradient[at]
-        spare = np.diag(curvature) - (across * curvature[:, at]).sum(axis=1)
-        known = spare > DEFAULT_REACH.alike * np.diag(curvature)
-        single = 0.5 * slope**2 * known / np.where(known, spare, 1.0)
+    for a, columns in enumerate(groups):
+        inverse = _inverse(curvature[np.ix_(columns, columns)])
+        across = curvature[:, columns] @ inverse
+        slope = gradient - across @ gradient[columns]
+        spare = np.diag(curvature) - (across * curvature[:, columns]).sum(axis=1)
+        is_independent = spare > DEFAULT_REACH.alike * np.diag(curvature)
+        single = 0.5 * slope**2 * is_independent / np.where(is_independent, spare, 1.0)
         most[a] = single[first]  # right for groups of one column; wider ones follow
         for b in (b for b in wide if b > a):
-            on = groups[b]
-            schur = curvature[np.ix_(on, on)] - across[on] @ curvature[np.ix_(at, on)]
-            most[a, b] = 0.5 * float(slope[on] @ _inverse(schur) @ slope[on])
+            other = groups[b]
+            schur = (
+                curvature[np.ix_(other, other)] - across[other] @ curvature[np.ix_(columns, other)]
+            )
+            most[a, b] = 0.5 * float(slope[other] @ _inverse(schur) @ slope[other])
         most[a, a] = 0.0
-        most[a] += 0.5 * float(gradient[at] @ inverse @ gradient[at])
+        most[a] += 0.5 * float(gradient[columns] @ inverse @ gradient[columns])
     return np.asarray(np.triu(most) + np.triu(most, 1).T)
 
 
@@ -292,7 +296,7 @@ def _inverse(matrix: Array) -> Array:
     return np.asarray(np.linalg.pinv(matrix, rcond=1e-10, hermitian=True))
 
 
-def _score(known: Table, members: Sequence[ProbeResponses]) -> Score:
+def _score(equations: Table, members: Sequence[ProbeResponses]) -> Score:
     """Score of the best mix of probes of one or more candidates, over all choices of groups.
 
     The amounts solve the bounded quadratic programme of the refitted objective: one-sided where
@@ -301,12 +305,12 @@ def _score(known: Table, members: Sequence[ProbeResponses]) -> Score:
     """
     best, values_at_best = Score(tuple(p.candidate.name for p in members), 0.0, {}), {}
     probe_gain, best_probe = 0.0, dict[str, Array]()  # of probes as they are, unscaled
-    bounds = known.most(members)
+    bounds = equations.most(members)
     for bound, choice in sorted(zip(-bounds.ravel(), np.ndindex(bounds.shape), strict=True)):
         worthwhile = DEFAULT_REACH.least_share * best.gain
         if -bound <= min(best.gain, max(probe_gain, worthwhile)):
             break
-        mix, gain, values = _best_mix(known, members, choice)
+        mix, gain, values = _best_mix(equations, members, choice)
         if mix.gain > best.gain:
             best, values_at_best = mix, values
         if gain > probe_gain and all(choice):  # group 0 holds steps, which are no probes
@@ -316,7 +320,7 @@ def _score(known: Table, members: Sequence[ProbeResponses]) -> Score:
     return replace(
         best,
         tried=_probes_to_fit(members, best_probe),
-        mirrored=_other_sign(known, members[0], best) if len(members) == 1 else None,
+        mirrored=_other_sign(equations, members[0], best) if len(members) == 1 else None,
         secants={p.candidate.name: p.secants for p in members},
     )
 
@@ -350,7 +354,7 @@ def _has_threshold(p: ProbeResponses) -> bool:
     return near < DEFAULT_REACH.steep * max(far, default=0.0)
 
 
-def _other_sign(known: Table, p: ProbeResponses, best: Score) -> dict[str, Array] | None:
+def _other_sign(equations: Table, p: ProbeResponses, best: Score) -> dict[str, Array] | None:
     """Values of an effect at the place where it gains most with the sign opposite to `best`.
 
     None where it has no place, or gains with one sign alone.
@@ -358,27 +362,29 @@ def _other_sign(known: Table, p: ProbeResponses, best: Score) -> dict[str, Array
     name, null = p.candidate.name, p.candidate.null[0]
     if name not in best.start or not _shapes(p.candidate).any():
         return None
-    mixed = [_best_mix(known, (p,), (group,))[0] for group in range(1, len(p.groups))]
+    mixes = [_best_mix(equations, (p,), (group,))[0] for group in range(1, len(p.groups))]
     sign = np.sign(best.start[name][0] - null)
-    others = [score for score in mixed if sign * (score.start[name][0] - null) < 0.0]
+    others = [score for score in mixes if sign * (score.start[name][0] - null) < 0.0]
     return max(others, key=lambda score: score.gain).start if others else None
 
 
 def _best_mix(
-    known: Table, members: Sequence[ProbeResponses], choice: tuple[int, ...]
+    equations: Table, members: Sequence[ProbeResponses], choice: tuple[int, ...]
 ) -> tuple[Score, float, dict[str, Array]]:
     """Score of the best mix of the groups `choice`; gain and values of their unscaled probes."""
     names = tuple(p.candidate.name for p in members)
     chosen = list(zip(members, choice, strict=True))
-    at = np.concatenate([known.columns[p.candidate.name, group] for p, group in chosen])
+    columns = np.concatenate([equations.columns[p.candidate.name, group] for p, group in chosen])
     reach = [
         _reach(p.candidate, vector) if group == 0 else DEFAULT_REACH.farthest
         for p, group in chosen
         for vector in p.groups[group]
     ]
     signed = [_has_mirror(p.candidate, v) for p, group in chosen for v in p.groups[group]]
-    high, zero = np.array(reach), np.zeros(len(at))
-    form = normal_equations.Normal(known.form.gradient[at], known.form.curvature[np.ix_(at, at)])
+    high, zero = np.array(reach), np.zeros(len(columns))
+    form = normal_equations.Normal(
+        equations.form.gradient[columns], equations.form.curvature[np.ix_(columns, columns)]
+    )
     limits = normal_equations.Bounds(np.where(signed, -high, 0.0), high, zero, zero)
     amounts = normal_equations.bounded_step(form, zero, limits)
     gain = normal_equations.decrease(form, amounts)
@@ -420,34 +426,41 @@ def _ends(candidate: Candidate) -> tuple[Array, Array]:
 
 def _values(chosen: Sequence[tuple[ProbeResponses, int]], amounts: Array) -> dict[str, Array]:
     """Parameter values (k,) by effect of the probes mixed in `amounts` (probes,)."""
-    values, at = {}, 0
+    values, k = {}, 0
     for p, group in chosen:
         value, shapes = p.candidate.null, _shapes(p.candidate)
         for vector in p.groups[group]:
-            scaled = value + amounts[at] * (vector - p.candidate.null)
+            scaled = value + amounts[k] * (vector - p.candidate.null)
             value = np.where(shapes, vector, scaled)
-            at += 1
+            k += 1
         values[p.candidate.name] = np.clip(value, *_ends(p.candidate))
     return values
 
 
 def detectable(
-    about: Projection, probed: Sequence[ProbeResponses], by: LikelihoodScale
+    projection: Projection, probed: Sequence[ProbeResponses], likelihood: LikelihoodScale
 ) -> dict[str, float | None]:
     """Smallest detectable value of each effect's main parameter; None where none would show.
 
-    The probe whose response, what `about` may absorb projected out, is nearest to DETECTED_SIGMA is
+    The probe whose response, less what `projection` may absorb, is nearest to DETECTED_SIGMA is
     scaled to it. An effect that changes nothing, or whose size would lie beyond its bounds, shows
     at no size.
     """
-    return {p.candidate.name: None if p.dead else _smallest(about, p, by) for p in probed}
+    return {
+        p.candidate.name: None if p.dead else _smallest(projection, p, likelihood) for p in probed
+    }
 
 
-def _smallest(about: Projection, probed: ProbeResponses, by: LikelihoodScale) -> float | None:
+def _smallest(
+    projection: Projection, probed: ProbeResponses, likelihood: LikelihoodScale
+) -> float | None:
     """Detectable value of an effect's main parameter, by the probe that shows nearest to it."""
     sizes: list[tuple[float, float | None]] = []
     for group, responses in zip(probed.groups, probed.responses, strict=True):
-        power = np.diag(about.form(about.weigh(responses)).curvature) / by.inefficiency
+        power = (
+            np.diag(projection.form(projection.weigh(responses)).curvature)
+            / likelihood.inefficiency
+        )
         for vector, square in zip(group, power, strict=True):
             if square > LEAST_POWER:
                 sigma = float(np.sqrt(square))

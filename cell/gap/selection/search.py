@@ -61,18 +61,19 @@ def fit_scores(
     """
     tasks, base = [], fits.base.estimate
     candidates = with_shape_parameters(candidates, fits)
-    for s in scores:
-        known = fits.of(frozenset(s.names))
-        incumbent = known.estimate if known else None
-        tasks.append(_best_short_fit(base, *starts(base, s, candidates), incumbent))
-    begun = [e for e in run_all(simulate, tasks) if e is not None]
-    every = [*(m.estimate for m in fits.models), *begun]
-    scale = min(e.scale for e in every)
-    most = _gain(base, best(every), scale)
-    found = run_all(
-        simulate, [_finish(e, promising=within_reach(_gain(base, e, scale), most)) for e in begun]
+    for score in scores:
+        earlier = fits.of(frozenset(score.names))
+        incumbent = earlier.estimate if earlier else None
+        tasks.append(_best_short_fit(base, *starts(base, score, candidates), incumbent))
+    started = [e for e in run_all(simulate, tasks) if e is not None]
+    estimates = [*(m.estimate for m in fits.models), *started]
+    dispersion = min(e.scale for e in estimates)
+    largest = _gain(base, best(estimates), dispersion)
+    finished = run_all(
+        simulate,
+        [_finish(e, promising=within_reach(_gain(base, e, dispersion), largest)) for e in started],
     )
-    return fits.merge(run_all(simulate, [validate(e) for e in found]))
+    return fits.merge(run_all(simulate, [validate(e) for e in finished]))
 
 
 def shortlist(
@@ -87,19 +88,22 @@ def shortlist(
     Responses are far from linear where one effect of a pair changes the response to the other.
     """
     tasks = []
-    for s in scores:
-        model, points = starts(base, s, candidates)
+    for score in scores:
+        model, points = starts(base, score, candidates)
         tasks.append(_few_steps(model, base.evidence, points[1:] or points))
-    done = [best(tried) for tried in run_all(simulate, tasks)]
-    scale = min((e.scale for e in done), default=1.0)
-    order = sorted(range(len(done)), key=lambda i: objective_of(done[i], scale))
-    return [Score(scores[i].names, scores[i].gain, {}, after=done[i]) for i in order[:most]]
+    estimates = [best(tried) for tried in run_all(simulate, tasks)]
+    dispersion = min((e.scale for e in estimates), default=1.0)
+    order = sorted(range(len(estimates)), key=lambda i: objective_of(estimates[i], dispersion))
+    return [Score(scores[i].names, scores[i].gain, {}, after=estimates[i]) for i in order[:most]]
 
 
 def _few_steps(model: Model, evidence: Evidence, points: Sequence[Start]) -> Task[list[Estimate]]:
     """Estimates after the first few steps from each of `points`; yields simulations."""
     return side_by_side(
-        [refit(model, evidence, p, known, ROUGH_GAIN, BUDGET.first_steps) for p, known in points]
+        [
+            refit(model, evidence, point, secants, ROUGH_GAIN, BUDGET.first_steps)
+            for point, secants in points
+        ]
     )
 
 
@@ -112,9 +116,9 @@ def _finish(first: Estimate, *, promising: bool) -> Task[Estimate]:
     """Continue the fit `first` to its end if it is `promising`; returns the better of the two."""
     if not promising:
         return first
-    known = first.evidence
-    done = yield from refit(first.model, known, first.point, first.jacobians, ROUGH_GAIN)
-    return best([first, done])
+    evidence = first.evidence
+    finished = yield from refit(first.model, evidence, first.point, first.jacobians, ROUGH_GAIN)
+    return best([first, finished])
 
 
 def _best_short_fit(
@@ -124,42 +128,35 @@ def _best_short_fit(
 
     None where it is no better than `incumbent`, an earlier fit of the same model.
     """
-    known = base.evidence
-    tried = yield from _few_steps(model, known, points)
-    far = _farthest(base, tried, base if incumbent is None else incumbent)
-    if incumbent is None and not far:
-        far = [best(tried)]
-    if len(far) > 1 or (far and incumbent is not None):
-        more = [
-            refit(
-                model,
-                known,
-                e.point,
-                e.jacobians,
-                ROUGH_GAIN,
-                BUDGET.short_steps - BUDGET.first_steps,
-            )
-            for e in far
-        ]
-        far = [*far, *(yield from side_by_side(more))]
-    if incumbent is not None and (not far or best([incumbent, *far]) is incumbent):
+    evidence = base.evidence
+    estimates = yield from _few_steps(model, evidence, points)
+    promising = _farthest(base, estimates, base if incumbent is None else incumbent)
+    if incumbent is None and not promising:
+        promising = [best(estimates)]
+    if len(promising) > 1 or (promising and incumbent is not None):
+        more = BUDGET.short_steps - BUDGET.first_steps
+        continued = yield from side_by_side(
+            [refit(model, evidence, e.point, e.jacobians, ROUGH_GAIN, more) for e in promising]
+        )
+        promising = [*promising, *continued]
+    if incumbent is not None and (not promising or best([incumbent, *promising]) is incumbent):
         return None
-    return best(far)
+    return best(promising)
 
 
-def _farthest(base: Estimate, begun: Sequence[Estimate], known: Estimate) -> list[Estimate]:
-    """Those of `begun` within reach of the largest gain over `base`, of `known` too."""
-    every = [*begun, known]
-    scale = min(e.scale for e in every)
-    gains = [_gain(base, e, scale) for e in every]
-    share = [gain >= BUDGET.share * max(gains) for gain in gains]
-    return [e for e, promising in zip(begun, share, strict=False) if promising]
+def _farthest(base: Estimate, begun: Sequence[Estimate], reference: Estimate) -> list[Estimate]:
+    """Those of `begun` within reach of the largest gain over `base`, of `reference` too."""
+    estimates = [*begun, reference]
+    dispersion = min(e.scale for e in estimates)
+    gains = [_gain(base, e, dispersion) for e in estimates]
+    in_reach = [gain >= BUDGET.share * max(gains) for gain in gains]
+    return [e for e, promising in zip(begun, in_reach, strict=False) if promising]
 
 
 def with_shape_parameters(candidates: Sequence[Candidate], fits: Fits) -> list[Candidate]:
     """Candidates, with shape parameters free where a model of one effect was fitted so."""
-    known = {e.name: e for m in fits.of_size(1) for e in m.model.effects}
-    return [known.get(c.name, c) for c in candidates]
+    fitted = {e.name: e for m in fits.of_size(1) for e in m.model.effects}
+    return [fitted.get(c.name, c) for c in candidates]
 
 
 def extend(
@@ -175,21 +172,21 @@ def extend(
     Phil. Soc. 44, 50): runs without a gap as a whole may still hold a small effect. `probed` are
     responses at the base.
     """
-    by, known = fits.scale, with_shape_parameters(candidates, fits)
+    likelihood, free = fits.likelihood, with_shape_parameters(candidates, fits)
     expected: dict[tuple[str, ...], tuple[float, Score]] = {}
     for fit in (m.estimate for m in models):
-        before, unit = objective_of(fit, by.scale), (fit.scale / by.scale) ** 2
-        for s in _screen_further(simulate, fit, known, probed, fits.immaterial):
-            joint, after = s.joined_to(fit), before - unit * s.gain
+        before, unit = objective_of(fit, likelihood.scale), (fit.scale / likelihood.scale) ** 2
+        for score in _screen_further(simulate, fit, free, probed, fits.immaterial):
+            joint, after = score.joined_to(fit), before - unit * score.gain
             is_new = fits.of(frozenset(joint.names)) is None
-            if is_new and unit * s.gain > MIN_GAIN * by.inefficiency:
+            if is_new and unit * score.gain > MIN_GAIN * likelihood.inefficiency:
                 expected[joint.names] = min(
                     (after, joint), expected.get(joint.names, (after, joint)), key=itemgetter(0)
                 )
     order = sorted(expected.values(), key=itemgetter(0))
     scores = [score for _, score in order[: BUDGET.additions * len(models)]]
     if len(models) > 1:
-        scores = shortlist(simulate, fits.base.estimate, scores, known, BUDGET.additions)
+        scores = shortlist(simulate, fits.base.estimate, scores, free, BUDGET.additions)
     return fit_scores(simulate, fits, scores, candidates)
 
 
@@ -206,15 +203,15 @@ def _screen_further(
     are chosen, and the values at which each is probed. Beside `immaterial` amounts of all effects,
     whose responses (N, k) these are.
     """
-    about = projection(fit, nuisance=immaterial)
+    beside = projection(fit, nuisance=immaterial)
     others = [p for p in probed if p.candidate.name not in fit.model.names]
-    looked = {s.names[0]: s for s in ranking(table(about, others))[: BUDGET.probed]}
-    again = [
-        probe(fit, replace(c, probes=_most_promising(c, looked[c.name])))
+    promising = {s.names[0]: s for s in ranking(table(beside, others))[: BUDGET.probed]}
+    tasks = [
+        probe(fit, replace(c, probes=_most_promising(c, promising[c.name])))
         for c in candidates
-        if c.name in looked
+        if c.name in promising
     ]
-    return [replace(s, tried=()) for s in ranking(table(about, run_all(simulate, again)))]
+    return [replace(s, tried=()) for s in ranking(table(beside, run_all(simulate, tasks)))]
 
 
 def _most_promising(
@@ -242,16 +239,16 @@ def other_signs(simulate: Simulate, fits: Fits) -> Fits:
 
     A stiff seam here resembles a soft one next to it, on another base or beside another effect.
     """
-    by, tasks = fits.scale, []
+    likelihood, tasks = fits.likelihood, []
     for m in fits.models:
-        if margin(fits.best, m, by).gain > BUDGET.reach:
+        if margin(fits.best, m, likelihood).gain > BUDGET.reach:
             continue
         for effect in m.model.effects:
             beside = fits.of(m.model.names - {effect.name})
             if effect.two_sided and any(p.shape for p in effect.parameters) and beside:
                 tasks.append(_with_other_sign(m.estimate, effect, beside.estimate))
-    found = [e for e in run_all(simulate, tasks) if e is not None]
-    return fits.merge(run_all(simulate, [validate(e) for e in found]))
+    finished = [e for e in run_all(simulate, tasks) if e is not None]
+    return fits.merge(run_all(simulate, [validate(e) for e in finished]))
 
 
 def _with_other_sign(fit: Estimate, effect: Candidate, beside: Estimate) -> Task[Estimate | None]:
@@ -262,33 +259,34 @@ def _with_other_sign(fit: Estimate, effect: Candidate, beside: Estimate) -> Task
     """
     probed = yield from probe(beside, effect)
     score = next(iter(ranking(table(projection(beside), [probed]))), None)
-    shared, known = beside.model.split(beside.shared)
+    shared, others = beside.model.split(beside.shared)
     fitted = fit.model.split(fit.shared)[1][effect.name]
     starts: list[Start] = []
     for start in (score.start, score.mirrored) if score else ():
         values = (start or {}).get(effect.name, effect.null)
         if (values[0] - effect.null[0]) * (fitted[0] - effect.null[0]) < 0.0:
-            joint = fit.model.join(shared, {**known, effect.name: values})
+            joint = fit.model.join(shared, {**others, effect.name: values})
             starts.append((Point(joint, beside.point.local), None))
     if not starts:
         return None
-    begun = yield from _best_short_fit(beside, fit.model, starts, fit)
-    return None if begun is None else (yield from _finish(begun, promising=True))
+    started = yield from _best_short_fit(beside, fit.model, starts, fit)
+    return None if started is None else (yield from _finish(started, promising=True))
 
 
 def shape_parameters(simulate: Simulate, fits: Fits) -> list[CrossValidatedFit]:
     """Free the shape parameters of the best models; returns those that gain significantly."""
-    by = fits.scale
+    likelihood = fits.likelihood
     best_models = [m for m in fits.near_best(len(fits.best.model.effects)) if _has_shape(m.model)]
     tasks = []
     for m in best_models:
         fit, model = m.estimate, _with_shape(m.model)
         shared, effects = fit.model.split(fit.shared)
-        begin = [Point(model.join(shared, v), fit.point.local) for v in _guesses(model, effects)]
+        points = [Point(model.join(shared, v), fit.point.local) for v in _guesses(model, effects)]
         # the start that ends lower may be the higher one after a few steps
-        tasks.append(_best_of([refit(model, fit.evidence, p, None, ROUGH_GAIN) for p in begin]))
-    done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
-    return [new for m, new in zip(best_models, done, strict=True) if _better(new, m, by)]
+        tasks.append(_best_of([refit(model, fit.evidence, p, None, ROUGH_GAIN) for p in points]))
+    validated = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
+    pairs = zip(validated, best_models, strict=True)
+    return [free for free, plain in pairs if _better(free, plain, likelihood)]
 
 
 def _best_of(tasks: Sequence[Task[Estimate]]) -> Task[Estimate]:
@@ -318,7 +316,7 @@ def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array
     return [at_start, off_start]
 
 
-def _better(new: CrossValidatedFit, plain: CrossValidatedFit, by: LikelihoodScale) -> bool:
+def _better(new: CrossValidatedFit, plain: CrossValidatedFit, likelihood: LikelihoodScale) -> bool:
     """Whether free shape parameters gain enough over `plain`; less is asked than of an effect."""
-    ahead = margin(new, plain, by).gain > BUDGET.shape_gain * MIN_GAIN
-    return ahead and likelihood_ratio_p(new, plain, by) < ALPHA
+    ahead = margin(new, plain, likelihood).gain > BUDGET.shape_gain * MIN_GAIN
+    return ahead and likelihood_ratio_p(new, plain, likelihood) < ALPHA

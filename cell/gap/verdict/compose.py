@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from itertools import islice
 
 import numpy as np
 from scipy import special
@@ -60,40 +61,41 @@ LISTED = Listed()
 HUGE = 1e12  # stands for an infinite value, which JSON cannot hold
 
 
-def verdict(found: Findings, runtime: float, simulations: int) -> Verdict:
+def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
     """Verdict document of an investigation, from its findings."""
-    which = kind(found)
-    values = intervals(found.judged.sized, found.by.inefficiency, found.judged.scatter)
-    named = [e.name for e in named_effects(found)]
+    verdict_kind = kind(findings)
+    tests = findings.model_tests
+    values = intervals(tests.sized, findings.likelihood.inefficiency, tests.scatter)
+    named = [e.name for e in named_effects(findings)]
     effects = [
         NamedEffect(
             name=e.name,
             of=e.of,
             parameters=_values_by_parameter(e, values[e.name]),
-            confidence=probability(found, e.name),
+            confidence=probability(findings, e.name),
         )
-        for e in found.sure
+        for e in findings.separable
     ]
     return Verdict(
-        verdict=which,
+        verdict=verdict_kind,
         effects=[e for e in effects if e.name in named],
-        ambiguous=[] if which == "no_gap" else [list(group) for group in found.judged.classes],
-        unexplained=_unexplained(found, which),
+        ambiguous=[] if verdict_kind == "no_gap" else list(map(list, tests.classes)),
+        unexplained=_unexplained(findings, verdict_kind),
         base={
             p.name: Interval(value=v.value, low=v.low, high=v.high)
-            for p, v in zip(found.subject.scope.base, values["base"], strict=True)
+            for p, v in zip(findings.subject.scope.base, values["base"], strict=True)
         },
-        where=_where(found),
-        gap=_gap(found),
-        candidates=_candidates(found),
-        advice=_advice(found),
-        detectable={k: v for k, v in found.screened.detectable.items() if v is not None},
-        held_out=list(found.held_out),
+        where=_where(findings),
+        gap=_gap(findings),
+        candidates=_candidates(findings),
+        advice=_advice(findings),
+        detectable={k: v for k, v in findings.screen.detectable.items() if v is not None},
+        held_out=list(findings.held_out),
         runtime=runtime,
         simulations=simulations,
-        posterior=_posterior(found),
-        suspected=[e for e in effects if e.name not in named and which != "no_gap"],
-        notes=_notes(found, which),
+        posterior=_posterior(findings),
+        suspected=[e for e in effects if e.name not in named and verdict_kind != "no_gap"],
+        notes=_notes(findings, verdict_kind),
     )
 
 
@@ -110,17 +112,17 @@ def intervals(
     model = estimate.model
     owners = ["base"] * len(model.base)
     owners += [e.name for e in model.effects for _ in e.parameters]
-    found: dict[str, list[ValueWithUnit]] = {name: [] for name in owners}
+    by_owner: dict[str, list[ValueWithUnit]] = {name: [] for name in owners}
     rows = zip(owners, model.parameters, estimate.shared, reach * spread, strict=False)
     for owner, parameter, value, half in rows:
-        found[owner].append(_interval(parameter, float(value), float(half)))
-    return found
+        by_owner[owner].append(_interval(parameter, float(value), float(half)))
+    return by_owner
 
 
 def _interval(p: Parameter, value: float, half: float) -> ValueWithUnit:
     ends = [max(p.low, value - half), min(p.high, value + half)]
-    shown = sorted(p.stated_value(v) for v in ends)
-    low, high = (v if np.isfinite(v) else None for v in shown)
+    stated = sorted(p.stated_value(v) for v in ends)
+    low, high = (v if np.isfinite(v) else None for v in stated)
     middle = p.stated_value(value)
     return ValueWithUnit(
         value=middle if np.isfinite(middle) else HUGE, low=low, high=high, unit=p.unit
@@ -133,81 +135,86 @@ def _values_by_parameter(
     return {p.name: v for p, v in zip(candidate.parameters, values, strict=True)}
 
 
-def _where(found: Findings) -> list[WhereBin]:
-    seen = [place for place in found.places if place.p < LISTED.significance][: LISTED.places]
-    return [WhereBin(**asdict(place)) for place in seen]
+def _where(findings: Findings) -> list[WhereBin]:
+    significant = (place for place in findings.places if place.p < LISTED.significance)
+    return [WhereBin(**asdict(place)) for place in islice(significant, LISTED.places)]
 
 
-def _gap(found: Findings) -> Gap:
-    shown, quantities = found.shown, found.subject.scope.quantities
+def _gap(findings: Findings) -> Gap:
+    held_out, quantities = findings.unseen, findings.subject.scope.quantities
     return Gap(
-        before=held_out_gap.sizes(shown.before, quantities),
-        after=held_out_gap.sizes(shown.after, quantities),
-        floor={**held_out_gap.floor(shown.before.evidence, quantities), "excess": 0.0},
-        shrink=shown.shrink.value,
-        shrink_low=shown.shrink.low,
-        shrink_high=shown.shrink.high,
+        before=held_out_gap.sizes(held_out.before, quantities),
+        after=held_out_gap.sizes(held_out.after, quantities),
+        floor={**held_out_gap.floor(held_out.before.evidence, quantities), "excess": 0.0},
+        shrink=held_out.shrink.value,
+        shrink_low=held_out.shrink.low,
+        shrink_high=held_out.shrink.high,
     )
 
 
-def _unexplained(found: Findings, which: Kind) -> Unexplained | None:
+def _unexplained(findings: Findings, which: Kind) -> Unexplained | None:
     """Description of an unexplained gap, or of what named effects leave; None if nothing."""
-    if which == "no_gap" or not (which == "unexplained" or found.judged.remains):
+    if which == "no_gap" or not (which == "unexplained" or findings.model_tests.remains):
         return None
-    law = found.offered.words if found.offered is not None else "no sparse law found"
-    return Unexplained(description=describe_left(found), law=law, stable=found.offered is not None)
+    law = findings.law.words if findings.law is not None else "no sparse law found"
+    return Unexplained(
+        description=describe_left(findings), law=law, stable=findings.law is not None
+    )
 
 
-def _posterior(found: Findings) -> Probable:
+def _posterior(findings: Findings) -> Probable:
     """Posterior part of a verdict, with the numbers that decide on it."""
-    deciding = deciding_numbers(found)
+    deciding = deciding_numbers(findings)
     return Probable(
         models=[
-            ProbableSet(names=sorted(m.names), p=m.p) for m in found.posterior.models[: LISTED.sets]
+            ProbableSet(names=sorted(m.names), p=m.p)
+            for m in findings.posterior.models[: LISTED.sets]
         ],
-        inclusion=found.posterior.inclusion,
+        inclusion=findings.posterior.inclusion,
         left=deciding.left,
         correlation=deciding.correlation,
         log_odds=deciding.log_odds if np.isfinite(deciding.log_odds) else None,
         ahead=deciding.gain,
         worst=deciding.worst,
         strain=deciding.strain,
-        law=found.offered is not None,
+        law=findings.law is not None,
     )
 
 
-def _candidates(found: Findings) -> list[CandidateEntry]:
+def _candidates(findings: Findings) -> list[CandidateEntry]:
     """Candidates by their gain, the best first: refitted models, and others as screened."""
-    fits = found.choice.fits
+    fits = findings.choice.fits
     base, others = fits.base, [m for m in fits.models if m.model.effects]
     singles = [m for m in others if len(m.model.effects) == 1]
-    family = _family(found, base, singles)
-    rows = [_compare_with_base(found, base, m, family) for m in others]
-    done = {m.model.name for m in singles}
-    gains = {p.candidate.name: 0.0 for p in found.screened.probed}
-    gains |= {score.names[0]: score.gain for score in found.screened.singles}
+    family = _family(findings, base, singles)
+    rows = [_compare_with_base(findings, base, m, family) for m in others]
+    refitted = {m.model.name for m in singles}
+    gains = {p.candidate.name: 0.0 for p in findings.screen.probed}
+    gains |= {score.names[0]: score.gain for score in findings.screen.singles}
     rows += [
-        _compare_by_screen(found, name, gain) for name, gain in gains.items() if name not in done
+        _compare_by_screen(findings, name, gain)
+        for name, gain in gains.items()
+        if name not in refitted
     ]
     return sorted(rows, key=lambda row: -row.elpd_gain)
 
 
 def _family(
-    found: Findings, base: CrossValidatedFit, singles: list[CrossValidatedFit]
+    findings: Findings, base: CrossValidatedFit, singles: list[CrossValidatedFit]
 ) -> dict[str, float]:
     """Family-wise p-values of single candidates over the whole library."""
-    raw = {m.model.name: likelihood_ratio_p(m, base, found.by) for m in singles}
-    return family_wise(raw, [c.name for c in found.subject.scope.candidates])
+    raw = {m.model.name: likelihood_ratio_p(m, base, findings.likelihood) for m in singles}
+    return family_wise(raw, [c.name for c in findings.subject.scope.candidates])
 
 
 def _compare_with_base(
-    found: Findings, base: CrossValidatedFit, model: CrossValidatedFit, family: dict[str, float]
+    findings: Findings, base: CrossValidatedFit, model: CrossValidatedFit, family: dict[str, float]
 ) -> CandidateEntry:
-    by = found.by
-    ahead = margin(model, base, by)
-    values = intervals(model.estimate, by.inefficiency, found.judged.scatter)
+    likelihood = findings.likelihood
+    ahead = margin(model, base, likelihood)
+    values = intervals(model.estimate, likelihood.inefficiency, findings.model_tests.scatter)
     several = len(model.model.effects) > 1
-    p = family[model.model.name] if not several else likelihood_ratio_p(model, base, by)
+    p = family[model.model.name] if not several else likelihood_ratio_p(model, base, likelihood)
     parameters = {}
     for e in model.model.effects:
         for name, value in _values_by_parameter(e, values[e.name]).items():
@@ -221,27 +228,27 @@ def _compare_with_base(
     )
 
 
-def _compare_by_screen(found: Findings, name: str, gain: float) -> CandidateEntry:
+def _compare_by_screen(findings: Findings, name: str, gain: float) -> CandidateEntry:
     """Row of a candidate that was not refitted, with its gain in the linear screen."""
-    by = found.by
-    score = next((s for s in found.screened.singles if s.names == (name,)), None)
-    candidate = next(c for c in found.subject.scope.candidates if c.name == name)
+    likelihood = findings.likelihood
+    score = next((s for s in findings.screen.singles if s.names == (name,)), None)
+    candidate = next(c for c in findings.subject.scope.candidates if c.name == name)
     values = score.start.get(name, candidate.null) if score is not None else candidate.null
-    shown = {}
+    parameters = {}
     for p, v in zip(candidate.parameters, values, strict=True):
         value = p.stated_value(float(v))
         if np.isfinite(value):
-            shown[p.name] = ValueWithUnit(value=value, low=None, high=None, unit=p.unit)
+            parameters[p.name] = ValueWithUnit(value=value, low=None, high=None, unit=p.unit)
     return CandidateEntry(
         name=name,
-        elpd_gain=gain / by.inefficiency,
+        elpd_gain=gain / likelihood.inefficiency,
         se=0.0,
-        p=found.screened.p.get(name, 1.0),
-        parameters=shown,
+        p=findings.screen.p.get(name, 1.0),
+        parameters=parameters,
     )
 
 
-def _advice(found: Findings) -> list[Recommendation]:
+def _advice(findings: Findings) -> list[Recommendation]:
     return [
         Recommendation(
             experiment=f"{a.experiment.name}: {a.experiment.instruction}",
@@ -249,26 +256,26 @@ def _advice(found: Findings) -> list[Recommendation]:
             expected_sigma=a.sigma,
             minutes=a.experiment.minutes,
         )
-        for a in found.advised.experiments
+        for a in findings.advice.experiments
         if a.sigma >= LISTED.separation
     ]
 
 
-def _notes(found: Findings, which: Kind) -> list[str]:
+def _notes(findings: Findings, which: Kind) -> list[str]:
     """Note that held-out runs show a gap where the fitted ones show none; else nothing."""
-    if which != "no_gap" or (gap := unseen_gap(found)) <= GAP:
+    if which != "no_gap" or (gap := unseen_gap(findings)) <= GAP:
         return []
     return [
-        f"held-out runs ({', '.join(found.held_out)}) leave {np.hypot(1.0, gap):.2g} times their "
-        "noise, which the fitted runs do not: make these motions again, and fit all runs"
+        f"held-out runs ({', '.join(findings.held_out)}) leave {np.hypot(1.0, gap):.2g} times "
+        "their noise, which the fitted runs do not: make these motions again, and fit all runs"
     ]
 
 
-def deviations(base: Sequence[Parameter], found: Mapping[str, Interval]) -> list[Deviation]:
-    """Values of `found` whose whole 95 % interval lies outside what the file tolerates."""
+def deviations(base: Sequence[Parameter], fitted: Mapping[str, Interval]) -> list[Deviation]:
+    """Values of `fitted` whose whole 95 % interval lies outside what the file tolerates."""
     rows = []
     for p in base:
-        value = found.get(p.name)
+        value = fitted.get(p.name)
         if value is None:
             continue
         low, high = _range_of(p)

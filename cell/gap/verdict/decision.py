@@ -37,109 +37,107 @@ ASTRAY = 2.0  # times what most runs leave, that a run leaves which goes another
 ALIKE = 0.9  # cosine of two responses above which one cannot be told from the other
 
 
-def kind(found: Findings) -> Kind:
+def kind(findings: Findings) -> Kind:
     """Kind of verdict that the findings support."""
-    if not credible_effects(found):
-        return "unexplained" if gap_is_there(found) else "no_gap"
-    return "named" if named_effects(found) else "ambiguous"
+    if not credible_effects(findings):
+        return "unexplained" if gap_is_there(findings) else "no_gap"
+    return "named" if named_effects(findings) else "ambiguous"
 
 
-def named_effects(found: Findings) -> list[Candidate]:
+def named_effects(findings: Findings) -> list[Candidate]:
     """Credible effects that the runs separate from all others."""
-    sure = [effect.name for effect in found.sure]
-    return [effect for effect in credible_effects(found) if effect.name in sure]
+    sure = [effect.name for effect in findings.separable]
+    return [effect for effect in credible_effects(findings) if effect.name in sure]
 
 
-def credible_effects(found: Findings) -> list[Candidate]:
+def credible_effects(findings: Findings) -> list[Candidate]:
     """Accepted effects that are probable, where they predict what they were not fitted to."""
-    runs, quantities = _gains(found)
+    runs, quantities = _gains(findings)
     if sum(runs) <= 0.0 or min([*runs, *quantities]) <= -MIN_GAIN:
         return []
-    return [e for e in found.accepted.model.effects if probability(found, e.name) >= LEAST]
+    return [e for e in findings.accepted.model.effects if probability(findings, e.name) >= LEAST]
 
 
-def probability(found: Findings, effect: str) -> float:
+def probability(findings: Findings, effect: str) -> float:
     """Calibrated probability that the accepted `effect`, or one of its class, is right."""
-    return calibration(found.subject.kind).probability(numbers(found, effect))
+    return calibration(findings.subject.kind).probability(numbers(findings, effect))
 
 
-def gap_is_there(found: Findings) -> bool:
+def gap_is_there(findings: Findings) -> bool:
     """Whether the base leaves a gap that shows in a place or on held-out runs.
 
     A misfit as a whole that no place shows, and no run that was held out, is no gap.
     """
-    if not found.fitted.gap:
+    if not findings.base_fit.gap:
         return False
-    shows = any(place.p < ALPHA for place in found.fitted.places)
-    return shows or unseen_gap(found) > GAP
+    shows = any(place.p < ALPHA for place in findings.base_fit.places)
+    return shows or unseen_gap(findings) > GAP
 
 
-def unseen_gap(found: Findings) -> float:
+def unseen_gap(findings: Findings) -> float:
     """Excess gap of the base on held-out runs, wild samples bounded."""
-    return held_out_gap.bounded_excess(found.shown.before)
+    return held_out_gap.bounded_excess(findings.unseen.before)
 
 
-def numbers(found: Findings, effect: str | None) -> Numbers:
+def numbers(findings: Findings, effect: str | None) -> Numbers:
     """The numbers that decide on the accepted `effect`; of the base, where it is None."""
-    runs, quantities = _gains(found)
-    fits = (found.accepted.estimate, found.shown.after)
-    by_run = [held_out_gap.rms_by_run(fit, found.subject.scope.quantities) for fit in fits]
-    left = float(np.median([rms for of_fit in by_run for rms in of_fit]))
-    classes = [group for group in found.judged.classes if effect in group]
+    runs, quantities = _gains(findings)
+    fits = (findings.accepted.estimate, findings.unseen.after)
+    by_run = [held_out_gap.rms_by_run(fit, findings.subject.scope.quantities) for fit in fits]
+    typical_rms = float(np.median([rms for of_fit in by_run for rms in of_fit]))
+    classes = [group for group in findings.model_tests.classes if effect in group]
     alike = {effect, *(name for group in classes for name in group)}
     return Numbers(
         log_odds=math.inf
         if effect is None
-        else found.posterior.log_odds(lambda names: not alike.isdisjoint(names)),
+        else findings.posterior.log_odds(lambda names: not alike.isdisjoint(names)),
         gain=sum(runs),
         worst=min([*runs, *quantities]),
-        left=left,
+        left=typical_rms,
         correlation=max(
-            _correlation(fit, [rms <= ASTRAY * left for rms in of_fit])
+            _correlation(fit, [rms <= ASTRAY * typical_rms for rms in of_fit])
             for fit, of_fit in zip(fits, by_run, strict=True)
         ),
-        strain=max(map(abs, _strains(found.accepted.estimate).values()), default=0.0),
+        strain=max(map(abs, _strains(findings.accepted.estimate).values()), default=0.0),
     )
 
 
 def _correlation(fit: Estimate, together: Sequence[bool]) -> float:
     """Correlation of neighbours in time in the residuals of the runs that go `together`."""
-    kept = fit.on([i for i, shares in enumerate(together) if shares])
-    return robust.correlation(kept.evidence.runs, kept.residuals)
+    typical = fit.on([i for i, shares in enumerate(together) if shares])
+    return robust.correlation(typical.evidence.runs, typical.residuals)
 
 
-def deciding_numbers(found: Findings) -> Numbers:
+def deciding_numbers(findings: Findings) -> Numbers:
     """The numbers of the least sure effect that is named or, without names, was accepted."""
-    effects = named_effects(found) or found.accepted.model.effects
-    every = [numbers(found, effect.name) for effect in effects]
-    return min(every, key=lambda n: n.log_odds, default=numbers(found, None))
+    effects = named_effects(findings) or findings.accepted.model.effects
+    by_effect = [numbers(findings, effect.name) for effect in effects]
+    return min(by_effect, key=lambda n: n.log_odds, default=numbers(findings, None))
 
 
-def _gains(found: Findings) -> tuple[list[float], list[float]]:
+def _gains(findings: Findings) -> tuple[list[float], list[float]]:
     """Predictive gain [nats] over the base by run and by quantity, wild samples bounded.
 
     Of runs left out in turn as predicted from the others, and of held-out ones.
     """
-    by, base, accepted = found.by, found.base, found.accepted
+    base, accepted, unseen = findings.base, findings.accepted, findings.unseen
     pairs = [
         (base.estimate, base.left_out, accepted.estimate, accepted.left_out),
-        (found.shown.before, found.shown.before.residuals,
-         found.shown.after, found.shown.after.residuals),
-    ]  # fmt: skip
-    by_run: list[float] = []
+        (unseen.before, unseen.before.residuals, unseen.after, unseen.after.residuals),
+    ]
+    likelihood, by_run = findings.likelihood, list[float]()
     by_quantity: dict[str, float] = defaultdict(float)
-    for before, missed, after, misses in pairs:
-        rows = zip(
-            before.evidence.runs, missed, before.evidence.scales, misses, after.evidence.scales,
-            strict=True,
-        )  # fmt: skip
-        for run, r, scale, now, its in rows:
-            unit = np.maximum(scale, its) * by.scale
-            gain = robust.bounded_loss(r * scale / unit) - robust.bounded_loss(now * its / unit)
-            by_run.append(float(gain.sum()) / by.inefficiency)
+    for before, base_residuals, after, residuals in pairs:
+        scales = zip(before.evidence.scales, after.evidence.scales, strict=True)
+        rows = zip(before.evidence.runs, base_residuals, residuals, scales, strict=True)
+        for run, r_before, r_after, (s_before, s_after) in rows:
+            unit = np.maximum(s_before, s_after) * likelihood.scale
+            loss = robust.bounded_loss(r_before * s_before / unit)
+            gain = loss - robust.bounded_loss(r_after * s_after / unit)
+            by_run.append(float(gain.sum()) / likelihood.inefficiency)
             for name in np.unique(run.samples.quantity):
-                mine = gain[run.samples.quantity == name]
-                by_quantity[str(name)] += float(mine.sum()) / by.inefficiency
+                part = float(gain[run.samples.quantity == name].sum())
+                by_quantity[str(name)] += part / likelihood.inefficiency
     return by_run, list(by_quantity.values())
 
 
@@ -155,19 +153,19 @@ def refuted_values(fit: Estimate, subject: Subject) -> list[list[str]]:
     Beside the effect those values lie STRAINED standard deviations off or more, and what that
     changes is what the effect changes.
     """
-    far = [name for name, strain in _strains(fit).items() if abs(strain) > STRAINED]
-    if not far or not subject.scope.believed:
+    strained_names = [name for name, strain in _strains(fit).items() if abs(strain) > STRAINED]
+    if not strained_names or not subject.scope.believed:
         return []
     moved = fit.shared - np.array([p.start for p in fit.model.parameters])
     responses = stacked_jacobian(fit)[:, : len(moved)] * moved
     names = [p.name for p in fit.model.base]
-    strained = responses[:, [names.index(name) for name in far]].sum(axis=1)
-    classes, at = [], len(names)
+    strained = responses[:, [names.index(name) for name in strained_names]].sum(axis=1)
+    classes, column = [], len(names)
     for effect in fit.model.effects:
-        mine = responses[:, at : at + len(effect.parameters)].sum(axis=1)
-        at += len(effect.parameters)
-        if abs(_cosine(mine, strained)) > ALIKE:
-            classes.append([effect.name, *far])
+        response = responses[:, column : column + len(effect.parameters)].sum(axis=1)
+        column += len(effect.parameters)
+        if abs(_cosine(response, strained)) > ALIKE:
+            classes.append([effect.name, *strained_names])
     return classes
 
 
@@ -175,21 +173,21 @@ def _cosine(a: Array, b: Array) -> float:
     return float(a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), np.finfo(float).tiny))
 
 
-def reasons(found: Findings) -> list[str]:
+def reasons(findings: Findings) -> list[str]:
     """Reasons for which the accepted effects are not named, or the gap is not explained."""
-    repeats, fit = found.judged.repeats, found.accepted.estimate
+    repeats, fit = findings.model_tests.repeats, findings.accepted.estimate
     words = []
     for effect in fit.model.effects:
-        p = probability(found, effect.name)
+        p = probability(findings, effect.name)
         if p < LEAST:
             words.append(f"{effect.name} is right with probability {p:.2f} (named from {LEAST:g})")
     if fit.model.effects:
-        runs, quantities = _gains(found)
+        runs, quantities = _gains(findings)
         if sum(runs) <= 0.0:
             words.append("runs that the fit has not seen are predicted no better")
         elif min([*runs, *quantities]) <= -MIN_GAIN:
             words.append("a run or a quantity that the fit has not seen is predicted worse")
-    by_run = held_out_gap.rms_by_run(fit, found.subject.scope.quantities)
+    by_run = held_out_gap.rms_by_run(fit, findings.subject.scope.quantities)
     rms, run = max(zip(by_run, (r.name for r in fit.evidence.runs), strict=True))
     if rms > ASTRAY * float(np.median(by_run)):
         words.append(f"run {run} goes another way")
@@ -201,9 +199,9 @@ def reasons(found: Findings) -> list[str]:
     return words
 
 
-def describe_left(found: Findings) -> str:
+def describe_left(findings: Findings) -> str:
     """Sentence on what the best model leaves, and why it is not believed."""
-    quantities, shown = found.subject.scope.quantities, found.shown
+    quantities, shown = findings.subject.scope.quantities, findings.unseen
     after = held_out_gap.sizes(shown.after, quantities)
     least = held_out_gap.floor(shown.before.evidence, quantities)
     sizes = ", ".join(
@@ -211,6 +209,6 @@ def describe_left(found: Findings) -> str:
         for q in quantities.values()
         if q.key in after
     )
-    best = found.accepted.model.name
+    best = findings.accepted.model.name
     of = "the refitted model" if best == "base" else f"the model with {best}"
-    return "; ".join([f"{of} leaves {sizes} on held-out runs", *reasons(found)])
+    return "; ".join([f"{of} leaves {sizes} on held-out runs", *reasons(findings)])

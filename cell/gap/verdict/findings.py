@@ -56,7 +56,7 @@ class Screen:
     """
 
     probed: tuple[ProbeResponses, ...]
-    known: Table
+    equations: Table
     singles: tuple[Score, ...]
     p: dict[str, float]
     detectable: dict[str, float | None]
@@ -115,19 +115,19 @@ class Findings:
 
     subject: Subject
     held_out: tuple[str, ...]
-    fitted: BaseFit
-    screened: Screen
+    base_fit: BaseFit
+    screen: Screen
     choice: Choice
     posterior: Posterior
-    judged: ModelTests
-    shown: HeldOutFits
-    advised: Advice
-    offered: OfferedLaw | None = None
+    model_tests: ModelTests
+    unseen: HeldOutFits
+    advice: Advice
+    law: OfferedLaw | None = None
 
     @property
     def base(self) -> CrossValidatedFit:
         """The refitted base."""
-        return self.fitted.base
+        return self.base_fit.base
 
     @property
     def accepted(self) -> CrossValidatedFit:
@@ -137,15 +137,15 @@ class Findings:
     @property
     def places(self) -> tuple[Bin, ...]:
         """Bins where the base disagrees, alone or as accepted effects would, strongest first."""
-        return tuple(stronger_of_two(self.fitted.places, self.judged.places))
+        return tuple(stronger_of_two(self.base_fit.places, self.model_tests.places))
 
     @property
-    def by(self) -> LikelihoodScale:
+    def likelihood(self) -> LikelihoodScale:
         """The scale on which models were compared."""
-        return self.choice.by
+        return self.choice.likelihood
 
     @property
-    def sure(self) -> tuple[Candidate, ...]:
+    def separable(self) -> tuple[Candidate, ...]:
         """The accepted effects that the runs separate from all others."""
-        doubtful = {name for group in self.judged.classes for name in group}
+        doubtful = {name for group in self.model_tests.classes for name in group}
         return tuple(e for e in self.accepted.model.effects if e.name not in doubtful)

@@ -28,13 +28,13 @@ def chosen(subject: Subject, simulate: Simulate, fits: Fits, sets: Posterior) ->
 
     The probabilities `sets` compare all models by one simulation, and so do not change with it.
     """
-    found = choose(fits, sets)
-    rough = found.accepted
+    choice = choose(fits, sets)
+    rough = choice.accepted
     if not rough.model.effects:
-        return found
-    done = run_one(simulate, validate(refit_fine(subject, simulate, rough.estimate)))
-    models = tuple(done if m is rough else m for m in fits.models)
-    return replace(found, accepted=done, fits=replace(fits, models=models))
+        return choice
+    refined = run_one(simulate, validate(refit_fine(subject, simulate, rough.estimate)))
+    models = tuple(refined if m is rough else m for m in fits.models)
+    return replace(choice, accepted=refined, fits=replace(fits, models=models))
 
 
 def judge(
@@ -42,26 +42,26 @@ def judge(
     choice: Choice,
     sets: Posterior,
     simulate: Simulate,
-    whole: Evidence,
+    complete: Evidence,
     rng: np.random.Generator,
 ) -> ModelTests:
     """Test the accepted model of `choice` for lack of fit, and for what else may be in its place.
 
-    `sets` are the probabilities of what was fitted; `whole` are the runs with every random unknown
-    that they may have.
+    `sets` are the probabilities of what was fitted; `complete` are the runs with every
+    random unknown that they may have.
     """
     best = choice.accepted.estimate
     repeats, noise = Repeats.of(best), lack_of_fit.noise_left(best, rng)
     allowed = lack_of_fit.slack(best.evidence, repeats.inflation)
     close = rivals(choice.accepted, choice.fits, sets) if best.model.effects else []
     alike = merged([*classes(choice.accepted, close), *refuted_values(best, subject)])
-    scatter = estimate_spreads(simulate, best, whole)
+    scatter = estimate_spreads(simulate, best, complete)
     return ModelTests(
         misfit=lack_of_fit.lack_of_fit(best, noise, allowed),
         repeats=repeats,
         rivals=tuple(close),
         classes=tuple(map(tuple, alike)),
-        sized=run_one(simulate, final_fit(with_own_scatter(simulate, best, scatter, whole))),
+        sized=run_one(simulate, final_fit(with_own_scatter(simulate, best, scatter, complete))),
         scatter=scatter,
         places=_matching_places(choice, rng),
     )
@@ -114,12 +114,12 @@ def advice(
     if second is None:
         return Advice()
     first = choice.accepted.estimate
-    more = run_one(simulate, repeatability_gains(first, second, choice.by))
+    more = run_one(simulate, repeatability_gains(first, second, choice.likelihood))
     experiments = [
         replace(e, run=with_spreads(evidence([e.run]), judged.scatter).runs[0])
         for e in subject.experiments()
     ]
-    planned = run_one(simulate, advise(first, second, experiments, choice.by))
+    planned = run_one(simulate, advise(first, second, experiments, choice.likelihood))
     return Advice(tuple(planned), tuple(more))
 
 
@@ -134,7 +134,7 @@ def _alternative(
     others = [m for m in choice.fits.models
               if len(m.model.effects) == size and m is not choice.accepted]  # fmt: skip
     if others:
-        best = min(others, key=lambda m: float(m.losses(choice.by.scale).sum()))
+        best = min(others, key=lambda m: float(m.losses(choice.likelihood.scale).sum()))
         return best.model, best.estimate.shared
     accepted = choice.accepted.estimate
     known = {effect.name for effect in accepted.model.effects}

@@ -67,7 +67,7 @@ def offered_law(
     if held_out_gap.excess_of(before) < OFFER.nothing:
         return None
     laws = _fit_laws(subject, simulate, replace(choice.fits, models=(choice.fits.base,)))
-    for law in needed_models(laws, posterior(laws, choice.by)):
+    for law in needed_models(laws, posterior(laws, choice.likelihood)):
         if _stable(law.estimate):
             after = held_out_gap.unseen(simulate, law.estimate, before.evidence)
             closed = held_out_gap.shrink(before, after, rng).value

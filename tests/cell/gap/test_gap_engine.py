@@ -255,13 +255,13 @@ def test_specimen_that_drifts_from_run_to_run_is_not_called_in_order() -> None:
     drift: Law = lambda t, s, i: 0.02 * i * t  # noqa: E731
     found, verdict = judged(Curves(drift))
     assert verdict.verdict == "unexplained"
-    assert found.fitted.repeats.drift is not None
-    assert "slope" in found.fitted.repeats.drift.words
+    assert found.base_fit.repeats.drift is not None
+    assert "slope" in found.base_fit.repeats.drift.words
 
 
 def test_effect_without_response_changes_nothing() -> None:
     found, verdict = judged(Curves(hidden(bump, 0.05)))
-    dead = next(p for p in found.screened.probed if p.candidate.name == "dead")
+    dead = next(p for p in found.screen.probed if p.candidate.name == "dead")
     assert dead.dead
     assert "dead" not in verdict.detectable
 
@@ -275,7 +275,7 @@ def test_one_sided_effect_is_not_taken_with_the_wrong_sign() -> None:
 def test_strongest_place_is_where_the_effect_was_hidden() -> None:
     late: Law = lambda t, s, i: np.where((t > 0.6) & (s > 2.5), 0.05, 0.0)  # noqa: E731
     found, _ = judged(Curves(late))
-    first = found.fitted.places[0]
+    first = found.base_fit.places[0]
     assert (first.phase, first.condition) == ("fall", "faster")
     assert first.p < 0.01
 

@@ -43,11 +43,11 @@ def test_a_law_is_offered_for_a_gap_that_no_effect_explains_and_closes_it() -> N
     found, verdict = judged(Withheld(hidden(bump, 0.2), names=("dead",)))
     assert verdict.verdict == "unexplained"
     assert verdict.effects == []
-    assert found.offered is not None
-    assert found.offered.terms["bump"] == pytest.approx(0.2, rel=0.05)
-    assert found.offered.shrink > 0.9
+    assert found.law is not None
+    assert found.law.terms["bump"] == pytest.approx(0.2, rel=0.05)
+    assert found.law.shrink > 0.9
     assert verdict.unexplained is not None
-    assert verdict.unexplained.law == found.offered.words
+    assert verdict.unexplained.law == found.law.words
     assert verdict.unexplained.stable
 
 
@@ -61,13 +61,13 @@ def test_where_no_law_closes_the_gap_none_is_stated() -> None:
 def test_no_law_is_offered_where_nothing_is_hidden() -> None:
     for seed in range(4):
         found, _ = judged(Withheld(nothing, names=("dead",), seed=seed))
-        assert found.offered is None
+        assert found.law is None
 
 
 def test_no_law_is_offered_where_an_effect_is_named() -> None:
     found, verdict = judged(Withheld(hidden(bump, 0.2)))
     assert verdict.verdict == "named"
-    assert found.offered is None
+    assert found.law is None
 
 
 def wide(t: Array, speed: float, _: int) -> Array:
@@ -79,16 +79,16 @@ def test_a_law_stands_beside_a_name_that_only_imitates(monkeypatch: pytest.Monke
     found, verdict = judged(Withheld(hidden(bump, 0.3), names=("wide", "dead")))
     assert [e.name for e in found.accepted.model.effects] == ["wide"]
     assert verdict.gap.shrink < 0.95
-    assert found.offered is not None
-    assert found.offered.terms["bump"] == pytest.approx(0.3, rel=0.05)
-    assert found.offered.shrink > verdict.gap.shrink
+    assert found.law is not None
+    assert found.law.terms["bump"] == pytest.approx(0.3, rel=0.05)
+    assert found.law.shrink > verdict.gap.shrink
 
 
 def test_no_law_stands_beside_two_effects_that_are_there() -> None:
     both: engine.Law = lambda t, s, i: 0.2 * bump(t, s, i) - 0.1 * wave(t, s, i)  # noqa: E731
     found, verdict = judged(Withheld(both))
     assert sorted(e.name for e in verdict.effects) == ["bump", "wave"]
-    assert found.offered is None
+    assert found.law is None
 
 
 @pytest.mark.parametrize("name", LAW_TERMS)

@@ -25,7 +25,7 @@ def once(t: Array, _: float, index: int) -> Array:
 
 def test_one_wild_sample_claims_no_gap() -> None:
     found, verdict = judged(Curves(once))
-    assert abs(found.fitted.places[0].z) > 10.0
+    assert abs(found.base_fit.places[0].z) > 10.0
     assert verdict.verdict == "no_gap"
 
 
@@ -101,7 +101,7 @@ class GrainedBeside(Curves):
 
 def test_gaps_on_held_out_runs_are_compared_by_the_floors_of_both_models() -> None:
     subject = GrainedBeside(hidden(wave, 0.3))
-    shown = judged(subject)[0].shown
+    shown = judged(subject)[0].unseen
     assert shown.after.model.names == {"wave"}
     for fit in (shown.before, shown.after):
         assert fit.evidence.scales[0] == pytest.approx(np.hypot(subject.noise, GRAIN))
@@ -110,8 +110,8 @@ def test_gaps_on_held_out_runs_are_compared_by_the_floors_of_both_models() -> No
 def test_a_model_that_leaves_more_of_unseen_runs_is_the_less_probable() -> None:
     found, verdict = judged(Curves(hidden(wave, 0.3)))
     assert verdict.verdict == "named"
-    shown = replace(found.shown, before=found.shown.after, after=found.shown.before)
-    worse = replace(found, shown=shown)
+    shown = replace(found.unseen, before=found.unseen.after, after=found.unseen.before)
+    worse = replace(found, unseen=shown)
     assert probability(worse, "wave") < verdict.effects[0].confidence
     assert kind(worse) == "unexplained"
     assert "has not seen is predicted worse" in describe_left(worse)

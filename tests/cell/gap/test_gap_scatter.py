@@ -123,7 +123,7 @@ def test_an_effect_is_named_beside_scatter_with_its_true_size_within_the_interva
     assert [e.name for e in verdict.effects] == ["bump"]
     size = verdict.effects[0].parameters["size"]
     assert (size.low or 0.0) < 0.1 < (size.high or 0.0)
-    assert [s.name for s in found.judged.scatter] == ["ripple"]
+    assert [s.name for s in found.model_tests.scatter] == ["ripple"]
 
 
 def test_what_is_detectable_counts_the_scatter() -> None:

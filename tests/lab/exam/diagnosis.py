@@ -108,7 +108,7 @@ def main() -> None:
 
     def note(found: "Findings", _verdict: "Verdict", _path: Path) -> None:
         notes["tried"] = refitted_models(found)
-        notes["scatter"] = {s.name: s.value for s in found.judged.scatter}
+        notes["scatter"] = {s.name: s.value for s in found.model_tests.scatter}
 
     try:
         fit([Path("runs")], Path("strip.yaml"), Path("out"), jobs=1, overlay=note)
@@ -121,13 +121,13 @@ def main() -> None:
 
 def refitted_models(found: "Findings") -> list[dict[str, object]]:
     """Facts on every refitted model: name, number of effects, in-sample mean square and loss."""
-    from cell.gap.selection.likelihood import mean_square
+    import numpy as np
 
     return [
         {
             "name": m.model.name,
             "effects": len(m.model.effects),
-            "mean_square": mean_square(m.estimate.residuals),
+            "mean_square": float(np.mean([np.mean(r**2) for r in m.estimate.residuals])),
             "objective": m.estimate.objective,
         }
         for m in found.choice.fits.models

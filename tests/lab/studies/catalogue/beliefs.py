@@ -64,7 +64,7 @@ def measure(case: Values) -> Values:
         "answer": list(hidden.answer),
         "strength": hidden.strength,
         "named": sorted(found.accepted.model.names),
-        "log_score": log_score(posterior(fits, fits.scale), hidden),
+        "log_score": log_score(posterior(fits, fits.likelihood), hidden),
         "best": max(score["nats"] for score in scores),
         "scores": scores,
     }
@@ -76,14 +76,14 @@ def _fit_promising(found: Findings) -> Fits:
     Where nothing is hidden, the screen often leaves only the base, of which any beliefs are sure.
     """
     scope, fits = found.subject.scope, found.choice.fits
-    missing = [s for s in found.screened.singles[: search.BUDGET.singles]
+    missing = [s for s in found.screen.singles[: search.BUDGET.singles]
                if fits.of(frozenset(s.names)) is None]  # fmt: skip
     return search.fit_scores(found.subject.simulate, fits, missing, scope.candidates)
 
 
 def _weigh(fits: Fits, immaterial: float, wrong: float) -> Posterior:
     prior = beliefs().model_copy(update={"immaterial": immaterial, "wrong": wrong})
-    return posterior(fits, fits.scale, prior)
+    return posterior(fits, fits.likelihood, prior)
 
 
 def log_score(sets: Posterior, hidden: Case) -> float:
