@@ -28,7 +28,7 @@ from calibration.calibration import load_calibration, save_calibration
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.folding.replay import replay
-from cell.gap.subject.mechanism.pendulum import load_pendulum
+from cell.gap.subject.mechanism.file import PendulumFile
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from cell.gap.verdict.accept import accept, sha256, undo
@@ -140,7 +140,7 @@ def document_readers() -> dict[str, tuple[dict[str, Any], Reader]]:
         "plant": (strip, load_plant),
         "cell": (cell, lambda path: load(path, CellFile)),
         "calibration": (_camera_file(), load_calibration),
-        "pendulum": (pendulum, load_pendulum),
+        "pendulum": (pendulum, lambda path: load(path, PendulumFile)),
         "run": ({"schema": 1, **HEADER}, lambda path: load(path, Header)),
         "result": ({"schema": 1, **RESULT}, lambda path: load(path, Result, bare=True)),
         "checkpoint": (

@@ -10,6 +10,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
+from cell.gap.subject.mechanism.subject import MechanismSubject
+from cell.gap.subject.subject import Request
 from drivers.types import Array
 
 ARM = """<mujoco model="arm">
@@ -68,13 +70,15 @@ def make_arm(
     hidden: Hidden | None = None,
     content: dict[str, Any] = FORWARD,
     span: float = 3.0,
+    stated: str = ARM,
+    plant: str = "",
 ) -> tuple[Path, Path]:
-    """The arm's file and folder of runs; `hidden` edits the plant that makes them."""
+    """The arm's file and folder of runs; `hidden` edits the plant, as `stated`, that makes them."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "arm.xml").write_text(ARM)
+    (folder / "arm.xml").write_text(stated)
     file = folder / "arm.yaml"
     file.write_text(yaml.safe_dump(content, sort_keys=False))
-    model = mujoco.MjModel.from_xml_string(ARM)
+    model = mujoco.MjModel.from_xml_string(plant or stated)
     model.opt.timestep = 0.0005
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     if hidden is not None:
@@ -89,6 +93,16 @@ def make_arm(
     return file, folder / "runs"
 
 
+def left(subject: MechanismSubject, **effects: Any) -> float:
+    """What the stated model with `effects` leaves of all runs, rms in units of noise."""
+    base = np.array([p.start for p in subject.scope.base])
+    known = {name: np.array(values) for name, values in effects.items()}
+    asked = [Request(r, base, known, np.array([p.start for p in r.local])) for r in subject.runs]
+    found = [f.mean / r.samples.noise
+             for r, f in zip(subject.runs, subject.simulate(asked), strict=True)]  # fmt: skip
+    return float(np.sqrt(np.mean(np.concatenate(found) ** 2)))
+
+
 def moved(model: Any, rate: float, span: float, every: int = 10) -> dict[str, Array]:
     """Columns (m,) of a motion under commands that go there and back, faster by `rate`."""
     data, rows = mujoco.MjData(model), []
@@ -101,7 +115,7 @@ def moved(model: Any, rate: float, span: float, every: int = 10) -> dict[str, Ar
         if k % every == 0:
             mujoco.mj_forward(model, data)
             force = data.actuator_force.copy()
-            rows.append([data.time, *data.qpos, *data.ctrl, *force])
+            rows.append([data.time, *data.qpos[-2:], *data.ctrl, *force])
         mujoco.mj_step(model, data)
     t, q1, q2, u1, u2, f1, f2 = np.array(rows).T
     return {"t": t, "shoulder": q1, "elbow": q2, "a1": u1, "a2": u2, "t1": f1, "t2": f2,

@@ -1,5 +1,5 @@
 """Published measurements of real mechanisms as runs: `python -m tests.lab measure-mechanisms
-driven|servo|triple OUT [--data DIR]` writes them into OUT and prints the command that fits them.
+driven|servo OUT [--data DIR]` writes them into OUT and prints the command that fits them.
 """
 
 import json
@@ -10,7 +10,6 @@ import numpy as np
 
 from cell.gap.subject.run_folders import read_table
 from tests.support.mechanisms import write_run
-from tests.support.pendulum_mechanism import convert_pendulum
 
 CONFIGS = Path(__file__).parents[3] / "configs" / "mechanisms"
 DATA = Path(__file__).parents[4] / "shared" / "data"
@@ -44,13 +43,7 @@ def servo(data: Path, out: Path) -> Path:
     return CONFIGS / "servo" / "mechanism.yaml"
 
 
-def triple(data: Path, out: Path) -> Path:
-    """Runs of the triple pendulum; its mechanism file, converted."""
-    source = data / "pendulum" / "triple"
-    return convert_pendulum(source / "pendulum.yaml", sorted((source / "runs").iterdir()), out)
-
-
-def main(which: Literal["driven", "servo", "triple"], out: Path, data: Path = DATA) -> None:
+def main(which: Literal["driven", "servo"], out: Path, data: Path = DATA) -> None:
     """Convert, and print the command that fits."""
-    file = {"driven": driven, "servo": servo, "triple": triple}[which](data, out)
+    file = {"driven": driven, "servo": servo}[which](data, out)
     print(f"cell gap fit {out / 'runs'} --model {file} --out {out / 'verdict'}")

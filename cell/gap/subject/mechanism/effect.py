@@ -158,7 +158,9 @@ def driven_joints(mechanism: Mechanism) -> list[Joint]:
 def has_gears(mechanism: Mechanism) -> bool:
     """Whether the mechanism can be simulated with elasticity or play between motors and links."""
     one_each = int(mechanism.model.body_jntnum.max()) == 1
-    return mechanism.mode == "prescribed" or bool(mechanism.actuators and one_each)
+    if mechanism.mode == "prescribed":
+        return not mechanism.model.neq
+    return bool(mechanism.actuators and one_each)
 
 
 def add_to(field: str) -> Callable[[Mechanism, Array, Fields], None]:

@@ -1,7 +1,7 @@
 """Engine of a mechanism: prepares its measured runs, and predicts what their sensors read."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +12,7 @@ from cell.gap.subject.mechanism.fields import Fields
 from cell.gap.subject.mechanism.load import MechanismData
 from cell.gap.subject.mechanism.runs import Cut, Recording, average, cut, phases, samples, width_of
 from cell.gap.subject.subject import Samples, Words
+from drivers.errors import ConfigurationError
 from drivers.types import Array
 
 BLOCK = 0.4  # rad of the fastest signal in one sample
@@ -51,10 +52,24 @@ class Case:
 class Engine(ABC):
     """Predicts the signals of an `opened` mechanism; `notes` are remarks on it for the operator."""
 
-    notes: Sequence[str] = ()
+    notes: tuple[str, ...] = ()
 
     def __init__(self, opened: MechanismData) -> None:
         self._opened, self._mechanism = opened, opened.mechanism
+        model = self._mechanism.model
+        colliding = (model.geom_contype > 0) & (model.geom_conaffinity > 0)
+        if not model.npair and len(set(model.geom_bodyid[colliding])) > 1:
+            self.notes = (*self.notes, "contacts are off: the model lists no pair of geoms")
+        left_out = next(iter(self.not_honoured()), None)
+        if left_out is not None:
+            raise ConfigurationError(
+                f"{opened.path}: model: {left_out}: would be left out in mode {opened.file.mode}; "
+                "take it out of the model, or compare in the other mode"
+            )
+
+    def not_honoured(self) -> Iterable[str]:
+        """What the mode would leave out of signals, by name; nothing where the model is whole."""
+        return ()
 
     def prepare(self, recording: Recording) -> tuple[Content, Samples]:
         """Content of a run for `predict`, and its samples with their phases."""

@@ -1,7 +1,7 @@
 """Fields of a MuJoCo model by name, edited in place: of one model, or of one in a batch."""
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -9,13 +9,6 @@ import numpy as np
 from drivers.types import Array
 
 OPTION = "opt."  # prefix of the names of fields that are options of a model
-
-
-class Fields(Protocol):
-    """Arrays of a model by MuJoCo's names (`dof_damping`, `opt.gravity`), to be edited in place."""
-
-    def __getitem__(self, name: str) -> Array:
-        """Array of the field called `name`, to be edited in place."""
 
 
 class ModelFields:
@@ -51,6 +44,10 @@ class BatchFields:
         """Array of the field called `name` for this simulation."""
         found: Array = self._expand(name)[self._i, ...]
         return found
+
+
+Fields = ModelFields | BatchFields
+"""Arrays of a model by MuJoCo's names (`dof_damping`, `opt.gravity`), to be edited in place."""
 
 
 def scale_gain(fields: Fields, actuator: int, factor: float) -> None:

@@ -4,6 +4,7 @@ Of a MuJoCo model a file says what was commanded and measured, and what is uncer
 the properties of a chain of hinged links as its maker states them.
 """
 
+import math
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -15,6 +16,10 @@ Length = Annotated[Metres, Field(ge=1e-4, le=100.0)]
 Mass = Annotated[float, Unit("kg"), Field(ge=1e-6, le=1e5)]
 Inertia = Annotated[float, Unit("kg m^2"), Field(ge=1e-14, le=1e8)]
 Damping = Annotated[float, Unit("N m s"), Field(ge=0.0, le=1e6)]
+RADIUS = 0.005  # m of the rods that air brakes
+# blunt, slender, angular, lift, spin: a rod of 0.2 m about its end, as integrated along it
+DRAG = (1.0, 0.1, 1.5, 0.0, 0.0)
+DRAG_UNIT = 1.2 * 2.0 * RADIUS * math.pi / 4.0  # kg/m^2 at the density of air
 Positive = Annotated[float, Field(gt=0)]
 BodyField = Literal["mass", "com", "inertia", "damping", "armature", "stiffness", "gain"]
 OWNERS = {"body": ("mass", "com", "inertia"), "joint": ("damping", "armature", "stiffness"),
@@ -25,7 +30,8 @@ class SignalSpec(Settings):
     """Signal in a column of the runs: what it measures, and its standard deviation `sigma` in SI.
 
     `sigma: repeats` takes it from repeated runs. `tracking` is a measured position minus the
-    commanded one.
+    commanded one. The `side` of the gear on which a torque is read is the motor's where a motor is
+    named, and the joint's where a joint is.
     """
 
     joint: str | None = None
@@ -34,6 +40,7 @@ class SignalSpec(Settings):
     sensor: str | None = None
     is_: Literal["position", "velocity", "torque", "tracking"] | None = Field(None, alias="is")
     axis: Literal["x", "y", "z"] | None = None
+    side: Literal["joint", "motor"] | None = None
     sigma: Positive | Literal["repeats"]
 
     @model_validator(mode="after")
@@ -41,13 +48,16 @@ class SignalSpec(Settings):
         named = [k for k in ("joint", "actuator", "site", "sensor") if getattr(self, k) is not None]
         if len(named) != 1:
             raise ValueError("names one of joint, actuator, site and sensor")
-        kinds = {"joint": ("position", "velocity", "tracking"), "actuator": ("torque",)}.get(
-            named[0], (None,)
-        )
+        kinds = {
+            "joint": ("position", "velocity", "torque", "tracking"),
+            "actuator": ("torque",),
+        }.get(named[0], (None,))
         if self.is_ not in kinds:
             raise ValueError(f"is: of a {named[0]} is one of {kinds}")
         if (self.axis is not None) != (named[0] == "site"):
             raise ValueError("axis: x, y or z, of a site alone")
+        if self.side is not None and self.is_ != "torque":
+            raise ValueError("side: joint or motor, of a torque alone")
         return self
 
 
@@ -150,17 +160,23 @@ class PendulumFile(Settings):
         return self
 
     def xml(self) -> str:
-        """MJCF text of the chain, hanging at zero; its bodies and joints are called 1, 2, 3, ..."""
+        """MJCF text of the chain, hanging at zero; its bodies and joints are called 1, 2, 3, ...
+
+        The coefficient of air drag is a force per length and squared speed [kg/m^2].
+        """
         opened, above = "", 0.0
+        drag = " ".join(str(share / DRAG_UNIT) for share in DRAG)
         for i, link in enumerate(self.links, start=1):
             moments = " ".join([repr(link.inertia)] * 3)
+            rod = min(2.0 * link.com, link.com + (3.0 * link.inertia / link.mass) ** 0.5)
             opened += (
                 f'<body name="{i}" pos="0 0 {-above!r}"><joint name="{i}" axis="0 1 0" '
                 f'damping="{link.damping!r}"/><inertial pos="0 0 {-link.com!r}" '
-                f'mass="{link.mass!r}" diaginertia="{moments}"/>'
+                f'mass="{link.mass!r}" diaginertia="{moments}"/><geom type="capsule" mass="0" '
+                f'fromto="0 0 0 0 0 {-(link.length or rod)!r}" size="{RADIUS}" contype="0" '
+                f'conaffinity="0" fluidshape="ellipsoid" fluidcoef="{drag}"/>'
             )
             above = link.length or 0.0
-        opened += f'<site pos="0 0 {-above!r}"/>' if above else ""
         return (
             f'<mujoco><compiler angle="radian"/><option gravity="0 0 {-self.gravity!r}"/>'
             f"<worldbody>{opened}{'</body>' * len(self.links)}</worldbody></mujoco>\n"

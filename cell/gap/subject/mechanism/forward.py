@@ -5,7 +5,7 @@ Elastic gears or play split each joint into motor and link.
 
 import copy
 import xml.etree.ElementTree as ET
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +18,7 @@ from cell.gap.subject.mechanism.engine import Case, Content, Engine
 from cell.gap.subject.mechanism.fields import BatchFields, ModelFields
 from cell.gap.subject.mechanism.load import MechanismData, start_of
 from cell.gap.subject.mechanism.model import Mechanism, compile_model
-from cell.gap.subject.mechanism.runs import Cut, Recording
+from cell.gap.subject.mechanism.runs import Cut, Recording, Signal
 from drivers.types import Array, frozen
 
 TOGETHER = 256  # simulations of a batch
@@ -94,6 +94,17 @@ class Forward(Engine):
         self._jobs, self._laws = jobs, laws
         self._settle = round((opened.file.start.settle or 0.0) / self._mechanism.step)
         self._split_model: SplitModel | None = None
+
+    def not_honoured(self) -> Iterator[str]:
+        """What torques along a simulation would lack, by name; nothing where they are whole."""
+        model = self._mechanism.model
+        plain = (model.actuator_dyntype == 0) & (model.actuator_gaintype == 0)
+        plain &= model.actuator_biastype <= int(mujoco.mjtBias.mjBIAS_AFFINE)
+        plain &= model.actuator_delay == 0.0
+        for sensor in self._mechanism.torques:
+            if not plain[sensor.actuator]:
+                name = model.actuator(sensor.actuator).name
+                yield f"torque {sensor.name} of {name}: its filter, delay, or law of force"
 
     def _content(self, recording: Recording, made: Cut, width: float) -> Content:  # noqa: ARG002
         """Content of a run that is simulated forward: its commands, and its start."""
@@ -180,7 +191,8 @@ class Forward(Engine):
         rows = [i for i, c in enumerate(cases) if _has_soft_gears(c)]
         some, u = [cases[i] for i in rows], control[rows]
         if self._split_model is None:
-            self._split_model = SplitModel(self._mechanism)
+            chain = self._opened.pendulum is not None
+            self._split_model = (PivotModel if chain else SplitModel)(self._mechanism)
         found = []
         for rigid, embed in ((False, self._split_model.motor), (True, None)):
             models = [self._split_model.model(case, rigid=rigid) for case in some]
@@ -200,7 +212,7 @@ class Forward(Engine):
             sensors = self._read_sensors(batch.get_model(row), q, v)
         for k, signal in enumerate(self._signals):
             if signal.kind == "torque":
-                rows[k] = self._torque(signal.joint, batch, row, q, v, control, t)
+                rows[k] = self._torque(signal, batch, row, q, v, control, t)
             elif signal.kind in ("site", "sensor"):
                 rows[k] = sensors[signal.name]
             else:
@@ -212,23 +224,25 @@ class Forward(Engine):
                 rows[k] += bias
         return rows
 
-    def _torque(self, joint: int, batch: Batch, row: int, q: Array, v: Array, control: Array,
+    def _torque(self, signal: Signal, batch: Batch, row: int, q: Array, v: Array, control: Array,
                 t: Array) -> Array:  # fmt: skip
-        """Motor torque (k,) of a joint from states; MuJoCo records that of an inner stage."""
-        actuator = self._mechanism.joints[joint].actuator
+        """Motor torque (k,) from states; MuJoCo records that of an inner stage."""
+        actuator, joint, model = signal.actuator, signal.joint, self._mechanism.model
 
         def field(name: str) -> Array:
             own = batch.expanded(name)
-            stated: Array = getattr(self._mechanism.model, name)[actuator]
+            stated: Array = getattr(model, name)[actuator]
             return stated if own is None else own[row, actuator]
 
         gain, bias = field("actuator_gainprm"), field("actuator_biasprm")
         low, high = field("actuator_forcerange")
-        gear = self._mechanism.model.actuator_gear[actuator, 0]
+        gear = model.actuator_gear[actuator, 0]
         step = np.minimum((t / self._mechanism.step).astype(int), len(control) - 1 - self._settle)
         u = control[self._settle + step, actuator]
+        if model.actuator_ctrllimited[actuator]:
+            u = np.clip(u, *model.actuator_ctrlrange[actuator])
         force = gain[0] * u + bias[0] + bias[1] * gear * q[joint] + bias[2] * gear * v[joint]
-        return np.asarray(np.clip(force, low, high))
+        return np.asarray(np.clip(force, low, high) * gear / signal.gear)
 
     def _read_sensors(self, model: Any, q: Array, v: Array) -> dict[str, Array]:
         """Readings (k,) of sites and sensors at states q, v (joints, k), by name of signal."""
@@ -253,15 +267,37 @@ class SplitModel:
         self._mechanism = mechanism
         base, name = mechanism.model, mechanism.name
         self._model = compile_model(mechanism.source, name, base.nuser_jnt, mechanism.step,
-                                    _split(mechanism))  # fmt: skip
-        self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        if hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"):
-            self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+                                    self._text(mechanism))  # fmt: skip
+        self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
         names = [j.name for j in mechanism.joints]
         self._joint = np.array([self._model.joint(n).id for n in names])
-        self._flex = np.array([self._model.joint(n + FLEX).id for n in names])
+        every = [self._model.joint(i).name for i in range(self._model.njnt)]
+        self._flex = np.array([i for i, name in enumerate(every) if name.endswith(FLEX)])
         self._body = np.array([self._model.body(n).id for n in _body_names(base)])
         self.motor: Array = self._model.jnt_dofadr[self._joint]
+
+    def _text(self, mechanism: Mechanism) -> str:
+        """MJCF text of the model with a flexible joint between each joint and its body."""
+        root = ET.fromstring(mechanism.source.spec().to_xml())  # noqa: S314  our own text
+        bodies = list(root.iter("body"))
+        for body, name in zip(bodies, _body_names(mechanism.model)[1:], strict=True):
+            body.set("name", name)
+        for body in bodies:
+            joint = body.find("joint")
+            if joint is None or not joint.get("name"):
+                continue
+            inner = ET.Element("body", {k: v for k, v in body.attrib.items() if k == "name"})
+            for child in list(body):
+                if child is not joint:
+                    body.remove(child)
+                    inner.append(child)
+            body.set("name", f"{body.get('name', '')}{FLEX}_{joint.get('name')}")
+            kept = {k: v for k, v in joint.attrib.items() if k in ("type", "axis", "pos", "class")}
+            inner.insert(0, ET.Element("joint", {**kept, "name": joint.get("name", "") + FLEX}))
+            inertial = {"pos": "0 0 0", "mass": "1e-6", "diaginertia": "1e-9 1e-9 1e-9"}
+            body.insert(0, ET.Element("inertial", inertial))
+            body.append(inner)
+        return ET.tostring(root, encoding="unicode")
 
     def model(self, case: Case, *, rigid: bool) -> Any:
         """Model of a case, split, or its `rigid` twin with the same integrator."""
@@ -274,6 +310,7 @@ class SplitModel:
             mujoco.mj_setConst(edited, mujoco.MjData(edited))
             return edited
         found = copy.copy(self._model)
+        found.opt.gravity[:], found.opt.density = edited.opt.gravity, edited.opt.density
         for name in BODY:
             getattr(found, name)[self._body] = getattr(edited, name)
         for name in DOF:
@@ -316,30 +353,27 @@ class SplitModel:
         found.jnt_user[:, 3] = float(np.mean(edited.jnt_user[:, 3]))
 
 
+class PivotModel(SplitModel):
+    """Model of a chain of hinges whose pivot slides sideways on a spring."""
+
+    def _text(self, mechanism: Mechanism) -> str:
+        root = ET.fromstring(mechanism.source.text)  # noqa: S314  our own text
+        (first,) = root.findall("worldbody/body")
+        first.insert(0, ET.Element("joint", {"name": FLEX, "type": "slide", "axis": "1 0 0"}))
+        return ET.tostring(root, encoding="unicode")
+
+    def _set_gears(self, found: Any, edited: Any, case: Case) -> None:
+        """Set the stiffness [N/m] and damping of the pivot, and lengths and springs as `edited`."""
+        mass = float(edited.body_mass.sum())
+        compliance = np.maximum(np.asarray(case.readings.elastic), LEAST_COMPLIANCE)
+        stiffness = np.minimum(1.0 / compliance, STIFFEST * mass)
+        found.body_pos[self._body] = edited.body_pos
+        found.jnt_stiffness[self._joint] = edited.jnt_stiffness
+        found.jnt_stiffness[self._flex] = stiffness
+        found.dof_damping[self._flex] = 2.0 * DAMPED * np.sqrt(stiffness * mass)
+        self._set_law_parameters(found, edited)
+
+
 def _body_names(model: Any) -> list[str]:
     """Names of all bodies in order; a body without a name is called by its number."""
     return [model.body(i).name or f"body{FLEX}_{i}" for i in range(model.nbody)]
-
-
-def _split(mechanism: Mechanism) -> str:
-    """MJCF text of the model with a flexible joint between each joint and its body."""
-    root = ET.fromstring(mechanism.source.spec().to_xml())  # noqa: S314  our own text
-    bodies = list(root.iter("body"))
-    for body, name in zip(bodies, _body_names(mechanism.model)[1:], strict=True):
-        body.set("name", name)
-    for body in bodies:
-        joint = body.find("joint")
-        if joint is None or not joint.get("name"):
-            continue
-        inner = ET.Element("body", {k: v for k, v in body.attrib.items() if k == "name"})
-        for child in list(body):
-            if child is not joint:
-                body.remove(child)
-                inner.append(child)
-        body.set("name", f"{body.get('name', '')}{FLEX}_{joint.get('name')}")
-        kept = {k: v for k, v in joint.attrib.items() if k in ("type", "axis", "pos", "class")}
-        inner.insert(0, ET.Element("joint", {**kept, "name": joint.get("name", "") + FLEX}))
-        inertial = {"pos": "0 0 0", "mass": "1e-6", "diaginertia": "1e-9 1e-9 1e-9"}
-        body.insert(0, ET.Element("inertial", inertial))
-        body.append(inner)
-    return ET.tostring(root, encoding="unicode")

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from cell.gap.subject.mechanism.model import (
     Source,
     check_joints,
     compile_model,
+    driver,
     joints_of,
     number_of,
     read_source,
@@ -214,6 +215,9 @@ def open_file(path: Path) -> tuple[MechanismFile, Source, Any]:
         )
     source = read_source(place, folder)
     model = compile_model(source, str(place), torques().slots, file.step)
+    source = replace(source, motors=_missing_motors(file, model))
+    if source.motors:
+        model = compile_model(source, str(place), torques().slots, file.step)
     check_joints(model, str(place))
     _check_names(file, model, str(path))
     return file, source, model
@@ -226,14 +230,14 @@ def _check_names(file: MechanismFile, model: Any, origin: str) -> None:
             wanted = getattr(spec, kind)
             if wanted is not None:
                 number_of(model, kind, wanted, origin, f"signals.{name}")
-        if spec.actuator is not None:
-            number = model.actuator(spec.actuator).id
+        if spec.is_ == "torque":
+            number = _actuator(spec, model)
             if model.actuator_trntype[number] != mujoco.mjtTrn.mjTRN_JOINT:
                 raise ConfigurationError(
                     f"{origin}: signals.{name}: actuator {spec.actuator} drives no joint; "
                     "compare torques of motors on joints"
                 )
-    if file.mode == "prescribed":
+    if file.mode == "prescribed" and not model.neq:  # the joints of loops lead one another
         joints = [model.joint(i).name for i in range(model.njnt)]
         missing = next((j for j in joints if file.inputs.get(j) != "position"), None)
         if missing is not None:
@@ -262,7 +266,8 @@ def open_all(path: Path, folders: Sequence[RunFolder]) -> MechanismData:
                     for n, s in in_order if not _is_given_motion(s, file))  # fmt: skip
     moving = [n for n, kind in file.inputs.items() if kind == "position"]
     moving += [n for n, s in file.signals.items() if s.is_ not in ("torque", "tracking")]
-    mechanism = _mechanism(file, source, model, recordings, signals)
+    joints = _measured_joints(file, model, recordings, signals)
+    mechanism = mechanism_of(file, source, model, joints, signals)
     check_effects(file.effects, mechanism, str(path))
     mix = np.array([_joint_weights(s, file.signals[s.name], model) for s in signals])
     base = base_of(file, mechanism, str(path))
@@ -295,12 +300,16 @@ def _signal(name: str, spec: SignalSpec, model: Any,
     if spec.sensor is not None and _sum_of_joints(model, spec.sensor).any():
         kind = "position"
     joint, floor = -1, FORWARD_FLOOR
-    if spec.joint is not None:
-        joint = model.joint(spec.joint).id
-    elif spec.actuator is not None:
-        joint = int(model.actuator_trnid[model.actuator(spec.actuator).id, 0])
+    actuator, gear = -1, 1.0
+    if kind == "torque":
+        actuator = _actuator(spec, model)
+        joint = int(model.actuator_trnid[actuator, 0])
+        if (spec.side or ("joint" if spec.joint else "motor")) == "motor":
+            gear = float(model.actuator_gear[actuator, 0])
         values = np.concatenate([r.columns[name] for r in recordings])
         floor = FLOOR * float(np.nanstd(values))
+    elif spec.joint is not None:
+        joint = model.joint(spec.joint).id
     elif spec.site is not None and spec.axis is not None:
         joint = 3 * model.site(spec.site).id + "xyz".index(spec.axis)
     elif spec.sensor is not None and kind == "sensor":
@@ -308,7 +317,23 @@ def _signal(name: str, spec: SignalSpec, model: Any,
     zone = "grasped"
     if kind in ("position", "velocity", "torque", "tracking"):
         zone = zone_of(joint, model.njnt)
-    return Signal(name, kind, float(sigma), zone, joint, floor)
+    return Signal(name, kind, float(sigma), zone, joint, floor, actuator=actuator, gear=gear)
+
+
+def _actuator(spec: SignalSpec, model: Any) -> int:
+    """Number of the actuator whose torque a signal reads."""
+    if spec.actuator is not None:
+        return int(model.actuator(spec.actuator).id)
+    return driver(model, model.joint(spec.joint).id)
+
+
+def _missing_motors(file: MechanismFile, model: Any) -> tuple[str, ...]:
+    """Joints without a motor that the file speaks of as driven, as those of a URDF."""
+    bare = {model.joint(i).name for i in range(model.njnt) if driver(model, i) < 0}
+    taken = {model.actuator(i).name for i in range(model.nu)}
+    asked = [s.joint or s.actuator or "" for s in file.signals.values() if s.is_ == "torque"]
+    asked += [name for name, kind in file.inputs.items() if kind != "position"]
+    return tuple(dict.fromkeys(n for n in asked if n in bare - taken))
 
 
 def zone_of(joint: int, count: int) -> str:
@@ -340,24 +365,20 @@ def _sum_of_joints(model: Any, name: str) -> Array:
     return row
 
 
-def _mechanism(
-    file: MechanismFile,
-    source: Source,
-    model: Any,
-    recordings: Sequence[Recording],
-    signals: Sequence[Signal],
-) -> Mechanism:
-    """Mechanism of a compiled model, its solver options set, its joints' sizes from the runs."""
+def mechanism_of(file: MechanismFile, source: Source, model: Any, joints: tuple[Joint, ...],
+                 signals: Sequence[Signal]) -> Mechanism:  # fmt: skip
+    """Mechanism of a compiled model, whose solver options are set, with its `joints`."""
     _set_options(model)
-    joints = _measured_joints(file, model, recordings, signals)
     rates = np.array([j.rate for j in joints])
     prescribed = file.mode == "prescribed"
     smooth = SMOOTHED * rates if prescribed else np.full(len(joints), SMOOTH)
     model.jnt_user[:, :HEAD] = [[len(joints), j.qpos, j.dof, rate]
                                 for j, rate in zip(joints, smooth, strict=True)]  # fmt: skip
-    torque = tuple((s.name, s.joint) for s in signals if s.kind == "torque")
+    torque = tuple(s for s in signals if s.kind == "torque")
     measured_at = [s.name for s in signals if s.kind == "position"]
     encoders = tuple(j.name for j in joints) if prescribed else tuple(measured_at)
+    if prescribed and model.neq:  # they would have to move whole loops
+        encoders = ()
     actuators = tuple(model.actuator(i).name for i in range(model.nu))
     return Mechanism(file.name, file.mode, file.step, source, model, joints, actuators, encoders,
                      torque, bool(min(j.inertia for j in joints) >= LIGHT),

@@ -1,6 +1,7 @@
 """Reads MuJoCo models without foreign code, and finds typical sizes of their joints."""
 
 import math
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from cell.gap.subject.mechanism.runs import Signal
 from drivers.errors import ConfigurationError
 from drivers.readers import MEGABYTE, read_text
 from drivers.types import Array
@@ -63,10 +65,9 @@ class Source:
 class Mechanism:
     """Compiled model with its joints and signals, and the `mode` in which it is simulated.
 
-    `mode` is `forward`, `prescribed`, or `planar`, a chain of hinges
-    that swings by its own equations. Compared `torques` and `trackings` are named with the number
-    of their joint; where there are trackings, positions are those of links, and motors follow
-    commands. `native` says that MuJoCo's own dry friction is used, not the compiled one.
+    `mode` is `forward`, `prescribed`, or that of pendulums, `planar`. Compared `torques` and
+    `trackings` are named with their joint's number; where there are trackings, positions are those
+    of links, and motors follow commands. `native`: MuJoCo's own dry friction is used, no law.
     """
 
     name: str
@@ -77,7 +78,7 @@ class Mechanism:
     joints: tuple[Joint, ...]
     actuators: tuple[str, ...]
     encoders: tuple[str, ...]
-    torques: tuple[tuple[str, int], ...]
+    torques: tuple[Signal, ...]
     native: bool
     trackings: tuple[tuple[str, int], ...] = ()
 
@@ -183,13 +184,8 @@ def _find_packages(root: ET.Element, folder: Path) -> bool:
 def _check_copies(root: ET.Element, path: Path, copies: int = 1) -> None:
     """Refuse elements that repeat bodies more often than can be loaded in a second."""
     for element in root:
-        counts = element.get("count", "1").split() if element.tag in REPEATERS else ()
-        try:
-            inside = copies * math.prod(max(1, int(c)) for c in counts)
-        except ValueError:
-            raise ConfigurationError(
-                f"{path}: <{element.tag}>: count: {element.get('count')} is no number; mend it"
-            ) from None
+        counts = re.findall(r"[0-9]+", element.get("count", "")) if element.tag in REPEATERS else ()
+        inside = copies * math.prod(max(1, int(c)) for c in counts)
         if inside > MOST_BODIES:
             raise ConfigurationError(
                 f"{path}: <{element.tag}>: makes {inside} copies; allowed: {MOST_BODIES}"
@@ -291,12 +287,12 @@ def joints_of(model: Any, rms: dict[str, tuple[float, float]], driven: dict[str,
         torque = driven.get(name) or max(weight[dof], inertia[dof] * acceleration, LEAST_TORQUE)
         swing = float(np.sqrt(max(weight[dof], LEAST_WEIGHT) / inertia[dof]))
         found.append(Joint(name, bool(model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE),
-                           int(model.jnt_qposadr[i]), dof, _driver(model, i), float(torque),
+                           int(model.jnt_qposadr[i]), dof, driver(model, i), float(torque),
                            float(rate or swing), float(inertia[dof])))  # fmt: skip
     return tuple(found)
 
 
-def _driver(model: Any, joint: int) -> int:
+def driver(model: Any, joint: int) -> int:
     """Number of the first actuator on a joint, -1 where there is none."""
     on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
     hits = np.flatnonzero(on_joint & (model.actuator_trnid[:, 0] == joint))

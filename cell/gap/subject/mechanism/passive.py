@@ -23,7 +23,6 @@ from drivers.types import Array
 HEAD = 4  # first user numbers of a joint: count of joints, its qpos and dof, its smoothing rate
 MOST_JOINTS = 1 << 12  # length of the view of an array of joints whose length is not known
 STRUCT_WORDS = 1 << 17  # pointers of a MuJoCo struct that are searched
-LAW = types.float64(*3 * [types.float64], types.float64[::1])
 _LOCK = threading.Lock()
 TINY_MODEL = (
     "<mujoco><worldbody><body><joint name='j'/><geom size='1'/></body></worldbody></mujoco>"
@@ -63,7 +62,6 @@ class Torques:
         self.slots = place
         self._laws = {name: (law, self.at[name], keys) for name, law, keys in laws}
         self._callbacks: dict[frozenset[str], Any] = {}
-        self._functions: dict[frozenset[str], Any] = {}
 
     def along(self, q: Array, v: Array, load: Array, user: Array) -> Array:
         """Torques (m, joints) of all laws along a motion (m, joints) for `user` (joints, slots)."""
@@ -74,22 +72,12 @@ class Torques:
                     found[:, j] += law(q[:, j], v[:, j], load[:, j], p, at)
         return found
 
-    def function(self, names: frozenset[str]) -> Any:
-        """Compiled function `(q, v, load, p) -> torque` that sums the laws `names`."""
-        if names not in self._functions:
-            law = self._chain(names).py_func
-            self._functions[names] = callback(LAW)(law)
-        return self._functions[names]
-
-    def _chain(self, names: frozenset[str]) -> Any:
-        return chain_laws([self._laws[name][:2] for name in sorted(names)])
-
     @contextmanager
     def install(self, names: frozenset[str]) -> Iterator[None]:
         """Context in which MuJoCo adds the torques of the laws `names`; others wait for its end."""
         with _LOCK:
             if names not in self._callbacks:
-                law = self._chain(names)
+                law = chain_laws([self._laws[name][:2] for name in sorted(names)])
                 self._callbacks[names] = _callback(law, *_offsets(), self.slots)
             mujoco.set_mjcb_passive(self._callbacks[names].ctypes)
             try:
@@ -130,11 +118,7 @@ def without_clock() -> Iterator[None]:
 
 @cache
 def _zero() -> Any:
-    return callback(types.float64())(_no_time)
-
-
-def _no_time():  # type: ignore[no-untyped-def]
-    return 0.0
+    return callback(types.float64())(lambda: 0.0)
 
 
 @cache

@@ -29,11 +29,6 @@ KEPT_OF_ACTUATOR = ("name", "class", "group", "joint", "jointinparent", "tendon"
                     "delay", "nsample", "interp", "user")  # fmt: skip
 
 
-def accepted_name(opened: MechanismData) -> str:
-    """File name of the MJCF that is written beside the model on acceptance."""
-    return f"{opened.file.name}-accepted.xml"
-
-
 def patch_file(
     opened: MechanismData, base: Mapping[str, float], effects: NamedValues, source: str
 ) -> dict[str, object]:
@@ -52,7 +47,8 @@ def patch_file(
         notes.append({"key": f"effects.{name}", "source": source, "note": "was absent"})
         if not effect_of(name).edits(opened.mechanism):
             known[name] = _named_values(name, opened.mechanism, values)
-    return {**content, "model": accepted_name(opened), "effects": known, "provenance": notes}
+    model = f"{opened.file.name}-accepted.xml"  # written beside the model
+    return {**content, "model": model, "effects": known, "provenance": notes}
 
 
 def patch_pendulum(

@@ -1,17 +1,24 @@
-"""Reads a pendulum's file and its measured swings as a mechanism, a planar chain of hinges."""
+"""Reads a pendulum's file and its measured swings as a mechanism, a chain of hinges."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from cell.gap.subject.mechanism.effects import check_effects, torques
 from cell.gap.subject.mechanism.fields import Fields
 from cell.gap.subject.mechanism.file import MechanismFile, PendulumFile
-from cell.gap.subject.mechanism.load import FORWARD_FLOOR, SMOOTH, Base, MechanismData, zone_of
-from cell.gap.subject.mechanism.model import Joint, Mechanism, Source, compile_model
-from cell.gap.subject.mechanism.planar_chain import fastest, fields_of, levers
+from cell.gap.subject.mechanism.load import (
+    FORWARD_FLOOR,
+    Base,
+    MechanismData,
+    mechanism_of,
+    zone_of,
+)
+from cell.gap.subject.mechanism.model import Mechanism, Source, compile_model, joints_of
 from cell.gap.subject.mechanism.runs import Recording, Signal, check_angle
 from cell.gap.subject.run_folders import (
     HEADER_FILE,
@@ -29,69 +36,66 @@ from drivers.readers import read_yaml
 from drivers.settings import load
 from drivers.types import Array, frozen
 
-SWING_STEP = 0.08  # rad of the fastest small swing in one step
+SMALL = 1e-4  # rad of a small swing
+SWING_STEP = 0.15  # rad of the fastest small swing in one step
 SPARSEST = 0.8  # rad of the fastest small swing between two readings
-SLOWEST_CHECKED = 0.1  # rad/s of a swing below which stated rates are not checked
 PLANNED_STEP = 0.02  # s between readings of a planned run, at most
 PLANNED_SWING = 0.05  # rad of the fastest small swing between them, at most
+SLOWEST_CHECKED = 0.1  # rad/s of a swing below which stated rates are not checked
 SPREADS = (("com", "m", 0.01), ("inertia", "kg m^2", 0.10), ("length", "m", 0.005))
 """Name, unit and relative prior spread of what was weighed and measured of a link."""
 
 
-def load_pendulum(path: Path) -> PendulumFile:
-    """Read the pendulum file at `path`.
-
-    Raises ConfigurationError where it is broken, or names an effect that the library lacks.
-    """
-    pendulum = load(path, PendulumFile)
-    check_effects(pendulum.effects, mechanism_of(pendulum, str(path)), str(path))
-    return pendulum
-
-
 def open_swings(path: Path, folders: Sequence[RunFolder]) -> MechanismData:
     """Read the pendulum at `path` and its measured swings; ConfigurationError for broken input."""
-    pendulum = load_pendulum(path)
+    pendulum = load(path, PendulumFile)
     heads = [_read_head(folder.path / HEADER_FILE, pendulum) for folder in folders]
-    mechanism = mechanism_of(pendulum, str(path))
-    fast = mechanism.joints[0].rate
+    fast = open_recordings(path, pendulum, []).mechanism.joints[0].rate
     found = [_read_swing(*pair, len(pendulum.links), fast)
              for pair in zip(folders, heads, strict=True)]  # fmt: skip
     check_indices([f.path for f in folders], [head.get("index") for head in heads])
-    found.sort(key=lambda r: r.index)
-    return open_recordings(path, pendulum, mechanism, found)
+    return open_recordings(path, pendulum, sorted(found, key=lambda r: r.index))
 
 
 def open_recordings(
-    path: Path, pendulum: PendulumFile, mechanism: Mechanism, found: Sequence[Recording]
+    path: Path, pendulum: PendulumFile, found: Sequence[Recording]
 ) -> MechanismData:
-    """Mechanism of a pendulum with its recordings, base parameters and signals."""
-    names, n = [j.name for j in mechanism.joints], len(mechanism.joints)
-    signals = [Signal(name, "position", 0.0, zone_of(i, n), i, FORWARD_FLOOR, "angle")
-               for i, name in enumerate(names)]  # fmt: skip
+    """Mechanism of a pendulum with its recordings, base parameters and signals.
+
+    Raises ConfigurationError for effects that the library lacks.
+    """
+    source, n = Source(pendulum.xml()), len(pendulum.links)
+    model = compile_model(source, str(path), torques().slots, 0.01)
+    fast = _fastest(model)
+    names = [str(i + 1) for i in range(n)]
     described = MechanismFile.model_validate({
         "schema": 1, "kind": "mechanism", "name": pendulum.name, "model": "",
+        "step": SWING_STEP / fast, "effects": pendulum.effects,
         "signals": {name: {"sensor": name, "sigma": 1.0} for name in names},
-        "effects": pendulum.effects,
     })  # fmt: skip
-    pace = 0.5 * mechanism.joints[0].rate
-    base = tuple(_base(pendulum, mechanism))
-    return MechanismData(described, path, mechanism, base, tuple(found), tuple(signals), pace,
-                         np.tri(n), pendulum)  # fmt: skip
+    model.opt.timestep = described.step
+    signals = [Signal(name, "position", 0.0, zone_of(i, n), i, FORWARD_FLOOR, "angle")
+               for i, name in enumerate(names)]  # fmt: skip
+    joints = joints_of(model, dict.fromkeys(names, (fast, 0.0)), {})
+    made = mechanism_of(described, source, model, joints, signals)
+    # a bias of the first encoder is a tilted base
+    mechanism = replace(made, mode="planar", encoders=tuple(names[1:]), native=False)
+    check_effects(pendulum.effects, mechanism, str(path))
+    return MechanismData(described, path, mechanism, tuple(_base(pendulum, mechanism)),
+                         tuple(found), tuple(signals), 0.5 * fast, np.tri(n), pendulum)  # fmt: skip
 
 
-def mechanism_of(pendulum: PendulumFile, origin: str) -> Mechanism:
-    """Planar mechanism of a pendulum, hanging at zero; typical torques are those of level links."""
-    source = Source(pendulum.xml())
-    model = compile_model(source, origin, torques().slots, 0.01)
-    model.jnt_user[:, 3] = SMOOTH
-    _, (moment,), _ = levers(fields_of(model, 1))
-    fast = fastest(model)
-    joints = tuple(Joint(str(i + 1), True, i, i, -1, weight, fast, weight / fast**2)
-                   for i, weight in enumerate(map(float, pendulum.gravity * moment)))  # fmt: skip
-    # a bias of the first encoder is a tilted frame
-    encoders = tuple(j.name for j in joints[1:])
-    return Mechanism(pendulum.name, "planar", SWING_STEP / fast, source, model, joints, (),
-                     encoders, (), native=False)  # fmt: skip
+def _fastest(model: Any) -> float:
+    """Angular frequency [rad/s] of the fastest small swing of a chain that hangs at zero."""
+    data, mass = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, mass)
+    pull = []
+    for angles in SMALL * np.eye(model.nv):
+        data.qpos[:] = angles
+        mujoco.mj_forward(model, data)
+        pull.append(data.qfrc_bias / SMALL)
+    return float(np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, np.array(pull))).real.max()))
 
 
 def _base(pendulum: PendulumFile, mechanism: Mechanism) -> list[Base]:
@@ -128,18 +132,10 @@ def _read_head(path: Path, pendulum: PendulumFile) -> dict[str, Any]:
     """Read the header of a swing; raises ConfigurationError, in one line, for a broken one."""
     head = read_yaml(path)
     check_schema(head, path)
-    name = head.get("pendulum")
-    if name is None and "strip" in head:
+    if head.get("pendulum") != pendulum.name:
         raise ConfigurationError(
-            f"{path}: pendulum: is missing, this is a run of the strip {head['strip']}; give its "
-            "strip file, or runs of the pendulum"
-        )
-    if name is None:
-        raise ConfigurationError(f"{path}: pendulum: is missing; add the pendulum's name")
-    if name != pendulum.name:
-        raise ConfigurationError(
-            f"{path}: pendulum: is {name}, but the file describes {pendulum.name}; give "
-            "runs of one pendulum and its file"
+            f"{path}: pendulum: is {head.get('pendulum')!r}, but the file describes "
+            f"{pendulum.name}; give runs of one pendulum and its file, or its strip file"
         )
     sigma = head.get("sigma")
     angle = sigma.get("angle") if isinstance(sigma, dict) else None
@@ -204,7 +200,7 @@ def _check_rates(slope: Array, rates: Array, path: Path) -> None:
         )
 
 
-def plans(opened: MechanismData) -> list[tuple[str, str, Recording]]:
+def plans(opened: MechanismData) -> Iterator[tuple[str, str, Recording]]:
     """Planned releases from rest: name, instruction, and recording of the angles at the start.
 
     Each is as long as the measured runs unless its instruction says otherwise.
@@ -223,9 +219,7 @@ def plans(opened: MechanismData) -> list[tuple[str, str, Recording]]:
     if n > 1:
         releases.append(("last link alone", "hold the others straight, lift the last link "
                          "60 degrees, let go", last, span))  # fmt: skip
-    found = []
     for name, instruction, lift, duration in releases:
         t = np.arange(0.0, duration, min(PLANNED_STEP, PLANNED_SWING / fast))
         angles = np.repeat((np.pi + lift)[:, None], len(t), axis=1)
-        found.append((name, instruction, recording(name, name, t, angles, sigma, np.zeros(n))))
-    return found
+        yield name, instruction, recording(name, name, t, angles, sigma, np.zeros(n))

@@ -2,7 +2,7 @@
 
 import copy
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache
@@ -22,10 +22,12 @@ from cell.gap.subject.mechanism.effects import registry, torques
 from cell.gap.subject.mechanism.engine import Case, Content, Engine
 from cell.gap.subject.mechanism.fields import ModelFields
 from cell.gap.subject.mechanism.load import MechanismData
+from cell.gap.subject.mechanism.loop import Loop, transmissions
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.mechanism.passive import without_clock
-from cell.gap.subject.mechanism.runs import Cut, Recording, average, phases
+from cell.gap.subject.mechanism.runs import Cut, Recording, Signal, average, phases
 from cell.gap.subject.subject import Samples, Words
+from drivers.errors import ConfigurationError
 from drivers.strip.rod.compiled import entry
 from drivers.types import Array, frozen
 
@@ -37,6 +39,9 @@ WIDER = 2.0  # times the cutoff, for motion: mechanics are not linear (3 and 5 d
 SETTLED = 10.0  # 1/cutoff from an end or a gap at which its effect on the filter has decayed
 GRID = 4000  # places of a run at most at which torques are computed
 KEPT = 2048  # inverse dynamics that are cached
+NEAR = 0.005  # of a range, within which a joint is at its limit
+THINNED, OPEN = 50, 1e-3  # readings in one of which loops are checked; m by which they may gape
+Barred = Callable[[Array, Array], NDArray[np.bool_]]
 STANDS = 0.05  # of its usual rate, below which a joint may be held by friction
 PLAY_SMOOTHING = 0.05  # of a torque's standard deviation, over which a link crosses its play
 
@@ -47,8 +52,10 @@ class Motion:
 
     Positions, rates and accelerations `q`, `v`, `a` (m, joints) and the measured `torques`
     (signals, m) pass one filter, at `WIDER` times the `cutoff` [rad/s] below which torques are
-    compared. `known` (signals, m) is false near gaps of the record. `shake` (2, joints) is the
-    standard deviation of v and a that encoder noise makes in the means of samples.
+    compared. `known` (signals, m) is false near gaps of the record. `shake` (2, encoders) is the
+    standard deviation of v and a that encoder noise makes in the means of samples, and `moves`
+    (m or 1, joints, encoders) how joints follow encoders. Along loops `forces` (m, actuators,
+    joints) are those of actuators by torque of the open joints.
     """
 
     name: str
@@ -60,6 +67,8 @@ class Motion:
     known: NDArray[np.bool_]
     cutoff: float
     shake: Array
+    moves: Array
+    forces: Array | None = None
 
     def below_cutoff(self, rows: Array, t: Array) -> Array:
         """Values (n, k) at times t (k,) [s] of `rows` (n, m) along the grid, below the cutoff."""
@@ -105,13 +114,15 @@ def _resample(
     return np.array(values), np.array(gaps, dtype=bool)
 
 
-def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str],
-              cutoff: float, width: float) -> Motion:  # fmt: skip
+def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str], cutoff: float,
+              width: float, loop: Loop | None, barred: Barred) -> Motion:  # fmt: skip
     """Motion and torques of a recording below `cutoff` [rad/s], for samples of `width` [s].
 
-    Positions and torques pass one filter without phase (Butterworth, forth and back), and rates are
-    those of the filtered positions: what is linear in a mechanism holds as well after as before.
-    What is not holds the better the wider the filter; the narrow one follows the mechanics.
+    `joints` are those that are measured; the others of a `loop` follow them. Readings count as
+    gaps where positions (m, joints) and torques (signals, m) are `barred`. Both pass one filter
+    without phase (Butterworth, forth and back), and rates are those of the filtered positions: what
+    is linear in a mechanism holds as well after as before. What is not holds the better the wider
+    the filter; the narrow one follows the mechanics.
     """
     grid = _grid(recording)
     dt = grid[1] - grid[0]
@@ -120,17 +131,22 @@ def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str
     wide = min(WIDER * cutoff, 0.8 * np.pi / dt)
     cutoff = min(cutoff, wide)
     reach = min(round(SETTLED / cutoff / dt), len(grid) // 10)
-    gaps = torque_gaps | np.any(joint_gaps, axis=0, keepdims=True)
-    known = np.array([~_near_gaps(row, reach) for row in gaps])
     filtered = _low_pass(raw, dt, wide)
+    every = max(1, int(1.0 / wide / dt))
+    closed = filtered.T if loop is None else loop.close(filtered.T)
+    shut = np.any(joint_gaps, axis=0) | barred(closed, measured)
+    moves, forces = np.eye(len(joints))[None], None
+    if loop is not None:
+        forces, moves, good = loop.maps(closed[::every])
+        shut |= np.repeat(~good, every)[: len(grid)]
+    known = np.array([~_near_gaps(row, reach) for row in torque_gaps | shut])
     # white noise of the encoders, of which the filter takes out the part above its cutoff
     noise = (raw - filtered).std(axis=1) / np.sqrt(1.0 - wide * dt / np.pi)
     shake = np.outer(_noise_gain(dt, cutoff, width), noise)
-    every = max(1, int(1.0 / wide / dt))
-    q, v, a = (frozen(x[::every]) for x in _derivatives(grid, filtered.T))
+    q, v, a = (frozen(x[::every]) for x in _derivatives(grid, closed))
     slow = frozen(_low_pass(measured, dt, wide)[:, ::every])
     return Motion(recording.name, frozen(grid[::every]), q, v, a, slow, known[:, ::every],
-                  cutoff, frozen(shake))  # fmt: skip
+                  cutoff, frozen(shake), moves, forces)  # fmt: skip
 
 
 def _low_pass(x: Array, dt: float, cutoff: float) -> Array:
@@ -166,7 +182,9 @@ def _near_gaps(gaps: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
 class Prescribed(Engine):
     """Predicts the torques of actuators along a measured motion, by inverse dynamics."""
 
-    notes = ("torques of the measured motion are compared; the motion itself is not simulated",)
+    notes: tuple[str, ...] = (
+        "torques of the measured motion are compared; the motion itself is not simulated",
+    )
 
     def __init__(self, opened: MechanismData, jobs: int, laws: frozenset[str]) -> None:  # noqa: ARG002
         super().__init__(opened)
@@ -174,8 +192,43 @@ class Prescribed(Engine):
         self._jobs = jobs
         self._model = copy.copy(self._mechanism.model)
         self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-        self._joints = [j.name for j in self._mechanism.joints]
+        self._model.jnt_actgravcomp[:] = 0  # what motors are relieved of, they do not give
+        inputs = opened.file.inputs
+        given = [i for i, j in enumerate(self._mechanism.joints) if inputs.get(j.name)]
+        model, origin = self._mechanism.model, str(opened.path)
+        self._loop = Loop(model, given, origin) if model.neq else None
+        led = given if self._loop is None else self._loop.free
+        self._joints = [self._mechanism.joints[i].name for i in led]
         self._cutoff = cutoff_of(opened.recordings, self._joints, opened.pace)
+        self.notes = (*self.notes, *_left_out(model))
+        if self._loop is not None and len(given) == model.nv:
+            self.notes += self._open_loops(self._loop)
+
+    def _open_loops(self, loop: Loop) -> tuple[str, ...]:
+        """Remark on the encoders of joints that loops lead, where they leave the loops open."""
+        names = [j.name for j in self._mechanism.joints]
+        gaps = [loop.gap(np.column_stack([r.columns[n] for n in names])[::THINNED])
+                for r in self._opened.recordings]  # fmt: skip
+        if max(gaps) < OPEN:
+            return ()
+        return (f"the loop does not close by {1e3 * max(gaps):.2g} mm at the measured joints: an "
+                "encoder's zero or the geometry is off; driven joints alone are used",)  # fmt: skip
+
+    def not_honoured(self) -> Iterator[str]:
+        """What inverse dynamics would leave out of torques, by name; nothing where it is whole."""
+        model = self._mechanism.model
+        yield from (f"tendon {model.tendon(i).name}: its frictionloss"
+                    for i in np.flatnonzero(model.tendon_frictionloss > 0.0))  # fmt: skip
+        if model.npair:
+            yield "contact pairs"
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        drives = transmissions(model, data) != 0.0
+        for sensor in self._mechanism.torques:
+            others = drives[:, self._mechanism.joints[sensor.joint].dof]
+            others[sensor.actuator] = False
+            if others.any():
+                yield f"other motors on joint {self._mechanism.joints[sensor.joint].name}"
 
     def prepare(self, recording: Recording) -> tuple[Content, Samples]:
         """Content and samples of a run, with the noise that the measured motion adds to torques."""
@@ -189,11 +242,33 @@ class Prescribed(Engine):
     def _content(self, recording: Recording, made: Cut, width: float) -> Content:
         """Content of a run with its motion: filtered torques, without those near gaps."""
         names = [s.name for s in self._opened.signals]
-        motion = motion_of(recording, self._joints, names, self._cutoff, width)
+        motion = motion_of(recording, self._joints, names, self._cutoff, width, self._loop,
+                           self._barred)  # fmt: skip
         filtered = motion.below_cutoff(motion.torques, made.t)
         good = np.all([np.interp(made.t, motion.t, k) == 1.0 for k in motion.known], axis=0)
+        if not good.any():
+            raise ConfigurationError(
+                f"{recording.name}: no reading is left beside gaps, limits of joints and dead "
+                "centres; mend angles, zeros or ranges, or leave the run out"
+            )
         made = replace(made, values=filtered).keep(good)
         return Content(made, recording.load, motion=motion)
+
+    def _barred(self, q: Array, measured: Array) -> NDArray[np.bool_]:
+        """Where (m,) joints stand at limits that inverse dynamics leaves out, of range or torque.
+
+        `q` (m, joints) are positions, `measured` (signals, m) readings of which torques come first.
+        """
+        model = self._mechanism.model
+        span = np.diff(model.jnt_range, axis=1).ravel()
+        edge = model.jnt_margin + NEAR * span
+        low, high = model.jnt_range.T
+        barred = ((q < low + edge) | (q > high - edge)) @ (model.jnt_limited > 0)
+        for s, row in zip(self._mechanism.torques, measured, strict=False):
+            if model.jnt_actfrclimited[s.joint]:
+                most = (1.0 - NEAR) * model.jnt_actfrcrange[s.joint]
+                barred = barred | (s.gear * row < most[0]) | (s.gear * row > most[1])
+        return np.asarray(barred, dtype=bool)
 
     def _phases(self, content: Content) -> Words:
         """Phase (b,) of each sample, by the speed of the motion in typical rates of the joints."""
@@ -210,13 +285,13 @@ class Prescribed(Engine):
         """Standard deviation (torques, k) of predictions at times t (k,) [s] by encoder noise."""
         model, q, v, a = self._model, motion.q, motion.v, motion.a
         plain = _inverse_dynamics(model, q, v, a)
-        squares = np.zeros_like(plain)
-        for error in np.diag(motion.shake[0]):  # joint by joint
-            squares += (_inverse_dynamics(model, q, v + error, a) - plain) ** 2
-        for error in np.diag(motion.shake[1]):
-            squares += (_inverse_dynamics(model, q, v, a + error) - plain) ** 2
-        rows = self._sensor_readings(np.sqrt(squares), model)
-        return np.abs([np.interp(t, motion.t, row) for row in rows])
+        squares = np.zeros((len(self._mechanism.torques), len(q)))
+        for k, (rate, acceleration) in enumerate(motion.shake.T):  # encoder by encoder
+            moved = motion.moves[:, :, k]
+            for dv, da in ((rate * moved, 0.0), (0.0, acceleration * moved)):
+                change = _inverse_dynamics(model, q, v + dv, a + da) - plain
+                squares += self._sensor_readings(change, model, motion.forces) ** 2
+        return np.array([np.interp(t, motion.t, row) for row in np.sqrt(squares)])
 
     def _torque(self, case: Case) -> Array:
         """Signals (signals, k) of one case at its readings: torques, and trackings if compared."""
@@ -227,7 +302,7 @@ class Prescribed(Engine):
         motion: Motion = case.content.motion
         q, v, a = _true_motion(motion, case.readings, self._mechanism)
         inverse = self._inverse(motion, model, case.readings, q, v, a)
-        soft = ((_elastic_deflection, case.readings.elastic), (_play_deflection, case.readings.gap))
+        soft = ((np.multiply, case.readings.elastic), (_play_deflection, case.readings.gap))
         gears = [(bend, values) for bend, values in soft if values is not None and np.any(values)]
         if self._mechanism.trackings:  # measured positions are those of links
             deflection = sum((bend(inverse, values) for bend, values in gears), np.zeros_like(q))
@@ -243,22 +318,31 @@ class Prescribed(Engine):
     def _joint_torques(self, model: Any, case: Case, q: Array, v: Array, inverse: Array) -> Array:
         """Readings (torques, m) that balance `inverse` (m, joints) less the torques of effects."""
         motion: Motion = case.content.motion
+        forces = motion.forces
+        if forces is not None and case.readings.delay:
+            columns = forces.reshape(len(forces), -1)
+            late = _interpolate_columns(motion.t + case.readings.delay, motion.t, columns)
+            forces = late.reshape(forces.shape)
         user = np.array(model.jnt_user)
+        dofs = [j.dof for j in self._mechanism.joints]
+        user[:, torques().at["dry_friction"]] += model.dof_frictionloss[dofs]
         given = torques().along(q, v, inverse, user)
         for effect, values in case.paths:
             if effect.path is not None:
                 given = given + effect.path(self._mechanism, values, q, v)
-        self._hold(given, model, motion, q, v, inverse, user)
-        return self._sensor_readings(inverse - given, model)
+        self._hold(given, model, motion, q, v, inverse, user, forces)
+        return self._sensor_readings(inverse - given, model, forces)
 
     def _hold(self, given: Array, model: Any, motion: Motion, q: Array, v: Array, inverse: Array,
-              user: Array) -> None:  # fmt: skip
+              user: Array, forces: Array | None) -> None:  # fmt: skip
         """Replace the torques `given` (m, joints) by static friction where a joint stands.
 
         There it balances whatever the motor gives, up to its limit, and no law of the rate says
         how much that is (Karnopp 1985, J. Dyn. Sys. Meas. Control 107).
         """
-        for (_, j), measured in zip(self._mechanism.torques, motion.torques, strict=False):
+        for sensor, measured in zip(self._mechanism.torques, motion.torques, strict=False):
+            j = sensor.joint
+            per_reading = self._torque_per_reading(model, sensor)
             rate, p = v[:, j], user[j]
             standing = np.exp(-((rate / (STANDS * self._mechanism.joints[j].rate)) ** 2))
             for effect in _friction_effects():
@@ -267,16 +351,17 @@ class Prescribed(Engine):
                     continue
                 sliding = effect.law(q[:, j], rate, inverse[:, j], p, at)
                 limit = effect.holds(q[:, j], rate, inverse[:, j], p, at)
-                others = inverse[:, j] - given[:, j] + sliding
-                motor = self._torque_per_reading(model, j) * measured
-                static = np.clip(others - motor, -limit, limit)
+                borne = inverse[:, j] - given[:, j]
+                if forces is not None:  # the loop bears on the joint, too
+                    borne = per_reading * self._reading(sensor, inverse - given, model, forces)
+                static = np.clip(borne + sliding - per_reading * measured, -limit, limit)
                 given[:, j] += standing * (static - sliding)
 
-    def _torque_per_reading(self, model: Any, joint: int) -> float:
-        """Torque [N m] of a joint per unit of its motor's reading, in the edited `model`."""
-        number, base = self._mechanism.joints[joint].actuator, self._mechanism.model
+    def _torque_per_reading(self, model: Any, sensor: Signal) -> float:
+        """Torque [N m] of a joint per unit of a `sensor`'s reading, in the edited `model`."""
+        number, base = sensor.actuator, self._mechanism.model
         gain = model.actuator_gainprm[number, 0] / base.actuator_gainprm[number, 0]
-        return float(model.actuator_gear[number, 0] * gain)
+        return float(sensor.gear * gain)
 
     def _tracking(self, motion: Motion, case: Case, deflection: Array) -> Array:
         """Measured minus commanded positions (trackings, m), by delay and `deflection` of gears."""
@@ -287,11 +372,18 @@ class Prescribed(Engine):
             rows.append(motion.q[:, joint] - commanded[:, joint] - behind)
         return np.array(rows)
 
-    def _sensor_readings(self, needed: Array, model: Any) -> Array:
+    def _reading(self, sensor: Signal, needed: Array, model: Any,
+                 forces: Array | None) -> Array:  # fmt: skip
+        """Readings (m,) of a torque sensor for the required torques (m, joints)."""
+        borne = needed[:, sensor.joint]
+        if forces is not None:
+            gear = float(model.actuator_gear[sensor.actuator, 0])
+            borne = gear * np.einsum("mn,mn->m", forces[:, sensor.actuator], needed)
+        return np.asarray(borne / self._torque_per_reading(model, sensor))
+
+    def _sensor_readings(self, needed: Array, model: Any, forces: Array | None) -> Array:
         """Readings (signals, m) of torque sensors for the required torques (m, joints)."""
-        return np.array(
-            [needed[:, j] / self._torque_per_reading(model, j) for _, j in self._mechanism.torques]
-        )
+        return np.array([self._reading(s, needed, model, forces) for s in self._mechanism.torques])
 
     def _inverse(self, motion: Motion, model: Any, readings: Readings, q: Array, v: Array,
                  a: Array) -> Array:  # fmt: skip
@@ -356,15 +448,21 @@ def _link_motion(motion: Motion, deflection: Array, q: Array, v: Array,
     return q + offset, v + rate, a + acceleration
 
 
-def _elastic_deflection(torque: Array, compliance: Array) -> Array:
-    """Angles (m, joints) by which elastic gears leave links behind, for `torque` (m, joints)."""
-    return np.asarray(compliance * torque)
-
-
 def _play_deflection(torque: Array, gap: Array) -> Array:
     """Angles (m, joints) by which play of width `gap` (joints,) leaves links behind `torque`."""
     crossing = PLAY_SMOOTHING * torque.std(axis=0) + 1e-12  # never zero
     return np.asarray(0.5 * gap * np.tanh(torque / crossing))
+
+
+def _left_out(model: Any) -> tuple[str, ...]:
+    """Remarks on what inverse dynamics leaves out of a model without much harm."""
+    delayed = np.any(model.actuator_delay > 0.0) or np.any(model.actuator_dyntype > 0)
+    told = (
+        (bool(np.any(model.tendon_limited)), "limits of tendons are left out"),
+        (bool(np.any(model.jnt_limited)), "moments at the limits of joints are left out"),
+        (bool(delayed), "filters and delays of motors are left out: torques are as read"),
+    )
+    return tuple(words for there, words in told if there)
 
 
 @cache

@@ -79,7 +79,8 @@ class Signal:
     """Compared column of a run: its `kind` of quantity, noise `sigma`, and place in the chain.
 
     `zone` is the place, `joint` the number of the joint whose encoder or motor reads the signal, or
-    of the coordinate of a site or sensor (-1: none). Signals of one `group` are shown as one.
+    of the coordinate of a site or sensor (-1: none). Signals of one `group` are shown as one. A
+    torque is read at an `actuator`, `gear` [N m] at the joint for a unit of the reading.
     """
 
     name: str
@@ -89,6 +90,8 @@ class Signal:
     joint: int
     floor: float = 0.0
     group: str = ""
+    actuator: int = -1
+    gear: float = 1.0
 
     @property
     def channel(self) -> str:
@@ -267,11 +270,6 @@ def phases(speed: Array) -> Words:
     """Phase (b,) of each sample by its signed `speed` (b,): `carry`, `return` or `hold`."""
     still = np.abs(speed) < STILL * np.sqrt(np.mean(speed**2) + 1e-300)
     return np.where(still, "hold", np.where(speed > 0.0, "carry", "return"))
-
-
-def falls(height: Array, edges: NDArray[np.int64]) -> Words:
-    """Phase (b,) of each sample: `fall` where `height` (k,) decreases over it, else `return`."""
-    return np.where(height[edges[1:] - 1] < height[edges[:-1]], "fall", "return")
 
 
 def samples(signals: Sequence[Signal], made: Cut, phase: Words) -> Samples:

@@ -32,7 +32,6 @@ from cell.gap.subject.mechanism.patch import (
     patch_pendulum,
 )
 from cell.gap.subject.mechanism.pendulum import open_swings, plans
-from cell.gap.subject.mechanism.planar_chain import PlanarChain
 from cell.gap.subject.mechanism.prescribed import Prescribed
 from cell.gap.subject.mechanism.runs import Cut, Recording, average
 from cell.gap.subject.run_folders import RunFolder
@@ -56,7 +55,7 @@ from drivers.readers import read_yaml
 from drivers.types import Array
 
 ENGINES: Mapping[str, type[Forward | Prescribed]] = {
-    "forward": Forward, "prescribed": Prescribed, "planar": PlanarChain,
+    "forward": Forward, "prescribed": Prescribed, "planar": Forward,
 }  # fmt: skip
 """Engine by the mode of a mechanism."""
 # rms gap that is tolerated, of positions [rad, m] and rates; of torques a share of their spread,
@@ -67,11 +66,14 @@ KEYS = {"position": ("mrad", 1e3), "tracking": ("mrad", 1e3), "velocity": ("mrad
         "torque": ("Nm", 1.0), "site": ("mm", 1e3), "sensor": ("si", 1.0)}  # fmt: skip
 UNITS = {"Nm": "N m", "mrads": "mrad/s"}  # of keys, which write them without space or slash
 SET_UP = 1.0  # minutes to set a pendulum up and let it go
+# gears of which a side may be confused, and the factor within which their ratio is recognised
+GEARED, TWICE = 3.0, 2.0
+TINY = 1e-30  # against division by zero
 THIRD = 1.0 / 3.0  # of its noise, by which halving the time step may move a signal
 
 
 class MechanismSubject(Subject):
-    """Measured runs of one mechanism, and their simulation by MuJoCo or as a planar chain."""
+    """Measured runs of one mechanism, and their simulation by MuJoCo."""
 
     def __init__(self, opened: MechanismData, jobs: int = 1, without: Sequence[str] = ()) -> None:
         self.opened, self.name = opened, opened.file.name
@@ -296,6 +298,7 @@ def check_simulates(subject: MechanismSubject, origin: str) -> None:
             f"{origin}: model: run {run.name} cannot be simulated, its motion explodes; "
             "make step smaller, or mend masses, inertias and gains"
         )
+    _check_sides(subject, residuals.mean, origin)
     m = subject.opened.mechanism
     if m.mode != "forward":
         return
@@ -310,3 +313,26 @@ def check_simulates(subject: MechanismSubject, origin: str) -> None:
             f"{origin}: step: half of it moves run {run.name} by {change:.2g} of its noise, at "
             f"most {THIRD:.2f} is allowed; make it smaller"
         )
+
+
+def _check_sides(subject: MechanismSubject, residuals: Array, origin: str) -> None:
+    """Refuse torques that are the stated model's once the other side of its gear is read.
+
+    `residuals` (samples,) are those of the first run.
+    """
+    made, gears = _content_of(subject.runs[0]).cut, subject.opened.mechanism.model.actuator_gear
+    measured = average(made.values, made.edges)[0]
+    channel = subject.runs[0].samples.channel
+    for sensor in subject.opened.mechanism.torques:
+        rows = channel == sensor.name
+        predicted = measured[rows] - residuals[rows]
+        ratio = measured[rows] @ predicted / (predicted @ predicted + TINY)
+        gear = float(gears[sensor.actuator, 0])
+        side, other = ("motor", gear) if sensor.gear == gear else ("joint", 1.0 / gear)
+        if abs(np.log(abs(other))) > np.log(GEARED) and 1.0 / TWICE < ratio / other < TWICE:
+            right = "joint" if side == "motor" else "motor"
+            raise ConfigurationError(
+                f"{origin}: signals.{sensor.name}: reads {ratio:.3g} times the model's torque at "
+                f"the {side}, about its gear of {gear:g}: it is read at the other side; state "
+                f"side: {right}"
+            )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cell.gap.subject.mechanism.file import PendulumFile
-from cell.gap.subject.mechanism.pendulum import mechanism_of, open_recordings, recording
+from cell.gap.subject.mechanism.pendulum import open_recordings, recording
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.subject import Request
 from drivers.types import Array
@@ -23,23 +23,19 @@ SIGMA = 0.001
 TORQUES = np.array([1e-3, 5e-4, 2e-4])
 
 
-def content(n: int, **changes: Any) -> dict[str, Any]:
-    links = [dict(link) for link in LINKS[:n]]
-    links[-1]["length"] = None
-    return {
-        "schema": 1, "kind": "pendulum", "name": f"p{n}", "gravity": 9.81, "links": links,
-    } | changes  # fmt: skip
-
-
-def pendulum(n: int, **changes: Any) -> PendulumFile:
-    return PendulumFile.model_validate(content(n, **changes))
+def pendulum(n: int) -> PendulumFile:
+    links = [*LINKS[: n - 1], {**LINKS[n - 1], "length": None}]
+    return PendulumFile.model_validate(
+        {"schema": 1, "kind": "pendulum", "name": f"p{n}", "gravity": 9.81, "links": links}
+    )
 
 
 def subject_of(file: PendulumFile, t: Array, angles: Array) -> MechanismSubject:
     """A pendulum with one recording of absolute angles (n, m) [rad] from rest, in steps of 2 ms."""
     found = [recording("r", "r", t, angles, SIGMA, np.zeros(len(angles)))]
-    mechanism = replace(mechanism_of(file, "here"), step=0.002)
-    return MechanismSubject(open_recordings(Path("pendulum.yaml"), file, mechanism, found))
+    opened = open_recordings(Path("pendulum.yaml"), file, found)
+    opened.mechanism.model.opt.timestep = 0.002
+    return MechanismSubject(replace(opened, mechanism=replace(opened.mechanism, step=0.002)))
 
 
 def asked(subject: MechanismSubject, effects: dict[str, Array]) -> Request:
@@ -50,9 +46,6 @@ def asked(subject: MechanismSubject, effects: dict[str, Array]) -> Request:
 
 def residuals(subject: MechanismSubject, effects: dict[str, Array]) -> Array:
     return subject.simulate([asked(subject, effects)])[0].mean
-
-
-# --- physics ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -71,4 +64,17 @@ def test_chain_moves_as_an_independent_engine_says(effects: Any, law: Any) -> No
     np.testing.assert_allclose(left, 0.0, atol=1e-4)
 
 
-# --- files -----------------------------------------------------------------------------------
+def test_a_yielding_pivot_lengthens_the_swing() -> None:
+    """To first order as if the link had more inertia: its pull moves the pivot to and fro."""
+    file, t, compliance = pendulum(1), np.arange(0.0, 1.5, 0.004), 5e-4
+    link = file.links[0]
+    moment = link.mass * link.com
+    inertia = link.inertia + moment * link.com
+    weight = moment * file.gravity
+    yields = compliance * moment**2 * weight / inertia
+    rate = np.sqrt(weight / (inertia + yields))
+    subject = subject_of(file, t, np.pi + 0.02 * np.cos(rate * t)[None])
+    undamped = replace(asked(subject, {}), base=np.array([0.0, *asked(subject, {}).base[1:]]))
+    soft = replace(undamped, effects={"pivot_compliance": np.array([compliance])})
+    stiff, right = (np.abs(f.mean).max() for f in subject.simulate([undamped, soft]))
+    assert right < 0.25 * stiff  # what is left is a ring of the pivot, which starts at rest

@@ -13,12 +13,12 @@ import yaml
 from cell.config.places import CHECKOUT_CONFIGS
 from cell.gap.fit import fit
 from cell.gap.subject.mechanism.file import PendulumFile
-from cell.gap.subject.mechanism.pendulum import load_pendulum
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.subject import Request, Residuals
 from cell.gap.verdict.accept import accept, undo
 from cell.gap.verdict.schema import Verdict, read_verdict
 from drivers.errors import ConfigurationError
+from drivers.settings import load
 from tests.support.swings import Law, make_swings, write_swings
 
 SIGMA = 0.001
@@ -151,7 +151,7 @@ def test_accepted_effect_leaves_no_gap(rubbing: Path, copied: tuple[Path, Path])
     file, out = copied
     accepted = accept(out, file)
     assert accepted.effects == ("dry_friction",)
-    pendulum = load_pendulum(file)
+    pendulum = load(file, PendulumFile)
     assert pendulum.effects["dry_friction"]["torque_1"] == pytest.approx(4e-4, rel=0.05)
     notes = {note.key: note.note for note in pendulum.provenance}
     assert notes["links.0.damping"] == "was 0.00025"

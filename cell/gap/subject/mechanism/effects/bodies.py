@@ -13,6 +13,19 @@ from drivers.types import Array
 AIR = 1.2  # kg/m^3
 
 
+def _moving_bodies(mechanism: Mechanism) -> list[int]:
+    """Bodies with a mass that joints move."""
+    model = mechanism.model
+    return [i for i in range(1, model.nbody) if model.body_weldid[i] and model.body_mass[i] > 0.0]
+
+
+def _edit_inertia(mechanism: Mechanism, values: Array, fields: Fields) -> None:
+    for i, error in zip(_moving_bodies(mechanism), values, strict=True):
+        if error != 0.0:
+            fields["body_mass"][i] *= 1.0 + error
+            fields["body_inertia"][i] *= 1.0 + error
+
+
 def _payload_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     last = mechanism.last_body
     return single("mass", "kg", 0.01 * float(mechanism.model.body_mass[last]))
@@ -37,19 +50,14 @@ def _edit_com(mechanism: Mechanism, values: Array, fields: Fields) -> None:
 
 
 def _drag_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """One parameter: a share of air's density, or a chain's drag per length and squared speed."""
-    if mechanism.mode == "planar":
-        return single("coefficient", "kg/m^2", 0.01)
-    return single("coefficient", "1", 0.02)
+    """A share of air's density, or the drag per length and squared speed of a pendulum's rods."""
+    swings = mechanism.mode == "planar"
+    return single("coefficient", *(("kg/m^2", 0.01) if swings else ("1", 0.02)))
 
 
 def _edit_drag(mechanism: Mechanism, values: Array, fields: Fields) -> None:
     (coefficient,) = values
-    if coefficient == 0.0:
-        return
-    if mechanism.mode == "planar":
-        fields["chain.drag"][...] += coefficient
-    else:
+    if coefficient != 0.0:
         fields["opt.density"][...] = fields["opt.density"] + AIR * coefficient
 
 
@@ -96,8 +104,7 @@ AIR_DRAG = Effect(
     name="air_drag",
     sentence="the air brakes the bodies with the square of their speed",
     of="model",
-    source="MuJoCo, fluid forces: ellipsoid model on geoms, or boxes of equal inertia; on chains "
-    "normal to the links, as on cylinders in cross flow",
+    source="MuJoCo, fluid forces: ellipsoid model on geoms, or boxes of equal inertia",
     parameters=_drag_parameters,
     edit=_edit_drag,
     modes=MODES,
@@ -124,4 +131,17 @@ FRAME_TILT = replace(
     modes=("planar",),
     revealed_by="let it hang still and read the angle",
 )
-EFFECTS = (ARMATURE, PAYLOAD, COM_ERROR, AIR_DRAG, BASE_TILT, FRAME_TILT)
+LINK_INERTIA = Effect(
+    name="link_inertia",
+    sentence="links are heavier or lighter than stated, with inertia in proportion",
+    of="model",
+    source="mass of a part that CAD lacks: cables, screws, covers",
+    parameters=lambda m: tuple(
+        Parameter(f"error_{m.model.body(i).name or i}", "1", 0.0, -0.9, 20.0, step=1e-5, spread=1.0)
+        for i in _moving_bodies(m)
+    ),
+    edit=_edit_inertia,
+    probes=(0.3, 3.0, 30.0),
+    revealed_by="slow motion through many poses against fast motion",
+)
+EFFECTS = (ARMATURE, LINK_INERTIA, PAYLOAD, COM_ERROR, AIR_DRAG, BASE_TILT, FRAME_TILT)

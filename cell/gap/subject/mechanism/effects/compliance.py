@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import Effect, Readings, has_gears, per_joint, single
+from cell.gap.subject.mechanism.effect import Effect, has_gears, per_joint, single
 from cell.gap.subject.mechanism.fields import Fields
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.subject import Parameter
@@ -17,14 +17,6 @@ def _elasticity_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
         return ()
     rate = 30.0 * mechanism.rate
     return per_joint(mechanism, "compliance", "rad/(N m)", 0.01 / (mechanism.inertia * rate**2))
-
-
-def _read_elasticity(mechanism: Mechanism, values: Array, readings: Readings) -> None:
-    readings.elastic = values
-
-
-def _read_play(mechanism: Mechanism, values: Array, readings: Readings) -> None:
-    readings.gap = values
 
 
 def _spring_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
@@ -43,17 +35,13 @@ def _edit_spring(mechanism: Mechanism, values: Array, fields: Fields) -> None:
             fields["jnt_stiffness"][i] += added
 
 
-def _edit_pivot(mechanism: Mechanism, values: Array, fields: Fields) -> None:
-    fields["chain.compliance"][...] += values[0]
-
-
 JOINT_ELASTICITY = Effect(
     name="joint_elasticity",
     sentence="gears twist: links spring on their motors",
     of="model",
     source="Spong 1987, J. Dyn. Sys. Meas. Control 109",
     parameters=_elasticity_parameters,
-    read=_read_elasticity,
+    read=lambda _, values, readings: setattr(readings, "elastic", values),
     revealed_by="fast starts and stops: the link rings on",
 )
 BACKLASH = Effect(
@@ -66,7 +54,7 @@ BACKLASH = Effect(
         if has_gears(m)
         else ()
     ),
-    read=_read_play,
+    read=lambda _, values, readings: setattr(readings, "gap", values),
     revealed_by="slow motion there and back through the load's turning point",
 )
 CABLE_SPRING = Effect(
@@ -96,7 +84,7 @@ PIVOT_COMPLIANCE = Effect(
     of="rig",
     source="a stiff spring without mass: it follows the chain's pull at once",
     parameters=lambda _: single("compliance", "m/N", 1e-5, high=100.0),
-    edit=_edit_pivot,
+    read=lambda _, values, readings: setattr(readings, "elastic", values),
     modes=("planar",),
     revealed_by="press the frame while it swings",
 )

@@ -7,7 +7,6 @@ import numpy as np
 from cell.gap.subject.mechanism.effect import (
     MODES,
     Effect,
-    Readings,
     driven_joints,
     per_encoder,
     per_joint,
@@ -66,14 +65,6 @@ def _delay_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     return single("time", "s", 0.1 * mechanism.step)
 
 
-def _delay_commands(mechanism: Mechanism, values: Array, readings: Readings) -> None:
-    readings.command += float(values[0])
-
-
-def _delay_readings(mechanism: Mechanism, values: Array, readings: Readings) -> None:
-    readings.delay += float(values[0])
-
-
 TORQUE_CONSTANT = Effect(
     name="torque_constant",
     sentence="motors give another torque for their current than stated",
@@ -125,7 +116,7 @@ CONTROL_DELAY = Effect(
     of="rig",
     source="transport delay",
     parameters=_delay_parameters,
-    read=_delay_commands,
+    read=lambda _, values, readings: setattr(readings, "command", float(values[0])),
     revealed_by="fast starts and stops",
 )
 SENSOR_DELAY = Effect(
@@ -134,7 +125,7 @@ SENSOR_DELAY = Effect(
     of="rig",
     source="transport delay",
     parameters=lambda m: single("time", "s", 0.1 * m.step),
-    read=_delay_readings,
+    read=lambda _, values, readings: setattr(readings, "delay", float(values[0])),
     revealed_by="fast motion there and back",
 )
 ENCODER_BIAS = Effect(

@@ -57,7 +57,8 @@ def _dry_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 def _dry_limit(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
     """Largest torque [N m] by which friction can hold a joint that stands."""
-    return p[at] + p[at + 1] * abs(load) + p[at + 3] * np.exp(-((v / p[at + 4]) ** 2))
+    peak = p[at + 3] * np.exp(-((v / p[at + 4]) ** 2)) if p[at + 3] else 0.0
+    return p[at] + p[at + 1] * abs(load) + peak
 
 
 def _quadratic_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:

@@ -60,6 +60,13 @@ MODELS = {
     "entity": ("<!DOCTYPE x [<!ENTITY a 'b'>]>" + ARM, "entities"),
     "free joint": (ARM.replace('axis="0 1 0" damping="0.1" armature="0.01"', 'type="ball"'),
                    "is free or a ball"),
+    "pairs": (ARM.replace("<actuator>", '<contact><pair geom1="upper" geom2="lower"/></contact>'
+                          "<actuator>"), "contact pairs: would be left out in mode prescribed"),
+    "tendon": (ARM.replace("<actuator>", '<tendon><fixed name="rope" frictionloss="1"><joint '
+                           'coef="1" joint="elbow"/></fixed></tendon><actuator>'),
+               "tendon rope: its frictionloss"),
+    "two motors": (ARM.replace("</actuator>", '<motor joint="elbow"/></actuator>'),
+                   "other motors on joint elbow"),
     "mimic": (MIMIC, '<joint joint1="b" joint2="a" polycoef="0 0.5 0 0 0"/>'),
     "other root": ("<html/>", "give MJCF or URDF"),
 }  # fmt: skip
@@ -119,6 +126,12 @@ RUNS = {"degrees": (_degrees, "angles are in rad"), "jump": (_jump, "jumps by"),
 def test_a_broken_table_is_refused(tmp_path: Path, name: str) -> None:
     change, words = RUNS[name]
     assert words in line(tmp_path, columns=change)
+
+
+def test_a_torque_that_a_simulation_would_compute_wrongly_is_refused(tmp_path: Path) -> None:
+    servo = '<position name="a2" joint="elbow" kp="30"/>'
+    slow = ARM.replace(servo, '<general name="a2" joint="elbow" dyntype="filter" dynprm="0.1"/>')
+    assert "torque a2_torque of a2: its filter" in line(tmp_path, xml=slow, content=FORWARD)
 
 
 def test_a_model_that_explodes_is_refused(tmp_path: Path) -> None:

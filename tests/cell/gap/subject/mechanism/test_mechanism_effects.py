@@ -16,7 +16,7 @@ CONTRACT = {
     "dry_friction", "quadratic_damping", "presliding", "cable_spring", "joint_elasticity",
     "backlash", "armature", "payload", "com_error", "torque_constant", "torque_bias",
     "torque_ripple", "saturation", "control_delay", "sensor_delay", "encoder_bias",
-    "encoder_scale", "base_tilt", "air_drag", "contact_friction",
+    "encoder_scale", "base_tilt", "air_drag", "contact_friction", "link_inertia",
 }  # fmt: skip
 PENDULUMS = {"frame_tilt", "pivot_compliance", "wire_spring"}
 

@@ -101,7 +101,7 @@ def test_changed_texts_find_the_same_meshes(robot: Path) -> None:
 
 @pytest.mark.skipif(not CASES.is_dir(), reason=f"no cases in {CASES}")
 @pytest.mark.parametrize("case", ["closed-loop/model", "wrong-link-mass/model",
-                                  "menagerie-meshdir"])  # fmt: skip
+                                  "menagerie-meshdir", "urdf-no-motors"])  # fmt: skip
 def test_robots_of_others_give_the_same_digits_from_any_folder(
     case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

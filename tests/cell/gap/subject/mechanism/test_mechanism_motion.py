@@ -1,7 +1,5 @@
 """Measured motion: filtered as its torques are, and as sure as its encoders are."""
 
-from collections.abc import Mapping
-
 import numpy as np
 import pytest
 import yaml
@@ -12,7 +10,7 @@ from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Request
 from tests.lab.exam import mechanisms as synthetic
-from tests.support.mechanisms import write_run
+from tests.support.mechanisms import left, write_run
 
 CUTOFF, WIDTH = 60.0, 0.06
 HIDDEN = (
@@ -28,21 +26,10 @@ def test_hidden_effect_of_a_mechanism_has_the_librarys_values(tmp_path, monkeypa
     file = synthetic.make_runs(tmp_path, hidden, 2, 1.0, 3)
     mechanism = open_mechanism(file, find_runs([tmp_path / "runs"]))
     truth = synthetic.amounts(hidden, 2, 1.0)
-    assert left(mechanism, hidden, truth) < 1.2
-    if truth:
-        assert left(mechanism, hidden, {}) > 1.5
-
-
-def left(mechanism: MechanismSubject, hidden: str, truth: Mapping[str, float]) -> float:
-    """What a model with the truth leaves of the first run, rms in units of noise; worst signal."""
     values = ordered_values(effect_of(hidden), mechanism.opened.mechanism, truth) if truth else None
-    base = np.array([p.start for p in mechanism.scope.base])
-    run = mechanism.runs[0]
-    known = {} if values is None else {hidden: values}
-    (found,) = mechanism.simulate([Request(run, base, known, np.zeros(0))])
-    z = found.mean / run.samples.noise
-    rows = [run.samples.quantity == name for name in mechanism.scope.quantities]
-    return max(float(np.sqrt(np.mean(z[mine] ** 2))) for mine in rows)
+    assert left(mechanism, **({hidden: values} if truth else {})) < 1.2
+    if truth:
+        assert left(mechanism) > 1.5
 
 
 @pytest.mark.long

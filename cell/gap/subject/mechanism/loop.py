@@ -1,0 +1,102 @@
+"""Closed kinematic loops of a model: its equalities leave some joints free, which lead the others.
+
+With the Jacobian J of the equalities and N, whose columns are the motions that J allows, the torque
+tau of motors with transmissions B follows from inverse dynamics f of the open tree without the
+forces in the loops: N^T B tau = N^T f. It depends on geometry alone.
+"""
+
+import copy
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.errors import ConfigurationError
+from drivers.types import Array
+
+RANK = 1e-6  # of the largest singular value, below which rows of a Jacobian repeat others
+APPROACH = 50  # steps from the stated pose, which closes the loops, to the first measured one
+ROUNDS, CLOSED = 20, 1e-10  # Newton's steps at most, and the gap [m or rad] at which they end
+SHAKEN = 0.01  # rad or m about the stated pose, where no Jacobian is singular by chance
+WORST = 100.0  # condition of N^T B; beyond, as at a dead centre, motors do not move the loop
+
+
+def transmissions(model: Any, data: Any) -> Array:
+    """Moments (actuators, dofs) of actuators in the pose of `data`, whose position is computed."""
+    dense = np.zeros((model.nu, model.nv))
+    for row, at, n in zip(dense, data.moment_rowadr, data.moment_rownnz, strict=True):
+        row[data.moment_colind[at : at + n]] = data.actuator_moment[at : at + n]
+    return dense
+
+
+class Loop:
+    """Loops of a model that a motion of its joints `given` moves; `free` are those that lead.
+
+    Raises ConfigurationError, with the mechanism's `origin`, where motors and freedoms differ.
+    """
+
+    def __init__(self, model: Any, given: Sequence[int], origin: str) -> None:
+        self._model = copy.copy(model)
+        off = mujoco.mjtDisableBit
+        self._model.opt.disableflags = int(off.mjDSBL_CONTACT | off.mjDSBL_FRICTIONLOSS
+                                           | off.mjDSBL_LIMIT)  # fmt: skip
+        self._model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        self._data = mujoco.MjData(self._model)
+        near = np.random.default_rng(0).normal(model.qpos0, SHAKEN)
+        freedoms = model.nv - int(np.linalg.matrix_rank(self._jacobian(near)[0], RANK))
+        driven = np.any(transmissions(self._model, self._data), axis=0, keepdims=True)[0]
+        free = [j for j in given if driven[j]] if len(given) == model.nv else list(given)
+        if len(free) != freedoms or model.nu != freedoms:
+            raise ConfigurationError(
+                f"{origin}: model: its closed loops leave {freedoms} freedoms, {model.nu} motors "
+                f"move it and {len(free)} driven joints are given as position; one of each is "
+                "needed for a freedom"
+            )
+        self.free = np.array(free)
+        self._rest = np.setdiff1d(np.arange(model.nv), self.free)
+
+    def _jacobian(self, q: Array) -> tuple[Array, Array]:
+        """Jacobian (rows, n) and gaps (rows,) of the equalities at positions `q` (n,)."""
+        self._data.qpos[:] = q
+        mujoco.mj_fwdPosition(self._model, self._data)
+        rows = self._data.nefc
+        return self._data.efc_J[: rows * len(q)].reshape(rows, -1), self._data.efc_pos[:rows]
+
+    def close(self, angles: Array) -> Array:
+        """Positions (m, n) of all joints where the free ones stand at `angles` (m, free)."""
+        q = np.array(self._model.qpos0)
+        approach = np.linspace(q[self.free], angles[0], APPROACH)
+        return np.array([self._closed(q, a) for a in (*approach, *angles)])[APPROACH:]
+
+    def _closed(self, q: Array, angles: Array) -> Array:
+        """Copy of `q` (n,), which is moved on to `angles` (free,) along its branch of assembly."""
+        q[self.free] = angles
+        for _ in range(ROUNDS):
+            jacobian, gap = self._jacobian(q)
+            if np.abs(gap).max() < CLOSED:
+                break
+            q[self._rest] -= np.linalg.pinv(jacobian[:, self._rest], RANK) @ gap
+        return q.copy()
+
+    def maps(self, q: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Along `q` (m, n): forces of motors by torque of a joint (m, actuators, n), motion of all
+        by free joints (m, n, free), and where motors move the loop (m,).
+        """
+        forces, moves, good = [], [], []
+        for row in q:
+            jacobian, gap = self._jacobian(row)
+            allowed = np.zeros((len(row), len(self.free)))
+            allowed[self.free] = np.eye(len(self.free))
+            inner = np.linalg.pinv(jacobian[:, self._rest], RANK)
+            allowed[self._rest] = -inner @ jacobian[:, self.free]
+            driven = allowed.T @ transmissions(self._model, self._data).T
+            forces.append(np.linalg.pinv(driven, RANK) @ allowed.T)
+            moves.append(allowed)
+            good.append(np.linalg.cond(driven) < WORST and np.abs(gap).max() < np.sqrt(CLOSED))
+        return np.array(forces), np.array(moves), np.array(good)
+
+    def gap(self, q: Array) -> float:
+        """Root mean square [m or rad] by which positions `q` (m, n) leave the loops open."""
+        return float(np.sqrt(np.mean([np.sum(self._jacobian(row)[1] ** 2) for row in q])))

@@ -1,0 +1,96 @@
+"""What a model of others holds is part of its prediction: nothing is ignored in silence."""
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
+from cell.gap.subject.run_folders import find_runs, read_table
+from drivers.errors import ConfigurationError
+from tests.support.mechanisms import ARM, FORWARD, PRESCRIBED, left, make_arm, write_run
+
+CASES = Path(__file__).parents[6] / "shared" / "cases"
+cases = pytest.mark.skipif(not CASES.is_dir(), reason=f"no cases in {CASES}")
+ELBOW = 'name="elbow" axis="0 1 0"'
+MODELS = {
+    "friction": ARM.replace(ELBOW, f'{ELBOW} frictionloss="0.5"'),
+    "compensated": ARM.replace(ELBOW, f'{ELBOW} actuatorgravcomp="true"').replace(
+        '<body name="lower"', '<body name="lower" gravcomp="1"'),
+    "limit": ARM.replace(ELBOW, f'{ELBOW} limited="true" range="-0.6 0.6"'),
+    "force": ARM.replace(ELBOW, f'{ELBOW} actuatorfrclimited="true" actuatorfrcrange="-1 1"'),
+    "gear": ARM.replace('joint="elbow" kp="30"', 'joint="elbow" kp="1" gear="6"'),
+}  # fmt: skip
+KNOWN = 6.6  # what the arm's servos, which step every 10 ms, leave above the filter
+
+
+def opened(folder: Path, **arm: Any) -> MechanismSubject:
+    file, runs = make_arm(folder, 2, content=arm.pop("content", PRESCRIBED), **arm)
+    return open_mechanism(file, find_runs([runs]))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_what_the_model_holds_is_predicted(tmp_path: Path, name: str) -> None:
+    subject = opened(tmp_path / "stated", stated=MODELS[name])
+    assert left(subject) < KNOWN
+    assert left(opened(tmp_path / "left out", plant=MODELS[name])) > 1.4 * KNOWN
+    assert ("moments at the limits of joints are left out" in subject.notes) == (name == "limit")
+    assert any("contacts are off" in note for note in subject.notes)
+
+
+def test_commands_beyond_their_range_give_no_more_torque(tmp_path: Path) -> None:
+    short = ARM.replace('kp="30"', 'kp="30" ctrllimited="true" ctrlrange="-0.3 0.3"')
+    assert left(opened(tmp_path, stated=short, content=FORWARD)) < KNOWN
+
+
+def test_a_torque_is_read_on_the_side_that_the_file_states(tmp_path: Path) -> None:
+    file, runs = make_arm(tmp_path, 2, content=PRESCRIBED, stated=MODELS["gear"])
+    for run in runs.iterdir():
+        table = read_table(run / "signals.parquet")
+        write_run(run, {**table, "t2": 6.0 * table["t2"]}, {"mechanism": "arm"})
+    with pytest.raises(ConfigurationError, match=r"t2: reads .* state side: joint"):
+        open_mechanism(file, find_runs([runs]))
+    content = yaml.safe_load(file.read_text())
+    for spec in ({"side": "joint", "actuator": "a2"}, {"joint": "elbow"}):
+        content["signals"]["t2"] = {"is": "torque", "sigma": 0.12, **spec}
+        file.write_text(yaml.safe_dump(content))
+        assert left(open_mechanism(file, find_runs([runs]))) < KNOWN
+
+
+def test_a_heavier_link_is_its_effect(tmp_path: Path) -> None:
+    def hidden(model: Any) -> None:
+        model.body_mass[2] *= 2.0
+        model.body_inertia[2] *= 2.0
+
+    subject = opened(tmp_path, hidden=hidden)
+    assert left(subject) > 3.0 * KNOWN
+    assert left(subject, link_inertia=[0.0, 1.0]) < KNOWN
+
+
+@cases
+def test_a_closed_loop_is_driven_through_its_equality(tmp_path: Path) -> None:
+    case = CASES / "closed-loop"
+    whole = open_mechanism(case / "model" / "robot.yaml", find_runs([case / "runs"]))
+    assert left(whole) < 0.1  # of 0.05 N m, where the open tree leaves 1.45 N m
+    assert not any("does not close" in note for note in whole.notes)
+    shutil.copytree(case, tmp_path / "case")
+    file = tmp_path / "case" / "model" / "robot.yaml"
+    content = yaml.safe_load(file.read_text())
+    for run in (tmp_path / "case" / "runs").iterdir():
+        table = read_table(run / "signals.parquet")
+        write_run(run, {**table, "coupler": table["coupler"] + 0.01}, {"mechanism": "fourbar"})
+    off = open_mechanism(file, find_runs([tmp_path / "case" / "runs"]))
+    assert any("does not close by 3." in note for note in off.notes)
+    assert left(off) == pytest.approx(left(whole))
+    file.write_text(yaml.safe_dump({**content, "inputs": {"crank": "position"}}))
+    led = open_mechanism(file, find_runs([tmp_path / "case" / "runs"]))
+    assert left(led) < 0.1
+    rubbing = left(whole, dry_friction=[0.0, 0.0, 0.1] + 3 * [0.0])
+    assert rubbing > 5.0 * left(whole)  # friction of a passive joint acts through the loop
+    model = file.parent / "fourbar.xml"
+    second = '<motor name="second" joint="rocker"/></actuator>'
+    model.write_text(model.read_text().replace("</actuator>", second))
+    with pytest.raises(ConfigurationError, match="leave 1 freedoms, 2 motors"):
+        open_mechanism(file, find_runs([tmp_path / "case" / "runs"]))
