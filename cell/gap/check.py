@@ -89,11 +89,11 @@ def clock(t: Array, limits: Limits = DEFAULT_LIMITS) -> Iterator[Finding]:
     missing = np.round(np.maximum(steps / step - 1.0, 0.0))
     lost = float(missing.sum() / (missing.sum() + len(t)))
     if lost > limits.lost[0]:
-        at = int(np.argmax(steps))
+        worst = int(np.argmax(steps))
         yield _finding(
             "lost samples",
-            f"{100 * lost:.0f} % of the rows are missing, the longest gap {steps[at]:.2g} s at "
-            f"{t[at]:.2f} s", "record on a machine that keeps up, or leave the run out",
+            f"{100 * lost:.0f} % of the rows are missing, the longest gap {steps[worst]:.2g} s at "
+            f"{t[worst]:.2f} s", "record on a machine that keeps up, or leave the run out",
             _level(lost, limits.lost),
         )  # fmt: skip
     low, high = np.quantile(steps, [0.25, 0.75])
@@ -131,14 +131,14 @@ def values(
 
     A reading is stuck that stands still while its `command` (n,) changes.
     """
-    seen = np.isfinite(value)
-    lost = 1.0 - float(seen.mean())
+    is_number = np.isfinite(value)
+    lost = 1.0 - float(is_number.mean())
     if lost > limits.lost[0]:
         yield _finding(
             "lost samples", f"{name} holds no number in {100 * lost:.0f} % of the rows",
             "mend the reading, or leave the run out",
         )  # fmt: skip
-    if seen.sum() < 2:
+    if is_number.sum() < 2:
         return
     stuck = None if command is None else _stall(name, t, value, command, limits)
     if stuck is not None:
@@ -215,8 +215,8 @@ class Check(Entry):
     @property
     def level(self) -> Level:
         """Worst level among the findings, `good` where there are none."""
-        found = {f.level for f in self.findings}
-        return "bad" if "bad" in found else "fair" if "fair" in found else "good"
+        levels = {f.level for f in self.findings}
+        return "bad" if "bad" in levels else "fair" if "fair" in levels else "good"
 
     def to_json(self) -> str:
         """Text of check.json."""
@@ -237,7 +237,7 @@ def inputs_digest(file: Path, runs: Sequence[RunFolder]) -> str:
 
 def recordings(runs: Sequence[RunFolder]) -> list[Finding]:
     """Findings on the tables of `runs`, unreadable ones aside: their reader refuses those."""
-    found = []
+    findings = []
     for run in runs:
         tables = {}
         for name in TABLES:
@@ -245,8 +245,8 @@ def recordings(runs: Sequence[RunFolder]) -> list[Finding]:
                 tables[name] = read_table(run.path / name)
             except ConfigurationError:
                 continue
-        found += [each.model_copy(update={"run": run.name}) for each in complaints(tables)]
-    return found
+        findings += [finding.model_copy(update={"run": run.name}) for finding in complaints(tables)]
+    return findings
 
 
 def refuse(runs: Sequence[RunFolder]) -> None:
@@ -266,21 +266,21 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
     Raises ConfigurationError where there are no runs; what else cannot be read is a finding.
     """
     runs, copies = counted_once(find_runs(paths))
-    found = [
+    findings = [
         _finding("copy", note(copy, first), "measure again; a copy says nothing new", run=copy)
         for copy, first in copies.items()
     ]
-    found += recordings(runs)
+    findings += recordings(runs)
     try:
         subject = open_subject(file, runs, jobs)
     except ConfigurationError as error:
         words, _, remedy = str(error).splitlines()[0].partition("; ")
-        found.append(_finding("unreadable", words, remedy, "bad"))
+        findings.append(_finding("unreadable", words, remedy, "bad"))
     else:
-        found += [_finding("run", words, "make it again") for words in subject.notes]
-        found += identifiable(subject)
+        findings += [_finding("run", words, "make it again") for words in subject.notes]
+        findings += identifiable(subject)
     names = [run.name for run in runs]
-    return Check(inputs=inputs_digest(file, runs), runs=names, findings=found)
+    return Check(inputs=inputs_digest(file, runs), runs=names, findings=findings)
 
 
 def identifiable(subject: Subject) -> Iterator[Finding]:
@@ -291,23 +291,23 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
         if s > WEAK * p.spread:
             words = f"{p.name}: known to {p.spread:.2g} {p.unit}, by these runs to {s:.2g}"
             yield _finding(IDENTIFIABLE, words, "move faster, higher or longer")
-    about = projection(stated, robustly=False)
+    absorbing = projection(stated, robustly=False)
     library = [
         probe(stated, replace(c, probes=(_largest_probe(c),)), steps=False)
         for c in subject.scope.candidates
     ]
     directions: dict[str, Array] = {}
     for probed in run_all(subject.simulate, library):
-        largest, name = _largest_response(about, probed), probed.candidate.name
+        largest, name = _largest_response(absorbing, probed), probed.candidate.name
         length = np.linalg.norm(largest)
         if length >= PROBE_SIGMA:
             directions[name] = largest / length
         else:
             words = f"{name}: even the largest that is tried would show by {length:.1f} sigma"
             yield _finding(IDENTIFIABLE, words, probed.candidate.revealed_by)
-    for (one, a), (other, b) in combinations(directions.items(), 2):
+    for (first, a), (second, b) in combinations(directions.items(), 2):
         if abs(float(a @ b)) > LARGEST_CORRELATION:
-            words = f"{one} and {other} show alike: these runs cannot separate them"
+            words = f"{first} and {second} show alike: these runs cannot separate them"
             yield _finding(IDENTIFIABLE, words, "fit, then `cell gap advise`")
 
 
@@ -321,5 +321,5 @@ def _largest_probe(candidate: Candidate) -> tuple[tuple[float, ...], ...]:
 def _largest_response(projection: Projection, probed: ProbeResponses) -> Array:
     """Largest response (N,) of an effect to its own probes that the base cannot absorb."""
     firsts = np.concatenate([group[:, :1] for group in probed.responses], axis=1)
-    left = projection.left(firsts)
-    return np.asarray(left[:, int(np.argmax(np.linalg.norm(left, axis=0)))])
+    unabsorbed = projection.left(firsts)
+    return np.asarray(unabsorbed[:, int(np.argmax(np.linalg.norm(unabsorbed, axis=0)))])

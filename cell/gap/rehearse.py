@@ -122,8 +122,8 @@ def _new_plan(
 
 def as_fitted(strip: StripFile, values: Mapping[str, float]) -> StripFile:
     """Strip file with the refitted `values` of those parameters that a strip file states."""
-    own = {name: value for name, value in values.items() if name in StripFile.model_fields}
-    return strip.model_copy(update=own)
+    stated = {name: value for name, value in values.items() if name in StripFile.model_fields}
+    return strip.model_copy(update=stated)
 
 
 def path_of_run(run: MeasuredRun) -> GripperPath:
@@ -171,9 +171,9 @@ class Copy:
         """Simulate and diagnose the copy; returns the hidden effect beside the verdict."""
         file = Path(self.plan.file)
         with TemporaryDirectory(ignore_cleanup_errors=True) as name:
-            place = Path(name)
-            write_copy(self.plan, self.hidden, place / "runs")
-            verdict = fit([place / "runs"], file, place / "out")
+            folder = Path(name)
+            write_copy(self.plan, self.hidden, folder / "runs")
+            verdict = fit([folder / "runs"], file, folder / "out")
         return {
             "hidden": self.hidden.effect,
             "values": self.hidden.values,
@@ -184,14 +184,14 @@ class Copy:
         }
 
 
-def write_copy(made: Plan, hidden: Hidden, folder: Path) -> None:
+def write_copy(plan: Plan, hidden: Hidden, folder: Path) -> None:
     """Simulate a copy and write its run folders into `folder`."""
-    strip, rng = load_strip(Path(made.file)), np.random.default_rng([hidden.seed, 1])
-    plant = as_fitted(strip, made.base)
-    runs = [run for run in read_runs(find_runs([Path(p) for p in made.runs]), strip) if run.usable]
+    strip, rng = load_strip(Path(plan.file)), np.random.default_rng([hidden.seed, 1])
+    plant = as_fitted(strip, plan.base)
+    runs = [run for run in read_runs(find_runs([Path(p) for p in plan.runs]), strip) if run.usable]
     effects = {hidden.effect: hidden.values} if hidden.effect != NO_EFFECT else {}
     models = [
-        differing(describe(plant, effects, run.measured.index), made.scatter, rng) for run in runs
+        differing(describe(plant, effects, run.measured.index), plan.scatter, rng) for run in runs
     ]
     folds = rod_folds(models, [path_of_run(run) for run in runs], SEGMENTS, STEP)
     for number, (run, fold) in enumerate(zip(runs, folds, strict=True)):
@@ -215,10 +215,10 @@ def instruments(run: FoldMeasurement) -> Instruments:
     return replace(Instruments(**stated), force=run.sigma.force if run.has_force else None)
 
 
-def rehearse(made: Plan, folder: Path, engine: Engine, watcher: Watcher) -> list[Record]:
+def rehearse(plan: Plan, folder: Path, engine: Engine, watcher: Watcher) -> list[Record]:
     """Measure all copies and return their records, resuming in `folder`; raises as `carry_out`."""
-    of = hashlib.sha256(f"{made.model_dump_json()}{verdicts()}".encode()).hexdigest()[:16]
-    parts = [Copy(made, hidden, of) for hidden in made.copies]
+    of = hashlib.sha256(f"{plan.model_dump_json()}{verdicts()}".encode()).hexdigest()[:16]
+    parts = [Copy(plan, hidden, of) for hidden in plan.copies]
     return [r for _, r in carry_out(parts, folder / JOURNAL, engine, watcher)]
 
 
@@ -246,19 +246,19 @@ def _answer(outcome: Mapping[str, Any]) -> str:
     return f"{', '.join(outcome['named'])}, confidence {outcome['confidence']:.2f}"
 
 
-def page(made: Plan, records: Sequence[Record]) -> str:
+def page(plan: Plan, records: Sequence[Record]) -> str:
     """Format the rehearsal in Markdown: which effects could be named, and which names are false."""
-    found = [r.outcome for r in records if r.outcome is not None]
-    hidden = [o for o in found if o["hidden"] != NO_EFFECT]
-    empty = [o for o in found if o["hidden"] == NO_EFFECT]
+    outcomes = [r.outcome for r in records if r.outcome is not None]
+    hidden = [o for o in outcomes if o["hidden"] != NO_EFFECT]
+    empty = [o for o in outcomes if o["hidden"] == NO_EFFECT]
     rows = [(o["hidden"], _size_text(o["values"]), _answer(o), "yes" if right(o) else "**no**")
             for o in hidden]  # fmt: skip
-    return "\n\n".join([f"# Rehearsal of {len(made.runs)} runs", *_summary(made, hidden, empty),
+    return "\n\n".join([f"# Rehearsal of {len(plan.runs)} runs", *_summary(plan, hidden, empty),
                         table(("hidden", "size", "said", "right"), rows)]) + "\n"  # fmt: skip
 
 
 def _summary(
-    made: Plan, hidden: Sequence[Mapping[str, Any]], empty: Sequence[Mapping[str, Any]]
+    plan: Plan, hidden: Sequence[Mapping[str, Any]], empty: Sequence[Mapping[str, Any]]
 ) -> Iterator[str]:
     """Sentences on the numbers of hidden effects that would be named and of false names."""
     good, alarms = sum(map(right, hidden)), sum(bool(o["named"]) for o in empty)
@@ -268,20 +268,20 @@ def _summary(
         f"named or held in a class" + (f", at a confidence of {mean(sure):.2f}" if sure else "")
         + f". With nothing hidden, {alarms} of {len(empty)} copies were given a name."
     )  # fmt: skip
-    if made.unseen:
-        yield f"At no believable size do these runs show: {', '.join(made.unseen)}."
-    yield f"Inputs {made.inputs}; of other runs it says nothing."
+    if plan.unseen:
+        yield f"At no believable size do these runs show: {', '.join(plan.unseen)}."
+    yield f"Inputs {plan.inputs}; of other runs it says nothing."
 
 
 def _size_text(values: Mapping[str, float]) -> str:
     return ", ".join(f"{name} {value:.3g}" for name, value in values.items())
 
 
-def write_page(made: Plan, records: Sequence[Record], folder: Path) -> Path:
+def write_page(plan: Plan, records: Sequence[Record], folder: Path) -> Path:
     """Write the page and all outcomes as JSON; returns the page's path."""
     outcomes = [dict(r.outcome) for r in records if r.outcome is not None]
     replace_file(folder / "rehearsal.json", json.dumps(outcomes, indent=1).encode())
-    replace_file(folder / PAGE, page(made, records).encode())
+    replace_file(folder / PAGE, page(plan, records).encode())
     return folder / PAGE
 
 

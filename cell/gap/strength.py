@@ -45,12 +45,12 @@ class Strengths:
     @classmethod
     def of(cls, effect: Effect, strip: StripFile, others: dict[str, float], *, up: bool) -> Self:
         """Strengths up to the largest believable on `strip`; `up` is the sign where both exist."""
-        p, known = effect.parameters[0], effect.sizes(strip)
+        p, sizes = effect.parameters[0], effect.sizes(strip)
         if p.null is None:
-            return cls(effect, others, max(p.low, min(known) / BELIEVABLE))
+            return cls(effect, others, max(p.low, min(sizes) / BELIEVABLE))
         if p.null > 0.0:
-            return cls(effect, others, max(known) ** (1.0 if up else -1.0))
-        signed = BELIEVABLE * max(map(abs, known)) * (1.0 if up or p.low >= 0.0 else -1.0)
+            return cls(effect, others, max(sizes) ** (1.0 if up else -1.0))
+        signed = BELIEVABLE * max(map(abs, sizes)) * (1.0 if up or p.low >= 0.0 else -1.0)
         return cls(effect, others, float(np.clip(signed, p.low, p.high)))
 
     def at(self, share: float) -> dict[str, float]:
@@ -102,18 +102,18 @@ class Ruler:
     @classmethod
     def standard(cls, plant: StripFile, motions: Sequence[str], sigma: Sigma) -> Self:
         """Ruler on the standard motions called `motions`."""
-        made = {run.name: run for run in planned_runs(plant, sigma, 0)}
-        return cls(plant, [made[name] for name in motions])
+        runs = {run.name: run for run in planned_runs(plant, sigma, 0)}
+        return cls(plant, [runs[name] for name in motions])
 
     @classmethod
     def along(cls, plant: StripFile, paths: Sequence[GripperPath], sigma: Sigma) -> Self:
         """Ruler on these gripper paths."""
-        seen = measured_along(paths, plant, sigma, 0)
-        return cls(plant, [MeasuredRun("own", f"own-{i}", m, ()) for i, m in enumerate(seen)])
+        folds = measured_along(paths, plant, sigma, 0)
+        return cls(plant, [MeasuredRun("own", f"own-{i}", m, ()) for i, m in enumerate(folds)])
 
     def excess(self, hidden: Sequence[Hidden]) -> Array:
         """Excess gap (k,) that each of k sets of effects leaves after the base is refitted."""
-        return np.array([self._excess(left) for left in self._response_after_refit(hidden)])
+        return np.array([self._excess(response) for response in self._response_after_refit(hidden)])
 
     def of_each(self, both: Hidden) -> Array:
         """Excess gap (2,) of each of two effects after base and amount of the other are refitted.
@@ -121,20 +121,20 @@ class Ruler:
         To first order: the part of the joint response that base and other effect do not span.
         """
         alone = [{name: values} for name, values in both.items()]
-        joint, *each = self._response_after_refit([both, *alone])
-        others = [other / np.linalg.norm(other) for other in reversed(each)]
+        joint, *single = self._response_after_refit([both, *alone])
+        others = [response / np.linalg.norm(response) for response in reversed(single)]
         return np.array([self._excess(joint - other * (other @ joint)) for other in others])
 
     def _response_after_refit(self, hidden: Sequence[Hidden]) -> list[Array]:
         """Whitened response (N,) to each set of effects, less what a refit of the base removes."""
         estimate = self._estimate
         base, local = estimate.shared, estimate.point.local
-        asked = [
-            Request(run, base, {n: engine_values(n, v) for n, v in effects.items()}, own)
+        requests = [
+            Request(run, base, {n: engine_values(n, v) for n, v in effects.items()}, unknowns)
             for effects in hidden
-            for run, own in zip(estimate.evidence.runs, local, strict=True)
+            for run, unknowns in zip(estimate.evidence.runs, local, strict=True)
         ]
-        results, count = self._subject.simulate(asked), len(local)
+        results, count = self._subject.simulate(requests), len(local)
         return [self._left_by_base(results[k * count :][:count]) for k in range(len(hidden))]
 
     def _left_by_base(self, results: Sequence[Residuals]) -> Array:
@@ -143,13 +143,13 @@ class Ruler:
         moved = [response(result, base, scale) for result, base, scale in runs]
         return self._about.left(np.concatenate(moved))
 
-    def _excess(self, left: Array) -> float:
+    def _excess(self, response: Array) -> float:
         """Excess gap of a whitened response (N,) under the noise of the runs."""
-        known = self._estimate.evidence
-        by_run = np.split(left, np.cumsum([len(r) for r in self._estimate.residuals])[:-1])
+        evidence = self._estimate.evidence
+        by_run = np.split(response, np.cumsum([len(r) for r in self._estimate.residuals])[:-1])
         noisy = [
             np.sqrt(r**2 + (run.samples.noise / scale) ** 2)
-            for r, run, scale in zip(by_run, known.runs, known.scales, strict=True)
+            for r, run, scale in zip(by_run, evidence.runs, evidence.scales, strict=True)
         ]
         return held_out_gap.excess_of(replace(self._estimate, residuals=tuple(noisy)))
 
@@ -165,11 +165,11 @@ class Ruler:
             for _ in range(ROUNDS):
                 excess = self._excess_along(strengths, shares)
                 k = min(np.flatnonzero(excess >= target), default=len(shares) - 1)
-                found, gap = float(shares[k]), float(excess[k])
-                shares = np.geomspace(shares[max(k - 1, 0)], found, STEPS)
+                smallest, gap = float(shares[k]), float(excess[k])
+                shares = np.geomspace(shares[max(k - 1, 0)], smallest, STEPS)
         except ConfigurationError:
             return None
-        return found if gap <= most else None
+        return smallest if gap <= most else None
 
     def _excess_along(self, strengths: Strengths, shares: Array) -> Array:
         return self.excess([{strengths.effect.name: strengths.at(s)} for s in shares])

@@ -34,49 +34,49 @@ class HoldOutLimits:
 LIMITS = HoldOutLimits()
 
 
-def held_out(subject: Subject, simulate: Simulate, wanted: Sequence[str] = ()) -> list[str]:
-    """Names of the held-out runs: those `wanted` or else one condition in four.
+def held_out(subject: Subject, simulate: Simulate, requested: Sequence[str] = ()) -> list[str]:
+    """Names of the held-out runs: those `requested` or else one condition in four.
 
     A condition that holds most of the information on some effect is fitted: held out, it would
     hide that effect. Where it alone shows one, the last of its repeats is held out. How well the
     model fits does not matter, only what was done.
     """
     names = [run.name for run in subject.runs]
-    check(names, wanted)
-    if wanted:
-        return list(dict.fromkeys(wanted))
+    check(names, requested)
+    if requested:
+        return list(dict.fromkeys(requested))
     conditions = folds(subject.runs, most=len(names))
     information = Informativeness(subject, simulate)
-    held = _dispensable_runs(conditions, information)
+    indices = _dispensable_runs(conditions, information)
     for condition in conditions:
-        is_free = len(condition) > 1 and not set(condition) & set(held)
+        is_free = len(condition) > 1 and not set(condition) & set(indices)
         if is_free and information.largest_loss(condition) >= LIMITS.alone:
-            held += condition[-1:]
-    if not held and len(conditions) > 1:
-        held = conditions[1]
-    return [names[i] for i in held]
+            indices += condition[-1:]
+    if not indices and len(conditions) > 1:
+        indices = conditions[1]
+    return [names[i] for i in indices]
 
 
 def _dispensable_runs(conditions: Sequence[list[int]], information: "Informativeness") -> list[int]:
     """Numbers of the runs to hold out: one condition in `LIMITS.every` that others can spare."""
-    held: list[int] = []
+    indices: list[int] = []
     for first in range(1, len(conditions), LIMITS.every):
         for condition in (*conditions[first:], *conditions[:first]):
-            is_free = not set(condition) & set(held)
-            if is_free and information.largest_loss([*held, *condition]) < LIMITS.needed:
-                held += condition
+            is_free = not set(condition) & set(indices)
+            if is_free and information.largest_loss([*indices, *condition]) < LIMITS.needed:
+                indices += condition
                 break
-    return held
+    return indices
 
 
-def check(names: Sequence[str], wanted: Sequence[str]) -> None:
-    """Raise ConfigurationError where runs `wanted` are not among `names`, or are all of them."""
-    unknown = [name for name in wanted if name not in names]
+def check(names: Sequence[str], requested: Sequence[str]) -> None:
+    """Raise ConfigurationError where runs `requested` are not among `names`, or are all of them."""
+    unknown = [name for name in requested if name not in names]
     if unknown:
         raise ConfigurationError(
             f"--hold-out {unknown[0]}: no such run; allowed: {', '.join(names)}"
         )
-    if len(set(wanted)) == len(names):
+    if len(set(requested)) == len(names):
         raise ConfigurationError("--hold-out: all runs are held out; leave some to fit")
 
 
@@ -94,17 +94,17 @@ class Informativeness:
 
     def largest_loss(self, without: Sequence[int]) -> float:
         """Largest share of the information on any effect that is lost without these runs."""
-        kept = [i for i in range(len(self._responses)) if i not in without]
-        shown = self._all > LIMITS.shown
-        if not kept or not shown.any():
-            return float(not kept)
-        return float((1.0 - self._information(kept)[shown] / self._all[shown]).max())
+        remaining = [i for i in range(len(self._responses)) if i not in without]
+        counts = self._all > LIMITS.shown
+        if not remaining or not counts.any():
+            return float(not remaining)
+        return float((1.0 - self._information(remaining)[counts] / self._all[counts]).max())
 
-    def _information(self, kept: Sequence[int]) -> Array:
-        """Information (candidates,) [nats] on each effect in the runs of the numbers `kept`."""
-        about = projection(self._stated.on(kept), robustly=False)
-        responses = np.concatenate([self._responses[i] for i in kept])
-        return np.asarray(0.5 * (responses * about.left(responses)).sum(axis=0))
+    def _information(self, indices: Sequence[int]) -> Array:
+        """Information (candidates,) [nats] on each effect in the runs of the numbers `indices`."""
+        absorbing = projection(self._stated.on(indices), robustly=False)
+        responses = np.concatenate([self._responses[i] for i in indices])
+        return np.asarray(0.5 * (responses * absorbing.left(responses)).sum(axis=0))
 
 
 def _responses(subject: Subject, simulate: Simulate, base: Estimate) -> list[Array]:
@@ -116,9 +116,9 @@ def _responses(subject: Subject, simulate: Simulate, base: Estimate) -> list[Arr
         shared = np.concatenate([base.shared, np.array(vector)])
         models.append((Model(base.model.base, (c,)), shared))
     answers = simulate([
-        replace(request(model, run, shared, own), response=True)
+        replace(request(model, run, shared, unknowns), response=True)
         for model, shared in models
-        for run, own in zip(runs, base.point.local, strict=True)
+        for run, unknowns in zip(runs, base.point.local, strict=True)
     ])  # fmt: skip
     return [
         np.array([

@@ -71,12 +71,12 @@ class Fold:
         path = self.lifted_path if has_hysteresis else self.path
         return Job.of(hashed, path, self.comparison.run.contact_height, self.resolution)
 
-    def correct(self, found: Residuals, run: Run, local: Array) -> Residuals:
+    def correct(self, residuals: Residuals, run: Run, local: Array) -> Residuals:
         """Residuals corrected to those of a fine rod, for values `local` (k,) of its unknowns."""
-        mean = found.mean - self.grid_error
+        mean = residuals.mean - self.grid_error
         for p, value in zip(run.local, local, strict=True):
             mean = mean + value * self.slopes[p.name]
-        return Residuals(mean, found.square + mean**2 - found.mean**2)
+        return Residuals(mean, residuals.square + mean**2 - residuals.mean**2)
 
 
 def prepare(
@@ -94,8 +94,8 @@ def prepare(
     linearised = linearise_folds(folds, nominal, simulate, scatter)
     local = tuple(e.parameter for e in scatter)
     return [
-        _engine_run(run, fold, about, local)
-        for run, fold, about in zip(runs, folds, linearised, strict=True)
+        _engine_run(run, fold, linearisation, local)
+        for run, fold, linearisation in zip(runs, folds, linearised, strict=True)
         if len(fold.comparison.layout.samples)
     ]
 
@@ -120,8 +120,8 @@ def linearise_folds(
     scatter: Sequence[RunEffect],
 ) -> list[Linearisation]:  # fmt: skip
     """Linearise the residuals of each of `folds` about its simulation in `drives`."""
-    perturbed = [f.drive(HashedModel.of(e.apply(job.model, e.step)))
-                 for f, job in zip(folds, drives, strict=True) for e in scatter]  # fmt: skip
+    perturbed = [f.drive(HashedModel.of(effect.apply(job.model, effect.step)))
+                 for f, job in zip(folds, drives, strict=True) for effect in scatter]  # fmt: skip
     motions = simulate([*drives, *perturbed])
     nominal = [
         fold.comparison(job.model, motion).mean
@@ -129,19 +129,20 @@ def linearise_folds(
     ]
     grid_errors = _grid_errors(folds, drives, nominal, simulate)
     step_errors = _grid_errors(folds, drives, nominal, simulate, (MEDIUM,))
-    found = []
+    linearisations = []
     for i, (fold, job) in enumerate(zip(folds, drives, strict=True)):
         limit = LARGEST_CHANGE * fold.comparison.layout.samples.floor
         grid_error = _drop_large(grid_errors[i], limit)
         step_error = _drop_large(step_errors[i], limit)
         doubt = np.hypot(TRUSTED * (grid_error - step_error), STEP_TRUSTED * step_error)
         slopes = {}
-        for k, e in enumerate(scatter, start=i * len(scatter)):  # jobs are perturbed fold by fold
+        first = i * len(scatter)  # jobs are perturbed fold by fold
+        for k, effect in enumerate(scatter, start=first):
             residuals = fold.comparison(perturbed[k].model, motions[len(folds) + k]).mean
-            slopes[e.name] = frozen(_drop_large(residuals - nominal[i], limit) / e.step)
+            slopes[effect.name] = frozen(_drop_large(residuals - nominal[i], limit) / effect.step)
         length = job.model.mechanics.length
-        found.append(Linearisation(frozen(grid_error), doubt, slopes, length))
-    return found
+        linearisations.append(Linearisation(frozen(grid_error), doubt, slopes, length))
+    return linearisations
 
 
 def _resolve(
@@ -163,22 +164,22 @@ def _resolve(
 def _grid_errors(
     folds: Sequence[Fold],
     drives: Sequence[Job],
-    found: Sequence[Array],
+    residuals: Sequence[Array],
     simulate: Simulation,
     finer: Sequence[Resolution] = (FINE, FINER),
 ) -> list[Array]:
-    """Residuals `found` of a fold's own rod less those of a `finer` one, per sample (n,).
+    """`residuals` of a fold's own rod less those of a `finer` one, per sample (n,).
 
     Where that is much, the next resolution decides: an end that slips, or a strip that is pushed,
     may take another way at a single one.
     """
-    errors = [np.zeros_like(each) for each in found]
-    asked = list(range(len(folds)))
+    errors = [np.zeros_like(values) for values in residuals]
+    doubted = list(range(len(folds)))
     for resolution in finer:
-        motions = simulate([replace(drives[i], resolution=resolution) for i in asked])
-        for i, motion in zip(asked, motions, strict=True):
-            errors[i] = found[i] - folds[i].comparison(drives[i].model, motion).mean
-        asked = [i for i in asked if _is_doubted(folds[i], errors[i])]
+        motions = simulate([replace(drives[i], resolution=resolution) for i in doubted])
+        for i, motion in zip(doubted, motions, strict=True):
+            errors[i] = residuals[i] - folds[i].comparison(drives[i].model, motion).mean
+        doubted = [i for i in doubted if _is_doubted(folds[i], errors[i])]
     return errors
 
 
@@ -193,60 +194,60 @@ def _rms(values: Array) -> float:
 
 
 def _engine_run(
-    run: MeasuredRun, fold: Fold, about: Linearisation, local: tuple[Parameter, ...]
+    run: MeasuredRun, fold: Fold, linearisation: Linearisation, local: tuple[Parameter, ...]
 ) -> Run:
     """Run for the engine, linearised about the stated strip, with unknowns `local`."""
     samples = fold.comparison.layout.samples
     samples = replace(samples, floor=np.zeros(len(samples)))  # raised to those of its layout
     bare = Run(run.name, run.condition, samples, local, fold, fold.index)
-    return relinearise(bare, fold, about)
+    return relinearise(bare, fold, linearisation)
 
 
 def _common_errors(
-    run: FoldMeasurement, samples: Samples, about: Linearisation
+    run: FoldMeasurement, samples: Samples, linearisation: Linearisation
 ) -> dict[str, Array]:
     """Residuals (n,) per standard deviation of each error that all runs share, by name.
 
     Of the model in damping, and of perception where a camera saw the run.
     """
-    found = {}
-    if "damping" in about.slopes:
-        found["damping"] = frozen(model_error().damping * about.slopes["damping"])
+    errors = {}
+    if "damping" in linearisation.slopes:
+        errors["damping"] = frozen(model_error().damping * linearisation.slopes["damping"])
     if run.seen:
         x = np.interp(samples.t, run.t, run.poses[:, 0])
-        halves = np.array([half(place, about.length) for place in x])
-        found |= common_errors(samples, halves)
-    return found
+        halves = np.array([half(position, linearisation.length) for position in x])
+        errors |= common_errors(samples, halves)
+    return errors
 
 
-def relinearise(run: Run, fold: Fold, about: Linearisation) -> Run:
+def relinearise(run: Run, fold: Fold, linearisation: Linearisation) -> Run:
     """Copy of `run` linearised about another model, its floors raised by doubts of grid errors.
 
     A strip with less damping than stated keeps swinging, where grids differ.
     """
     stated = fold.comparison.layout.samples.floor
-    floor = np.maximum(run.samples.floor, np.hypot(stated, about.doubt))
+    floor = np.maximum(run.samples.floor, np.hypot(stated, linearisation.doubt))
     samples = replace(run.samples, floor=floor)
-    content = replace(fold, grid_error=about.grid_error, slopes=about.slopes)
-    common = _common_errors(fold.comparison.run, samples, about)
+    content = replace(fold, grid_error=linearisation.grid_error, slopes=linearisation.slopes)
+    common = _common_errors(fold.comparison.run, samples, linearisation)
     return replace(run, samples=samples, content=content, common=common)
 
 
 def _drop_large(change: Array, limit: Array) -> Array:
     """`change` (n,) with zeros where it is NaN or not below `limit` (n,) in size."""
-    known = np.nan_to_num(change)
-    return np.where(np.abs(known) < limit, known, 0.0)
+    finite = np.nan_to_num(change)
+    return np.where(np.abs(finite) < limit, finite, 0.0)
 
 
 def _fold(run: FoldMeasurement, strip: StripFile, floors: Floors) -> Fold:
-    chosen = layout(run, strip.length, floors)
-    kept = run.t <= run.end + LATER
-    path = GripperPath(run.t[kept], run.poses[kept], run.hanging)
-    comparison = Comparison(run, chosen, strip.length, strip.bending_length)
-    nothing = np.zeros(len(chosen.samples))
-    whole, lifted = HashedPath.of(path), _lifted_path(path, run)
-    lifted_path = whole if lifted is path else HashedPath.of(lifted)
-    return Fold(whole, lifted_path, comparison, run.index, nothing, {})
+    samples_layout = layout(run, strip.length, floors)
+    during = run.t <= run.end + LATER
+    path = GripperPath(run.t[during], run.poses[during], run.hanging)
+    comparison = Comparison(run, samples_layout, strip.length, strip.bending_length)
+    no_error = np.zeros(len(samples_layout.samples))
+    measured, lifted = HashedPath.of(path), _lifted_path(path, run)
+    lifted_path = measured if lifted is path else HashedPath.of(lifted)
+    return Fold(measured, lifted_path, comparison, run.index, no_error, {})
 
 
 def _lifted_path(path: GripperPath, run: FoldMeasurement) -> GripperPath:
@@ -256,12 +257,12 @@ def _lifted_path(path: GripperPath, run: FoldMeasurement) -> GripperPath:
     """
     travel = run.travel[: len(path.t)]
     share = travel / LEAVING_TRAVEL
-    early = share < 1.0
-    if path.hanging or early.all() or not _pushes_strip(path, travel):
+    lying = share < 1.0
+    if path.hanging or lying.all() or not _pushes_strip(path, travel):
         return path
-    poses, begin = path.poses.copy(), path.poses[0, 0]
-    drawn = share**2 + (1.0 - share) * share**8  # with the measured direction in the end
-    poses[early, 0] = begin + drawn[early] * (poses[~early, 0][0] - begin)
+    poses, start = path.poses.copy(), path.poses[0, 0]
+    drawn_in = share**2 + (1.0 - share) * share**8  # with the measured direction in the end
+    poses[lying, 0] = start + drawn_in[lying] * (poses[~lying, 0][0] - start)
     return GripperPath(path.t, poses)
 
 
@@ -279,14 +280,14 @@ def replicates(runs: Sequence[Run]) -> Mapping[bytes, Fold]:
     An effect changes replicates alike, up to far less than the error of a rough time step.
     """
     leaders: list[Fold] = []
-    found = {}
+    leader_of = {}
     folds = [cast(Fold, run.content) for run in runs]
     for fold in sorted(folds, key=lambda f: -f.path.rows.t[-1]):
         leader = next((f for f in leaders if _is_replicate(f, fold)), fold)
         if leader is fold:
             leaders.append(fold)
-        found[fold.path.digest] = leader
-    return found
+        leader_of[fold.path.digest] = leader
+    return leader_of
 
 
 def _is_replicate(longer: Fold, fold: Fold) -> bool:
@@ -301,5 +302,5 @@ def _is_replicate(longer: Fold, fold: Fold) -> bool:
 
 def _is_near(longer: GripperPath, path: GripperPath) -> bool:
     """Whether the poses of `path` lie within PATH_TOLERANCE of those of `longer` at equal times."""
-    other = np.stack([np.interp(path.t, longer.t, c) for c in longer.poses.T], axis=1)
-    return bool((np.abs(path.poses - other) < PATH_TOLERANCE).all())
+    expected = np.stack([np.interp(path.t, longer.t, c) for c in longer.poses.T], axis=1)
+    return bool((np.abs(path.poses - expected) < PATH_TOLERANCE).all())

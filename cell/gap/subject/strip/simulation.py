@@ -6,7 +6,7 @@ import struct
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -91,15 +91,14 @@ class Job:
         cls, hashed: HashedModel, path: HashedPath, contact_height: float, resolution: Resolution
     ) -> Self:
         """Job of `hashed` along `path`; contact ends at `contact_height` [m]."""
-        seen = replace(hashed.model.observation, contact_height=contact_height)
+        observation = replace(hashed.model.observation, contact_height=contact_height)
         digest = hashed.digest + path.digest + struct.pack("<d", contact_height)
-        return cls(replace(hashed.model, observation=seen), path.rows, resolution, digest)
+        return cls(replace(hashed.model, observation=observation), path.rows, resolution, digest)
 
     @property
     def key(self) -> bytes:
         """Digest of all that the motion depends on."""
-        grain = self.resolution
-        return self.digest + struct.pack("<idd", grain.segments, grain.dt, grain.tolerance)
+        return self.digest + struct.pack("<idd", *astuple(self.resolution))
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,93 +133,94 @@ class Simulation:
 
     def __init__(self, jobs: int = 1) -> None:
         self._jobs = max(1, jobs)
-        self._known: OrderedDict[bytes, SimulatedMotion | None] = OrderedDict()
+        self._cache: OrderedDict[bytes, SimulatedMotion | None] = OrderedDict()
         self._size = 0
 
     def __call__(self, drives: Sequence[Job]) -> list[SimulatedMotion | None]:
         """Simulated motion of each of `drives`; None where the rod did not converge."""
-        wanted = {d.key: d for d in drives if d.key not in self._known}
-        found = {d.key: self._known[d.key] for d in drives if d.key in self._known}
-        found |= self._simulate_batches(wanted)
+        missing = {d.key: d for d in drives if d.key not in self._cache}
+        motions = {d.key: self._cache[d.key] for d in drives if d.key in self._cache}
+        motions |= self._simulate_batches(missing)
         for key in dict.fromkeys(d.key for d in drives):
-            self._remember(key, found[key])
-        return [found[d.key] for d in drives]
+            self._remember(key, motions[key])
+        return [motions[d.key] for d in drives]
 
-    def _simulate_batches(self, wanted: dict[bytes, Job]) -> dict[bytes, SimulatedMotion | None]:
+    def _simulate_batches(self, jobs: dict[bytes, Job]) -> dict[bytes, SimulatedMotion | None]:
         """Simulate jobs by key in batches of one resolution and similar duration, by thread.
 
         Lanes of a vector then end together: one that takes more effort makes the others wait.
         """
-        order = sorted(wanted, key=lambda k: -wanted[k].path.duration)
+        order = sorted(jobs, key=lambda k: -jobs[k].path.duration)
         share_of_thread = LANE_COUNT * -(-len(order) // (LANE_COUNT * self._jobs))  # whole lanes
         size = max(LANE_COUNT, min(AT_ONCE, share_of_thread))
         batches = [
-            like[i : i + size]
-            for like in _split_by_kind(order, wanted)
-            for i in range(0, len(like), size)
+            kind[i : i + size]
+            for kind in _split_by_kind(order, jobs)
+            for i in range(0, len(kind), size)
         ]
-        asked = [[wanted[k] for k in batch] for batch in batches]
-        found: dict[bytes, SimulatedMotion | None] = {}
+        work = [[jobs[k] for k in batch] for batch in batches]
+        motions: dict[bytes, SimulatedMotion | None] = {}
         with ThreadPoolExecutor(self._jobs) as pool:
-            for batch, shown in zip(batches, pool.map(self._simulate_batch, asked), strict=True):
-                found.update(zip(batch, shown, strict=True))
-        return found
+            results = pool.map(self._simulate_batch, work)
+            for batch, simulated in zip(batches, results, strict=True):
+                motions.update(zip(batch, simulated, strict=True))
+        return motions
 
-    def _simulate_batch(self, drives: Sequence[Job]) -> list[SimulatedMotion | None]:
+    def _simulate_batch(self, jobs: Sequence[Job]) -> list[SimulatedMotion | None]:
         """Simulate a batch together, or one by one where a job of it fails; None for that one."""
         try:
-            return self._simulate_together(drives)
+            return self._simulate_together(jobs)
         except (Fault, ValueError):  # a strip that cannot hang where its run begins
-            if len(drives) == 1:
+            if len(jobs) == 1:
                 return [None]
-            return [shown for drive in drives for shown in self._simulate_batch([drive])]
+            return [motion for job in jobs for motion in self._simulate_batch([job])]
 
-    def _simulate_together(self, drives: Sequence[Job]) -> list[SimulatedMotion | None]:
-        grain = drives[0].resolution
-        rod = Rod(grain.segments, strict=False, tolerance=grain.tolerance)
-        models, paths, dt = [d.model for d in drives], [d.path for d in drives], grain.dt
+    def _simulate_together(self, jobs: Sequence[Job]) -> list[SimulatedMotion | None]:
+        resolution = jobs[0].resolution
+        rod = Rod(resolution.segments, strict=False, tolerance=resolution.tolerance)
+        models, paths, dt = [d.model for d in jobs], [d.path for d in jobs], resolution.dt
         every = max(1, round(SHAPE_PERIOD / dt))
         motions = simulate_all(rod, models, paths, dt=dt, every=every, precision=np.float32)
         return [
-            None if failed else _condense(motion, grain)
+            None if failed else _condense(motion, resolution)
             for motion, failed in zip(motions, rod.failed, strict=True)
         ]
 
-    def _remember(self, key: bytes, shown: SimulatedMotion | None) -> None:
-        if key not in self._known:
-            self._size += shown.size if shown else 0
-        self._known[key] = shown
-        self._known.move_to_end(key)
+    def _remember(self, key: bytes, motion: SimulatedMotion | None) -> None:
+        if key not in self._cache:
+            self._size += motion.size if motion else 0
+        self._cache[key] = motion
+        self._cache.move_to_end(key)
         while self._size > REMEMBERED:
-            _, gone = self._known.popitem(last=False)
-            self._size -= gone.size if gone else 0
+            _, oldest = self._cache.popitem(last=False)
+            self._size -= oldest.size if oldest else 0
 
 
-def _condense(motion: StripMotion, grain: Resolution) -> SimulatedMotion:
+def _condense(motion: StripMotion, resolution: Resolution) -> SimulatedMotion:
     """Reduce a motion to what is compared; without any shape, the strip lies flat."""
-    arc = lattice(1.0, grain.segments)
+    arc = lattice(1.0, resolution.segments)
     shapes = motion.shapes.astype(np.float32, copy=False)
     if not len(shapes):
         flat = np.stack([arc * motion.poses[0, 0], np.zeros_like(arc)], axis=1)
         shapes = flat[None].astype(np.float32)
-    begin = float(motion.t[0]) - grain.dt + SHAPE_PERIOD
+    begin = float(motion.t[0]) - resolution.dt + SHAPE_PERIOD
     force = mean_force(motion.t, motion.grip_force)
     return SimulatedMotion(
         motion.t, motion.poses, motion.contact_x, force, begin, shapes, arc, motion.touch
     )
 
 
-def _split_by_kind(order: Sequence[bytes], wanted: Mapping[bytes, Job]) -> list[list[bytes]]:
+def _split_by_kind(order: Sequence[bytes], jobs: Mapping[bytes, Job]) -> list[list[bytes]]:
     """Split the keys of jobs, in `order`, by resolution and by terms of the rod.
 
     A batch in which one strip needs the rod's optional terms computes them for every strip. There
     is no split by them where either part would not fill a vector.
     """
-    found: list[list[bytes]] = []
-    for grain in dict.fromkeys(wanted[key].resolution for key in order):
-        of_grain = [key for key in order if wanted[key].resolution == grain]
+    kinds: list[list[bytes]] = []
+    for resolution in dict.fromkeys(jobs[key].resolution for key in order):
+        of_grain = [key for key in order if jobs[key].resolution == resolution]
         parts: list[list[bytes]] = [[], []]
         for key in of_grain:
-            parts[0 if needs_terms(wanted[key].model) else 1].append(key)
-        found += parts if min(map(len, parts)) >= LANE_COUNT else [of_grain]
-    return found
+            parts[0 if needs_terms(jobs[key].model) else 1].append(key)
+        kinds += parts if min(map(len, parts)) >= LANE_COUNT else [of_grain]
+    return kinds

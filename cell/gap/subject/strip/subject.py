@@ -53,12 +53,12 @@ def patch_file(
     """Content of the strip file with refitted values and named effects, and the cell's effects."""
     content: dict[str, Any] = strip.model_dump(mode="json", by_alias=True, exclude_unset=True)
     notes = list(content.pop("provenance", ()))
-    known = {name: dict(values) for name, values in content.get("effects", {}).items()}
+    strip_effects = {name: dict(values) for name, values in content.get("effects", {}).items()}
     for name, value in base.items():
         if "." in name:
             effect, key = name.split(".")
-            notes.append(_note(f"effects.{effect}.{key}", known[effect].get(key), source))
-            known[effect][key] = round_off(value)
+            notes.append(_note(f"effects.{effect}.{key}", strip_effects[effect].get(key), source))
+            strip_effects[effect][key] = round_off(value)
         elif name in content:
             notes.append(_note(name, content[name], source))
             content[name] = round_off(value)
@@ -66,18 +66,18 @@ def patch_file(
     law = dict(content.pop("law", {}))
     for name, values in effects.items():
         if name in LAW_TERMS:
-            before = f"was {law[name]:.9g}" if name in law else "was absent"
+            was = f"was {law[name]:.9g}" if name in law else "was absent"
             law[name] = round_off(law.get(name, 0.0) + values["amount"])
             notes.append({"key": f"law.{name}", "source": source,
-                          "note": f"{before}; a description, no cause"})  # fmt: skip
+                          "note": f"{was}; a description, no cause"})  # fmt: skip
             continue
         entry = {key: round_off(value) for key, value in values.items()}
         if registry()[name].of == "cell":
             of_cell[name] = entry
             continue
         notes.append({"key": f"effects.{name}", "source": source, "note": "was absent"})
-        known[name] = entry
-    content |= {"effects": known, **({"law": law} if law else {}), "provenance": notes}
+        strip_effects[name] = entry
+    content |= {"effects": strip_effects, **({"law": law} if law else {}), "provenance": notes}
     return content, {"schema": 1, "effects": of_cell} if of_cell else None
 
 
@@ -121,7 +121,6 @@ class Strip(Subject):
         self.notes = tuple(note for run in runs for note in run.notes)
         self._measured = tuple(run for run in runs if run.usable)
         self._floors = floors or Floors()
-
         has_force = any(run.measured.has_force for run in self._measured)
         lifted = _lift_off_position(self._measured)
         self.scope = scope(strip, lifted, without, has_force=has_force)

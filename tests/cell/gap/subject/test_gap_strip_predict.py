@@ -91,9 +91,9 @@ def test_a_prediction_does_not_depend_on_company_threads_or_portions(
         for run in plain.runs
     ]
     together = plain.simulate(asked)
-    plain._simulation._known.clear()
+    plain._simulation._cache.clear()
     alone = [plain.simulate([one])[0] for one in asked]
-    plain._simulation._known.clear()
+    plain._simulation._cache.clear()
     monkeypatch.setattr(plain._simulation, "_jobs", 2)
     monkeypatch.setattr(subject, "PORTION", 5)
     threaded = plain.simulate(asked[::-1])[::-1]
