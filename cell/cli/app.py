@@ -1,9 +1,10 @@
 """Assembly of the command line `cell`; commands import heavy modules only when they run."""
 
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from cell.cli.arm import home, jog, open_hand, park, register
 from cell.cli.benchmark import benchmark
@@ -22,36 +23,47 @@ from cell.cli.strips import strips
 from cell.cli.train import train
 from cell.cli.twin import twin
 
+COMMANDS: dict[str, dict[str, Any]] = {
+    "Folds": {"fold": fold, "runs": runs, "report": report, "note": note, "viz": viz},
+    "What a model lacks": {
+        "gap": gap, "import": import_runs, "export": export_runs, "observe": observe,
+    },
+    "The cell": {
+        "doctor": doctor, "calibrate": calibrate, "camera": camera, "strips": strips,
+        "learn": learn, "home": home, "park": park, "jog": jog, "open": open_hand,
+        "register": register,
+    },
+    "Policies and simulation": {
+        "train": train, "benchmark": benchmark, "replay": replay, "twin": twin,
+    },
+}  # fmt: skip
+
+
+class Grouped(TyperGroup):
+    """Group of commands whose help lists them under the headings of COMMANDS."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write a section for each heading."""
+        room = formatter.width - 6 - max(map(len, self.commands))
+        for heading, named in COMMANDS.items():
+            shown = [(name, self.commands[name].get_short_help_str(room)) for name in named]
+            with formatter.section(heading):
+                formatter.write_dl(shown)
+
+
 app = typer.Typer(
     name="cell",
+    cls=Grouped,
     help="Fold fabric strips with feedback from a camera, on hardware or on the digital twin.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-app.command()(fold)
-app.command()(doctor)
-app.command()(runs)
-app.command()(learn)
-app.command(name="import")(import_runs)
-app.command(name="export")(export_runs)
-app.command()(observe)
-app.command()(report)
-app.command()(note)
-app.command()(viz)
-app.command()(replay)
-app.command()(camera)
-app.add_typer(calibrate, name="calibrate")
-app.command()(home)
-app.command()(park)
-app.command()(jog)
-app.command(name="open")(open_hand)
-app.command()(register)
-app.add_typer(strips, name="strips")
-app.command()(benchmark)
-app.add_typer(gap, name="gap")
-app.command()(train)
-app.add_typer(twin, name="twin")
+for name, command in (item for group in COMMANDS.values() for item in group.items()):
+    if isinstance(command, typer.Typer):
+        app.add_typer(command, name=name)
+    else:
+        app.command(name)(command)
 
 
 def _print_version(wanted: bool) -> None:

@@ -97,7 +97,7 @@ def open_hand(arm: Arm = None, configs: Configs = None) -> None:
     from cell.config.places import find_configs
 
     settings, choice = _agree_to_motion(find_configs(configs).cell(), arm, full_speed=False)
-    _move(settings, choice, by_hand.open_fingers)
+    _move(settings, choice, by_hand.open_fingers, "the fingers are open")
 
 
 def register(strip: Strip = "denim", configs: Configs = None) -> None:
@@ -151,13 +151,17 @@ def _at_address(settings: "CellFile", choice: "DeviceSelection") -> bool:
 
 
 def _move(
-    settings: "CellFile", choice: "DeviceSelection", motion: "Callable[[Snapshot], Motion]"
+    settings: "CellFile",
+    choice: "DeviceSelection",
+    motion: "Callable[[Snapshot], Motion]",
+    done: str = "",
 ) -> None:
-    """Carry out one `motion`, print its result, and exit with its code."""
+    """Carry out one `motion`, print what is `done` or where it ended, and exit with its code."""
     from cell.arm.by_hand import by_hand
 
     outcome = by_hand(settings, choice, motion)
-    _print_result(f"{outcome.name}: {outcome.reason}", settings, choice)
+    ended = f"{outcome.name}: {outcome.reason}"
+    _print_result(done if done and outcome.exit_code == 0 else ended, settings, choice)
     sys.exit(outcome.exit_code)
 
 

@@ -18,6 +18,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from calibration.calibration import Calibration
+from cell.config.places import cache_folder
 from cell.perception.measurement import StripMeasurement
 from cell.record.events import COLUMN_NAMES, origin_of, read_events
 from cell.record.files import FILM, RECORDING, RESULT, RUN, is_under_way
@@ -145,16 +146,13 @@ def bare_recording(
 
 
 def open_viewer(address: str) -> None:
-    """Start Rerun's viewer on `address` as an independent process."""
-    command = [sys.executable, "-m", "rerun_cli", "--connect", address, "--memory-limit"]
-    subprocess.Popen(  # noqa: S603  nothing here comes from outside
-        [*command, VIEWER_MEMORY],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-        env={**os.environ, "RERUN_APP_ONLY": "true"},
-    )
+    """Start Rerun's viewer on `address` as an independent process, which reports no usage."""
+    command = [sys.executable, "-m", "rerun_cli"]
+    quiet: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    quiet["env"] = {**os.environ, "XDG_CONFIG_HOME": str(cache_folder() / "viewer")}
+    subprocess.run([*command, "analytics", "disable"], check=False, **quiet)  # noqa: S603  ours
+    arguments = ("--connect", address, "--memory-limit", VIEWER_MEMORY)
+    subprocess.Popen([*command, *arguments], start_new_session=True, **quiet)  # noqa: S603  ours
 
 
 class Screen:
