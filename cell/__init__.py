@@ -3,26 +3,17 @@
 `import cell` offers the functions of `cell.api`; they are imported when one is used.
 """
 
+# ruff: noqa: F403, F405  mypy reads the names
 import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cell.api import (
-        effects,
-        export_runs,
-        fit_gap,
-        fold,
-        import_runs,
-        list_runs,
-        observe,
-        read_calibration,
-        read_run,
-        read_strip,
-        read_verdict,
-        table,
-    )
+    from cell.api import *
 
 __all__ = (
+    "accept",
+    "check",
+    "compare",
     "effects",
     "export_runs",
     "fit_gap",
@@ -30,11 +21,13 @@ __all__ = (
     "import_runs",
     "list_runs",
     "observe",
+    "predict",
     "read_calibration",
     "read_run",
     "read_strip",
     "read_verdict",
     "table",
+    "undo",
 )
 
 

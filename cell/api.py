@@ -16,10 +16,17 @@ from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold as run_fold
 from cell.folding.fold import write_pages
 from cell.folding.observe import observe as read_film
+from cell.folding.prediction import Prediction
+from cell.folding.prediction import predict as predict_fold
 from cell.folding.request import Recording, Request
 from cell.folding.result import FoldResult
+from cell.gap.check import Check
+from cell.gap.check import check as look_at
 from cell.gap.fit import fit, quiet
 from cell.gap.report.overlay import write_overlay
+from cell.gap.verdict.accept import AcceptResult
+from cell.gap.verdict.accept import accept as put_in
+from cell.gap.verdict.accept import undo as take_out
 from cell.gap.verdict.schema import Verdict
 from cell.gap.verdict.schema import read_verdict as load_verdict
 from cell.record.columns import Profile, Sights, Ticks
@@ -30,6 +37,7 @@ from cell.record.listing import RunRow
 from cell.record.listing import list_runs as read_rows
 from cell.record.run import Run
 from cell.record.run import read_run as load_run
+from cell.report.runs_page import write_comparison
 from drivers.strip.describe import load_plant
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect
@@ -63,6 +71,24 @@ def fold(
     known = found.cell(), found.strip(strip), policy, Path(runs), choice
     request = Request(*known, speed=speed, record=Recording(frames, truth=truth))
     return write_pages(request, run_fold(request))
+
+
+def predict(
+    strip: str,
+    policy: str = "adaptive",
+    *,
+    configs: Place | None = None,
+    speed: float | None = None,
+) -> Prediction:
+    """Predict a fold as `cell fold --dry-run` does; nothing is moved, nothing is written."""
+    found = find_configs(_path(configs))
+    known = found.cell(), found.strip(strip), policy, Path("runs")
+    return predict_fold(Request(*known, speed=speed))
+
+
+def compare(runs: Sequence[Place], out: Place = "compare.html") -> Path:
+    """Write the page that compares `runs`, as `cell report` of several does; returns its path."""
+    return write_comparison([Path(run) for run in runs], Path(out))
 
 
 def read_run(folder: Place) -> Run:
@@ -132,11 +158,60 @@ def fit_gap(
     overlay and patch, as `cell gap fit` does. Effects `without` are withheld
     from the library. `progress` is called with a stage and its share.
     """
-    file = (
-        Path(model) if model is not None else find_configs(_path(configs)).strip_path(strip or "")
-    )
+    file = _described(strip, model, configs)
     folders = [Path(run) for run in runs]
     return fit(folders, file, Path(out), hold_out, progress, jobs, write_overlay, without)
+
+
+def check(
+    runs: Sequence[Place],
+    *,
+    strip: str | None = None,
+    model: Place | None = None,
+    jobs: int = 1,
+    configs: Place | None = None,
+) -> Check:
+    """Look at recordings before a fit, as `cell gap check` does: samples, clocks, what they say."""
+    return look_at([Path(run) for run in runs], _described(strip, model, configs), jobs)
+
+
+def accept(
+    out: Place,
+    *,
+    strip: str | None = None,
+    model: Place | None = None,
+    law: bool = False,
+    force: bool = False,
+    configs: Place | None = None,
+) -> AcceptResult:
+    """Put what the fit in `out` names into the strip's or mechanism's file, or into cell.yaml.
+
+    With `law`, the law that describes what nothing explains; with `force`, what is suspected.
+    """
+    file, cell_file = _described(strip, model, configs), _cell_file(model, configs)
+    return put_in(Path(out), file, cell_file, law=law, force=force)
+
+
+def undo(
+    out: Place,
+    *,
+    strip: str | None = None,
+    model: Place | None = None,
+    configs: Place | None = None,
+) -> AcceptResult:
+    """Bring the files back as they were before `accept` of the fit in `out`."""
+    return take_out(Path(out), _described(strip, model, configs), _cell_file(model, configs))
+
+
+def _described(strip: str | None, model: Place | None, configs: Place | None) -> Path:
+    """File of the mechanism `model`, or else of the `strip`."""
+    return (
+        Path(model) if model is not None else find_configs(_path(configs)).strip_path(strip or "")
+    )
+
+
+def _cell_file(model: Place | None, configs: Place | None) -> Path | None:
+    return find_configs(_path(configs)).folder / "cell.yaml" if model is None else None
 
 
 def read_verdict(out: Place) -> Verdict:

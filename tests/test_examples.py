@@ -40,6 +40,7 @@ def test_every_function_of_the_package_says_what_it_does() -> None:
 def test_other_names_are_no_part_of_the_package() -> None:
     with pytest.raises(AttributeError, match="has no attribute 'unfold'"):
         _ = cell.unfold
+    assert dir(cell) == sorted(cell.__all__)
 
 
 @pytest.mark.slow

@@ -42,7 +42,7 @@ COMMANDS: dict[str, dict[str, Any]] = {
 class Grouped(TyperGroup):
     """Group of commands whose help lists them under the headings of COMMANDS."""
 
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
+    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002  typer's
         """Write a section for each heading."""
         room = formatter.width - 6 - max(map(len, self.commands))
         for heading, named in COMMANDS.items():

@@ -114,8 +114,7 @@ def _camera_facts(entry: "CameraReport | UnusableDevice") -> dict[str, Any]:
 
     if isinstance(entry, UnusableDevice):
         return asdict(entry)
-    section = _mode_facts(entry)
-    return {**asdict(entry), "camera": section}
+    return {**asdict(entry), "camera": _mode_facts(entry)}
 
 
 def _mode_facts(entry: "CameraReport") -> dict[str, Any] | None:

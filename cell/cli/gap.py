@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.gap_plan import near, plan
+from cell.cli.gap_plan import near, plan, strip_file
 from cell.cli.gap_rehearse import rehearse
 from cell.cli.options import Configs, Json, print_json
 
@@ -236,7 +236,7 @@ def _single_file(
         from cell.config.places import find_configs
 
         return near(find_configs(configs).mechanism_path(subject))
-    return model or _strip_file(strip or "", configs)
+    return model or strip_file(strip or "", configs)
 
 
 def _next_command(verdict: "Verdict", out: Path, option: str, *, law: bool) -> str:
@@ -252,15 +252,6 @@ def _next_command(verdict: "Verdict", out: Path, option: str, *, law: bool) -> s
     if verdict.verdict == "unexplained":
         return f"open {out / 'report.html'}: where it sits, and what stands beside it"
     return f"cell fold {option}" if option.startswith("--strip") else "nothing: the model holds"
-
-
-def _strip_file(named: str, configs: Path | None) -> Path:
-    """Path of the file of the strip `named` by a path, or by its name in the configuration."""
-    from cell.config.places import find_configs
-
-    if Path(named).exists() or "/" in named or Path(named).suffix:
-        return Path(named)
-    return near(find_configs(configs).strip_path(named))
 
 
 def _cell_file(configs: Path | None) -> Path:

@@ -92,10 +92,17 @@ def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int
 
 def _next_command(strip: str, folder: Path, configs: Path | None) -> str:
     """Command that the user types next to fit the runs in `folder`."""
+    file = strip_file(strip, configs)
+    return f"cell gap fit {folder} --strip {file} --out {folder.with_name(folder.name + '-fit')}"
+
+
+def strip_file(named: str, configs: Path | None) -> Path:
+    """Path of the file of the strip `named` by a path, or by its name in the configuration."""
     from cell.config.places import find_configs
 
-    file = near(find_configs(configs).strip_path(strip))
-    return f"cell gap fit {folder} --strip {file} --out {folder.with_name(folder.name + '-fit')}"
+    if Path(named).exists() or "/" in named or Path(named).suffix:
+        return Path(named)
+    return near(find_configs(configs).strip_path(named))
 
 
 def near(file: Path) -> Path:

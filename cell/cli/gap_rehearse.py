@@ -32,15 +32,11 @@ def rehearse(
     from rich.console import Console
 
     from cell.campaign.progress import Meter
-    from cell.cli.gap_plan import near
-    from cell.config.places import find_configs
+    from cell.cli.gap_plan import strip_file
     from cell.gap.rehearse import line, plan, write_page
     from cell.gap.rehearse import rehearse as carry_out
 
-    named = Path(strip)
-    file = (
-        named if named.exists() or named.suffix else near(find_configs(configs).strip_path(strip))
-    )
+    file = strip_file(strip, configs)
     wide = min(jobs, os.cpu_count() or 1)
     chosen = engine(wide, cluster, COPY_TIMEOUT)
     made = plan(runs, file, out, excess, empty, wide)

@@ -1,8 +1,10 @@
 """Reading of a run: complete, interrupted, broken, or written by hand in a laboratory."""
 
+import base64
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache, wraps
+from html import escape
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,6 +16,7 @@ from cell.record.events import Event, origin_of, read_events
 from cell.record.files import (
     CALIBRATION,
     EVENTS,
+    FILM,
     PROFILE,
     RESULT,
     RUN,
@@ -81,6 +84,18 @@ class Run:
         """Name of the run's folder."""
         return self.folder.name
 
+    def _repr_html_(self) -> str:
+        """Film of the run, or else its last kept image, for a notebook."""
+        film, kept = self.folder / FILM, [note.file for note in self.frame_index() if note.file]
+        outcome = "no result" if self.result is None else self.result.outcome
+        said = escape(f"{self.name}: {outcome.replace('_', ' ')}")
+        if film.is_file():
+            return (
+                f'{said}<br><video controls muted width="640" src="{_inline(film, "video/mp4")}">'
+            )
+        picture = f'<br><img width="640" src="{_inline(kept[-1], "image/png")}">' if kept else ""
+        return said + picture
+
     @property
     def died(self) -> bool:
         """Whether the run ended without a result and is not under way any more."""
@@ -141,6 +156,11 @@ class Run:
             frame = _attempt(lambda: read_frame(note), lambda: None, [], lenient=self.lenient)  # noqa: B023
             if frame is not None:
                 yield frame
+
+
+def _inline(path: Path, kind: str) -> str:
+    """Address that holds the content of the file at `path`."""
+    return f"data:{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"
 
 
 def read_run(folder: Path) -> Run:

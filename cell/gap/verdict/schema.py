@@ -1,5 +1,6 @@
 """Schema of verdict.json, as other programs read it (contract of `cell gap fit`)."""
 
+from html import escape
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -154,10 +155,27 @@ class Verdict(Entry):
     deviates: list[Deviation] = Field(default_factory=list)
     suspected: list[NamedEffect] = Field(default_factory=list)
 
+    def _repr_html_(self) -> str:
+        """What is missing, and bars of the held-out gap before and after, for a notebook."""
+        names = ", ".join(f"{e.name} (probability {e.confidence:.2f})" for e in self.effects)
+        rows = "".join(
+            f"<tr><td>{escape(key)}</td>{_meter(was, now)}{_meter(now, was)}</tr>"
+            for key, was in self.gap.before.items()
+            for now in (self.gap.after[key],)
+        )
+        said = escape(": ".join(filter(None, (self.verdict.replace("_", " "), names))))
+        head = "<tr><th>rms</th><th>before</th><th>after</th></tr>"
+        return f"{said}<table>{head}{rows}</table>"
+
     def to_json(self) -> str:
         """Text of verdict.json; `deviates` and `suspected` stand there only where they say any."""
         absent = {key for key in ("deviates", "suspected") if not getattr(self, key)}
         return self.model_dump_json(by_alias=True, indent=1, exclude=absent) + "\n"
+
+
+def _meter(value: float, other: float) -> str:
+    """Table cell of a `value` as number and bar, on one scale with the `other`."""
+    return f'<td>{value:.3g} <meter max="{max(value, other)}" value="{value}"></meter></td>'
 
 
 def read_verdict(path: Path) -> Verdict:

@@ -24,6 +24,7 @@ from cell.record.events import COLUMN_NAMES, origin_of, read_events
 from cell.record.files import FILM, RECORDING, RESULT, RUN, is_under_way
 from cell.record.frames import read_index
 from cell.record.run import read_broken_run
+from cell.report.figures import PANELS, STATE_SHADES
 from cell.report.verdict import LINE_BREAK, verdict_of
 from cell.report.viz.playback import LogLine, TickView, moments_of
 from cell.report.viz.saving import saving, send_blueprint
@@ -52,25 +53,7 @@ OUTLOOK_SIGNALS = {f"outlook/{name}": MODEL_RGBA for name in COLUMN_NAMES}
 OUTLOOK_SIGNALS["outlook/displacement"] = SEEN_RGBA
 # mm, ms, 1/m
 SIGNAL_SCALES = {name: 1.0 if "yield_curvature" in name else MM for name in OUTLOOK_SIGNALS}
-STATE_COLOURS = {
-    "PREFLIGHT": 0xB8BEC8FF,
-    "CALIBRATE": 0xB8BEC8FF,
-    "GRASP": 0x9FAFC8FF,
-    "LIFT": 0x8FB4E3FF,
-    "FOLD": 0x4F8BD6FF,
-    "TOUCHED": 0xE0963FFF,
-    "LAY": 0x7FC09AFF,
-    "RELEASE": 0xA5D3B6FF,
-    "DONE": 0xB8BEC8FF,
-    "STOPPING": 0xDD7466FF,
-    "FAULT": 0xC93E2BFF,
-}
-OUTLOOK = {
-    "displacement": "predicted displacement, one sigma about it [mm]",
-    "bending_length": "bending length [mm]",
-    "retardation_time": "retardation time [ms]",
-    "yield_curvature": "yarn friction [1/m]",
-}
+STATE_COLOURS = {state: int(shade[1:] + "ff", 16) for state, shade in STATE_SHADES.items()}
 STEP = 0.005  # s
 TIME_ROUNDING = 1e-9  # s
 SEGMENTS = 60
@@ -366,7 +349,7 @@ def _outlook() -> Any:
             contents=[f"/signals/outlook/{name}{end}" for end in ("", "_low", "_high")],
             name=title,
         )
-        for name, title in OUTLOOK.items()
+        for name, (title, _, _) in PANELS.items()
     ]
     return rrb.Tabs(*views, active_tab=0)
 
