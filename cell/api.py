@@ -74,11 +74,7 @@ def fold(
 
 
 def predict(
-    strip: str,
-    policy: str = "adaptive",
-    *,
-    configs: Place | None = None,
-    speed: float | None = None,
+    strip: str, policy: str = "adaptive", speed: float | None = None, configs: Place | None = None
 ) -> Prediction:
     """Predict a fold as `cell fold --dry-run` does; nothing is moved, nothing is written."""
     found = find_configs(_path(configs))
@@ -158,60 +154,46 @@ def fit_gap(
     overlay and patch, as `cell gap fit` does. Effects `without` are withheld
     from the library. `progress` is called with a stage and its share.
     """
-    file = _described(strip, model, configs)
+    file = _described(strip or "" if model is None else model, configs)
     folders = [Path(run) for run in runs]
     return fit(folders, file, Path(out), hold_out, progress, jobs, write_overlay, without)
 
 
 def check(
-    runs: Sequence[Place],
-    *,
-    strip: str | None = None,
-    model: Place | None = None,
-    jobs: int = 1,
-    configs: Place | None = None,
+    runs: Sequence[Place], subject: Place, jobs: int = 1, configs: Place | None = None
 ) -> Check:
-    """Look at recordings before a fit, as `cell gap check` does: samples, clocks, what they say."""
-    return look_at([Path(run) for run in runs], _described(strip, model, configs), jobs)
+    """Look at recordings before a fit, as `cell gap check` does.
+
+    `subject` is a strip by name, or the file of a strip or mechanism.
+    """
+    return look_at([Path(run) for run in runs], _described(subject, configs), jobs)
 
 
 def accept(
     out: Place,
+    subject: Place,
     *,
-    strip: str | None = None,
-    model: Place | None = None,
     law: bool = False,
     force: bool = False,
     configs: Place | None = None,
 ) -> AcceptResult:
-    """Put what the fit in `out` names into the strip's or mechanism's file, or into cell.yaml.
+    """Put what the fit in `out` names into the file of its `subject`, or into cell.yaml.
 
     With `law`, the law that describes what nothing explains; with `force`, what is suspected.
     """
-    file, cell_file = _described(strip, model, configs), _cell_file(model, configs)
-    return put_in(Path(out), file, cell_file, law=law, force=force)
+    cell_file = find_configs(_path(configs)).folder / "cell.yaml"
+    return put_in(Path(out), _described(subject, configs), cell_file, law=law, force=force)
 
 
-def undo(
-    out: Place,
-    *,
-    strip: str | None = None,
-    model: Place | None = None,
-    configs: Place | None = None,
-) -> AcceptResult:
+def undo(out: Place, subject: Place, configs: Place | None = None) -> AcceptResult:
     """Bring the files back as they were before `accept` of the fit in `out`."""
-    return take_out(Path(out), _described(strip, model, configs), _cell_file(model, configs))
+    cell_file = find_configs(_path(configs)).folder / "cell.yaml"
+    return take_out(Path(out), _described(subject, configs), cell_file)
 
 
-def _described(strip: str | None, model: Place | None, configs: Place | None) -> Path:
-    """File of the mechanism `model`, or else of the `strip`."""
-    return (
-        Path(model) if model is not None else find_configs(_path(configs)).strip_path(strip or "")
-    )
-
-
-def _cell_file(model: Place | None, configs: Place | None) -> Path | None:
-    return find_configs(_path(configs)).folder / "cell.yaml" if model is None else None
+def _described(subject: Place, configs: Place | None) -> Path:
+    """File of a strip by name, or of what is at that path."""
+    return find_configs(_path(configs)).strip_path(str(subject))
 
 
 def read_verdict(out: Place) -> Verdict:

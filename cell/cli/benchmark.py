@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from cell.cli.options import Cluster, Configs, Json, engine, print_json, resumable
-from cell.cli.table import wide_console
+from cell.cli.table import print_table
 
 PART_TIMEOUT = 7200.0  # s of a part
 
@@ -49,7 +49,7 @@ def benchmark(
     from cell.benchmark.results import BenchmarkSpec, split
     from cell.benchmark.run import benchmark as measure
     from cell.benchmark.run import summarise
-    from cell.benchmark.screen import show
+    from cell.benchmark.screen import claim_lines, tables
     from cell.campaign.progress import Meter
     from cell.config.places import find_configs
 
@@ -66,5 +66,6 @@ def benchmark(
         for line in lines(results):
             print_json(line)
         return
-    show(results, wide_console())
-    sys.stdout.write(f"  {page}\n")
+    for table in tables(results):
+        print_table(*table)
+    sys.stdout.writelines(f"  {line}\n" for line in (*claim_lines(results), page))

@@ -16,6 +16,7 @@ from cell.cli.options import (
     ask,
     length_parser,
     print_json,
+    writable,
 )
 
 if TYPE_CHECKING:
@@ -163,7 +164,8 @@ def calibrate_homography(
     from cell.report.calibration_page import write_session_page
 
     settings = _settings(configs)
-    _check_writable(configs, use=use)
+    if use:
+        writable(configs)
     if again is not None:
         found = wizard.homography_again(
             again, without or (), out, settings.fold.speed, accept_anyway=accept_anyway
@@ -297,15 +299,6 @@ def _find_lens(file: Path | None, resume: Path | None, camera: str) -> "Lens":
     if resume is not None:
         return lens_of(resume)
     return read_lens(file or newest_lens(SESSIONS, camera))
-
-
-def _check_writable(configs: Path | None, *, use: bool) -> None:
-    """Refuse --use for the packaged configuration before the arm has moved."""
-    from cell.config.places import PACKAGED, find_configs
-    from drivers.errors import ConfigurationError
-
-    if use and find_configs(configs).folder == PACKAGED:
-        raise ConfigurationError("--use: copy the configs folder; name the copy by --configs")
 
 
 def _use_calibration(

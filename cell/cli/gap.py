@@ -12,7 +12,7 @@ import typer
 
 from cell.cli.gap_plan import near, plan, strip_file
 from cell.cli.gap_rehearse import rehearse
-from cell.cli.options import Configs, Json, print_json
+from cell.cli.options import Configs, Json, say
 
 if TYPE_CHECKING:
     from cell.gap.verdict.schema import Verdict
@@ -142,7 +142,8 @@ def accept(
     file = _single_file(strip, model, configs, subject)
     cell_file = _cell_file(configs) if model is None else None
     accepted = put(fitted, file, cell_file, law=law, force=force)
-    _print_changes("accepted", accepted.effects, accepted.files, as_json=as_json)
+    text = "\n  ".join([f"accepted: {', '.join(accepted.effects)}", *map(str, accepted.files)])
+    say({"accepted": accepted.effects, "files": accepted.files}, text, as_json=as_json)
 
 
 @gap.command()
@@ -160,7 +161,8 @@ def undo(
     file = _single_file(strip, model, configs, subject)
     cell_file = _cell_file(configs) if model is None else None
     undone = take_back(fitted, file, cell_file)
-    _print_changes("undone", undone.effects, undone.files, as_json=as_json)
+    text = "\n  ".join([f"undone: {', '.join(undone.effects)}", *map(str, undone.files)])
+    say({"undone": undone.effects, "files": undone.files}, text, as_json=as_json)
 
 
 @gap.command()
@@ -260,16 +262,6 @@ def _cell_file(configs: Path | None) -> Path:
     found = find_configs(configs)
     found.cell()  # refused here, in one line, before anything is written
     return found.folder / "cell.yaml"
-
-
-def _print_changes(
-    what: str, effects: tuple[str, ...], files: tuple[Path, ...], *, as_json: bool
-) -> None:
-    if as_json:
-        print_json({what: effects, "files": files})
-        return
-    sys.stdout.write(f"{what}: {', '.join(effects)}\n")
-    sys.stdout.writelines(f"  {path}\n" for path in files)
 
 
 @contextmanager

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from cell.campaign.run import Engine
+    from cell.config.places import Configs as Found
 
 T = TypeVar("T")
 INTERRUPTED_CODE = 130  # exit code
@@ -89,6 +90,19 @@ def run_folder(text: str) -> Path:
     return max(Path("runs").glob(f"[0-9]*Z-*{end}"), default=place)
 
 
+def writable(configs: Path | None) -> "Found":
+    """Folder of configuration, unless it is the package's own, which updates replace."""
+    from cell.config.places import PACKAGED, find_configs
+    from drivers.errors import ConfigurationError
+
+    found = find_configs(configs)
+    if found.folder == PACKAGED:
+        raise ConfigurationError(
+            f"--configs: {found.folder} belongs to the package; copy it and name the copy"
+        )
+    return found
+
+
 def check_readable(path: Path, remedy: str = "") -> None:
     """Raise ConfigurationError for a file that cannot be opened; `remedy` says what to do."""
     from drivers.errors import ConfigurationError
@@ -147,6 +161,14 @@ def print_json(facts: "Mapping[str, Any]") -> None:
     from cell.record.documents import plain
 
     sys.stdout.write(json.dumps(plain(facts)) + "\n")
+
+
+def say(facts: "Mapping[str, Any]", text: str, *, as_json: bool) -> None:
+    """Print `facts` as one line of JSON, or else the `text`."""
+    if as_json:
+        print_json(facts)
+    else:
+        sys.stdout.write(f"{text}\n")
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cell.cli.options import Json, busy, print_json, run_folder
+from cell.cli.options import Json, busy, run_folder, say
 from cell.record.files import CALIBRATION, is_run
 from drivers.errors import ConfigurationError
 
@@ -51,10 +51,7 @@ def report(
         page = write_page(run)
     for problem in run.problems:
         sys.stderr.write(f"cell: {problem}\n")
-    if as_json:
-        print_json({"run": folder, "report": page})
-        return
-    sys.stdout.write(f"{verdict(run)}\n  {page}\n")
+    say({"run": folder, "report": page}, f"{verdict(run)}\n  {page}", as_json=as_json)
 
 
 def _report_calibration(path: Path, *, as_json: bool) -> None:
@@ -66,10 +63,7 @@ def _report_calibration(path: Path, *, as_json: bool) -> None:
             "lists the runs"
         )
     page = write_calibration_report(path)
-    if as_json:
-        print_json({"calibration": path, "report": page})
-        return
-    sys.stdout.write(f"{page}\n")
+    say({"calibration": path, "report": page}, str(page), as_json=as_json)
 
 
 def _compare(runs: list[Path], out: Path, *, as_json: bool) -> None:
@@ -77,10 +71,8 @@ def _compare(runs: list[Path], out: Path, *, as_json: bool) -> None:
 
     with busy("comparing the runs"):
         page = write_comparison(runs, out)
-    if as_json:
-        print_json({"runs": runs, "report": page})
-        return
-    sys.stdout.write(f"{len(runs)} runs compared\n  {page}\n")
+    text = f"{len(runs)} runs compared\n  {page}"
+    say({"runs": runs, "report": page}, text, as_json=as_json)
 
 
 TAG = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")

@@ -87,17 +87,9 @@ def _print_rows(rows: "Sequence[RunRow]", *, as_csv: bool, as_json: bool) -> Non
 
 
 def _row_facts(row: "RunRow") -> dict[str, Any]:
-    facts: dict[str, Any] = {
-        "run": str(row.folder),
-        "strip": row.strip,
-        "policy": row.policy,
-        "outcome": row.outcome,
-        "began": row.began.isoformat(),
-        "displacement": row.displacement,
-        "edge_offset": row.edge_offset,
-        "duration": row.duration,
-        "size": row.size,
-    }
+    keys = ("strip", "policy", "outcome", "displacement", "edge_offset", "duration", "size")
+    facts: dict[str, Any] = {"run": str(row.folder), "began": row.began.isoformat()}
+    facts |= {key: getattr(row, key) for key in keys}
     if row.tags or row.note:
         facts |= {"tags": row.tags.split(), "note": row.note}
     return facts

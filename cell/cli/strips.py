@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json, length_option, print_json, strip_names
+from cell.cli.options import Configs, Json, length_option, print_json, say, strip_names, writable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from cell.config.places import Configs as Found
     from drivers.strip.file import StripFile
 
 NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
@@ -83,14 +82,13 @@ def measure(
     """Measure the bending length on photographs of the strip hanging over a ledge."""
     from datetime import UTC, datetime
 
-    from cell.config.places import find_configs
     from cell.strips.edit import put_into, save
     from cell.strips.measurement import measure as measure_strip
     from cell.strips.photograph import read_photographs
     from drivers.strip.describe import load_strip
 
     _check_name(strip)
-    path = _writable_configs(find_configs(configs)).strip_path(strip) if write else None
+    path = writable(configs).strip_path(strip) if write else None
     if path is not None:
         load_strip(path)
     measurement = measure_strip(strip, read_photographs(photo or [], overhang or []))
@@ -99,11 +97,9 @@ def measure(
     if path is not None:
         put_into(path, measurement, datetime.now(UTC).date())
     written = None if path is None else str(path)
-    if as_json:
-        print_json({**measurement.line(), "out": folder, "written": written})
-        return
     kept = f"written to {written}" if written else "add --write to put it into the strip's file"
-    sys.stdout.write(f"{measurement.text()}\n  pictures: {folder}\n  {kept}\n")
+    text = f"{measurement.text()}\n  pictures: {folder}\n  {kept}"
+    say({**measurement.line(), "out": folder, "written": written}, text, as_json=as_json)
 
 
 @strips.command()
@@ -129,11 +125,10 @@ def new(
     configs: Configs = None,
 ) -> None:
     """Write the file of a new strip; what is not given is assumed, and the file says so."""
-    from cell.config.places import find_configs
     from cell.strips.edit import new_strip
 
     _check_name(strip)
-    path = _writable_configs(find_configs(configs)).folder / "strips" / f"{strip}.yaml"
+    path = writable(configs).folder / "strips" / f"{strip}.yaml"
     stated = {
         "length": length,
         "width": width,
@@ -156,15 +151,3 @@ def _check_name(strip: str) -> None:
         raise ConfigurationError(
             f"{strip!r}: is not a name of a strip; use letters, digits, - and _"
         )
-
-
-def _writable_configs(found: "Found") -> "Found":
-    """Return the folder of configuration, unless it is the package's own, which updates replace."""
-    from cell.config.places import PACKAGED
-    from drivers.errors import ConfigurationError
-
-    if found.folder == PACKAGED:
-        raise ConfigurationError(
-            f"--configs: {found.folder} belongs to the package; copy it and name the copy"
-        )
-    return found

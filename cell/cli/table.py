@@ -3,13 +3,8 @@
 import sys
 from collections.abc import Sequence
 from shutil import get_terminal_size
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 COLUMN_GAP = "  "
-LARGEST_WIDTH = 120  # columns of the widest table
 
 
 def print_table(
@@ -63,10 +58,3 @@ def _lines(columns: Sequence[str], row: Sequence[str], width: int) -> list[str]:
             current = ""
         current = f"{current}, {fact}" if current else fact
     return [*lines, COLUMN_GAP + current] if current else lines
-
-
-def wide_console() -> "Console":
-    """Console that wraps no line of a table; a narrower terminal wraps it visibly."""
-    from rich.console import Console
-
-    return Console(width=max(Console().width, LARGEST_WIDTH))

@@ -53,8 +53,6 @@ def train(
     and ends with folds of the chain through images that correct what the rod has taught it.
     Killed or interrupted, the same command goes on and ends with the same weights.
     """
-    from cell.cli.table import wide_console
-
     default = f"adaptive-{seed}" if policy == "adaptive" else f"seed-{seed}"
     folder = out or Path("runs/training") / default
     if checkpoint is not None:
@@ -69,11 +67,11 @@ def train(
     if as_json:
         print_json(trained.line() | corrected)
         return
-    from cell.train.screen import show, show_effects
+    from cell.cli.table import print_table
+    from cell.train.screen import tables
 
-    show(trained.evaluations, wide_console())
-    if trained.effects:
-        show_effects(trained.effects, wide_console())
+    for table in tables(trained.evaluations, trained.effects):
+        print_table(*table)
     if corrected:
         _print_transfer(corrected, as_json=False)
     sys.stdout.write(

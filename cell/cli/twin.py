@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cell.cli.options import Json, print_json
+from cell.cli.options import Json, say
 
 twin = typer.Typer(
     help="The digital twin of the arm, for unmodified clients of the real one.",
@@ -57,10 +57,8 @@ def serve(
 
 def _print_address(address: str, lock_step: bool, as_json: bool) -> None:
     clock = "lock-step" if lock_step else "wall clock"
-    if as_json:
-        print_json({"address": address, "arm": 1337, "hand": 1338, "clock": clock})
-    else:
-        sys.stdout.write(f"arm at {address}:1337, hand at {address}:1338, {clock}\n")
+    facts = {"address": address, "arm": 1337, "hand": 1338, "clock": clock}
+    say(facts, f"arm at {address}:1337, hand at {address}:1338, {clock}", as_json=as_json)
     if not ip_address(address).is_loopback:
         sys.stderr.write(f"{address} is no loopback address: others on the network can connect\n")
     sys.stdout.flush()

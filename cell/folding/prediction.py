@@ -54,9 +54,12 @@ class Prediction:
     def text(self) -> str:
         """Text for the operator."""
         x_min, x_max, z_min, z_max = (1e3 * value for value in self.reach)
+        ends = ""
+        if self.low is not None and self.high is not None:
+            ends = f", between {1e3 * self.low:+.1f} and {1e3 * self.high:+.1f} mm"
         return (
-            f"{self.strip} by {self.policy}: expected {_displacement(self.displacement)}"
-            f"{_bounds(self.low, self.high)}\n"
+            f"{self.strip} by {self.policy}: expected {_displacement(self.displacement)}{ends} "
+            "over what is unknown of the strip\n"
             f"  the gripper stays within x {x_min:.0f} to {x_max:.0f} mm, z {z_min:.0f} to "
             f"{z_max:.0f} mm: inside its limits; nothing was moved"
             + ("" if self.arm is None else f"\n  {self.arm.text()}")
@@ -123,13 +126,6 @@ def _predict_arm_motion(
 
 def _displacement(value: float | None) -> str:
     return "no touch" if value is None else f"displacement {1e3 * value:+.1f} mm"
-
-
-def _bounds(low: float | None, high: float | None) -> str:
-    if low is None or high is None:
-        return ""
-    ends = f"{1e3 * low:+.1f} and {1e3 * high:+.1f} mm"
-    return f", between {ends} over what is unknown of the strip"
 
 
 def _reach(folds: Folds) -> tuple[float, float, float, float]:

@@ -86,15 +86,16 @@ class Run:
 
     def _repr_html_(self) -> str:
         """Film of the run, or else its last kept image, for a notebook."""
-        film, kept = self.folder / FILM, [note.file for note in self.frame_index() if note.file]
+        kept = [note.file for note in self.frame_index() if note.file]
+        shown = next(filter(Path.is_file, (self.folder / FILM, *kept[::-1])), None)
         outcome = "no result" if self.result is None else self.result.outcome
         said = escape(f"{self.name}: {outcome.replace('_', ' ')}")
-        if film.is_file():
-            return (
-                f'{said}<br><video controls muted width="640" src="{_inline(film, "video/mp4")}">'
-            )
-        picture = f'<br><img width="640" src="{_inline(kept[-1], "image/png")}">' if kept else ""
-        return said + picture
+        if shown is None:
+            return said
+        content = base64.b64encode(shown.read_bytes()).decode()
+        if shown.name == FILM:
+            return f'{said}<br><video controls width="640" src="data:video/mp4;base64,{content}">'
+        return f'{said}<br><img width="640" src="data:image/png;base64,{content}">'
 
     @property
     def died(self) -> bool:
@@ -156,11 +157,6 @@ class Run:
             frame = _attempt(lambda: read_frame(note), lambda: None, [], lenient=self.lenient)  # noqa: B023
             if frame is not None:
                 yield frame
-
-
-def _inline(path: Path, kind: str) -> str:
-    """Address that holds the content of the file at `path`."""
-    return f"data:{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"
 
 
 def read_run(folder: Path) -> Run:

@@ -67,7 +67,7 @@ def report(run: Run) -> str:
     """HTML page of `run`."""
     policy = f", policy {run.header.policy}" if run.header.policy else ""
     under_way = is_under_way(run.folder)
-    truth, spoilt = _truth(run)
+    truth, spoilt = truth_of(run)
     said = verdict_of(run, truth, under_way)
     died = run.result is None and not under_way and not said.spoilt
     return page(
@@ -112,7 +112,7 @@ def _earlier(run: Run) -> Iterator[tuple[str | Link, ...]]:
         yield (name, row.policy, row.outcome.replace("_", " "), *lengths)
 
 
-def _truth(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
+def truth_of(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
     """Truth of the run, None where it cannot be read, and lines on broken parts of its folder."""
     spoilt = list(run.problems)
     try:

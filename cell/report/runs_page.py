@@ -12,11 +12,10 @@ from cell.record.files import FILM, REPORT
 from cell.record.frames import decode, read_index
 from cell.record.listing import RunRow, read_row
 from cell.record.run import Run, read_broken_run
-from cell.record.truth import read_truth
 from cell.report.drawing import MUTED, as_svg, canvas
 from cell.report.facts import LEFT_OUT, facts
 from cell.report.kit import Link, jpeg_text, page
-from cell.report.page import film_of
+from cell.report.page import film_of, truth_of
 from cell.report.verdict import Verdict
 from cell.report.words import NO_VALUE, millimetres, plural, seconds
 from drivers.errors import ConfigurationError
@@ -94,7 +93,7 @@ def write_comparison(folders: Sequence[Path], out: Path) -> Path:
 def comparison(runs: Sequence[Run], place: Path) -> str:
     """HTML page that compares `runs`, for a file in the folder `place`."""
     title = f"{len(runs)} runs of {', '.join(sorted({run.header.strip for run in runs}))}"
-    truths = [_truth(run) for run in runs]
+    truths = [truth_of(run)[0] or {} for run in runs]
     table = _differences(runs, truths)
     films = [(_short_name(run), film_of(run)) for run in runs[:MOST_FILMS]]
     return page(
@@ -107,14 +106,6 @@ def comparison(runs: Sequence[Run], place: Path) -> str:
         differences=list(zip(*table, strict=True)) if len(runs) > MOST_COLUMNS else table,
         shapes=_shapes(runs),
     )
-
-
-def _truth(run: Run) -> Mapping[str, Any]:
-    """Truth of a run on the twin; empty where it was not kept or cannot be read."""
-    try:
-        return read_truth(run.folder) or {}
-    except ConfigurationError:
-        return {}
 
 
 def _verdict(

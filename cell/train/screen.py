@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from statistics import median
 from typing import Self
@@ -10,13 +10,13 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, TaskID, TextColumn
 from rich.progress import Progress as Bar
-from rich.table import Table
 
 from cell.campaign.progress import clock
 from cell.train.evaluation import EffectErrors, Engine, Evaluation
 
 RECENT = 30  # steps from whose times the time left is estimated
 LINES = 20  # printed in a whole training where there is no terminal
+Table = tuple[Sequence[str], Sequence[Sequence[str]], str]
 ENGINE_NAMES = {Engine.ROD: "rod (the model)", Engine.CHAIN: "chain (the plant)"}
 
 
@@ -63,27 +63,20 @@ class Meter:
         self._bar.update(self._task, total=pieces, completed=done, description=text)
 
 
-def show(evaluations: Sequence[Evaluation], console: Console) -> None:
-    """Print the table of the final evaluation."""
+def tables(evaluations: Sequence[Evaluation], errors: Sequence[EffectErrors]) -> Iterator[Table]:
+    """Columns, rows and title of the final evaluation, and of the errors by hidden effect."""
     side = len(evaluations[0].displacement)
-    table = Table(title=f"|d| over {side} x {side} strips of the paper's range")
-    table.add_column("folded on")
-    for name in ("mean mm", "95 % mm", "worst mm", "without a touch"):
-        table.add_column(name, justify="right")
-    for each in evaluations:
-        numbers = [f"{1e3 * value:.1f}" for value in (each.mean, each.most, each.worst)]
-        table.add_row(ENGINE_NAMES[each.engine], *numbers, str(each.untouched))
-    console.print(table)
-
-
-def show_effects(errors: Sequence[EffectErrors], console: Console) -> None:
-    """Print the table of the errors by hidden effect."""
-    table = Table(title="d in the rod, by hidden effect")
-    table.add_column("hidden")
-    for name in ("mean d mm", "mean |d| mm", "95 % mm", "worst mm", "without a touch"):
-        table.add_column(name, justify="right")
-    for each in errors:
-        facts = each.facts()
-        numbers = [f"{1e3 * facts[name]:.2f}" for name in ("bias", "mean", "p95", "worst")]
-        table.add_row(each.effect, *numbers, str(facts["untouched"]))
-    console.print(table)
+    rows = [
+        (ENGINE_NAMES[e.engine], *(f"{1e3 * v:.1f}" for v in (e.mean, e.most, e.worst)),
+         str(e.untouched))
+        for e in evaluations
+    ]  # fmt: skip
+    columns = ("mean mm", "95 % mm", "worst mm", "without a touch")
+    yield ("folded on", *columns), rows, f"|d| over {side} x {side} strips of the paper's range"
+    rows = [
+        (e.effect, *(f"{1e3 * f[key]:.2f}" for key in ("bias", "mean", "p95", "worst")),
+         str(f["untouched"]))
+        for e in errors for f in (e.facts(),)
+    ]  # fmt: skip
+    if rows:
+        yield ("hidden", "mean d mm", *columns), rows, "d in the rod, by hidden effect"

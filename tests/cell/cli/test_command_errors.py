@@ -210,4 +210,4 @@ def test_packaged_configuration_is_not_changed_and_no_arm_moves_for_it(
         "cell.cli.calibrate._open_devices", lambda *_: pytest.fail("a device was opened")
     )
     words = ("calibrate", "homography", "--use", "--configs", configs)
-    assert refused(monkeypatch, capsys, *words).startswith("--use: copy the configs folder")
+    assert refused(monkeypatch, capsys, *words).startswith(f"--configs: {configs} belongs")
