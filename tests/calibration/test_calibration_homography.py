@@ -52,6 +52,12 @@ def test_points_that_mostly_disagree_are_refused() -> None:
         fit_homography(pixels, POINTS)
 
 
+def test_points_on_a_line_determine_no_map() -> None:
+    line = np.column_stack([np.linspace(0, 0.6, 20), np.full(20, 0.1)])
+    with pytest.raises(ConfigurationError, match="the touched points determine no map"):
+        fit_homography(_seen(line), line)
+
+
 def test_singular_matrix_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="singular"):
         Homography.of(np.ones((3, 3)))

@@ -68,6 +68,7 @@ def test_camera_that_stayed_is_where_it_was_within_a_tenth_of_a_millimetre() -> 
 def test_camera_nudged_by_five_millimetres_is_noticed(nudge: tuple[float, float]) -> None:
     shift = _shift(_frame(nudge, seed=7))
     assert (shift.x, shift.z) == pytest.approx((1e3 * nudge[0], 1e3 * nudge[1]), abs=0.4)
+    assert shift.desk == pytest.approx(1e3 * nudge[1], abs=1.0)
     check = camera_check(shift, SETTINGS)
     assert not check.passed
     assert "the gripper appears moved by x" in check.reason

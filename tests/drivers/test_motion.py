@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from cell.config.settings import MonitorLimits
 from drivers.errors import ConfigurationError, Fault
 from drivers.installation import AxisLimits, MotionLimits, Workspace
-from drivers.motion import EXPIRY, TICK, MotionProfile
+from drivers.motion import TICK, MotionProfile
 from drivers.settings import parse
 from drivers.types import ZERO_VELOCITY, Pose, Velocity
 
@@ -102,50 +102,6 @@ def test_lift_at_the_speed_of_a_fold_stays_on_its_line_and_its_pitch() -> None:
     travel = np.hypot(way[:, 0], way[:, 1])
     assert np.abs(0.6 * way[:, 0] + 0.8 * way[:, 1]).max() < 1e-6
     assert np.abs(way[:, 2] - np.pi / 2 * travel / 0.1).max() < 1e-5
-
-
-def test_velocity_expires_after_100_ms_not_before_and_says_so() -> None:
-    profile, wish = profile_at(), Velocity(-0.1, 0.0, 0.0)
-    ticks(profile, 200, wish)
-    profile.set_velocity(wish)
-    held = ticks(profile, round(EXPIRY / TICK))
-    assert held[-1, 1, 0] == pytest.approx(-0.1)
-    assert not profile.expired
-    braking = ticks(profile, 1)
-    assert profile.expired
-    assert braking[-1, 2, 0] > 0
-    ticks(profile, 200)
-    assert profile.velocity == ZERO_VELOCITY
-    assert not profile.moving
-    assert profile.expired
-
-
-def test_refreshed_velocity_never_expires() -> None:
-    profile = profile_at()
-    for _ in range(20):
-        ticks(profile, 50, Velocity(-0.01, 0.0, 0.0))
-        assert not profile.expired
-
-
-def test_new_order_clears_expiry() -> None:
-    profile = profile_at()
-    for order in (
-        lambda: profile.set_velocity(ZERO_VELOCITY),
-        lambda: profile.move_to(MIDDLE),
-        profile.stop,
-    ):
-        profile.set_velocity(Velocity(-0.01, 0.0, 0.0))
-        ticks(profile, 150)
-        assert profile.expired
-        order()
-        assert not profile.expired
-
-
-def test_standing_still_does_not_expire() -> None:
-    profile = profile_at()
-    profile.set_velocity(ZERO_VELOCITY)
-    ticks(profile, 300)
-    assert not profile.expired
 
 
 @pytest.mark.parametrize(("axis", "sign"), [(a, s) for a in range(3) for s in (-1, 1)])

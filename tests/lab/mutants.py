@@ -1,10 +1,12 @@
-"""Bugs put in by hand, one after another, into a copy of the tree: which ones do the tests notice?
+"""Bugs put in, one after another, into a copy of the tree: which ones do the tests notice?
 
     python -m tests.lab mutants [PART OF A NAME ...] [--work FOLDER] [--least PERCENT]
+    python -m tests.lab mutants --drawn 300 --seed 1
 
-Reads `mutants.yaml`. What was judged before is not run again unless the mutant, its file or its
-tests have changed. Survivors are named; the exit code is 1 with fewer than the least share killed,
-2 for a mutant that does not apply or tests that fail without one.
+Those of `mutants.yaml`, or as many small changes drawn from the modules that decide, which the
+nearest tests judge. What was judged before is not run again unless the mutant, its file or its
+tests have changed. Prints the score of each file and the survivors; the exit code is 1 with fewer
+than the least share killed, 2 for a mutant that does not apply or tests that fail without one.
 """
 
 import argparse
@@ -45,16 +47,19 @@ class Unusable(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Mutant:
-    """A bug: `new` text for `old`, which occurs once in `file`, and `tests` that notice it."""
+    """A bug: `new` text for `old`, once in `file` or at character `at`; `tests` notice it."""
 
     name: str
     file: str
     old: str
     new: str
     tests: tuple[str, ...]
+    at: int | None = None
 
     def apply_to(self, text: str) -> str:
         """The file's text with the bug; Unusable where it does not apply."""
+        if self.at is not None and text.startswith(self.old, self.at):
+            return text[: self.at] + self.new + text[self.at + len(self.old) :]
         if text.count(self.old) != 1:
             raise Unusable(
                 f"{self.name}: its text occurs {text.count(self.old)} times in {self.file}"
@@ -63,8 +68,9 @@ class Mutant:
 
     def key(self, root: Path) -> str:
         """Digest of everything that its outcome is made of: bug, file, tests."""
-        files = [root / self.file, *(root / test.partition("::")[0] for test in self.tests)]
-        parts = [self.old, self.new, *self.tests, *(path.read_text("utf-8") for path in files)]
+        names = [self.file, *(test.partition("::")[0] for test in self.tests)]
+        texts = [(root / name).read_text("utf-8") for name in names]
+        parts = [self.old, self.new, str(self.at), *self.tests, *texts]
         return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 
@@ -104,7 +110,7 @@ def tested(tree: Path, tests: Iterable[str]) -> str:
         os.killpg(process.pid, signal.SIGKILL)
         process.join()
         return HUNG
-    return "killed" if process.exitcode else "survived"
+    return "survived" if process.exitcode in {0, pytest.ExitCode.NO_TESTS_COLLECTED} else "killed"
 
 
 def _run(tree: Path, tests: tuple[str, ...]) -> None:
@@ -120,7 +126,7 @@ def _run(tree: Path, tests: tuple[str, ...]) -> None:
         os.dup2(nowhere, stream)
     code = BROKEN
     try:
-        code = int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", *tests]))
+        code = int(pytest.main(["-x", "-q", "-m", "not long", "-p", "no:cacheprovider", *tests]))
     finally:
         os._exit(code)
 
@@ -194,19 +200,27 @@ def judge_all(mutants: tuple[Mutant, ...], work: Path) -> dict[str, str]:
 
 def main() -> int:
     """Judge the mutants that are asked for; the exit code."""
+    from tests.lab.mutant_draw import drawn
+
     reader = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     reader.add_argument("names", nargs="*", help="only mutants whose name contains one of these")
     place = Path(tempfile.gettempdir()) / "folding-cell-mutants"
     reader.add_argument("--work", type=Path, default=place)
     reader.add_argument("--least", type=float, default=95.0, help="percent that must be killed")
+    reader.add_argument("--drawn", type=int, help="draw as many, in place of the list")
+    reader.add_argument("--seed", type=int, default=1, help="of the draw")
     asked = reader.parse_args()
-    mutants = tuple(m for m in listed() if not asked.names or any(n in m.name for n in asked.names))
+    every = drawn(asked.drawn, asked.seed) if asked.drawn else listed()
+    mutants = tuple(m for m in every if not asked.names or any(n in m.name for n in asked.names))
     try:
         outcomes = judge_all(mutants, asked.work)
     except Unusable as error:
         print(error, file=sys.stderr)
         return 2
     survivors = [name for name, outcome in outcomes.items() if outcome == "survived"]
+    for file in sorted({mutant.file for mutant in mutants}):
+        here = [outcomes[mutant.name] for mutant in mutants if mutant.file == file]
+        print(f"{len(here) - here.count('survived'):4d} of {len(here):3d} killed  {file}")
     killed = 100 * (1 - len(survivors) / max(len(outcomes), 1))
     print(f"{len(outcomes) - len(survivors)} of {len(outcomes)} killed, {killed:.1f} %")
     for name in survivors:

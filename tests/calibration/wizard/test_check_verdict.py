@@ -32,6 +32,8 @@ def test_points_where_they_were_confirm_the_calibration() -> None:
     [
         ((0.1, 0.1, 0.1, 0.1, 1.2), "a point is 1.20 mm off"),
         ((0.7, 0.8, 0.7, 0.1, 0.1), "half of the points are more than 0.70 mm off"),
+        ((0.45, 0.45, 0.45, 0.45, 5.0), "a point is 5.00 mm off"),
+        ((0.7, 0.7, 0.8, 0.7, 0.7), "all points are seen 0.7 mm off in the same direction"),
         ((0.1, 0.1), "2 points were touched"),
         ((), "0 points were touched"),
     ],

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from calibration.calibration import Calibration
-from cell.calibrating.calibration_in_use import check_usable, record_entry
+from cell.calibrating.calibration_in_use import check_current, check_usable, record_entry
 from cell.devices.devices import Devices
 from drivers.errors import ConfigurationError, PreflightRefused
 from tests.cell.conftest import straight_camera
@@ -34,6 +34,7 @@ def test_expired_calibration_is_refused_on_hardware_before_anything_moves() -> N
     with pytest.raises(PreflightRefused, match="is 31 days old, allowed are 30") as caught:
         check_usable(made(), _hardware(), 30, late)
     assert caught.value.exit_code == 3
+    check_current(made(), 30, late, on_twin=True)  # whose camera nobody moves
 
 
 def test_run_records_id_residual_latency_and_age() -> None:

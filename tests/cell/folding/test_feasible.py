@@ -1,17 +1,23 @@
 """What the cell cannot see, reach or fold is refused before anything moves, and says why."""
 
+import math
+import re
+from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from calibration.calibration import Calibration
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
-from cell.folding.feasible import check_feasible
+from cell.devices.fold_path import triangle
+from cell.folding.feasible import check_feasible, corner_strips, path_problems
 from cell.folding.fold import fold_with
 from cell.folding.prediction import predict
 from drivers.errors import ConfigurationError, PreflightRefused
+from drivers.installation import AxisLimits, MotionLimits, Mounting
 from policies.registry import make_policy
 from tests.support.requests import request_for
 from tests.support.twin_calibration import twin_calibration
@@ -86,6 +92,36 @@ def test_path_over_the_arm_s_limits_is_refused_with_the_speed_that_fits(
     with pytest.raises(ConfigurationError) as dry_run:
         predict(request)
     assert says in str(dry_run.value)
+
+
+def test_speeds_that_a_refusal_states_are_followed_on_that_path() -> None:
+    slow = AxisLimits(velocity=0.07, acceleration=4.0, jerk=100.0)
+    cell, path, limits = find_configs(None).cell().controller, triangle(0.6), MotionLimits(x=slow)
+    said = "\n".join(path_problems(path, path, cell, limits))
+    stated = dict(re.findall(r"^(\w*speed): .* at most ([.0-9]+) m/s", said, re.MULTILINE))
+    fold = cell.fold.model_copy(update={name: float(speed) for name, speed in stated.items()})
+    slower = cell.model_copy(update={"fold": fold})
+    assert not [*path_problems(path, path, slower, limits)]
+
+
+@pytest.mark.parametrize(("away", "refused"), [(0.782, False), (0.788, True)])
+def test_reach_is_that_from_the_robot_s_base_however_the_strip_lies(seen_by, away, refused) -> None:
+    """The strip points straight away from the base, its far end with the approach at `away`."""
+    configs = find_configs(None)
+    settings, strip, yaw = configs.cell().controller, configs.strip("denim"), 0.4
+    near = away - strip.length - settings.fold.approach
+    mounting = Mounting(x=near * math.cos(yaw), y=near * math.sin(yaw), yaw=yaw)
+    place = settings.installation.model_copy(update={"mounting": mounting})
+    there, limits = settings.model_copy(update={"installation": place}), place.limits
+    with pytest.raises(PreflightRefused, match=r"^reach: ") if refused else nullcontext():
+        check_feasible(there, strip, make_policy("triangular"), seen_by, limits)
+
+
+def test_what_no_file_states_of_a_strip_is_uncertain_by_a_tenth_and_a_half() -> None:
+    strip = find_configs(None).strip("denim").model_copy(update={"spread": {}})
+    corners = [(each.bending_length, each.retardation_time) for each in corner_strips(strip)]
+    shares = np.divide(corners, (strip.bending_length, strip.retardation_time))
+    assert sorted(shares.round(6).tolist()) == [[0.9, 0.5], [0.9, 1.5], [1.1, 0.5], [1.1, 1.5]]
 
 
 @pytest.mark.parametrize(("desk", "says"), [(0.0, ""), (0.6, ""), (0.85, "mm into the desk at x ")])

@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import cell.orchestrator.run as orchestrator
 from cell.config.settings import FoldSettings
+from cell.orchestrator.context import FoldContext
 from cell.orchestrator.lay import (
     BRAKING,
     CLEARANCE,
@@ -16,7 +18,8 @@ from cell.orchestrator.lay import (
     follow_lay,
     lay_path,
 )
-from cell.orchestrator.snapshot import Drive
+from cell.orchestrator.snapshot import Drive, Hold, MoveTo, OpenHand
+from cell.orchestrator.states import Event
 from cell.perception.measurement import SeenTouch
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
@@ -25,9 +28,9 @@ from drivers.types import Pose, Velocity
 from policies.domain import strip_at
 from policies.path import Path, triangular
 from tests.cell.orchestrator.test_monitors import GOOD
+from tests.cell.orchestrator.test_orchestrator_stops import phases
 from tests.support.chain_moves import settle
-
-pytestmark = pytest.mark.slow
+from tests.support.plain_cell import plain_bench
 
 TICK, REST, SPEED = 0.01, 0.0009, 0.1  # s, m, m/s
 RISE = 0.034  # m
@@ -92,6 +95,30 @@ def test_edge_is_laid_aside_by_what_no_image_shows() -> None:
     assert edge_place(touched(-0.003), 0.0035) == pytest.approx(0.0035)
 
 
+def test_edge_is_laid_over_the_lower_layer_and_let_go_before_the_hand_leaves(monkeypatch) -> None:
+    """It goes on backwards, away from the strip, before it rises."""
+    real = orchestrator.phases_of
+
+    def from_the_touch(context: FoldContext) -> dict:
+        def touch(record, begin):
+            yield Hold()
+            context.seen_touch = replace(touched(0.0), distance=0.003)
+            return Event.LAYER_TOUCH
+
+        return real(context) | phases(FOLD=touch)
+
+    monkeypatch.setattr(orchestrator, "phases_of", from_the_touch)
+    bench = plain_bench()
+    bench.hand.commands = commands = bench.arm.commands
+    assert bench.run().name == "edges_not_seen"
+    rest, aside = 0.003 + CLEARANCE, -FOLD.approach
+    *_, laid, opened, back, up = [c for c in commands if isinstance(c, MoveTo | OpenHand)]
+    assert opened == OpenHand()
+    assert laid.pose.as_array() == pytest.approx([0.0, rest, np.pi])
+    assert back.pose.as_array() == pytest.approx([aside, rest, np.pi], abs=1e-6)
+    assert up.pose.as_array() == pytest.approx([aside, rest - 2 * aside, np.pi], abs=1e-6)
+
+
 def laid_edges(fold: FoldSettings, strip: StripFile) -> float:
     """Offset [m] of the edges of a smooth strip whose fold rolls, laid as `fold` says."""
     chain, pose = Chain(60), np.array([strip.length, 0.0, 0.0])
@@ -122,6 +149,7 @@ def laid_edges(fold: FoldSettings, strip: StripFile) -> float:
     return float(points[0, 0] - points[-1, 0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strip", [MIDDLING, SOFT], ids=["middling", "soft"])
 def test_flat_layer_is_pushed_back_where_a_lid_alone_leaves_it_too_long(strip: StripFile) -> None:
     assert laid_edges(FOLD.model_copy(update={"lay_beyond": 0.0}), strip) > 1e-3

@@ -272,14 +272,17 @@ def sending(act: Callable, checked: list, sent: list) -> Callable:
 def test_a_fault_is_never_resumed(bench, monkeypatch) -> None:
     """The camera fails once and is well again: the run has ended all the same."""
     bench.camera.read = later(bench, bench.camera.read, until=BEGIN + 0.02)
-    states: list[str] = []
+    states, seen = list[str](), list[Snapshot]()
     note = SimpleNamespace(
-        see=lambda snapshot: None,
+        see=seen.append,
         handle_event=lambda time, kind, facts: states.append(str(facts.get("state", kind))),
     )
     bench.observers = (note,)
     bench.run()
     assert states[-3:] == ["fault", "STOPPING", "FAULT"]
+    braking = [shown.view for shown in seen if shown.state is State.STOPPING]
+    assert braking
+    assert not any(view.fresh or view.read for view in braking)  # no image counts twice
     drives = [i for i, c in enumerate(bench.arm.commands) if isinstance(c, Drive)]
     assert all(isinstance(c, Hold) for c in bench.arm.commands[drives[-1] + 1 :])
 

@@ -8,6 +8,7 @@ import pytest
 from cell.perception.agreement import (
     BINS,
     FEWEST_IMAGES,
+    Agreement,
     MeasuredFold,
     agreement,
     agreement_limits,
@@ -90,6 +91,21 @@ def test_strip_of_another_law_is_flagged_and_the_sentence_names_what_to_do() -> 
     assert not found.like_model
     assert "does not behave like the model" in found.sentence()
     assert "`cell gap plan`" in found.sentence()
+
+
+@pytest.mark.parametrize(
+    ("residual", "friction", "says"),
+    [
+        (0.0, 0.0, "behaves like"),
+        (0.01, 0.0, "is 10.8 mm off"),
+        (0.0, 50.0, "rub as 112 1/m"),
+    ],
+)
+def test_agreement_names_what_is_beyond_its_limit(residual, friction, says: str) -> None:
+    most = agreement_limits()
+    found = Agreement(most.residual + residual, most.yield_curvature + friction)
+    assert found.like_model is not (residual + friction > 0.0)
+    assert says in found.sentence()
 
 
 @pytest.mark.parametrize("count", [0, BINS * FEWEST_IMAGES - 1])

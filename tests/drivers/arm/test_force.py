@@ -16,6 +16,7 @@ from drivers.arm.requests import go_to
 from drivers.arm.retreat import retreat
 from drivers.arm.settings import FciSettings
 from drivers.errors import Fault
+from drivers.franka import limits
 from drivers.franka.body import Box, Solids
 from drivers.motion import TICK
 from tests.drivers.arm.rig import (
@@ -148,8 +149,8 @@ def test_arm_that_is_pressed_does_not_go_home_by_itself_and_retreats_when_asked_
 class Pressed(LossyRobot):
     """A robot that loses nothing, with a force on its gripper that depends on where that is."""
 
-    def __init__(self, push) -> None:
-        super().__init__(JOINTS)
+    def __init__(self, push, joints=JOINTS) -> None:
+        super().__init__(joints)
         self.push = push
         self.begin = self.place
         self.thresholds: list[float] = []
@@ -190,6 +191,13 @@ def test_retreat_that_frees_nothing_ends_after_its_way() -> None:
     assert failed.value.cause is Cause.PRESSED
     assert robot.moved == pytest.approx([0.0, -0.03, 0.0], abs=2e-3)
     assert robot.ended
+
+
+def test_retreat_is_not_begun_where_a_joint_is_at_its_end() -> None:
+    robot = Pressed(lambda _: -20.0, [*JOINTS[:6], limits.POSITION_HIGH[6] - 0.01])
+    with pytest.raises(ArmFault, match="a joint is at its end; free the arm by hand"):
+        retreat(robot, FciSettings(), lambda: False, SOLIDS)
+    assert robot.robot.ticks == 0
 
 
 def test_retreat_ends_where_the_force_rises() -> None:

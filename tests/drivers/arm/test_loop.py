@@ -5,7 +5,7 @@ import pytest
 
 from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.orders import Kind
-from drivers.arm.plane import StripPlane, matrix
+from drivers.arm.plane import StripPlane
 from drivers.franka.tracking import rotation
 from tests.drivers.arm.rig import (
     JOINTS,
@@ -160,7 +160,3 @@ def test_order_that_the_profile_refuses_is_a_failure_not_a_motion(setup) -> None
         setup.loop.step()
     assert failed.value.cause is Cause.COMMAND
     assert setup.robot.written == []
-
-
-def test_matrix_of_columns_is_their_transpose() -> None:
-    assert matrix(list(range(16)))[0].tolist() == [0, 4, 8, 12]

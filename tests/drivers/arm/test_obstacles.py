@@ -39,6 +39,14 @@ def nearest(points: list[np.ndarray], solids: Solids = SOLIDS) -> float:
     return float(min(apart(whole).min(), solids.clearance(whole).min()))
 
 
+def test_desk_and_clamp_meet_where_the_strip_is_fixed_above_the_floor() -> None:
+    desk, clamp, floor = ((np.array(box.low), np.array(box.high)) for box in SOLIDS.boxes)
+    assert all((low < high).all() for low, high in (desk, clamp, floor))
+    assert clamp[1][0] == 0.0
+    assert clamp[0][2] == desk[1][2] == 0.0
+    assert floor[1][2] < 0.0
+
+
 def test_straight_way_is_taken_where_it_is_free() -> None:
     assert np.array_equal(PARKED, UPRIGHT)
     (way,) = clear_way(np.array(PARKED), HOME, SOLIDS)

@@ -246,28 +246,14 @@ def test_share_of_the_speed_bounds_every_joint_on_the_way_home() -> None:
     assert 0.045 < max(rates) < 0.051  # a tenth of 0.5 rad/s
 
 
-@pytest.mark.parametrize(
-    ("command", "name"),
-    [
-        (lambda arm: arm.set_velocity(Velocity(5.0, 0.0, 0.0)), "velocity_refused"),
-        (lambda arm: arm.set_velocity(Velocity(-5.0, 0.0, 0.0)), "velocity_refused"),
-        (lambda arm: arm.set_velocity(Velocity(0.0, -5.0, 0.0)), "velocity_refused"),
-        (lambda arm: arm.set_velocity(Velocity(0.0, 0.0, -9.0)), "velocity_refused"),
-        (lambda arm: arm.set_velocity(Velocity(0.0, 0.0, float("nan"))), "velocity_refused"),
-        (lambda arm: arm.move_to(Pose(3.0, 0.1, 0.0)), "outside_workspace"),
-    ],
-)
-def test_command_over_a_limit_never_reaches_the_loop(command, name: str) -> None:
-    orders: list[object] = []
-    bridge = SimpleNamespace(
-        lock_step=False, beat=lambda: None, order=lambda *given: orders.append(given)
-    )
+def test_arm_that_is_only_held_for_its_camera_is_commanded_by_nobody() -> None:
+    bridge = SimpleNamespace(lock_step=False, beat=lambda: pytest.fail("went on"))
     arm = FciArm(lambda: bridge, WallClock(), INSTALLATION)
-    arm.connect()
-    with pytest.raises(Fault) as refused:
-        command(arm)
-    assert refused.value.name == name
-    assert not orders
+    arm.hold()
+    for command in (arm.state, lambda: arm.move_to(Pose(*START)), lambda: arm.set_velocity(STILL)):
+        with pytest.raises(Fault, match="connect it first"):
+            command()
+    arm.stop()
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP], ids=["terminate", "hang up"])

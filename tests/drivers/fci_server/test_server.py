@@ -13,7 +13,6 @@ from drivers.fci_server.faults import (
     NanFault,
     ReflexFault,
     UserStopFault,
-    VersionFault,
 )
 from drivers.fci_server.server import RobotServer, ServerSettings
 from drivers.fci_server.wire import Reflex
@@ -85,12 +84,6 @@ def test_client_of_another_version_learns_both_and_the_next_one_is_served(server
     with RawArm(server.address) as arm:
         assert arm.connected == (0, 10)
         assert arm.state().mode == IDLE
-
-
-def test_second_client_is_turned_away_and_the_first_goes_on(server, arm) -> None:
-    with pytest.raises(ConnectionResetError):
-        RawArm(server.address)
-    assert arm.newest().mode == IDLE
 
 
 def test_place_is_free_again_when_the_client_has_gone(server) -> None:
@@ -282,9 +275,3 @@ def test_nan_state_lasts_as_scripted() -> None:
             state = arm.tick(state, twist=AHEAD)
             broken += state.q[0] != state.q[0]
         assert broken == 3
-
-
-def test_scripted_version_turns_the_client_away() -> None:
-    fault = VersionFault(at=0, kind="wrong_version", version=9)
-    with RobotServer(faults=[fault]) as server, RawArm(server.address) as arm:
-        assert arm.connected == (1, 9)

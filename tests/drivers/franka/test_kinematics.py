@@ -8,9 +8,7 @@ from drivers.franka.kinematics import HOME, forward, jacobian
 from drivers.franka.limits import (
     POSITION_HIGH,
     POSITION_LOW,
-    VELOCITY,
     margins,
-    velocity_bounds,
 )
 
 DOWN = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -65,10 +63,3 @@ def test_inverse_brings_tool_to_nearly_every_pose_of_the_arm() -> None:
 def test_pose_out_of_reach_is_refused_with_its_reason(pose, said: str) -> None:
     with pytest.raises(Unreachable, match=said):
         solve(pose)
-
-
-def test_joints_may_only_run_as_fast_as_they_can_brake() -> None:
-    slowest, fastest = velocity_bounds(POSITION_HIGH)
-    assert np.array_equal(fastest, np.zeros(7))
-    assert slowest == pytest.approx(-VELOCITY, abs=0.3)
-    assert np.array_equal(velocity_bounds(HOME)[1], VELOCITY)

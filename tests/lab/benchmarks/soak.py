@@ -2,22 +2,24 @@
 
     python -m tests.lab soak [--count 500] [--strip denim] [--policy triangular]
 
-Prints memory and open handles after each fold. Exit code 1 where the memory has grown by more than
-50 MB since the tenth fold, or a handle, child or thread is left.
+Each fold makes its film, page and recording. Prints memory and open handles after each. Exit code
+1 where the memory has grown by more than 50 MB since the tenth fold, or a handle, child or thread,
+those of libraries too, is left.
 """
 
 import gc
 import os
 import tempfile
-import threading
 import time
 from multiprocessing import active_children
 from pathlib import Path
 
 from cell.devices.devices import DeviceSelection
-from cell.folding.fold import fold
+from cell.folding.fold import fold, write_pages
+from cell.folding.request import Recording
 from tests.support.requests import request_for
 
+EVERYTHING = Recording("all", "libx264", viz="save")
 SETTLED, GROWTH = 10, 50.0  # folds after which memory is counted, MB by which it may grow
 
 
@@ -30,10 +32,9 @@ def resident() -> float:
 
 def handles() -> int:
     """Open files and sockets, threads and child processes."""
-    return (
-        len(list(Path("/proc/self/fd").iterdir()))
-        + threading.active_count()
-        + len(active_children())
+    own = Path("/proc/self")
+    return sum(len(list((own / name).iterdir())) for name in ("fd", "task")) + len(
+        active_children()
     )
 
 
@@ -44,7 +45,9 @@ def main(count: int = 500, strip: str = "denim", policy: str = "triangular") -> 
     for number in range(count):
         begun = time.perf_counter()
         with tempfile.TemporaryDirectory() as runs:
-            fold(request_for(strip, policy, Path(runs), choice=DeviceSelection(seed=number)))
+            choice = DeviceSelection(seed=number)
+            made = request_for(strip, policy, Path(runs), choice=choice, record=EVERYTHING)
+            write_pages(made, fold(made))
         seen.append((resident(), handles()))
         took = time.perf_counter() - begun
         print(f"| {number + 1} | {seen[-1][0]:.0f} | {seen[-1][1]} | {took:.1f} |", flush=True)
