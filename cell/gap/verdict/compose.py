@@ -112,7 +112,7 @@ def intervals(
     model = estimate.model
     owners = ["base"] * len(model.base)
     owners += [e.name for e in model.effects for _ in e.parameters]
-    by_owner: dict[str, list[ValueWithUnit]] = {name: [] for name in owners}
+    by_owner: dict[str, list[ValueWithUnit]] = {name: [] for name in ("base", *owners)}
     rows = zip(owners, model.parameters, estimate.shared, reach * spread, strict=False)
     for owner, parameter, value, half in rows:
         by_owner[owner].append(_interval(parameter, float(value), float(half)))
