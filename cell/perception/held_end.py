@@ -48,7 +48,7 @@ class HeldEnd:
         appearance: Appearance,
     ) -> None:
         self._perception = Perception(calibration, settings, strip, appearance)
-        self._length, self._little = strip.length, settings.little
+        self._length = strip.length
         self._past: list[tuple[float, Pose]] = []
 
     def look(self, frame: Frame) -> HeldMeasurement:

@@ -3,9 +3,12 @@
 import ast
 import copy
 import hashlib
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+
+import yaml
 
 from tests.lab.mutants import ROOT, Mutant
 from tests.support.rooms import imports, lines, modules
@@ -18,6 +21,8 @@ ROOMS = (
     *("cell/perception/held_end", "cell/perception/laid", "cell/perception/layer_touch"),
     *("cell/perception/preflight", "cell/perception/resting", "cell/perception/sight"),
 )
+IMMATERIAL = Path(__file__).with_name("mutants_immaterial.yaml")
+PLACE = re.compile(r":\d+:\d+")  # in a mutant's name
 NEAREST = 12  # files of tests that judge a mutant
 OPPOSITES = """
     Lt LtE, Lt Gt, LtE Lt, LtE GtE, Gt GtE, Gt Lt, GtE Gt, GtE LtE, Eq NotEq, NotEq Eq, Is IsNot,
@@ -104,11 +109,13 @@ def mutants(root: Path, file: str, tests: tuple[str, ...] = ()) -> list[Mutant]:
 def drawn(count: int, seed: int) -> tuple[Mutant, ...]:
     """`count` mutants of the rooms, from each file in proportion to its mutants and at least one.
 
-    A larger `count` by the same `seed` holds the smaller one.
+    A larger `count` by the same `seed` holds the smaller one. Those that IMMATERIAL lists are out.
     """
+    judged = yaml.safe_load(IMMATERIAL.read_text("utf-8"))
+    known = {name for names in judged.values() for name in names}
     every = [
         sorted(
-            mutants(ROOT, file, judges(name)),
+            (m for m in mutants(ROOT, file, judges(name)) if PLACE.sub("", m.name, 1) not in known),
             key=lambda mutant: hashlib.sha256(f"{seed} {mutant.name}".encode()).digest(),
         )
         for name, path in modules()

@@ -78,6 +78,18 @@ def test_forgetting_again_overwrites_nothing_that_was_set_aside(tmp_path: Path) 
     assert {path: path.read_bytes() for path in kept} == kept
 
 
+def test_one_run_is_forgotten_and_all_others_are_kept(tmp_path: Path) -> None:
+    memory = Memory("cell", tmp_path)
+    kept, gone = (Experience(name, "adaptive", "denim", "a", "camera") for name in ("r0", "r1"))
+    for one in (kept, gone, replace(gone, kind="ruler", rig=0.001)):
+        memory.add(one)
+    aside = memory.forget(tmp_path / "r1")
+    assert aside is not None
+    assert len(aside.read_bytes().splitlines()) == 2
+    assert memory.experiences() == (kept,)
+    assert memory.forget(tmp_path / "r1") is None
+
+
 def test_switched_off_stays_off_until_switched_on(tmp_path: Path) -> None:
     memory = Memory("cell", tmp_path)
     memory.switch(on=False)

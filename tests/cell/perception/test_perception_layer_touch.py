@@ -99,6 +99,12 @@ def test_gap_that_does_not_close_and_stop_is_no_touch(gap: Callable[[float], flo
     assert _watch(gap)[0] is None
 
 
+@pytest.mark.parametrize(("longer", "fold"), [(0.29, True), (0.31, False), (-0.31, False)])
+def test_layers_that_differ_by_half_the_strip_are_no_fold(longer: float, fold: bool) -> None:
+    touch = SeenTouch(1.0, 0.3, 0.3 + longer, 0.3, confidence=1.0, distance=0.001)
+    assert LayerTouch(PerceptionSettings(), DENIM)._is_a_fold(touch) is fold
+
+
 def test_layers_of_unknown_thickness_touch_where_their_gap_stays() -> None:
     unknown = DENIM.model_copy(update={"spread": {"thickness": (0.0002, 0.003)}})
     touch, _ = _watch(_closing(0.05, 0.5, rest=0.0022), unknown)

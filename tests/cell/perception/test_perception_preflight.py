@@ -1,11 +1,13 @@
 """One picture before grasping: what passes, what is refused and what it tells to do."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from cell.perception.preflight import Preflight, inspect
+from cell.perception.preflight import Preflight, _check_rest, inspect
+from cell.perception.resting import Underside
 from cell.perception.settings import PerceptionSettings
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
@@ -35,6 +37,22 @@ def _picture(points: Array, look: StripLook, *, strip: bool = True) -> Frame:
 
 def _judged(frame: Frame, strip: StripFile = DENIM) -> Preflight:
     return inspect(frame, twin_calibration(CAMERA), PerceptionSettings(), strip)
+
+
+@pytest.mark.parametrize("off", [0.006, -0.006])
+def test_line_of_the_edge_may_leave_neither_itself_nor_the_desk_to_any_side(off: float) -> None:
+    x, settings = np.linspace(0.0, 0.6, 301), PerceptionSettings()
+    straight = SimpleNamespace(rest_height=lambda x: 0.0 * x)
+    high = SimpleNamespace(rest_height=lambda x: 0.0 * x + 2 * off)
+    bent = Underside(x, off * (np.abs(x - 0.3) < 0.05), 0.6)
+    for seen, rests, names in (
+        (bent, straight, ["flat and straight"]),
+        (Underside(x, 0.0 * x + 2 * off, 0.6), high, ["on the desk plane"]),
+        (Underside(x, 0.0 * x, 0.6 + 3 * off), straight, ["length"]),
+        (Underside(x, 0.0 * x, 0.6), straight, []),
+    ):
+        checks = _check_rest(seen, rests, settings, DENIM, 0.0003)
+        assert [check.name for check in checks if not check.passed] == names
 
 
 def _failed(judged: Preflight) -> list[str]:

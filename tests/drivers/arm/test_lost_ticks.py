@@ -51,15 +51,6 @@ def test_lost_commands_stop_no_motion_move_no_goal_and_no_elbow(
     assert not robot.robot.errors
 
 
-def test_elbow_stays_where_the_motion_began() -> None:
-    robot = LossyRobot(JOINTS)
-    setup = begun_losing(robot)
-    setup.order(Kind.MOVE, 0.35, 0.3, 1.2)
-    setup.steps(600)
-    assert float(robot.robot.posture.q[2]) == pytest.approx(JOINTS[2], abs=1e-6)
-    assert not robot.robot.errors
-
-
 def test_a_pose_before_the_first_state_is_refused() -> None:
     motion = CartesianMotion(LossyRobot(JOINTS))
     with pytest.raises(ArmFault, match="before the first state"):
@@ -86,21 +77,6 @@ def test_corrections_at_rest_before_the_cell_s_first_sign_are_no_failure() -> No
     for _ in range(1500):
         setup.loop.step()
     assert setup.loop.halted is None
-
-
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_half_of_the_commands_lost_end_in_no_reflex(seed: int) -> None:
-    robot = LossyRobot(JOINTS, seed, 1, 0.5)
-    setup = begun_losing(robot)
-    goal = Pose(0.45, 0.25, 0.6)
-    setup.order(Kind.MOVE, goal.x, goal.z, goal.pitch)
-    setup.steps(300)
-    setup.order(Kind.FOLLOW, 0.1, 0.0, -0.3)
-    setup.steps(60)
-    setup.order(Kind.MOVE, goal.x, goal.z, goal.pitch)
-    setup.steps(1000)
-    assert robot.lost > 100
-    assert not robot.robot.errors
 
 
 @pytest.mark.parametrize(("worst", "share"), LOSSES[1:])

@@ -71,12 +71,6 @@ def test_hand_of_another_version_is_turned_away(server) -> None:
         assert hand.connected == (1, 3)
 
 
-def test_grasp_closes_on_what_lies_between_the_fingers(server, hand) -> None:
-    hand.send(GRASP, grasp())
-    assert hand.reply() == (GRASP, 1, OK)
-    assert (server.hand.width, server.hand.is_grasped) == (0.01, True)
-
-
 def test_grasp_of_another_width_is_unsuccessful(hand) -> None:
     hand.send(GRASP, grasp(width=0.04))
     assert hand.reply() == (GRASP, 1, UNSUCCESSFUL)

@@ -9,7 +9,6 @@ from drivers.errors import ConfigurationError
 from drivers.fci_server.faults import (
     ContactFault,
     DropFault,
-    FreezeFault,
     NanFault,
     ReflexFault,
     UserStopFault,
@@ -216,14 +215,6 @@ def test_scripted_fault_stops_the_arm_at_its_tick(fault, mode: int, status: int)
         assert not any(arm.newest().dq)
 
 
-def test_contact_below_the_threshold_is_reported_and_not_stopped() -> None:
-    fault = ContactFault(at=10, kind="contact", force=(0.0, 0.0, 15.0))
-    with RobotServer(faults=[fault]) as server, RawArm(server.address) as arm:
-        state = drive(arm, arm.start_still(), 20)
-        assert state.mode == MOVING
-        assert state.floats(868, 3) == (0.0, 0.0, 15.0)
-
-
 def test_user_stop_that_is_released_lets_the_arm_move_again() -> None:
     fault = UserStopFault(at=10, kind="user_stop", duration=0.05)
     with RobotServer(faults=[fault]) as server, RawArm(server.address) as arm:
@@ -247,13 +238,6 @@ def test_dropped_connection_brakes_the_arm() -> None:
         arm.close()
         with RawArm(server.address) as again:
             assert not any(again.newest().dq)
-
-
-def test_frozen_server_goes_on_where_it_was() -> None:
-    fault = FreezeFault(at=20, kind="freeze", duration=0.3)
-    with RobotServer(faults=[fault]) as server, RawArm(server.address) as arm:
-        state = arm.start_still()
-        assert drive(arm, state, 50).message_id == state.message_id + 50
 
 
 def test_robot_on_the_wall_clock_stops_by_itself_when_its_client_falls_silent() -> None:
