@@ -1,4 +1,4 @@
-"""Swings made on purpose, with hidden causes: the plant is MuJoCo, not the model's equations."""
+"""Swings made on purpose, with hidden causes, by fine steps and laws that are not compiled."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -56,7 +56,7 @@ def residuals(subject: MechanismSubject, effects: dict[str, Array]) -> Array:
     ],
     ids=["plain", "dry"],
 )
-def test_chain_moves_as_an_independent_engine_says(effects: Any, law: Any) -> None:
+def test_chain_moves_as_finer_steps_and_a_plain_law_say(effects: Any, law: Any) -> None:
     file, lift = pendulum(3), np.array([0.5, 0.65, -0.35])
     (made,) = make_swings(file, [lift], 0.0, np.random.default_rng(0), law, span=1.0)
     left = residuals(subject_of(file, made.t, made.angles),

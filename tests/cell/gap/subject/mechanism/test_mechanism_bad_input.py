@@ -130,8 +130,10 @@ def test_a_broken_table_is_refused(tmp_path: Path, name: str) -> None:
 
 def test_a_torque_that_a_simulation_would_compute_wrongly_is_refused(tmp_path: Path) -> None:
     servo = '<position name="a2" joint="elbow" kp="30"/>'
-    slow = ARM.replace(servo, '<general name="a2" joint="elbow" dyntype="filter" dynprm="0.1"/>')
-    assert "torque a2_torque of a2: its filter" in line(tmp_path, xml=slow, content=FORWARD)
+    for law in ('general dyntype="filter" dynprm="0.1"', 'general delay="0.02" nsample="4"',
+                'muscle lengthrange="0 1"'):  # fmt: skip
+        xml = ARM.replace(servo, f'<{law} name="a2" joint="elbow"/>')
+        assert "torque a2_torque of a2: its filter" in line(tmp_path, xml=xml, content=FORWARD)
 
 
 def test_a_model_that_explodes_is_refused(tmp_path: Path) -> None:
