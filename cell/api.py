@@ -24,6 +24,7 @@ from cell.gap.check import Check
 from cell.gap.check import check as look_at
 from cell.gap.fit import fit, quiet
 from cell.gap.report.overlay import write_overlay
+from cell.gap.subject.strip.runs import read_fold
 from cell.gap.verdict.accept import AcceptResult
 from cell.gap.verdict.accept import accept as put_in
 from cell.gap.verdict.accept import undo as take_out
@@ -108,10 +109,17 @@ def table(part: Ticks | Profile | Sights) -> pa.Table:
 
 
 def import_runs(
-    places: Sequence[Place], out: Place, mapping: Place | None = None
+    places: Sequence[Place], out: Place, mapping: Place | None = None, configs: Place | None = None
 ) -> tuple[Path, ...]:
-    """Convert tables, MCAP files or LeRobot data sets to run folders below `out`; returns these."""
-    return take_in([Path(place) for place in places], _path(mapping), Path(out))
+    """Convert tables, MCAP files or LeRobot data sets to checked run folders; returns these."""
+    found = find_configs(_path(configs))
+
+    def check(folder: Path) -> None:
+        strip = load_run(folder).header.strip
+        if strip in found.strip_names():
+            read_fold(folder, folder.name, found.strip(strip))
+
+    return take_in([Path(place) for place in places], _path(mapping), Path(out), check)
 
 
 def export_runs(runs: Sequence[Place], kind: Format, out: Place) -> tuple[Path, ...]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from cell.cli.options import Json, busy, print_json
+from cell.cli.options import Configs, Json, busy, print_json
 from cell.report.words import plural
 
 if TYPE_CHECKING:
@@ -26,39 +26,31 @@ def import_runs(
         Path | None,
         typer.Option(help="File that says which column holds what; exported runs have their own."),
     ] = None,
+    configs: Configs = None,
     as_json: Json = False,
 ) -> None:
     """Write run folders from tables of other programs, checked and converted, ready for a fit."""
-    from cell.record.exchange.import_runs import import_runs as convert
+    from cell.api import import_runs as convert
     from cell.record.run import read_run
 
     with busy("reading the tables"):
-        made = convert(places, mapping, out)
+        made = convert(places, out, mapping, configs)
     for folder in made if as_json else ():
         print_json({"run": folder})
     if not as_json:
         runs = [read_run(folder) for folder in made]
-        strip = runs[0].header.strip if runs else "STRIP"
         sys.stdout.writelines(f"{_summary(run)}\n" for run in runs)
         sys.stdout.write(f"{plural(len(made), 'run')} in {out}\n")
+        strip = runs[0].header.strip
         sys.stdout.write(f"next: cell gap fit {out} --strip {strip} --out {out}-fit\n")
 
 
 def _summary(run: "Run") -> str:
-    """Summary of an imported run: where its gripper starts and ends, and its quantities."""
-    ticks = run.ticks
-    if not len(ticks.t):
-        return f"{run.name}: no rows"
-    first, last = (_position_text(ticks.x[k], ticks.z[k]) for k in (0, -1))
+    """Duration and quantities of an imported run."""
     touch = None if run.result is None else run.result.t_layer_touch
     seen = "no touch" if touch is None else f"touch at {touch:.2f} s"
     images = plural(len(set(run.profile.t.tolist())), "image")
-    return f"{run.name}: {ticks.t[-1]:.2f} s from {first} to {last}; {images}, {seen}"
-
-
-def _position_text(x: float, z: float) -> str:
-    """A gripper's position [m] as text in mm."""
-    return f"x {round(1e3 * x)}, z {round(1e3 * z)} mm"
+    return f"{run.name}: {run.ticks.t[-1]:.2f} s; {images}, {seen}"
 
 
 def export_runs(

@@ -35,14 +35,11 @@ def observe(
             film, calibration, strip, folder, configs,
             lambda time: say(f"reading the film: {time:.1f} s"),
         )  # fmt: skip
+    d = None if found.touch is None else found.touch.displacement
     if as_json:
-        line = {"run": str(folder), "images": found.images, "read": found.read}
-        touch = found.touch
-        line |= {"displacement": None if touch is None else round(touch.displacement, 6)}
-        print_json(line)
+        line = {"run": folder, "images": found.images, "read": found.read}
+        print_json({**line, "displacement": None if d is None else round(d, 6)})
         return
-    text = "no touch of the layers was seen"
-    if found.touch is not None:
-        text = f"displacement {1e3 * found.touch.displacement:+.1f} mm"
+    text = "no touch of the layers was seen" if d is None else f"displacement {1e3 * d:+.1f} mm"
     sys.stdout.write(f"{film}: {found.read} of {found.images} images read; {text}\n")
     sys.stdout.write(f"  {folder}\n  {folder / OVERLAY}\n")

@@ -6,6 +6,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, Literal, Self
 
+import numpy as np
+
 from drivers.errors import ConfigurationError
 from drivers.files import check_writable, replacing, writing
 from drivers.types import Frame, Image
@@ -46,12 +48,22 @@ class Film:
                 for number, picture in enumerate(container.decode(video=0)):
                     stamp = _stamp(picture, self.path)
                     begin = stamp if begin is None else begin
-                    image = picture.to_ndarray(format="bgr24")
+                    image = _upright(picture, self.path)
                     yield Frame(stamp - begin, stamp - begin, self.path.name, number, image)
         except (av.FFmpegError, OSError) as error:
             raise ConfigurationError(
                 f"{self.path}: cannot be read as a film: {error.strerror or error}"
             ) from None
+
+
+def _upright(picture: Any, path: Path) -> Image:
+    """The image (h, w, 3) turned as the film's display matrix says: a phone is held anyhow."""
+    turns, rest = divmod(picture.rotation, 90)
+    if rest:
+        raise ConfigurationError(
+            f"{path}: is to be shown turned by {picture.rotation} deg; write it again upright"
+        )
+    return np.ascontiguousarray(np.rot90(picture.to_ndarray(format="bgr24"), turns))
 
 
 def _stamp(picture: Any, path: Path) -> float:

@@ -141,7 +141,8 @@ def joint_table(rows: Array, origin: float) -> pa.Table:
 
 def write_parquet(path: Path, table: pa.Table) -> None:
     """Write `table` to `path` atomically, with the schema's number in the file's metadata."""
-    marked = table.replace_schema_metadata({"schema": str(SCHEMA)})
+    about = {**(table.schema.metadata or {}), "schema": str(SCHEMA)}
+    marked = table.replace_schema_metadata(about)
     with replacing(path) as scratch, scratch.open("wb") as file:  # by name it would want UTF-8
         pq.write_table(marked, file, compression="zstd", row_group_size=1 << 20)
 

@@ -1,6 +1,6 @@
 """Export of recorded runs to the formats of other programs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -14,7 +14,6 @@ from cell.record.exchange.run_tables import RunTables, mapping_of, tables_of
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError
 from drivers.files import check_free, new_folder, replace_file
-from drivers.types import Array
 
 Format = Literal["csv", "lerobot", "mcap"]
 
@@ -38,29 +37,20 @@ def export_runs(folders: Sequence[Path], kind: Format, out: Path) -> tuple[Path,
 
 
 def _write(parts: Sequence[RunTables], kind: Format, out: Path) -> tuple[Path, ...]:
-    if kind == "csv":
-        return _write_csv(parts, out)
     if kind == "mcap":
         from cell.record.exchange.mcap_file import write_mcap
 
         return write_mcap(parts, out)
-    from cell.record.exchange.lerobot import write_lerobot
+    if kind == "lerobot":
+        from cell.record.exchange.lerobot import write_lerobot
 
-    return write_lerobot(parts, out)
-
-
-def _write_csv(parts: Sequence[RunTables], out: Path) -> tuple[Path, ...]:
-    """Write a folder of tables for each run into the new folder `out`, and one mapping for all."""
-    for part in parts:
+        return write_lerobot(parts, out)
+    for part in parts:  # a folder of tables each, and one mapping for all
         (out / part.run.name).mkdir(parents=True)
         for name, columns in part.tables.items():
-            _write_table(out / part.run.name / f"{name}.csv", columns)
+            sink = pa.BufferOutputStream()
+            pc.write_csv(pa.table({key: pa.array(values) for key, values in columns.items()}), sink)
+            replace_file(out / part.run.name / f"{name}.csv", sink.getvalue().to_pybytes())
     names = mapping_of(parts, lambda table, column: (f"{table}.csv", column))
     write_document(out / MAPPING, names)
     return tuple(out / part.run.name for part in parts)
-
-
-def _write_table(path: Path, columns: Mapping[str, Array]) -> None:
-    sink = pa.BufferOutputStream()
-    pc.write_csv(pa.table({name: pa.array(values) for name, values in columns.items()}), sink)
-    replace_file(path, sink.getvalue().to_pybytes())

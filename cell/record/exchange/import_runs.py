@@ -1,8 +1,11 @@
 """Import of measured runs: foreign tables are checked, converted, written as run folders."""
 
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -13,11 +16,13 @@ from cell.record.documents import write_document
 from cell.record.exchange.lerobot import INFO, episodes
 from cell.record.exchange.mapping import (
     FILE,
+    LENGTHS,
     MAPPING,
-    Folder,
     MappingFile,
     Place,
     Source,
+    Table,
+    folder_source,
     path_of,
     read_columns,
 )
@@ -28,22 +33,26 @@ from drivers.errors import ConfigurationError
 from drivers.files import check_free, move_folder, replace_file, scratch_folder, writing
 from drivers.settings import load, parse
 from drivers.types import Array
-from drivers.yaml_text import parse_yaml
+from drivers.yaml_text import dump_yaml, parse_yaml
 
-NEEDED_COLUMNS = ("t", "x", "z")
 LONGEST_INTERVAL = 0.2  # s between rows of the gripper; slower ones are in another unit than stated
 SOON = 1.0  # s after the last row, within which a touch read off a stopwatch may lie
 
 
-def import_runs(places: Sequence[Path], mapping: Path | None, out: Path) -> tuple[Path, ...]:
+def import_runs(
+    places: Sequence[Path],
+    mapping: Path | None,
+    out: Path,
+    check: Callable[[Path], object] = read_run,
+) -> tuple[Path, ...]:
     """Import the runs in `places`, in that order; returns their new folders below `out`.
 
     A place is a folder of tables, a folder of such folders, an MCAP file, or a LeRobot data set;
-    what `cell export` wrote brings its own mapping. All runs are written, or none. Raises
-    ConfigurationError for tables that are missing or do not hold what `mapping` says, values that
-    no run can have, or a run that is there already.
+    what `cell export` wrote brings its own mapping. All runs are written, or none. `check` reads
+    each of them. Raises ConfigurationError for tables that are missing or do not hold what
+    `mapping` says, values that no run can have, or a run that is there already.
     """
-    stated = None if mapping is None else _with_needed(load(mapping, MappingFile), str(mapping))
+    stated = None if mapping is None else load(mapping, MappingFile)
     sources = (source for place in places for source in _sources(place, mapping))
     with scratch_folder(out) as scratch:
         made: list[Path] = []
@@ -57,7 +66,14 @@ def import_runs(places: Sequence[Path], mapping: Path | None, out: Path) -> tupl
             made.append(run)
             with writing(out):
                 _import(source, how, index, run, documents=stated is None)
-            _check_readable(run, source)
+            try:
+                check(run)
+            except ConfigurationError as error:
+                text = str(error).replace(str(run / TICKS), str(path_of(source, how.ticks)))
+                mending = _mending(source, how, check, scratch)
+                raise ConfigurationError(
+                    text.replace(str(run), str(source.path)) + mending
+                ) from None
         if not made:
             raise ConfigurationError(f"{places[0]}: holds no tables")
         return _move_all(made, out)
@@ -77,12 +93,25 @@ def _move_all(made: Sequence[Path], out: Path) -> tuple[Path, ...]:
     return tuple(moved)
 
 
-def _check_readable(run: Path, source: Source) -> None:
-    """Refuse a run that could not be read back; the error names its source."""
-    try:
-        read_run(run)
-    except ConfigurationError as error:
-        raise ConfigurationError(str(error).replace(str(run), str(source.path))) from None
+def _mending(
+    source: Source, how: MappingFile, check: Callable[[Path], object], scratch: Path
+) -> str:
+    """The axis or unit of the gripper's columns, as a remedy, with which the run can be read."""
+    changes: list[Any] = [{"reversed": True}, {"reversed": False}]
+    for change in (*changes, *({"unit": unit} for unit in LENGTHS)):
+        for names in (("x",), ("z",), ("x", "z")):
+            columns = {
+                name: column.model_copy(update=change if name in names else {})
+                for name, column in how.ticks.columns.items()
+            }
+            ticks = how.ticks.model_copy(update={"columns": columns})
+            with suppress(ConfigurationError), TemporaryDirectory(dir=scratch) as tried:
+                run = Path(tried) / source.name
+                _import(source, how.model_copy(update={"ticks": ticks}), 0, run, documents=False)
+                check(run)
+                stated = dump_yaml(change).strip()
+                return f"; {stated} for {' and '.join(names)} in the mapping would mend it"
+    return ""
 
 
 def _sources(place: Path, mapping: Path | None) -> Iterator[Source]:
@@ -91,11 +120,12 @@ def _sources(place: Path, mapping: Path | None) -> Iterator[Source]:
         require_library("mcap")
         from cell.record.exchange.mcap_file import McapFile
 
-        yield McapFile(place)
+        file = McapFile(place)
+        yield Source(place, place.stem, file.documents, file.table)
     elif (place / INFO).is_file():
         yield from episodes(place)
     elif place.is_dir():
-        yield from map(Folder, _table_folders(place))
+        yield from map(folder_source, _table_folders(place))
     elif not (place.is_file() and (place.name == MAPPING or place == mapping)):
         fault = "is none of what is read" if place.exists() else "is not there"
         raise ConfigurationError(
@@ -115,30 +145,19 @@ def _table_folders(place: Path) -> list[Path]:
 
 def _own_mapping(source: Source) -> MappingFile:
     content = source.documents.get(MAPPING)
-    if content is None and is_run(source.path):
-        raise ConfigurationError(
-            f"{source.path}: is a run already; `cell gap fit` takes it as it is"
-        )
     if content is None:
-        raise ConfigurationError(
-            f"{source.path}: nothing says which column holds what; write a mapping file and give "
-            "it with --mapping"
-        )
+        fault = "nothing says which column holds what; write a mapping and give it with --mapping"
+        if is_run(source.path):
+            fault = "is a run already; `cell gap fit` takes it as it is"
+        raise ConfigurationError(f"{source.path}: {fault}")
     origin = f"{source.path}: {MAPPING}"
     text = content.decode(errors="replace")
-    return _with_needed(parse(parse_yaml(text, origin), MappingFile, origin), origin)
-
-
-def _with_needed(mapping: MappingFile, origin: str) -> MappingFile:
-    missing = [name for name in NEEDED_COLUMNS if name not in mapping.ticks.columns]
-    if missing:
-        raise ConfigurationError(f"{origin}: ticks.columns.{missing[0]}: is missing; add it")
-    return mapping
+    return parse(parse_yaml(text, origin), MappingFile, origin)
 
 
 def _import(source: Source, how: MappingFile, index: int, target: Path, *, documents: bool) -> None:
     """Write the tables of `source` as a run, and with `documents` its own YAML files."""
-    ticks = dict(read_columns(source, how.ticks, how.ticks.columns.items()))
+    ticks = dict(read_columns(source, how.ticks))
     first = float(ticks["t"][0]) if len(ticks["t"]) else 0.0
     begin = first if how.begin is None else how.begin
     ticks["t"] = ticks["t"] - begin
@@ -146,7 +165,7 @@ def _import(source: Source, how: MappingFile, index: int, target: Path, *, docum
         ticks["contact_t"] = ticks["contact_t"] - begin
     _check_ticks(ticks, path_of(source, how.ticks))
     if how.contact is not None:
-        seen = read_columns(source, how.contact, how.contact.columns.items())
+        seen = read_columns(source, how.contact)
         placed = place_contacts(ticks["t"], seen["t"] - begin, seen["contact_x"])
         ticks |= dict(zip(("contact_x", "contact_t"), placed, strict=True))
     target.mkdir()
@@ -154,7 +173,8 @@ def _import(source: Source, how: MappingFile, index: int, target: Path, *, docum
     write_parquet(target / TICKS, pa.table(ticks))
     write_parquet(target / PROFILE, pa.table(_profile(source, how, begin)))
     if how.result is not None:
-        write_document(target / RESULT, _result(source, how, begin, float(ticks["t"][-1])))
+        end = float(ticks["t"][-1])
+        write_document(target / RESULT, _result(source, how.result, begin, end))
     for name in (RUN, RESULT) if documents else ():
         if name in source.documents:
             replace_file(target / name, source.documents[name])
@@ -191,7 +211,7 @@ def _profile(source: Source, how: MappingFile, begin: float) -> dict[str, Array]
     """Points of the strip; no rows where no profile was measured."""
     if how.profile is None:
         return {name: np.empty(0) for name in ("t", "i", "x", "z")}
-    points = dict(read_columns(source, how.profile, how.profile.columns.items()))
+    points = dict(read_columns(source, how.profile))
     points["t"] = points["t"] - begin
     Profile.of(
         pa.table(points | {"i": np.zeros(len(points["t"]))}), str(path_of(source, how.profile))
@@ -204,14 +224,14 @@ def _profile(source: Source, how: MappingFile, begin: float) -> dict[str, Array]
     return points
 
 
-def _result(source: Source, how: MappingFile, begin: float, end: float) -> dict[str, object]:
+def _result(source: Source, how: Table[Any], begin: float, end: float) -> dict[str, object]:
     """Content of result.yaml: the touch, at most SOON after `end` [s] of the ticks, if any."""
-    if how.result is None or not _touch_was_measured(source, how.result.file):
+    path = path_of(source, how)
+    if not path.exists():  # a run without touch
         return {"outcome": "path_done"}
-    values = read_columns(source, how.result, how.result.columns.items())
+    values = read_columns(source, how)
     if not all(len(column) and np.isfinite(column).any() for column in values.values()):
         return {"outcome": "path_done"}
-    path = path_of(source, how.result)
     if (rows := max(map(len, values.values()))) > 1:
         raise ConfigurationError(f"{path}: holds {rows} rows, must hold one: the first touch")
     found = {name: float(column[0]) for name, column in values.items()}
@@ -223,8 +243,3 @@ def _result(source: Source, how: MappingFile, begin: float, end: float) -> dict[
         )
     found.setdefault("displacement", found["l1"] - found["l2"])
     return {"outcome": "layer_touch", **found}
-
-
-def _touch_was_measured(source: Source, file: str) -> bool:
-    """Whether the touch was measured: a folder without its file states that it was not."""
-    return not isinstance(source, Folder) or (source.path / file).exists()

@@ -6,6 +6,7 @@ frame nearest to its image is NaN in all others.
 """
 
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,13 +14,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from cell.record.documents import plain
-from cell.record.exchange.mapping import MAPPING
+from cell.record.exchange.mapping import MAPPING, Source
 from cell.record.exchange.run_tables import RunTables, mapping_of
 from cell.record.files import RESULT, RUN
-from cell.record.tables import place_rows
+from cell.record.tables import place_rows, write_parquet
 from drivers.errors import ConfigurationError, suggestion
 from drivers.files import replace_file
 from drivers.readers import MEGABYTE, read_bytes, read_json, read_parquet
@@ -27,6 +27,7 @@ from drivers.types import Array
 from drivers.yaml_text import dump_yaml
 
 TASKS, STATS = "meta/tasks.parquet", "meta/stats.json"
+TASK = "fold {} in half"
 VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 CHUNK = 1000  # files of a folder
 FORMAT_VERSION = "v3.0"
@@ -38,9 +39,9 @@ VECTORS = {
 INFO = "meta/info.json"
 EPISODES = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+PLACE = re.compile(r"\{(chunk_index|file_index)(?::0(\d)d)?\}")
 EPISODE = "episode"  # its tables, as a mapping names them
 POINTS_TABLE = "points"
-TOUCH = "touch"
 
 
 class Feature(NamedTuple):
@@ -65,15 +66,17 @@ def write_lerobot(parts: Sequence[RunTables], out: Path) -> tuple[Path, ...]:
     for i, part in enumerate(parts):
         count = len(part.tables["ticks"]["t"])
         frames.append(_features(part, parts) | _counters(i, begin, count, _rate(parts)))
-        _write(out / _file(DATA, i), _table(frames[-1]))
+        _write(out / _file(DATA, *divmod(i, CHUNK)), _table(frames[-1]))
         rows.append(_episode(part, i, begin, count))
         begin += count
     episodes = {name: [row[name] for row in rows] for name in rows[0]}
-    _write(out / EPISODES.format(chunk_index=0, file_index=0), pa.table(episodes))
+    _write(out / _file(EPISODES, 0, 0), pa.table(episodes))
     _write(out / TASKS, _tasks(parts))
-    _write_json(out / STATS, _stats(frames))
-    _write_json(out / INFO, _info(parts, frames[0], begin))
-    replace_file(out / "meta" / MAPPING, dump_yaml(plain(mapping_of(parts, _name))).encode())
+    replace_file(out / STATS, json.dumps(_stats(frames)).encode())
+    replace_file(out / INFO, json.dumps(_info(parts, frames[0], begin)).encode())
+    names = mapping_of(parts, _name)
+    names.pop("result", None)  # it comes with the run's documents
+    replace_file(out / "meta" / MAPPING, dump_yaml(plain(names)).encode())
     return (out,)
 
 
@@ -83,7 +86,7 @@ def _name(table: str, column: str) -> tuple[str, str]:
         stamp = "observation.contact_stamp"
         return EPISODE, stamp if column == "t" else "observation.contact"
     if table != "ticks":
-        return {"profile": POINTS_TABLE, "result": TOUCH}[table], column
+        return POINTS_TABLE, column
     for feature, names in VECTORS.items():
         if column in names:
             return EPISODE, f"{feature}.{column}"
@@ -145,18 +148,11 @@ def _counters(episode: int, begin: int, count: int, fps: int) -> dict[str, Featu
 
 
 def _table(features: Mapping[str, Feature]) -> pa.Table:
-    """Table of the frames, with features typed as the library `datasets` reads them."""
-    arrays, stated = {}, dict[str, Any]()
-    for name, feature in features.items():
-        flat = pa.array(feature.values.ravel())
-        value = {"dtype": str(feature.values.dtype), "_type": "Value"}
-        if feature.size == 1:  # a number, also where it is a vector's only part
-            arrays[name], stated[name] = flat, value
-        else:
-            arrays[name] = pa.FixedSizeListArray.from_arrays(flat, feature.size)
-            stated[name] = {"feature": value, "length": feature.size, "_type": "Sequence"}
-    metadata = {"huggingface": json.dumps({"info": {"features": stated}})}
-    return pa.table(arrays).replace_schema_metadata(metadata)
+    """Table of the frames: numbers, also where it is a vector's only part, or lists of one size."""
+    flat = {name: pa.array(feature.values.ravel()) for name, feature in features.items()}
+    sizes = {name: feature.size for name, feature in features.items() if feature.size > 1}
+    lists = {n: pa.FixedSizeListArray.from_arrays(flat[n], size) for n, size in sizes.items()}
+    return pa.table(flat | lists)
 
 
 def _episode(part: RunTables, i: int, begin: int, count: int) -> dict[str, Any]:
@@ -165,10 +161,9 @@ def _episode(part: RunTables, i: int, begin: int, count: int) -> dict[str, Any]:
     for name in (RUN, RESULT):
         path = part.run.folder / name
         documents[f"cell/{name}"] = read_bytes(path, MEGABYTE).decode() if path.is_file() else ""
-    touch = {name: float(v[0]) for name, v in part.tables.get("result", {}).items()}
     return {
         "episode_index": i,
-        "tasks": [_task(part)],
+        "tasks": [TASK.format(part.run.header.strip)],
         "length": count,
         "data/chunk_index": i // CHUNK,
         "data/file_index": i % CHUNK,
@@ -177,13 +172,8 @@ def _episode(part: RunTables, i: int, begin: int, count: int) -> dict[str, Any]:
         "meta/episodes/chunk_index": 0,
         "meta/episodes/file_index": 0,
         "cell/name": part.run.name,
-        "cell/touch": json.dumps(touch),
         **documents,
     }
-
-
-def _task(part: RunTables) -> str:
-    return f"fold {part.run.header.strip} in half"
 
 
 def _tasks(parts: Sequence[RunTables]) -> pa.Table:
@@ -194,7 +184,8 @@ def _tasks(parts: Sequence[RunTables]) -> pa.Table:
         for name, pandas, numpy in (("task_index", "int64", "int64"), ("task", "unicode", "object"))
     ]  # fmt: skip
     stated = {"index_columns": ["task"], "column_indexes": [], "columns": columns}
-    table = pa.table({"task_index": pa.array([0], pa.int64()), "task": [_task(parts[0])]})
+    task = TASK.format(parts[0].run.header.strip)
+    table = pa.table({"task_index": pa.array([0], pa.int64()), "task": [task]})
     return table.replace_schema_metadata({"pandas": json.dumps(stated)})
 
 
@@ -203,17 +194,10 @@ def _stats(each: Sequence[Mapping[str, Feature]]) -> dict[str, Any]:
     found = {}
     for name, feature in each[0].items():
         values = np.concatenate([features[name].values for features in each])
-        values = values.reshape(len(values), feature.size)
-        known = np.isfinite(values)
-        some = np.where(known.any(axis=0), values, 0.0)
-        measures: dict[str, Any] = {
-            "min": np.nanmin,
-            "max": np.nanmax,
-            "mean": np.nanmean,
-            "std": np.nanstd,
-        }
-        found[name] = {key: measure(some, axis=0).tolist() for key, measure in measures.items()}
-        found[name]["count"] = [int(known.any(axis=1).sum())]
+        known = np.ma.masked_invalid(values.reshape(len(values), feature.size))
+        parts = {m: getattr(known, m)(axis=0) for m in ("min", "max", "mean", "std")}
+        found[name] = {m: np.ma.filled(part, 0.0).tolist() for m, part in parts.items()}
+        found[name]["count"] = [int((~np.ma.getmaskarray(known)).any(axis=1).sum())]
     return found
 
 
@@ -244,61 +228,50 @@ def _rate(parts: Sequence[RunTables]) -> int:
     return max(round(1.0 / float(np.median(steps))), 1) if len(steps) else 1
 
 
-def _file(pattern: str, i: int) -> str:
-    return pattern.format(chunk_index=i // CHUNK, file_index=i % CHUNK)
+def _file(pattern: str, chunk: int, file: int) -> str:
+    """Path of a file by the `pattern` of meta/info.json, which may come from outside."""
+    numbers = {"chunk_index": str(chunk), "file_index": str(file)}
+    return PLACE.sub(lambda found: numbers[found[1]].zfill(int(found[2] or 0)), pattern)
 
 
 def _write(path: Path, table: pa.Table) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    sink = pa.BufferOutputStream()
-    pq.write_table(table, sink, compression="zstd")
-    replace_file(path, sink.getvalue().to_pybytes())
-
-
-def _write_json(path: Path, content: Mapping[str, Any]) -> None:
-    replace_file(path, json.dumps(content, indent=4).encode())
+    write_parquet(path, table)
 
 
 @dataclass(frozen=True, slots=True)
 class Episode:
-    """An episode as a source of tables: `episode`, and of an exported run `points` and `touch`.
+    """The tables of an episode: `episode`, and of an exported run `points`.
 
     The table `episode` holds the frames, with a column for each component of a vector.
     """
 
     path: Path
-    name: str
-    documents: Mapping[str, bytes]
     frames: pa.Table
     features: Mapping[str, Any]
-    result: Mapping[str, float]
 
     def table(self, file: str, _how: object) -> pa.Table:
-        """Frames, points or touch of the episode; ConfigurationError for any other table."""
+        """Frames or points of the episode; ConfigurationError for any other table."""
         if file == EPISODE:
             return self._flat()
         if file == POINTS_TABLE and "observation.profile_stamp" in self.frames.column_names:
             return self._points()
-        if file == TOUCH:
-            return pa.table({name: [value] for name, value in self.result.items()})
-        known = (EPISODE, POINTS_TABLE, TOUCH)
+        known = (EPISODE, POINTS_TABLE)
         raise ConfigurationError(
             f"{self.path}: file {file!r} is not there{suggestion(file, known)}; "
             f"allowed: {', '.join(known)}"
         )
 
     def _flat(self) -> pa.Table:
-        columns = {}
+        columns = dict[str, Any]()
         for name in self.frames.column_names:
             column = self.frames[name].combine_chunks()
-            axes = self.features.get(name, {}).get("names")
-            if not _is_vector(column):
-                has_axis = isinstance(axes, list) and len(axes) == 1
-                columns[f"{name}.{axes[0]}" if has_axis else name] = column
-                continue
-            values = _matrix(column, len(self.frames))
-            names = axes if isinstance(axes, list) else range(values.shape[1])
-            columns |= {f"{name}.{n}": values[:, k] for k, n in enumerate(names)}
+            values = _matrix(column, len(self.frames)) if _is_vector(column) else [column]
+            axes = _axes(self.features.get(name, {}).get("names"), len(values))
+            columns |= {
+                name if axis is None else f"{name}.{axis}": part
+                for axis, part in zip(axes, values, strict=True)
+            }
         return pa.table(columns)
 
     def _points(self) -> pa.Table:
@@ -306,25 +279,35 @@ class Episode:
         x, z = (
             _matrix(self.frames[f"observation.profile_{a}"].combine_chunks(), count) for a in "xz"
         )
-        row, i = np.nonzero(np.isfinite(x))
+        row, i = np.nonzero(np.isfinite(x.T))
         stamp = self.frames["observation.profile_stamp"].to_numpy()
-        return pa.table({"t": stamp[row], "i": i, "x": x[row, i], "z": z[row, i]})
+        return pa.table({"t": stamp[row], "i": i, "x": x[i, row], "z": z[i, row]})
 
 
 def _is_vector(column: pa.Array) -> bool:
     return bool(pa.types.is_list(column.type) or pa.types.is_fixed_size_list(column.type))
 
 
+def _axes(stated: object, size: int) -> Sequence[object]:
+    """Names of the `size` parts of a feature, as listed, by kind or numbered, else numbers."""
+    if isinstance(stated, dict):
+        kinds = list(stated.values())
+        stated = kinds[0] if len(kinds) == 1 and isinstance(kinds[0], list) else list(stated)
+    if isinstance(stated, list) and len(stated) == size:
+        return stated
+    return [None] if size == 1 else range(size)
+
+
 def _matrix(column: pa.Array, count: int) -> Array:
-    """Vectors of one length as a matrix (count, m); ConfigurationError where they differ."""
+    """Vectors of one length as parts (m, count); ConfigurationError where they differ."""
     flat = column.flatten() if _is_vector(column) else column
     values = flat.to_numpy(zero_copy_only=False).astype(np.float64)
     if count == 0 or len(values) % count:
         raise ConfigurationError(f"a LeRobot feature holds {len(values)} values in {count} frames")
-    return np.asarray(values.reshape(count, -1))
+    return np.asarray(values.reshape(count, -1).T)
 
 
-def episodes(root: Path) -> Iterator[Episode]:
+def episodes(root: Path) -> Iterator[Source]:
     """Yield the episodes of the data set at `root`, each with its own frames.
 
     Raises ConfigurationError for a data set of another version, or one that is not whole.
@@ -335,32 +318,33 @@ def episodes(root: Path) -> Iterator[Episode]:
             f"{root / INFO}: codebase_version: is {info.get('codebase_version')!r}, must be v3.x; "
             "convert it with LeRobot's own script"
         )
-    features = info.get("features")
     mapping = root / "meta" / MAPPING
     shared = {MAPPING: read_bytes(mapping, MEGABYTE)} if mapping.is_file() else {}
     for path in sorted((root / "meta" / "episodes").glob("*/*.parquet")):
         for row in read_parquet(path).to_pylist():
             try:
-                yield _read(root, row, features if isinstance(features, dict) else {}, shared)
+                yield _read(root, row, info, shared)
             except (KeyError, TypeError, ValueError) as error:
                 raise ConfigurationError(f"{path}: a row is not whole: {error}") from None
 
 
 def _read(
-    root: Path, row: Mapping[str, Any], features: Mapping[str, Any], shared: Mapping[str, bytes]
-) -> Episode:
+    root: Path, row: Mapping[str, Any], info: Mapping[str, Any], shared: Mapping[str, bytes]
+) -> Source:
     """Read the episode that one `row` of meta/episodes describes."""
-    place = {"chunk_index": row["data/chunk_index"], "file_index": row["data/file_index"]}
-    path = root / DATA.format(**place)
+    pattern = str(info.get("data_path", DATA))
+    if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
+        raise ConfigurationError(
+            f"{root / INFO}: data_path: {pattern!r} leads out of the data set; give a path in it"
+        )
+    path = root / _file(pattern, row["data/chunk_index"], row["data/file_index"])
     frames = read_parquet(path)
     of_episode = np.asarray(frames["episode_index"]) == row["episode_index"]
     documents = {
         name: row[f"cell/{name}"].encode() for name in (RUN, RESULT) if row.get(f"cell/{name}")
     }
-    touch = {str(k): float(v) for k, v in json.loads(row.get("cell/touch") or "{}").items()}
     name = str(row.get("cell/name") or f"episode-{row['episode_index']:06d}")
     if Path(name).name != name:
         raise ValueError(f"cell/name: {name!r} is not the name of a folder")
-    return Episode(
-        path, name, {**shared, **documents}, frames.filter(pa.array(of_episode)), features, touch
-    )
+    found = Episode(path, frames.filter(pa.array(of_episode)), info["features"])
+    return Source(path, name, {**shared, **documents}, found.table)

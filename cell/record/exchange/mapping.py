@@ -6,15 +6,16 @@ It names the foreign column for each quantity, with its unit.
 import io
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, Protocol
+from typing import Annotated, Any, Generic, Literal, TypeVar
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from cell.record.header import Sigma
 from drivers.errors import ConfigurationError, suggestion
@@ -35,6 +36,7 @@ MEASURES = {
 COUNTS = frozenset({"i"})  # have no unit
 MAPPING = "mapping.yaml"  # as `cell export` names it
 
+Name = TypeVar("Name", bound=str)
 Delimiter = Annotated[str, Field(min_length=1, max_length=1)]
 TickColumn = Literal["t", "x", "z", "pitch", "x_cmd", "z_cmd", "contact_x", "contact_t",
                      "f_x", "f_z"]  # fmt: skip
@@ -42,6 +44,9 @@ ResultColumn = Literal["t_layer_touch", "l1", "l2", "displacement"]
 LARGEST_TABLE = 64 * MEGABYTE
 # null: every cell is empty
 NUMBER_TYPES = (pa.types.is_floating, pa.types.is_integer, pa.types.is_null)
+COMMENT = re.compile(r"^[ \t]*(?:#|%|//).*\n?", re.MULTILINE)
+SEPARATOR = re.compile(r"sep=(.)\r?\n")  # a spreadsheet's first line
+ISO = " or times as 2026-01-31T12:00:00.250"
 FILE = re.compile(r"[^/\\]+\.(csv|txt|tsv|parquet)")
 
 
@@ -54,7 +59,7 @@ class Column(Settings):
     reversed: bool = False
 
 
-class Table(Settings):
+class Table(Settings, Generic[Name]):
     """Place of a table: a file in the run's folder, a topic of an MCAP file, or `episode`.
 
     Files are CSV or Parquet, `episode` is that of a LeRobot data set. `late` [s] is the delay of
@@ -65,30 +70,7 @@ class Table(Settings):
     delimiter: Delimiter = ","
     decimal: Literal[".", ","] = "."
     late: Seconds = Field(0.0, ge=-10.0, le=10.0)
-
-
-class TickTable(Table):
-    """Table of the gripper's motion, one row per tick; at least `t`, `x`, `z`."""
-
-    columns: dict[TickColumn, Column]
-
-
-class ProfileTable(Table):
-    """Table of points of the strip's midline, one per row; `t` is equal within an image."""
-
-    columns: dict[Literal["t", "i", "x", "z"], Column]
-
-
-class ContactTable(Table):
-    """Table of the strip's contact with the desk, one row per image."""
-
-    columns: dict[Literal["t", "contact_x"], Column]
-
-
-class ResultTable(Table):
-    """Table with the touch of the layers in one row; absent where none was seen."""
-
-    columns: dict[ResultColumn, Column]
+    columns: dict[Name, Column]
 
 
 class Place(Settings):
@@ -103,7 +85,8 @@ class MappingFile(Settings):
 
     `sigma` are the one-sigma errors [m], [s], [N] of what was measured; `runs` are facts of single
     runs by the name of their folder, without which their order is that of the call;
-    `begin` is their clock at our t = 0, without it that of the first row of `ticks`;
+    `begin` is their clock at our t = 0, without it that of the first row of `ticks`; `result` has
+    one row, and no file where no touch was seen;
     `seen_by` says that this cell's perception saw the strip, whose errors are known.
     """
 
@@ -116,97 +99,93 @@ class MappingFile(Settings):
     seen_by: Literal["cell"] | None = None
     runs: dict[str, Place] = Field(default_factory=dict)
     sigma: Sigma
-    ticks: TickTable
-    profile: ProfileTable | None = None
-    contact: ContactTable | None = None
-    result: ResultTable | None = None
+    ticks: Table[TickColumn]
+    profile: Table[Literal["t", "i", "x", "z"]] | None = None
+    contact: Table[Literal["t", "contact_x"]] | None = None
+    result: Table[ResultColumn] | None = None
 
-
-class Source(Protocol):
-    """Protocol of a source of one run's tables: a folder, a file, an episode."""
-
-    @property
-    def path(self) -> Path:
-        """The source's file or folder, for errors."""
-
-    @property
-    def name(self) -> str:
-        """Name for the imported run."""
-
-    @property
-    def documents(self) -> Mapping[str, bytes]:
-        """YAML documents that came with the tables, by file name."""
-
-    def table(self, file: str, how: Table) -> pa.Table:
-        """The table that the mapping names `file`; ConfigurationError where there is none."""
+    @field_validator("ticks")
+    @classmethod
+    def _needed(cls, ticks: Table[TickColumn]) -> Table[TickColumn]:
+        missing = [name for name in ("t", "x", "z") if name not in ticks.columns]
+        if missing:
+            raise ValueError(f"columns: {missing[0]} is missing; add it")
+        return ticks
 
 
 @dataclass(frozen=True, slots=True)
-class Folder:
-    """A folder with the tables of a run as CSV or Parquet files."""
+class Source:
+    """Source of one run's tables: its file or folder, the run's name, and YAML files by name.
+
+    `table` returns the table that a mapping names; it raises ConfigurationError without one.
+    """
 
     path: Path
+    name: str
+    documents: Mapping[str, bytes]
+    table: Callable[[str, Table[Any]], pa.Table]
 
-    @property
-    def name(self) -> str:
-        """Name of the folder, as the run's name."""
-        return self.path.resolve().name
 
-    @property
-    def documents(self) -> Mapping[str, bytes]:
-        """Content of the mapping file that `cell export` writes beside the folder, if there."""
-        path = self.path.resolve().parent / MAPPING
-        return {MAPPING: read_bytes(path, MEGABYTE)} if path.is_file() else {}
+def folder_source(folder: Path) -> Source:
+    """Source of the CSV or Parquet files in `folder`; `cell export` writes a mapping beside it."""
 
-    def table(self, file: str, how: Table) -> pa.Table:
-        """The table in `file`; ConfigurationError for one that cannot be read."""
+    def table(file: str, how: Table[Any]) -> pa.Table:
         if FILE.fullmatch(file) is None:
             raise ConfigurationError(
                 f"mapping: file: {file!r} is not the name of a file in each run's folder that ends "
                 "in .csv, .txt, .tsv or .parquet"
             )
-        path = self.path / file
+        path = folder / file
         return read_parquet(path) if path.suffix == ".parquet" else _csv(path, how)
 
+    place = folder.resolve()
+    beside = place.parent / MAPPING
+    documents = {MAPPING: read_bytes(beside, MEGABYTE)} if beside.is_file() else {}
+    return Source(folder, place.name, documents, table)
 
-def read_columns(
-    source: Source, table: Table, columns: Iterable[tuple[str, Column]]
-) -> dict[str, Array]:
-    """Read `columns` of the `table` in `source`: arrays (n,) in SI units by the cell's names.
+
+def read_columns(source: Source, table: Table[Any]) -> dict[str, Array]:
+    """Read the columns of the `table` in `source`: arrays (n,) in SI units by the cell's names.
 
     Raises ConfigurationError for a file, a column or a unit that cannot be used.
     """
     content, path = source.table(table.file, table), path_of(source, table)
-    found = {name: _values(content, column, name, path) for name, column in columns}
+    found = {name: _values(content, column, name, path) for name, column in table.columns.items()}
     if "t" in found and table.late:
         found["t"] = frozen(found["t"] - table.late)
     return found
 
 
-def path_of(source: Source, table: Table) -> Path:
+def path_of(source: Source, table: Table[Any]) -> Path:
     """Path of the file that holds `table`, for errors."""
-    return source.path / table.file if isinstance(source, Folder) else source.path
+    return source.path / table.file if source.path.is_dir() else source.path
 
 
-def _csv(path: Path, table: Table) -> pa.Table:
-    content = read_text(path, LARGEST_TABLE)
-    head = content.partition("\n")[0]
-    other = next((mark for mark in ";\t|," if mark in head), table.delimiter)
-    if table.delimiter not in head and other != table.delimiter:
+def _csv(path: Path, table: Table[Any]) -> pa.Table:
+    content = read_text(path, LARGEST_TABLE).removeprefix("\ufeff")
+    stated = SEPARATOR.match(content)
+    delimiter = stated[1] if stated else table.delimiter
+    rows = COMMENT.sub("", content[stated.end() if stated else 0 :])
+    head = rows.partition("\n")[0]
+    other = next((mark for mark in ";\t|," if mark in head), delimiter)
+    if delimiter not in head and other != delimiter:
         raise ConfigurationError(
-            f"{path}: its first line has {other!r} between columns, not {table.delimiter!r}; state "
+            f"{path}: its first line has {other!r} between columns, not {delimiter!r}; state "
             f"delimiter: {json.dumps(other)} in the mapping, and its decimal"
         )
-    parse = pc.ParseOptions(delimiter=table.delimiter)
+    if all(map(_is_number, head.replace(table.decimal, ".").split(delimiter))):
+        names = content.partition(head)[0].rpartition("\n")[0].rpartition("\n")[2]
+        rows = f"{names.lstrip('#%/ ')}\n{rows}" if COMMENT.match(names) else rows
+    parse = pc.ParseOptions(delimiter=delimiter)
     convert = pc.ConvertOptions(decimal_point=table.decimal, null_values=["", "nan", "NaN", "NA"])
     try:
         return pc.read_csv(
-            io.BytesIO(f"{content}\n".encode()), parse_options=parse, convert_options=convert
+            io.BytesIO(f"{rows}\n".encode()), parse_options=parse, convert_options=convert
         )
     except (pa.ArrowException, ValueError) as error:
         reason = (str(error).splitlines() or ["no reason given"])[0]
         raise ConfigurationError(
-            f"{path}: cannot be read as CSV with {table.delimiter!r} between columns: {reason}"
+            f"{path}: cannot be read as CSV with {delimiter!r} between columns: {reason}"
         ) from None
 
 
@@ -218,25 +197,17 @@ def _is_number(value: object) -> bool:
     return True
 
 
-def _unit_factor(column: Column, name: str) -> float:
-    """Factor from the column's unit to SI; ConfigurationError for a unit that `name` lacks."""
-    if name in COUNTS:
-        return 1.0
-    known = MEASURES.get(name, LENGTHS)
-    if column.unit not in known:
-        raise ConfigurationError(
-            f"mapping: {name}: unit {column.unit!r} is not known{suggestion(column.unit, known)}; "
-            f"allowed: {', '.join(known)}"
-        )
-    return FACTORS[column.unit]
-
-
 def _values(content: pa.Table, column: Column, name: str, path: Path) -> Array:
     """Values (n,) of a foreign column in SI units and axes of the cell frame.
 
     Raises ConfigurationError for an unknown unit, a missing column, or one that holds no numbers.
     """
-    factor = _unit_factor(column, name)
+    known = MEASURES.get(name, LENGTHS)
+    if column.unit not in known and name not in COUNTS:
+        raise ConfigurationError(
+            f"mapping: {name}: unit {column.unit!r} is not known{suggestion(column.unit, known)}; "
+            f"allowed: {', '.join(known)}"
+        )
     names = content.column_names
     if names.count(column.column) != 1:
         there = "stands there twice" if column.column in names else "is not there"
@@ -245,13 +216,29 @@ def _values(content: pa.Table, column: Column, name: str, path: Path) -> Array:
             f"{suggestion(column.column, names)}; columns: {', '.join(names)}"
         )
     raw = content[column.column]
+    if known is TIMES and (seconds := _seconds(raw)) is not None:
+        return seconds
     if not any(holds(raw.type) for holds in NUMBER_TYPES):
         words = ((row, word) for row, word in enumerate(raw.to_pylist(), 1) if not _is_number(word))
         where = next((f" ({word!r} in row {row})" for row, word in words), "")
         raise ConfigurationError(
             f"{path}: column {column.column!r} for {name} holds {raw.type}{where}, must hold "
-            "numbers; state the file's `decimal` in the mapping, or leave the row out"
+            f"numbers{ISO if known is TIMES else ''}; state the file's `decimal` in "
+            "the mapping, or leave the row out"
         )
     numbers = raw.cast(pa.float64(), safe=False).to_numpy()
     sign = -1.0 if column.reversed else 1.0
-    return frozen(sign * (np.asarray(numbers, dtype=np.float64) * factor - column.offset))
+    return frozen(
+        sign
+        * (np.asarray(numbers, dtype=np.float64) * FACTORS.get(column.unit, 1.0) - column.offset)
+    )
+
+
+def _seconds(raw: pa.ChunkedArray) -> Array | None:
+    """Seconds (n,) since 1970 of a column of times by ISO 8601, with their zone or all without."""
+    if not (pa.types.is_string(raw.type) or pa.types.is_timestamp(raw.type)):
+        return None
+    for kind in (pa.timestamp("ns"), pa.timestamp("ns", "UTC")):
+        with suppress(pa.ArrowException):
+            return frozen(raw.cast(kind).cast(pa.int64()).to_numpy() / 1e9)
+    return None

@@ -1,12 +1,12 @@
 """Export of runs as MCAP files with exact stamps, and import of any MCAP file, even truncated.
 
 A message of a run is JSON; its `t` is the exact stamp [s], the log time that of the file's
-nanoseconds. Kept images and the camera are messages of Foxglove's own schemas.
+nanoseconds. Kept images are messages of Foxglove's own schemas.
 """
 
 import json
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ import numpy as np
 import pyarrow as pa
 
 from cell.record.documents import plain
-from cell.record.exchange.mapping import MAPPING
+from cell.record.exchange.mapping import MAPPING, Table
 from cell.record.exchange.run_tables import RunTables, mapping_of
 from cell.record.files import CALIBRATION, RESULT, RUN
 from cell.record.frames import encode
@@ -25,13 +25,15 @@ from drivers.readers import MEGABYTE, read_bytes
 from drivers.yaml_text import dump_yaml
 
 if TYPE_CHECKING:
-    from mcap.records import Channel, Schema
+    from mcap.records import Channel, Message, Schema
     from mcap.writer import Writer
 
 LARGEST_FILE = 1024 * MEGABYTE
 NANOSECONDS = 1_000_000_000  # ns
 ATTACHMENT_TIME = 3600 * NANOSECONDS  # of log time at t = 0: an image from before has a time too
 ATTACHED = (RUN, RESULT, CALIBRATION)
+LOG_TIME = "log_time"  # s, a column of every topic
+TIMES = ({"nanosec", "sec"}, {"nsec", "sec"}, {"nanos", "seconds"})  # ROS 2, JSON, protobuf
 Row = dict[str, Any]
 
 
@@ -47,19 +49,16 @@ def _write(part: RunTables, path: Path) -> Path:
     with replacing(path) as scratch, scratch.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="", library="folding-cell")
-        for name in ATTACHED:
-            if (part.run.folder / name).is_file():
-                content = read_bytes(part.run.folder / name, MEGABYTE)
-                writer.add_attachment(
-                    ATTACHMENT_TIME, ATTACHMENT_TIME, name, "application/yaml", content
-                )
+        files = (part.run.folder / name for name in ATTACHED)
+        attached = {file.name: read_bytes(file, MEGABYTE) for file in files if file.is_file()}
         names = mapping_of([part], lambda table, column: (f"/{table}", column))
-        text = dump_yaml(plain(names))
-        writer.add_attachment(
-            ATTACHMENT_TIME, ATTACHMENT_TIME, MAPPING, "application/yaml", text.encode()
-        )
+        attached[MAPPING] = dump_yaml(plain(names)).encode()
+        for name, content in attached.items():
+            writer.add_attachment(
+                ATTACHMENT_TIME, ATTACHMENT_TIME, name, "application/yaml", content
+            )
         _write_numbers(writer, part)
-        _write_pictures(writer, part)
+        _write_images(writer, part)
         writer.finish()
     return path
 
@@ -79,26 +78,12 @@ def _write_numbers(writer: "Writer", part: RunTables) -> None:
             writer.add_message(channel, moment, json.dumps(finite).encode(), moment)
 
 
-def _write_pictures(writer: "Writer", part: RunTables) -> None:
-    """Write the kept images, preceded by the camera's lens."""
-    from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
+def _write_images(writer: "Writer", part: RunTables) -> None:
     from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
     from mcap_protobuf.schema import register_schema
 
-    def channel(topic: str, kind: type[Any]) -> int:
-        return int(writer.register_channel(topic, "protobuf", register_schema(writer, kind)))
-
-    if (calibration := part.run.calibration()) is not None:
-        lens = calibration.lens
-        about = CameraCalibration(
-            frame_id="camera", width=lens.width, height=lens.height,
-            distortion_model="plumb_bob", K=np.ravel(lens.matrix).tolist(),
-            D=np.ravel(lens.distortion).tolist(),
-        )  # fmt: skip
-        about.timestamp.FromNanoseconds(ATTACHMENT_TIME)
-        place = channel("/camera/calibration", CameraCalibration)
-        writer.add_message(place, ATTACHMENT_TIME, about.SerializeToString(), ATTACHMENT_TIME)
-    place = channel("/camera/image", CompressedImage)
+    schema = register_schema(writer, CompressedImage)
+    place = writer.register_channel("/camera/image", "protobuf", schema)
     for frame in part.run.frames():
         moment = _log_time(frame.stamp)
         picture = CompressedImage(frame_id="camera", format="png", data=encode(frame.image))
@@ -114,49 +99,78 @@ class McapFile:
     """MCAP file as a source of tables, one per topic; a truncated file gives its whole chunks."""
 
     def __init__(self, path: Path) -> None:
-        """Read messages in JSON and protobuf from the file at `path`, and its attachments."""
+        """Read attachments and names of topics from the file at `path`."""
         self.path = path
-        self.name = path.stem
-        self._rows: dict[str, list[Row]] = {}
-        self.documents: Mapping[str, bytes] = {}
-        self._read(read_bytes(path, LARGEST_FILE))
+        self.documents: dict[str, bytes] = {}
+        self._content = read_bytes(path, LARGEST_FILE)
+        self._topics = {channel.topic for _, channel, _ in self._messages()}
 
-    def table(self, topic: str, _how: object) -> pa.Table:
-        """Messages of `topic` as rows with their `log_time` [s]; ConfigurationError without any.
+    def table(self, topic: str, how: Table[Any]) -> pa.Table:
+        """Messages of `topic` as rows in the order of their `log_time` [s].
 
-        Nested fields are joined by dots; a list of objects gives a row for each entry.
+        Nested fields are joined by dots, numbers of a list have their index as name, and a list of
+        objects gives a row for each. Rows without any of the wanted columns are left out. Raises
+        ConfigurationError for a topic that is not there or cannot be decoded.
         """
-        if topic not in self._rows:
-            known = sorted(self._rows)
+        if topic not in self._topics:
+            known = sorted(self._topics)
             raise ConfigurationError(
                 f"{self.path}: topic {topic!r} is not there{suggestion(topic, known)}; "
                 f"topics: {', '.join(known)}"
             )
-        rows = self._rows[topic]
-        names = dict.fromkeys(name for row in rows for name in row)
-        return pa.table({name: pa.array([row.get(name) for row in rows]) for name in names})
+        wanted = {column.column for column in how.columns.values()} - {LOG_TIME}
+        rows, unread = self._rows(topic)
+        useful = [row for row in rows if wanted & row.keys()]
+        if unread and not useful:
+            raise ConfigurationError(
+                f"{self.path}: topic {topic!r}: its messages are {', '.join(sorted(unread))}; "
+                "JSON, protobuf, and CDR with a schema in ros2msg are read"
+            )
+        names = dict.fromkeys(name for row in useful or rows for name in row)
+        return pa.table({n: _column([row.get(n) for row in useful or rows]) for n in names})
 
-    def _read(self, content: bytes) -> None:
+    def _rows(self, topic: str) -> tuple[list[Row], set[str]]:
+        """Rows of the messages of `topic`, and the encodings of those that cannot be decoded."""
+        from mcap_protobuf.decoder import DecoderFactory as Protobuf
+        from mcap_ros2.decoder import DecoderFactory as Cdr
+
+        rows, unread, decoders = [], set[str](), (Protobuf(), Cdr())
+        of_topic = (found for found in self._messages() if found[1].topic == topic)
+        for message, channel, schema in sorted(of_topic, key=lambda found: found[0].log_time):
+            encoding = channel.message_encoding
+            try:
+                each = (factory.decoder_for(encoding, schema) for factory in decoders)
+                decode = json.loads if encoding == "json" else next(filter(None, each), None)
+                parts = [] if decode is None else flat(decode(message.data))
+            except Exception as error:  # noqa: BLE001  whatever a decoder raises for foreign bytes
+                raise ConfigurationError(
+                    f"{self.path}: topic {topic!r}: a message is not whole {encoding}: {error}"
+                ) from None
+            if decode is None:
+                unread.add(f"{encoding or 'of no stated encoding'} ({schema and schema.encoding})")
+            rows += [{**row, LOG_TIME: message.log_time / NANOSECONDS} for row in parts]
+        return rows, unread
+
+    def _messages(self) -> Iterator[tuple["Message", "Channel", "Schema | None"]]:
+        """Messages in the order of the file, with channel and schema; attachments are kept."""
         from mcap.exceptions import EndOfFile, McapError
         from mcap.records import Attachment, Channel, Message, Schema
         from mcap.stream_reader import StreamReader
         from zstandard import ZstdError
 
-        schemas: dict[int, Schema] = {}
-        channels: dict[int, Channel] = {}
+        schemas, channels = dict[int, Schema](), dict[int, Channel]()
+        reader = StreamReader(BytesIO(self._content), record_size_limit=LARGEST_FILE)
         try:
-            for record in StreamReader(BytesIO(content), record_size_limit=LARGEST_FILE).records:
+            for record in reader.records:
                 if isinstance(record, Schema):
                     schemas[record.id] = record
                 elif isinstance(record, Channel):
                     channels[record.id] = record
                 elif isinstance(record, Attachment):
-                    self.documents = {**self.documents, record.name: record.data}
+                    self.documents[record.name] = record.data
                 elif isinstance(record, Message):
                     channel = channels[record.channel_id]
-                    message = decode_message(record.data, channel, schemas.get(channel.schema_id))
-                    rows = self._rows.setdefault(channel.topic, [])
-                    rows += [{**row, "log_time": 1e-9 * record.log_time} for row in flat(message)]
+                    yield record, channel, schemas.get(channel.schema_id)
         except (EndOfFile, struct.error):  # its writer was killed
             return
         except (McapError, ZstdError, KeyError, ValueError, RuntimeError) as error:
@@ -165,33 +179,47 @@ class McapFile:
             ) from None
 
 
-def decode_message(data: bytes, channel: "Channel", schema: "Schema | None") -> Row:
-    """Decode a message of JSON or protobuf to plain values; empty for any other encoding."""
-    if channel.message_encoding == "json":
-        message = json.loads(data)
-        return message if isinstance(message, dict) else {}
-    if channel.message_encoding != "protobuf" or schema is None or _is_picture(schema):
-        return {}
-    from google.protobuf.json_format import MessageToDict
-    from mcap_protobuf.decoder import DecoderFactory
-
-    decode = DecoderFactory().decoder_for(channel.message_encoding, schema)
-    return {} if decode is None else MessageToDict(decode(data), preserving_proto_field_name=True)
-
-
-def _is_picture(schema: "Schema") -> bool:
-    return schema.name.rpartition(".")[2] in {"CompressedImage", "RawImage", "CompressedVideo"}
-
-
-def flat(message: Row) -> list[Row]:
-    """Rows of scalars of a message: nested names joined by dots, a row for each listed object."""
-    plain_parts: Row = {}
-    several: list[Row] = []
-    for name, value in message.items():
-        if isinstance(value, dict):
-            plain_parts |= {f"{name}.{key}": v for row in flat(value) for key, v in row.items()}
-        elif isinstance(value, list):
-            several += [{"i": i, **item} for i, item in enumerate(value) if isinstance(item, dict)]
+def flat(message: object) -> list[Row]:
+    """Rows of scalars of a decoded message, one for each object in its lists or one in all."""
+    row, several = Row(), list[Row]()
+    for name, value in _fields(message).items():
+        if isinstance(value, Sequence) and not isinstance(value, str | bytes):
+            for i, item in enumerate(value):
+                if _fields(item):
+                    several += [{"i": i, **inner} for inner in flat(item)]
+                else:
+                    row[f"{name}.{i}"] = item
+        elif not (inner := _fields(value)):
+            row[name] = value
+        elif inner.keys() in TIMES:
+            row[name] = sum(
+                inner[part] * unit for part, unit in zip(sorted(inner), (1e-9, 1), strict=True)
+            )
         else:
-            plain_parts[name] = value
-    return [{**plain_parts, **row} for row in several] or [plain_parts]
+            rows = [{f"{name}.{key}": part for key, part in each.items()} for each in flat(value)]
+            row |= rows[0] if len(rows) == 1 else {}
+            several += rows if len(rows) > 1 else []
+    return [row | each for each in several] or [row]
+
+
+def _fields(value: Any) -> Mapping[str, Any]:
+    """Fields of an object of JSON, protobuf or ROS 2; none of anything else.
+
+    Protobuf does not send a zero: a field is missing only where it can say so.
+    """
+    if isinstance(value, Mapping):
+        return value
+    if (kind := getattr(value, "DESCRIPTOR", None)) is None:
+        return {name: getattr(value, name) for name in getattr(value, "__slots__", ())}
+    return {
+        field.name: getattr(value, field.name)
+        for field in kind.fields
+        if not field.has_presence or value.HasField(field.name)
+    }
+
+
+def _column(values: list[Any]) -> pa.Array:
+    try:
+        return pa.array(values)
+    except (pa.ArrowException, TypeError, OverflowError):  # of several types
+        return pa.array(list(map(str, values)))

@@ -7,7 +7,6 @@ from typing import Any, Self
 import numpy as np
 
 from cell.record.exchange.mapping import COUNTS, MEASURES
-from cell.record.header import Result
 from cell.record.run import Run
 from drivers.errors import ConfigurationError
 from drivers.types import Array
@@ -39,7 +38,8 @@ class RunTables:
             found["contact"] = {"t": stamps[seen], "contact_x": run.ticks.contact_x[seen]}
         if len(run.profile.t):
             found["profile"] = {name: getattr(run.profile, name) for name in ("t", "i", "x", "z")}
-        if (touch := _touch(run.result)) is not None:
+        touch = {name: getattr(run.result, name, None) for name in TOUCH_FIELDS}
+        if None not in touch.values():
             found["result"] = {name: np.array([value]) for name, value in touch.items()}
         return cls(run, found)
 
@@ -49,7 +49,8 @@ def tables_of(runs: Sequence[Run]) -> tuple[RunTables, ...]:
     for run in runs:
         if not len(run.ticks.t):
             raise ConfigurationError(f"{run.folder}: holds no row; leave it out")
-        if _kind(run) != _kind(runs[0]):
+        alike = ("strip", "start", "sigma", "contact_height")
+        if any(getattr(run.header, k) != getattr(runs[0].header, k) for k in alike):
             raise ConfigurationError(
                 f"{run.folder}: differs from {runs[0].folder} in strip, start or sigma; export "
                 "runs of one kind together"
@@ -89,19 +90,7 @@ def unit_of(column: str) -> str:
     return "1" if column in COUNTS else next(iter(MEASURES.get(column, {"m": 1.0})))
 
 
-def _kind(run: Run) -> tuple[object, ...]:
-    header = run.header
-    return header.strip, header.start, header.sigma, header.contact_height
-
-
 def _place(run: Run, place: int) -> dict[str, object]:
     index = place if run.header.index is None else run.header.index
     condition = run.header.condition
     return {"index": index} | ({} if condition is None else {"condition": condition})
-
-
-def _touch(result: Result | None) -> dict[str, float] | None:
-    if result is None:
-        return None
-    values = {name: getattr(result, name) for name in TOUCH_FIELDS}
-    return None if None in values.values() else values

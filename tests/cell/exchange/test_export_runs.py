@@ -7,9 +7,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import yaml
-from typer.testing import CliRunner
 
-from cell.cli.app import app
 from cell.record.exchange.export_runs import Format, export_runs
 from cell.record.exchange.import_runs import import_runs
 from cell.record.run import Run, read_run
@@ -67,17 +65,6 @@ def test_a_data_set_has_the_layout_that_lerobot_states(runs, tmp_path: Path) -> 
     assert set(stats) == set(info["features"])
 
 
-def test_a_data_set_is_read_by_its_own_library(runs, tmp_path: Path) -> None:
-    library = pytest.importorskip("lerobot.datasets.lerobot_dataset", exc_type=ImportError)
-    [root] = export_runs(runs, "lerobot", tmp_path / "out")
-    found = library.LeRobotDataset("local/cell", root=root)
-    assert (len(found), found.num_episodes, found.fps) == (600, 2, 100)
-    ticks = read_run(runs[1]).ticks
-    for row in (0, 299):
-        state = found[300 + row]["observation.state"].numpy()
-        assert state == pytest.approx(np.array([ticks.x[row], ticks.z[row]]), rel=1e-6)
-
-
 def test_mcap_is_read_by_its_own_library(runs, tmp_path: Path) -> None:
     from mcap.reader import make_reader
 
@@ -110,27 +97,3 @@ def test_a_spoilt_export_is_refused_in_one_line(runs, kind: Format, tmp_path: Pa
         import_runs(made, None, tmp_path / "back")
     assert "\n" not in str(error.value)
     assert not list((tmp_path / "back").glob("*"))
-
-
-def test_command_exports_and_imports(runs, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    words = ["export", *map(str, runs), "--format", "csv", "--out", str(out)]
-    done = CliRunner().invoke(app, words)
-    assert done.exit_code == 0, done.output
-    places = [str(out / run.name) for run in runs]
-    done = CliRunner().invoke(app, ["import", *places, "--out", str(tmp_path / "back")])
-    assert "next: cell gap fit" in done.stdout
-    assert "--strip denim" in done.stdout
-
-
-@pytest.mark.parametrize("fault", [KeyboardInterrupt, OSError])
-def test_export_that_ends_early_leaves_nothing(runs, tmp_path: Path, monkeypatch, fault) -> None:
-    def fail(path: Path, _content: object) -> None:
-        raise fault(28, "No space left on device", str(path))
-
-    monkeypatch.setattr("cell.record.exchange.export_runs.write_document", fail)
-    with pytest.raises((KeyboardInterrupt, ConfigurationError)):
-        export_runs(runs, "csv", tmp_path / "out")
-    assert not (tmp_path / "out").exists()
-    monkeypatch.undo()
-    assert export_runs(runs, "csv", tmp_path / "out")

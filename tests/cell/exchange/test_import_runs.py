@@ -130,7 +130,7 @@ def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
     words = ["import", str(folder), "--mapping", str(how), "--out", str(tmp_path / "runs")]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output
-    assert "a: 2.99 s from x 600, z 0 mm to x 351, z 259 mm; 72 images" in done.stdout
+    assert "a: 2.99 s; 72 images, touch at 2.80 s" in done.stdout
     assert "next: cell gap fit" in done.stdout
     again = CliRunner().invoke(app, words)
     assert "is there already" in str(again.exception)
@@ -193,14 +193,6 @@ def test_import_that_ends_early_leaves_none_of_its_runs(tmp_path, monkeypatch, f
     assert not list((tmp_path / "runs").glob("*"))
     monkeypatch.undo()
     assert len(import_runs(folders, how, tmp_path / "runs")) == 2
-
-
-def test_run_that_is_there_already_is_kept(tmp_path: Path) -> None:
-    folders, how = [plain(tmp_path / name) for name in ("a", "b")], in_metres(tmp_path)
-    [kept] = import_runs(folders[1:], how, tmp_path / "runs")
-    with pytest.raises(ConfigurationError, match="is there already"):
-        import_runs(folders, how, tmp_path / "runs")
-    assert list((tmp_path / "runs").iterdir()) == [kept]
 
 
 def test_two_imports_to_one_place_leave_the_run_of_the_first(tmp_path, monkeypatch) -> None:

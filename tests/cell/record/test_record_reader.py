@@ -118,13 +118,6 @@ def test_table_that_is_missing_is_the_one_that_is_named(laboratory, missing, say
         read_run(laboratory)
 
 
-def test_run_by_hand_without_result_died(laboratory):
-    (laboratory / "result.yaml").unlink()
-    run = read_run(laboratory)
-    assert run.died
-    assert run.result is None
-
-
 def test_image_changed_behind_the_record_is_refused(finished, tmp_path):
     folder = shutil.copytree(finished, tmp_path / finished.name)
     kept = sorted((folder / "frames").glob("*.png"))

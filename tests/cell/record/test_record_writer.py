@@ -119,21 +119,6 @@ def test_folder_that_cannot_be_written_is_one_line_before_the_run(tmp_path):
     assert "\n" not in str(caught.value)
 
 
-def test_full_disk_is_a_fault_of_the_record(tmp_path, monkeypatch):
-    writer = RunWriter.create(tmp_path, HEADER, "none")
-
-    def refuse(row):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(writer._ticks, "append", refuse)
-    with pytest.raises(Fault, match="No space left") as caught:
-        writer.tick(Tick(0.0, 0.6, 0.0, 0.0, 0.6, 0.0, "FOLD"))
-    assert caught.value.name == "record"
-    monkeypatch.undo()
-    writer.finish({"outcome": "record"})
-    assert read_run(writer.folder).result.outcome == "record"
-
-
 def test_disk_that_fills_up_stops_the_run_and_keeps_what_it_took(tmp_path):
     script = f"""
 import resource, signal

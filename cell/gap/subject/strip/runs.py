@@ -177,7 +177,7 @@ def read_runs(folders: Sequence[RunFolder], strip: StripFile) -> list[MeasuredRu
 
     Raises ConfigurationError, in one line, for input that is broken or too little.
     """
-    read = [(folder, *_read(folder.path, folder.name, strip)) for folder in folders]
+    read = [(folder, *read_fold(folder.path, folder.name, strip)) for folder in folders]
     used = [(folder, header) for folder, header, run in read if run.usable]
     _check_indices([folder for folder, _ in used], [header for _, header in used])
     runs = [run for _, _, run in read]
@@ -201,8 +201,8 @@ def _check_enough(runs: Sequence[MeasuredRun], origin: Path) -> None:
         )
 
 
-def _read(folder: Path, name: str, strip: StripFile) -> tuple[Header, MeasuredRun]:
-    """Read a run and check it against the strip and itself."""
+def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, MeasuredRun]:
+    """Read the run in `folder`; ConfigurationError where it contradicts its `strip` or itself."""
     try:
         recorded = _with_pitch(read_run(folder))
     except ConfigurationError as error:

@@ -1,0 +1,159 @@
+"""Files as other programs write them: read rightly, or refused by the right name."""
+
+import json
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import cv2
+import numpy as np
+import pytest
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from mcap.writer import Writer
+from mcap_protobuf.schema import register_schema
+from mcap_ros2.writer import Writer as RosWriter
+
+import cell
+from cell.record.exchange.export_runs import export_runs
+from cell.record.exchange.import_runs import import_runs
+from cell.record.film import Film, FilmWriter
+from cell.record.run import read_run
+from drivers.errors import ConfigurationError
+from tests.cell.exchange.test_import_runs import T, X, Z, in_metres, plain
+
+MOMENTS = [round((t + 7.0) * 1e9) for t in T]
+ROWS = list(zip(MOMENTS, X, Z, strict=True))
+
+
+def how(place: Path, file: str, names: tuple[str, ...], **change: Any) -> Path:
+    """A mapping for t, x and z by their `names`, and a `change` of all lengths."""
+    columns: dict[str, Any] = {"t": {"column": names[0], "unit": "s"}}
+    columns |= {k: {"column": n, "unit": "m"} for k, n in zip("xz", names[1:], strict=True)}
+    for name, keys in change.items():
+        columns[name] |= keys
+    return in_metres(place, ticks={"file": file, "columns": columns}, result=None)
+
+
+def same(folder: Path) -> None:
+    run = read_run(folder)
+    assert np.allclose([run.ticks.t, run.ticks.x, run.ticks.z], [T, X, Z], atol=1e-6)
+
+
+def protobuf(file: BinaryIO) -> None:
+    """Poses that begin at z = 0, which proto3 does not send, at times of nanoseconds."""
+    writer = Writer(file)
+    writer.start()
+    place = writer.register_channel("/tip", "protobuf", register_schema(writer, PoseInFrame))
+    for at, x, z in ROWS:
+        pose = PoseInFrame(frame_id="cell")
+        pose.timestamp.FromNanoseconds(at)
+        pose.pose.position.x, pose.pose.position.z = x, z
+        writer.add_message(place, 0, pose.SerializeToString(), 0)
+    writer.finish()
+
+
+def ros(file: BinaryIO) -> None:
+    writer = RosWriter(file)
+    schema = writer.register_msgdef("own/Tip", "builtin_interfaces/Time stamp\nfloat64[3] point")
+    for at, x, z in ROWS:
+        stamp = dict(zip(("sec", "nanosec"), divmod(at, 10**9), strict=True))
+        writer.write_message("/tip", schema, {"stamp": stamp, "point": [x, 0.0, z]})
+    writer.finish()
+
+
+def mixed(file: BinaryIO, encodings: tuple[str, ...] = ("json", "json", "cbor")) -> None:
+    """Lists of numbers, two of them swapped in the file; other messages on the same topic."""
+    writer = Writer(file)
+    writer.start()
+    first, *others = (writer.register_channel("/tip", encoding, 0) for encoding in encodings)
+    for at, x, z in (*ROWS[:5], ROWS[6], ROWS[5], *ROWS[7:]):
+        writer.add_message(first, at, json.dumps({"q": [x, z]}).encode(), at)
+        for other in others:
+            writer.add_message(other, at + 5, b'{"battery": 0.5}', at + 5)
+    writer.finish()
+
+
+@pytest.mark.parametrize(
+    ("write", "names"),
+    [
+        (protobuf, ("timestamp", "pose.position.x", "pose.position.z")),
+        (ros, ("stamp", "point.0", "point.2")),
+        (mixed, ("log_time", "q.0", "q.1")),
+    ],
+)
+def test_messages_of_other_programs_are_read(tmp_path, write, names) -> None:
+    with (tmp_path / "a.mcap").open("wb") as file:
+        write(file)
+    same(*import_runs([tmp_path / "a.mcap"], how(tmp_path, "/tip", names), tmp_path / "runs"))
+
+
+def test_an_encoding_that_is_not_read_is_named(tmp_path: Path) -> None:
+    with (tmp_path / "a.mcap").open("wb") as file:
+        mixed(file, ("cbor",))
+    with pytest.raises(ConfigurationError, match="topic '/tip': its messages are cbor"):
+        import_runs([tmp_path / "a.mcap"], how(tmp_path, "/tip", "txz"), tmp_path)
+
+
+def test_paths_and_names_of_a_data_set_are_those_that_it_states(tmp_path: Path) -> None:
+    made = import_runs([plain(tmp_path / "a")], in_metres(tmp_path), tmp_path / "runs")
+    [root] = export_runs(made, "lerobot", tmp_path / "out")
+    info = json.loads((root / "meta/info.json").read_text())
+    info["data_path"] = "frames-{file_index:04d}-{chunk_index}.parquet"
+    info["features"]["observation.state"]["names"] = {"motors": ["pan.pos", "lift.pos"]}
+    (root / "meta/info.json").write_text(json.dumps(info))
+    (root / "data/chunk-000/file-000.parquet").rename(root / "frames-0000-0.parquet")
+    names = ("stamp", "observation.state.pan.pos", "observation.state.lift.pos")
+    same(*import_runs([root], how(tmp_path, "episode", names), tmp_path / "back"))
+    (root / "meta/info.json").write_text(json.dumps(info | {"data_path": "../{file_index}"}))
+    with pytest.raises(ConfigurationError, match="leads out of the data set"):
+        import_runs([root], how(tmp_path, "episode", names), tmp_path / "again")
+
+
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [
+        ("sep=;\nt;x;z", "{:.3f};{:f};{:f}"),
+        ("# two lines\n# t,x,z", "{:.3f},{:f},{:f}"),
+        ("t,x,z", "2026-01-31T12:00:{:06.3f}Z,{:f},{:f}"),
+        ("% log\nt,x,z\n# in metres", "2026-01-31 12:00:{:06.3f},{:f},{:f}"),
+    ],
+)
+def test_comments_separators_and_times_of_a_table_are_read(tmp_path, head, row) -> None:
+    folder = plain(tmp_path / "a", head, [row.format(*each) for each in zip(T, X, Z, strict=True)])
+    same(*import_runs([folder], in_metres(tmp_path), tmp_path / "runs"))
+
+
+@pytest.mark.parametrize(
+    ("change", "mending"),
+    [
+        ({"x": {"reversed": True}}, "; reversed: false for x in the mapping would mend it"),
+        ({"x": {"offset": 1.2}}, "; reversed: true for x in the mapping would mend it"),
+        (
+            {"x": {"unit": "cm"}, "z": {"unit": "mm"}},
+            "; unit: m for x in the mapping would mend it",
+        ),
+        ({"z": {"offset": 0.05}}, "z = 0"),
+    ],
+)
+def test_a_start_off_its_place_is_refused_with_its_mending(tmp_path, change, mending) -> None:
+    mapping = how(tmp_path, "tip.csv", "txz", **change)
+    with pytest.raises(ConfigurationError, match="a flat start at x") as error:
+        cell.import_runs([plain(tmp_path / "a")], tmp_path / "runs", mapping)
+    assert str(error.value).endswith(mending)
+    assert not (tmp_path / "runs").exists()
+
+
+def test_a_film_of_a_phone_held_the_other_way_stands_upright(tmp_path: Path) -> None:
+    image, path = np.full((64, 96, 3), 128, np.uint8), tmp_path / "film.mp4"
+    image[:20, :30] = 255
+    with FilmWriter(path) as film:
+        film.add(0.0, image)
+    matrices = [np.zeros(9, ">i4"), np.zeros(9, ">i4")]
+    for matrix, places in zip(matrices, ((0, 4), (1, -3)), strict=True):
+        matrix[np.abs(places)] = np.copysign(1 << 16, places)
+        matrix[8] = 1 << 30
+    content = path.read_bytes()
+    at = content.index(matrices[0].tobytes(), content.index(b"tkhd"))
+    path.write_bytes(content[:at] + matrices[1].tobytes() + content[at + 36 :])
+    [frame] = Film(path).frames()
+    expected = cv2.rotate(image, cv2.ROTATE_90_CLOCKWISE).astype(float)
+    assert np.abs(frame.image - expected).mean() < 8
