@@ -127,7 +127,7 @@ class Source:
 
 
 def folder_source(folder: Path) -> Source:
-    """Source of the CSV or Parquet files in `folder`; `cell export` writes a mapping beside it."""
+    """Source of CSV and Parquet files in `folder`; for others it raises ConfigurationError."""
 
     def table(file: str, how: Table[Any]) -> pa.Table:
         if FILE.fullmatch(file) is None:

