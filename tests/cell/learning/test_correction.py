@@ -47,9 +47,9 @@ def test_experiences_come_back_in_order_and_a_torn_line_is_skipped(tmp_path: Pat
     first = Experience("r0", "adaptive", "denim", "a", "camera", displacement=0.001)
     second = replace(first, run="r1", kind="ruler", displacement=0.0, rig=0.002)
     memory.add(first)
-    memory.add(second)
     with memory.path.open("ab") as file:
         file.write(b'{"run": "r2", "policy"')
+    memory.add(second)
     assert memory.experiences() == (first, second)
 
 

@@ -168,7 +168,7 @@ class Pressed(LossyRobot):
 
     def read(self, motion: object) -> SimpleNamespace:
         found = super().read(motion)
-        found.O_F_ext_hat_K = [0.0, self.push(self.moved[1]), 0.0, 0.0, 0.0, 0.0]
+        found.O_F_ext_hat_K = [0.0, self.push(self.moved[1]), 0.0, 9.0, 0.0, 0.0]
         return found
 
     def configure(self, collision) -> None:

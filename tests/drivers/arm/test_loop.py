@@ -146,9 +146,10 @@ def test_force_over_the_guard_brakes_and_is_named(setup) -> None:
 
 
 def test_end_brakes_to_rest_and_finishes_the_motion(setup) -> None:
-    setup.order(Kind.FOLLOW, -0.1, 0.0, 0.0)
-    setup.steps(80)
+    setup.order(Kind.MOVE, 0.2, 0.2, 0.0)
+    before = setup.steps(300).x
     setup.loop.end()
+    assert before - setup.reports.read().x < 0.05  # m: it does not go on to its goal
     assert setup.robot.ended
     assert setup.robot.written[-1] == pytest.approx(setup.robot.written[-2], abs=1e-9)
 

@@ -44,6 +44,7 @@ def test_desk_and_clamp_meet_where_the_strip_is_fixed_above_the_floor() -> None:
     assert all((low < high).all() for low, high in (desk, clamp, floor))
     assert clamp[1][0] == 0.0
     assert clamp[0][2] == desk[1][2] == 0.0
+    assert clamp[0][0] == desk[0][0] < 0.0
     assert floor[1][2] < 0.0
 
 

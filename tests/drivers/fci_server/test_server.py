@@ -85,12 +85,6 @@ def test_client_of_another_version_learns_both_and_the_next_one_is_served(server
         assert arm.state().mode == IDLE
 
 
-def test_place_is_free_again_when_the_client_has_gone(server) -> None:
-    for _ in range(3):
-        with RawArm(server.address) as arm:
-            assert arm.state().mode == IDLE
-
-
 def test_silent_strangers_do_not_keep_a_client_out(server) -> None:
     strangers = [socket.create_connection((server.address, 1337)) for _ in range(12)]
     with RawArm(server.address) as arm:
