@@ -70,13 +70,6 @@ def test_address_that_is_taken_is_refused_by_name(server) -> None:
         RobotServer(ServerSettings(address=server.address))
 
 
-def test_connected_client_gets_states_whose_time_runs(arm) -> None:
-    assert arm.connected == (0, 10)
-    first, second = arm.state(), arm.state()
-    assert second.message_id == first.message_id + 1
-    assert second.mode == IDLE
-
-
 def test_client_of_another_version_learns_both_and_the_next_one_is_served(server) -> None:
     with RawArm(server.address, version=5) as old:
         assert old.connected == (1, 10)
