@@ -147,7 +147,7 @@ class McapFile:
                     f"{self.path}: topic {topic!r}: a message is not whole {encoding}: {error}"
                 ) from None
             if decode is None:
-                unread.add(f"{encoding or 'of no stated encoding'} ({schema and schema.encoding})")
+                unread.add(f"{encoding} {schema.encoding if schema else ''}".strip())
             rows += [{**row, LOG_TIME: message.log_time / NANOSECONDS} for row in parts]
         return rows, unread
 
