@@ -120,13 +120,6 @@ def _print_plan(wanted: "tuple[Request, ...]") -> None:
         sys.stdout.write(f"{i:2d}  {name:15s} {request.speed:.2f} m/s  shows {reveals}\n")
 
 
-def _result_words(result: "FoldResult") -> str:
-    """Text of a run's outcome and displacement [mm]."""
-    if result.displacement is None:
-        return str(result.outcome)
-    return f"{result.outcome}, displacement {1e3 * result.displacement:.1f} mm"
-
-
 def _print_result(
     i: int, of: int, request: "Request", result: "FoldResult", *, as_json: bool
 ) -> None:
@@ -137,7 +130,8 @@ def _print_result(
         from policies.registry import MOTION
 
         name = request.policy.removeprefix(MOTION)
-        gave = _result_words(result)
+        d = result.displacement
+        gave = f"{result.outcome}" + ("" if d is None else f", displacement {1e3 * d:.1f} mm")
         sys.stdout.write(
             f"{i + 1}/{of}  {name:15s} {gave:32s} shows {STANDARD[name].reveals}  {result.run}\n"
         )

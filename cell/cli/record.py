@@ -34,7 +34,12 @@ def report(
     The file of a calibration has a page of its own beside it.
     """
     if len(runs) > 1:
-        _compare(runs, out or runs[0].resolve().parent / "compare.html", as_json=as_json)
+        from cell.report.runs_page import write_comparison
+
+        with busy("comparing the runs"):
+            page = write_comparison(runs, out or runs[0].resolve().parent / "compare.html")
+        text = f"{len(runs)} runs compared\n  {page}"
+        say({"runs": runs, "report": page}, text, as_json=as_json)
         return
     if out is not None:
         raise ConfigurationError("--out: goes with several runs; one has its page in its folder")
@@ -64,15 +69,6 @@ def _report_calibration(path: Path, *, as_json: bool) -> None:
         )
     page = write_calibration_report(path)
     say({"calibration": path, "report": page}, str(page), as_json=as_json)
-
-
-def _compare(runs: list[Path], out: Path, *, as_json: bool) -> None:
-    from cell.report.runs_page import write_comparison
-
-    with busy("comparing the runs"):
-        page = write_comparison(runs, out)
-    text = f"{len(runs)} runs compared\n  {page}"
-    say({"runs": runs, "report": page}, text, as_json=as_json)
 
 
 TAG = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")

@@ -20,9 +20,12 @@ def open_subject(
     if kind == "strip":
         from cell.gap.subject.strip.subject import open_strip
 
-        return open_strip(file, runs, jobs, without)
-    if kind in ("pendulum", "mechanism"):
+        subject: Subject = open_strip(file, runs, jobs, without)
+    elif kind in ("pendulum", "mechanism"):
         from cell.gap.subject.mechanism.subject import open_mechanism
 
-        return open_mechanism(file, runs, jobs, without)
-    raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: strip, pendulum, mechanism")
+        subject = open_mechanism(file, runs, jobs, without)
+    else:
+        raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: strip, pendulum, mechanism")
+    subject.option = f"--{'strip' if kind == 'strip' else 'model'} {file}"
+    return subject

@@ -133,22 +133,6 @@ def values_of(row: RunRow) -> tuple[Any, ...]:
     return (row.name, row.began.isoformat(), *astuple(row)[2:])
 
 
-def runs_before(folder: Path, strip: str, most: int) -> tuple[RunRow, ...]:
-    """The last `most` runs of `strip` before the run in `folder`, beside it, newest first.
-
-    They are found by their names, so that a folder of thousands is not read.
-    """
-    place, name_of_run = folder.resolve().parent, folder.resolve().name
-    try:
-        with os.scandir(place) as entries:
-            names = [entry.name for entry in entries]
-    except OSError:
-        return ()
-    found = (name for name in names if f"Z-{strip}-" in name and name < name_of_run)
-    newest = sorted(filter(BEGAN.match, found), reverse=True)[:most]
-    return tuple(read_row(place / name) for name in newest if is_run(place / name))
-
-
 def to_prune(
     rows: Sequence[RunRow],
     now: datetime,

@@ -2,9 +2,17 @@
 addEventListener("DOMContentLoaded", () => { // once the figures have the size of the window
   for (const film of document.querySelectorAll("video[data-begin]")) {
     const chart = film.closest("section").querySelector("svg[data-first]");
-    const time = film.parentElement.querySelector("output");
+    const time = film.parentElement.querySelector("output"), layer = film.parentElement.querySelector(".read");
     film.addEventListener("error", () => {
-      film.nextElementSibling.hidden = false;
+      film.parentElement.querySelector("p").hidden = false;
+    });
+    const curves = layer ? JSON.parse(layer.dataset.curves) : [];
+    const draw = (t) => { // the curve read last, for as long as images come
+      const at = curves.findLast(([stamp]) => stamp <= t + 0.001);
+      layer?.firstElementChild.setAttribute("points", at && t - at[0] < 0.3 ? at[1].join(" ") : "");
+    };
+    film.parentElement.querySelector("input")?.addEventListener("change", ({ target }) => {
+      layer.style.display = target.checked ? "" : "none";
     });
     if (!chart) continue;
     const [first, last, left, right, begin] =
@@ -17,6 +25,7 @@ addEventListener("DOMContentLoaded", () => { // once the figures have the size o
     chart.append(line);
     const show = () => {
       const t = begin + film.currentTime;
+      draw(t);
       const place = box.width * (left + ((right - left) * (t - first)) / (last - first));
       const x = chart.zoomed?.applyX(place) ?? place;
       line.setAttribute("x1", x);

@@ -33,7 +33,6 @@ EIGHTHS, SUBPIXEL_BITS = 8, 3  # of a pixel, the fixed-point unit in which OpenC
 MARK_RADIUS = 11  # px
 PROFILE_BGR, CONTACT_BGR, TIP_BGR = (40, 110, 255), (255, 120, 30), (255, 255, 255)
 SILHOUETTE_STATES = ("LAY", "RELEASE")
-MOST_IMAGES = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,7 +226,7 @@ def _caption(note: FrameNote, run: Run, sights: Sights) -> str:
 
 
 def silhouettes(run: Run) -> tuple[Silhouette, ...]:
-    """Outlines of the strip in up to MOST_IMAGES kept images of LAY and RELEASE, in order of time.
+    """Outlines of the strip in up to SHOWN_IMAGES kept images of LAY and RELEASE, in order of time.
 
     Empty where the picture before the grasp, calibration, strip or ticks are not in the record.
     """
@@ -252,7 +251,7 @@ def _outlines(run: Run) -> Iterator[Silhouette]:
     if appearance is None:
         return
     perception = Perception(calibration, settings, strip, appearance)
-    chosen = np.unique(np.linspace(0, len(laying) - 1, MOST_IMAGES).round().astype(int))
+    chosen = np.unique(np.linspace(0, len(laying) - 1, SHOWN_IMAGES).round().astype(int))
     for frame in filter(None, (read_frame(laying[i]) for i in chosen)):
         pixels = perception.outline(frame, run.ticks.pose_at(frame.stamp))
         if len(pixels):

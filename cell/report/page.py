@@ -1,10 +1,13 @@
 """HTML page of a run."""
 
 import base64
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from cell.record.columns import FARTHEST_HAND
 from cell.record.events import Outlook
 from cell.record.files import (
     CALIBRATION,
@@ -17,7 +20,6 @@ from cell.record.files import (
     TICKS,
     is_under_way,
 )
-from cell.record.listing import runs_before
 from cell.record.run import Run, read_broken_run
 from cell.record.truth import read_truth
 from cell.report.facts import advice, checks, facts, listed_events, measures, remains
@@ -30,7 +32,6 @@ from cell.report.figures import (
 from cell.report.kit import Link, page
 from cell.report.overlay import close_ups, key_pictures, poster, silhouettes
 from cell.report.verdict import verdict_of
-from cell.report.words import millimetres
 from drivers.errors import ConfigurationError
 from drivers.files import write_file
 
@@ -44,7 +45,6 @@ FILES = (
     (RUN, "settings and versions"),
 )
 LARGEST_FILM = 8_000_000  # bytes that a page carries
-RECENT = 8  # earlier runs that a page names
 
 
 def write_report(folder: Path) -> Path:
@@ -86,7 +86,6 @@ def report(run: Run) -> str:
         checks=checks(run),
         events=listed_events(run),
         files=_files(run),
-        earlier=list(_earlier(run)),
         facts=facts(run),
         **_figures(run),
     )
@@ -101,15 +100,6 @@ def _figures(run: Run) -> dict[str, Any]:
         "strip": strip_figure(run, outlines) if has_ticks else "",
         "signals": signals_figure(run) if has_ticks else "",
     }
-
-
-def _earlier(run: Run) -> Iterator[tuple[str | Link, ...]]:
-    """Newest runs beside this one that began before it, with a link to their pages."""
-    for row in runs_before(run.folder, run.header.strip, RECENT):
-        lengths = (millimetres(v, signed=True) for v in (row.displacement, row.edge_offset))
-        path = f"../{row.name}/{REPORT}"
-        name = Link(row.name, path) if (row.folder / REPORT).exists() else row.name
-        yield (name, row.policy, row.outcome.replace("_", " "), *lengths)
 
 
 def truth_of(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
@@ -133,7 +123,20 @@ def film_of(run: Run) -> dict[str, Any] | None:
     source = FILM
     if path.stat().st_size <= LARGEST_FILM:
         source = f"data:video/mp4;base64,{base64.b64encode(path.read_bytes()).decode()}"
-    return {"begin": begin, "source": source, "poster": poster(run)}
+    return {"begin": begin, "source": source, "poster": poster(run), **_read_in(run)}
+
+
+def _read_in(run: Run) -> dict[str, Any]:
+    """What was read in the film: `size` of an image, `curves` of (time [s], flat pixels x, y)."""
+    calibration = run.calibration()
+    if calibration is None:
+        return {"size": (), "curves": ()}
+    curves = [
+        (round(t, 3), np.rint(calibration.to_image(points[::2])).astype(int).ravel().tolist())
+        for t, points in run.profile.curves()
+        if np.abs(points).max(initial=0.0) < FARTHEST_HAND
+    ]
+    return {"size": (calibration.lens.width, calibration.lens.height), "curves": curves}
 
 
 def _files(run: Run) -> list[tuple[Link, str]]:

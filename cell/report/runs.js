@@ -1,7 +1,7 @@
 const table = document.getElementById("runs"), body = table.tBodies[0];
 const filter = document.getElementById("filter"), count = document.getElementById("count");
 const rows = Array.from(body.rows);
-const text = (row, column) => row.cells[column].textContent;
+const text = (row, column) => row.cells[column].textContent.replace("\u2212", "-");
 
 function show() {
   const words = filter.value.toLowerCase().split(/\s+/).filter(Boolean);
@@ -16,7 +16,7 @@ function show() {
 
 function sort(column, down) {
   const number = (row) => parseFloat(text(row, column));
-  const numeric = rows.some((row) => /^[+-]?[\d.]+$/.test(text(row, column)));
+  const numeric = rows.some((row) => /^[+-]?[\d.]+(\s*(mm|s|m\/s))?$/.test(text(row, column)));
   const key = (a, b) => numeric
     ? (Number.isNaN(number(a)) - Number.isNaN(number(b))) || (number(a) - number(b)) * down
     : text(a, column).localeCompare(text(b, column)) * down;

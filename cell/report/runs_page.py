@@ -27,6 +27,7 @@ COLUMN_HEADINGS = ("run", "edges mm", "d mm", "outcome", "policy", "strip", "s",
 COLOURS = ("#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0", "#b4382c", "#4a9aa8", "#8c7a2b", "#c05a94")
 MOST_RUNS = 40  # runs in one comparison; more lines cannot be distinguished
 MOST_FILMS, MOST_COLUMNS = 4, 4  # runs of which films play side by side, and with a column each
+NAMED = 4  # of the best runs in the verdict
 SHAPES = 4  # equal times at which the strips are drawn
 # Keys that differ from run to run by themselves.
 PER_RUN_KEYS = frozenset({"seed", "index", "condition", "calibration.age_days"})
@@ -102,6 +103,7 @@ def comparison(runs: Sequence[Run], place: Path) -> str:
         title=title,
         said=_verdict(runs, truths, [row[0] for row in table[1:]]),
         films=[(name, film) for name, film in films if film and film["source"] != FILM],
+        head=("run", "policy", "outcome", "displacement", "true", "edges apart", "true", "touch"),
         numbers=[_numbers(run, truth, place) for run, truth in zip(runs, truths, strict=True)],
         differences=list(zip(*table, strict=True)) if len(runs) > MOST_COLUMNS else table,
         shapes=_shapes(runs),
@@ -127,9 +129,9 @@ def _verdict(
 
 
 def _ranked(names: Sequence[str], offsets: Sequence[float | None]) -> list[str]:
-    """Names of runs with their offsets [m], the smallest first; those without one are left out."""
+    """Names of runs with their offsets [m], the smallest NAMED; those without one are left out."""
     known = [(abs(v), name, v) for name, v in zip(names, offsets, strict=True) if v is not None]
-    return [f"{name}: {millimetres(v, signed=True)}" for _, name, v in sorted(known)]
+    return [f"{name}: {millimetres(v, signed=True)}" for _, name, v in sorted(known)[:NAMED]]
 
 
 def _numbers(run: Run, truth: Mapping[str, Any], place: Path) -> tuple[str | Link, ...]:

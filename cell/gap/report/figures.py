@@ -1,6 +1,6 @@
 """Figures of the report, as SVG text, and the runs replayed for them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,6 +36,19 @@ class Replay:
     measured: Scene
     before: Scene | None
     after: Scene | None
+
+
+def folds(shapes: Mapping[str, Array]) -> str:
+    """Figure (SVG) of strips where their layers touch: midlines (n, 2) [m] by name."""
+    with canvas(7.0, 2.2) as figure:
+        axes = figure.add_subplot(aspect="equal", anchor="W")
+        axes.axhline(0, color=MUTED, lw=0.8)
+        axes.set_prop_cycle(color=[COLOUR_BEFORE, COLOUR_AFTER])
+        for name, points in shapes.items():
+            axes.plot(*(1e3 * points).T, label=name)
+        axes.set(xlabel="x  [mm]", ylabel="z  [mm]")
+        axes.legend(loc="upper right")
+        return as_svg(figure)
 
 
 def replay(findings: Findings, *, held_out_only: bool = False) -> Iterator[Replay]:

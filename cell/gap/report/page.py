@@ -35,8 +35,16 @@ from cell.gap.verdict.schema import CandidateEntry, Interval, Kind, Verdict
 from cell.report.kit import Tone
 from cell.report.kit import page as document
 from cell.report.verdict import Verdict as Card
+from cell.report.words import millimetres
+from drivers.errors import CellError
 from drivers.files import write_file
+from drivers.settings import parse
+from drivers.strip.describe import describe
+from drivers.strip.file import StripFile
+from drivers.strip.rod.engine import Rod
 from drivers.types import Array
+from policies.registry import make_policy
+from policies.rollout import Rollout, roll_out
 
 LISTED_SETS = 4  # sets of effects of which the page speaks
 EXCLUDED = 1e-4  # probability below which a set counts as excluded: its size says nothing
@@ -50,30 +58,18 @@ TONES: dict[Kind, Tone] = {
 
 def where(findings: Findings) -> dict[str, str]:
     """A sentence and a map of the places where the refitted base deviates beyond noise."""
-    return {"words": _where(findings), "map": figures.heat_map(findings.places)}
-
-
-def _where(findings: Findings) -> str:
-    """Text on the strongest place of disagreement, and how many exceed the noise."""
     places = findings.places
     strong = [place for place in places if place.p < LISTED.significance]
     if not strong:
-        return "Nowhere beyond what noise does."
+        return {"words": "Nowhere beyond what noise does.", "map": figures.heat_map(places)}
     first = strong[0]
-    text = (
+    words = (
         f"Strongest in {first.channel}, {first.zone} zone, {first.phase} phase of "
         f"{motion(first.condition)}: {abs(first.z):.0f} sigma. {len(strong)} of {len(places)} "
         "places disagree beyond noise (dots; family-wise 5 %). Shown is the model after its base "
         "parameters were refitted."
     )
-    alone = sum(place.p < LISTED.significance for place in findings.base_fit.places)
-    if findings.model_tests.places and alone < len(strong):
-        text += (
-            f" By itself {alone or 'none'} of them would stand out from noise and from what "
-            f"differs from run to run; the others are where what is left goes the way of "
-            f"{findings.accepted.model.name}."
-        )
-    return text
+    return {"words": words, "map": figures.heat_map(places)}
 
 
 def candidates(findings: Findings, verdict: Verdict) -> dict[str, Any]:
@@ -87,7 +83,6 @@ def candidates(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     return {
         "note": note,
         "bars": figures.candidate_bars(verdict.candidates, accepted) if verdict.candidates else "",
-        "leads": _leads(findings),
         "probable": _probable_sets(verdict),
         "dead": ", ".join(p.candidate.name for p in findings.screen.probed if p.dead),
         "rows": [_candidate_row(row, row.name == accepted) for row in verdict.candidates],
@@ -120,23 +115,6 @@ def _candidate_row(row: CandidateEntry, best: bool) -> dict[str, Any]:
         "numbers": (f"{row.elpd_gain:.1f}", f"{row.se:.1f}", probability(row.p)),
         "parameters": [f"{name} {interval(value)}" for name, value in row.parameters.items()],
     }
-
-
-def _leads(findings: Findings) -> str:
-    """Sentence on the lead of the accepted or most probable set over each fitted part of it."""
-    sets = findings.posterior
-    first = findings.accepted.model.names or sets.models[0].names
-    leads = [
-        f"{_effect_names(sorted(part.names))} by {sets.lead(first) - sets.lead(part.names):.0f}"
-        for part in sets.models
-        if part.names < first
-    ]
-    return f"{_effect_names(sorted(first))} leads {', '.join(leads)} nats." if leads else ""
-
-
-def name_model(model: str) -> str:
-    """Name of a model; for the one without effects, a description."""
-    return "the refitted base" if model == "base" else model
 
 
 def base(findings: Findings, verdict: Verdict) -> dict[str, Any]:
@@ -256,6 +234,7 @@ def page(findings: Findings, verdict: Verdict, out: Path) -> str:
         said=_verdict_card(findings, verdict),
         following=_next_commands(findings, verdict, out),
         notes=verdict.notes,
+        planned=_planned_folds(findings, verdict),
         held=compare_held_out(findings, verdict),
         where=where(findings),
         remains=remains(findings, verdict),
@@ -265,6 +244,37 @@ def page(findings: Findings, verdict: Verdict, out: Path) -> str:
         base=base(findings, verdict),
         foot=_provenance(findings, verdict),
     )
+
+
+def _planned_folds(findings: Findings, verdict: Verdict) -> dict[str, Any]:
+    """Folds of the accepted strip by paths planned without and with what was found.
+
+    Empty for mechanisms, where nothing was accepted, and where the rod cannot simulate the strip.
+    """
+    if findings.subject.kind != "strip" or not verdict.effects:
+        return {"rows": [], "figure": ""}
+    base = {name: v.value for name, v in verdict.base.items()}
+    effects = {e.name: {k: v.value for k, v in e.parameters.items()} for e in verdict.effects}
+    patches = (findings.subject.patch(*found, "") for found in (({}, {}), (base, effects)))
+    try:
+        stated, accepted = (parse(patch, StripFile, "patch") for patch, _ in patches)
+        drawn = {
+            "planned from the file": _fold(stated, accepted),
+            "planned with what was found": _fold(accepted, accepted),
+        }
+    except CellError:
+        return {"rows": [], "figure": ""}
+    rows = [(name, millimetres(d, signed=True)) for name, (d, _) in drawn.items()]
+    return {"rows": rows, "figure": figures.folds({n: shape for n, (_, shape) in drawn.items()})}
+
+
+def _fold(known: StripFile, lying: StripFile) -> tuple[float, Array]:
+    """Displacement [m] and midline (n, 2) [m] of `lying` by the path planned for `known`."""
+    rod, policy = Rod(), make_policy("planned", None, in_rod=True)
+    folds = roll_out(
+        policy, rod, known, [describe(lying)], settings=Rollout(), rng=np.random.default_rng(0)
+    )
+    return float(folds.displacement[0]), np.asarray(rod.shapes()[0])
 
 
 def _verdict_card(findings: Findings, verdict: Verdict) -> Card:
@@ -305,7 +315,7 @@ def _next_commands(findings: Findings, verdict: Verdict, out: Path) -> list[str]
         law = findings.law
         todo.append(f"No name, but a description: {law.words}. It closes {100 * law.shrink:.0f} % "
                     f"of the gap on held-out runs; `cell gap accept {fit} --law` adds it, `cell "
-                    "gap undo` takes it back.")  # fmt: skip
+                    f"gap undo {fit}` takes it back.")  # fmt: skip
     return todo
 
 
@@ -314,7 +324,7 @@ def _experiments_table(verdict: Verdict) -> list[tuple[str, ...]] | None:
     if verdict.verdict in ("named", "no_gap") and not verdict.ambiguous:
         return None
     return [
-        (a.experiment, f"{name_model(a.separates[0])} from {name_model(a.separates[1])}",
+        (a.experiment, f"{a.separates[0]} from {a.separates[1]}",
          f"{a.expected_sigma:.1f}", f"{a.minutes:.1f}")
         for a in verdict.advice[:5]
     ]  # fmt: skip

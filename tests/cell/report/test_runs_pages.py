@@ -74,16 +74,6 @@ def test_list_page_has_thumbnails_and_working_links(three: list[Path], tmp_path:
     assert len(text) < 100_000
 
 
-def test_fold_page_links_to_earlier_runs_of_its_strip(three: list[Path]) -> None:
-    other = three[0].with_name("20261119T080000Z-silk-fold-0009")
-    shutil.copytree(three[0], other)
-    last, first = links(write_report(three[2])), links(write_report(three[0]))
-    pages = [path for path in last if path.name == "report.html"]
-    assert pages == [three[1] / "report.html", three[0] / "report.html"]
-    assert all(path.is_file() for path in (*last, *first))
-    assert {path.parent for path in first} == {three[0], three[0] / "frames"}
-
-
 def test_tags_and_notes_stay_in_the_run_and_are_found(three: list[Path]) -> None:
     call("note", three[0], three[1], "--tag", "good", "--tag", "first-day", "--text", "dry air")
     call("note", three[0], "--untag", "good")

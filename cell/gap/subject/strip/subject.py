@@ -117,7 +117,6 @@ class Strip(Subject):
         `scatter` are the quantities that may differ from run to run.
         """
         self.file, self.name, self._jobs = strip, strip.name, jobs
-        self.option = f"--strip configs/strips/{strip.name}.yaml"
         self.notes = tuple(note for run in runs for note in run.notes)
         self._measured = tuple(run for run in runs if run.usable)
         self._floors = floors or Floors()
