@@ -192,9 +192,7 @@ class EffectPart:
         settings, engine = Rollout(speed=self.speed, sensing=IMAGE_SENSING), _engine("rod")
         folds = fold_all(self.policy, strips, engine, settings, known=known, rng=rng)
         return EffectFolds(
-            policy=self.policy,
-            effect=self.effect,
-            displacement=finite_or_none(folds.displacement),
+            policy=self.policy, effect=self.effect, displacement=finite_or_none(folds.displacement)
         )
 
     def _strip(self, rng: np.random.Generator) -> StripFile:

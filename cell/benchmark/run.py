@@ -119,12 +119,7 @@ def _fold_request(
     cell, lying = configs.cell(), configs.strip(strip)
     choice = DeviceSelection(seed=spec.seed + repeat)
     request = Request(cell, lying, policy, runs, choice)
-    of = digest(
-        code(),
-        cell.model_dump_json(),
-        lying.model_dump_json(),
-        weights_digest(policy),
-    )
+    of = digest(code(), cell.model_dump_json(), lying.model_dump_json(), weights_digest(policy))
     return ImagePart(request, of)
 
 

@@ -4,14 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from cell.benchmark.figures import (
-    DASHES,
-    PAGE_WIDTH,
-    colour,
-    desk,
-    smooth,
-    stiffness_colours,
-)
+from cell.benchmark.figures import DASHES, PAGE_WIDTH, colour, desk, smooth, stiffness_colours
 from cell.benchmark.results import Adaptation, CriticalPoints, Curve, Evolution, Laid, Results
 from cell.benchmark.shape_parts import LEVEL_MOTION
 from cell.benchmark.summary import FOLDED_HEIGHT

@@ -47,7 +47,7 @@ def folds(shapes: Mapping[str, Array]) -> str:
         for name, points in shapes.items():
             axes.plot(*(1e3 * points).T, label=name)
         axes.set(xlabel="x  [mm]", ylabel="z  [mm]")
-        axes.legend(loc="upper right")
+        axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0))
         return as_svg(figure)
 
 

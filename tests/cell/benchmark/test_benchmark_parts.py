@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from cell.benchmark.range_parts import FRICTION_EFFECT, EffectPart, RangePart
-from cell.benchmark.shape_parts import (
-    CriticalPart,
-)
+from cell.benchmark.shape_parts import CriticalPart
 from cell.benchmark.side_views import table
 from cell.benchmark.summary import misses_text
 from cell.report.words import NO_VALUE

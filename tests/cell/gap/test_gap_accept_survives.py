@@ -65,10 +65,7 @@ def count_down(left: int) -> None:
 def whole(fit: Fitted) -> tuple[str, str]:
     """Which state each file is in; a file that is neither fails the test."""
     strip, cell = yaml.safe_load(fit.file.read_text()), yaml.safe_load(fit.cell.read_text())
-    return (
-        "new" if strip.get("effects") else "old",
-        "new" if cell.get("effects") else "old",
-    )
+    return ("new" if strip.get("effects") else "old", "new" if cell.get("effects") else "old")
 
 
 def moments(root: Path, prepare: Callable[[Fitted], object], action: Callable[[Fitted], object]):

@@ -18,15 +18,7 @@ from drivers.strip.law import LAW_TERMS, with_law
 from drivers.types import Array
 from drivers.yaml_text import dump_yaml
 from tests.cell.gap import test_gap_engine as engine
-from tests.cell.gap.test_gap_engine import (
-    Curves,
-    bump,
-    candidate,
-    hidden,
-    judged,
-    nothing,
-    wave,
-)
+from tests.cell.gap.test_gap_engine import Curves, bump, candidate, hidden, judged, nothing, wave
 from tests.support.gap_strip_cases import STRIP, denim
 
 

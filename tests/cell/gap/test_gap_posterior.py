@@ -13,14 +13,7 @@ from cell.gap.selection.prior import Beliefs, beliefs, filling_floor
 from cell.gap.selection.screening import probe
 from cell.gap.verdict.confidence import Numbers, calibration
 from drivers.types import Array
-from tests.cell.gap.test_gap_engine import (
-    Curves,
-    bump,
-    fitted,
-    hidden,
-    judged,
-    nothing,
-)
+from tests.cell.gap.test_gap_engine import Curves, bump, fitted, hidden, judged, nothing
 from tests.cell.gap.test_gap_robust import validated
 
 PLAIN = LikelihoodScale(1.0, 1.0)

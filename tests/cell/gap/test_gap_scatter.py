@@ -9,11 +9,7 @@ import pytest
 from cell.gap.diagnosis.next_experiment import repeatability_gains
 from cell.gap.fitting.gauss_newton import refit
 from cell.gap.fitting.model import Model, Point, evidence
-from cell.gap.fitting.reml import (
-    SEARCH,
-    degrees_of_freedom,
-    spreads,
-)
+from cell.gap.fitting.reml import SEARCH, degrees_of_freedom, spreads
 from cell.gap.fitting.tasks import run_one
 from cell.gap.report.sentence import remedies
 from cell.gap.selection.likelihood import LikelihoodScale

@@ -6,11 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.gap.fitting.gauss_newton import (
-    Estimate,
-    final_fit,
-    refit,
-)
+from cell.gap.fitting.gauss_newton import Estimate, final_fit, refit
 from cell.gap.fitting.model import Model, Point, evidence
 from cell.gap.fitting.tasks import run_one
 from cell.gap.subject.subject import Request, Residuals, Scope

@@ -11,9 +11,7 @@ from cell.gap.verdict.schema import Verdict
 from tests.lab.exam.case import Case
 from tests.lab.exam.ledger import Entry, Ledger
 from tests.lab.exam.score import Outcome, oracle, result, score
-from tests.lab.exam.targets import (
-    wilson,
-)
+from tests.lab.exam.targets import wilson
 from tests.support.exam_cases import case, few_runs, named, verdict
 from tests.support.gap_strip_cases import STRIP, denim
 

@@ -12,15 +12,7 @@ from tests.lab.exam.case import Kind
 from tests.lab.exam.cases import Sources
 from tests.lab.exam.diagnosis import FILES, NoVerdict, diagnose, stage
 from tests.lab.exam.ledger import Entry, Ledger
-from tests.lab.exam.run import (
-    JOURNAL,
-    LEDGER,
-    VERDICTS_FOLDER,
-    Quiet,
-    run_exam,
-    spread,
-    summarise,
-)
+from tests.lab.exam.run import JOURNAL, LEDGER, VERDICTS_FOLDER, Quiet, run_exam, spread, summarise
 from tests.support.exam_cases import case, few_runs
 from tests.support.gap_strip_cases import STRIP
 

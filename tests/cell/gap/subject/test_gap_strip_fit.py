@@ -27,9 +27,7 @@ def fitted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Verdict, Path, Pat
     return verdict, root / "out", root / "runs"
 
 
-def test_friction_between_yarns_is_named_with_its_size(
-    fitted: tuple[Verdict, Path, Path],
-) -> None:
+def test_friction_between_yarns_is_named_with_its_size(fitted: tuple[Verdict, Path, Path]) -> None:
     verdict, _, _ = fitted
     assert verdict.verdict == "named"
     assert [effect.name for effect in verdict.effects] == ["bending_hysteresis"]

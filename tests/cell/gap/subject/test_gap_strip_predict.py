@@ -12,15 +12,7 @@ from cell.gap.subject.strip.subject import Strip, open_strip
 from cell.gap.subject.subject import Request
 from drivers.strip.effects import registry
 from drivers.types import Array
-from tests.support.gap_strip_cases import (
-    CELL,
-    STRIP,
-    folds,
-    in_noise,
-    residuals,
-    whitened,
-    written,
-)
+from tests.support.gap_strip_cases import CELL, STRIP, folds, in_noise, residuals, whitened, written
 
 NAMES = ("there-and-back", "fast", "early-shake", "taut-lift")
 HIDDEN: dict[str, tuple[float, ...]] = {

@@ -25,12 +25,7 @@ def measure(case: Values) -> Values:
     with TemporaryDirectory() as place:
         cell = cell_with_twin(case["look"])
         result = fold_strip(
-            case["strip"],
-            "feedback",
-            0,
-            Path(place),
-            cell=cell,
-            calibration=cached_calibration(),
+            case["strip"], "feedback", 0, Path(place), cell=cell, calibration=cached_calibration()
         )
     refused = result.outcome == "preflight_refused"
     failed = [line.split(":")[0] for line in result.reason.splitlines()] if refused else []

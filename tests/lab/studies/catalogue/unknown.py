@@ -17,13 +17,7 @@ from policies.adaptive.bias import untrained_spread
 from policies.adaptive.fabrics import EFFECTS, STRIP_LENGTH, effect, friction, plain
 from policies.adaptive.train.piece import truth
 from policies.adaptive.train.transfer import COVERAGE
-from tests.lab.studies.kit.folds import (
-    QUANTITIES,
-    SIGMAS_95,
-    cell_with_twin,
-    compare,
-    fold_unknown,
-)
+from tests.lab.studies.kit.folds import QUANTITIES, SIGMAS_95, cell_with_twin, compare, fold_unknown
 from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
 
 FRICTION_RANGE = (20.0, 60.0)  # 1/m
