@@ -196,9 +196,8 @@ def _equations(
     start = np.array([p.start for p in parameters])
     without_scatter = r - columns @ np.where(owner >= 0, estimate.z, 0.0)
     prior_pull = prior * (estimate.z - start)
-    common = np.stack(
-        [columns[:, owner == k].sum(axis=1) for k in range(len(usual_spreads))], axis=1
-    )
+    owners = range(len(usual_spreads))
+    common = np.stack([columns[:, owner == k].sum(axis=1) for k in owners], axis=1)
     common_prior = (SEARCH.shared * usual_spreads) ** -2
     weighted = np.concatenate([columns, common], axis=1) * weight[:, None]
     curvature = weighted.T @ weighted + np.diag(np.concatenate([prior, common_prior]))

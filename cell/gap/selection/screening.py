@@ -250,11 +250,10 @@ def ranked_pairs(equations: Table, among: int, least: float = 0.0) -> list[Score
     are screened over all candidates, not over the best single ones. Pairs are looked at closely
     in the order of what they could gain without bounds, until no other can be among the best.
     """
-    pairs = [
-        (float(equations.most(pair).max()), pair) for pair in combinations(equations.probed, 2)
-    ]
+    pairs = combinations(equations.probed, 2)
+    bounds = [(float(equations.most(pair).max()), pair) for pair in pairs]
     scores: list[Score] = []
-    for most, pair in sorted(pairs, key=lambda each: -each[0]):
+    for most, pair in sorted(bounds, key=lambda each: -each[0]):
         if most <= least or (len(scores) >= among and most < scores[among - 1].gain):
             break
         scores = sorted([*scores, _score(equations, pair)], key=lambda s: (-s.gain, s.names))
@@ -280,9 +279,8 @@ def _most_together(form: normal_equations.Normal, groups: Sequence[Columns]) -> 
         most[a] = single[first]  # right for groups of one column; wider ones follow
         for b in (b for b in wide if b > a):
             other = groups[b]
-            schur = (
-                curvature[np.ix_(other, other)] - across[other] @ curvature[np.ix_(columns, other)]
-            )
+            schur = curvature[np.ix_(other, other)]
+            schur = schur - across[other] @ curvature[np.ix_(columns, other)]
             most[a, b] = 0.5 * float(slope[other] @ _inverse(schur) @ slope[other])
         most[a, a] = 0.0
         most[a] += 0.5 * float(gradient[columns] @ inverse @ gradient[columns])
@@ -382,9 +380,8 @@ def _best_mix(
     ]
     signed = [_has_mirror(p.candidate, v) for p, group in chosen for v in p.groups[group]]
     high, zero = np.array(reach), np.zeros(len(columns))
-    form = normal_equations.Normal(
-        equations.form.gradient[columns], equations.form.curvature[np.ix_(columns, columns)]
-    )
+    gradient, curvature = equations.form.gradient, equations.form.curvature
+    form = normal_equations.Normal(gradient[columns], curvature[np.ix_(columns, columns)])
     limits = normal_equations.Bounds(np.where(signed, -high, 0.0), high, zero, zero)
     amounts = normal_equations.bounded_step(form, zero, limits)
     gain = normal_equations.decrease(form, amounts)
@@ -457,10 +454,8 @@ def _smallest(
     """Detectable value of an effect's main parameter, by the probe that shows nearest to it."""
     sizes: list[tuple[float, float | None]] = []
     for group, responses in zip(probed.groups, probed.responses, strict=True):
-        power = (
-            np.diag(projection.form(projection.weigh(responses)).curvature)
-            / likelihood.inefficiency
-        )
+        curvature = projection.form(projection.weigh(responses)).curvature
+        power = np.diag(curvature) / likelihood.inefficiency
         for vector, square in zip(group, power, strict=True):
             if square > LEAST_POWER:
                 sigma = float(np.sqrt(square))

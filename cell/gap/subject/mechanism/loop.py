@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 
-RANK = 1e-6  # of the largest singular value, below which rows of a Jacobian repeat others
-APPROACH = 50  # steps from the stated pose, which closes the loops, to the first measured one
-ROUNDS, CLOSED = 20, 1e-10  # Newton's steps at most, and the gap [m or rad] at which they end
-SHAKEN = 0.01  # rad or m about the stated pose, where no Jacobian is singular by chance
-WORST = 100.0  # condition of N^T B; beyond, as at a dead centre, motors do not move the loop
+RANK_TOLERANCE = 1e-6  # of the largest singular value; smaller rows of a Jacobian repeat others
+APPROACH_STEPS = 50  # from the stated pose, which closes the loops, to the first measured one
+NEWTON_STEPS, GAP_TOLERANCE = 20, 1e-10  # at most; m or rad, at which they end
+PERTURBATION = 0.01  # rad or m about the stated pose, where no Jacobian is singular by chance
+LARGEST_CONDITION = 100.0  # of N^T B; beyond, as at a dead centre, motors do not move the loop
 
 
 def transmissions(model: Any, data: Any) -> Array:
@@ -32,22 +32,24 @@ def transmissions(model: Any, data: Any) -> Array:
 
 
 class Loop:
-    """Loops of a model that a motion of its joints `given` moves; `free` are those that lead.
+    """Closed loops of a model whose joints `inputs` are measured; `free` are those that lead.
 
     Raises ConfigurationError, with the mechanism's `origin`, where motors and freedoms differ.
     """
 
-    def __init__(self, model: Any, given: Sequence[int], origin: str) -> None:
+    def __init__(self, model: Any, inputs: Sequence[int], origin: str) -> None:
         self._model = copy.copy(model)
         off = mujoco.mjtDisableBit
         self._model.opt.disableflags = int(off.mjDSBL_CONTACT | off.mjDSBL_FRICTIONLOSS
                                            | off.mjDSBL_LIMIT)  # fmt: skip
         self._model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         self._data = mujoco.MjData(self._model)
-        near = np.random.default_rng(0).normal(model.qpos0, SHAKEN)
-        freedoms = model.nv - int(np.linalg.matrix_rank(self._jacobian(near)[0], RANK))
-        driven = np.any(transmissions(self._model, self._data), axis=0, keepdims=True)[0]
-        free = [j for j in given if driven[j]] if len(given) == model.nv else list(given)
+        perturbed = np.random.default_rng(0).normal(model.qpos0, PERTURBATION)
+        freedoms = model.nv - int(
+            np.linalg.matrix_rank(self._jacobian(perturbed)[0], RANK_TOLERANCE)
+        )
+        driven = np.asarray(transmissions(self._model, self._data).any(axis=0))
+        free = [j for j in inputs if driven[j]] if len(inputs) == model.nv else list(inputs)
         if len(free) != freedoms or model.nu != freedoms:
             raise ConfigurationError(
                 f"{origin}: model: its closed loops leave {freedoms} freedoms, {model.nu} motors "
@@ -67,35 +69,38 @@ class Loop:
     def close(self, angles: Array) -> Array:
         """Positions (m, n) of all joints where the free ones stand at `angles` (m, free)."""
         q = np.array(self._model.qpos0)
-        approach = np.linspace(q[self.free], angles[0], APPROACH)
-        return np.array([self._closed(q, a) for a in (*approach, *angles)])[APPROACH:]
+        approach = np.linspace(q[self.free], angles[0], APPROACH_STEPS)
+        return np.array([self._closed(q, a) for a in (*approach, *angles)])[APPROACH_STEPS:]
 
     def _closed(self, q: Array, angles: Array) -> Array:
         """Copy of `q` (n,), which is moved on to `angles` (free,) along its branch of assembly."""
         q[self.free] = angles
-        for _ in range(ROUNDS):
+        for _ in range(NEWTON_STEPS):
             jacobian, gap = self._jacobian(q)
-            if np.abs(gap).max() < CLOSED:
+            if np.abs(gap).max() < GAP_TOLERANCE:
                 break
-            q[self._rest] -= np.linalg.pinv(jacobian[:, self._rest], RANK) @ gap
+            q[self._rest] -= np.linalg.pinv(jacobian[:, self._rest], RANK_TOLERANCE) @ gap
         return q.copy()
 
     def maps(self, q: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Along `q` (m, n): forces of motors by torque of a joint (m, actuators, n), motion of all
-        by free joints (m, n, free), and where motors move the loop (m,).
+        """Maps of torques and motions along the positions `q` (m, n).
+
+        Forces of motors by torques of joints (m, actuators, n), motions of all joints by those of
+        the free ones (m, n, free), and whether the motors move the loop there (m,).
         """
-        forces, moves, good = [], [], []
+        forces, motions, movable = [], [], []
         for row in q:
             jacobian, gap = self._jacobian(row)
             allowed = np.zeros((len(row), len(self.free)))
             allowed[self.free] = np.eye(len(self.free))
-            inner = np.linalg.pinv(jacobian[:, self._rest], RANK)
+            inner = np.linalg.pinv(jacobian[:, self._rest], RANK_TOLERANCE)
             allowed[self._rest] = -inner @ jacobian[:, self.free]
             driven = allowed.T @ transmissions(self._model, self._data).T
-            forces.append(np.linalg.pinv(driven, RANK) @ allowed.T)
-            moves.append(allowed)
-            good.append(np.linalg.cond(driven) < WORST and np.abs(gap).max() < np.sqrt(CLOSED))
-        return np.array(forces), np.array(moves), np.array(good)
+            forces.append(np.linalg.pinv(driven, RANK_TOLERANCE) @ allowed.T)
+            motions.append(allowed)
+            closed = np.abs(gap).max() < np.sqrt(GAP_TOLERANCE)
+            movable.append(closed and np.linalg.cond(driven) < LARGEST_CONDITION)
+        return np.array(forces), np.array(motions), np.array(movable)
 
     def gap(self, q: Array) -> float:
         """Root mean square [m or rad] by which positions `q` (m, n) leave the loops open."""
