@@ -1,4 +1,4 @@
-"""HTML page of a benchmark: every figure of the paper, beside the numbers of its text."""
+"""HTML page of a benchmark: the paper's figures of results, beside the numbers of its text."""
 
 import io
 from dataclasses import asdict
@@ -14,16 +14,7 @@ from cell.benchmark.figures import (
     repeats_figure,
     strips_figure,
 )
-from cell.benchmark.photograph import photograph
 from cell.benchmark.results import MissingPart, Results
-from cell.benchmark.side_views import (
-    adaptation_figure,
-    critical_figure,
-    folded_figure,
-    level_figure,
-    measures_figure,
-    policy_figure,
-)
 from cell.benchmark.summary import (
     PAPER_WORST,
     THREE,
@@ -91,7 +82,6 @@ def page_of(results: Results) -> str:
         outside=_outside_sentence(results),
         hidden=_hidden_effects(results),
         figures={name: draw(results) for name, draw in FIGURES.items()},
-        photograph=photograph(results),
         refused=[(r.part, r.reason) for r in results.results if isinstance(r, MissingPart)],
         made_with=_made_with(results),
     )
@@ -164,10 +154,4 @@ FIGURES = {
     "range": range_figure,
     "maps": maps_figure,
     "force": force_figure,
-    "folded": folded_figure,
-    "critical": critical_figure,
-    "level": level_figure,
-    "measures": measures_figure,
-    "policy": policy_figure,
-    "adaptation": adaptation_figure,
 }

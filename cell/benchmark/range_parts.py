@@ -24,13 +24,10 @@ from policies.sensing import IMAGE_SENSING
 
 
 class RecordingEngine:
-    """Engine wrapper that records contacts, holding forces, gripper heights and maybe `shapes`."""
+    """Engine wrapper that records the force at the fixed edge and the gripper's height."""
 
-    def __init__(self, engine: Stepper, *, shapes: bool = False) -> None:
-        self.midlines: list[Array] = []
-        self.contacts: list[Array] = []
+    def __init__(self, engine: Stepper) -> None:
         self._engine = engine
-        self._with_shapes = shapes
         self._forces: list[Array] = []
         self._heights: list[Array] = []
         self._going: list[NDArray[np.bool_]] = []
@@ -49,12 +46,9 @@ class RecordingEngine:
             seen = self._engine.advance(poses, dt)
         else:
             seen = [self._engine.step(pose, dt) for pose in poses][-1]
-        self.contacts.append(seen.contact_x.copy())
         self._forces.append(np.abs(seen.holding_force))
         self._heights.append(poses[-1, :, 1].copy())
         self._going.append(np.array([touch is None for touch in seen.touch]))
-        if self._with_shapes:
-            self.midlines.append(self._engine.shapes().copy())
         return seen
 
     def shapes(self) -> Array:
@@ -64,12 +58,6 @@ class RecordingEngine:
     def arc(self) -> Array:
         """Arc lengths (n, nodes) [m] of the wrapped engine."""
         return self._engine.arc()
-
-    @property
-    def frames(self) -> NDArray[np.int64]:
-        """Number of decisions (n,) of each strip up to and including that of its touch."""
-        lived = np.sum(self._going, axis=0)
-        return np.asarray(np.minimum(lived + 1, len(self._going)), dtype=np.int64)
 
     @property
     def holding_force(self) -> Array:

@@ -16,23 +16,17 @@ QUICK_FABRICS = ("blanket", "denim", "rib-knit")  # stiff, middling, soft and sl
 
 
 class Size(Settings):
-    """Size of a benchmark: numbers of simulated strips, and `heights` [m] of critical points.
+    """Numbers of simulated strips: sides of the `grid` in the rod and in the `chain`, `hidden`.
 
-    `grid` and `chain` are sides of the grids of strips in either engine, `hidden` strips by effect.
+    The last is the number of strips on which each effect is hidden.
     """
 
     grid: int = Field(12, ge=2)
     chain: int = Field(5, ge=2)
-    stiffnesses: int = Field(7, ge=2)
-    dampings: int = Field(5, ge=2)
-    heights: tuple[float, ...] = (0.06, 0.10, 0.14, 0.18, 0.22, 0.26)
-    laid: int = Field(4, ge=1)
     hidden: int = Field(24, ge=2)
 
 
-QUICK = Size(
-    grid=4, chain=2, stiffnesses=3, dampings=2, heights=(0.10, 0.18, 0.26), laid=2, hidden=4
-)
+QUICK = Size(grid=4, chain=2, hidden=4)
 
 
 class BenchmarkSpec(Settings):
@@ -88,9 +82,6 @@ def _check_names(names: tuple[str, ...], known: tuple[str, ...], option: str) ->
 def split(given: str | None) -> tuple[str, ...]:
     """Split a comma-separated list of names such as `denim,blanket`."""
     return tuple(part.strip() for part in (given or "").split(",") if part.strip())
-
-
-Curve = tuple[tuple[float, float], ...]  # x, z [m]
 
 
 def finite_or_none(values: Array) -> tuple[float | None, ...]:
@@ -150,55 +141,6 @@ class EffectFolds(Settings):
     displacement: tuple[float | None, ...]
 
 
-class CriticalPoints(Settings):
-    """Gripper `x` [m] at the first touch of a horizontal motion at `speed` [m/s], or None.
-
-    Axes of `x`: `heights`, `bending_lengths` [m], and `dampings` over the smallest one.
-    """
-
-    kind: Literal["critical"] = "critical"
-    speed: float
-    heights: tuple[float, ...]
-    bending_lengths: tuple[float, ...]
-    dampings: tuple[float, ...]
-    x: tuple[tuple[tuple[float | None, ...], ...], ...]
-
-
-class Evolution(Settings):
-    """Shapes of one strip during a fold at equal time intervals, up to the touch of its layers.
-
-    The touch is at `touch_x` [m] with `displacement` [m]; `headings` [rad] of the gripper's motion.
-    """
-
-    kind: Literal["evolution"] = "evolution"
-    policy: str
-    bending_length: float
-    shapes: tuple[Curve, ...]
-    contacts: tuple[float, ...]
-    headings: tuple[float, ...]
-    path: Curve
-    touch_x: float | None
-    displacement: float | None
-
-
-class Adaptation(Settings):
-    """Gripper `paths` of one policy for strips of rising bending length [m]."""
-
-    kind: Literal["adaptation"] = "adaptation"
-    policy: str
-    bending_lengths: tuple[float, ...]
-    paths: tuple[Curve, ...]
-    displacements: tuple[float | None, ...]
-
-
-class Laid(Settings):
-    """Shape of a folded, released strip at rest, simulated by the chain."""
-
-    kind: Literal["laid"] = "laid"
-    bending_length: float
-    shape: Curve
-
-
 class MissingPart(Settings):
     """A part that was not measured, and the reason."""
 
@@ -207,16 +149,7 @@ class MissingPart(Settings):
     reason: str
 
 
-Result = (
-    ImageFold
-    | RangeFolds
-    | EffectFolds
-    | CriticalPoints
-    | Evolution
-    | Adaptation
-    | Laid
-    | MissingPart
-)
+Result = ImageFold | RangeFolds | EffectFolds | MissingPart
 AnyResult = Annotated[Result, Field(discriminator="kind")]
 
 

@@ -6,19 +6,11 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
 from pydantic import TypeAdapter
 
 import policies
 from cell.benchmark.range_parts import HIDDEN_EFFECTS, EffectPart, RangePart
 from cell.benchmark.results import AnyResult, BenchmarkSpec, ImageFold, MissingPart, Result, Results
-from cell.benchmark.shape_parts import (
-    LEVEL_MOTION,
-    AdaptationPart,
-    CriticalPart,
-    EvolutionPart,
-    LaidPart,
-)
 from cell.calibrating.calibrate import calibration_of
 from cell.campaign.journal import Record, digest
 from cell.campaign.run import Engine, Part, Watcher, carry_out
@@ -30,8 +22,6 @@ from cell.folding.fold import fold
 from cell.folding.request import Request
 from cell.report.words import millimetres
 
-LEVEL_SPEED = 0.02  # m/s, of the level motion
-LEARNED = "feedback"  # the policy that the paper's figures of paths are about
 PART_COST = 10.0
 
 
@@ -83,7 +73,7 @@ def weights_digest(policy: str = "*") -> str:
 
 
 def _simulated_parts(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
-    """Yield the parts without images: ranges, hidden effects, critical points, shapes."""
+    """Yield the parts without images: ranges and hidden effects."""
     extent = spec.extent
     for policy in spec.policies:
         of = digest(code(), weights_digest(policy))
@@ -91,16 +81,6 @@ def _simulated_parts(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
         yield RangePart(policy, "chain", extent.chain, speed, of)
         for effect in HIDDEN_EFFECTS:
             yield EffectPart(policy, effect, extent.hidden, speed, of)
-    of = digest(code())
-    for pace in (LEVEL_SPEED, speed):
-        yield CriticalPart(pace, extent.heights, extent.stiffnesses, extent.dampings, of)
-    for place in np.linspace(0.0, 1.0, extent.laid):
-        yield LaidPart(float(place), of)
-    yield EvolutionPart(LEVEL_MOTION, LEVEL_SPEED, of)
-    if LEARNED in spec.policies:
-        of = digest(code(), weights_digest(LEARNED))
-        yield EvolutionPart(LEARNED, speed, of)
-        yield AdaptationPart(LEARNED, speed, of)
 
 
 def _image_parts(spec: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[Part]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cell.benchmark.results import Laid, Result
 from drivers.errors import ConfigurationError
 
 
@@ -27,9 +26,10 @@ class Fine:
             with self.marks.open("a") as stream:
                 stream.write(self.key + "\n")
         return {
-            "kind": "laid",
-            "bending_length": 0.01 * len(self.key),
-            "shape": ((0.0, 0.0), (0.1, 0.01)),
+            "kind": "effect",
+            "policy": self.key,
+            "effect": "",
+            "displacement": (0.01 * len(self.key),),
         }
 
 
@@ -66,28 +66,6 @@ class Endless(Fine):
     def measure(self) -> Mapping[str, Any]:
         time.sleep(1e6)
         return {}
-
-
-@dataclass(frozen=True)
-class Plain:
-    """A part of a campaign as one of the benchmark, whose result is a model."""
-
-    part: Fine
-
-    @property
-    def key(self) -> str:
-        return self.part.key
-
-    @property
-    def of(self) -> str:
-        return self.part.of
-
-    @property
-    def cost(self) -> float:
-        return self.part.cost
-
-    def measure(self) -> Result:
-        return Laid.model_validate(self.part.measure())
 
 
 class Noted:
