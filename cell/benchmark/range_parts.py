@@ -37,11 +37,11 @@ class RecordingEngine:
         self._engine.reset(models)
 
     def step(self, poses: Array, dt: float) -> Observables:
-        """Step the wrapped engine and record the step."""
+        """Step the wrapped engine to `poses` (n, 3) and record the step."""
         return self.advance(poses[None], dt)
 
     def advance(self, poses: Array, dt: float) -> Observables:
-        """Advance the wrapped engine and record the last step."""
+        """Advance the wrapped engine through `poses` (steps, n, 3) and record the last step."""
         if isinstance(self._engine, MultiStepper):
             seen = self._engine.advance(poses, dt)
         else:
