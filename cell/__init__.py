@@ -3,32 +3,35 @@
 `import cell` offers the functions of `cell.api`; they are imported when one is used.
 """
 
-# ruff: noqa: F403, F405  mypy reads the names
 import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cell.api import *
+    from cell.api import (
+        accept,
+        check,
+        compare,
+        effects,
+        export_runs,
+        fit_gap,
+        fold,
+        import_runs,
+        list_runs,
+        observe,
+        predict,
+        read_calibration,
+        read_run,
+        read_strip,
+        read_verdict,
+        table,
+        undo,
+    )  # fmt: skip
 
 __all__ = (
-    "accept",
-    "check",
-    "compare",
-    "effects",
-    "export_runs",
-    "fit_gap",
-    "fold",
-    "import_runs",
-    "list_runs",
-    "observe",
-    "predict",
-    "read_calibration",
-    "read_run",
-    "read_strip",
-    "read_verdict",
-    "table",
-    "undo",
-)
+    "accept", "check", "compare", "effects", "export_runs", "fit_gap", "fold", "import_runs",
+    "list_runs", "observe", "predict", "read_calibration", "read_run", "read_strip",
+    "read_verdict", "table", "undo",
+)  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

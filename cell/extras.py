@@ -2,7 +2,7 @@
 
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib.metadata import PackageNotFoundError, requires
 from importlib.util import find_spec
 from types import MappingProxyType
@@ -29,11 +29,21 @@ def require_library(module: str) -> None:
 
 def missing_library(module: str) -> ConfigurationError:
     """Error for the optional library `module`: what needs it, and how to install it here."""
-    wanted = " ".join(f"'{each}'" for each in _requirements(module))
     return ConfigurationError(
         f"{FEATURES[module]} needs the library {module}, which is not installed here; install it "
-        f"with `{sys.executable} -m pip install {wanted}`"
+        f"with `{pip_line([module])}`"
     )
+
+
+def missing_features() -> Mapping[str, str]:
+    """Optional libraries that are not installed, and what each is needed for."""
+    return {module: use for module, use in FEATURES.items() if find_spec(module) is None}
+
+
+def pip_line(modules: Iterable[str]) -> str:
+    """Command that installs the optional libraries `modules` here."""
+    wanted = dict.fromkeys(each for module in modules for each in _requirements(module))
+    return f"{sys.executable} -m pip install {' '.join(map(repr, wanted))}"
 
 
 def _requirements(module: str) -> list[str]:

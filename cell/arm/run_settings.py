@@ -2,15 +2,17 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeVar
 
 from cell.config.cell import CellFile
-from cell.config.settings import FoldSettings
+from cell.config.settings import CellSettings, FoldSettings
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import is_real
 from drivers.errors import PreflightRefused
 from drivers.installation import MotionLimits
 from drivers.settings import parse
 
+S = TypeVar("S", bound=CellSettings)
 FIRST_RUN_SPEED = 0.1  # share of the configured speeds at which first runs are made
 LEAST_SPEED = 0.005  # m/s, the least that FoldSettings allows
 TIME_LIMITS = {"duration": 900.0, "state_duration": 300.0}  # s, that a slow run may be given
@@ -89,7 +91,7 @@ def settings_of_run(
     return suit_to_arm(settings, choice)
 
 
-def at_speed(settings: CellFile, speed: float | None) -> CellFile:
+def at_speed(settings: S, speed: float | None) -> S:
     """Copy of the cell's settings with path speed `speed` [m/s]; unchanged if it is None.
 
     Raises ConfigurationError for a speed outside its limits.

@@ -202,7 +202,8 @@ def calibrate_homography(
 @calibrate.command(name="check")
 def calibrate_check(
     file: Annotated[
-        Path | None, typer.Argument(help="calibration.yaml [default: the one that folds use].")
+        Path | None,
+        typer.Argument(metavar="FILE", help="calibration.yaml [default: the one that folds use]."),
     ] = None,
     arm: Arm = None,
     full_speed: FullSpeed = False,

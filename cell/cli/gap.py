@@ -12,7 +12,7 @@ import typer
 
 from cell.cli.gap_plan import near, plan, strip_file
 from cell.cli.gap_rehearse import rehearse
-from cell.cli.options import Configs, Json, say
+from cell.cli.options import Configs, Json, RunFolders, say
 
 if TYPE_CHECKING:
     from cell.gap.verdict.schema import Verdict
@@ -24,7 +24,6 @@ gap = typer.Typer(
 gap.command()(plan)
 gap.command()(rehearse)
 
-RunFolders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")]
 Strip = Annotated[
     str | None,
     typer.Option("--strip", help="Strip by name, or a path to its file (or a pendulum's)."),
@@ -65,6 +64,7 @@ def fit(
     """Refit, localise, name, and judge on held-out runs; says so when it cannot decide."""
     file = _single_file(strip, model, configs, subject)
     from cell.gap.fit import fit as judge
+    from cell.gap.opening import option_for
     from cell.gap.report.overlay import write_overlay
     from cell.gap.verdict.accept import LAW_PATCH
 
@@ -80,9 +80,7 @@ def fit(
         return
     files = [f"  {out / name}" for name in ("report.html", "overlay.rrd")]
     law = (out / LAW_PATCH).is_file()
-    option = f"--model {model}" if model is not None else f"--strip {file}"
-    option = option if subject is None else f"--subject {subject}"
-    following = f"next: {_next_command(verdict, out, option, law=law)}"
+    following = f"next: {_next_command(verdict, out, option_for(file), law=law)}"
     sys.stdout.write("\n".join([*_verdict_lines(verdict), *files, following]) + "\n")
 
 

@@ -7,14 +7,14 @@ from typing import Annotated
 
 import typer
 
-from cell.cli.options import Cluster, Configs, Json, engine, resumable
+from cell.cli.options import Cluster, Configs, Json, RunFolders, Strip, engine, resumable
 
 COPY_TIMEOUT = 3600.0  # s of a copy
 
 
 def rehearse(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")],
-    strip: Annotated[str, typer.Option(help="Strip by name, or a path to its .yaml file.")],
+    runs: RunFolders,
+    strip: Strip,
     out: Annotated[Path, typer.Option("--out", help="Folder of plan, outcomes and page.")],
     excess: Annotated[
         float, typer.Option(min=0.3, max=20.0, help="Gap that a hidden effect leaves, in noise.")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from cell.cli.options import Configs, Json, busy, print_json
+from cell.cli.options import Configs, Json, RunFolders, busy, print_json
 from cell.report.words import plural
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ def import_runs(
     places: Annotated[
         list[Path],
         typer.Argument(
-            metavar="PLACE...",
+            metavar="PLACE",
             help="A folder with the tables of a run, an MCAP file, or a LeRobot data set.",
         ),
     ],
@@ -54,7 +54,7 @@ def _summary(run: "Run") -> str:
 
 
 def export_runs(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")],
+    runs: RunFolders,
     out: Annotated[Path, typer.Option(help="New folder for the files.")],
     kind: Annotated[
         Literal["lerobot", "mcap", "csv"],

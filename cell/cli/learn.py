@@ -21,10 +21,16 @@ LONGEST_EDGES = 0.1  # m, of an offset by a ruler
 def learn(
     what: Annotated[
         str,
-        typer.Argument(help="show, list, forget, off, on, or a run that was measured by a ruler."),
+        typer.Argument(
+            metavar="WHAT",
+            help="show, list, forget, off, on, or a run that was measured by a ruler.",
+        ),
     ] = "show",
     run: Annotated[
-        Path | None, typer.Argument(help="With forget: the one run to forget, as `list` names it.")
+        Path | None,
+        typer.Argument(
+            metavar="RUN", help="With forget: the one run to forget, as `list` names it."
+        ),
     ] = None,
     edges: Annotated[
         str | None, typer.Option(help="Offset of the run's laid edges by a ruler, as 3.5mm.")

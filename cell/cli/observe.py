@@ -10,7 +10,9 @@ from cell.cli.options import Configs, Json, Strip, busy, check_names, print_json
 
 
 def observe(
-    film: Annotated[Path, typer.Argument(help="Film of a fold by a camera that stands still.")],
+    film: Annotated[
+        Path, typer.Argument(metavar="FILM", help="Film of a fold by a camera that stands still.")
+    ],
     calibration: Annotated[
         Path, typer.Option(help="Calibration of that camera at that place, from `cell calibrate`.")
     ],

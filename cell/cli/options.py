@@ -132,6 +132,12 @@ Strip = Annotated[
 ]
 Arm = Annotated[str | None, _choice_of("Arm", arm_names())]
 Camera = Annotated[str | None, _choice_of("Camera", camera_names())]
+Run = Annotated[
+    Path, typer.Argument(metavar="RUN", parser=run_folder, help="A run folder, or last.")
+]
+RunFolders = Annotated[
+    list[Path], typer.Argument(metavar="RUN", parser=run_folder, help="Run folders.")
+]
 Runs = Annotated[Path, typer.Option("--runs", help="Folder in which runs are recorded.")]
 Configs = Annotated[
     Path | None,

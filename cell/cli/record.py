@@ -7,18 +7,16 @@ from typing import Annotated
 
 import typer
 
-from cell.cli.options import Json, busy, run_folder, say
+from cell.cli.options import Json, Run, RunFolders, busy, run_folder, say
 from cell.record.files import CALIBRATION, is_run
 from drivers.errors import ConfigurationError
-
-Run = Annotated[Path, typer.Argument(parser=run_folder, help="A run folder, or last.")]
 
 
 def report(
     runs: Annotated[
         list[Path],
         typer.Argument(
-            metavar="RUN...",
+            metavar="RUN",
             parser=run_folder,
             help="Run folders, the ends of their names, or last; or the file of a calibration.",
         ),
@@ -75,7 +73,7 @@ TAG = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 def note(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")],
+    runs: RunFolders,
     tag: Annotated[list[str] | None, typer.Option(help="A tag to add; repeatable.")] = None,
     untag: Annotated[list[str] | None, typer.Option(help="A tag to remove; repeatable.")] = None,
     text: Annotated[str | None, typer.Option(help="The note, in place of an earlier one.")] = None,

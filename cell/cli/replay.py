@@ -1,17 +1,11 @@
 """The command `cell replay`: repeats perception and decisions of a run on its stored images."""
 
 import sys
-from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from cell.cli.options import Json, busy, print_json
+from cell.cli.options import Json, Run, busy, print_json
 
 
-def replay(
-    run: Annotated[Path, typer.Argument(help="A run folder of the cell.")], as_json: Json = False
-) -> None:
+def replay(run: Run, as_json: Json = False) -> None:
     """Repeat a run's perception and decisions from its record; exit code 1 if a result differs."""
     with busy("repeating perception and decisions from the record"):
         from cell.folding.replay import replay as decide_again

@@ -20,6 +20,7 @@ def checks(
 ) -> Iterator[Check]:
     """Yield each check that the configured hardware needs; that of the network takes `seconds`."""
     yield machine.versions()
+    yield machine.extras()
     why = "nothing is done by a file that cannot be read"
     try:
         settings, names = configs.cell(), configs.strip_names()
@@ -39,7 +40,6 @@ def hardware_checks(
     """Yield each check of machine, calibration, robot and camera; the network takes `seconds`."""
     yield machine.disk(runs)
     yield machine.cores()
-    yield machine.viewer()
     yield devices.calibration(settings, on_twin=not real_camera(settings, choice))
     yield from _arm(settings, choice, seconds)
     if real_camera(settings, choice):

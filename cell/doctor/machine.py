@@ -5,10 +5,10 @@ import platform
 import resource
 import shutil
 from importlib.metadata import PackageNotFoundError, version
-from importlib.util import find_spec
 from pathlib import Path
 
 from cell.doctor.check import Check, State
+from cell.extras import missing_features, pip_line
 
 NEEDED_PACKAGES = ("mujoco", "numpy", "opencv-python-headless", "ruckig", "rerun-sdk")
 RUN_GB, ROOM_GB = 1.0, 10.0  # GB below which nothing is recorded, and from which all is well
@@ -104,9 +104,10 @@ def throttling() -> Check:
     return Check("throttling", State.WARN if limited and few else State.PASS, found, why, remedy)
 
 
-def viewer() -> Check:
-    """Check whether Rerun's viewer can show a fold live."""
-    why = "`--viz live` shows a fold in it; recordings are written without it"
-    if find_spec("rerun_cli") is not None:
-        return Check("viewer", State.PASS, "Rerun's viewer is installed", why)
-    return Check("viewer", State.WARN, "not installed", why, "pip install rerun-sdk")
+def extras() -> Check:
+    """Check which optional libraries are missing; what needs none of them works without."""
+    lost, why = missing_features(), "only what stands in brackets needs it"
+    if not lost:
+        return Check("extras", State.PASS, "all optional libraries are installed", why)
+    found = ", ".join(f"{module} ({use})" for module, use in lost.items())
+    return Check("extras", State.WARN, f"missing: {found}", why, pip_line(lost))

@@ -1,17 +1,18 @@
 """Feasibility of a fold in its cell, checked from files before anything moves."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import product
 from math import hypot
 
 import numpy as np
 
 from calibration.calibration import Calibration
+from cell.arm.run_settings import LEAST_SPEED, at_speed
 from cell.config.settings import CellSettings
 from cell.devices.fold_path import largest_speed, whole_path
 from cell.perception.preflight import check_scope
 from drivers.arm.obstacles import require_clear
-from drivers.errors import CellError, Fault, PreflightRefused
+from drivers.errors import CellError, ConfigurationError, Fault, PreflightRefused
 from drivers.installation import Installation, MotionLimits
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
@@ -47,11 +48,17 @@ def check_feasible(
     """
     folds = _simulate(settings, strip, policy)
     path = gripper_path(settings, strip, policy, folds)
-    carry = path[APPROACH_POINTS - 1 : -RETREAT_POINTS]  # from the grasp on
+    grasp, end = APPROACH_POINTS - 1, -RETREAT_POINTS
+    carry = path[grasp:end]
+
+    def carry_at(speed: float) -> Array:
+        slower = at_speed(settings, speed)
+        return gripper_path(slower, strip, policy, _simulate(slower, strip, policy))[grasp:end]
+
     problems = [
         *(check.sentence() for check in check_scope(strip) if not check.passed),
         *_height_problems(settings, strip, policy),
-        *path_problems(path, carry, settings, limits),
+        *path_problems(path, carry, settings, limits, carry_at),
         *_reach_problems(path, settings.installation),
         *_view_problems(path, strip, calibration),
         *(_desk_collisions(carry, settings, strip, desk) if desk else ()),
@@ -62,30 +69,39 @@ def check_feasible(
 
 
 def path_problems(
-    places: Array, carry: Array, settings: CellSettings, limits: MotionLimits
+    places: Array,
+    carry: Array,
+    settings: CellSettings,
+    limits: MotionLimits,
+    carry_at: Callable[[float], Array],
 ) -> Iterator[str]:
     """Reasons why an arm within `limits` cannot follow a fold, a line each; none where it can.
 
-    The gripper comes to `places` (n, 2) [m], and carries the strip along `carry` (k, 2) [m].
+    The gripper comes to `places` (n, 2) [m], and carries the strip along `carry` (k, 2) [m];
+    `carry_at` another speed [m/s] is the path of that fold.
     """
     yield from _workspace_problems(places, settings.installation)
-    fits = largest_speed(carry, limits)
-    if settings.fold.speed > fits:
-        yield (
-            f"speed: the path at {settings.fold.speed:g} m/s is over the arm's limits of velocity, "
-            f"acceleration or jerk, allowed at most {_rounded_down(fits):g} m/s; lower fold.speed, "
-            "or raise installation.limits in cell.yaml"
-        )
+    speed = settings.fold.speed
+    over = f"speed: the path at {speed:g} m/s is over the arm's limits of velocity, acceleration "
+    over += "or jerk"
+    try:
+        while speed > (fits := largest_speed(carry, limits)):  # a slower path is another path
+            speed = np.floor(1e4 * fits) / 1e4
+            carry = carry_at(max(speed, LEAST_SPEED))
+    except ConfigurationError as unknown:
+        yield f"{over}; slower, {unknown}"
+    else:
+        if settings.fold.speed > speed:
+            yield (
+                f"{over}, allowed at most {speed:g} m/s; lower fold.speed, or raise "
+                "installation.limits in cell.yaml"
+            )
     slowest = min(limits.x.velocity, limits.z.velocity)
     if settings.fold.lay_speed > slowest:
         yield (
             f"lay_speed: {settings.fold.lay_speed:g} m/s is over the arm's limits, allowed at most "
             f"{slowest:g} m/s; lower fold.lay_speed, or raise installation.limits in cell.yaml"
         )
-
-
-def _rounded_down(speed: float) -> float:
-    return float(np.floor(1e4 * speed) / 1e4)
 
 
 def _desk_collisions(

@@ -10,13 +10,13 @@ import numpy as np
 
 from calibration.calibration import load_calibration
 from cell.arm.arm_prediction import ArmPrediction, predict_arm
+from cell.arm.run_settings import at_speed
 from cell.calibrating.calibration_in_use import check_current
 from cell.config.cell import CellFile
 from cell.devices.open import real_camera
 from cell.folding.feasible import corner_strips, path_problems
 from cell.folding.request import Request
 from drivers.errors import ConfigurationError
-from drivers.installation import MotionLimits
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
@@ -72,7 +72,7 @@ def predict(request: Request) -> Prediction:
     _check_calibration(settings, request)
     folds = simulate_policy(request, settings, [strip, *corner_strips(strip)])
     reach = _reach(folds)
-    _check_path(folds, settings, strip, request.choice.motion_limits(settings))
+    _check_path(folds, request)
     nominal, spread = folds.displacement[0], folds.displacement[folds.touched]
     return Prediction(
         strip=strip.name,
@@ -134,9 +134,17 @@ def _reach(folds: Folds) -> tuple[float, float, float, float]:
     return float(low[0]), float(high[0]), float(low[1]), float(high[1])
 
 
-def _check_path(folds: Folds, settings: CellFile, strip: StripFile, limits: MotionLimits) -> None:
-    """Raise ConfigurationError where an arm within `limits` cannot follow all of `folds`."""
-    carry = np.vstack([(strip.length, 0.0), folds.trace[:, 0]])
-    problems = list(path_problems(folds.trace.reshape(-1, 2), carry, settings, limits))
+def _check_path(folds: Folds, request: Request) -> None:
+    """Raise ConfigurationError where the arm of `request` cannot follow all of its `folds`."""
+    settings, strip = request.cell, request.strip
+
+    def carry(of: Folds) -> Array:
+        return np.vstack([(strip.length, 0.0), of.trace[:, 0]])
+
+    def carry_at(speed: float) -> Array:
+        return carry(simulate_policy(request, at_speed(settings, speed), [strip]))
+
+    limits, places = request.choice.motion_limits(settings), folds.trace.reshape(-1, 2)
+    problems = list(path_problems(places, carry(folds), settings, limits, carry_at))
     if problems:
         raise ConfigurationError("\n".join(problems))

@@ -27,5 +27,11 @@ def open_subject(
         subject = open_mechanism(file, runs, jobs, without)
     else:
         raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: strip, pendulum, mechanism")
-    subject.option = f"--{'strip' if kind == 'strip' else 'model'} {file}"
+    subject.option = option_for(file)
     return subject
+
+
+def option_for(file: Path) -> str:
+    """Option by which every command of the gap takes the strip or mechanism in `file`."""
+    is_strip = read_yaml(file).get("kind", "strip") == "strip"
+    return f"--{'strip' if is_strip else 'model'} {file}"

@@ -62,9 +62,9 @@ def read_photographs(paths: Sequence[Path], overhangs: Sequence[float]) -> list[
     for overhang in overhangs:
         if not SHORTEST_OVERHANG <= overhang <= LONGEST_OVERHANG:
             raise ConfigurationError(
-                f"--overhang: {overhang:g} m is out of range; allowed: {SHORTEST_OVERHANG:g} to "
-                f"{LONGEST_OVERHANG:g} m, from the ledge to the tip along the strip; write one as "
-                "150mm or 0.15m"
+                f"--overhang: is {overhang:g} m, must be at least {SHORTEST_OVERHANG:g} m and at "
+                f"most {LONGEST_OVERHANG:g} m, from the ledge to the tip along the strip; if "
+                f"{overhang:g} is in mm, write {overhang:g}mm"
             )
     return [read_photograph(*pair) for pair in zip(paths, overhangs, strict=True)]
 

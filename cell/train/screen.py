@@ -15,7 +15,7 @@ from cell.campaign.progress import clock
 from cell.train.evaluation import EffectErrors, Engine, Evaluation
 
 RECENT = 30  # steps from whose times the time left is estimated
-LINES = 20  # printed in a whole training where there is no terminal
+LINES = 20  # printed of a training, and of its evaluation, where there is no terminal
 Table = tuple[Sequence[str], Sequence[Sequence[str]], str]
 ENGINE_NAMES = {Engine.ROD: "rod (the model)", Engine.CHAIN: "chain (the plant)"}
 
@@ -52,15 +52,18 @@ class Meter:
         self._times.append(time.monotonic())
         step = median(after - before for before, after in pairwise(self._times))
         text = f"{text}  {clock((self._total - done) * step)} left"
-        self._bar.update(self._task, completed=done, description=text)
-        due = done % max(1, self._total // LINES) == 0 or done == self._total
-        if due and not self._console.is_terminal:
-            self._console.print(text, highlight=False, soft_wrap=True)
+        self._advance(done, self._total, text)
 
     def show_evaluation(self, done: int, pieces: int) -> None:
         """Show that `done` of `pieces` of the final evaluation are done."""
         text = f"folds strips that training never folded: {done} of {pieces} pieces"
-        self._bar.update(self._task, total=pieces, completed=done, description=text)
+        self._advance(done, pieces, text)
+
+    def _advance(self, done: int, total: int, text: str) -> None:
+        self._bar.update(self._task, total=total, completed=done, description=text)
+        due = done % max(1, total // LINES) == 0 or done == total
+        if due and not self._console.is_terminal:
+            self._console.print(text, highlight=False, soft_wrap=True)
 
 
 def tables(evaluations: Sequence[Evaluation], errors: Sequence[EffectErrors]) -> Iterator[Table]:

@@ -162,7 +162,7 @@ def test_what_is_refused_at_once_and_what_folds_import_nothing_heavy(
         (("jog",), "--x, --z, --pitch: give one at least"),
         (("jog", "--zz", "1"), "no such option: --zz"),
         (("jog", "--arm", "fcii"), "invalid value for '--arm': 'fcii' is not one of 'twin', 'fci'"),
-        (("note",), "missing argument 'RUN...'; `cell note --help` lists what goes"),
+        (("note",), "missing argument 'RUN'; `cell note --help` lists what goes"),
         (("runs", "one", "two"), "got unexpected extra argument(s) (one two); `cell runs --help`"),
         (("runs", "place"), "lists what goes; a folder of runs goes after `--runs`"),
         (("gap", "fti"), "no such command 'fti'"),

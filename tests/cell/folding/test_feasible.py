@@ -12,12 +12,12 @@ import pytest
 from calibration.calibration import Calibration
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
-from cell.devices.fold_path import triangle
 from cell.folding.feasible import check_feasible, corner_strips, path_problems
 from cell.folding.fold import fold_with
 from cell.folding.prediction import predict
 from drivers.errors import ConfigurationError, PreflightRefused
 from drivers.installation import AxisLimits, MotionLimits, Mounting
+from drivers.types import Array
 from policies.registry import make_policy
 from tests.support.requests import request_for
 from tests.support.twin_calibration import twin_calibration
@@ -94,14 +94,17 @@ def test_path_over_the_arm_s_limits_is_refused_with_the_speed_that_fits(
     assert says in str(dry_run.value)
 
 
-def test_speeds_that_a_refusal_states_are_followed_on_that_path() -> None:
+def test_speeds_that_a_refusal_states_are_followed_on_the_path_of_that_speed() -> None:
+    def path(speed: float) -> Array:
+        return np.array([(0.6, 0.0), (0.3, 0.8 - 5 * speed), (0.0, 0.0)])  # slower is steeper
+
     slow = AxisLimits(velocity=0.07, acceleration=4.0, jerk=100.0)
-    cell, path, limits = find_configs(None).cell().controller, triangle(0.6), MotionLimits(x=slow)
-    said = "\n".join(path_problems(path, path, cell, limits))
+    cell, limits, fast = find_configs(None).cell().controller, MotionLimits(z=slow), path(0.1)
+    said = "\n".join(path_problems(fast, fast, cell, limits, path))
     stated = dict(re.findall(r"^(\w*speed): .* at most ([.0-9]+) m/s", said, re.MULTILINE))
     fold = cell.fold.model_copy(update={name: float(speed) for name, speed in stated.items()})
-    slower = cell.model_copy(update={"fold": fold})
-    assert not [*path_problems(path, path, slower, limits)]
+    slower, steep = cell.model_copy(update={"fold": fold}), path(fold.speed)
+    assert [*path_problems(steep, steep, slower, limits, path)] == []
 
 
 @pytest.mark.parametrize(("away", "refused"), [(0.782, False), (0.788, True)])
