@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from google.protobuf.descriptor_pb2 import UninterpretedOption
 from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 from mcap_ros2.writer import Writer as RosWriter
@@ -22,6 +23,7 @@ from tests.cell.exchange.test_import_runs import T, X, Z, in_metres, plain
 
 MOMENTS = [round((t + 7.0) * 1e9) for t in T]
 ROWS = list(zip(MOMENTS, X, Z, strict=True))
+MICROMETRES = {"x": {"unit": "um"}, "z": {"unit": "um", "reversed": True}}
 
 
 def how(place: Path, file: str, names: tuple[str, ...], **change: Any) -> Path:
@@ -51,6 +53,19 @@ def protobuf(file: BinaryIO) -> None:
     writer.finish()
 
 
+def integers(file: BinaryIO) -> None:
+    """Lengths as integers of 64 bits [um], with and without sign."""
+    writer = Writer(file)
+    writer.start()
+    schema = register_schema(writer, UninterpretedOption)
+    place = writer.register_channel("/tip", "protobuf", schema)
+    for at, x, z in ROWS:
+        lengths = {"positive_int_value": round(1e6 * x), "negative_int_value": round(-1e6 * z)}
+        message = UninterpretedOption(double_value=at / 1e9, **lengths)
+        writer.add_message(place, at, message.SerializeToString(), at)
+    writer.finish()
+
+
 def ros(file: BinaryIO) -> None:
     writer = RosWriter(file)
     schema = writer.register_msgdef("own/Tip", "builtin_interfaces/Time stamp\nfloat64[3] point")
@@ -73,17 +88,19 @@ def mixed(file: BinaryIO, encodings: tuple[str, ...] = ("json", "json", "cbor"))
 
 
 @pytest.mark.parametrize(
-    ("write", "names"),
+    ("write", "names", "change"),
     [
-        (protobuf, ("timestamp", "pose.position.x", "pose.position.z")),
-        (ros, ("stamp", "point.0", "point.2")),
-        (mixed, ("log_time", "q.0", "q.1")),
+        (protobuf, ("timestamp", "pose.position.x", "pose.position.z"), {}),
+        (integers, ("double_value", "positive_int_value", "negative_int_value"), MICROMETRES),
+        (ros, ("stamp", "point.0", "point.2"), {}),
+        (mixed, ("log_time", "q.0", "q.1"), {}),
     ],
 )
-def test_messages_of_other_programs_are_read(tmp_path, write, names) -> None:
+def test_messages_of_other_programs_are_read(tmp_path, write, names, change) -> None:
     with (tmp_path / "a.mcap").open("wb") as file:
         write(file)
-    same(*import_runs([tmp_path / "a.mcap"], how(tmp_path, "/tip", names), tmp_path / "runs"))
+    mapping = how(tmp_path, "/tip", names, **change)
+    same(*import_runs([tmp_path / "a.mcap"], mapping, tmp_path / "runs"))
 
 
 def test_an_encoding_that_is_not_read_is_named(tmp_path: Path) -> None:
@@ -98,10 +115,11 @@ def test_paths_and_names_of_a_data_set_are_those_that_it_states(tmp_path: Path) 
     [root] = export_runs(made, "lerobot", tmp_path / "out")
     info = json.loads((root / "meta/info.json").read_text())
     info["data_path"] = "frames-{file_index:04d}-{chunk_index}.parquet"
-    info["features"]["observation.state"]["names"] = {"motors": ["pan.pos", "lift.pos"]}
+    motors = ["shoulder_lift.pos", "elbow_flex.pos"]
+    info["features"]["observation.state"]["names"] = {"motors": motors}
     (root / "meta/info.json").write_text(json.dumps(info))
     (root / "data/chunk-000/file-000.parquet").rename(root / "frames-0000-0.parquet")
-    names = ("stamp", "observation.state.pan.pos", "observation.state.lift.pos")
+    names = ("timestamp", *(f"observation.state.{motor}" for motor in motors))
     same(*import_runs([root], how(tmp_path, "episode", names), tmp_path / "back"))
     (root / "meta/info.json").write_text(json.dumps(info | {"data_path": "../{file_index}"}))
     with pytest.raises(ConfigurationError, match="leads out of the data set"):
