@@ -18,6 +18,7 @@ ORIGIN = "origin"  # kind of the event at t = 0 of the run's tables
 LIFT = "lift"  # of that at t = 0 of its streams and images, where that is another moment
 LATEST = 1e9  # s, of an event
 PREDICTED = "foretold"  # kind of the events
+EVERY_FRAME = frozenset({"decision", PREDICTED})  # kinds that are too many for a log
 BELIEFS = ("bending_length", "retardation_time", "yield_curvature")
 COLUMN_NAMES = tuple(
     name + end for name in ("displacement", *BELIEFS) for end in ("", "_low", "_high")
@@ -41,6 +42,14 @@ def read_events(folder: Path) -> tuple[Event, ...]:
     return tuple(
         Event(_time(line.pop("t", None)), str(line.pop("kind", "")), line) for line in lines
     )
+
+
+def log_text(kind: str, facts: Mapping[str, Any]) -> str:
+    """Text of an event in one line."""
+    if set(facts) == {"state", "event"}:
+        return f"{facts['state']}, after {facts['event']}"
+    text = ", ".join([kind, *(f"{key} {value}" for key, value in facts.items())])
+    return text if len(text) <= 300 else f"{text[:297]}..."
 
 
 def origin_of(events: Iterable[Event]) -> float:

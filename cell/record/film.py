@@ -1,6 +1,7 @@
 """Reading and writing of films: images with the time of each."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -35,25 +36,45 @@ class Film:
 
         Raises ConfigurationError for a file that is missing or no film.
         """
+        with _opened(self.path) as container:
+            begin: float | None = None
+            for number, picture in enumerate(container.decode(video=0)):
+                stamp = _stamp(picture, self.path)
+                begin = stamp if begin is None else begin
+                image = _upright(picture, self.path)
+                yield Frame(stamp - begin, stamp - begin, self.path.name, number, image)
+
+    def packets(self) -> Iterator[bytes]:
+        """Encoded images of an H.264 film in order, as a stream of bytes (its Annex B).
+
+        Raises ConfigurationError for a file that is missing or no such film.
+        """
         import av
 
-        if not self.path.is_file():
-            what = "is a folder; name a film in it" if self.path.is_dir() else "is not there"
-            raise ConfigurationError(f"{self.path}: {what}")
-        try:
-            with av.open(str(self.path)) as container:
-                if not container.streams.video:
-                    raise ConfigurationError(f"{self.path}: holds no picture track")
-                begin: float | None = None
-                for number, picture in enumerate(container.decode(video=0)):
-                    stamp = _stamp(picture, self.path)
-                    begin = stamp if begin is None else begin
-                    image = _upright(picture, self.path)
-                    yield Frame(stamp - begin, stamp - begin, self.path.name, number, image)
-        except (av.FFmpegError, OSError) as error:
-            raise ConfigurationError(
-                f"{self.path}: cannot be read as a film: {error.strerror or error}"
-            ) from None
+        with _opened(self.path) as container:
+            stream = container.streams.video[0]
+            to_bytes = av.BitStreamFilterContext("h264_mp4toannexb", stream)
+            for packet in container.demux(stream):
+                yield from map(bytes, to_bytes.filter(packet))
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """Open the film at `path`; ConfigurationError for what cannot be read."""
+    import av
+
+    if not path.is_file():
+        what = "is a folder; name a film in it" if path.is_dir() else "is not there"
+        raise ConfigurationError(f"{path}: {what}")
+    try:
+        with av.open(str(path)) as container:
+            if not container.streams.video:
+                raise ConfigurationError(f"{path}: holds no picture track")
+            yield container
+    except (av.FFmpegError, OSError) as error:
+        raise ConfigurationError(
+            f"{path}: cannot be read as a film: {error.strerror or error}"
+        ) from None
 
 
 def _upright(picture: Any, path: Path) -> Image:
@@ -136,14 +157,11 @@ def index_film(path: Path) -> None:
 
     if path.suffix != ".mp4":
         return
-    try:
-        with replacing(path) as scratch, av.open(str(path)) as old:
-            form = {"format": "mp4", "options": {"movflags": "faststart"}}
-            with av.open(str(scratch), "w", **form) as new:
-                stream = new.add_stream_from_template(old.streams.video[0], opaque=True)
-                for packet in old.demux(video=0):
-                    if packet.dts is not None:
-                        packet.stream = stream
-                        new.mux(packet)
-    except (av.FFmpegError, OSError, IndexError) as error:
-        raise ConfigurationError(f"{path}: cannot be read as a film: {error}") from None
+    with replacing(path) as scratch, _opened(path) as old:
+        form = {"format": "mp4", "options": {"movflags": "faststart"}}
+        with av.open(str(scratch), "w", **form) as new:
+            stream = new.add_stream_from_template(old.streams.video[0], opaque=True)
+            for packet in old.demux(video=0):
+                if packet.dts is not None:
+                    packet.stream = stream
+                    new.mux(packet)

@@ -148,6 +148,11 @@ class Run:
         """Index entries of all processed images, in order; none in a laboratory's run."""
         return read_index(self.folder)
 
+    def film_stamps(self) -> dict[int, float]:
+        """Stamps [s] of the images of the run's film by their number in it; none without a film."""
+        notes = self.frame_index() if (self.folder / FILM).is_file() else ()
+        return {note.film: note.stamp for note in notes if note.film is not None}
+
     def frames(self) -> Iterator[Frame]:
         """The kept images of the run, each verified against its hash; a lenient run skips others.
 

@@ -1,13 +1,16 @@
 """Export of runs as MCAP files with exact stamps, and import of any MCAP file, even truncated.
 
-A message of a run is JSON; its `t` is the exact stamp [s], the log time that of the file's
-nanoseconds. Kept images are messages of Foxglove's own schemas.
+Numbers of a run are JSON: a message for each row, and for each curve of the profile; `t` is the
+exact stamp [s], the log time that of the file's nanoseconds. What Foxglove draws has its schemas:
+film and kept images, the strip as a line, the gripper as a transform, events as a log.
 """
 
 import json
 import struct
 from collections.abc import Iterator, Mapping, Sequence
 from io import BytesIO
+from itertools import groupby
+from math import cos, isfinite, sin
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,10 +18,13 @@ import numpy as np
 import pyarrow as pa
 
 from cell.record.documents import plain
+from cell.record.events import EVERY_FRAME, log_text
 from cell.record.exchange.mapping import MAPPING, Table
 from cell.record.exchange.run_tables import RunTables, mapping_of
-from cell.record.files import CALIBRATION, RESULT, RUN
+from cell.record.files import CALIBRATION, FILM, RESULT, RUN
+from cell.record.film import Film
 from cell.record.frames import encode
+from cell.record.run import Run
 from drivers.errors import ConfigurationError, suggestion
 from drivers.files import replacing
 from drivers.readers import MEGABYTE, read_bytes
@@ -58,37 +64,90 @@ def _write(part: RunTables, path: Path) -> Path:
                 ATTACHMENT_TIME, ATTACHMENT_TIME, name, "application/yaml", content
             )
         _write_numbers(writer, part)
-        _write_images(writer, part)
+        _write_drawings(writer, part.run)
         writer.finish()
     return path
 
 
 def _write_numbers(writer: "Writer", part: RunTables) -> None:
     for table, columns in part.tables.items():
-        schema = {"type": "object", "properties": {name: {"type": "number"} for name in columns}}
-        text = json.dumps(schema).encode()
+        numbers = {name: {"type": "number"} for name in columns}
+        if table == "profile":
+            point = {"type": "object", "properties": numbers}
+            numbers = {"t": numbers.pop("t"), "points": {"type": "array", "items": point}}
+        text = json.dumps({"type": "object", "properties": numbers}).encode()
         channel = writer.register_channel(
             f"/{table}", "json", writer.register_schema(f"cell.{table}", "jsonschema", text)
         )
         time = "t_layer_touch" if table == "result" else "t"
-        for row in zip(*(values.tolist() for values in columns.values()), strict=True):
-            message = dict(zip(columns, row, strict=True))
-            finite = {name: value for name, value in message.items() if np.isfinite(value)}
+        values = zip(*(values.tolist() for values in columns.values()), strict=True)
+        rows = [
+            {name: value for name, value in zip(columns, row, strict=True) if isfinite(value)}
+            for row in values
+        ]
+        for message in _curves(rows) if table == "profile" else rows:
             moment = _log_time(message[time])
-            writer.add_message(channel, moment, json.dumps(finite).encode(), moment)
+            writer.add_message(channel, moment, json.dumps(message).encode(), moment)
 
 
-def _write_images(writer: "Writer", part: RunTables) -> None:
-    from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+def _curves(points: list[Row]) -> Iterator[Row]:
+    """A message for each image of the profile, with all of its points."""
+    for t, group in groupby(points, lambda point: point["t"]):
+        yield {"t": t, "points": [{k: v for k, v in point.items() if k != "t"} for point in group]}
+
+
+def _write_drawings(writer: "Writer", run: Run) -> None:
+    """Write the messages that Foxglove draws, each kind on its own topic."""
     from mcap_protobuf.schema import register_schema
 
-    schema = register_schema(writer, CompressedImage)
-    place = writer.register_channel("/camera/image", "protobuf", schema)
-    for frame in part.run.frames():
-        moment = _log_time(frame.stamp)
-        picture = CompressedImage(frame_id="camera", format="png", data=encode(frame.image))
-        picture.timestamp.FromNanoseconds(moment)
-        writer.add_message(place, moment, picture.SerializeToString(), moment, frame.sequence)
+    channels = dict[str, int]()
+    for topic, t, message in _drawings(run):
+        if topic not in channels:
+            schema = register_schema(writer, type(message))
+            channels[topic] = writer.register_channel(topic, "protobuf", schema)
+        moment = _log_time(t)
+        of_time = message.entities[0] if topic == "/strip" else message
+        of_time.timestamp.FromNanoseconds(moment)
+        writer.add_message(channels[topic], moment, message.SerializeToString(), moment)
+
+
+def _drawings(run: Run) -> Iterator[tuple[str, float, Any]]:
+    """Topics, stamps [s] and messages of film, images, strip, gripper and events of a run."""
+    from foxglove_schemas_protobuf.Color_pb2 import Color
+    from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+    from foxglove_schemas_protobuf.CompressedVideo_pb2 import CompressedVideo
+    from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+    from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
+    from foxglove_schemas_protobuf.Log_pb2 import Log
+    from foxglove_schemas_protobuf.Point3_pb2 import Point3
+    from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+    from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+    from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+    from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+
+    stamps, camera = run.film_stamps(), {"frame_id": "camera"}
+    for number, data in enumerate(Film(run.folder / FILM).packets() if stamps else ()):
+        if number in stamps:
+            video = CompressedVideo(format="h264", data=data, **camera)
+            yield "/camera/film", stamps[number], video
+    for frame in run.frames():
+        image = CompressedImage(format="png", data=encode(frame.image), **camera)
+        yield "/camera/image", frame.stamp, image
+    for stamp, curve in run.profile.curves():
+        points = [Point3(x=x, z=z) for x, z in curve.tolist()]
+        line = LinePrimitive(points=points, thickness=4.0, scale_invariant=True, color=Color(a=1.0))
+        entity = SceneEntity(frame_id="cell", id="strip", lines=[line])
+        yield "/strip", stamp, SceneUpdate(entities=[entity])
+    ticks = run.ticks
+    half = np.nan_to_num(ticks.pitch) / 2  # about y, from x along the strip down
+    for t, x, z, a in zip(*(v.tolist() for v in (ticks.t, ticks.x, ticks.z, half)), strict=True):
+        pose = {"translation": Vector3(x=x, z=z), "rotation": Quaternion(y=sin(a), w=cos(a))}
+        yield "/tf", t, FrameTransform(parent_frame_id="cell", child_frame_id="gripper", **pose)
+    for event in run.events():
+        if event.kind not in EVERY_FRAME:
+            level = Log.ERROR if event.kind == "fault" else Log.INFO
+            text = log_text(event.kind, event.facts)
+            yield "/log", event.t, Log(level=level, name=event.kind, message=text)
 
 
 def _log_time(t: float) -> int:

@@ -10,13 +10,12 @@ from typing import TypeVar
 import numpy as np
 
 from cell.perception.measurement import StripMeasurement
-from cell.record.events import PREDICTED, Outlook
+from cell.record.events import EVERY_FRAME, Outlook, log_text
 from cell.record.files import FILM
 from cell.record.run import Run
 from drivers.types import Array, Image
 
 Item = TypeVar("Item")
-EVERY_FRAME = frozenset({"decision", PREDICTED})  # kinds of events that are not worth a line
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,21 +46,13 @@ class LogLine:
     t: float = nan
 
 
-def log_text(kind: str, facts: dict[str, object]) -> str:
-    """Text of an event in one line."""
-    if set(facts) == {"state", "event"}:
-        return f"{facts['state']}, after {facts['event']}"
-    text = ", ".join([kind, *(f"{key} {value}" for key, value in facts.items())])
-    return text if len(text) <= 300 else f"{text[:297]}..."
-
-
 def moments_of(run: Run) -> Iterator[TickView | LogLine]:
     """Ticks and log lines of a run in the order of time, with sights, and images if not filmed."""
     origin = run.origin()
     words: Iterator[TickView | LogLine] = (
         LogLine(
             event.t + origin,
-            log_text(event.kind, dict(event.facts)),
+            log_text(event.kind, event.facts),
             event.kind == "fault",
             event.t,
         )

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 from calibration.calibration import load_calibration
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
-from cell.record.events import row_of
+from cell.record.events import log_text, row_of
 from cell.record.files import CALIBRATION
-from cell.report.viz.playback import LogLine, TickView, log_text
+from cell.report.viz.playback import LogLine, TickView
 from drivers.errors import CellError
 from drivers.strip.file import StripFile
 from drivers.types import Image

@@ -3,16 +3,22 @@
 import json
 from pathlib import Path
 
+import av
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import yaml
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
 
 from cell.record.exchange.export_runs import Format, export_runs
 from cell.record.exchange.import_runs import import_runs
+from cell.record.files import EVENTS
+from cell.record.frames import FrameWriter
 from cell.record.run import Run, read_run
 from drivers.errors import ConfigurationError
-from tests.cell.exchange.test_import_runs import foreign, mapping
+from drivers.types import Frame
+from tests.cell.exchange.test_import_runs import STAMPS, foreign, mapping
 
 ARRAYS = ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "contact_x", "contact_t", "f_x", "f_z")
 
@@ -21,7 +27,14 @@ ARRAYS = ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "contact_x", "contact_t", "f
 def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
     place = tmp_path_factory.mktemp("runs")
     folders = [foreign(place / name) for name in ("a", "b")]
-    return import_runs(folders, mapping(place), place / "runs")
+    made = import_runs(folders, mapping(place), place / "runs")
+    for folder in made:
+        (folder / EVENTS).write_text('{"t": 0.5, "kind": "fault", "name": "late"}\n')
+        film = FrameWriter(folder, "key", patient=True, encoder="libx264")
+        for i, stamp in enumerate(STAMPS.tolist()):
+            film.put(Frame(stamp, stamp, "camera", i, np.full((64, 96, 3), 3 * i, np.uint8)), False)
+        film.close()
+    return made
 
 
 def back(runs: tuple[Path, ...], kind: Format, place: Path) -> list[Run]:
@@ -66,16 +79,27 @@ def test_a_data_set_has_the_layout_that_lerobot_states(runs, tmp_path: Path) -> 
 
 
 def test_mcap_is_read_by_its_own_library(runs, tmp_path: Path) -> None:
-    from mcap.reader import make_reader
-
-    made = export_runs(runs, "mcap", tmp_path / "out")
+    """Numbers as JSON; film, strip, gripper and events by the schemas that Foxglove draws."""
+    made, run, drawn = export_runs(runs, "mcap", tmp_path / "out"), read_run(runs[0]), {}
     with made[0].open("rb") as file:
-        reader = make_reader(file, validate_crcs=True)
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
         messages = [json.loads(m.data) for _, c, m in reader.iter_messages(["/ticks"])]
         attached = {each.name: each.data for each in reader.iter_attachments()}
-    run = read_run(runs[0])
+        for topic in ("/camera/film", "/strip", "/tf", "/log"):
+            drawn[topic] = [each[3] for each in reader.iter_decoded_messages([topic])]
     assert [m["t"] for m in messages] == run.ticks.t.tolist()
     assert yaml.safe_load(attached["run.yaml"])["strip"] == "denim"
+    assert [m.translation.x for m in drawn["/tf"]] == run.ticks.x.tolist()
+    assert [(m.level, m.message) for m in drawn["/log"]] == [(4, "fault, name late")]
+    lines = [m.entities[0].lines[0].points for m in drawn["/strip"]]
+    curves = [curve.tolist() for _, curve in run.profile.curves()]
+    assert [[[point.x, point.z] for point in line] for line in lines] == curves
+    film, decoder = drawn["/camera/film"], av.CodecContext.create("h264", "r")
+    stamps = [m.timestamp.ToNanoseconds() / 1e9 - 3600 for m in film]
+    assert np.allclose(stamps, STAMPS, atol=1e-6)
+    pictures = [p for m in film for p in decoder.decode(av.Packet(m.data))] + decoder.decode(None)
+    levels = [picture.to_ndarray(format="gray").mean() for picture in pictures]
+    assert np.allclose(levels, 3 * np.arange(len(STAMPS)), atol=6)
 
 
 def test_a_file_whose_writer_was_killed_gives_its_whole_chunks(runs, tmp_path: Path) -> None:
