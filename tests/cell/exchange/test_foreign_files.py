@@ -1,6 +1,8 @@
 """Files as other programs write them: read rightly, or refused by the right name."""
 
 import json
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -21,8 +23,8 @@ from cell.record.run import read_run
 from drivers.errors import ConfigurationError
 from tests.cell.exchange.test_import_runs import T, X, Z, in_metres, plain
 
-MOMENTS = [round((t + 7.0) * 1e9) for t in T]
-ROWS = list(zip(MOMENTS, X, Z, strict=True))
+ROWS = [(round((t + 7.0) * 1e9), x, z) for t, x, z in zip(T, X, Z, strict=True)]
+INTEGERS = ("double_value", "positive_int_value", "negative_int_value")
 MICROMETRES = {"x": {"unit": "um"}, "z": {"unit": "um", "reversed": True}}
 
 
@@ -40,29 +42,27 @@ def same(folder: Path) -> None:
     assert np.allclose([run.ticks.t, run.ticks.x, run.ticks.z], [T, X, Z], atol=1e-6)
 
 
-def protobuf(file: BinaryIO) -> None:
-    """Poses that begin at z = 0, which proto3 does not send, at times of nanoseconds."""
-    writer = Writer(file)
-    writer.start()
-    place = writer.register_channel("/tip", "protobuf", register_schema(writer, PoseInFrame))
-    for at, x, z in ROWS:
-        pose = PoseInFrame(frame_id="cell")
-        pose.timestamp.FromNanoseconds(at)
-        pose.pose.position.x, pose.pose.position.z = x, z
-        writer.add_message(place, 0, pose.SerializeToString(), 0)
-    writer.finish()
+def pose(at: int, x: float, z: float) -> PoseInFrame:
+    """At a time of nanoseconds; z begins at 0, which proto3 does not send."""
+    found = PoseInFrame(frame_id="cell")
+    found.timestamp.FromNanoseconds(at)
+    found.pose.position.x, found.pose.position.z = x, z
+    return found
 
 
-def integers(file: BinaryIO) -> None:
+def integers(at: int, x: float, z: float) -> UninterpretedOption:
     """Lengths as integers of 64 bits [um], with and without sign."""
+    lengths = {"positive_int_value": round(1e6 * x), "negative_int_value": round(-1e6 * z)}
+    return UninterpretedOption(double_value=at / 1e9, **lengths)
+
+
+def protobuf(message: Callable[..., Any], file: BinaryIO) -> None:
     writer = Writer(file)
     writer.start()
-    schema = register_schema(writer, UninterpretedOption)
+    schema = register_schema(writer, type(message(*ROWS[0])))
     place = writer.register_channel("/tip", "protobuf", schema)
-    for at, x, z in ROWS:
-        lengths = {"positive_int_value": round(1e6 * x), "negative_int_value": round(-1e6 * z)}
-        message = UninterpretedOption(double_value=at / 1e9, **lengths)
-        writer.add_message(place, at, message.SerializeToString(), at)
+    for row in ROWS:
+        writer.add_message(place, 0, message(*row).SerializeToString(), 0)
     writer.finish()
 
 
@@ -90,8 +90,8 @@ def mixed(file: BinaryIO, encodings: tuple[str, ...] = ("json", "json", "cbor"))
 @pytest.mark.parametrize(
     ("write", "names", "change"),
     [
-        (protobuf, ("timestamp", "pose.position.x", "pose.position.z"), {}),
-        (integers, ("double_value", "positive_int_value", "negative_int_value"), MICROMETRES),
+        (partial(protobuf, pose), ("timestamp", "pose.position.x", "pose.position.z"), {}),
+        (partial(protobuf, integers), INTEGERS, MICROMETRES),
         (ros, ("stamp", "point.0", "point.2"), {}),
         (mixed, ("log_time", "q.0", "q.1"), {}),
     ],

@@ -1,6 +1,5 @@
 """Runs of another laboratory: imported, they hold what was measured, in our units and frame."""
 
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -23,45 +22,41 @@ Z = 0.06 * np.clip(T, 0.0, 0.5) / 0.5 + 0.08 * np.clip(T - 0.5, 0.0, None)
 STAMPS = np.arange(0.503, 2.9, 1 / 30)
 CONTACT = 0.4 - 0.05 * STAMPS
 POINTS = np.linspace(0.0, 1.0, 12)
-MAPPING = {
-    "schema": 1, "strip": "denim", "condition": "slow",
-    "sigma": {"gripper": 1e-4, "contact_x": 2e-3, "profile": 1e-3, "displacement": 3e-3},
-    "ticks": {
-        "file": "tip.csv", "delimiter": ";", "decimal": ",",
-        "columns": {
-            "t": {"column": "time", "unit": "ms"},
-            "x": {"column": "along", "unit": "mm", "offset": 1.2, "reversed": True},
-            "z": {"column": "height", "unit": "cm", "offset": 0.05},
-            "f_x": {"column": "Fx", "unit": "mN"},
-        },
-    },
-    "profile": {
-        "file": "points.parquet", "late": 0.02,
-        "columns": {name: {"column": name, "unit": "s" if name == "t" else "m"} for name in "txz"},
-    },
-    "contact": {
-        "file": "contact.csv", "late": 0.02,
-        "columns": {
-            "t": {"column": "t", "unit": "s"}, "contact_x": {"column": "c", "unit": "mm"},
-        },
-    },
-    "result": {
-        "file": "touch.csv",
-        "columns": {
-            "t_layer_touch": {"column": "t", "unit": "s"},
-            "l1": {"column": "upper", "unit": "mm"}, "l2": {"column": "lower", "unit": "mm"},
-        },
-    },
-}  # fmt: skip
+MAPPING = yaml.safe_load("""
+schema: 1
+strip: denim
+condition: slow
+sigma: {gripper: 1.0e-4, contact_x: 2.0e-3, profile: 1.0e-3, displacement: 3.0e-3}
+ticks:
+  file: tip.csv
+  delimiter: ";"
+  decimal: ","
+  columns:
+    t: {column: time, unit: ms}
+    x: {column: along, unit: mm, offset: 1.2, reversed: true}
+    z: {column: height, unit: cm, offset: 0.05}
+    f_x: {column: Fx, unit: mN}
+profile:
+  file: points.parquet
+  late: 0.02
+  columns: {t: {column: t, unit: s}, x: {column: x, unit: m}, z: {column: z, unit: m}}
+contact:
+  file: contact.csv
+  late: 0.02
+  columns: {t: {column: t, unit: s}, contact_x: {column: c, unit: mm}}
+result:
+  file: touch.csv
+  columns:
+    t_layer_touch: {column: t, unit: s}
+    l1: {column: upper, unit: mm}
+    l2: {column: lower, unit: mm}
+""")
 
 
-def table(path: Path, head: list[str], columns: list[np.ndarray], **style: str) -> None:
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file, delimiter=style.get("delimiter", ","))
-        writer.writerow(head)
-        for row in zip(*columns, strict=True):
-            words = [repr(float(value)).replace(".", style.get("decimal", ".")) for value in row]
-            writer.writerow(words)
+def table(path: Path, head: list[str], columns: list[object], **style: str) -> None:
+    rows = [head, *(map(repr, row) for row in np.column_stack(columns).tolist())]
+    text = "\n".join(style.get("delimiter", ",").join(row) for row in rows)
+    path.write_text(text.replace(".", style.get("decimal", ".")))
 
 
 def foreign(place: Path, clock: float = 1700.0) -> Path:
@@ -75,8 +70,7 @@ def foreign(place: Path, clock: float = 1700.0) -> Path:
     z = np.tile(0.1 * POINTS**2, len(STAMPS))
     pq.write_table(pa.table({"t": t, "x": x, "z": z}), place / "points.parquet")
     table(place / "contact.csv", ["t", "c"], [STAMPS + clock + 0.02, 1e3 * CONTACT])
-    touch = [np.array([value]) for value in (clock + 2.8, 299.0, 301.5)]
-    table(place / "touch.csv", ["t", "upper", "lower"], touch)
+    table(place / "touch.csv", ["t", "upper", "lower"], [[clock + 2.8], [299.0], [301.5]])
     return place
 
 
@@ -90,11 +84,8 @@ def mapping(place: Path, **changes: object) -> Path:
 def test_imported_run_holds_what_was_measured(tmp_path: Path) -> None:
     [made] = import_runs([foreign(tmp_path / "a")], mapping(tmp_path), tmp_path / "runs")
     run = read_run(made)
-    assert run.header.strip == "denim"
-    assert run.header.condition == "slow"
-    assert np.allclose(run.ticks.t, T, atol=1e-9)
-    assert np.allclose(run.ticks.x, X, atol=1e-9)
-    assert np.allclose(run.ticks.z, Z, atol=1e-9)
+    assert (run.header.strip, run.header.condition) == ("denim", "slow")
+    assert np.allclose([run.ticks.t, run.ticks.x, run.ticks.z], [T, X, Z], atol=1e-9)
     assert np.allclose(run.ticks.f_x, 0.2 * np.sin(T), atol=1e-9)
     seen = np.isfinite(run.ticks.contact_x)
     assert np.allclose(run.ticks.contact_x[seen], CONTACT, atol=1e-9)
@@ -103,7 +94,6 @@ def test_imported_run_holds_what_was_measured(tmp_path: Path) -> None:
     curves = run.profile.curves()
     assert [len(points) for _, points in curves] == [12] * len(STAMPS)
     assert np.allclose(curves[0][1][:, 0], 0.2 + 0.3 * POINTS)
-    assert run.result is not None
     assert run.result.displacement == pytest.approx(-0.0025)
     assert run.result.t_layer_touch == pytest.approx(2.8, abs=1e-6)
 
@@ -113,7 +103,6 @@ def test_imported_run_holds_what_was_measured(tmp_path: Path) -> None:
     [
         ({"column": "tme", "unit": "ms"}, "column 'tme' for t is not there (did you mean 'time'?)"),
         ({"column": "time", "unit": "mm"}, "t: unit 'mm' is not known"),
-        ({"column": "time", "unit": "s"}, "tip.csv: t: rows are 10 s apart, must be at most 0.2 s"),
     ],
 )
 def test_column_that_cannot_be_used_is_refused_and_nothing_is_left(tmp_path, change, said) -> None:
@@ -157,7 +146,6 @@ def in_metres(place: Path, **changes: object) -> Path:
     ("head", "rows", "how", "said"),
     [
         ("t,x,z", [], {}, "holds 0 rows of numbers, must hold two at least"),
-        ("t,x,z", ["0,0.6,0"], {}, "holds 1 rows"),
         ("t;x;z", ["0;0,6;0"], {}, "has ';' between columns, not ','; state delimiter: \";\""),
         ("t,x,z", ["0,0.6,0", "1,off,0"], {}, "holds string ('off' in row 2), must hold numbers"),
         ("t,x,z,Höhe", ["0,0.6,0,0"], {"encoding": "latin-1"}, "is not UTF-8 text; save it"),
