@@ -71,7 +71,7 @@ def _write(part: RunTables, path: Path) -> Path:
 
 def _write_numbers(writer: "Writer", part: RunTables) -> None:
     for table, columns in part.tables.items():
-        numbers = {name: {"type": "number"} for name in columns}
+        numbers: Row = {name: {"type": "number"} for name in columns}
         if table == "profile":
             point = {"type": "object", "properties": numbers}
             numbers = {"t": numbers.pop("t"), "points": {"type": "array", "items": point}}
@@ -141,8 +141,10 @@ def _drawings(run: Run) -> Iterator[tuple[str, float, Any]]:
     ticks = run.ticks
     half = np.nan_to_num(ticks.pitch) / 2  # about y, from x along the strip down
     for t, x, z, a in zip(*(v.tolist() for v in (ticks.t, ticks.x, ticks.z, half)), strict=True):
-        pose = {"translation": Vector3(x=x, z=z), "rotation": Quaternion(y=sin(a), w=cos(a))}
-        yield "/tf", t, FrameTransform(parent_frame_id="cell", child_frame_id="gripper", **pose)
+        pose = FrameTransform(parent_frame_id="cell", child_frame_id="gripper")
+        pose.translation.MergeFrom(Vector3(x=x, z=z))
+        pose.rotation.MergeFrom(Quaternion(y=sin(a), w=cos(a)))
+        yield "/tf", t, pose
     for event in run.events():
         if event.kind not in EVERY_FRAME:
             level = Log.ERROR if event.kind == "fault" else Log.INFO
