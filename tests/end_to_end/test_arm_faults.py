@@ -1,29 +1,108 @@
 """Faults of a robot, driven through its own library: named, at rest, recorded."""
 
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
 import pytest
 
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
-from tests.support.arm_faults import PHASES, STRIKES, struck
+from cell.config.places import find_configs
+from cell.devices.devices import DeviceSelection
+from cell.devices.fci import start_joints
+from cell.folding.fold import fold
+from cell.folding.request import Recording
+from cell.record.run import read_run
+from drivers.arm.bridge import Bridge
+from drivers.arm.process import Task
+from drivers.errors import Fault
+from drivers.fci_server.faults import VersionFault
+from drivers.fci_server.server import RobotServer, ServerSettings
+from drivers.types import frozen
+from tests.lab.faults.blow import FAULT_STATES, Blow, strike
+from tests.lab.studies.kit.folds import cached_calibration
+from tests.support.children import wait_for_state
+from tests.support.requests import request_for
 
-QUICK = ("reflex", "TCP drop", "wrong version", "NaN", "contact 20 N", "silent parent")
-PROCESSES = ("killed child", "killed parent")
+OUTCOMES = {
+    "robot: reflex": ("arm_reflex",),
+    "robot: user stop": ("arm_user_stop",),
+    "robot: link lost": ("arm_network",),
+    "robot: silent 0.7 s": ("layer_touch",),
+    "robot: silent 1.5 s": ("arm_network",),
+    "robot: no number": ("arm_pose_not_finite",),
+    "robot: push of 20 N": ("arm_contact",),
+    "robot: cell silent for 1 s": ("arm_cell_silent", "setpoint_expired"),
+    "robot: driver killed": ("arm_driver_lost",),
+}
+LONG = ("robot: user stop", "robot: silent 0.7 s", "robot: silent 1.5 s")
+
+
+STATES = [state for state in FAULT_STATES if state not in ("STOPPING", "TOUCHED")]
+
+
+def check(fault: str, state: str, folder: Path) -> None:
+    came = strike(Blow(fault, state, 3), folder, cached_calibration())
+    assert came["outcome"] in OUTCOMES[fault]
+    assert came["resting"]
+    assert came["whole"]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("fault", [*QUICK, *PROCESSES])
+@pytest.mark.parametrize("fault", [fault for fault in OUTCOMES if fault not in LONG])
 def test_fault_is_named_the_arm_rests_and_the_record_is_whole(fault, tmp_path) -> None:
-    came = struck(fault, "PREFLIGHT", tmp_path)
-    assert came.outcome in STRIKES[fault][1]
-    assert came.rests
-    assert came.whole
+    check(fault, "PREFLIGHT", tmp_path)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("phase", PHASES)
-@pytest.mark.parametrize("fault", STRIKES)
-def test_every_fault_in_every_phase_likewise(fault, phase, tmp_path) -> None:
-    came = struck(fault, phase, tmp_path)
-    assert came.outcome in STRIKES[fault][1]
-    assert came.rests
-    assert came.whole
+@pytest.mark.parametrize("state", STATES)
+@pytest.mark.parametrize("fault", OUTCOMES)
+def test_every_fault_in_every_state_likewise(fault, state, tmp_path) -> None:
+    check(fault, state, tmp_path)
+
+
+def server(settings) -> RobotServer:
+    installation = settings.fci.limit(settings.installation)
+    start = start_joints(installation, settings.fold, 0.6, settings.twin.arm.home_height)
+    return RobotServer(ServerSettings(), start=frozen(start), between=lambda: 0.001)
+
+
+@pytest.mark.slow
+def test_robot_of_another_version_is_named_with_both_versions() -> None:
+    settings = find_configs(None).cell()
+    fci = settings.fci.model_copy(update={"realtime": "ignore"})
+    with server(settings) as robot:
+        robot.inject(VersionFault(kind="wrong_version", at=0))
+        with pytest.raises(Fault, match=r"9.*10|10.*9") as refused:
+            Bridge(Task(robot.address, fci, settings.installation, None)).close()
+    assert refused.value.name == "arm_version"
+
+
+@pytest.mark.slow
+def test_arm_rests_when_its_cell_is_killed(tmp_path) -> None:
+    settings = find_configs(None).cell()
+    with server(settings) as robot:
+        robot.hand.width = settings.fci.hand.opening
+        command = [sys.executable, "-m", __name__, robot.address, str(tmp_path)]
+        victim = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        folder = wait_for_state("LIFT", tmp_path, victim)
+        victim.kill()
+        end = time.monotonic() + 3
+        while robot.robot.motion is not None and time.monotonic() < end:
+            time.sleep(0.01)
+        time.sleep(0.5)
+        assert robot.robot.posture.at_rest
+        victim.communicate()
+    run = read_run(folder)
+    assert run.died
+    assert run.result is None
+
+
+if __name__ == "__main__":
+    choice, record = DeviceSelection(arm="fci", seed=3), Recording("none")
+    request = request_for("denim", "triangular", Path(sys.argv[2]), choice=choice, record=record)
+    fci = request.cell.fci.model_copy(update={"address": sys.argv[1], "lock_step": True})
+    fold(replace(request, cell=request.cell.model_copy(update={"fci": fci})))

@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from cell.report.page import write_report
 from drivers.errors import SimulationNotFinite
 from drivers.types import Frame
 from tests.lab.faults.failing import FailingCamera, freeze, lose_all
+from tests.support.children import wait_for_state
 from tests.support.requests import request_for
 
 STOP_TIME = 0.35  # s of the cell's time to brake from the fold's speed and settle
@@ -126,21 +126,10 @@ def start(runs: Path, *words: str) -> subprocess.Popen:
     )
 
 
-def wait_for_fold(runs: Path, process: subprocess.Popen) -> Path:
-    """The run's folder, once it stands in the state FOLD."""
-    end = time.monotonic() + 300
-    while time.monotonic() < end and process.poll() is None:
-        for events in runs.glob("*/events.jsonl"):
-            if '"FOLD"' in events.read_text():
-                return events.parent
-        time.sleep(0.02)
-    raise AssertionError(f"no fold began: {process.communicate()}")
-
-
 @pytest.mark.slow
 def test_a_killed_process_leaves_a_run_that_the_report_explains(tmp_path) -> None:
     process = start(tmp_path)
-    folder = wait_for_fold(tmp_path, process)
+    folder = wait_for_state("FOLD", tmp_path, process)
     os.kill(process.pid, signal.SIGKILL)
     process.communicate()
     run = read_run(folder)
@@ -155,7 +144,7 @@ def test_a_killed_process_leaves_a_run_that_the_report_explains(tmp_path) -> Non
 @pytest.mark.slow
 def test_ctrl_c_stops_under_control_and_is_recorded(tmp_path) -> None:
     process = start(tmp_path)
-    folder = wait_for_fold(tmp_path, process)
+    folder = wait_for_state("FOLD", tmp_path, process)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=300)
     assert process.returncode == 130, err

@@ -1,6 +1,8 @@
-"""Child processes of this one, found as `ps` finds them."""
+"""Child processes of this one, found as `ps` finds them, and folds in processes of their own."""
 
 import os
+import subprocess
+import time
 from pathlib import Path
 
 
@@ -17,3 +19,14 @@ def children(name: str) -> list[int]:
         if parent == os.getpid() and "drivers.child" in command and name in words[-2]:
             found.append(int(folder.name))
     return found
+
+
+def wait_for_state(state: str, runs: Path, process: subprocess.Popen) -> Path:
+    """The run's folder, once it stands in `state`."""
+    end = time.monotonic() + 300
+    while time.monotonic() < end and process.poll() is None:
+        for events in runs.glob("*/events.jsonl"):
+            if f'"{state}"' in events.read_text():
+                return events.parent
+        time.sleep(0.02)
+    raise AssertionError(f"no fold began: {process.communicate()}")

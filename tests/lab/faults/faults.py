@@ -195,9 +195,9 @@ def full_disk(_: Scene) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (DISK_ROOM, hard))
 
 
-def slow(scene: Scene) -> None:
-    """Fault of the record: a write to its disk takes 0.2 s while the cell's clock goes on."""
-    scene.cell.clock.wait_until(scene.cell.clock.now() + 0.2)
+def pause(scene: Scene, seconds: float) -> None:
+    """Fault of the record: a write to its disk takes `seconds` while the cell's clock goes on."""
+    scene.cell.clock.wait_until(scene.cell.clock.now() + seconds)
 
 
 def dying_viewer(_: Scene) -> None:
@@ -247,9 +247,12 @@ FAULTS: Mapping[str, Injection] = {
     "robot: reflex": suffers(kind="reflex"),
     "robot: user stop": suffers(kind="user_stop"),
     "robot: link lost": suffers(kind="tcp_drop"),
+    "robot: silent 0.7 s": suffers(kind="freeze", duration=0.7),
     "robot: silent 1.5 s": suffers(kind="freeze", duration=1.5),
     "robot: no number": suffers(kind="nan", ticks=3),
     "robot: load of 2 kg": suffers(kind="contact", force=(0.0, 0.0, -19.6)),
+    "robot: push of 20 N": suffers(kind="contact", force=(0.0, 0.0, 20.0)),
+    "robot: cell silent for 1 s": Injection(lambda s: pause(s, 1.0), "fci"),
     "robot: driver killed": Injection(lambda s: s.cell.kill_driver(), "fci"),
     "hand: strip slips out": Injection(lambda s: s.cell.drop_strip()),
     "hand: width 0": hand(lambda s: replace(s, width=0.0, grasped=False)),
@@ -258,7 +261,7 @@ FAULTS: Mapping[str, Injection] = {
     "policy: no number": decides(without_number),
     "policy: hangs": decides(hanging),
     "record: disk full": Injection(full_disk, spares=False),
-    "record: 0.2 s slow": Injection(slow),
+    "record: 0.2 s slow": Injection(lambda s: pause(s, 0.2)),
     "viewer: dies": Injection(dying_viewer),
     "clock: 1 s ahead": jump(1.0),
     "clock: 1 s back": jump(-1.0),
