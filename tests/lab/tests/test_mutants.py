@@ -64,6 +64,7 @@ def test_every_small_change_of_a_guard_is_a_mutant(tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.slow
 def test_a_larger_draw_holds_the_smaller_one_and_every_mutant_is_a_program() -> None:
     few, many = drawn(80, 1), drawn(160, 1)
     assert {mutant.name for mutant in few} < {mutant.name for mutant in many}

@@ -54,6 +54,7 @@ def test_nothing_hidden_leaves_noise(plain: Strip) -> None:
     assert in_noise(plain, found, "layer_touch") < 2.0
 
 
+@pytest.mark.slow
 def test_a_hidden_effect_shows_and_its_truth_leaves_noise(
     hidden: tuple[Strip, dict[str, Array]],
 ) -> None:
@@ -64,6 +65,7 @@ def test_a_hidden_effect_shows_and_its_truth_leaves_noise(
     assert square(strip, {}) > 2.0 * square(strip, truth)
 
 
+@pytest.mark.slow
 def test_every_term_shows_and_vanishes_with_its_amount(plain: Strip) -> None:
     stated = whitened(plain, residuals(plain))
     for term in plain.scope.terms:

@@ -99,6 +99,7 @@ def test_changed_texts_find_the_same_meshes(robot: Path) -> None:
     np.testing.assert_allclose(again.body_mass, loaded(robot / "model.xml").body_mass)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not CASES.is_dir(), reason=f"no cases in {CASES}")
 @pytest.mark.parametrize("case", ["closed-loop/model", "wrong-link-mass/model",
                                   "menagerie-meshdir", "urdf-no-motors"])  # fmt: skip
