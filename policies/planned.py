@@ -125,6 +125,16 @@ def plan(strips: Sequence[StripFile], speed: float, aim: float = 0.0) -> Array:
     return steps * RISE_STEP * strips[0].length
 
 
+def fold_by_plan(known: StripFile, lying: StripFile) -> tuple[float, Array]:
+    """Displacement [m], NaN without a touch, and midline (n, 2) [m] of the strip `lying`.
+
+    It is folded in the rod on the path planned for the strip `known`; errors are those of `plan`.
+    """
+    rod, rng = Rod(), np.random.default_rng(0)
+    folds = roll_out(Planned(), rod, known, [describe(lying)], settings=Rollout(), rng=rng)
+    return float(folds.displacement[0]), np.asarray(rod.shapes()[0])
+
+
 class Motions:
     """Gripper motions along raised triangles, each computed once."""
 

@@ -39,12 +39,9 @@ from cell.report.words import millimetres
 from drivers.errors import CellError
 from drivers.files import write_file
 from drivers.settings import parse
-from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.rod.engine import Rod
 from drivers.types import Array
-from policies.registry import make_policy
-from policies.rollout import Rollout, roll_out
+from policies.planned import fold_by_plan
 
 LISTED_SETS = 4  # sets of effects of which the page speaks
 EXCLUDED = 1e-4  # probability below which a set counts as excluded: its size says nothing
@@ -259,22 +256,13 @@ def _planned_folds(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     try:
         stated, accepted = (parse(patch, StripFile, "patch") for patch, _ in patches)
         drawn = {
-            "planned from the file": _fold(stated, accepted),
-            "planned with what was found": _fold(accepted, accepted),
+            "planned from the file": fold_by_plan(stated, accepted),
+            "planned with what was found": fold_by_plan(accepted, accepted),
         }
     except CellError:
         return {"rows": [], "figure": ""}
     rows = [(name, millimetres(d, signed=True)) for name, (d, _) in drawn.items()]
     return {"rows": rows, "figure": figures.folds({n: shape for n, (_, shape) in drawn.items()})}
-
-
-def _fold(known: StripFile, lying: StripFile) -> tuple[float, Array]:
-    """Displacement [m] and midline (n, 2) [m] of `lying` by the path planned for `known`."""
-    rod, policy = Rod(), make_policy("planned", None, in_rod=True)
-    folds = roll_out(
-        policy, rod, known, [describe(lying)], settings=Rollout(), rng=np.random.default_rng(0)
-    )
-    return float(folds.displacement[0]), np.asarray(rod.shapes()[0])
 
 
 def _verdict_card(findings: Findings, verdict: Verdict) -> Card:
