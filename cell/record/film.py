@@ -31,13 +31,19 @@ class Film:
 
     path: Path
 
-    def frames(self) -> Iterator[Frame]:
+    def frames(self, after: float = 0.0) -> Iterator[Frame]:
         """Images (h, w, 3) of the film with their stamps [s] since the first one.
+
+        They begin with one at or shortly before `after` [s], in a film whose own stamps begin at 0.
 
         Raises ConfigurationError for a file that is missing or no film.
         """
+        import av
+
         with _opened(self.path) as container:
-            begin: float | None = None
+            begin = 0.0 if after else None
+            if after:
+                container.seek(round(after * av.time_base))
             for number, picture in enumerate(container.decode(video=0)):
                 stamp = _stamp(picture, self.path)
                 begin = stamp if begin is None else begin

@@ -10,7 +10,7 @@ import pyarrow.csv as pc
 from cell.extras import require_library
 from cell.record.documents import write_document
 from cell.record.exchange.mapping import MAPPING
-from cell.record.exchange.run_tables import RunTables, mapping_of, tables_of
+from cell.record.exchange.run_tables import RunTables, check_alike, mapping_of, tables_of
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError
 from drivers.files import check_free, new_folder, replace_file
@@ -45,6 +45,7 @@ def _write(parts: Sequence[RunTables], kind: Format, out: Path) -> tuple[Path, .
         from cell.record.exchange.lerobot import write_lerobot
 
         return write_lerobot(parts, out)
+    check_alike([part.run for part in parts])
     for part in parts:  # a folder of tables each, and one mapping for all
         (out / part.run.name).mkdir(parents=True)
         for name, columns in part.tables.items():

@@ -3,6 +3,7 @@
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -27,6 +28,7 @@ from cell.record.exchange.mapping import (
     read_columns,
 )
 from cell.record.files import PROFILE, RESULT, RUN, TICKS, is_run
+from cell.record.frames import FrameWriter
 from cell.record.run import read_run
 from cell.record.tables import place_contacts, write_parquet
 from drivers.errors import ConfigurationError
@@ -74,6 +76,8 @@ def import_runs(
                 raise ConfigurationError(
                     text.replace(str(run), str(source.path)) + mending
                 ) from None
+            with writing(out):
+                _write_film(source, run)
         if not made:
             raise ConfigurationError(f"{places[0]}: holds no tables")
         return _move_all(made, out)
@@ -178,6 +182,18 @@ def _import(source: Source, how: MappingFile, index: int, target: Path, *, docum
     for name in (RUN, RESULT) if documents else ():
         if name in source.documents:
             replace_file(target / name, source.documents[name])
+
+
+def _write_film(source: Source, run: Path) -> None:
+    """Give the `run` the film of its `source`, if any, each image at the time of its row."""
+    writer, t = None, read_run(run).ticks.t.tolist()
+    try:
+        for row, frame in source.images():
+            writer = writer or FrameWriter(run, "key", patient=True, encoder="libx264")
+            writer.put(replace(frame, stamp=t[row], arrival=t[row], sequence=row), mark=False)
+    finally:
+        if writer is not None:
+            writer.close()
 
 
 def _check_ticks(ticks: dict[str, Array], path: Path) -> None:

@@ -2,11 +2,13 @@
 
 The data set's clock is nominal, `frame_index / fps`; the exact stamps are the feature `stamp`, and
 those of the images `observation.contact_stamp` and `observation.profile_stamp`. What belongs to the
-frame nearest to its image is NaN in all others.
+frame nearest to its image is NaN in all others. Where all runs were filmed, a frame has the newest
+image, of `observation.camera_stamp`.
 """
 
 import json
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,12 +20,13 @@ import pyarrow as pa
 from cell.record.documents import plain
 from cell.record.exchange.mapping import MAPPING, Source
 from cell.record.exchange.run_tables import RunTables, mapping_of
-from cell.record.files import RESULT, RUN
+from cell.record.files import FILM, RESULT, RUN
+from cell.record.film import Film, FilmWriter
 from cell.record.tables import place_rows, write_parquet
 from drivers.errors import ConfigurationError, suggestion
 from drivers.files import replace_file
 from drivers.readers import MEGABYTE, read_bytes, read_json, read_parquet
-from drivers.types import Array
+from drivers.types import Array, Frame
 from drivers.yaml_text import dump_yaml
 
 TASKS, STATS = "meta/tasks.parquet", "meta/stats.json"
@@ -31,6 +34,8 @@ TASK = "fold {} in half"
 VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 CHUNK = 1000  # files of a folder
 FORMAT_VERSION = "v3.0"
+CAMERA, CAMERA_STAMP = "observation.images.camera", "observation.camera_stamp"
+SAMPLE = 8  # px between those that the statistics of images are of
 VECTORS = {
     "observation.state": ("x", "z", "pitch"),
     "action": ("x_cmd", "z_cmd"),
@@ -39,7 +44,7 @@ VECTORS = {
 INFO = "meta/info.json"
 EPISODES = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
-PLACE = re.compile(r"\{(chunk_index|file_index)(?::0(\d)d)?\}")
+PLACE = re.compile(r"\{(chunk_index|file_index|video_key)(?::0(\d)d)?\}")
 EPISODE = "episode"  # its tables, as a mapping names them
 POINTS_TABLE = "points"
 
@@ -62,18 +67,33 @@ class Feature(NamedTuple):
 
 def write_lerobot(parts: Sequence[RunTables], out: Path) -> tuple[Path, ...]:
     """Write the runs as a data set into the new folder `out`; returns that folder."""
-    begin, rows, frames = 0, [], []
+    begin, rows, frames, fps = 0, list[dict[str, Any]](), [], _rate(parts)
+    tasks = list(dict.fromkeys(TASK.format(part.run.header.strip) for part in parts))
+    images, shape = list[Mapping[str, Feature]](), tuple[int, ...]()
     for i, part in enumerate(parts):
         count = len(part.tables["ticks"]["t"])
-        frames.append(_features(part, parts) | _counters(i, begin, count, _rate(parts)))
-        _write(out / _file(DATA, *divmod(i, CHUNK)), _table(frames[-1]))
         rows.append(_episode(part, i, begin, count))
+        counters = _counters(i, begin, count, fps, tasks.index(rows[-1]["tasks"][0]))
+        frames.append(_features(part, parts) | counters)
+        _write(out / _file(DATA, *divmod(i, CHUNK)), _table(frames[-1]))
+        if CAMERA_STAMP in frames[-1]:
+            path = out / _file(VIDEO, *divmod(i, CHUNK), CAMERA)
+            shape, sample = _write_film(part, path, fps)
+            images.append({CAMERA: sample})
+            rows[-1] |= _film_place(i, count / fps)
         begin += count
     episodes = {name: [row[name] for row in rows] for name in rows[0]}
     _write(out / _file(EPISODES, 0, 0), pa.table(episodes))
-    _write(out / TASKS, _tasks(parts))
-    replace_file(out / STATS, json.dumps(_stats(frames)).encode())
-    replace_file(out / INFO, json.dumps(_info(parts, frames[0], begin)).encode())
+    _write(out / TASKS, _tasks(tasks))
+    stats, info = _stats(frames), _info(parts, frames[0], begin, len(tasks))
+    if images:
+        stats[CAMERA] = {
+            name: values if name == "count" else [[[value]] for value in values]
+            for name, values in _stats(images)[CAMERA].items()
+        }
+        info["features"][CAMERA] = _film_stated(shape, fps)
+    replace_file(out / STATS, json.dumps(stats).encode())
+    replace_file(out / INFO, json.dumps(info).encode())
     names = mapping_of(parts, _name)
     names.pop("result", None)  # it comes with the run's documents
     replace_file(out / "meta" / MAPPING, dump_yaml(plain(names)).encode())
@@ -105,6 +125,9 @@ def _features(part: RunTables, parts: Sequence[RunTables]) -> dict[str, Feature]
         seen = part.tables.get("contact", {"t": np.empty(0), "contact_x": np.empty(0)})
         for name, key in (("contact", "contact_x"), ("contact_stamp", "t")):
             found[f"observation.{name}"] = _at_frames(part, seen["t"], seen[key])
+    if all(other.run.film_stamps() for other in parts):
+        stamps = part.run.film_stamps()
+        found[CAMERA_STAMP] = Feature(np.array([stamps[number] for number in _newest(part)]))
     curves = [curve for other in parts for _, curve in other.run.profile.curves()]
     points = max(map(len, curves), default=0)
     return found | (_curves(part, points) if points else {})
@@ -139,11 +162,58 @@ def _at_frames(part: RunTables, stamps: Array, values: Array) -> Feature:
     return Feature(found)
 
 
-def _counters(episode: int, begin: int, count: int, fps: int) -> dict[str, Feature]:
+def _newest(part: RunTables) -> list[int]:
+    """Numbers (n,) in the run's film of the newest image at each row; at first, of the first."""
+    stamps = part.run.film_stamps()
+    newest = np.searchsorted(list(stamps.values()), part.tables["ticks"]["t"], side="right") - 1
+    numbers = list(stamps)
+    return [numbers[place] for place in np.maximum(newest, 0)]
+
+
+def _write_film(part: RunTables, path: Path, fps: int) -> tuple[tuple[int, ...], Feature]:
+    """Write a film with an image for each row; returns their shape, and pixels of each for stats.
+
+    Raises ConfigurationError for a run whose film breaks off.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    counts, row, sample, shape = Counter(_newest(part)), 0, list[Array](), tuple[int, ...]()
+    with FilmWriter(path) as film:
+        for number, frame in enumerate(Film(part.run.folder / FILM).frames()):
+            for _ in range(counts[number]):
+                film.add(row / fps, frame.image)
+                row += 1
+            if counts[number]:
+                shape = frame.image.shape
+                sample.append(frame.image[::SAMPLE, ::SAMPLE, ::-1].reshape(-1, 3) / 255)
+    if row < counts.total():
+        raise ConfigurationError(
+            f"{part.run.folder / FILM}: breaks off before the run's end; delete it to export "
+            "without a film"
+        )
+    return shape, Feature(np.concatenate(sample))
+
+
+def _film_place(i: int, end: float) -> dict[str, Any]:
+    """Columns of meta/episodes for the film of the episode `i`, which lasts until `end` [s]."""
+    place: dict[str, float] = {"chunk_index": i // CHUNK, "file_index": i % CHUNK}
+    place |= {"from_timestamp": 0.0, "to_timestamp": end}
+    return {f"videos/{CAMERA}/{name}": value for name, value in place.items()}
+
+
+def _film_stated(shape: Sequence[int], fps: int) -> dict[str, Any]:
+    """The film's feature as meta/info.json states it."""
+    names = ("height", "width", "channels")
+    info: dict[str, Any] = {f"video.{n}": size for n, size in zip(names, shape, strict=True)}
+    info |= {"video.fps": fps, "video.codec": "h264", "video.pix_fmt": "yuv420p"}
+    info |= {"video.is_depth_map": False, "has_audio": False}
+    return {"dtype": "video", "shape": list(shape), "names": list(names), "info": info}
+
+
+def _counters(episode: int, begin: int, count: int, fps: int, task: int) -> dict[str, Feature]:
     frame = np.arange(count)
     found = {"timestamp": (frame / fps).astype(np.float32), "frame_index": frame}
     found |= {"episode_index": np.full(count, episode), "index": begin + frame}
-    found |= {"task_index": np.zeros(count, dtype=np.int64)}
+    found |= {"task_index": np.full(count, task)}
     return {name: Feature(values) for name, values in found.items()}
 
 
@@ -176,7 +246,7 @@ def _episode(part: RunTables, i: int, begin: int, count: int) -> dict[str, Any]:
     }
 
 
-def _tasks(parts: Sequence[RunTables]) -> pa.Table:
+def _tasks(tasks: Sequence[str]) -> pa.Table:
     """Table of tasks and their index; the text is the index of a pandas frame."""
     columns = [
         {"name": name, "field_name": name, "pandas_type": pandas, "numpy_type": numpy,
@@ -184,8 +254,7 @@ def _tasks(parts: Sequence[RunTables]) -> pa.Table:
         for name, pandas, numpy in (("task_index", "int64", "int64"), ("task", "unicode", "object"))
     ]  # fmt: skip
     stated = {"index_columns": ["task"], "column_indexes": [], "columns": columns}
-    task = TASK.format(parts[0].run.header.strip)
-    table = pa.table({"task_index": pa.array([0], pa.int64()), "task": [task]})
+    table = pa.table({"task_index": pa.array(range(len(tasks)), pa.int64()), "task": tasks})
     return table.replace_schema_metadata({"pandas": json.dumps(stated)})
 
 
@@ -202,7 +271,7 @@ def _stats(each: Sequence[Mapping[str, Feature]]) -> dict[str, Any]:
 
 
 def _info(
-    parts: Sequence[RunTables], features: Mapping[str, Feature], frames: int
+    parts: Sequence[RunTables], features: Mapping[str, Feature], frames: int, tasks: int
 ) -> dict[str, Any]:
     drivers = parts[0].run.header.drivers
     return {
@@ -210,7 +279,7 @@ def _info(
         "robot_type": "unknown" if drivers is None or not drivers.arm else drivers.arm,
         "total_episodes": len(parts),
         "total_frames": frames,
-        "total_tasks": 1,
+        "total_tasks": tasks,
         "chunks_size": CHUNK,
         "data_files_size_in_mb": 100,
         "video_files_size_in_mb": 200,
@@ -228,9 +297,9 @@ def _rate(parts: Sequence[RunTables]) -> int:
     return max(round(1.0 / float(np.median(steps))), 1) if len(steps) else 1
 
 
-def _file(pattern: str, chunk: int, file: int) -> str:
+def _file(pattern: str, chunk: int, file: int, camera: str = "") -> str:
     """Path of a file by the `pattern` of meta/info.json, which may come from outside."""
-    numbers = {"chunk_index": str(chunk), "file_index": str(file)}
+    numbers = {"chunk_index": str(chunk), "file_index": str(file), "video_key": camera}
     return PLACE.sub(lambda found: numbers[found[1]].zfill(int(found[2] or 0)), pattern)
 
 
@@ -241,14 +310,31 @@ def _write(path: Path, table: pa.Table) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Episode:
-    """The tables of an episode: `episode`, and of an exported run `points`.
+    """The tables of an episode: `episode`, and of an exported run `points`; and its first film.
 
-    The table `episode` holds the frames, with a column for each component of a vector.
+    The table `episode` holds the frames, with a column for each component of a vector. `begin` [s]
+    is the episode's place in the `film`, whose images follow each other at `fps`.
     """
 
     path: Path
     frames: pa.Table
     features: Mapping[str, Any]
+    film: Path | None
+    begin: float
+    fps: float
+
+    def images(self) -> Iterator[tuple[int, Frame]]:
+        """Images of the film with the row of each; of a repeated one the first after its stamp."""
+        rows = set(range(len(self.frames)))
+        if CAMERA_STAMP in self.frames.column_names:
+            taken = np.unique(self.frames[CAMERA_STAMP].to_numpy())
+            rows = set(np.searchsorted(self.frames["stamp"].to_numpy(), taken).tolist())
+        for frame in Film(self.film).frames(self.begin) if self.film else ():
+            row = round((frame.stamp - self.begin) * self.fps)
+            if row >= len(self.frames):
+                return
+            if row in rows:
+                yield row, frame
 
     def table(self, file: str, _how: object) -> pa.Table:
         """Frames or points of the episode; ConfigurationError for any other table."""
@@ -332,12 +418,11 @@ def _read(
     root: Path, row: Mapping[str, Any], info: Mapping[str, Any], shared: Mapping[str, bytes]
 ) -> Source:
     """Read the episode that one `row` of meta/episodes describes."""
-    pattern = str(info.get("data_path", DATA))
-    if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
-        raise ConfigurationError(
-            f"{root / INFO}: data_path: {pattern!r} leads out of the data set; give a path in it"
-        )
-    path = root / _file(pattern, row["data/chunk_index"], row["data/file_index"])
+    path = _path(root, info, "data", row)
+    cameras = (name for name, each in info["features"].items() if each.get("dtype") == "video")
+    camera = next((name for name in cameras if f"videos/{name}/file_index" in row), None)
+    film = camera and _path(root, info, "video", row, camera)
+    begin = float(row[f"videos/{camera}/from_timestamp"]) if camera else 0.0
     frames = read_parquet(path)
     of_episode = np.asarray(frames["episode_index"]) == row["episode_index"]
     documents = {
@@ -346,5 +431,19 @@ def _read(
     name = str(row.get("cell/name") or f"episode-{row['episode_index']:06d}")
     if Path(name).name != name:
         raise ValueError(f"cell/name: {name!r} is not the name of a folder")
-    found = Episode(path, frames.filter(pa.array(of_episode)), info["features"])
-    return Source(path, name, {**shared, **documents}, found.table)
+    of_episode = frames.filter(pa.array(of_episode))
+    found = Episode(path, of_episode, info["features"], film, begin, float(info["fps"]))
+    return Source(path, name, {**shared, **documents}, found.table, found.images)
+
+
+def _path(
+    root: Path, info: Mapping[str, Any], kind: str, row: Mapping[str, Any], camera: str = ""
+) -> Path:
+    """Path of the `data` or `video` of an episode; ConfigurationError for one out of the set."""
+    pattern = str(info.get(f"{kind}_path") or (VIDEO if camera else DATA))
+    if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
+        raise ConfigurationError(
+            f"{root / INFO}: {kind}_path: {pattern!r} leads out of the data set; give a path in it"
+        )
+    place = f"videos/{camera}" if camera else kind
+    return root / _file(pattern, row[f"{place}/chunk_index"], row[f"{place}/file_index"], camera)

@@ -6,7 +6,7 @@ It names the foreign column for each quantity, with its unit.
 import io
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +21,7 @@ from cell.record.header import Sigma
 from drivers.errors import ConfigurationError, suggestion
 from drivers.readers import MEGABYTE, read_bytes, read_parquet, read_text
 from drivers.settings import Metres, Seconds, Settings
-from drivers.types import Array, frozen
+from drivers.types import Array, Frame, frozen
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -118,12 +118,14 @@ class Source:
     """Source of one run's tables: its file or folder, the run's name, and YAML files by name.
 
     `table` returns the table that a mapping names; it raises ConfigurationError without one.
+    `images` yields the images of a film, with the row of `ticks` at which each was taken.
     """
 
     path: Path
     name: str
     documents: Mapping[str, bytes]
     table: Callable[[str, Table[Any]], pa.Table]
+    images: Callable[[], Iterable[tuple[int, Frame]]] = tuple
 
 
 def folder_source(folder: Path) -> Source:

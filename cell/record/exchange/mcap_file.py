@@ -113,17 +113,11 @@ def _write_drawings(writer: "Writer", run: Run) -> None:
 
 def _drawings(run: Run) -> Iterator[tuple[str, float, Any]]:
     """Topics, stamps [s] and messages of film, images, strip, gripper and events of a run."""
-    from foxglove_schemas_protobuf.Color_pb2 import Color
     from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
     from foxglove_schemas_protobuf.CompressedVideo_pb2 import CompressedVideo
     from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
-    from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
     from foxglove_schemas_protobuf.Log_pb2 import Log
-    from foxglove_schemas_protobuf.Point3_pb2 import Point3
-    from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
-    from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
     from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
-    from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 
     stamps, camera = run.film_stamps(), {"frame_id": "camera"}
     for number, data in enumerate(Film(run.folder / FILM).packets() if stamps else ()):
@@ -134,17 +128,15 @@ def _drawings(run: Run) -> Iterator[tuple[str, float, Any]]:
         image = CompressedImage(format="png", data=encode(frame.image), **camera)
         yield "/camera/image", frame.stamp, image
     for stamp, curve in run.profile.curves():
-        points = [Point3(x=x, z=z) for x, z in curve.tolist()]
-        line = LinePrimitive(points=points, thickness=4.0, scale_invariant=True, color=Color(a=1.0))
-        entity = SceneEntity(frame_id="cell", id="strip", lines=[line])
-        yield "/strip", stamp, SceneUpdate(entities=[entity])
-    ticks = run.ticks
+        points = [{"x": x, "z": z} for x, z in curve.tolist()]
+        line = {"points": points, "thickness": 4, "scale_invariant": True, "color": {"a": 1}}
+        strip: Row = {"frame_id": "cell", "id": "strip", "lines": [line]}
+        yield "/strip", stamp, SceneUpdate(entities=[strip])
+    ticks, frames = run.ticks, {"parent_frame_id": "cell", "child_frame_id": "gripper"}
     half = np.nan_to_num(ticks.pitch) / 2  # about y, from x along the strip down
     for t, x, z, a in zip(*(v.tolist() for v in (ticks.t, ticks.x, ticks.z, half)), strict=True):
-        pose = FrameTransform(parent_frame_id="cell", child_frame_id="gripper")
-        pose.translation.MergeFrom(Vector3(x=x, z=z))
-        pose.rotation.MergeFrom(Quaternion(y=sin(a), w=cos(a)))
-        yield "/tf", t, pose
+        pose: Row = {"translation": {"x": x, "z": z}, "rotation": {"y": sin(a), "w": cos(a)}}
+        yield "/tf", t, FrameTransform(**frames, **pose)
     for event in run.events():
         if event.kind not in EVERY_FRAME:
             level = Log.ERROR if event.kind == "fault" else Log.INFO

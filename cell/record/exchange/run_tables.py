@@ -45,17 +45,22 @@ class RunTables:
 
 
 def tables_of(runs: Sequence[Run]) -> tuple[RunTables, ...]:
-    """Collect the tables of `runs`; ConfigurationError where no single mapping describes them."""
+    """Collect the tables of `runs`; ConfigurationError for one without rows."""
     for run in runs:
         if not len(run.ticks.t):
             raise ConfigurationError(f"{run.folder}: holds no row; leave it out")
+    return tuple(RunTables.of(run) for run in runs)
+
+
+def check_alike(runs: Sequence[Run]) -> None:
+    """Raise ConfigurationError where no single mapping describes all `runs`."""
+    for run in runs:
         alike = ("strip", "start", "sigma", "contact_height")
         if any(getattr(run.header, k) != getattr(runs[0].header, k) for k in alike):
             raise ConfigurationError(
                 f"{run.folder}: differs from {runs[0].folder} in strip, start or sigma; export "
-                "runs of one kind together"
+                "runs of one kind together, or as lerobot or mcap"
             )
-    return tuple(RunTables.of(run) for run in runs)
 
 
 def mapping_of(parts: Sequence[RunTables], name: Name) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Runs exported to the formats of other programs come back as they were, to the last bit."""
 
 import json
+import shutil
 from pathlib import Path
 
 import av
@@ -14,6 +15,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from cell.record.exchange.export_runs import Format, export_runs
 from cell.record.exchange.import_runs import import_runs
 from cell.record.files import EVENTS
+from cell.record.film import Film
 from cell.record.frames import FrameWriter
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError
@@ -37,6 +39,13 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
     return made
 
 
+def of_linen(run: Path, place: Path) -> Path:
+    """A copy of a run, of another strip."""
+    other = shutil.copytree(run, place / "other")
+    (other / "run.yaml").write_text((run / "run.yaml").read_text().replace("denim", "linen"))
+    return other
+
+
 @pytest.mark.parametrize("kind", ["csv", "lerobot", "mcap"])
 def test_exported_runs_come_back_bit_for_bit(runs, kind: Format, tmp_path: Path) -> None:
     made = import_runs(export_runs(runs, kind, tmp_path / "out"), None, tmp_path / "back")
@@ -46,6 +55,9 @@ def test_exported_runs_come_back_bit_for_bit(runs, kind: Format, tmp_path: Path)
             assert np.array_equal(getattr(now.ticks, name), getattr(was.ticks, name), True), name
         for name in ("t", "i", "x", "z"):
             assert np.array_equal(getattr(now.profile, name), getattr(was.profile, name)), name
+        if kind == "lerobot":
+            stamps = [list(run.film_stamps().values()) for run in (was, now)]
+            assert np.allclose(*stamps, atol=0.0101)  # s, between two rows
 
 
 def test_a_data_set_has_the_layout_that_lerobot_states(runs, tmp_path: Path) -> None:
@@ -57,14 +69,45 @@ def test_a_data_set_has_the_layout_that_lerobot_states(runs, tmp_path: Path) -> 
     for row in episodes:
         place = {key: row[f"data/{key}"] for key in ("chunk_index", "file_index")}
         frames = pq.read_table(root / info["data_path"].format(**place))
-        assert set(frames.column_names) == set(info["features"])
+        assert {*frames.column_names, "observation.images.camera"} == set(info["features"])
         indices = range(row["dataset_from_index"], row["dataset_to_index"])
         assert frames["index"].to_pylist() == list(indices)
         assert np.allclose(frames["timestamp"], np.arange(300) / 100)
+    place = {"chunk_index": 0, "file_index": 0, "video_key": "observation.images.camera"}
+    film = list(Film(root / info["video_path"].format(**place)).frames())
+    assert np.allclose([frame.stamp for frame in film], frames["timestamp"], atol=1e-4)
+    newest = np.maximum(np.searchsorted(STAMPS, frames["stamp"], side="right") - 1, 0)
+    assert frames["observation.camera_stamp"].to_pylist() == STAMPS[newest].tolist()
+    assert np.allclose([frame.image.mean() for frame in film], 3 * newest, atol=6)
     tasks = pq.read_table(root / "meta/tasks.parquet")
     assert json.loads(tasks.schema.metadata[b"pandas"])["index_columns"] == ["task"]
     stats = json.loads((root / "meta/stats.json").read_text())
     assert set(stats) == set(info["features"])
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_the_loader_of_lerobot_opens_runs_of_two_strips_with_their_images(runs, tmp_path) -> None:
+    loader = pytest.importorskip("lerobot.datasets.lerobot_dataset")
+    [root] = export_runs([runs[0], of_linen(runs[1], tmp_path)], "lerobot", tmp_path / "out")
+    frames = loader.LeRobotDataset("cell/folds", root=root)
+    assert len(frames) == 600
+    for place, task in ((150, "fold denim in half"), (450, "fold linen in half")):
+        image = frames[place]["observation.images.camera"]
+        assert frames[place]["task"] == task
+        assert image.shape == (3, 64, 96)
+        newest = np.flatnonzero(frames[place]["observation.camera_stamp"].item() >= STAMPS)[-1]
+        assert float(image.mean()) == pytest.approx(3 * newest / 255, abs=0.03)
+
+
+@pytest.mark.parametrize("kind", ["csv", "lerobot", "mcap"])
+def test_runs_of_two_strips_are_exported_where_each_states_its_own(runs, kind, tmp_path) -> None:
+    folders, out = [runs[0], of_linen(runs[1], tmp_path)], tmp_path / "out"
+    if kind == "csv":
+        with pytest.raises(ConfigurationError, match="in strip, start or sigma"):
+            export_runs(folders, kind, out)
+    else:
+        made = import_runs(export_runs(folders, kind, out), None, tmp_path / "back")
+        assert [read_run(folder).header.strip for folder in made] == ["denim", "linen"]
 
 
 def test_mcap_is_read_by_its_own_library(runs, tmp_path: Path) -> None:
