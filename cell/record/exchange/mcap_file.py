@@ -119,7 +119,7 @@ def _drawings(run: Run) -> Iterator[tuple[str, float, Any]]:
     from foxglove_schemas_protobuf.Log_pb2 import Log
     from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
-    stamps, camera = run.film_stamps(), {"frame_id": "camera"}
+    stamps, camera = run.film_stamps(), Row(frame_id="camera")
     for number, data in enumerate(Film(run.folder / FILM).packets() if stamps else ()):
         if number in stamps:
             video = CompressedVideo(format="h264", data=data, **camera)
@@ -130,12 +130,12 @@ def _drawings(run: Run) -> Iterator[tuple[str, float, Any]]:
     for stamp, curve in run.profile.curves():
         points = [{"x": x, "z": z} for x, z in curve.tolist()]
         line = {"points": points, "thickness": 4, "scale_invariant": True, "color": {"a": 1}}
-        strip: Row = {"frame_id": "cell", "id": "strip", "lines": [line]}
-        yield "/strip", stamp, SceneUpdate(entities=[strip])
-    ticks, frames = run.ticks, {"parent_frame_id": "cell", "child_frame_id": "gripper"}
+        strip = Row(entities=[{"frame_id": "cell", "id": "strip", "lines": [line]}])
+        yield "/strip", stamp, SceneUpdate(**strip)
+    ticks, frames = run.ticks, Row(parent_frame_id="cell", child_frame_id="gripper")
     half = np.nan_to_num(ticks.pitch) / 2  # about y, from x along the strip down
     for t, x, z, a in zip(*(v.tolist() for v in (ticks.t, ticks.x, ticks.z, half)), strict=True):
-        pose: Row = {"translation": {"x": x, "z": z}, "rotation": {"y": sin(a), "w": cos(a)}}
+        pose = Row(translation={"x": x, "z": z}, rotation={"y": sin(a), "w": cos(a)})
         yield "/tf", t, FrameTransform(**frames, **pose)
     for event in run.events():
         if event.kind not in EVERY_FRAME:
