@@ -3,23 +3,27 @@
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from calibration.calibration import Calibration, load_calibration
 from calibration.wizard.session import PICTURE_FILE, VERDICT_FILE
 from cell.record.files import CALIBRATION, REPORT
-from cell.report.drawing import BLUE, INK, MUTED, as_svg, canvas
 from cell.report.kit import jpeg_text, page
 from cell.report.overlay import KeyPicture
 from cell.report.verdict import Verdict
 from cell.report.words import millimetres, milliseconds
 from drivers.files import write_file
 from drivers.readers import read_picture, read_yaml
+from drivers.types import Array, Image
 
 # mm, the error of a measured curve (`sigma.profile`) that a calibration must not exceed
 GOOD_RESIDUAL = 1.0
 GRID_X, GRID_Z = np.arange(-0.1, 1.01, 0.1), np.arange(0.0, 0.51, 0.05)  # m
 LINE_POINTS = 60  # points of a line, which a lens bends
+WHITE, LABEL_OFFSET = (255, 255, 255), (4, -4)  # BGR; px
+FRACTION = 4  # bits of a pixel to which lines are drawn
+PICTURE_WIDTH = 1280  # px
 SCALE_STEP = 1e-3  # m, over which the scale of the image is taken
 
 
@@ -29,8 +33,7 @@ def write_calibration_report(path: Path) -> Path:
     Raises ConfigurationError for a file that is no calibration, or a folder that cannot be written.
     """
     made = path.with_suffix(".html")
-    text = calibration_report(load_calibration(path), path.name)
-    write_file(made, text)
+    write_file(made, calibration_report(path))
     return made
 
 
@@ -47,27 +50,35 @@ def write_session_page(folder: Path) -> Path:
     text = _page(
         f"session {folder.name}",
         load_calibration(made) if made.is_file() else None,
+        folder,
         kicker="Session of a calibration wizard",
         name=folder.name,
         said=said,
         found=lines[:-1],
-        pictures=_picture(folder),
     )
     write_file(path, text)
     return path
 
 
-def _picture(folder: Path) -> list[KeyPicture]:
-    """Picture of the session; none for one that was solved again."""
-    path = folder / PICTURE_FILE
-    if not path.is_file():
+def _pictures(folder: Path, calibration: Calibration | None) -> list[KeyPicture]:
+    """What the camera saw, from the session or run in `folder`, with the strip's plane over it.
+
+    None for a calibration that lies alone.
+    """
+    kept = (folder / PICTURE_FILE, *sorted(folder.glob("frames/*.png")))
+    path = next(filter(Path.is_file, kept), None)
+    if path is None:
         return []
-    said = "what was measured, in the last image"
-    return [KeyPicture(jpeg_text(read_picture(path)), said, PICTURE_FILE)]
+    image = read_picture(path)
+    if calibration is not None:
+        _draw_plane(image, calibration)
+    where = str(path.relative_to(folder))
+    return [KeyPicture(jpeg_text(image, PICTURE_WIDTH), f"what the camera saw: {where}", where)]
 
 
-def calibration_report(calibration: Calibration, name: str) -> str:
-    """HTML page of `calibration`, whose file is called `name`."""
+def calibration_report(path: Path) -> str:
+    """HTML page of the calibration file at `path`, with a picture that lies beside it."""
+    calibration = load_calibration(path)
     good = calibration.residual_mm <= GOOD_RESIDUAL and not calibration.accepted_anyway
     said = Verdict(
         "good" if good else "bad",
@@ -79,20 +90,22 @@ def calibration_report(calibration: Calibration, name: str) -> str:
     return _page(
         f"calibration {calibration.id}",
         calibration,
+        path.parent,
         kicker="Calibration of a camera",
-        name=name,
+        name=path.name,
         said=said,
         refused=[f"The wizard refused it: {reason}" for reason in calibration.accepted_anyway],
     )
 
 
-def _page(title: str, calibration: Calibration | None, **parts: Any) -> str:
-    """HTML page with `parts` and the facts on a calibration, if there is one."""
-    facts: dict[str, Any] = {"numbers": (), "grid": "", "locks": ()}
+def _page(title: str, calibration: Calibration | None, folder: Path, **parts: Any) -> str:
+    """HTML page with `parts`, facts on a calibration if there is one, and what `folder` shows."""
+    facts: dict[str, Any] = {"numbers": (), "locks": ()}
     if calibration is not None:
         locks = [(name, str(value)) for name, value in calibration.locks.items()]
-        facts = {"numbers": _numbers(calibration), "grid": _plane_grid(calibration), "locks": locks}
-    absent: dict[str, Any] = {"refused": (), "found": (), "pictures": ()}
+        facts = {"numbers": _numbers(calibration), "locks": locks}
+    pictures = _pictures(folder, calibration)
+    absent: dict[str, Any] = {"refused": (), "found": (), "pictures": pictures}
     return page("report/templates/calibration.html", title, **absent | parts | facts)
 
 
@@ -113,24 +126,20 @@ def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
     ]
 
 
-def _plane_grid(calibration: Calibration) -> str:
-    lens = calibration.lens
-    with canvas(8.4, 8.4 * lens.height / lens.width) as figure:
-        axes = figure.add_subplot(aspect="equal")
-        for x in GRID_X:
-            line = np.stack(
-                [np.full(LINE_POINTS, x), np.linspace(GRID_Z[0], GRID_Z[-1], LINE_POINTS)], axis=1
-            )
-            axes.plot(*calibration.to_image(line).T, color=BLUE, lw=0.8, gid=f"x {1e3 * x:.0f} mm")
-        for z in GRID_Z:
-            line = np.stack(
-                [np.linspace(GRID_X[0], GRID_X[-1], LINE_POINTS), np.full(LINE_POINTS, z)], axis=1
-            )
-            strong = {"color": INK, "lw": 1.6} if z == 0 else {"color": MUTED, "lw": 0.8}
-            axes.plot(*calibration.to_image(line).T, **strong, gid=f"z {1e3 * z:.0f} mm")
-        axes.plot(*calibration.to_image(np.zeros((1, 2))).T, "o", color=INK, ms=5)
-        axes.set(
-            xlim=(0, lens.width), ylim=(lens.height, 0), xlabel="column  [px]", ylabel="row  [px]"
-        )
-        axes.grid(False)
-        return as_svg(figure)
+def _draw_plane(image: Image, calibration: Calibration) -> None:
+    """Draw the plane of the strip into an `image` of the camera, as lines with their mm."""
+    for line in (*(_steps(x, GRID_Z) for x in GRID_X), *(_steps(GRID_X, z) for z in GRID_Z)):
+        pixels = np.rint(2**FRACTION * calibration.to_image(line)).astype(np.int32)
+        is_desk = not line[:, 1].any()
+        width = 3 if is_desk else 1
+        cv2.polylines(image, [pixels], False, WHITE, width, cv2.LINE_AA, FRACTION)
+    for text, x, z in (*((f"x {1e3 * x:.0f}", x, 0.0) for x in GRID_X),
+                       *((f"z {1e3 * z:.0f}", 0.0, z) for z in GRID_Z[1:])):  # fmt: skip
+        place = np.rint(calibration.to_image(np.array([[x, z]]))[0]).astype(int) + LABEL_OFFSET
+        cv2.putText(image, text, place.tolist(), cv2.FONT_HERSHEY_SIMPLEX, 0.5, WHITE, 1)
+
+
+def _steps(x: float | Array, z: float | Array) -> Array:
+    """Points (LINE_POINTS, 2) [m] from the first to the last of `x` and `z`."""
+    ends = [np.linspace(np.min(v), np.max(v), LINE_POINTS) for v in (x, z)]
+    return np.stack(ends, axis=1)

@@ -125,10 +125,10 @@
       panel.texts = panel.texts.map(([id, x, y]) => [id, X(x), Y(y)]);
       thin(group, panel);
     }
-    for (const legend of svg.querySelectorAll("[id^=legend_]")) { // below all panels
+    for (const legend of svg.querySelectorAll("[id^=legend_]")) { // above or below all panels
       if (legend.closest("[id^=axes-]")) continue;
       const { x, y, width } = legend.getBBox(), size = Math.min(1, wide / width);
-      legend.setAttribute("transform", `translate(0 ${y + place.high - view.height}) scale(${size}) translate(${-x} ${-y})`);
+      legend.setAttribute("transform", `translate(0 ${y < view.height / 2 ? y : y + place.high - view.height}) scale(${size}) translate(${-x} ${-y})`);
     }
     svg.setAttribute("viewBox", `0 0 ${wide} ${place.high}`);
     Object.assign(svg.style, { width: "100%", minWidth: 0 });

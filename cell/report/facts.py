@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from cell.perception.witness import KINDS
 from cell.record.events import Event
 from cell.record.files import TICK_STREAM
 from cell.record.header import Result
@@ -18,13 +19,13 @@ LISTED_EVENTS = 400
 LONGEST_TEXT = 160  # characters of a value
 HEIGHT_ON_DESK = 0.01  # m, above which a gripper has lifted the strip
 PREFLIGHT = "preflight"
-LEFT_OUT = frozenset({"config", "preflight", "schema", "provenance", "spread"})
+LEFT_OUT = frozenset({"config", "preflight", "schema", "provenance", "spread", "plant_sha256"})
 SHOWN_ELSEWHERE = frozenset({PREFLIGHT, "origin"})
 SIGNED = frozenset({"displacement", "edge_offset"})
 LENGTH_NAMES = SIGNED | {"x", "z", "l1", "l2", "length", "width", "thickness", "bending_length"}
 LENGTH_NAMES |= {"contact_height", "contact_x", "error", "tip_x", "height"}
 SIGNAL_UNITS = {"speed": "m/s", "camera_hz": "Hz", "touch_time": "s", "retardation_time": "s"}
-SIGNAL_UNITS |= {"areal_density": "kg/m²", "force": "N"}
+SIGNAL_UNITS |= {"latency": "s", "areal_density": "kg/m²", "force": "N"}
 Rows = list[tuple[str, str]]
 
 
@@ -47,7 +48,8 @@ def _result_rows(result: Result) -> Rows:
         rows.append(("edges apart once laid", millimetres(result.edge_offset, signed=True)))
     for note in result.witnesses:
         apart = millimetres(note.difference, signed=True)
-        rows.append((f"sources differ: {note.name}", f"{apart} ± {millimetres(note.spread)}"))
+        said = f"{KINDS[note.name][0]} differ: {note.name.replace('_', ' ')}"
+        rows.append((said, f"{apart} ± {millimetres(note.spread)}"))
     return rows
 
 
@@ -62,7 +64,7 @@ def facts(run: Run) -> Rows:
     """Rows of the run's settings: nested keys joined by dots; long lists are counted."""
     content = run.header.model_dump(by_alias=True, exclude_none=True)
     rows = [(key, _text(key, value)) for key, value in _flatten(content)]
-    return [(key, text) for key, text in rows if text]
+    return [(key, text) for key, text in rows if text not in ("", "None")]
 
 
 def checks(run: Run) -> list[tuple[str, str, str]]:
@@ -169,8 +171,6 @@ def _text(key: str, value: Any) -> str:
     name = key.rpartition(".")[2]
     if key.startswith("sigma.") and name not in SIGNAL_UNITS and isinstance(value, float):
         return millimetres(value)
-    if name.endswith("sha256"):
-        return f"{value!s:.12}…"
     if isinstance(value, list | tuple):
         joined = ", ".join(str(item) for item in value)
         return joined if len(joined) <= 100 else f"{len(value)} entries"
@@ -193,4 +193,5 @@ def _value(name: str, value: Any) -> str:
         return text if len(text) <= LONGEST_TEXT else f"{text[: LONGEST_TEXT - 3]}..."
     if name in LENGTH_NAMES:
         return millimetres(value, signed=name in SIGNED)
-    return f"{value:.6g} {SIGNAL_UNITS.get(name, '')}".strip()
+    digits = ".3g" if isinstance(value, float) else ""
+    return f"{value:{digits}} {SIGNAL_UNITS.get(name, '')}".strip()

@@ -19,8 +19,8 @@ CURVES = 26  # profiles that are drawn, of all that were measured
 NAMED_SHARE = 0.05  # of the run's time, from which on a state has room for its name
 LEFT, RIGHT = 0.075, 0.995  # shares of the figure's width between which its signals lie
 LEGEND: dict[str, Any] = {
-    "loc": "lower right",
-    "bbox_to_anchor": (1, 1),
+    "loc": "lower left",
+    "bbox_to_anchor": (0, 1),
     "ncols": 3,
     "handlelength": 1.2,
     "borderaxespad": 0,

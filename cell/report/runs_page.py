@@ -62,7 +62,7 @@ def _cells(row: RunRow, place: Path) -> tuple[str | Link, ...]:
     lasted = "" if row.duration is None else f"{row.duration:.1f}"
     outcome = row.outcome.replace("_", " ")
     said = " · ".join(filter(None, (row.tags, row.note)))
-    return (_link(row, place), *lengths, outcome, row.policy, row.strip, lasted, said)
+    return (_link(row, place, row.short), *lengths, outcome, row.policy, row.strip, lasted, said)
 
 
 def _thumbnail(row: RunRow) -> str:
@@ -103,7 +103,7 @@ def comparison(runs: Sequence[Run], place: Path) -> str:
         title=title,
         said=_verdict(runs, truths, [row[0] for row in table[1:]]),
         films=[(name, film) for name, film in films if film and film["source"] != FILM],
-        head=("run", "policy", "outcome", "displacement", "true", "edges apart", "true", "touch"),
+        head=("run", "outcome", "displacement", "true", "edges apart", "true", "touch"),
         numbers=[_numbers(run, truth, place) for run, truth in zip(runs, truths, strict=True)],
         differences=list(zip(*table, strict=True)) if len(runs) > MOST_COLUMNS else table,
         shapes=_shapes(runs),
@@ -139,13 +139,13 @@ def _numbers(run: Run, truth: Mapping[str, Any], place: Path) -> tuple[str | Lin
     lengths = (row.displacement, truth.get("displacement"), row.edge_offset)
     shown = (millimetres(v, signed=True) for v in (*lengths, truth.get("edge_offset")))
     outcome = row.outcome.replace("_", " ")
-    return (_link(row, place), row.policy, outcome, *shown, seconds(row.touch))
+    return (_link(row, place, run.name[-4:]), outcome, *shown, seconds(row.touch))
 
 
-def _link(row: RunRow, place: Path) -> str | Link:
-    """Short name of a run, which leads to its page where it has one."""
+def _link(row: RunRow, place: Path, name: str) -> str | Link:
+    """The `name` of a run, which leads to its page where it has one."""
     report = row.folder / REPORT
-    return Link(row.short, os.path.relpath(report, place)) if report.exists() else row.short
+    return Link(name, os.path.relpath(report, place)) if report.exists() else name
 
 
 def _differences(runs: Sequence[Run], truths: Sequence[Mapping[str, Any]]) -> list[tuple[str, ...]]:
@@ -157,7 +157,7 @@ def _differences(runs: Sequence[Run], truths: Sequence[Mapping[str, Any]]) -> li
     for run, truth in zip(runs, truths, strict=True):
         stated = dict(facts(run)) | dict(_flatten(run.header.config or {}, "cell"))
         stated |= dict(_flatten(truth.get("plant", {}), "plant"))
-        settings.append({k: v for k, v in stated.items() if not (truth and k == "plant_sha256")})
+        settings.append(stated)
     keys = dict.fromkeys(key for each in settings for key in each if key not in PER_RUN_KEYS)
     rows = [(key, *(each.get(key, NO_VALUE) for each in settings)) for key in keys]
     heading = ("setting", *(_short_name(run) for run in runs))
@@ -202,6 +202,5 @@ def _colour(number: int) -> str:
 
 
 def _short_name(run: Run) -> str:
-    """Short name of a run for headings: its last four characters, policy and seed."""
-    seed = "" if run.header.seed is None else f"#{run.header.seed}"
-    return " ".join(filter(None, (run.name[-4:], run.header.policy, seed)))
+    """Short name of a run for headings: its last four characters, and its policy or motion."""
+    return f"{run.name[-4:]} {(run.header.policy or '').removeprefix('motion:')}".strip()

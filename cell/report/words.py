@@ -27,7 +27,8 @@ def millimetres(value: float | None, signed: bool = False) -> str:
     """Text of a length [m] in millimetres with one decimal, with two where one would show zero."""
     if value is None or not math.isfinite(value):
         return NO_VALUE
-    decimals = 2 if 0 < abs(value) < 5e-5 else 1
+    decimals = 2 if 5e-6 <= abs(value) < 5e-5 else 1
+    value = 0.0 if abs(value) < 5e-6 else value
     text = f"{1e3 * value:{'+' if signed else ''}.{decimals}f}"
     return f"{text.replace('-', MINUS)} mm"
 

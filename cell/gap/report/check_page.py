@@ -3,6 +3,7 @@
 from cell.gap.check import IDENTIFIABLE, Check, Level
 from cell.report.kit import Tone, page
 from cell.report.verdict import Verdict
+from cell.report.words import plural
 
 TONES: dict[Level, Tone] = {"good": "good", "fair": "fair", "bad": "bad"}
 HEADLINES: dict[Level, str] = {
@@ -34,7 +35,4 @@ def check_page(found: Check, subject: str) -> str:
 
 def _summary(found: Check) -> str:
     bad = sum(f.level == "bad" for f in found.findings)
-    return (
-        f"{len(found.findings)} findings, {bad} of them against a fit. The page holds for inputs "
-        f"{found.inputs}: with other files it says nothing."
-    )
+    return f"{plural(len(found.findings), 'finding')}, {bad} of them against a fit."

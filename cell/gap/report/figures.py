@@ -47,7 +47,7 @@ def folds(shapes: Mapping[str, Array]) -> str:
         for name, points in shapes.items():
             axes.plot(*(1e3 * points).T, label=name)
         axes.set(xlabel="x  [mm]", ylabel="z  [mm]")
-        axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0))
+        _legend_above(figure, axes)
         return as_svg(figure)
 
 
@@ -220,7 +220,7 @@ def _legend_above(figure: Figure, axis: Axes) -> None:
     """Put the legend of `axis` above all axes, where it covers nothing."""
     handles, labels = axis.get_legend_handles_labels()
     figure.legend(
-        handles, labels, fontsize=8, frameon=False, ncols=3, loc="outside upper right",
+        handles, labels, fontsize=8, frameon=False, ncols=3, loc="outside upper left",
         labelcolor=INK,
     )  # fmt: skip
 

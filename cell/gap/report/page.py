@@ -12,7 +12,6 @@ from cell.gap.report import figures
 from cell.gap.report.figures import replay
 from cell.gap.report.sentence import (
     capital,
-    change,
     deviation,
     headline,
     in_small_unit,
@@ -155,7 +154,6 @@ def compare_held_out(findings: Findings, verdict: Verdict) -> dict[str, Any]:
         "typical": names[typical],
         "midlines": _midline_figure(findings, before.evidence.runs[typical].name),
         "traces": figures.residual_traces(before, after, typical, quantities),
-        "shrank": f"{_shrinkage_words(findings, verdict)}: {change(findings, verdict)}",
         "head": ("rms", *(("gap",) if after is None else ("before", "after")), "noise"),
         "rows": [
             (words.get(key, "excess [noise]"), *(f"{side[key]:.3g}" for side in sides))
@@ -186,9 +184,7 @@ def _midline_figure(findings: Findings, run: str) -> str:
     return "" if drawn is None else figures.midlines(drawn)
 
 
-def _shrinkage_words(findings: Findings, verdict: Verdict) -> str:
-    if not findings.unseen.changed:
-        return "No effect was added"
+def _shrinkage_words(verdict: Verdict) -> str:
     gap = verdict.gap
     if not gap.before["excess"]:
         return "Already before, the held-out runs together showed no more than noise"
@@ -272,7 +268,7 @@ def _verdict_card(findings: Findings, verdict: Verdict) -> Card:
         number, below = f"{100 * verdict.effects[0].confidence:.0f} %", "probable that this is it"
     lines = [sentence(findings, verdict)]
     if findings.unseen.changed:
-        lines.append(f"On runs held out: {_shrinkage_words(findings, verdict).lower()}.")
+        lines.append(f"On runs held out: {_shrinkage_words(verdict).lower()}.")
     tone = TONES[verdict.verdict]
     if verdict.deviates:
         tone = "bad" if tone == "bad" else "fair"

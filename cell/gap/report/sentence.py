@@ -146,20 +146,6 @@ def _describe_rest(findings: Findings, verdict: Verdict) -> str:
     return capital(f"{description}: no effect of the library accounts for it{tried}.")
 
 
-def change(findings: Findings, verdict: Verdict) -> str:
-    """Gap before, after and noise floor on held-out runs, by quantity."""
-    parts, gap = [], verdict.gap
-    for q in findings.subject.scope.quantities.values():
-        if q.key not in gap.before:
-            continue
-        before, after = number(gap.before[q.key]), number(gap.after[q.key])
-        text = f"is {before} {q.unit} off"
-        if findings.accepted.model.effects:
-            text = f"was {before} {q.unit} off and is now {after} {q.unit}"
-        parts.append(f"{label(q)} {text} (noise {number(gap.floor[q.key])})")
-    return "on held-out runs " + ", ".join(parts)
-
-
 def at_their_ends(findings: Findings) -> list[str]:
     """Names of the parameters of surely named effects whose fitted value is a bound."""
     fit = findings.accepted.estimate

@@ -1,5 +1,6 @@
 """The page of a run: verdict, figures, facts, predictions; and the page of a calibration."""
 
+import base64
 import json
 import re
 import shutil
@@ -7,6 +8,7 @@ from dataclasses import asdict
 from html import unescape
 from html.parser import HTMLParser
 
+import cv2
 import numpy as np
 import pytest
 import yaml
@@ -19,6 +21,7 @@ from cell.record.listing import read_row
 from cell.record.run import read_run
 from cell.record.stream import Tick
 from cell.record.writer import RunWriter
+from cell.report.calibration_page import write_calibration_report
 from cell.report.facts import advice
 from cell.report.page import report, write_report
 from cell.report.runs_page import write_comparison, write_runs_page
@@ -257,4 +260,13 @@ def test_page_shows_quality_scale_and_plane(calibration, tmp_path):
     shown = float(re.search(r"z 100 mm (\d\.\d) mm", words(text))[1])
     assert shown == pytest.approx(scale, abs=0.05)
     assert "verdict good" in text
-    assert text.count("<svg") == 1
+    assert "Lines every 100 mm" not in text
+    seen = np.full((720, 1280, 3), 90, np.uint8)
+    cv2.imwrite(str(tmp_path / "picture.png"), seen)
+    text = write_calibration_report(path).read_text()
+    assert "Lines every 100 mm" in text
+    drawn = text.partition("data:image/jpeg;base64,")[2].partition('"')[0]
+    image = cv2.imdecode(np.frombuffer(base64.b64decode(drawn), np.uint8), cv2.IMREAD_GRAYSCALE)
+    for x, z in ((0.2, 0.1), (0.4, 0.25), (0.5, 0.0)):
+        column, row = calibration.to_image([[x, z]])[0].round().astype(int)
+        assert image[row - 2 : row + 3, column - 2 : column + 3].max() > 180
