@@ -64,12 +64,15 @@ class LensFit:
 
 
 def fit_lens(
-    object_points: Sequence[Array], image_points: Sequence[Array], size: tuple[int, int]
+    object_points: Sequence[Array],
+    image_points: Sequence[Array],
+    size: tuple[int, int],
+    fixed: int = cv2.CALIB_FIX_K3,
 ) -> LensFit:
     """Lens from board corners: per view (m, 3) [m] on the board and (m, 2) [px] in the image.
 
-    `size` is (width, height) [px]. Fewer than three views, or corners outside of an image of that
-    size, are a ConfigurationError.
+    `size` is (width, height) [px], `fixed` are OpenCV's flags of what is not fitted. Fewer than
+    three views, or corners outside of an image of that size, are a ConfigurationError.
     """
     if len(object_points) < MINIMUM_VIEWS:
         raise ConfigurationError(
@@ -82,7 +85,7 @@ def fit_lens(
         size,
         None,
         None,
-        flags=cv2.CALIB_FIX_K3,
+        flags=fixed,
     )
     lens = Lens(size[0], size[1], frozen(matrix), frozen(np.ravel(distortion)[:5]))
     return LensFit(lens, float(rms), frozen(np.ravel(per_view)), float(np.ravel(deviations)[0]))

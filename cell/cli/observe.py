@@ -7,16 +7,21 @@ from typing import Annotated
 import typer
 
 from cell.cli.options import Configs, Json, Strip, busy, check_names, print_json
+from drivers.errors import ConfigurationError
 
 
 def observe(
     film: Annotated[
         Path, typer.Argument(metavar="FILM", help="Film of a fold by a camera that stands still.")
     ],
-    calibration: Annotated[
-        Path, typer.Option(help="Calibration of that camera at that place, from `cell calibrate`.")
-    ],
     strip: Strip,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(help="Calibration of that camera at that place, from `cell calibrate`."),
+    ] = None,
+    board: Annotated[
+        bool, typer.Option("--board", help="The film begins with the printed board instead.")
+    ] = False,
     out: Annotated[
         Path | None, typer.Option(help="New run folder [default: runs/NAME of the film].")
     ] = None,
@@ -28,6 +33,8 @@ def observe(
     The film begins with the strip lying flat and still. No arm need be in the picture.
     """
     check_names(configs, strip)
+    if board == (calibration is not None):
+        raise ConfigurationError("observe: give either --board or --calibration FILE")
     from cell.folding.observe import observe as read
     from cell.record.files import OVERLAY
 

@@ -8,11 +8,13 @@ import cv2
 import numpy as np
 import pyarrow as pa
 from scipy.interpolate import PchipInterpolator
+from scipy.signal import savgol_filter
 
 from calibration.calibration import Calibration, load_calibration, save_calibration
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
-from cell.perception.held_end import PROFILE_CONFIDENCE, HeldEnd, HeldMeasurement
+from cell.folding.filmed_board import calibrate_film
+from cell.perception.held_end import PROFILE_CONFIDENCE, Clip, HeldEnd, HeldMeasurement
 from cell.perception.layer_touch import LayerTouch
 from cell.perception.measurement import SeenTouch
 from cell.perception.preflight import inspect
@@ -28,9 +30,10 @@ from cell.report.overlay import draw_sight
 from drivers.errors import ConfigurationError
 from drivers.files import check_free, new_folder
 from drivers.strip.file import StripFile
-from drivers.types import Array, Frame, Image
+from drivers.types import Array, Frame, Image, Pose
 
 ROW_PERIOD = 0.01  # s between rows of ticks, as the contract of a run asks for
+SMOOTHED = 5  # images over which the held end is smoothed
 FEWEST_IMAGES = 10  # images in which the held end must be found
 SIGMA_FLOORS = {"gripper": 0.002, "contact_x": 0.001, "displacement": 0.004}
 """One sigma [m] at least of what a film without an arm shows: compression smooths the edges, and
@@ -43,9 +46,13 @@ Progress = Callable[[float], None]
 
 @dataclass(frozen=True, slots=True)
 class FilmMeasurement:
-    """Result of reading a film: number of images up to the `touch`, and of those well `read`."""
+    """Result of reading a film: number of images up to the `touch`, and of those well `read`.
+
+    The run begins `begin` [s] after the film.
+    """
 
     folder: Path
+    begin: float
     images: int
     read: int
     touch: SeenTouch | None
@@ -53,7 +60,7 @@ class FilmMeasurement:
 
 def observe(
     film: Path,
-    calibration: Calibration | Path,
+    calibration: Calibration | Path | None,
     strip_name: str,
     folder: Path,
     configs: Path | None = None,
@@ -61,9 +68,11 @@ def observe(
 ) -> FilmMeasurement:
     """Read the film at `film` into the new run `folder`, with an overlay film to look at.
 
-    The film begins with the strip lying flat and still. `progress` is called with the time [s] of
-    each image. Raises ConfigurationError for a film that cannot be read, shows no such strip, or is
-    of another camera than the calibration, and leaves no folder then.
+    The film begins with the strip lying flat and still; without a `calibration`, with the printed
+    board that stands in the plane of its edge, and the strip lies still after that, held by a clip.
+    `progress` is called with the time [s] of each image. Raises ConfigurationError for a film that
+    cannot be read, shows no such strip, board or clip, or is of another camera than the
+    calibration, and leaves no folder then.
     """
     found = find_configs(configs)
     cell, strip = found.cell(), found.strip(strip_name)
@@ -71,25 +80,39 @@ def observe(
     if isinstance(calibration, Path):
         calibration = load_calibration(calibration)
     check_free(folder)
-    frames = _frames(film, calibration)
+    begin, by_board = 0.0, calibration is None
+    if calibration is None:
+        calibration, begin = calibrate_film(film, Film(film).frames(), cell.boards, strip)
+    frames = _frames(film, calibration, begin)
     first = next(frames)
     appearance = _appearance(first, film, calibration, settings, strip)
-    follow = HeldEnd(calibration, settings, strip, appearance)
+    clip = Clip.learn(first.image, calibration, strip) if by_board else None
+    if by_board and clip is None:
+        raise ConfigurationError(
+            f"{film}: no clip is seen at the strip's end; hold the end by a flat clip of one "
+            "colour, unlike strip, desk and hand, that shows more length than height"
+        )
+    follow = HeldEnd(calibration, settings, strip, appearance, clip)
     with new_folder(folder) as made:
         with FilmWriter(made / OVERLAY) as overlay:
             overlay.add(first.stamp, first.image)
             layers = LayerTouch(settings, strip)
             read, touch = _read(frames, follow, layers, calibration, overlay, progress)
         _check_enough(read, film)
-        _write(made, read, strip, calibration, touch)
+        _write(made, read, _held_path(read, strip), calibration, touch)
         write_document(made / RUN, _header(cell, strip, calibration))
-    return FilmMeasurement(folder, len(read), sum(map(_is_confident, read)), touch)
+    return FilmMeasurement(folder, begin, len(read), sum(map(_is_confident, read)), touch)
 
 
-def _frames(film: Path, calibration: Calibration) -> Iterator[Frame]:
-    """Yield images at the calibration's size; raises ConfigurationError for unlike or no images."""
+def _frames(film: Path, calibration: Calibration, begin: float) -> Iterator[Frame]:
+    """Yield images from `begin` [s] on, which becomes 0, at the calibration's size.
+
+    Raises ConfigurationError for unlike or no images.
+    """
     lens, any_frame = calibration.lens, False
     for frame in Film(film).frames():
+        if frame.stamp < begin:
+            continue
         height, width = frame.image.shape[:2]
         if abs(width * lens.height / (height * lens.width) - 1.0) > PROPORTIONS:
             raise ConfigurationError(
@@ -100,7 +123,8 @@ def _frames(film: Path, calibration: Calibration) -> Iterator[Frame]:
         if (width, height) != (lens.width, lens.height):
             image = cv2.resize(image, (lens.width, lens.height), interpolation=cv2.INTER_AREA)
         any_frame = True
-        yield Frame(frame.stamp, frame.arrival, frame.source, frame.sequence, image)
+        stamp = frame.stamp - begin
+        yield Frame(stamp, stamp, frame.source, frame.sequence, image)
     if not any_frame:
         raise ConfigurationError(f"{film}: holds no image")
 
@@ -174,17 +198,17 @@ def _check_enough(read: Sequence[HeldMeasurement], film: Path) -> None:
 def _write(
     folder: Path,
     read: Sequence[HeldMeasurement],
-    strip: StripFile,
+    path: tuple[Array, ...],
     calibration: Calibration,
     touch: SeenTouch | None,
 ) -> None:
     """Write tables, calibration and result of the run: t = 0 is the film's first image."""
     rows = [sight_row(held.measurement) for held in read if _is_confident(held)]
     sights = pa.Table.from_pylist(rows, SIGHT_ROWS)
-    t, x, z = _held_path(read, strip)
+    t, x, z, pitch = path
     stamps, contacts = np.asarray(sights["stamp"]), np.asarray(sights["contact_x"])
     contact_x, contact_t = place_contacts(t, stamps, contacts)
-    ticks = {"t": t, "x": x, "z": z, "contact_x": contact_x, "contact_t": contact_t}
+    ticks = {"t": t, "x": x, "z": z, "pitch": pitch, "contact_x": contact_x, "contact_t": contact_t}
     kept = sights.drop_columns(["profile_x", "profile_z"])
     write_tables(folder, Tables(pa.table(ticks), profile_table(sights), kept))
     save_calibration(calibration, folder / CALIBRATION)
@@ -206,14 +230,28 @@ def _header(cell: CellFile, strip: StripFile, calibration: Calibration) -> dict[
     }
 
 
-def _held_path(read: Sequence[HeldMeasurement], strip: StripFile) -> tuple[Array, Array, Array]:
-    """Interpolated path of the held end: times (n,) [s], x and z (n,) [m], from lying flat on."""
+def _held_path(
+    read: Sequence[HeldMeasurement], strip: StripFile
+) -> tuple[Array, Array, Array, Array]:
+    """Path of the held end: times (n,) [s], x and z (n,) [m], pitch (n,) [rad], from flat on.
+
+    By the clip where there is one, else by the ends of the profiles.
+    """
     ends = [(held.measurement.stamp, held.end) for held in read if _is_confident(held)]
     lifted = ends[0][0]
     before = [held.measurement for held in read if held.measurement.stamp < lifted]
     flat = [seen.stamp for seen in before if seen.contact_x > strip.length - FLAT_LENGTH]
-    knots = [(stamp, strip.length, 0.0) for stamp in sorted({0.0, *flat[-1:]}) if stamp < lifted]
-    knots += [(stamp, end.x, end.z) for stamp, end in ends if end is not None]
-    stamps, x, z = np.array(knots).T
-    t = np.arange(stamps[0], stamps[-1], ROW_PERIOD)
-    return t, PchipInterpolator(stamps, x)(t), PchipInterpolator(stamps, z)(t)
+    still = [(s, Pose(strip.length, 0.0, 0.0)) for s in sorted({0.0, *flat[-1:]}) if s < lifted]
+    by_clip = [(held.measurement.stamp, held.clip) for held in read]
+    known = by_clip if any(pose for _, pose in by_clip) else [*still, *ends]
+    knots = np.array([(s, pose.x, pose.z, pose.pitch) for s, pose in known if pose is not None])
+    stamps, x, z, pitch = knots.T
+    t = np.arange(stamps[0], min(stamps[-1], ends[-1][0]), ROW_PERIOD)
+    path = (_smooth(values) for values in (x, z, np.unwrap(pitch)))
+    x, z, pitch = (PchipInterpolator(stamps, values)(t) for values in path)
+    return t, x, z, pitch
+
+
+def _smooth(values: Array) -> Array:
+    """`values` (n,) of successive images, each by a parabola through it and its neighbours."""
+    return np.asarray(savgol_filter(values, SMOOTHED, 2)) if len(values) >= SMOOTHED else values

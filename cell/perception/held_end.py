@@ -2,34 +2,123 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Self
 
+import cv2
 import numpy as np
 
 from calibration.calibration import Calibration
 from cell.perception.measurement import StripMeasurement
 from cell.perception.perception import Perception
-from cell.perception.scene import Appearance
+from cell.perception.resting import pixels, samples
+from cell.perception.scene import Appearance, colour_distances
 from cell.perception.settings import PerceptionSettings
 from drivers.geometry import arc_lengths
 from drivers.strip.file import StripFile
-from drivers.types import Array, Frame, Pose
+from drivers.types import Array, Frame, Image, Pose
 
 PROFILE_CONFIDENCE = 0.5  # confidence in a profile from which the end is taken from it
 CLOSE = 0.001  # m by which the end may still move when it counts as found
 ROUNDS = 6
-TANGENT_LENGTH = 0.02  # m at the profile's end that give its tangent
+END_LENGTH = 0.04  # m at the profile's end from which it is extrapolated
 MOST_STEPS = 5.0  # times the last motion of the end, by which it is extrapolated
 UPRIGHT_HEIGHT = 0.1  # m of lift after which the end hangs upright
 LIFTS = (0.03, 0.045, 0.06, 0.08)  # m of height at which an end that was just lifted is looked for
+FACE = (0.004, 0.011), (0.0, 0.003)  # m from the strip's end along and up, what is clip
+ALIKE = 4.0  # standard deviations of its colour
+APART = 8.0  # from those of strip and desk
+FRONT = 0.05  # share of its face before its front, along its axis
+FARTHEST = 0.02  # m from the strip's end to its front at most
+WINDOW = 0.08  # m about its last place in which it is looked for
+SMALLEST, LARGEST = 0.3, 3.0  # times its first area
+SLENDER = 1.5  # length over height of its visible face, from which its axis is known
 SEARCH_STEPS = (-0.03, -0.015, 0.015, 0.03)  # m about where it should be, when it is not there
 
 
 @dataclass(frozen=True, slots=True)
+class Face:
+    """The visible face of a clip: `area` [px], `front` (2,) [m], `axis` [rad], `slenderness`.
+
+    The front is where its axis enters it from the strip: fingers hide a part of the other end.
+    """
+
+    area: float
+    front: Array
+    axis: float
+    slenderness: float
+
+
+@dataclass(frozen=True, slots=True)
+class Clip:
+    """A clip's `colour` (3,) BGR, and its `face` at rest, as seen from the strip's end."""
+
+    colour: Array
+    face: Face
+
+    @classmethod
+    def learn(cls, image: Image, calibration: Calibration, strip: StripFile) -> Self | None:
+        """The clip at the end of the `strip` that lies in `image` (h, w, 3); None without one."""
+        end = np.array([strip.length, 0.0])
+        span, height = FACE
+        held = pixels(image, calibration, (end[0] + span[0], end[0] + span[1]), height)
+        colour, seen = np.median(held, axis=0), samples(image, calibration, strip)
+        around = np.stack([np.median(seen.strip, axis=0), seen.desk_colour])
+        if colour_distances(around, colour[None]).min() < APART:
+            return None
+        face = _face(image, calibration, colour, Pose(strip.length, 0.0, 0.0))
+        if face is None or face.slenderness < SLENDER:
+            return None
+        offset = face.front - end
+        return cls(colour, replace(face, front=offset)) if abs(offset[0]) < FARTHEST else None
+
+    def find(self, image: Image, calibration: Calibration, last: Pose) -> Pose | None:
+        """The strip's end that it holds in `image` (h, w, 3), near the `last`; None if hidden."""
+        seen = _face(image, calibration, self.colour, last)
+        if seen is None or not SMALLEST < seen.area / self.face.area < LARGEST:
+            return None
+        pitch = seen.axis - self.face.axis
+        cosine, sine = np.cos(pitch), np.sin(pitch)
+        x, z = seen.front - np.array([(cosine, -sine), (sine, cosine)]) @ self.face.front
+        return Pose(float(x), float(z), float(pitch))
+
+
+def _face(image: Image, calibration: Calibration, colour: Array, last: Pose) -> Face | None:
+    """The largest piece of a `colour` (3,) BGR near the `last` end; None without any."""
+    along = np.array([np.cos(last.pitch), np.sin(last.pitch)])
+    corners = np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)]) * WINDOW + (last.x, last.z)
+    size = (calibration.lens.width, calibration.lens.height)
+    pixels = calibration.to_image(corners)
+    left, top = np.clip(pixels.min(axis=0), 0, size).astype(int)
+    right, bottom = np.clip(pixels.max(axis=0), 0, size).astype(int)
+    part = image[top:bottom, left:right]
+    if part.size == 0:
+        return None
+    away = colour_distances(part.reshape(-1, 3).astype(np.float64), colour[None])
+    mask = (away.reshape(part.shape[:2]) < ALIKE).astype(np.uint8)
+    mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    _, labels, found, _ = cv2.connectedComponentsWithStats(mask)
+    if len(found) < 2:
+        return None
+    v, u = np.nonzero(labels == 1 + int(np.argmax(found[1:, cv2.CC_STAT_AREA])))
+    places = calibration.to_plane(np.column_stack([u + left, v + top]))
+    middle = places.mean(axis=0)
+    spread, ways = np.linalg.eigh(np.cov((places - middle).T))
+    axis = ways[:, 1] if ways[:, 1] @ along > 0 else -ways[:, 1]
+    front = middle + np.quantile((places - middle) @ axis, FRONT) * axis
+    slenderness = float(np.sqrt(spread[1] / max(spread[0], 1e-12)))
+    return Face(float(len(u)), front, float(np.arctan2(axis[1], axis[0])), slenderness)
+
+
+@dataclass(frozen=True, slots=True)
 class HeldMeasurement:
-    """Measurement of one image, and the pose of the held `end`, None where it was not found."""
+    """Measurement of one image, and the pose of the held `end`, None where it was not found.
+
+    `clip` is that pose by the clip that holds the end, None where there is none to be seen.
+    """
 
     measurement: StripMeasurement
     end: Pose | None
+    clip: Pose | None = None
 
 
 class HeldEnd:
@@ -46,14 +135,21 @@ class HeldEnd:
         settings: PerceptionSettings,
         strip: StripFile,
         appearance: Appearance,
+        clip: Clip | None = None,
     ) -> None:
+        self._calibration, self._clip = calibration, clip
+        self._held = Pose(strip.length, 0.0, 0.0)
         self._perception = Perception(calibration, settings, strip, appearance)
         self._length = strip.length
         self._past: list[tuple[float, Pose]] = []
 
     def look(self, frame: Frame) -> HeldMeasurement:
         """Measure the strip and its held end in `frame`; frames must come in their order."""
-        first, *others = self._guesses(frame.stamp)
+        clip = None
+        if self._clip is not None:
+            clip = self._clip.find(frame.image, self._calibration, self._held)
+            self._held = clip or self._held
+        first, *others = self._guesses(frame.stamp, clip)
         best = self._settle(frame, first)
         for guess in others:
             if best.end is not None and best.measurement.confidence >= PROFILE_CONFIDENCE:
@@ -63,10 +159,13 @@ class HeldEnd:
                 best = found
         if best.end is not None:
             self._past = [*self._past[-2:], (frame.stamp, best.end)]
-        return best
+        return replace(best, clip=clip)
 
-    def _guesses(self, stamp: float) -> Iterator[Pose]:
-        """Guesses of the held end's pose: extrapolated, last, and nearby; at first, just lifted."""
+    def _guesses(self, stamp: float, clip: Pose | None) -> Iterator[Pose]:
+        """Guesses of the held end's pose: by the clip, extrapolated, last, and nearby; at first,
+        just lifted."""
+        if clip is not None:
+            yield clip
         if not self._past:
             yield Pose(self._length, 0.0, 0.0)
             for height in LIFTS:
@@ -115,10 +214,11 @@ class HeldEnd:
 
 
 def _extrapolate(curve: Array, distance: float) -> Pose:
-    """Pose at `distance` [m] beyond the end of a curve (n, 2) [m], along its last stretch."""
-    back = np.hypot(*(curve - curve[-1]).T)
-    begin = int(np.flatnonzero(back >= min(TANGENT_LENGTH, float(back.max())))[-1])
-    way = curve[-1] - curve[begin]
-    way = way / max(float(np.hypot(*way)), 1e-9)
-    point = curve[-1] + distance * way
-    return Pose(float(point[0]), float(point[1]), float(np.arctan2(way[1], way[0])))
+    """Pose at `distance` [m] beyond the end of a curve (n, 2) [m], by a parabola of its end."""
+    along = arc_lengths(curve)
+    back = along - along[-1]
+    last = back >= max(-END_LENGTH, float(back[0]))
+    fit = np.polynomial.polynomial.polyfit(back[last], curve[last], min(2, last.sum() - 1))
+    slope = np.polynomial.polynomial.polyder(fit)
+    place, way = (np.asarray(np.polynomial.polynomial.polyval(distance, of)) for of in (fit, slope))
+    return Pose(float(place[0]), float(place[1]), float(np.arctan2(way[1], way[0])))

@@ -59,9 +59,9 @@ def samples(image: Image, calibration: Calibration, strip: StripFile) -> Samples
     front = (FRONT_HEIGHTS[0] - lower, FRONT_HEIGHTS[1] - lower)
     face = face_height(calibration, strip)
     return Samples(
-        _pixels(image, calibration, _span(strip, 0.05), (0.0, FACE * face)),
-        _pixels(image, calibration, _span(strip, 0.03), front),
-        _pixels(image, calibration, _span(strip, 0.0), BACKDROP_HEIGHTS),
+        pixels(image, calibration, _span(strip, 0.05), (0.0, FACE * face)),
+        pixels(image, calibration, _span(strip, 0.03), front),
+        pixels(image, calibration, _span(strip, 0.0), BACKDROP_HEIGHTS),
     )
 
 
@@ -71,7 +71,7 @@ def inner_pixels(
     """Pixels (n, 3) BGR well within the strip's face, whose edge appears at a height `rise` [m]."""
     face = face_height(calibration, strip)
     height = (rise + INNER[0] * face, rise + INNER[1] * face)
-    return _pixels(image, calibration, _span(strip, 0.0), height)
+    return pixels(image, calibration, _span(strip, 0.0), height)
 
 
 def face_height(calibration: Calibration, strip: StripFile) -> float:
@@ -83,15 +83,15 @@ def _span(strip: StripFile, margin: float) -> tuple[float, float]:
     return margin + 0.01, strip.length - margin - 0.01
 
 
-def _pixels(
+def pixels(
     image: Image, calibration: Calibration, span: tuple[float, float], height: tuple[float, float]
 ) -> Array:
     """Pixels (n, 3) BGR over a rectangle of x and z [m] in the plane of the near edge."""
     grid = _grid(np.linspace(*span, 250), np.linspace(*height, 12))
-    return _sample(image, calibration, grid).reshape(-1, 3)
+    return sample_plane(image, calibration, grid).reshape(-1, 3)
 
 
-def _sample(image: Image, calibration: Calibration, points: Array) -> Array:
+def sample_plane(image: Image, calibration: Calibration, points: Array) -> Array:
     """Values of `image` (n, m) or (n, m, 3) at points (n, m, 2) of the plane [m]."""
     pixels = calibration.to_image(points.reshape(-1, 2)).reshape(points.shape)
     at = pixels.astype(np.float32)
@@ -111,14 +111,14 @@ def shares_along(levels: Image, calibration: Calibration, strip: StripFile, rise
     """
     x = np.arange(*_span(strip, 0.0), 0.001)
     z = rise + np.linspace(-strip.thickness / 4, INNER[0] * face_height(calibration, strip), 5)
-    return np.asarray(share(_sample(levels, calibration, _grid(x, z))).mean(axis=1))
+    return np.asarray(share(sample_plane(levels, calibration, _grid(x, z))).mean(axis=1))
 
 
 def underside(levels: Image, calibration: Calibration, strip: StripFile) -> Underside:
     """Locate the strip's lower border in the smoothed matte `levels` (h, w) of the whole image."""
     x = np.arange(0.005, strip.length + PAST_END, 0.002)
     z = np.arange(-SEARCH, SEARCH, 0.0001)
-    across = share(_sample(levels, calibration, _grid(x, z)))
+    across = share(sample_plane(levels, calibration, _grid(x, z)))
     is_strip = across > 0.5
     first = is_strip.argmax(axis=1)  # sample from below, where there is strip at all
     rows = np.arange(len(x))
@@ -134,7 +134,7 @@ def _end(levels: Image, calibration: Calibration, strip: StripFile) -> float:
     """Position x [m] of the strip's free edge along its near edge; NaN where none is seen."""
     x = np.arange(0.1, strip.length + PAST_END, 0.0003)
     heights = np.array([0.0, 0.0005, 0.001])
-    along = share(_sample(levels, calibration, _grid(x, heights)).max(axis=1))
+    along = share(sample_plane(levels, calibration, _grid(x, heights)).max(axis=1))
     inside = np.flatnonzero(along > 0.5)
     return float(x[inside[-1]]) if len(inside) else NAN
 

@@ -45,17 +45,17 @@ def palette(samples: Array) -> Array:
     colours = np.median(samples, axis=0)[None]
     while match_none(samples, colours).mean() > BLENDS and len(colours) < MOST_COLOURS:
         colours = _refine(samples, np.vstack([colours, _farthest(samples, colours)]))
-    nearest = _standard_distances(samples, colours).argmin(axis=1)
+    nearest = colour_distances(samples, colours).argmin(axis=1)
     frequent = np.argsort(-np.bincount(nearest, minlength=len(colours)), kind="stable")
     return frozen(colours[frequent])
 
 
 def match_none(samples: Array, colours: Array) -> NDArray[np.bool_]:
     """Mask (n,) of the samples (n, 3) that match none of the colours (k, 3)."""
-    return np.asarray(_standard_distances(samples, colours).min(axis=1) > OTHER_COLOUR)
+    return np.asarray(colour_distances(samples, colours).min(axis=1) > OTHER_COLOUR)
 
 
-def _standard_distances(samples: Array, colours: Array) -> Array:
+def colour_distances(samples: Array, colours: Array) -> Array:
     """Distances (n, k) [sigma] of `samples` from `colours`; brightness counts less than colour."""
     away = samples[:, None] - colours
     bright = colours / np.maximum(np.linalg.norm(colours, axis=1), 1.0)[:, None]
@@ -67,7 +67,7 @@ def _standard_distances(samples: Array, colours: Array) -> Array:
 
 def _farthest(samples: Array, colours: Array) -> Array:
     """Median colour (3,) of the twentieth of the samples nearest to the worst explained one."""
-    distance = _standard_distances(samples, colours).min(axis=1)
+    distance = colour_distances(samples, colours).min(axis=1)
     worst = samples[int(np.argmax(distance))]
     near = np.argsort(np.linalg.norm(samples - worst, axis=1), kind="stable")
     return np.asarray(np.median(samples[near[: max(len(samples) // 20, 1)]], axis=0))
@@ -76,7 +76,7 @@ def _farthest(samples: Array, colours: Array) -> Array:
 def _refine(samples: Array, colours: Array) -> Array:
     """Move each colour (k, 3) to the median of its nearest samples, until convergence."""
     for _ in range(ROUNDS):
-        nearest: Indices = _standard_distances(samples, colours).argmin(axis=1)
+        nearest: Indices = colour_distances(samples, colours).argmin(axis=1)
         medians = colours.copy()
         for k in np.unique(nearest):
             medians[k] = np.median(samples[nearest == k], axis=0)

@@ -9,18 +9,10 @@ from cell.folding.observe import SIGMA_FLOORS, observe
 from cell.record.files import CALIBRATION, OVERLAY
 from cell.record.film import Film
 from cell.record.run import Run, read_run
-from tests.support.filmed_folds import encoded_again, filmed
+from tests.support.filmed_folds import distances, encoded_again, filmed
 
 WITHIN = 0.0005  # m rms
 FROM_GRIP = 0.01  # m about the held end, of which the fingers hide a part
-
-
-def distances(curve: np.ndarray, line: np.ndarray) -> np.ndarray:
-    """Distances (n,) of points (n, 2) from the polyline (m, 2)."""
-    a, way = line[:-1], np.diff(line, axis=0)
-    share = ((curve[:, None] - a) * way).sum(axis=2) / (way**2).sum(axis=1)
-    near = a + np.clip(share, 0.0, 1.0)[..., None] * way
-    return np.asarray(np.hypot(*(curve[:, None] - near).transpose(2, 0, 1)).min(axis=1))
 
 
 def off(seen: Run, own: Run, begin: float) -> np.ndarray:

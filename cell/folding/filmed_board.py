@@ -1,0 +1,219 @@
+"""Calibrates the camera of a film by the printed board that stands in the strip's plane at first.
+
+The board gives lens and plane; the strip's own ends and its line on the desk give its place.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+from scipy.stats import theilslopes
+
+from calibration.board import BoardSettings, BoardView, find_board
+from calibration.calibration import Calibration, change_calibration, make_calibration
+from calibration.homography import Homography, fit_homography
+from calibration.lens import fit_lens
+from cell.perception.resting import sample_plane
+from cell.perception.scene import colour_distances
+from drivers.errors import ConfigurationError
+from drivers.strip.file import StripFile
+from drivers.types import Array, Frame, Image
+
+PERIOD = 0.09  # s between images that are searched for the board
+PATIENCE = 4.0  # s within which the board must be seen, and within which it is still after that
+SAME_PLACE = 1.0  # px by which a standing board may seem to move
+FEWEST_STANDING, FEWEST_TILTED = 4, 2  # views of the board
+STILL_LEVEL, STILL_SHARE = 14, 0.002  # grey levels, and share of pixels that may differ by more
+SMALL = (480, 270)  # px at which images are compared
+FIXED = cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_ZERO_TANGENT_DIST
+FIXED |= cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3  # few views of a phone's lens do not tell these
+RASTER = 0.001  # m, at which the strip is searched in the plane
+LIMITS = (3.0, 6.0, 12.0)  # standard deviations of its colour, tried one after the other
+ALIKE = 0.1  # share of the stated length by which a piece of its colour may differ
+SLIM = 0.2  # of its length, apparent height of a strip at most
+PRINTED = 0.02  # share of the strip's length by which the board may say another one
+ROUNDS = 3  # of finding its ends in a map that they correct
+PROBE, FINE = 0.008, 0.00025  # m about the lower border in which it is looked for, and sampling
+WITHIN, BEYOND = 0.06, 0.04  # m about an end in which it is looked for
+SURE, UNLIKE = 0.004, 4.0  # m of another colour, and standard deviations from which it is one
+HALF = 0.5
+
+
+def calibrate_film(
+    film: Path, frames: Iterator[Frame], boards: BoardSettings, strip: StripFile
+) -> tuple[Calibration, float]:
+    """Calibration by the first seconds of `frames`, and when [s] the strip then lies still.
+
+    Raises ConfigurationError that names what the film at `film` does not show: the board, a still
+    scene after it, the strip, its ends.
+    """
+    views, first = _until_still(film, frames, boards)
+    calibration = _by_board(film, views, boards, first.image.shape)
+    return _placed(film, first.image, calibration, strip), first.stamp
+
+
+def _until_still(
+    film: Path, frames: Iterator[Frame], boards: BoardSettings
+) -> tuple[list[BoardView], Frame]:
+    """Views of the board, and the first image after it in which nothing moves."""
+    board = boards.board()
+    detector = cv2.aruco.CharucoDetector(board)
+    views: list[BoardView] = []
+    last_seen, before, searched = 0.0, None, -PERIOD
+    for frame in frames:
+        if frame.stamp < searched + PERIOD:
+            continue
+        searched = frame.stamp
+        seen = find_board(frame.image, detector, board)
+        if seen.view is not None and seen.corners >= boards.corners:
+            views.append(seen.view)
+        small = cv2.resize(frame.image, SMALL, interpolation=cv2.INTER_AREA)
+        if seen.markers:
+            last_seen = frame.stamp
+        elif views and before is not None:
+            moved = cv2.absdiff(small, before).max(axis=2) > STILL_LEVEL
+            if moved.mean() < STILL_SHARE:
+                return views, frame
+        if frame.stamp > last_seen + PATIENCE:
+            break
+        before = small
+    if not views:
+        raise ConfigurationError(
+            f"{film}: the printed board is not seen in the first {PATIENCE:g} s, at least "
+            f"{boards.corners} of its corners must be; stand it upright in the plane of the "
+            "strip's edge, in full view, in light that does not mirror in it"
+        )
+    raise ConfigurationError(
+        f"{film}: the scene is never still within {PATIENCE:g} s after the board is last seen; "
+        "take it away, wait a second there with the clip held still, then fold"
+    )
+
+
+def _by_board(
+    film: Path, views: list[BoardView], boards: BoardSettings, shape: tuple[int, ...]
+) -> Calibration:
+    """Calibration to the standing board's plane: x right and z up from its upper left corner."""
+    standing = [view for view in views if view.distance(views[0]) < SAME_PLACE]
+    tilted = [view for view in views if view.distance(views[0]) >= SAME_PLACE]
+    if len(standing) < FEWEST_STANDING or len(tilted) < FEWEST_TILTED:
+        raise ConfigurationError(
+            f"{film}: the board stands still in {len(standing)} images and moves in {len(tilted)}, "
+            f"at least {FEWEST_STANDING} and {FEWEST_TILTED} are needed; let it stand for a second "
+            "as the film begins, then tilt it slowly as you take it away"
+        )
+    board, seen = (np.vstack([getattr(v, part) for v in standing]) for part in ("board", "image"))
+    on_board, in_image = [board, *(v.board for v in tilted)], [seen, *(v.image for v in tilted)]
+    fit = fit_lens(on_board, in_image, (shape[1], shape[0]), FIXED)
+    deviation = fit.focal_deviation / fit.lens.matrix[0, 0]
+    if not deviation <= boards.focal:
+        raise ConfigurationError(
+            f"{film}: the board gives the focal length within {1e2 * deviation:.1f} %, "
+            f"{1e2 * boards.focal:g} % are needed; tilt it further as you take it away, slowly"
+        )
+    upright, ideal = board[:, :2] * (1, -1), fit.lens.undistort(seen)  # its own y is down
+    plane, _ = fit_homography(ideal, upright)
+    residual_mm = 1e3 * float(np.hypot(*(plane.to_plane(ideal) - upright).T).mean())
+    facts = {"residual_mm": residual_mm, "date": "", "camera": f"film {film.name}"}
+    return make_calibration(fit.lens, plane, **facts)
+
+
+def _placed(film: Path, image: Image, calibration: Calibration, strip: StripFile) -> Calibration:
+    """The calibration moved and turned so that the strip lies from 0 to its length.
+
+    What hides a part of one end, or of its depth, does so at both: their middle is kept.
+    """
+    low, high, colour = _piece(film, image, calibration, strip)
+    for _ in range(ROUNDS):
+        seen = float(np.hypot(*(high - low)))
+        calibration = _laid(calibration, low, high, seen)
+        low, high = _ends(image, calibration, seen, strip.thickness, colour)
+    seen = float(np.hypot(*(high - low)))
+    if not abs(seen / strip.length - 1) <= PRINTED:
+        raise ConfigurationError(
+            f"{film}: the strip is {1e3 * seen:.0f} mm long by the board, its file says "
+            f"{1e3 * strip.length:.0f} mm, allowed within {1e2 * PRINTED:g} %; print the board "
+            "at 100 %, stand it in the plane of the strip's edge, and measure the strip from "
+            "its clamp to its clip, both of which need colours of their own"
+        )
+    return _laid(calibration, low, high, strip.length)
+
+
+def _laid(calibration: Calibration, low: Array, high: Array, length: float) -> Calibration:
+    """The calibration so moved that `low` to `high` (2,) [m] has the middle of 0 to `length`."""
+    along = (high - low) / np.hypot(*(high - low))
+    turn = np.array([(along[0], along[1]), (-along[1], along[0])])
+    move = np.eye(3)
+    move[:2, :2], move[:2, 2] = turn, (length / 2, 0.0) - turn @ (low + high) / 2
+    homography = Homography.of(move @ calibration.homography.matrix)
+    return change_calibration(calibration, homography=homography)
+
+
+def _piece(
+    film: Path, image: Image, calibration: Calibration, strip: StripFile
+) -> tuple[Array, Array, Array]:
+    """Left and right end (2,) [m] of the piece of the strip's colour, roughly, and its colour."""
+    height, width = image.shape[:2]
+    rim = calibration.to_plane(np.array([(0, 0), (1, 0), (0, 1), (1, 1)]) * (width - 1, height - 1))
+    x, z = (np.arange(*ends, RASTER) for ends in zip(rim.min(axis=0), rim.max(axis=0), strict=True))
+    seen = sample_plane(image, calibration, np.stack(np.meshgrid(x, z), axis=-1))
+    away = colour_distances(seen.reshape(-1, 3), np.array([strip.colour[::-1]], dtype=np.float64))
+    for limit in LIMITS:
+        mask = (away < limit).reshape(seen.shape[:2]).astype(np.uint8)
+        mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 9)))
+        _, labels, found, _ = cv2.connectedComponentsWithStats(mask)
+        width, height = found[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].T
+        lengths = np.where(height < SLIM * width, np.hypot(width, height) * RASTER, 0.0)
+        best = int(np.argmin(np.abs(lengths - strip.length)))
+        if abs(lengths[best] / strip.length - 1) < ALIKE:
+            v, u = np.nonzero(labels == best)
+            line = np.polynomial.Polynomial.fit(x[u], z[v], 1)
+            low, high = (np.array([end, line(end)]) for end in (x[u.min()], x[u.max()]))
+            return low, high, np.median(seen[v, u], axis=0)
+    raise ConfigurationError(
+        f"{film}: no strip of {1e3 * strip.length:.0f} mm and of the colour {list(strip.colour)} "
+        f"lies in the plane of the board, the nearest piece is {1e3 * lengths[best]:.0f} mm; lay "
+        "it straight with both ends in view, or correct `length` or `colour` in the strip's file"
+    )
+
+
+def _ends(
+    image: Image, calibration: Calibration, length: float, thickness: float, colour: Array
+) -> tuple[Array, Array]:
+    """Both ends (2,) [m] of the resting midline, where a strip of a `colour` (3,) lies nearly.
+
+    `length` [m] is how long it appears; its lower border and its two ends are sampled.
+    """
+    x = np.linspace(0.06, 0.94, 120) * length
+    down = np.arange(PROBE, -PROBE, -FINE)
+    points = np.stack(np.broadcast_arrays(x[:, None], down), axis=-1)
+    changes = _changes(sample_plane(image, calibration, points), np.tile(colour, (len(x), 1)))
+    slope, start = theilslopes(PROBE - FINE * changes, x)[:2]
+    heights = np.array([0.25, 0.5, 0.75])[:, None] * thickness
+    ends = []
+    for end, outward in ((0.0, -1.0), (length, 1.0)):
+        along = end + outward * np.arange(-WITHIN, BEYOND, FINE)
+        points = np.stack(np.broadcast_arrays(along, start + slope * along + heights), axis=-1)
+        rows = sample_plane(image, calibration, points)
+        changes = _changes(rows, np.median(rows[:, : rows.shape[1] // 4], axis=1))
+        place = end + outward * (FINE * float(np.median(changes)) - WITHIN)
+        ends.append(np.array([place, start + slope * place + thickness / 2]))
+    return ends[0], ends[1]
+
+
+def _changes(rows: Array, firsts: Array) -> Array:
+    """Places (n,) [samples] at which `rows` (n, m, 3) turn from `firsts` (n, 3) to another colour.
+
+    The last sample where a row does not.
+    """
+    sure, found = round(SURE / FINE), np.full(len(rows), rows.shape[1] - 1.0)
+    for number, (row, first) in enumerate(zip(rows, firsts, strict=True)):
+        other = colour_distances(row, first[None])[:, 0] > UNLIKE
+        begin = int(np.argmin(other))
+        others = np.flatnonzero(np.convolve(other[begin:], np.ones(sure), "valid") == sure)
+        if not other[begin] and len(others):
+            reached = begin + others[0] + sure
+            way = np.median(row[reached - sure // 2 : reached], axis=0) - first
+            share = (row[begin:reached] - first) @ way / (way @ way)
+            found[number] = begin + np.flatnonzero(share < HALF)[-1] + HALF
+    return found
