@@ -33,5 +33,7 @@ def open_subject(
 
 def option_for(file: Path) -> str:
     """Option by which every command of the gap takes the strip or mechanism in `file`."""
-    is_strip = read_yaml(file).get("kind", "strip") == "strip"
-    return f"--{'strip' if is_strip else 'model'} {file}"
+    content = read_yaml(file)
+    if content.get("cell"):  # the cell's own, whose effects may belong into its file
+        return f"--subject {file.parent.name}"
+    return f"--{'strip' if content.get('kind', 'strip') == 'strip' else 'model'} {file}"

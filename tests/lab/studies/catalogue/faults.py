@@ -34,16 +34,8 @@ def measure(case: Values) -> Values:
 
 
 def page(outcomes: Sequence[Outcome]) -> str:
-    """Format the runbook's page: what one sees with its remedy, then every fault's worst cases."""
-    stopped = [o for o in outcomes if o.values["verdict"] == "stopped"]
-    lines = [PAGE_HEAD, "| it says | for instance | it happened after | do |", "|---|---|---|---|"]
-    for name in sorted({str(o.values["outcome"]) for o in stopped}):
-        mine = [o for o in stopped if o.values["outcome"] == name]
-        causes = "; ".join(sorted({str(o.case.values["fault"]) for o in mine}))
-        message = str(mine[0].values["message"]).splitlines()[0][:120]
-        after = causes if name != "interrupted" else "Ctrl-C or a signal"
-        lines.append(f"| `{name}` | {message} | {after} | {_remedy(name)} |")
-    lines += [FAULTS_HEAD, "| fault | ended | noticed by | stop | rest | way |"]
+    """Format the ledger: every fault's worst cases."""
+    lines = [PAGE_HEAD, "| fault | ended | noticed by | stop | rest | way |"]
     lines.append("|---|---|---|---|---|---|")
     for fault in FAULTS:
         cases = [o for o in outcomes if o.case.values["fault"] == fault]
@@ -73,51 +65,12 @@ def _fault_row(fault: str, cases: Sequence[Outcome]) -> str:
     return f"| {fault} | {verdicts} | {named} | {' | '.join(worst)} |"
 
 
-def _remedy(outcome: str) -> str:
-    """The operator's action after a run with this outcome."""
-    return next(words for begin, words in REMEDIES if outcome.startswith(begin))
-
-
 def _worst_text(cases: Sequence[Outcome], key: str, scale: float) -> str:
     values = [float(o.values[key]) for o in cases if o.values.get(key) is not None]
     return f"{scale * max(values):.2f}" if values else "-"
 
 
-REMEDIES = (
-    ("camera_moved", "fasten the camera, calibrate again"),
-    ("image", "see [camera](camera-frozen-or-moved.md)"),
-    (
-        "low_confidence",
-        "look at the last pictures of the record: light, exposure, something in the way",
-    ),
-    ("preflight", "do what the message says: it names the check and its remedy"),
-    ("arm_pose", "keep the record; look at the robot's log before it moves again"),
-    ("arm_state", "find what else computes on this machine: `cell doctor`"),
-    ("setpoint", "find what else computes on this machine: `cell doctor`"),
-    ("arm_", "see [recovery](reflex-recovery.md): look, then `cell home --recover`"),
-    ("hand_state", "check the hand in Desk and the network; then `cell open`, in air"),
-    ("motion", "see [recovery](reflex-recovery.md): look, then `cell home --recover`"),
-    ("tracking", "look what holds the arm; check load and tool: `cell doctor`"),
-    ("overspeed", "keep the record; check robot and limits: `cell doctor`"),
-    ("workspace", "`cell home`, by eye; check the place of robot and desk in cell.yaml"),
-    ("force", "look what presses on the gripper, free it, then `cell home`"),
-    ("gr", "lay the strip anew; look at the fingers"),
-    ("state_overtime", "look what the cell waits for: the hand, most often, or a camera"),
-    ("command", "fold with another policy; keep the record"),
-    ("turn", "fold with another policy; keep the record"),
-    ("record", "make room on the disk"),
-    ("simulation", "report the plant: only a twin ends so"),
-    ("interrupted", "nothing: it was asked for"),
-    ("", "keep the record, and say what happened"),
-)
-PAGE_HEAD = """# Faults, by what one sees
-
-After a stop: see that the arm stands and that nobody moves it, read the message, then do what its
-line says. Nothing on this page was tried on hardware; `python -m tests.lab study faults` measures
-it on the twin.
-"""
-FAULTS_HEAD = """
-## What was tried
+PAGE_HEAD = """# Faults of a fold: how each ended
 
 Every fault strikes a fold of the twin in every state, 0.25 s after the state began (at once in
 TOUCHED and STOPPING). *Stopped*: by a named fault. *Harmless*: the fold went through, and its
@@ -147,5 +100,5 @@ STUDY = Study(
     quick=1,
     seconds=6.0,
     limit=600.0,
-    ledger=Ledger("runbooks/faults.md", page),
+    ledger=Ledger("tests/lab/ledgers/faults.md", page),
 )
