@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from cell.cli.options import Configs, Json, RunFolders, busy, print_json
+from cell.cli.options import Configs, Json, busy, print_json, run_folder
 from cell.report.words import plural
 
 if TYPE_CHECKING:
@@ -54,20 +54,32 @@ def _summary(run: "Run") -> str:
 
 
 def export_runs(
-    runs: RunFolders,
+    runs: Annotated[
+        list[str],
+        typer.Argument(metavar="RUN", help="Run folders; for mjcf and newton names of strips."),
+    ],
     out: Annotated[Path, typer.Option(help="New folder for the files.")],
     kind: Annotated[
-        Literal["lerobot", "mcap", "csv"],
-        typer.Option("--format", help="A LeRobot data set, MCAP files, or CSV tables."),
+        Literal["lerobot", "mcap", "csv", "mjcf", "newton"],
+        typer.Option("--format", help="Of runs a LeRobot set, MCAP, or CSV; of strips a model."),
     ] = "lerobot",
+    configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Write runs for other programs; stamps stay exact, and `cell import` reads all formats."""
+    """Write runs, stamps exact and read by `cell import`, or strips, for other programs."""
+    from cell.config.places import find_configs
     from cell.record.exchange.export_runs import export_runs as convert
+    from cell.strips.export_strip import export_strips
 
     with busy("writing the files"):
-        made = convert(runs, kind, out)
-    for path in made if as_json else ():
-        print_json({"file": path})
-    if not as_json:
-        sys.stdout.writelines(f"{path}\n" for path in made)
+        match kind:
+            case "mjcf" | "newton":
+                strips = [find_configs(configs).strip(name) for name in runs]
+                made = export_strips(strips, kind, out)
+            case _:
+                made = dict.fromkeys(convert([run_folder(name) for name in runs], kind, out), ())
+    for path, unsaid in made.items():
+        if as_json:
+            print_json({"file": path} | ({"not_said": unsaid} if unsaid else {}))
+        else:
+            sys.stdout.writelines([f"{path}\n", *(f"  not said: {each}\n" for each in unsaid)])
