@@ -164,12 +164,9 @@ def test_a_film_of_a_phone_held_the_other_way_stands_upright(tmp_path: Path) -> 
     image[:20, :30] = 255
     with FilmWriter(path) as film:
         film.add(0.0, image)
-    matrices = [np.zeros(9, ">i4"), np.zeros(9, ">i4")]
-    for matrix, places in zip(matrices, ((0, 4), (1, -3)), strict=True):
-        matrix[np.abs(places)] = np.copysign(1 << 16, places)
-        matrix[8] = 1 << 30
-    content = path.read_bytes()
-    at = content.index(matrices[0].tobytes(), content.index(b"tkhd"))
-    path.write_bytes(content[:at] + matrices[1].tobytes() + content[at + 36 :])
+    upright, turned = ((1, 0, 0, 0, 1, 0, 0, 0, 1 << 14), (0, 1, 0, -1, 0, 0, 0, 0, 1 << 14))
+    matrices = [(np.array(matrix) << 16).astype(">i4").tobytes() for matrix in (upright, turned)]
+    head, track, rest = path.read_bytes().partition(b"tkhd")
+    path.write_bytes(head + track + rest.replace(*matrices, 1))
     [frame] = Film(path).frames()
     assert np.abs(frame.image - cv2.rotate(image, cv2.ROTATE_90_CLOCKWISE).astype(float)).mean() < 8

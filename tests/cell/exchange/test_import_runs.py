@@ -98,20 +98,11 @@ def test_imported_run_holds_what_was_measured(tmp_path: Path) -> None:
     assert run.result.t_layer_touch == pytest.approx(2.8, abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"column": "tme", "unit": "ms"}, "column 'tme' for t is not there (did you mean 'time'?)"),
-        ({"column": "time", "unit": "mm"}, "t: unit 'mm' is not known"),
-    ],
-)
-def test_column_that_cannot_be_used_is_refused_and_nothing_is_left(tmp_path, change, said) -> None:
-    ticks = MAPPING["ticks"] | {"columns": MAPPING["ticks"]["columns"] | {"t": change}}
-    with pytest.raises(ConfigurationError) as error:
-        import_runs([foreign(tmp_path / "a")], mapping(tmp_path, ticks=ticks), tmp_path / "runs")
-    assert said in str(error.value)
-    assert str(tmp_path / "runs") not in str(error.value)
-    assert not list((tmp_path / "runs").glob("*"))
+def test_a_unit_of_another_quantity_is_refused(tmp_path: Path) -> None:
+    change = {"columns": MAPPING["ticks"]["columns"] | {"t": {"column": "time", "unit": "mm"}}}
+    how = mapping(tmp_path, ticks=MAPPING["ticks"] | change)
+    with pytest.raises(ConfigurationError, match="t: unit 'mm' is not known"):
+        import_runs([foreign(tmp_path / "a")], how, tmp_path / "runs")
 
 
 def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
@@ -145,6 +136,7 @@ def in_metres(place: Path, **changes: object) -> Path:
 @pytest.mark.parametrize(
     ("head", "rows", "how", "said"),
     [
+        ("tt,x,z", None, {}, "column 't' for t is not there (did you mean 'tt'?)"),
         ("t,x,z", [], {}, "holds 0 rows of numbers, must hold two at least"),
         ("t;x;z", ["0;0,6;0"], {}, "has ';' between columns, not ','; state delimiter: \";\""),
         ("t,x,z", ["0,0.6,0", "1,off,0"], {}, "holds string ('off' in row 2), must hold numbers"),
@@ -163,39 +155,25 @@ def test_table_that_cannot_be_used_is_refused_by_its_own_name(
         import_runs([folder], in_metres(tmp_path), tmp_path / "runs")
     assert str(error.value).startswith(f"{folder / 'tip.csv'}: ")
     assert said in str(error.value)
-
-
-@pytest.mark.parametrize("fault", [KeyboardInterrupt, ConfigurationError, MemoryError])
-def test_import_that_ends_early_leaves_none_of_its_runs(tmp_path, monkeypatch, fault) -> None:
-    """The same command can be typed again, once what stopped it is mended."""
-    folders, how = [plain(tmp_path / name) for name in ("a", "b")], in_metres(tmp_path)
-
-    def fail(path: Path, content: object) -> None:
-        if path.parent.name == "b":
-            raise fault
-        write_document(path, content)
-
-    monkeypatch.setattr("cell.record.exchange.import_runs.write_document", fail)
-    with pytest.raises(fault):
-        import_runs(folders, how, tmp_path / "runs")
     assert not list((tmp_path / "runs").glob("*"))
-    monkeypatch.undo()
-    assert len(import_runs(folders, how, tmp_path / "runs")) == 2
 
 
-def test_two_imports_to_one_place_leave_the_run_of_the_first(tmp_path, monkeypatch) -> None:
-    """The second one finishes while the first still reads: it is there to stay."""
+@pytest.mark.parametrize("fault", [KeyboardInterrupt, ConfigurationError, MemoryError, None])
+def test_import_that_ends_early_leaves_what_another_made(tmp_path, monkeypatch, fault) -> None:
+    """None of its own runs; without a fault, another import makes one of them meanwhile."""
     folders, how = [plain(tmp_path / name) for name in ("a", "b")], in_metres(tmp_path)
-    finished = []
+    others = []
 
-    def write(path: Path, content: object) -> None:
-        if not finished:
+    def disturb(path: Path, content: object) -> None:
+        if path.parent.name == "b":
             monkeypatch.undo()
-            finished.extend(import_runs(folders[1:], how, tmp_path / "runs"))
+            if fault is not None:
+                raise fault
+            others.extend(import_runs(folders[1:], how, tmp_path / "runs"))
         write_document(path, content)
 
-    monkeypatch.setattr("cell.record.exchange.import_runs.write_document", write)
-    with pytest.raises(ConfigurationError, match="is there already"):
+    monkeypatch.setattr("cell.record.exchange.import_runs.write_document", disturb)
+    with pytest.raises(fault or ConfigurationError):
         import_runs(folders, how, tmp_path / "runs")
-    assert list((tmp_path / "runs").iterdir()) == finished
-    assert len(read_run(finished[0]).ticks.t) > 0
+    assert list((tmp_path / "runs").glob("*")) == others
+    assert len(import_runs(folders[: 2 - len(others)], how, tmp_path / "runs")) > 0
