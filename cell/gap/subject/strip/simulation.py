@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.errors import Fault
+from drivers.errors import Fault, Unsupported
 from drivers.strip.engine import StripMotion
 from drivers.strip.model import Observation, StripModel
 from drivers.strip.observation import mean_force
@@ -137,7 +137,7 @@ class Simulation:
         self._size = 0
 
     def __call__(self, drives: Sequence[Job]) -> list[SimulatedMotion | None]:
-        """Simulated motion of each of `drives`; None where the rod did not converge."""
+        """Simulated motion of each of `drives`; None where the rod cannot simulate one."""
         missing = {d.key: d for d in drives if d.key not in self._cache}
         motions = {d.key: self._cache[d.key] for d in drives if d.key in self._cache}
         motions |= self._simulate_batches(missing)
@@ -170,7 +170,7 @@ class Simulation:
         """Simulate a batch together, or one by one where a job of it fails; None for that one."""
         try:
             return self._simulate_together(jobs)
-        except (Fault, ValueError):  # a strip that cannot hang where its run begins
+        except (Fault, Unsupported, ValueError):  # it cannot lie or hang as its run begins
             if len(jobs) == 1:
                 return [None]
             return [motion for job in jobs for motion in self._simulate_batch([job])]

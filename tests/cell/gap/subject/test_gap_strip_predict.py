@@ -96,6 +96,16 @@ def test_a_prediction_does_not_depend_on_company_threads_or_portions(
         np.testing.assert_array_equal(a.mean, c.mean)
 
 
+def test_a_strip_that_cannot_lie_as_its_run_begins_leaves_the_others(plain: Strip) -> None:
+    base, run = np.array([p.start for p in plain.scope.base]), plain.runs[0]
+    slack = {"length_error": np.array([0.06])}  # its layers touch before it rests
+    lost, kept = plain.simulate(
+        [Request(run, base, e, np.zeros(len(run.local))) for e in (slack, {})]
+    )
+    assert np.isnan(lost.mean).all()
+    assert np.isfinite(kept.mean).all()
+
+
 def test_wild_points_and_lost_images_do_no_harm(tmp_path: Path) -> None:
     made = folds(["fast", "taut-lift"])
     written(tmp_path / "wild", made, replace(CELL, wild=0.08, lost=0.4))
