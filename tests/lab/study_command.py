@@ -1,5 +1,6 @@
 """The command `study`: measures a property of the cell over many cases."""
 
+import os
 import re
 import sys
 from dataclasses import asdict
@@ -39,6 +40,9 @@ def study(
             help="The smallest size, no bar judged; without NAME, every study of seconds.",
         ),
     ] = False,
+    models: Annotated[
+        Path | None, typer.Option(help="Folder of models that others wrote, for `foreign`.")
+    ] = None,
     again: Annotated[
         bool, typer.Option("--again", help="Measure anew what OUT already holds.")
     ] = False,
@@ -52,6 +56,8 @@ def study(
     from tests.lab.studies.campaign import StudyRequest
     from tests.lab.studies.catalogue import studies, study_of
 
+    if models is not None:
+        os.environ["FOREIGN_MODELS"] = str(models.resolve())  # processes of the study inherit it
     if name is None and not quick:
         _print_studies(as_json=as_json)
         return

@@ -108,15 +108,16 @@ def moved(model: Any, rate: float, span: float, every: int = 10) -> dict[str, Ar
     data, rows = mujoco.MjData(model), []
     for k in range(round(span / model.opt.timestep)):
         held = np.floor(data.time / 0.01 + 1e-6) * 0.01
+        before = data.actuator_force.copy()
         data.ctrl[:] = (
             0.8 * np.sin(2.0 * rate * held),
             0.9 * np.sin(3.1 * rate * held) + 0.3 * np.sin(0.7 * rate * held),
         )
         if k % every == 0:
             mujoco.mj_forward(model, data)
-            force = data.actuator_force.copy()
-            rows.append([data.time, *data.qpos[-2:], *data.ctrl, *force])
+            force = data.actuator_force.copy()  # a command that steps is read as its mean
+            mean = 0.5 * (before + force)
+            rows.append([data.time, *data.qpos[-2:], *data.ctrl, *mean, force[1]])
         mujoco.mj_step(model, data)
-    t, q1, q2, u1, u2, f1, f2 = np.array(rows).T
-    return {"t": t, "shoulder": q1, "elbow": q2, "a1": u1, "a2": u2, "t1": f1, "t2": f2,
-            "a2_torque": f2}  # fmt: skip
+    names = ("t", "shoulder", "elbow", "a1", "a2", "t1", "t2", "a2_torque")
+    return dict(zip(names, np.array(rows).T, strict=True))

@@ -1,6 +1,5 @@
 """Reads a mechanism's file, model and runs, and checks them against one another."""
 
-import re
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -137,7 +136,7 @@ def _spread_width(spread: float | str, size: float) -> float:
     """Absolute spread: as stated, or the stated percentage of `size`."""
     if not isinstance(spread, str):
         return float(spread)
-    return float(re.sub("%", "", spread)) / 100.0 * max(abs(size), SMALLEST)
+    return float(spread.rstrip("%")) / 100.0 * max(abs(size), SMALLEST)
 
 
 def _access(
@@ -154,7 +153,7 @@ def _access(
         return float(place[k]), lambda f, v: _set_value(f["body_ipos"][i], k, v), size
     if field == "inertia":
         start = float(model.body_inertia[i].max())
-        return start, lambda f, v: _scale(f["body_inertia"][i], v / start), start
+        return start, lambda f, v: _scale_inertia(f, i, v / start), start
     if field == "gain":
         return 1.0, lambda f, v: scale_gain(f, i, v), 1.0
     joint = mechanism.joints[i]
@@ -173,13 +172,12 @@ def _set_value(array: Any, i: int, value: float) -> None:
 
 def _set_mass(fields: Fields, i: int, value: float) -> None:
     """Set a body's mass [kg], and scale its inertia in proportion."""
-    _scale(fields["body_inertia"][i], value / float(fields["body_mass"][i]))
+    _scale_inertia(fields, i, value / float(fields["body_mass"][i]))
     fields["body_mass"][i] = value
 
 
-def _scale(array: Any, factor: float) -> None:
-    if factor != 1.0:
-        array *= factor
+def _scale_inertia(fields: Fields, i: int, factor: float) -> None:
+    fields["body_inertia"][i] *= factor
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,8 +297,7 @@ def _signal(name: str, spec: SignalSpec, model: Any,
     kind = spec.is_ or ("site" if spec.site else "sensor")
     if spec.sensor is not None and _sum_of_joints(model, spec.sensor).any():
         kind = "position"
-    joint, floor = -1, FORWARD_FLOOR
-    actuator, gear = -1, 1.0
+    joint, actuator, gear, floor = -1, -1, 1.0, FORWARD_FLOOR
     if kind == "torque":
         actuator = _actuator(spec, model)
         joint = int(model.actuator_trnid[actuator, 0])
@@ -314,9 +311,8 @@ def _signal(name: str, spec: SignalSpec, model: Any,
         joint = 3 * model.site(spec.site).id + "xyz".index(spec.axis)
     elif spec.sensor is not None and kind == "sensor":
         joint = 3 * model.nsite + int(model.sensor_adr[model.sensor(spec.sensor).id])
-    zone = "grasped"
-    if kind in ("position", "velocity", "torque", "tracking"):
-        zone = zone_of(joint, model.njnt)
+    along = kind in ("position", "velocity", "torque", "tracking")
+    zone = zone_of(joint, model.njnt) if along else "grasped"
     return Signal(name, kind, float(sigma), zone, joint, floor, actuator=actuator, gear=gear)
 
 

@@ -1,12 +1,14 @@
 """Reads MuJoCo models without foreign code, and finds typical sizes of their joints."""
 
 import math
+import os
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from xml.parsers import expat
 
 import mujoco
 import numpy as np
@@ -45,15 +47,19 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Text of a model, whose meshes lie in `folder`, with motors on the joints `motors`."""
+    """Text of a model, with motors on the joints `motors`.
+
+    Its paths count from `folder`, and stay `within` that of the mechanism's file.
+    """
 
     text: str
     folder: Path | None = None
+    within: Path | None = None
     motors: tuple[str, ...] = ()
 
     def spec(self, text: str | None = None) -> Any:
         """Specification of the model, or of its changed `text`; files are found in its folder."""
-        spec = mujoco.MjSpec.from_string(self.text if text is None else text)
+        spec = mujoco.MjSpec.from_string(text or self.text)
         spec.modelfiledir = "" if self.folder is None else f"{self.folder}/"
         for joint in self.motors if text is None else ():
             motor = spec.add_actuator(name=joint, target=joint)
@@ -106,8 +112,7 @@ class Mechanism:
 def tip(mechanism: Mechanism, body: int) -> Array:
     """Position (3,) [m] in a body's frame of its end: farthest site or twice the centre of mass."""
     model = mechanism.model
-    places = [model.site_pos[i] for i in range(model.nsite) if model.site_bodyid[i] == body]
-    places.append(2.0 * model.body_ipos[body])
+    places = [*model.site_pos[model.site_bodyid == body], 2.0 * model.body_ipos[body]]
     return np.array(max(places, key=lambda p: float(np.linalg.norm(p))))
 
 
@@ -115,13 +120,14 @@ def read_source(path: Path, folder: Path) -> Source:
     """Read the MJCF or URDF at `path`, with what it includes, without foreign code.
 
     Raises ConfigurationError for text that is no XML, plugins, files that are read while parsing,
-    joints that MuJoCo would drop, and files outside `folder`.
+    and files outside `folder`.
     """
     text = read_text(path, MOST_BYTES)
     root = _root(text, path)
     if root.tag not in ("mujoco", "robot"):
         raise ConfigurationError(f"{path}: root is <{root.tag}>; give MJCF or URDF")
-    if _include(root, path, folder, {path.resolve()}) or _find_packages(root, folder):
+    if _include(root, path, folder, {path.resolve()}) or root.tag == "robot":
+        _plain_urdf(root, folder, path.parent)
         text = ET.tostring(root, encoding="unicode")
     for element in root.iter():
         if element.tag in ("plugin", "extension"):
@@ -133,17 +139,19 @@ def read_source(path: Path, folder: Path) -> Source:
                 f"{path}: <{element.tag} file>: is not read; write it into the model"
             )
     _check_copies(root, path)
-    for joint in root.findall("joint"):
-        _check_mimic(joint, path)
-    return Source(text, folder)
+    return Source(text, path.parent, folder)
 
 
 def _root(text: str, path: Path) -> ET.Element:
     if "<!ENTITY" in text or "<!DOCTYPE" in text:
         raise ConfigurationError(f"{path}: declares XML entities; write them out")
+    builder, parser = ET.TreeBuilder(), expat.ParserCreate()  # prefixes may be undeclared in URDFs
+    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    parser.CharacterDataHandler = builder.data
     try:
-        return ET.fromstring(text)  # noqa: S314  entities were refused above
-    except ET.ParseError as error:
+        parser.Parse(text, True)
+        return builder.close()
+    except expat.ExpatError as error:
         raise ConfigurationError(f"{path}: is not valid XML: {error}; mend it") from None
 
 
@@ -155,7 +163,7 @@ def _include(root: ET.Element, path: Path, folder: Path, seen: set[Path]) -> boo
     found = False
     for parent in list(root.iter()):
         for element in parent.findall("include"):
-            place = _inside(path, element.get("file", ""), folder)
+            place = _inside(path, path.parent / element.get("file", ""), folder)
             if place in seen:
                 raise ConfigurationError(f"{path}: includes {place.name} twice; allowed: once")
             seen.add(place)
@@ -169,16 +177,17 @@ def _include(root: ET.Element, path: Path, folder: Path, seen: set[Path]) -> boo
     return found
 
 
-def _find_packages(root: ET.Element, folder: Path) -> bool:
-    """Write `package://NAME/FILE` of a URDF as a path in its folder; whether there was any."""
-    found = False
+def _plain_urdf(root: ET.Element, folder: Path, place: Path) -> None:
+    """Take out of a URDF in `place` what other programs put there; its packages are in `folder`."""
+    for parent in list(root.iter()):
+        parent[:] = [e for e in parent if e.tag != "gazebo" and ":" not in e.tag]
+        for key in [key for key in parent.attrib if ":" in key]:
+            del parent.attrib[key]
     for mesh in root.iter("mesh"):
         name, separator, file = mesh.get("filename", "").removeprefix("package://").partition("/")
         if separator and mesh.get("filename", "").startswith("package://"):
             own = name == folder.name or not (folder / name).is_dir()
-            mesh.set("filename", file if own else f"{name}/{file}")
-            found = True
-    return found
+            mesh.set("filename", os.path.relpath(folder / ("" if own else name) / file, place))
 
 
 def _check_copies(root: ET.Element, path: Path, copies: int = 1) -> None:
@@ -193,27 +202,15 @@ def _check_copies(root: ET.Element, path: Path, copies: int = 1) -> None:
         _check_copies(element, path, inside)
 
 
-def _check_mimic(joint: ET.Element, path: Path) -> None:
-    """Refuse a joint of a URDF that follows another one, which MuJoCo would set free or drop."""
-    mimic = joint.find("mimic")
-    if mimic is not None:
-        name, leader = joint.get("name"), mimic.get("joint")
-        line = f"{mimic.get('offset', '0')} {mimic.get('multiplier', '1')} 0 0 0"
-        raise ConfigurationError(
-            f"{path}: joint {name}: mimic: MuJoCo drops it; save the model as MJCF and add "
-            f'<equality><joint joint1="{name}" joint2="{leader}" polycoef="{line}"/></equality>'
-        )
-
-
-def _inside(origin: Path, place: str, folder: Path) -> Path:
+def _inside(origin: Path, place: Path, folder: Path) -> Path:
     """Resolved path of a regular file `place` in `folder`; ConfigurationError for any other."""
-    whole = (folder / place).resolve()
+    whole, name = place.resolve(), os.path.relpath(place, folder)
     if not whole.is_relative_to(folder.resolve()):
         raise ConfigurationError(
-            f"{origin}: {place}: lies outside {folder}; paths of a model stay in its folder"
+            f"{origin}: {name}: lies outside {folder}; paths of a model stay in its folder"
         )
     if not whole.is_file():
-        raise ConfigurationError(f"{origin}: {place}: there is no such file in {folder}; add it")
+        raise ConfigurationError(f"{origin}: {name}: there is no such file in {folder}; add it")
     return whole
 
 
@@ -226,9 +223,9 @@ def _check_spec(spec: Any, source: Source, origin: str) -> None:
     named += [(spec.texturedir, name) for name in textures]
     total = 0
     for place, file in named:
-        if file and source.folder is not None:
-            path = Path(place) / (Path(file).name if spec.strippath else file)
-            total += _inside(Path(origin), str(path), source.folder).stat().st_size
+        if file and source.folder is not None and source.within is not None:
+            path = source.folder / place / (Path(file).name if spec.strippath else file)
+            total += _inside(Path(origin), path, source.within).stat().st_size
         if total > MOST_BYTES:
             raise ConfigurationError(
                 f"{origin}: {file}: meshes and textures hold over {MOST_BYTES // MEGABYTE} MB; "

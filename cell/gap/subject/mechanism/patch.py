@@ -7,6 +7,7 @@ import copy
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -47,7 +48,7 @@ def patch_file(
         notes.append({"key": f"effects.{name}", "source": source, "note": "was absent"})
         if not effect_of(name).edits(opened.mechanism):
             known[name] = _named_values(name, opened.mechanism, values)
-    model = f"{opened.file.name}-accepted.xml"  # written beside the model
+    model = str(Path(opened.file.model).with_name(f"{opened.file.name}-accepted.xml"))
     return {**content, "model": model, "effects": known, "provenance": notes}
 
 

@@ -255,15 +255,16 @@ class Prescribed(Engine):
         return Content(made, recording.load, motion=motion)
 
     def _barred(self, q: Array, measured: Array) -> NDArray[np.bool_]:
-        """Where (m,) joints stand at limits that inverse dynamics leaves out, of range or torque.
+        """Where (m,) joints and tendons are at limits that inverse dynamics leaves out, or torques.
 
         `q` (m, joints) are positions, `measured` (signals, m) readings of which torques come first.
         """
         model = self._mechanism.model
-        span = np.diff(model.jnt_range, axis=1).ravel()
-        edge = model.jnt_margin + NEAR * span
-        low, high = model.jnt_range.T
-        barred = ((q < low + edge) | (q > high - edge)) @ (model.jnt_limited > 0)
+        at = np.hstack([q, _tendon_lengths(model, q)])
+        low, high = np.vstack([model.jnt_range, model.tendon_range]).T
+        edge = np.append(model.jnt_margin, model.tendon_margin) + NEAR * (high - low)
+        limited = np.append(model.jnt_limited, model.tendon_limited) > 0
+        barred = ((at < low + edge) | (at > high - edge)) @ limited
         for s, row in zip(self._mechanism.torques, measured, strict=False):
             if model.jnt_actfrclimited[s.joint]:
                 most = (1.0 - NEAR) * model.jnt_actfrcrange[s.joint]
@@ -365,15 +366,12 @@ class Prescribed(Engine):
 
     def _tracking(self, motion: Motion, case: Case, deflection: Array) -> Array:
         """Measured minus commanded positions (trackings, m), by delay and `deflection` of gears."""
-        delay, rows = case.readings.command, []
+        delay, joints = case.readings.command, [joint for _, joint in self._mechanism.trackings]
         commanded = motion.q + delay * motion.v + 0.5 * delay**2 * motion.a
-        for _, joint in self._mechanism.trackings:
-            behind = np.interp(motion.t + delay, motion.t, deflection[:, joint])
-            rows.append(motion.q[:, joint] - commanded[:, joint] - behind)
-        return np.array(rows)
+        behind = _interpolate_columns(motion.t + delay, motion.t, deflection)
+        return np.asarray((motion.q - commanded - behind)[:, joints].T)
 
-    def _reading(self, sensor: Signal, needed: Array, model: Any,
-                 forces: Array | None) -> Array:  # fmt: skip
+    def _reading(self, sensor: Signal, needed: Array, model: Any, forces: Array | None) -> Array:
         """Readings (m,) of a torque sensor for the required torques (m, joints)."""
         borne = needed[:, sensor.joint]
         if forces is not None:
@@ -454,15 +452,23 @@ def _play_deflection(torque: Array, gap: Array) -> Array:
     return np.asarray(0.5 * gap * np.tanh(torque / crossing))
 
 
+def _tendon_lengths(model: Any, q: Array) -> Array:
+    """Lengths (m, tendons) of tendons at positions `q` (m, joints); zeros where none is limited."""
+    lengths, data = np.zeros((len(q), model.ntendon)), mujoco.MjData(model)
+    for row, place in zip(lengths, q, strict=True) if model.tendon_limited.any() else ():
+        data.qpos[:] = place
+        mujoco.mj_fwdPosition(model, data)
+        row[:] = data.ten_length
+    return lengths
+
+
 def _left_out(model: Any) -> tuple[str, ...]:
     """Remarks on what inverse dynamics leaves out of a model without much harm."""
     delayed = np.any(model.actuator_delay > 0.0) or np.any(model.actuator_dyntype > 0)
-    told = (
-        (bool(np.any(model.tendon_limited)), "limits of tendons are left out"),
-        (bool(np.any(model.jnt_limited)), "moments at the limits of joints are left out"),
-        (bool(delayed), "filters and delays of motors are left out: torques are as read"),
-    )
-    return tuple(words for there, words in told if there)
+    limited = np.any(model.jnt_limited) or np.any(model.tendon_limited)
+    told = {"moments at the limits of joints and tendons are left out": limited,
+            "filters and delays of motors are left out: torques are as read": delayed}  # fmt: skip
+    return tuple(words for words, there in told.items() if there)
 
 
 @cache

@@ -33,6 +33,7 @@ FAST, FAR = 200.0, 100.0  # rad/s and rad that no joint of an arm reaches
 SMALLEST_NOISE = 1e-12  # in SI, of repeats that agree in every digit
 SLOWEST_PACE, FASTEST_PACE = 0.5, 200.0  # rad/s
 PACE_READINGS = 400  # means of a column, from which its pace is taken
+NOISY = 0.35  # times a column's spread, in a step: half of what white noise changes by
 STILL = 0.05  # of the rms speed, below which a motion holds
 
 
@@ -243,14 +244,16 @@ def pace(found: Sequence[Recording], columns: Sequence[str]) -> float:
 
 
 def _spreads(t: Array, x: Array) -> tuple[float, float]:
-    """Standard deviations of a column x (m,) over t (m,) [s] and of its rate, of block means."""
+    """Spreads of the means of a column x (m,) over t (m,) [s] and of their rate; 0 for noise."""
     known = np.isfinite(x)
     t, x = t[known], x[known]
     width = max(1, len(x) // PACE_READINGS)
     whole = len(x) // width * width
     times = t[:whole].reshape(-1, width).mean(axis=1)
     means = x[:whole].reshape(-1, width).mean(axis=1)
-    return float(means.std()), float(np.gradient(means, times).std()) if len(means) > 2 else 0.0
+    rate = float(np.gradient(means, times).std()) if len(means) > 2 else 0.0
+    moves = rate * float(np.diff(times).mean()) < NOISY * float(means.std())
+    return float(means.std()), rate if moves else 0.0
 
 
 def width_of(recording: Recording, least: float) -> float:

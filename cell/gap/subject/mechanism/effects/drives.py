@@ -60,9 +60,7 @@ def _edit_saturation(mechanism: Mechanism, values: Array, fields: Fields) -> Non
 
 def _delay_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     forward = mechanism.mode == "forward" and bool(mechanism.actuators)
-    if not (forward or mechanism.trackings):
-        return ()
-    return single("time", "s", 0.1 * mechanism.step)
+    return single("time", "s", 0.1 * mechanism.step) if forward or mechanism.trackings else ()
 
 
 TORQUE_CONSTANT = Effect(

@@ -43,7 +43,6 @@ def _with(text: str) -> str:
 
 PLUGIN = _with('<extension><plugin plugin="x"/></extension><worldbody>')
 OUTSIDE = _with('<asset><mesh file="../../etc/x.stl"/></asset><worldbody>')
-MIMIC = '<robot><joint name="b"><mimic joint="a" multiplier="0.5"/></joint></robot>'
 MODELS = {
     "not XML": (ARM[:80], "is not valid XML"),
     "does not load": (ARM.replace('mass="1.0"', 'mass="-1.0"'), "does not load"),
@@ -67,7 +66,6 @@ MODELS = {
                "tendon rope: its frictionloss"),
     "two motors": (ARM.replace("</actuator>", '<motor joint="elbow"/></actuator>'),
                    "other motors on joint elbow"),
-    "mimic": (MIMIC, '<joint joint1="b" joint2="a" polycoef="0 0.5 0 0 0"/>'),
     "other root": ("<html/>", "give MJCF or URDF"),
 }  # fmt: skip
 

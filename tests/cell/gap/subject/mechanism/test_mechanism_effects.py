@@ -39,13 +39,6 @@ def test_the_library_has_what_the_contract_names() -> None:
     assert set(registry()) == CONTRACT | PENDULUMS
 
 
-def test_every_effect_acts_by_a_hook_and_says_from_where_it_comes() -> None:
-    for effect in registry().values():
-        assert effect.edit or effect.read or effect.law or effect.path
-        assert effect.source
-        assert effect.sentence
-
-
 @pytest.mark.slow
 def test_every_effect_is_null_to_the_bit_and_changes_something_beyond(arm) -> None:
     plain = simulated(arm, {})

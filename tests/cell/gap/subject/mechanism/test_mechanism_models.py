@@ -23,9 +23,11 @@ MESHED = """<mujoco><compiler meshdir="assets" autolimits="true"/><include file=
 JOINTS = """<mujocoinclude><include file="parts/option.xml"/>
 <default><default class="arm"><joint axis="0 1 0" damping="0.3"/></default></default>
 </mujocoinclude>"""
-URDF = """<robot name="r"><link name="base"/><link name="arm"><collision><geometry>
-<mesh filename="package://{}/meshes/collision/link.obj"/></geometry></collision></link>
-<joint name="j" type="continuous"><parent link="base"/><child link="arm"/></joint></robot>"""
+URDF = """<robot name="r"><gazebo><plugin/></gazebo><link name="base"/>
+<link name="arm"><collision><geometry>
+<mesh filename="{}meshes/collision/link.obj"/></geometry></collision></link>
+<joint name="j" type="continuous"><limit drake:effort="3"/>
+<parent link="base"/><child link="arm"/></joint></robot>"""
 
 
 def tetrahedron(size: float) -> str:
@@ -66,10 +68,14 @@ def test_meshes_and_includes_are_those_that_mujoco_finds(robot: Path) -> None:
     assert ours.body_mass[2] > 7.0 * ours.body_mass[1]  # of another mesh with the same name
 
 
-@pytest.mark.parametrize("package", ["robot", "meshes_of_robot"])
-def test_packages_of_a_urdf_are_its_folder(robot: Path, package: str) -> None:
-    (robot / "arm.urdf").write_text(URDF.format(package))
-    assert loaded(robot / "arm.urdf").body_mass[1] == pytest.approx(1000.0 * 27.0 / 6.0)
+@pytest.mark.parametrize("package", ["package://robot/", "package://meshes_of_robot/", "../"])
+def test_packages_of_a_urdf_are_the_folder_and_paths_count_from_its_own(
+    robot: Path, package: str
+) -> None:
+    place = robot / "parts" / "arm.urdf"
+    place.write_text(URDF.format(package))
+    model = compile_model(read_source(place, robot), str(place), 0, 0.002)
+    assert model.body_mass[1] == pytest.approx(1000.0 * 27.0 / 6.0)
 
 
 @pytest.mark.parametrize(
@@ -95,7 +101,7 @@ def test_files_that_are_not_read_are_refused(
 def test_changed_texts_find_the_same_meshes(robot: Path) -> None:
     source = read_source(robot / "model.xml", robot)
     text = source.spec().to_xml()
-    again = compile_model(Source(text, robot), "again", 0, 0.002)
+    again = compile_model(Source(text, robot, robot), "again", 0, 0.002)
     np.testing.assert_allclose(again.body_mass, loaded(robot / "model.xml").body_mass)
 
 

@@ -1,0 +1,269 @@
+"""Makes runs of mechanisms that others modelled, with hidden causes and bases that are wrong."""
+
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from cell.gap.subject.mechanism.fields import ModelFields, add_point
+from cell.gap.subject.mechanism.model import read_source
+from drivers.errors import ConfigurationError
+from drivers.files import replace_file
+from drivers.readers import read_yaml
+from drivers.types import Array
+from drivers.yaml_text import dump_yaml
+from tests.lab.exam.mechanisms import DELAY, FIELDS, READINGS, Columns
+from tests.support.mechanisms import write_run
+
+LISTS = read_yaml(Path(__file__).with_suffix(".yaml"))
+RUNS, SPAN, STEP, EVERY = 4, 4.0, 1e-3, 4  # number, s, s, steps per reading
+SETTLE = 1.0  # s before a record, in which the servo takes the mechanism to its first place
+SERVO = 40.0  # 1/s of a servo: critically damped
+ANGLE, TORQUE = 1e-4, 0.02  # rad or m, share of a joint's torque: one sigma of a reading
+REACH, SLIDE, INSIDE = 0.5, 0.05, 0.35  # rad, m, share of a joint's range: the most of a motion
+CLOSED = (4.0 * STEP, 1.0)  # s, damping ratio of the spring that closes loops
+HARD = 0.9999  # impedance of dry friction: joints do not creep where it holds them
+CREEP = 0.02  # rad/s or m/s of a wanted rate, above which a servo adds what friction takes
+LIGHT = 0.01  # of the moving mass; a body below it has no stated uncertainty
+TWIST, RIPPLE, TURN = 0.01, 0.15, 6.0  # rad under a joint's torque; share of it; ripples in a turn
+PAYLOAD, TILT, BENT = 0.03, 0.06, 0.25  # share of the moving mass, rad, rad
+HEAVIER, SHIFT = 0.6, 0.03  # share of a link's mass, m: errors of a base, beyond its spread
+
+
+@dataclass(slots=True)
+class Rig:
+    """True mechanism whose `driven` joints are moved, `weight` (driven,) [N m] their torques.
+
+    `gear` (driven,) [N m] is at a joint for a unit of its motor, `keys` are columns of all joints.
+    """
+
+    model: Any
+    mode: str
+    joints: int  # driven ones
+    driven: list[int]
+    actuators: list[int]
+    gear: Array
+    weight: Array
+
+    @property
+    def keys(self) -> list[str]:
+        """Columns of all joints, the driven ones called as by the causes of `READINGS`."""
+        rows = {j: f"j{i + 1}" for i, j in enumerate(self.driven)}
+        return [rows.get(j, f"passive {j}") for j in range(self.model.njnt)]
+
+    def moving(self) -> list[int]:
+        """Bodies with a name and a mass that matters, which joints move."""
+        m = self.model
+        heavy = m.body_mass > LIGHT * m.body_mass[m.body_weldid > 0].sum()
+        return [i for i in range(1, m.nbody) if m.body_weldid[i] and heavy[i] and m.body(i).name]
+
+
+Edit = Callable[[Rig, float, np.random.Generator], None]
+
+
+def _payload(rig: Rig, size: float, _: np.random.Generator) -> None:
+    m, last = rig.model, int(np.max(rig.model.jnt_bodyid))
+    places = [*m.site_pos[m.site_bodyid == last], 2.0 * m.body_ipos[last]]
+    mass = PAYLOAD * size * float(m.body_mass[m.body_weldid > 0].sum())
+    add_point(ModelFields(m), last, mass, np.array(max(places, key=np.linalg.norm)))
+
+
+def _tilt(rig: Rig, size: float, _: np.random.Generator) -> None:
+    angle, g = TILT * size, rig.model.opt.gravity
+    g[1:] = g[1] * np.cos(angle) - g[2] * np.sin(angle), g[1] * np.sin(angle) + g[2] * np.cos(angle)
+
+
+def _heavier(rig: Rig, size: float, rng: np.random.Generator) -> None:
+    body = rng.choice(rig.moving())
+    rig.model.body_mass[body] *= 1.0 + HEAVIER * size
+    rig.model.body_inertia[body] *= 1.0 + HEAVIER * size
+
+
+def _shift(rig: Rig, size: float, rng: np.random.Generator, field: str) -> None:
+    """Wrong base: a body, or its centre of mass, that lies elsewhere than the file says."""
+    way = rng.standard_normal(3)
+    getattr(rig.model, field)[rng.choice(rig.moving())] += SHIFT * size * way / np.linalg.norm(way)
+
+
+def _bend(rig: Rig, size: float, rng: np.random.Generator) -> None:
+    """Foreign cause: a joint whose axis is skewed."""
+    turn, quat = np.zeros(4), rig.model.body_quat[rig.model.jnt_bodyid[rng.choice(rig.driven)]]
+    mujoco.mju_axisAngle2Quat(turn, rng.dirichlet(np.ones(3)) ** 0.5, BENT * size)
+    mujoco.mju_mulQuat(quat, quat.copy(), turn)
+
+
+EDITS: dict[str, Edit] = {"payload": _payload, "base_tilt": _tilt, "bent_link": _bend,
+    "wrong_mass": _heavier, "wrong_com": partial(_shift, field="body_ipos"),
+    "wrong_geometry": partial(_shift, field="body_pos")}  # fmt: skip
+
+
+def open_rig(folder: Path, name: str) -> Rig:
+    """The true mechanism `name` of `folder`; ConfigurationError where it is not there."""
+    known = LISTS["models"][name]
+    path = (folder / known["folder"] / known["file"]).resolve()
+    if not path.is_file():
+        raise ConfigurationError(
+            f"{name}: {known['folder']}/{known['file']} is not in {folder.name}; install its "
+            "package there (pip install --no-deps --target), and give the folder as --models"
+        )
+    m, off = read_source(path, path.parent).spec().compile(), mujoco.mjtDisableBit
+    mode = known.get("mode", "prescribed")
+    m.opt.timestep, m.opt.integrator = STEP, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    m.opt.disableflags |= int(off.mjDSBL_CONTACT)
+    m.opt.disableflags |= 0 if mode == "forward" else int(off.mjDSBL_ACTUATION)
+    m.eq_solref[:], m.dof_solimp[:, :2] = CLOSED, HARD
+    m.body_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+    motors = np.flatnonzero(m.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT)
+    pairs = {int(m.actuator_trnid[a, 0]): int(a) for a in motors}
+    bare = [m.joint(joint).id for joint in known.get("motors", ())] or range(m.njnt)
+    pairs = pairs or dict.fromkeys(bare, -1)
+    gear = [m.actuator_gear[a, 0] if a >= 0 else 1.0 for a in pairs.values()]
+    n = len(pairs)
+    return Rig(m, mode, n, list(pairs), list(pairs.values()), np.array(gear), np.ones(n))
+
+
+def make_runs(folder: Path, name: str, hidden: Sequence[str], size: float, seed: int,
+              out: Path) -> Path:  # fmt: skip
+    """Write the model `name` of `folder` and runs with `hidden` causes to `out`; its file."""
+    rng, rig = np.random.default_rng(seed), open_rig(folder, name)
+    plain = _simulate(rig, _places(rig, np.random.default_rng(seed), 1.0))
+    rig.weight = 2.0 * np.array([plain[f"t{i + 1}"].std() for i in range(rig.joints)])
+    known = LISTS["models"][name]
+    shutil.copytree(folder / known["folder"], out, dirs_exist_ok=True)
+    replace_file(out / "study.yaml", dump_yaml(_content(rig, known["file"])).encode())
+    for cause in hidden:
+        if cause in FIELDS:
+            field, _, share = FIELDS[cause]
+            rows = getattr(rig.model, field).reshape(rig.model.nv, -1)
+            rows[rig.model.jnt_dofadr[rig.driven], 0] += share * size * rig.weight
+        if cause in EDITS:
+            EDITS[cause](rig, size, rng)
+    mujoco.mj_setConst(rig.model, mujoco.MjData(rig.model))
+    for k in range(RUNS):
+        delay = DELAY * size if "control_delay" in hidden else 0.0
+        columns = _simulate(rig, _places(rig, rng, None), delay)
+        for cause in hidden:
+            _read(columns, cause, rig, size, rng)
+        table = _measured(columns, rig, rng)
+        write_run(out / "study-runs" / f"{k:02d}", table, {"mechanism": "study", "index": k})
+    return out / "study.yaml"
+
+
+def _content(rig: Rig, model: str) -> dict[str, Any]:
+    """Content of the mechanism's file, as one would write it who has no reason to doubt a model."""
+    m = rig.model
+    names, bodies = [m.joint(i).name for i in range(m.njnt)], [m.body(i).name for i in rig.moving()]
+    free = [{"body": n, "field": "mass", "spread": "2%"} for n in bodies]
+    free.append({"joint": "*", "field": "damping", "spread": "50%"})
+    if rig.mode == "prescribed":
+        free += [{"body": n, "field": "com", "spread": 0.003} for n in bodies]
+    common = {"schema": 1, "kind": "mechanism", "name": "study", "model": model, "uncertain": free}
+    if rig.mode == "forward":
+        at = [m.actuator(a).name for a in rig.actuators]
+        signals: Any = {f"q{i + 1}": {"joint": n, "is": "position", "sigma": ANGLE}
+                        for i, n in enumerate(names)}  # fmt: skip
+        start = {"position": "measured", "velocity": "measured", "spread": 1e-3}
+        forward = {"mode": "forward", "step": 2.0 * STEP, "hold": EVERY * STEP, "start": start}
+        return {**common, **forward, "signals": signals, "inputs": dict.fromkeys(at, "ctrl")}
+    given = [names[i] for i in rig.driven] if rig.mode == "loop" else names
+    sigma = 0.5 * TORQUE * rig.weight / np.abs(rig.gear)
+    signals = {f"t{i + 1}": {"joint": names[j], "is": "torque", "side": "motor",
+                             "sigma": float(f"{sigma[i]:.4g}")}
+               for i, j in enumerate(rig.driven)}  # fmt: skip
+    return {**common, "mode": "prescribed", "signals": signals,
+            "inputs": dict.fromkeys(given, "position")}  # fmt: skip
+
+
+def _places(rig: Rig, rng: np.random.Generator, pace: float | None) -> Array:
+    """Wanted places (k, driven) at each step: there and back in range, at a drawn pace if None."""
+    m, n = rig.model, rig.joints
+    low, high = m.jnt_range[rig.driven].T
+    limited, start = m.jnt_limited[rig.driven] > 0, m.qpos0[m.jnt_qposadr[rig.driven]]
+    slides = m.jnt_type[rig.driven] == mujoco.mjtJoint.mjJNT_SLIDE
+    reach = np.where(slides, SLIDE, REACH)
+    reach = np.where(limited, np.minimum(reach, INSIDE * (high - low)), reach)
+    inside = np.clip(start, low + 1.2 * reach, high - 1.2 * reach)
+    rates, phases = 1.5 + 0.6 * rng.random((2, n)), rng.uniform(0.0, 6.3, (2, n))
+    pace = float(rng.uniform(0.6, 1.4)) if pace is None else pace
+    t = pace * (np.arange(round((SPAN + SETTLE) / STEP)) * STEP - SETTLE)[:, None]
+    begin = np.clip(1.0 + t / SETTLE, 0.0, 1.0)
+    smooth = begin**3 * (10 - 15 * begin + 6 * begin**2)
+    swing = np.sin(rates[0] * t + phases[0]) + 0.5 * np.sin(1.7 * rates[1] * t + phases[1])
+    middle = np.where(limited, inside, start)
+    return np.asarray(start + smooth * (middle + reach * swing / 1.5 - start))
+
+
+def _simulate(rig: Rig, wanted: Array, delay: float = 0.0) -> Columns:
+    """Columns (m,) of a motion to `wanted` places: joints, torques `t1` and on, commands `u0`.
+
+    Torques are what a servo needs along the motion, or what commands give `delay` [s] late.
+    """
+    m, data, forward = rig.model, mujoco.MjData(rig.model), rig.mode == "forward"
+    at, dofs = m.jnt_qposadr[rig.driven], m.jnt_dofadr[rig.driven]
+    rows, inertia, commands = [], np.zeros((m.nv, m.nv)), [np.zeros(m.nu)]
+    for k, (place, rate) in enumerate(zip(wanted, np.gradient(wanted, STEP, axis=0), strict=True)):
+        if k % EVERY == 0:
+            mujoco.mj_fullM(m, data, inertia)
+        if not forward or k % EVERY == 0:
+            error = SERVO**2 * (place - data.qpos[at]) + 2.0 * SERVO * (rate - data.qvel[dofs])
+            force = inertia[np.ix_(dofs, dofs)] @ error + (data.qfrc_bias - data.qfrc_passive)[dofs]
+            force += m.dof_frictionloss[dofs] * np.tanh(rate / CREEP)
+        if forward and k % EVERY == 0:
+            commands.append(_command(rig, place, force))
+        if forward:
+            late = min(len(commands) - 1, 1 + round((k - round(delay / STEP)) // EVERY))
+            data.ctrl[:] = commands[max(late, 0)]
+        else:
+            data.qfrc_applied[dofs] = force
+        mujoco.mj_step1(m, data)
+        if k % EVERY == 0:
+            torque = data.qfrc_actuator[dofs] if forward else force
+            rows.append(np.concatenate([[k * STEP - SETTLE], data.qpos, torque, commands[-1]]))
+        mujoco.mj_step2(m, data)
+    table = np.array([row for row in rows if row[0] >= 0.0]).T
+    keys = ["t", *rig.keys, *(f"t{i + 1}" for i in range(rig.joints)),
+            *(f"u{i}" for i in range(m.nu))]  # fmt: skip
+    return dict(zip(keys, table, strict=True))
+
+
+def _command(rig: Rig, place: Array, force: Array) -> Array:
+    """Commands (actuators,) that take the driven joints to a `place`, or give a motor's `force`."""
+    m, u = rig.model, np.zeros(rig.model.nu)
+    servo = m.actuator_biasprm[rig.actuators, 1] != 0.0
+    unit = rig.gear * m.actuator_gainprm[rig.actuators, 0]
+    u[rig.actuators] = np.where(servo, place, force / unit)
+    return np.where(m.actuator_ctrllimited > 0, np.clip(u, *m.actuator_ctrlrange.T), u)
+
+
+def _read(columns: Columns, cause: str, rig: Rig, size: float, rng: np.random.Generator) -> None:
+    """Errors of what is read, for a `cause` that lies there."""
+    if cause in READINGS:
+        READINGS[cause](columns, rig, size, rng)  # type: ignore[arg-type]
+    for i, weight in enumerate(rig.weight):
+        angle, torque = columns[f"j{i + 1}"], columns[f"t{i + 1}"]
+        if cause == "joint_elasticity":
+            columns[f"j{i + 1}"] = angle + TWIST * size * torque / weight
+        if cause == "torque_ripple":
+            columns[f"t{i + 1}"] = torque + RIPPLE * size * weight * np.sin(TURN * angle + i)
+    if cause == "sensor_delay":
+        for key in rig.keys:
+            columns[key] = np.interp(columns["t"] - DELAY * size, columns["t"], columns[key])
+
+
+def _measured(columns: Columns, rig: Rig, rng: np.random.Generator) -> Columns:
+    """Columns (m,) as a log has them, with noise: by joints' names, or `q1` and motors' names."""
+    m, n, forward = rig.model, len(columns["t"]), rig.mode == "forward"
+    found = {"t": columns["t"]}
+    for i, key in enumerate(rig.keys):
+        name = f"q{i + 1}" if forward else m.joint(i).name
+        found[name] = columns[key] + rng.normal(0.0, ANGLE, n)
+    for i, (weight, gear) in enumerate(zip(rig.weight, rig.gear, strict=True)):
+        noise = rng.normal(0.0, 0.25 * TORQUE * weight, n)
+        found[f"t{i + 1}"] = (columns[f"t{i + 1}"] + noise) / gear
+    commands = range(m.nu) if forward else ()
+    return {**found, **{m.actuator(i).name: columns[f"u{i}"] for i in commands}}
