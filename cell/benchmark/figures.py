@@ -173,13 +173,11 @@ def _draw_paper_numbers(axes: Any) -> None:
     axes.axvspan(-FEEDBACK_LIMIT, FEEDBACK_LIMIT, color=BAND, alpha=0.16, lw=0, zorder=0)
     style = {"transform": foot, "ha": "center", "va": "bottom", "fontsize": NOTE}
     box = {"facecolor": PAPER, "edgecolor": "none", "pad": 1.2, "alpha": 0.85}
-    axes.text(
-        0, 0.012, f"paper: feedback under {FEEDBACK_LIMIT:.0f}", color=GREEN, zorder=3, **style
-    )
+    axes.text(0, 0.012, f"paper < {FEEDBACK_LIMIT:.0f}", color=GREEN, zorder=3, **style)
     for policy, mean in PAPER_MEANS.items():
         place = 1e3 * mean
         axes.axvline(place, color=colour(policy), lw=0.9, ls=DASHES, alpha=0.8, zorder=1)
-        text = f"paper's mean {place:+.1f}".replace("-", MINUS)
+        text = f"paper {place:+.1f}".replace("-", MINUS)
         axes.text(place, 0.012, text, color=colour(policy), bbox=box, zorder=3, **style)
 
 

@@ -61,10 +61,7 @@ def lines(results: Results) -> list[dict[str, Any]]:
 
 
 TITLE = "Feedback-based fabric strip folding, from simulation"
-NOT_IN_SOURCE = (
-    "The paper's measured points stand only in pictures that are not part of its source; what is "
-    "drawn of the paper are the numbers that its text states."
-)
+NOT_IN_SOURCE = "Of the paper, the numbers that its text states are drawn."
 
 
 def page_of(results: Results) -> str:
@@ -145,7 +142,8 @@ def _range_cells(row: Row) -> tuple[str, ...]:
 def _made_with(results: Results) -> list[tuple[str, str]]:
     asked = results.asked
     rows = [("speed", f"{results.speed:g} m/s"), ("seed", str(asked.seed))]
-    return [*rows, ("strips", ", ".join(asked.strips)), *results.made_with.items()]
+    made = [item for item in results.made_with.items() if item[0] != "weights"]
+    return [*rows, ("strips", ", ".join(asked.strips)), *made]
 
 
 FIGURES = {

@@ -64,7 +64,8 @@ def facts(run: Run) -> Rows:
     """Rows of the run's settings: nested keys joined by dots; long lists are counted."""
     content = run.header.model_dump(by_alias=True, exclude_none=True)
     rows = [(key, _text(key, value)) for key, value in _flatten(content)]
-    return [(key, text) for key, text in rows if text not in ("", "None")]
+    silent = {("learning", "0"), ("learning", "None")}  # a correction by nothing
+    return [(k, text) for k, text in rows if text and (k.partition(".")[0], text) not in silent]
 
 
 def checks(run: Run) -> list[tuple[str, str, str]]:
