@@ -5,6 +5,7 @@ line. Paths may be text.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -24,7 +25,7 @@ from cell.gap.check import Check
 from cell.gap.check import check as look_at
 from cell.gap.fit import fit, quiet
 from cell.gap.report.overlay import write_overlay
-from cell.gap.subject.strip.runs import read_fold
+from cell.gap.subject.strip.runs import check_fold
 from cell.gap.verdict.accept import AcceptResult
 from cell.gap.verdict.accept import accept as put_in
 from cell.gap.verdict.accept import undo as take_out
@@ -113,12 +114,7 @@ def import_runs(
 ) -> tuple[Path, ...]:
     """Convert tables, MCAP files or LeRobot data sets to checked run folders; returns these."""
     found = find_configs(_path(configs))
-
-    def check(folder: Path) -> None:
-        strip = load_run(folder).header.strip
-        if strip in found.strip_names():
-            read_fold(folder, folder.name, found.strip(strip))
-
+    check = partial(check_fold, found.strip_names(), found.strip)
     return take_in([Path(place) for place in places], _path(mapping), Path(out), check)
 
 

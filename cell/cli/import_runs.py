@@ -1,6 +1,7 @@
 """Commands `cell import` and `cell export`: convert runs from and to other formats."""
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -30,11 +31,15 @@ def import_runs(
     as_json: Json = False,
 ) -> None:
     """Write run folders from tables of other programs, checked and converted, ready for a fit."""
-    from cell.api import import_runs as convert
+    from cell.config.places import find_configs
+    from cell.gap.subject.strip.runs import check_fold
+    from cell.record.exchange.import_runs import import_runs as convert
     from cell.record.run import read_run
 
+    found = find_configs(configs)
     with busy("reading the tables"):
-        made = convert(places, out, mapping, configs)
+        check = partial(check_fold, found.strip_names(), found.strip)
+        made = convert(places, mapping, out, check)
     for folder in made if as_json else ():
         print_json({"run": folder})
     if not as_json:

@@ -91,7 +91,8 @@ def write_lerobot(parts: Sequence[RunTables], out: Path) -> tuple[Path, ...]:
             name: values if name == "count" else [[[value]] for value in values]
             for name, values in _stats(images)[CAMERA].items()
         }
-        info["features"][CAMERA] = _film_stated(shape, fps)
+        axes = ["height", "width", "channels"]
+        info["features"][CAMERA] = {"dtype": "video", "shape": list(shape), "names": axes}
     replace_file(out / STATS, json.dumps(stats).encode())
     replace_file(out / INFO, json.dumps(info).encode())
     names = mapping_of(parts, _name)
@@ -198,15 +199,6 @@ def _film_place(i: int, end: float) -> dict[str, Any]:
     place: dict[str, float] = {"chunk_index": i // CHUNK, "file_index": i % CHUNK}
     place |= {"from_timestamp": 0.0, "to_timestamp": end}
     return {f"videos/{CAMERA}/{name}": value for name, value in place.items()}
-
-
-def _film_stated(shape: Sequence[int], fps: int) -> dict[str, Any]:
-    """The film's feature as meta/info.json states it."""
-    names = ("height", "width", "channels")
-    info: dict[str, Any] = {f"video.{n}": size for n, size in zip(names, shape, strict=True)}
-    info |= {"video.fps": fps, "video.codec": "h264", "video.pix_fmt": "yuv420p"}
-    info |= {"video.is_depth_map": False, "has_audio": False}
-    return {"dtype": "video", "shape": list(shape), "names": list(names), "info": info}
 
 
 def _counters(episode: int, begin: int, count: int, fps: int, task: int) -> dict[str, Feature]:

@@ -1,6 +1,6 @@
 """Reads measured folds, checks them, and reduces them to the compared quantities."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -222,6 +222,16 @@ def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measur
     notes = _notes(name, recorded, usable=usable)
     condition = recorded.header.condition or name
     return recorded.header, MeasuredRun(name, condition, measured, notes)
+
+
+def check_fold(known: Collection[str], load: Callable[[str], StripFile], folder: Path) -> None:
+    """Raise ConfigurationError where the run in `folder` contradicts its strip, if that is known.
+
+    `load` reads a strip by its name.
+    """
+    strip = read_run(folder).header.strip
+    if strip in known:
+        read_fold(folder, folder.name, load(strip))
 
 
 def _with_pitch(run: Recorded) -> Recorded:
