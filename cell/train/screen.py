@@ -1,20 +1,14 @@
 """Shows a training in the terminal: a bar while it runs, a table at its end."""
 
-import time
-from collections import deque
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
-from statistics import median
 from typing import Self
 
 from rich.console import Console
-from rich.progress import BarColumn, TaskID, TextColumn
+from rich.progress import BarColumn, TaskID, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
-from cell.campaign.progress import clock
 from cell.train.evaluation import EffectErrors, Engine, Evaluation
 
-RECENT = 30  # steps from whose times the time left is estimated
 LINES = 20  # printed of a training, and of its evaluation, where there is no terminal
 Table = tuple[Sequence[str], Sequence[Sequence[str]], str]
 ENGINE_NAMES = {Engine.ROD: "rod (the model)", Engine.CHAIN: "chain (the plant)"}
@@ -25,10 +19,10 @@ class Meter:
 
     def __init__(self, console: Console, total: int, known: int) -> None:
         self._console, self._total = console, total
-        self._times = deque([time.monotonic()], maxlen=RECENT + 1)
         self._bar = Bar(
             BarColumn(bar_width=28),
             TextColumn("{task.description}"),
+            TimeRemainingColumn(compact=True),
             console=console,
             disable=not console.is_terminal,
         )
@@ -48,10 +42,7 @@ class Meter:
             self._console.print("interrupted; the same command goes on", highlight=False)
 
     def show(self, done: int, text: str) -> None:
-        """Show the number of steps `done`, `text` on the last one, and the time left."""
-        self._times.append(time.monotonic())
-        step = median(after - before for before, after in pairwise(self._times))
-        text = f"{text}  {clock((self._total - done) * step)} left"
+        """Show the number of steps `done`, and `text` on the last one."""
         self._advance(done, self._total, text)
 
     def show_evaluation(self, done: int, pieces: int) -> None:
