@@ -141,10 +141,8 @@ def operator_of(
     interactive: bool,
 ) -> Operator:
     """Make a run's operator: a person at a real cell, or on the twin on request; else nobody."""
-    keys = Keys(sys.stdin)
-    if devices.aids is None:
-        return Keyboard(keys, prompt, waits=False, interrupted=interrupted)
-    if not interactive:
-        return TwinOperator(devices.aids, Unattended())
-    person = Keyboard(keys, prompt, waits=True, interrupted=interrupted)
-    return TwinOperator(devices.aids, person)
+    aids = devices.aids
+    person = Keyboard(Keys(sys.stdin), prompt, waits=aids is not None, interrupted=interrupted)
+    if aids is None:
+        return person
+    return TwinOperator(aids, person if interactive else Unattended())

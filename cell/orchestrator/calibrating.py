@@ -45,7 +45,7 @@ def calibrate(cell: CalibrationContext, record: Record, begin: Snapshot) -> Phas
     """Phase that touches all points; where a map is fitted, it measures latency and landmarks."""
     points = cell.points
     first = replace(begin.arm.commanded, pitch=points.plan[0].pitch)
-    require_clear([first, *points.plan], cell.desk)
+    require_clear([begin.arm.commanded, first, *points.plan], cell.desk)
     yield from open_hand()
     yield from _wait_for_answer(cell, POINTER_IN)
     yield from close_hand()

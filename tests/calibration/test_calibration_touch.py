@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import lru_cache
 
+import cv2
 import numpy as np
 import pytest
 
@@ -48,6 +49,9 @@ def test_pointer_is_found_within_a_tenth_of_a_pixel() -> None:
         centre = find_pointer(pointer_frame(_renderer(), Pose(x, z, np.pi / 2), k).image)
         assert centre is not None
         assert np.hypot(*(centre - optics.plane(np.array([x, z])))) < 0.1
+    for radius in (4, 28):
+        image = cv2.circle(np.zeros((200, 200, 3), np.uint8), (90, 110), radius, (255,) * 3, -1)
+        assert find_pointer(image) == pytest.approx((90, 110), abs=0.1)
 
 
 @pytest.mark.parametrize("level", [0, 255])

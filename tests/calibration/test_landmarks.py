@@ -84,6 +84,14 @@ def test_hand_that_is_not_seen_again_is_refused() -> None:
     assert "the gripper is not seen there" in check.reason
 
 
+def test_desk_at_the_border_or_without_an_edge_is_no_landmark() -> None:
+    lower = np.array([[1, 0, 0], [0, 1, -90], [0, 0, 1]])  # by 90 px
+    at_border = np.roll(_frame().image, 90, axis=0), Homography.of(_homography().matrix @ lower)
+    for image, map_ in (at_border, (np.full_like(at_border[0], 90), _homography())):
+        found = remember(Frame(0.0, 0.0, "test", 0, image), SETTINGS.pose, LENS, map_)
+        assert [mark.kind for mark in found.marks] == ["tip"]
+
+
 def test_broken_landmark_is_refused_in_one_line() -> None:
     for content in ("not base64!", "aGVsbG8="):
         with pytest.raises(ConfigurationError, match="png: is no picture; calibrate again"):

@@ -95,13 +95,15 @@ def test_move_from_rest_is_a_straight_line_that_ends_exactly_at_rest() -> None:
     assert not profile.moving
 
 
-def test_lift_at_the_speed_of_a_fold_stays_on_its_line_and_its_pitch() -> None:
+def test_lift_at_the_speed_of_a_fold_stays_on_its_line_and_a_move_ahead_does_not_stop_it() -> None:
     profile = profile_at(Pose(0.5, 0.1, 0.1))
     states = ticks(profile, 400, Velocity(-0.08, 0.06, np.pi / 2))
     way = states[:, 0] - [0.5, 0.1, 0.1]
     travel = np.hypot(way[:, 0], way[:, 1])
     assert np.abs(0.6 * way[:, 0] + 0.8 * way[:, 1]).max() < 1e-6
     assert np.abs(way[:, 2] - np.pi / 2 * travel / 0.1).max() < 1e-5
+    profile.move_to(Pose(0.3, 0.25, 2.0))
+    assert ticks(profile, 300)[:, 1, 0].max() < -0.07
 
 
 @pytest.mark.parametrize(("axis", "sign"), [(a, s) for a in range(3) for s in (-1, 1)])
@@ -142,6 +144,17 @@ def test_move_that_would_swing_out_is_braked_first() -> None:
     states = ticks(profile, 2000)
     assert states[:, 0, 1].max() <= BOX.z[1] + 1e-9
     assert profile.pose == Pose(0.3, 0.399, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("off", "rate", "corrected"), [(1e-5, 0.0, False), (1e-3, 0.0, True), (0.0, 0.02, True)]
+)
+def test_what_lost_ticks_leave_is_corrected_unless_it_is_tiny(off, rate, corrected) -> None:
+    profile, motion = profile_at(), Velocity(rate, 0.0, 0.0)
+    profile.move_to(MIDDLE)
+    profile.resume(Pose(MIDDLE.x + off, MIDDLE.z, MIDDLE.pitch), motion, ZERO_VELOCITY, 1)
+    ticks(profile, 2000)
+    assert (profile.pose == MIDDLE) is corrected
 
 
 @pytest.mark.parametrize(

@@ -64,6 +64,7 @@ def test_devices_that_refuse_are_an_outcome(recorder: Recorder) -> None:
     assert (outcome.name, outcome.reason) == ("arm_refused", "the brakes are closed")
     assert (outcome.exit_code, outcome.duration) == (4, 3.5)
     assert devices.closed == 1
+    assert recorder.origin == 0.0
     assert read_run(recorder.folder).result.outcome == "arm_refused"
 
 

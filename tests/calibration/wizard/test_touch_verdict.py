@@ -47,12 +47,14 @@ def test_six_touches_are_refused() -> None:
     assert verdict.reasons == ("homography: 5 touched points, at least 12 are needed; touch more",)
 
 
-def test_two_points_that_decide_are_too_few() -> None:
+def test_two_points_that_decide_are_too_few_and_so_is_a_half_of_five() -> None:
     deciding = [p.number for p in _points() if p.held_out][:2]
     few = [replace(p, held_out=p.number in deciding) for p in _points()]
     verdict = touch_verdict(few, LENS, SETTINGS)
     assert not verdict.passed
     assert "2 held-out points, at least 3 must decide; touch more" in verdict.reasons
+    fewer = [replace(p, pixel=p.pixel + 90 * (p.number < 4)) for p in few[::2]]
+    assert np.isnan(touch_verdict(fewer, LENS, SETTINGS).halves_mm)
 
 
 def test_map_whose_halves_differ_is_refused_though_its_held_out_points_agree() -> None:

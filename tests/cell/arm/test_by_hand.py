@@ -1,5 +1,7 @@
 """The arm by hand and in a calibration: never into the desk."""
 
+from dataclasses import replace
+
 import pytest
 
 from calibration.wizard.touched_points import TouchedPoints
@@ -18,6 +20,7 @@ from tests.cell.orchestrator.test_monitors import GOOD
 from tests.support.twin_calibration import twin_calibration
 
 SETTINGS = find_configs(None).cell()
+UPRIGHT = Pose(0.3, 0.05, 1.57)
 
 
 def stating(desk: float | None):
@@ -43,16 +46,20 @@ def test_jog_does_not_drive_the_hand_into_the_desk(desk, x, z, name) -> None:
 
 def test_small_negative_pitch_is_stated_as_zero() -> None:
     outcome = by_hand(SETTINGS, DeviceSelection(arm="twin"), jog(0.0, 0.001, -1e-3))
-    assert outcome.reason.endswith("pitch 0 deg")
+    assert outcome.reason == "the gripper is at x 600, z 151 mm, pitch 0 deg"
 
 
-@pytest.mark.parametrize("last", [Pose(0.3, 0.05, 1.57), Pose(0.3, 0.02, 0.0)])
-def test_plan_that_leads_into_the_desk_is_refused_before_anybody_is_asked(last) -> None:
+@pytest.mark.parametrize(
+    ("first", "last"),
+    [(UPRIGHT, UPRIGHT), (UPRIGHT, Pose(0.3, 0.02, 0.0)), (Pose(0.1, 0.2, 0.0), UPRIGHT)],
+)
+def test_plan_that_leads_into_the_desk_is_refused_before_anybody_is_asked(first, last) -> None:
     lens = twin_calibration(SETTINGS.twin.camera).lens
-    plan = (*(Pose(0.1 + 0.03 * i, 0.05, 1.57) for i in range(15)), last)
+    plan = (first, *(Pose(0.1 + 0.03 * i, 0.05, 1.57) for i in range(15)), last)
     points = TouchedPoints(lens, SETTINGS.touches, plan)
-    phase = calibrate(CalibrationContext(SETTINGS.controller, points), Record(), GOOD)
-    if last.pitch:
+    low = replace(GOOD, arm=replace(GOOD.arm, commanded=Pose(0.3, 0.02, 1.57)))
+    phase = calibrate(CalibrationContext(SETTINGS.controller, points), Record(), low)
+    if first == last:
         assert next(phase) == OpenHand()
         return
     with pytest.raises(Fault, match="into the desk at x 300"):

@@ -110,6 +110,7 @@ def test_person_is_asked_before_every_motion_and_obeyed(touched) -> None:
     asks = [question.ask for question in person.asked]
     assert asks[0] is Ask.POINTER_IN
     assert asks[-2:] == [Ask.STEPS, Ask.POINTER_OUT]
+    assert not any("disagrees" in question.words for question in person.asked)
     assert session.touches is not None
     assert 3 not in session.touches.errors_mm
     assert sum(q.words.startswith("point 5 ") for q in person.asked) == 2
@@ -169,8 +170,9 @@ def test_image_of_a_swapped_size_is_refused(touched, tmp_path) -> None:
 
 
 def test_camera_wizard_keeps_a_lens_for_ros_and_for_opencv(shown) -> None:
-    session, _ = shown
+    session, news = shown
     assert session.verdict.passed, session.verdict.reasons
+    assert all(one.sketch.seen is not None for one in news if one.result and one.result.taken)
     assert session.verdict.fit is not None
     for name in ("camera_info.yaml", "opencv.yaml"):
         lens = read_lens(session.folder / name)

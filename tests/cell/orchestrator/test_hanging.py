@@ -7,27 +7,16 @@ import pytest
 
 from cell.orchestrator.hanging import RESTING_WAY as AT_REST
 from cell.orchestrator.hanging import hang_still
-from cell.orchestrator.recorder import Record
 from cell.orchestrator.snapshot import MoveTo, Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
 from cell.perception.measurement import StripMeasurement
 from drivers.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
+from tests.cell.folding.test_fold_trace import Notes
 
 TICK, FRAME = 0.01, 2  # s, ticks from image to image
 HAND = HandState(0.0, 0.0, "made", 0.001, True, False)
 BRAKES = 0.1  # s
-
-
-class Told(Record):
-    """Keeps the facts of the pause."""
-
-    def __init__(self) -> None:
-        self.facts: dict[str, Any] = {}
-
-    def event(self, _clock: float, kind: str, **facts: Any) -> None:
-        assert kind == "hanging"
-        self.facts = facts
 
 
 def paused(swing: float, decay: float, longest: float = 4.0, noise: float = 0.0) -> tuple[Any, ...]:
@@ -35,8 +24,8 @@ def paused(swing: float, decay: float, longest: float = 4.0, noise: float = 0.0)
 
     The swing halves every `decay` [s]; each point is read with `noise` [m].
     """
-    told, commands, rng = Told(), [], np.random.default_rng(1)
-    motion, pose, k = hang_still(longest, told), Pose(0.5, 0.1, 1.45), 0
+    notes, commands, rng = Notes(), [], np.random.default_rng(1)
+    motion, pose, k = hang_still(longest, notes), Pose(0.5, 0.1, 1.45), 0
     command = next(motion)
     try:
         while True:
@@ -46,7 +35,7 @@ def paused(swing: float, decay: float, longest: float = 4.0, noise: float = 0.0)
                 pose = command.pose
             command = motion.send(snapshot(k, pose, swing, decay, noise, rng))
     except StopIteration as end:
-        return end.value.time, told.facts, commands
+        return end.value.time, dict(notes.events)["hanging"], commands
 
 
 def snapshot(

@@ -1,4 +1,7 @@
-"""What the preflight leaves in the record, and for the operator."""
+"""What preflight and fold leave in the record, and for the operator."""
+
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -7,25 +10,18 @@ from cell.config.places import find_configs
 from cell.folding.result import FoldResult
 from cell.orchestrator import phases
 from cell.orchestrator.context import FoldContext
-from cell.orchestrator.recorder import Record
 from cell.orchestrator.states import Event
 from cell.orchestrator.steps import StillPicture
 from cell.perception.camera_watch import CAMERA_WATCHED, UNWATCHED
 from cell.perception.preflight import PreflightCheck
 from drivers.types import Frame
+from policies.policy import Decision
 from policies.registry import make_policy
-from tests.cell.orchestrator.test_monitors import GOOD, POSE
+from tests.cell.folding.test_fold_trace import BELIEF, Notes
+from tests.cell.orchestrator.test_monitors import GOOD, POSE, showing
 
 CONFIGS = find_configs(None)
 FRAME = Frame(1.0, 1.0, "test", 0, np.zeros((2, 2, 3), np.uint8))
-
-
-class Noted(Record):
-    def __init__(self) -> None:
-        self.events: list[tuple[str, dict[str, object]]] = []
-
-    def event(self, time: float, kind: str, **facts: object) -> None:
-        self.events.append((kind, facts))
 
 
 def at_once(value: object):
@@ -49,7 +45,7 @@ def test_a_camera_that_nothing_watches_is_an_event_a_warning_and_in_the_list(
     monkeypatch.setattr(phases, "_inspect", at_once((found,)))
     policy = make_policy("triangular")
     context = FoldContext(CONFIGS.cell().controller, CONFIGS.strip("denim"), policy, None, None)
-    record = Noted()
+    record = Notes()
     with pytest.raises(StopIteration) as end:
         next(phases.preflight(context, record, GOOD))
     assert end.value.value is Event.CHECKED
@@ -58,6 +54,19 @@ def test_a_camera_that_nothing_watches_is_an_event_a_warning_and_in_the_list(
     assert ("camera_unwatched" in kinds) == (name == UNWATCHED)
     said = "1 place, 2 are needed; put something there" if name == UNWATCHED else ""
     assert context.warning == said
+
+
+def test_every_prediction_is_recorded_and_where_it_loses_sight_and_sees_again() -> None:
+    said = [None, BELIEF, replace(BELIEF, blind=True), BELIEF]
+    on = Decision(*np.zeros((3, 1)), np.zeros(1, bool))
+    policy = SimpleNamespace(decide=lambda _: on, prediction=lambda: said.pop(0))
+    record = Notes()
+    phase = phases.fold(SimpleNamespace(policy=policy, predicted=None), record, GOOD)
+    next(phase)
+    for _ in range(4):
+        phase.send(showing(read=True))
+    told = "foretold foretold policy_blind foretold policy_sees"
+    assert [kind for kind, _ in record.events] == told.split()
 
 
 @pytest.mark.parametrize("displacement", [None, 0.001])

@@ -8,6 +8,7 @@ import pytest
 
 from cell.perception.camera_watch import CAMERA_WATCHED, FEWEST_PATCHES, UNWATCHED, CameraWatch
 from cell.perception.preflight import inspect
+from cell.perception.region import HIGH_HEIGHT
 from cell.perception.settings import PerceptionSettings
 from cell.perception.sight import StripSight, Subject
 from drivers.strip.describe import load_strip
@@ -28,7 +29,9 @@ WAITING, ABOVE = Pose(0.65, 0.25, 0.0), Pose(0.3, 0.3, np.pi / 2)
 def picture(points: Array, gripper: Pose, seed: int) -> Image:
     arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     scene = Scene(0.0, points, arc, gripper, 0.04, holds_strip=False, strip=True)
-    return Renderer(CAMERA, StripLook.of(DENIM), seed).render([scene], seed)
+    image = Renderer(CAMERA, StripLook.of(DENIM), seed).render([scene], seed)
+    image[440:500, 1190:1250] //= 1 + np.indices((60, 60), np.uint8).sum(0)[..., None] // 8 % 2
+    return image
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +61,13 @@ def test_a_lifted_strip_and_other_light_move_nothing(watch: CameraWatch, lifted:
     assert len(watch.patches) >= FEWEST_PATCHES
     assert watch.shift(lifted, ABOVE) < 3e-4
     assert watch.shift(lifted // 2, ABOVE) < 3e-4
+
+
+def test_patches_lie_apart_and_below_the_waiting_hand(watch: CameraWatch) -> None:
+    apart = np.abs(watch.corners[:, None] - watch.corners).max(axis=2)
+    assert (apart >= len(watch.patches[0])).sum() == len(apart) * (len(apart) - 1)
+    hand = twin_calibration(CAMERA).to_image(np.array([[DENIM.length / 2, HIGH_HEIGHT]]))
+    assert watch.corners[:, 1].min() > hand[0, 1]
 
 
 @pytest.mark.parametrize(("x", "z"), [(0.002, 0.0), (-0.0015, 0.001), (0.0, 0.004)])

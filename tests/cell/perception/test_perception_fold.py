@@ -6,6 +6,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from cell.perception.contact import SAMPLE_SPACING, SearchLine, find_contact
+from cell.perception.kernels import LEVEL_SPAN, ZERO_LEVEL
 from cell.perception.perception import Perception
 from drivers.strip.describe import load_strip
 from drivers.twin.settings import CameraSettings
@@ -29,6 +31,16 @@ def _fold(name: str, kind: str) -> TwinFold:
 def _agreement(name: str, kind: str) -> Agreement:
     fold = _fold(name, kind)
     return agreement(fold, FoldCamera(fold.strip, CAMERA), twin_calibration(CAMERA), every=6)
+
+
+@pytest.mark.parametrize(("share", "confidence"), [(1.0, 1.0), (0.6, 0.6)])
+def test_drawn_end_is_found_between_samples_and_a_faint_one_is_unsure(share, confidence) -> None:
+    x, levels = np.arange(0.0, 0.3, SAMPLE_SPACING), np.full((20, 3000), ZERO_LEVEL, np.uint8)
+    levels[5:, :1601] += np.uint8(share * LEVEL_SPAN)  # pixels of 0.1 mm
+    line = SearchLine(x, np.column_stack([1e4 * x, 0 * x + 10]), np.zeros((1, 2)))
+    found = find_contact(levels, line, np.zeros(2))
+    assert found.confidence == pytest.approx(confidence)
+    assert share < 1.0 or found.x == pytest.approx(0.16005, abs=1e-5)
 
 
 @pytest.mark.slow

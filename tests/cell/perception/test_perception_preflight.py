@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cell.perception.preflight import Preflight, _check_rest, inspect
-from cell.perception.resting import Underside
+from cell.perception.resting import Underside, samples
 from cell.perception.settings import PerceptionSettings
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
@@ -62,8 +62,11 @@ def _failed(judged: Preflight) -> list[str]:
 @pytest.mark.parametrize("path", sorted(STRIPS.glob("*.yaml")), ids=lambda path: path.stem)
 def test_every_strip_lying_flat_passes_and_its_colour_is_sampled(path: object) -> None:
     strip = load_strip(path)  # type: ignore[arg-type]
-    judged = _judged(_picture(_flat(), StripLook.of(strip)), strip)
+    picture = _picture(_flat(), StripLook.of(strip))
+    judged = _judged(picture, strip)
     assert judged.passed, _failed(judged)
+    seen = samples(picture.image, twin_calibration(CAMERA), strip)
+    assert max(seen.strip.std(axis=0).max(), seen.desk.std(axis=0).max()) < 20, "of two surfaces"
     assert judged.appearance is not None
     assert np.abs(judged.appearance.scene.colours[0] - np.array(strip.colour[::-1])).max() < 30
     x = np.linspace(0.02, 0.58, 20)

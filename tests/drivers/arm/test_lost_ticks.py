@@ -45,7 +45,7 @@ def test_lost_commands_stop_no_motion_move_no_goal_and_no_elbow(
     assert (report.x, report.z, report.pitch) == pytest.approx(
         (goal.x, goal.z, goal.pitch), abs=1e-4
     )
-    assert float(robot.robot.posture.q[2]) == pytest.approx(elbow, abs=1e-3)
+    assert float(robot.robot.posture.q[2]) == pytest.approx(elbow, abs=1e-6)
     setup.loop.end()
     assert robot.ended
     assert not robot.robot.errors

@@ -47,15 +47,7 @@ def test_priority_that_is_not_allowed_is_refused_by_name(monkeypatch) -> None:
     assert failed.value.cause is Cause.REALTIME
 
 
-class Eight(NamedTuple):
-    a: int
-    b: int
-    c: int
-    d: int
-    e: int
-    f: int
-    g: int
-    h: int
+Eight = NamedTuple("Eight", [(name, int) for name in "abcdefgh"])
 
 
 def write_for_ever(pipe, values: Latest) -> None:
@@ -91,7 +83,6 @@ def test_newest_value_is_read() -> None:
 
 
 def test_reader_gives_up_on_a_writer_that_is_always_faster() -> None:
-
     values = Latest(Eight)
 
     class Rising:
