@@ -23,6 +23,7 @@ from policies.checkpoint import load_checkpoint, save_checkpoint
 from policies.feedback import COMMITTED
 from tests.end_to_end.folded import Folded, fold_and_keep
 from tests.support.requests import request_for
+from tests.support.seen_folds import distances
 
 pytestmark = pytest.mark.slow
 
@@ -62,14 +63,6 @@ def test_profile_is_seen_within_its_bar(denim: Folded) -> None:
         squares.append(np.mean(distances(points, denim.true_shape(stamp)) ** 2))
     assert len(squares) > 100
     assert np.sqrt(np.mean(squares)) < 0.001
-
-
-def distances(points: np.ndarray, curve: np.ndarray) -> np.ndarray:
-    """Distance of each of `points` (m, 2) to the polyline `curve` (n, 2)."""
-    start, step = curve[:-1], np.diff(curve, axis=0)
-    along = np.einsum("mns,ns->mn", points[:, None] - start, step) / np.sum(step**2, axis=1)
-    foot = start + np.clip(along, 0, 1)[..., None] * step
-    return np.linalg.norm(points[:, None] - foot, axis=-1).min(axis=1)
 
 
 def across(denim: Folded, curve: np.ndarray) -> list[np.ndarray]:

@@ -9,7 +9,8 @@ from cell.folding.observe import SIGMA_FLOORS, observe
 from cell.record.files import CALIBRATION, OVERLAY
 from cell.record.film import Film
 from cell.record.run import Run, read_run
-from tests.support.filmed_folds import distances, encoded_again, filmed
+from tests.support.filmed_folds import encoded_again, filmed
+from tests.support.seen_folds import distances
 
 WITHIN = 0.0005  # m rms
 FROM_GRIP = 0.01  # m about the held end, of which the fingers hide a part

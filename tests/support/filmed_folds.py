@@ -2,21 +2,11 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from cell.folding.fold import fold
 from cell.orchestrator.snapshot import Snapshot
 from cell.record.film import Film, FilmWriter
 from cell.record.run import Run, read_run
 from tests.support.requests import request_for
-
-
-def distances(curve: np.ndarray, line: np.ndarray) -> np.ndarray:
-    """Distances (n,) of points (n, 2) from the polyline (m, 2)."""
-    a, way = line[:-1], np.diff(line, axis=0)
-    share = ((curve[:, None] - a) * way).sum(axis=2) / (way**2).sum(axis=1)
-    near = a + np.clip(share, 0.0, 1.0)[..., None] * way
-    return np.asarray(np.hypot(*(curve[:, None] - near).transpose(2, 0, 1)).min(axis=1))
 
 
 class Filming:

@@ -4,11 +4,12 @@ import pytest
 
 import cell.orchestrator.run as orchestrator
 from cell.orchestrator.run import at_most
-from cell.orchestrator.snapshot import Drive, Hold, Snapshot
+from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.states import Event, State
 from cell.perception.sight import ImageResult, Request
 from drivers.errors import Fault
 from drivers.types import Pose, Velocity
+from tests.cell.orchestrator.test_orchestrator_stops import phases
 from tests.support.plain_cell import Bench, plain_bench, result_of
 
 AWAY = Velocity(-0.1, 0.05, 0.0)
@@ -39,14 +40,6 @@ class LateReader:
         return result_of(self.begun[-1], Pose(0.0, 0.0, 0.0), touches=False)
 
 
-def ending(event: Event):
-    def phase(record, begin):
-        yield Hold()
-        return event
-
-    return phase
-
-
 def driving(ticks: int):
     def phase(record, begin):
         for _ in range(ticks):
@@ -57,13 +50,9 @@ def driving(ticks: int):
 
 
 def folding(bench: Bench, monkeypatch, reader: LateReader, fold=None) -> list[Snapshot]:
-    plain = {
-        State.PREFLIGHT: ending(Event.CHECKED),
-        State.GRASP: ending(Event.GRASPED),
-        State.LIFT: ending(Event.LIFTED),
-        State.FOLD: fold or driving(100),
-    }
-    monkeypatch.setattr(orchestrator, "phases_of", lambda context: plain)
+    monkeypatch.setattr(
+        orchestrator, "phases_of", lambda context: phases(FOLD=fold or driving(100))
+    )
     bench.reader, seen = reader, []
     note = type("Note", (), {"see": lambda _, s: seen.append(s), "handle_event": lambda *_: None})
     bench.observers = (note(),)

@@ -15,6 +15,7 @@ from cell.orchestrator.states import Event, State
 from cell.orchestrator.steps import move
 from drivers.types import Frame, Pose, Velocity
 from tests.cell.orchestrator.test_monitors import FRAME, GOOD
+from tests.cell.orchestrator.test_orchestrator_stops import phases
 from tests.support.plain_cell import Bench, plain_bench
 
 LIMITS = MonitorLimits()
@@ -68,23 +69,9 @@ def moves(record, begin):
     return Event.LIFTED
 
 
-def ends(event: Event):
-    def phase(record, begin):
-        yield Hold()
-        return event
-
-    return phase
-
-
 @pytest.fixture
 def bench(monkeypatch) -> Bench:
-    phases = {
-        State.PREFLIGHT: ends(Event.CHECKED),
-        State.GRASP: ends(Event.GRASPED),
-        State.LIFT: moves,
-        State.FOLD: drives,
-    }
-    monkeypatch.setattr(orchestrator, "phases_of", lambda context: phases)
+    monkeypatch.setattr(orchestrator, "phases_of", lambda context: phases(LIFT=moves, FOLD=drives))
     return plain_bench()
 
 

@@ -14,6 +14,7 @@ from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from tests.support.effect_cases import PATHS, affected, bare, levels, way
+from tests.support.seen_folds import distances
 
 SEGMENTS, LINKS = 150, 100
 SETTLED, FALLING = 1.5, 0.15  # s: the first pull on a straight strip, and the snap, are chaotic
@@ -103,14 +104,6 @@ def apart(rod: StripMotion, chain: StripMotion) -> Array:
         nodes = chain.shapes[np.argmin(np.abs(chain.t - t))]
         found.append(distances(0.5 * (nodes[1:] + nodes[:-1]), curve))
     return np.concatenate(found)
-
-
-def distances(points: Array, curve: Array) -> Array:
-    """Distances (n,) of `points` (n, 2) from a polyline (m, 2)."""
-    start, way = curve[:-1], np.diff(curve, axis=0)
-    share = ((points[:, None] - start) * way).sum(axis=2) / (way**2).sum(axis=1)
-    nearest = start + np.clip(share, 0.0, 1.0)[..., None] * way
-    return np.asarray(np.hypot(*np.moveaxis(points[:, None] - nearest, 2, 0)).min(axis=1))
 
 
 def agree(name: str, values: Values, path: str) -> None:

@@ -42,7 +42,7 @@ from drivers.types import Array, Image, Pose
 from tests.lab.exam.case import Case, Values
 from tests.lab.exam.cases import draw_effects
 from tests.lab.exam.from_state import ROD_STEP, SEGMENTS, paths_by_hand
-from tests.support.filmed_folds import distances
+from tests.support.seen_folds import distances
 
 STANDING, BEGIN, AFTER = 1.0, 2.7, 0.4  # s: of the board, before the fold, after it
 LEAVING = 0.9  # s in which the board is taken away

@@ -13,7 +13,7 @@ from drivers.twin.chain.lumps import Lumps
 from drivers.twin.chain.spec import build
 from drivers.types import Array
 from policies.path import triangular
-from tests.support.chain_moves import H
+from tests.support.chain_moves import H, displacement
 from tests.support.effect_cases import PATHS, affected, bare, denim, way
 
 LINKS = 40
@@ -22,11 +22,6 @@ LINKS = 40
 def folded(model: StripModel, path: str = "triangular", links: int = LINKS) -> StripMotion:
     steady = way(PATHS[path])
     return simulate(Chain(links), model, steady.t, steady.poses)
-
-
-def displacement(motion: StripMotion) -> float:
-    assert motion.touch is not None
-    return motion.touch.displacement
 
 
 @pytest.mark.parametrize("effect", registry().values(), ids=list(registry()))
