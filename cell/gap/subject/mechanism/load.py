@@ -398,7 +398,7 @@ def _measured_joints(file: MechanismFile, model: Any, recordings: Sequence[Recor
     measured = {s.joint: n for n, s in file.signals.items() if s.joint and s.is_ == "position"}
     measured |= {n: n for n, kind in file.inputs.items() if kind == "position"}
     rates = {j: _rms_rates(recordings, c) for j, c in measured.items() if j is not None}
-    squares = {s: np.mean([np.nanmean(r.columns[s.name] ** 2) for r in recordings])
+    squares = {s: np.mean([np.nanmean((s.gear * r.columns[s.name]) ** 2) for r in recordings])
                for s in signals if s.kind == "torque"}  # fmt: skip
     driven = {model.joint(s.joint).name: float(np.sqrt(mean)) for s, mean in squares.items()}
     return joints_of(model, rates, driven)

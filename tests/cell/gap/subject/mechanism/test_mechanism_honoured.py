@@ -50,6 +50,7 @@ def test_commands_beyond_their_range_give_no_more_torque(tmp_path: Path) -> None
 
 def test_a_torque_is_read_on_the_side_that_the_file_states(tmp_path: Path) -> None:
     file, runs = make_arm(tmp_path, 2, content=PRESCRIBED, stated=MODELS["gear"])
+    typical = open_mechanism(file, find_runs([runs])).opened.mechanism.torque
     for run in runs.iterdir():
         table = read_table(run / "signals.parquet")
         write_run(run, {**table, "t2": 6.0 * table["t2"]}, {"mechanism": "arm"})
@@ -59,7 +60,9 @@ def test_a_torque_is_read_on_the_side_that_the_file_states(tmp_path: Path) -> No
     for spec in ({"side": "joint", "actuator": "a2"}, {"joint": "elbow"}):
         content["signals"]["t2"] = {"is": "torque", "sigma": 0.12, **spec}
         file.write_text(yaml.safe_dump(content))
-        assert left(open_mechanism(file, find_runs([runs]))) < KNOWN
+        subject = open_mechanism(file, find_runs([runs]))
+        assert left(subject) < KNOWN
+        assert subject.opened.mechanism.torque == pytest.approx(typical)
 
 
 def test_a_heavier_link_is_its_effect(tmp_path: Path) -> None:
