@@ -137,7 +137,7 @@ def _draw_strips(axes: Any, results: Results) -> None:
     axes.legend(
         loc="lower left",
         bbox_to_anchor=(0, 1.0),
-        ncols=len(results.asked.policies),
+        ncols=3,
         handletextpad=0.2,
         columnspacing=1.4,
         borderaxespad=0.2,

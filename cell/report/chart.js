@@ -113,8 +113,7 @@
         const { x, y, width, height } = legend.getBBox(), late = (v, [a, b]) => v > (a + b) / 2;
         const across = late(x + width / 2, [from[0], from[2]]) ? to[2] - from[2] : to[0] - from[0];
         const down = late(y + height / 2, [from[1], from[3]]) ? to[3] - from[3] : to[1] - from[1];
-        const left = Math.max(x + across, 0), size = Math.min(1, (wide - left) / width);
-        legend.setAttribute("transform", `translate(${left} ${y + down}) scale(${size}) translate(${-x} ${-y})`);
+        move(legend, Math.max(across, -x), down);
       }
       for (const rect of all.filter((r) => Math.abs(r.getAttribute("x") - from[0]) + Math.abs(r.getAttribute("y") - from[1]) < 0.1)) {
         const [left, top, right, bottom] = to;
