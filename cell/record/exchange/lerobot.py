@@ -78,7 +78,13 @@ def write_lerobot(parts: Sequence[RunTables], out: Path) -> tuple[Path, ...]:
         _write(out / _file(DATA, *divmod(i, CHUNK)), _table(frames[-1]))
         if CAMERA_STAMP in frames[-1]:
             path = out / _file(VIDEO, *divmod(i, CHUNK), CAMERA)
-            shape, sample = _write_film(part, path, fps)
+            size, sample = _write_film(part, path, fps)
+            if images and size != shape:
+                raise ConfigurationError(
+                    f"{part.run.folder / FILM}: its images have another size than those of "
+                    f"{parts[0].run.folder}; export these runs apart"
+                )
+            shape = size
             images.append({CAMERA: sample})
             rows[-1] |= _film_place(i, count / fps)
         begin += count
