@@ -66,7 +66,10 @@ class Feature(NamedTuple):
 
 
 def write_lerobot(parts: Sequence[RunTables], out: Path) -> tuple[Path, ...]:
-    """Write the runs as a data set into the new folder `out`; returns that folder."""
+    """Write the runs as a data set into the new folder `out`; returns that folder.
+
+    Raises ConfigurationError where their films have images of several sizes.
+    """
     begin, rows, frames, fps = 0, list[dict[str, Any]](), [], _rate(parts)
     tasks = list(dict.fromkeys(TASK.format(part.run.header.strip) for part in parts))
     images, shape = list[Mapping[str, Feature]](), tuple[int, ...]()

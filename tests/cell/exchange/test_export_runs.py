@@ -15,7 +15,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from cell.record.exchange.export_runs import Format, export_runs
 from cell.record.exchange.import_runs import import_runs
 from cell.record.files import EVENTS
-from cell.record.film import Film
+from cell.record.film import Film, FilmWriter
 from cell.record.frames import FrameWriter
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError
@@ -105,6 +105,11 @@ def test_runs_of_two_strips_are_exported_where_each_states_its_own(runs, tmp_pat
     assert [read_run(folder).header.strip for folder in made] == ["denim", "linen"]
     with pytest.raises(ConfigurationError, match="in strip, start or sigma"):
         export_runs(folders, "csv", tmp_path / "csv")
+    with FilmWriter(folders[1] / "film.mp4") as film:
+        for stamp in STAMPS:
+            film.add(stamp, np.zeros((32, 48, 3), np.uint8))
+    with pytest.raises(ConfigurationError, match="images have another size"):
+        export_runs(folders, "lerobot", tmp_path / "again")
 
 
 def test_mcap_is_read_by_its_own_library(runs, tmp_path: Path) -> None:
