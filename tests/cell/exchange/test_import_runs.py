@@ -161,8 +161,7 @@ def test_table_that_cannot_be_used_is_refused_by_its_own_name(
 @pytest.mark.parametrize("fault", [KeyboardInterrupt, ConfigurationError, MemoryError, None])
 def test_import_that_ends_early_leaves_what_another_made(tmp_path, monkeypatch, fault) -> None:
     """None of its own runs; without a fault, another import makes one of them meanwhile."""
-    folders, how = [plain(tmp_path / name) for name in ("a", "b")], in_metres(tmp_path)
-    others = []
+    folders, how, others = [plain(tmp_path / name) for name in "ab"], in_metres(tmp_path), []
 
     def disturb(path: Path, content: object) -> None:
         if path.parent.name == "b":
