@@ -8,7 +8,6 @@ import av
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-import yaml
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
@@ -90,11 +89,9 @@ def test_the_loader_of_lerobot_opens_runs_of_two_strips_with_their_images(runs, 
     loader = pytest.importorskip("lerobot.datasets.lerobot_dataset")
     [root] = export_runs([runs[0], of_linen(runs[1], tmp_path)], "lerobot", tmp_path / "out")
     frames = loader.LeRobotDataset("cell/folds", root=root)
-    assert len(frames) == 600
     for place, task in ((150, "fold denim in half"), (450, "fold linen in half")):
         image = frames[place]["observation.images.camera"]
-        assert frames[place]["task"] == task
-        assert image.shape == (3, 64, 96)
+        assert (frames[place]["task"], *image.shape) == (task, 3, 64, 96)
         newest = np.flatnonzero(frames[place]["observation.camera_stamp"].item() >= STAMPS)[-1]
         assert float(image.mean()) == pytest.approx(3 * newest / 255, abs=0.03)
 
@@ -118,11 +115,9 @@ def test_mcap_is_read_by_its_own_library(runs, tmp_path: Path) -> None:
     with made[0].open("rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
         messages = [json.loads(m.data) for _, c, m in reader.iter_messages(["/ticks"])]
-        attached = {each.name: each.data for each in reader.iter_attachments()}
         for topic in ("/camera/film", "/strip", "/tf", "/log"):
             drawn[topic] = [each[3] for each in reader.iter_decoded_messages([topic])]
     assert [m["t"] for m in messages] == run.ticks.t.tolist()
-    assert yaml.safe_load(attached["run.yaml"])["strip"] == "denim"
     assert [m.translation.x for m in drawn["/tf"]] == run.ticks.x.tolist()
     assert [(m.level, m.message) for m in drawn["/log"]] == [(4, "fault, name late")]
     lines = [m.entities[0].lines[0].points for m in drawn["/strip"]]
