@@ -210,6 +210,8 @@ def test_record_keeps_the_contract(denim: Folded) -> None:
     assert header["strip"] == "denim"
     assert set(header["sigma"]) >= {"contact_x", "profile", "gripper", "displacement"}
     assert (folder / CALIBRATION).exists()
+    images = [note.sequence for note in denim.run.frame_index()]
+    assert images == sorted(set(images))
 
 
 def test_camera_arm_and_prediction_agree(denim: Folded) -> None:
