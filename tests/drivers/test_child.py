@@ -7,12 +7,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from drivers.child import Child, ChildDied, SharedImage, end_with_parent
+from tests.support.children import holds
 
 PATIENCE = 30.0  # s
 
@@ -52,13 +53,6 @@ def child() -> Iterator[Child]:
     yield child
     child.kill()
     image.close()
-
-
-def holds(claim: Callable[[], bool]) -> bool:
-    end = time.monotonic() + PATIENCE
-    while not claim() and time.monotonic() < end:
-        time.sleep(0.01)
-    return claim()
 
 
 def is_gone(pid: int) -> bool:

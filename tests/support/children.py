@@ -3,6 +3,7 @@
 import os
 import subprocess
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 
@@ -19,6 +20,14 @@ def children(name: str) -> list[int]:
         if parent == os.getpid() and "drivers.child" in command and name in words[-2]:
             found.append(int(folder.name))
     return found
+
+
+def holds(claim: Callable[[], bool]) -> bool:
+    """Whether the claim comes true within two minutes."""
+    patience = time.monotonic() + 120
+    while not claim() and time.monotonic() < patience:
+        time.sleep(0.01)
+    return claim()
 
 
 def wait_for_state(state: str, runs: Path, process: subprocess.Popen) -> Path:

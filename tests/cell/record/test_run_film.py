@@ -5,8 +5,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +19,7 @@ from cell.record.writer import RunWriter
 from drivers.errors import ConfigurationError
 from drivers.types import Frame
 from tests.cell.conftest import HEADER
-from tests.support.children import children
+from tests.support.children import children, holds
 
 IMAGES, TICK = 70, 1 / 90_000
 
@@ -63,14 +61,6 @@ def filmed_well(root: Path) -> bool:
         return False
     kept = sum(note.film is not None for note in notes)
     return len(notes) == IMAGES and shown(root) >= kept - 3
-
-
-def holds(claim: Callable[[], bool]) -> bool:
-    """Whether the claim comes true within two minutes."""
-    patience = time.monotonic() + 120
-    while not claim() and time.monotonic() < patience:
-        time.sleep(0.05)
-    return claim()
 
 
 @pytest.mark.parametrize("patient", [True, False])
