@@ -14,7 +14,7 @@ from calibration.board import BoardSettings, BoardView, find_board
 from calibration.calibration import Calibration, change_calibration, make_calibration
 from calibration.homography import Homography, fit_homography
 from calibration.lens import fit_lens
-from cell.perception.resting import sample_plane
+from cell.perception.resting import face_height, sample_plane
 from cell.perception.scene import colour_distances
 from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
@@ -33,7 +33,7 @@ LIMITS = (3.0, 6.0, 12.0)  # standard deviations of its colour, tried one after 
 ALIKE = 0.1  # share of the stated length by which a piece of its colour may differ
 SLIM = 0.2  # of its length, apparent height of a strip at most
 PRINTED = 0.02  # share of the strip's length by which the board may say another one
-ROUNDS = 3  # of finding its ends in a map that they correct
+ROUNDS, ROWS = 3, 5  # of finding its ends in a map that they correct, and on how many rows
 PROBE, FINE = 0.008, 0.00025  # m about the lower border in which it is looked for, and sampling
 WITHIN, BEYOND = 0.06, 0.04  # m about an end in which it is looked for
 SURE, UNLIKE = 0.004, 4.0  # m of another colour, and standard deviations from which it is one
@@ -127,7 +127,7 @@ def _placed(film: Path, image: Image, calibration: Calibration, strip: StripFile
     for _ in range(ROUNDS):
         seen = float(np.hypot(*(high - low)))
         calibration = _laid(calibration, low, high, seen)
-        low, high = _ends(image, calibration, seen, strip.thickness, colour)
+        low, high = _ends(image, calibration, seen, strip, colour)
     seen = float(np.hypot(*(high - low)))
     if not abs(seen / strip.length - 1) <= PRINTED:
         raise ConfigurationError(
@@ -178,26 +178,32 @@ def _piece(
 
 
 def _ends(
-    image: Image, calibration: Calibration, length: float, thickness: float, colour: Array
+    image: Image, calibration: Calibration, length: float, strip: StripFile, colour: Array
 ) -> tuple[Array, Array]:
     """Both ends (2,) [m] of the resting midline, where a strip of a `colour` (3,) lies nearly.
 
-    `length` [m] is how long it appears; its lower border and its two ends are sampled.
+    `length` [m] is how long it appears. Its lower border is sampled, then rows over it to its ends:
+    what holds them hides the more of the strip's face, the further back it is.
     """
     x = np.linspace(0.06, 0.94, 120) * length
     down = np.arange(PROBE, -PROBE, -FINE)
     points = np.stack(np.broadcast_arrays(x[:, None], down), axis=-1)
     changes = _changes(sample_plane(image, calibration, points), np.tile(colour, (len(x), 1)))
     slope, start = theilslopes(PROBE - FINE * changes, x)[:2]
-    heights = np.array([0.25, 0.5, 0.75])[:, None] * thickness
+    top = strip.thickness + face_height(calibration, strip) / 2
+    heights, view = np.linspace(strip.thickness / 2, top, ROWS), calibration.viewpoint
+    back = np.maximum(heights - strip.thickness, 0.0) / view.z
     ends = []
     for end, outward in ((0.0, -1.0), (length, 1.0)):
         along = end + outward * np.arange(-WITHIN, BEYOND, FINE)
-        points = np.stack(np.broadcast_arrays(along, start + slope * along + heights), axis=-1)
+        points = np.stack(
+            np.broadcast_arrays(along, start + slope * along + heights[:, None]), axis=-1
+        )
         rows = sample_plane(image, calibration, points)
         changes = _changes(rows, np.median(rows[:, : rows.shape[1] // 4], axis=1))
-        place = end + outward * (FINE * float(np.median(changes)) - WITHIN)
-        ends.append(np.array([place, start + slope * place + thickness / 2]))
+        places = end + outward * (FINE * changes - WITHIN)
+        place = float(np.median((places - back * view.x) / (1 - back)))
+        ends.append(np.array([place, start + slope * place + strip.thickness / 2]))
     return ends[0], ends[1]
 
 

@@ -233,20 +233,15 @@ def _header(cell: CellFile, strip: StripFile, calibration: Calibration) -> dict[
 def _held_path(
     read: Sequence[HeldMeasurement], strip: StripFile
 ) -> tuple[Array, Array, Array, Array]:
-    """Path of the held end: times (n,) [s], x and z (n,) [m], pitch (n,) [rad], from flat on.
-
-    By the clip where there is one, else by the ends of the profiles.
-    """
+    """Path of the held end: times (n,) [s], x and z (n,) [m], pitch (n,) [rad], from flat on."""
     ends = [(held.measurement.stamp, held.end) for held in read if _is_confident(held)]
     lifted = ends[0][0]
     before = [held.measurement for held in read if held.measurement.stamp < lifted]
     flat = [seen.stamp for seen in before if seen.contact_x > strip.length - FLAT_LENGTH]
     still = [(s, Pose(strip.length, 0.0, 0.0)) for s in sorted({0.0, *flat[-1:]}) if s < lifted]
-    by_clip = [(held.measurement.stamp, held.clip) for held in read]
-    known = by_clip if any(pose for _, pose in by_clip) else [*still, *ends]
-    knots = np.array([(s, pose.x, pose.z, pose.pitch) for s, pose in known if pose is not None])
-    stamps, x, z, pitch = knots.T
-    t = np.arange(stamps[0], min(stamps[-1], ends[-1][0]), ROW_PERIOD)
+    known = [(s, pose.x, pose.z, pose.pitch) for s, pose in [*still, *ends] if pose is not None]
+    stamps, x, z, pitch = np.array(known).T
+    t = np.arange(stamps[0], stamps[-1], ROW_PERIOD)
     path = (_smooth(values) for values in (x, z, np.unwrap(pitch)))
     x, z, pitch = (PchipInterpolator(stamps, values)(t) for values in path)
     return t, x, z, pitch

@@ -111,14 +111,10 @@ def _face(image: Image, calibration: Calibration, colour: Array, last: Pose) -> 
 
 @dataclass(frozen=True, slots=True)
 class HeldMeasurement:
-    """Measurement of one image, and the pose of the held `end`, None where it was not found.
-
-    `clip` is that pose by the clip that holds the end, None where there is none to be seen.
-    """
+    """Measurement of one image, and the pose of the held `end`, None where it was not found."""
 
     measurement: StripMeasurement
     end: Pose | None
-    clip: Pose | None = None
 
 
 class HeldEnd:
@@ -126,7 +122,8 @@ class HeldEnd:
 
     Of a strip of known length, what is missing between the seen profile and the whole length lies
     in the grip: the end is the point at that length along the profile. It moves where the profile
-    is read, so both are found together, in a few rounds from where the end should be by now.
+    is read, so both are found together, in a few rounds from where the end should be by now. Where
+    a clip holds the end and is seen, the end is in its mouth.
     """
 
     def __init__(
@@ -138,18 +135,26 @@ class HeldEnd:
         clip: Clip | None = None,
     ) -> None:
         self._calibration, self._clip = calibration, clip
-        self._held = Pose(strip.length, 0.0, 0.0)
         self._perception = Perception(calibration, settings, strip, appearance)
         self._length = strip.length
         self._past: list[tuple[float, Pose]] = []
 
     def look(self, frame: Frame) -> HeldMeasurement:
         """Measure the strip and its held end in `frame`; frames must come in their order."""
-        clip = None
-        if self._clip is not None:
-            clip = self._clip.find(frame.image, self._calibration, self._held)
-            self._held = clip or self._held
-        first, *others = self._guesses(frame.stamp, clip)
+        last = self._past[-1][1] if self._past else Pose(self._length, 0.0, 0.0)
+        clip = self._clip
+        held = None if clip is None else clip.find(frame.image, self._calibration, last)
+        if held is not None:
+            best = HeldMeasurement(self._perception.look(frame, held), held)
+        else:
+            best = self._search(frame)
+        if best.end is not None:
+            self._past = [*self._past[-2:], (frame.stamp, best.end)]
+        return best
+
+    def _search(self, frame: Frame) -> HeldMeasurement:
+        """Measure the strip and its held end by the first of the guesses that succeeds."""
+        first, *others = self._guesses(frame.stamp)
         best = self._settle(frame, first)
         for guess in others:
             if best.end is not None and best.measurement.confidence >= PROFILE_CONFIDENCE:
@@ -157,15 +162,10 @@ class HeldEnd:
             found = self._settle(frame, guess)
             if found.measurement.confidence > best.measurement.confidence:
                 best = found
-        if best.end is not None:
-            self._past = [*self._past[-2:], (frame.stamp, best.end)]
-        return replace(best, clip=clip)
+        return best
 
-    def _guesses(self, stamp: float, clip: Pose | None) -> Iterator[Pose]:
-        """Guesses of the held end's pose: by the clip, extrapolated, last, and nearby; at first,
-        just lifted."""
-        if clip is not None:
-            yield clip
+    def _guesses(self, stamp: float) -> Iterator[Pose]:
+        """Guesses of the held end's pose: extrapolated, last, and nearby; at first, just lifted."""
         if not self._past:
             yield Pose(self._length, 0.0, 0.0)
             for height in LIFTS:

@@ -159,7 +159,7 @@ def errors(found: FilmMeasurement, film: Path) -> dict[str, float]:
     def shape(stamp: float) -> Array:
         return np.asarray(true["shapes"][np.argmin(np.abs(true["t"] + begin - stamp))])
 
-    ticks, t = run.ticks, run.ticks.t - begin
+    ticks, t = run.ticks, np.minimum(run.ticks.t - begin, true["t"][-1])
     contacts = [
         x - desk_contact(shape(stamp), CONTACT_HEIGHT)
         for stamp, x in zip(np.asarray(ticks.contact_t), np.asarray(ticks.contact_x), strict=True)
