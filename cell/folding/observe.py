@@ -234,12 +234,12 @@ def _held_path(
     read: Sequence[HeldMeasurement], strip: StripFile
 ) -> tuple[Array, Array, Array, Array]:
     """Path of the held end: times (n,) [s], x and z (n,) [m], pitch (n,) [rad], from flat on."""
-    ends = [(held.measurement.stamp, held.end) for held in read if _is_confident(held)]
+    ends = [(held.measurement.stamp, held.end) for held in read if held.end is not None]
     lifted = ends[0][0]
     before = [held.measurement for held in read if held.measurement.stamp < lifted]
     flat = [seen.stamp for seen in before if seen.contact_x > strip.length - FLAT_LENGTH]
     still = [(s, Pose(strip.length, 0.0, 0.0)) for s in sorted({0.0, *flat[-1:]}) if s < lifted]
-    known = [(s, pose.x, pose.z, pose.pitch) for s, pose in [*still, *ends] if pose is not None]
+    known = [(s, pose.x, pose.z, pose.pitch) for s, pose in [*still, *ends]]
     stamps, x, z, pitch = np.array(known).T
     t = np.arange(stamps[0], stamps[-1], ROW_PERIOD)
     path = (_smooth(values) for values in (x, z, np.unwrap(pitch)))

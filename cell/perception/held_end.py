@@ -150,7 +150,8 @@ class HeldEnd:
             best = self._search(frame)
         if best.end is not None:
             self._past = [*self._past[-2:], (frame.stamp, best.end)]
-        return best
+        sure = held is not None or best.measurement.confidence >= PROFILE_CONFIDENCE
+        return best if sure else replace(best, end=None)
 
     def _search(self, frame: Frame) -> HeldMeasurement:
         """Measure the strip and its held end by the first of the guesses that succeeds."""
