@@ -43,7 +43,7 @@ class SpreadSearch:
     `common`; another must gain `least_gain` [nats], and beat those that scatter more commonly,
     named first, by `tie`. The curvature of the loss in a spread's logarithm is taken over
     `log_step`, and is at least `least_curvature`. Two spreads differ clearly whose ratio is below
-    `differ`. Source: set by hand; `python -m tests.lab study spreads` tests it on true spreads.
+    `differ`. Source: set by hand, and tried on true spreads.
     """
 
     smallest: float = 0.03

@@ -134,7 +134,7 @@ def test_claims_are_those_of_the_text_and_can_fail() -> None:
 def test_page_needs_nothing_else_and_says_what_is_not_the_papers() -> None:
     page = page_of(measured())
     assert not re.search(r'(src|href)="(?!data:|#)', page)
-    assert "not part of its source" in page
+    assert "Of the paper, the numbers that its text states are drawn." in page
     for title in TITLES:
         assert title in page
     figures = re.findall(r"<svg.*?</svg>", page, re.DOTALL)
