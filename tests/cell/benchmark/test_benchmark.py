@@ -141,5 +141,5 @@ def test_page_needs_nothing_else_and_says_what_is_not_the_papers() -> None:
     assert len(figures) == 5
     for figure in figures:
         Xml.fromstring(figure)  # noqa: S314
-    for number in ("36.8", "+62.7", "under 20", "within 1 mm"):
+    for number in ("36.8", "+62.7", "&lt; 20", "within 1 mm"):
         assert any(number in figure for figure in figures)
