@@ -37,7 +37,6 @@ ROUNDS, ROWS = 3, 5  # of finding its ends in a map that they correct, and on ho
 PROBE, FINE = 0.008, 0.00025  # m about the lower border in which it is looked for, and sampling
 WITHIN, BEYOND = 0.06, 0.04  # m about an end in which it is looked for
 SURE, UNLIKE = 0.004, 4.0  # m of another colour, and standard deviations from which it is one
-HALF = 0.5
 
 
 def calibrate_film(
@@ -119,9 +118,9 @@ def _by_board(
 
 
 def _placed(film: Path, image: Image, calibration: Calibration, strip: StripFile) -> Calibration:
-    """The calibration moved and turned so that the strip lies from 0 to its length.
+    """Calibration moved and turned so that the strip lies from x = 0 to its length.
 
-    What hides a part of one end, or of its depth, does so at both: their middle is kept.
+    Clamp and clip hide about as much of one end as of the other: the middle is kept.
     """
     low, high, colour = _piece(film, image, calibration, strip)
     for _ in range(ROUNDS):
@@ -140,7 +139,7 @@ def _placed(film: Path, image: Image, calibration: Calibration, strip: StripFile
 
 
 def _laid(calibration: Calibration, low: Array, high: Array, length: float) -> Calibration:
-    """The calibration so moved that `low` to `high` (2,) [m] has the middle of 0 to `length`."""
+    """Calibration whose x axis runs from `low` to `high` (2,) [m], their middle at `length` / 2."""
     along = (high - low) / np.hypot(*(high - low))
     turn = np.array([(along[0], along[1]), (-along[1], along[0])])
     move = np.eye(3)
@@ -221,5 +220,5 @@ def _changes(rows: Array, firsts: Array) -> Array:
             reached = begin + others[0] + sure
             way = np.median(row[reached - sure // 2 : reached], axis=0) - first
             share = (row[begin:reached] - first) @ way / (way @ way)
-            found[number] = begin + np.flatnonzero(share < HALF)[-1] + HALF
+            found[number] = begin + np.flatnonzero(share < 0.5)[-1] + 0.5
     return found

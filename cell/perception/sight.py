@@ -240,4 +240,4 @@ def _go_first() -> None:
     robot's included (sched_rt_runtime_us in the kernel's documentation).
     """
     with suppress(PermissionError):
-        os.nice(NICE)
+        os.setpriority(os.PRIO_PROCESS, 0, NICE)

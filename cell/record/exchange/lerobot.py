@@ -442,9 +442,10 @@ def _path(
 ) -> Path:
     """Path of the `data` or `video` of an episode; ConfigurationError for one out of the set."""
     pattern = str(info.get(f"{kind}_path") or (VIDEO if camera else DATA))
-    if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
-        raise ConfigurationError(
-            f"{root / INFO}: {kind}_path: {pattern!r} leads out of the data set; give a path in it"
-        )
     place = f"videos/{camera}" if camera else kind
-    return root / _file(pattern, row[f"{place}/chunk_index"], row[f"{place}/file_index"], camera)
+    path = _file(pattern, row[f"{place}/chunk_index"], row[f"{place}/file_index"], camera)
+    if Path(path).is_absolute() or ".." in Path(path).parts:
+        raise ConfigurationError(
+            f"{root / INFO}: {kind}_path: {path!r} leads out of the data set; give a path in it"
+        )
+    return root / path

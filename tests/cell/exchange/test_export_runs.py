@@ -84,18 +84,6 @@ def test_a_data_set_has_the_layout_that_lerobot_states(runs, tmp_path: Path) -> 
     assert set(stats) == set(info["features"])
 
 
-@pytest.mark.filterwarnings("ignore")
-def test_the_loader_of_lerobot_opens_runs_of_two_strips_with_their_images(runs, tmp_path) -> None:
-    loader = pytest.importorskip("lerobot.datasets.lerobot_dataset")
-    [root] = export_runs([runs[0], of_linen(runs[1], tmp_path)], "lerobot", tmp_path / "out")
-    frames = loader.LeRobotDataset("cell/folds", root=root)
-    for place, task in ((150, "fold denim in half"), (450, "fold linen in half")):
-        image = frames[place]["observation.images.camera"]
-        assert (frames[place]["task"], *image.shape) == (task, 3, 64, 96)
-        newest = np.flatnonzero(frames[place]["observation.camera_stamp"].item() >= STAMPS)[-1]
-        assert float(image.mean()) == pytest.approx(3 * newest / 255, abs=0.03)
-
-
 def test_runs_of_two_strips_are_exported_where_each_states_its_own(runs, tmp_path) -> None:
     folders = [runs[0], of_linen(runs[1], tmp_path)]
     made = import_runs(export_runs(folders, "lerobot", tmp_path / "out"), None, tmp_path / "back")

@@ -8,6 +8,7 @@ from typing import Any, BinaryIO
 
 import cv2
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from google.protobuf.descriptor_pb2 import UninterpretedOption
@@ -123,6 +124,14 @@ def test_paths_and_names_of_a_data_set_are_those_that_it_states(tmp_path: Path) 
     same(*import_runs([root], how(tmp_path, "episode", names), tmp_path / "back"))
     (root / "meta/info.json").write_text(json.dumps(info | {"data_path": "../{file_index}"}))
     with pytest.raises(ConfigurationError, match="leads out of the data set"):
+        import_runs([root], how(tmp_path, "episode", names), tmp_path / "again")
+    info["features"]["../../film"] = {"dtype": "video"}
+    (root / "meta/info.json").write_text(json.dumps(info))
+    episodes = pq.read_table(root / "meta/episodes/chunk-000/file-000.parquet")
+    for name in ("chunk_index", "file_index", "from_timestamp"):
+        episodes = episodes.append_column(f"videos/../../film/{name}", [[0]])
+    pq.write_table(episodes, root / "meta/episodes/chunk-000/file-000.parquet")
+    with pytest.raises(ConfigurationError, match=r"video_path: .*leads out of the data set"):
         import_runs([root], how(tmp_path, "episode", names), tmp_path / "again")
 
 
