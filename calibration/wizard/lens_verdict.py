@@ -136,8 +136,7 @@ class LensVerdict(Verdict):
                      f"focal length {focal:.0f} px, principal point {u:.0f}, {v:.0f} px"),
                 grade_line(self.bend_mm, *BEND_GRADES, halves),
             ]  # fmt: skip
-        last = self.last_line("next, `cell calibrate homography`",
-                              "mend what is said above and go on")  # fmt: skip
+        last = self.last_line("the lens may be used", "mend what is said above and go on")
         return (*lines, *self.bad_lines(), last)
 
     @property

@@ -101,7 +101,7 @@ def calibrate_camera(
     as_json: Json = False,
 ) -> None:
     """Find the lens from views of a ChArUco board; says which view is wanted next, and why."""
-    from cell.calibrating.wizard import calibrate_lens, lens_again
+    from cell.calibrating.wizard import ROS, calibrate_lens, lens_again
     from cell.calibrating.wizard_panel import print_verdict, wizard_session
     from cell.report.calibration_page import write_session_page
 
@@ -129,6 +129,9 @@ def calibrate_camera(
     else:
         print_verdict(found.lines)
         sys.stdout.write(f"  {page or folder}\n")
+        if found.folder is not None and found.passed:
+            lens = "" if folder.parent == SESSIONS else f" --lens {folder / ROS}"
+            sys.stdout.write(f"next: cell calibrate homography{lens}\n")
     sys.exit(0 if found.passed else 1)
 
 

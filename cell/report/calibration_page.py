@@ -130,9 +130,7 @@ def _draw_plane(image: Image, calibration: Calibration) -> None:
     """Draw the plane of the strip into an `image` of the camera, as lines with their mm."""
     for line in (*(_steps(x, GRID_Z) for x in GRID_X), *(_steps(GRID_X, z) for z in GRID_Z)):
         pixels = np.rint(2**FRACTION * calibration.to_image(line)).astype(np.int32)
-        is_desk = not line[:, 1].any()
-        width = 3 if is_desk else 1
-        cv2.polylines(image, [pixels], False, WHITE, width, cv2.LINE_AA, FRACTION)
+        cv2.polylines(image, [pixels], False, WHITE, 1, cv2.LINE_AA, FRACTION)
     for text, x, z in (*((f"x {1e3 * x:.0f}", x, 0.0) for x in GRID_X),
                        *((f"z {1e3 * z:.0f}", 0.0, z) for z in GRID_Z[1:])):  # fmt: skip
         place = np.rint(calibration.to_image(np.array([[x, z]]))[0]).astype(int) + LABEL_OFFSET
