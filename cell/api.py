@@ -12,6 +12,7 @@ from typing import Literal
 import pyarrow as pa
 
 from calibration.calibration import Calibration, load_calibration
+from cell.calibrating.calibrate import calibration_of
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold as run_fold
@@ -72,7 +73,7 @@ def fold(
     choice = DeviceSelection(arm, camera, desk, seed)
     known = found.cell(), found.strip(strip), policy, Path(runs), choice
     request = Request(*known, speed=speed, record=Recording(frames, truth=truth))
-    return write_pages(request, run_fold(request))
+    return write_pages(request, run_fold(request, calibration_of(request.cell)))
 
 
 def predict(

@@ -41,7 +41,7 @@ class ImagePart:
 
     def measure(self) -> ImageFold:
         """Fold the strip and return the result, without a page: `cell report` makes that later."""
-        done, strip = fold(self.request), self.request.strip
+        done, strip = fold(self.request, calibration_of(self.request.cell)), self.request.strip
         return ImageFold(
             strip=done.strip,
             bending_length=strip.bending_length,

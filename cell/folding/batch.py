@@ -113,7 +113,7 @@ def _in_turn(
             try:
                 with attendance.observe(request.strip.name) as observers:
                     calibration = calibration_of(request.cell, attendance.report, interrupted)
-                    made = fold(request, observers, interrupted, calibration)
+                    made = fold(request, calibration, observers, interrupted)
                 attendance.tell(made)
                 result = write_pages(request, made)
                 if result != made:
@@ -216,7 +216,7 @@ def _fold_in_worker(
     request: Request, calibration: Calibration, stop: StopSignal
 ) -> FoldResult | CellError:
     try:
-        return write_pages(request, fold(request, (), stop, calibration))
+        return write_pages(request, fold(request, calibration, (), stop))
     except KeyboardInterrupt:
         return Interrupted("stopped at once from the keyboard")
     except CellError as error:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from calibration.calibration import Calibration, save_calibration
-from cell.calibrating.calibrate import calibration_of
 from cell.calibrating.calibration_in_use import check_usable
 from cell.config.unknown import UNKNOWN_NAME as UNKNOWN
 from cell.devices.devices import Devices
@@ -47,27 +46,27 @@ Truth = Mapping[str, Any]
 
 def fold(
     request: Request,
+    calibration: Calibration,
     observers: Sequence[Observer] = (),
     interrupted: Callable[[], bool] = lambda: False,
-    calibration: Calibration | None = None,
 ) -> FoldResult:
-    """Fold once and record it, with `calibration` or the one that the cell uses.
+    """Fold once, seen through `calibration`, and record it.
 
     `write_pages` then draws the record. Raises CellError for errors before the run; errors during
     the run are its outcome.
     """
     policy = make_policy(request.policy, request.checkpoint)
     devices = open_cell(request.settings, request.strip, request.choice, calibrating=False)
-    return fold_with(devices, policy, request, observers, interrupted, calibration)
+    return fold_with(devices, policy, request, calibration, observers, interrupted)
 
 
 def fold_with(
     devices: Devices,
     policy: Policy,
     request: Request,
+    calibration: Calibration,
     observers: Sequence[Observer] = (),
     interrupted: Callable[[], bool] = lambda: False,
-    calibration: Calibration | None = None,
 ) -> FoldResult:
     """Fold once, as `fold` does, with these `devices` and this `policy` instead of the request's.
 
@@ -78,7 +77,6 @@ def fold_with(
         settings, strip = request.settings, request.strip
         correction = request.learning.correction.apply(policy)
         policy.reset(strip, settings.fold.speed, 1)
-        calibration = calibration or calibration_of(settings)
         check_usable(calibration, devices, settings.calibration_days, datetime.now(UTC))
         calibration = corrected_calibration(calibration, settings, strip)
         has_hand = request.choice.arm_driver(settings).real

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from cell.calibrating.calibrate import calibration_of
 from cell.campaign.journal import digest
 from cell.campaign.run import Engine, Watcher, carry_out
 from cell.campaign.versions import code
@@ -60,7 +61,7 @@ class FoldPart:
                 self.checkpoint,
                 record=Recording("none"),
             )
-            result = fold(request)
+            result = fold(request, calibration_of(request.cell))
             stored = read_run(Path(result.run)).result
         predicted = None if stored is None else stored.foretold
         if result.exit_code != 0 or predicted is None or result.displacement_true is None:

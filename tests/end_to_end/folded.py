@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import cell.folding.fold
+from cell.calibrating.calibrate import calibration_of
 from cell.devices.devices import Devices
 from cell.folding.fold import fold
 from cell.folding.request import Request
@@ -42,7 +43,7 @@ def fold_and_keep(request: Request) -> Folded:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(cell.folding.fold, "open_cell", keeping)
-        result = fold(request)
+        result = fold(request, calibration_of(request.cell))
     run = read_run(Path(result.run))
     truth = opened[-1].plant.twin.truth()
     begun = next(event for event in run.events() if event.facts.get("state") == "PREFLIGHT")

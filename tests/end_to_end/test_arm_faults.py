@@ -105,4 +105,5 @@ if __name__ == "__main__":
     choice, record = DeviceSelection(arm="fci", seed=3), Recording("none")
     request = request_for("denim", "triangular", Path(sys.argv[2]), choice=choice, record=record)
     fci = request.cell.fci.model_copy(update={"address": sys.argv[1], "lock_step": True})
-    fold(replace(request, cell=request.cell.model_copy(update={"fci": fci})))
+    request = replace(request, cell=request.cell.model_copy(update={"fci": fci}))
+    fold(request, cached_calibration())

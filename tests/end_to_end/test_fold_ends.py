@@ -117,7 +117,7 @@ def test_what_controls_a_fold_has_no_way_to_the_plant(tmp_path, monkeypatch) -> 
     monkeypatch.setattr(cell.folding.fold, "Run", blind)
     record = Recording("none")
     request = request_for("denim", "triangular", tmp_path, CHECKOUT_CONFIGS, record=record)
-    result = fold(request, calibration=made())
+    result = fold(request, made())
     assert (result.outcome, result.exit_code) == ("path_done", 1)
     assert seen[0].plant is None
     assert seen[0].aids is None

@@ -13,7 +13,7 @@ import pytest
 
 import cell.folding.fold
 from cell.devices.devices import Devices
-from cell.folding.fold import fold
+from cell.folding.batch import fold_all
 from cell.record.run import read_run
 from cell.report.page import write_report
 from drivers.errors import SimulationNotFinite
@@ -33,7 +33,7 @@ def black(frame: Frame, kept: Frame) -> Frame:
 def spoiled_fold(monkeypatch, runs: Path, change) -> tuple:
     open_cell = cell.folding.fold.open_cell
     monkeypatch.setattr(cell.folding.fold, "open_cell", lambda *a, **k: change(open_cell(*a, **k)))
-    result = fold(request_for("denim", "triangular", runs))
+    [result] = fold_all([request_for("denim", "triangular", runs)])
     return result, read_run(Path(result.run))
 
 

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from cell.calibrating.calibrate import calibration_of
 from cell.folding.fold import fold
 from cell.orchestrator.snapshot import Snapshot
 from cell.record.film import Film, FilmWriter
@@ -32,7 +33,7 @@ def filmed(strip: str, policy: str, place: Path) -> tuple[Run, Path, float]:
     with FilmWriter(film) as writer:
         filming = Filming(writer)
         request = request_for(strip, policy, place / "runs")
-        result = fold(request, (filming,))
+        result = fold(request, calibration_of(request.cell), (filming,))
     run = read_run(Path(result.run))
     assert filming.begin is not None
     return run, film, filming.begin - run.origin()

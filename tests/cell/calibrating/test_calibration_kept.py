@@ -113,7 +113,7 @@ def test_while_one_process_makes_it_others_wait(cache, monkeypatch) -> None:
 def test_one_of_another_camera_is_refused_before_anything_is_recorded(tmp_path) -> None:
     request = request_for("denim", "triangular", tmp_path / "runs", CHECKOUT_CONFIGS)
     with pytest.raises(ConfigurationError, match=r"another.*cell calibrate"):
-        fold(request, calibration=made(camera="another"))
+        fold(request, made(camera="another"))
     assert not (tmp_path / "runs").exists()
 
 

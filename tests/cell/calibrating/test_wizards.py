@@ -201,7 +201,7 @@ def test_fold_with_a_camera_that_moved_since_is_refused_before_the_strip_is_touc
     request = request_for(
         "denim", "triangular", tmp_path / "runs", CHECKOUT_CONFIGS, choice=choice, record=record
     )
-    result = fold(request, calibration=session.calibration)
+    result = fold(request, session.calibration)
     assert (result.outcome, result.exit_code) == ("preflight_refused", 3)
     assert "the gripper appears moved by x +5.0" in result.reason
     header = yaml.safe_load((Path(result.run) / "run.yaml").read_text())

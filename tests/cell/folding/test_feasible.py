@@ -144,5 +144,5 @@ def test_fold_asks_for_the_hand_of_its_arm(seen_by, tmp_path, monkeypatch, arm, 
     devices = SimpleNamespace(camera=SimpleNamespace(rate="opened"), close=lambda: None)
     monkeypatch.setattr("cell.folding.fold.run_header", lambda *_: pytest.fail("got through"))
     with pytest.raises(PreflightRefused if refused else pytest.fail.Exception) as ended:
-        fold_with(devices, make_policy("triangular"), request, calibration=seen_by)
+        fold_with(devices, make_policy("triangular"), request, seen_by)
     assert ("into the desk" in str(ended.value)) == refused

@@ -9,7 +9,7 @@ import pytest
 
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
-from cell.folding.fold import fold
+from cell.folding.batch import fold_all
 from cell.orchestrator.context import FoldContext
 from cell.perception.laid import TOP, Loop, laid_weights
 from cell.perception.measurement import StripMeasurement
@@ -82,7 +82,7 @@ def test_json_says_what_the_camera_sees_of_the_edges_and_whether_the_model_holds
 def test_strip_that_springs_open_is_not_folded(tmp_path: Path) -> None:
     plant = find_configs(None).strip("denim").model_copy(update={"bending_length": 0.14})
     choice = DeviceSelection(seed=0, plant=plant)
-    result = fold(request_for("denim", "adaptive", tmp_path / "runs", choice=choice))
+    [result] = fold_all([request_for("denim", "adaptive", tmp_path / "runs", choice=choice)])
     assert result.exit_code == 1
     assert result.outcome == "edges_not_seen"
     assert result.edge_offset is None

@@ -150,7 +150,7 @@ def measure(seconds: float, strip: str, realtime: RealTime) -> tuple[Share, Shar
             else:
                 ends.append("bare loop stopped by reflex")
             go_home(Task(address, fci, installation, 0.0), joints)
-            result = fold(request, calibration=calibration)
+            result = fold(request, calibration)
             header = read_run(Path(result.run)).header
             if header.arm_timing is not None:
                 cell.add(result.duration, header.arm_timing.model_dump())

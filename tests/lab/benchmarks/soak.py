@@ -15,7 +15,7 @@ from multiprocessing import active_children
 from pathlib import Path
 
 from cell.devices.devices import DeviceSelection
-from cell.folding.fold import fold, write_pages
+from cell.folding.batch import fold_all
 from cell.folding.request import Recording
 from tests.support.requests import request_for
 
@@ -32,10 +32,8 @@ def resident() -> float:
 
 def handles() -> int:
     """Open files and sockets, threads and child processes."""
-    own = Path("/proc/self")
-    return sum(len(list((own / name).iterdir())) for name in ("fd", "task")) + len(
-        active_children()
-    )
+    entries = (Path("/proc/self", name).iterdir() for name in ("fd", "task"))
+    return sum(len(list(each)) for each in entries) + len(active_children())
 
 
 def main(count: int = 500, strip: str = "denim", policy: str = "triangular") -> int:
@@ -47,7 +45,7 @@ def main(count: int = 500, strip: str = "denim", policy: str = "triangular") -> 
         with tempfile.TemporaryDirectory() as runs:
             choice = DeviceSelection(seed=number)
             made = request_for(strip, policy, Path(runs), choice=choice, record=EVERYTHING)
-            write_pages(made, fold(made))
+            list(fold_all([made]))
         seen.append((resident(), handles()))
         took = time.perf_counter() - begun
         print(f"| {number + 1} | {seen[-1][0]:.0f} | {seen[-1][1]} | {took:.1f} |", flush=True)

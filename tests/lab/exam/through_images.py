@@ -203,7 +203,7 @@ def _fold(
     until, opened = Until(end), ExamTwin(causes, case.seed, case.scatter)
     devices = opened(request.settings, request.strip, request.choice, calibrating=False)
     policy = make_policy(request.policy)
-    return fold_with(devices, policy, request, (until,), until, calibration)
+    return fold_with(devices, policy, request, calibration, (until,), until)
 
 
 def _copy_sealed(made: Path, final: Path, strip: StripFile) -> None:

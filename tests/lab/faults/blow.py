@@ -106,8 +106,8 @@ def strike(blow: Blow, folder: Path, calibration: Calibration) -> Mapping[str, A
             devices = open_cell(request.settings, request.strip, request.choice, calibrating=False)
             scenes.append(Scene(Failing(devices), policy, _pixels_of_two_mm(calibration)))
             result = fold_with(
-                scenes[0].cell.devices, policy, request, (striker,),
-                lambda: interrupted() or striker.stops, calibration,
+                scenes[0].cell.devices, policy, request, calibration, (striker,),
+                lambda: interrupted() or striker.stops,
             )  # fmt: skip
         except CellError as error:
             result = FoldResult.refusal(request, error)

@@ -9,7 +9,7 @@ import pytest
 from cell.arm.run_settings import at_speed
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
-from cell.folding.fold import fold
+from cell.folding.batch import fold_all
 from cell.folding.request import Recording, Request
 from cell.folding.standard_runs import standard_requests, went_as_planned
 from cell.gap.subject.run_folders import find_runs
@@ -49,7 +49,7 @@ def test_a_shaken_and_a_taut_run_are_folded_through_images_and_read(tmp_path: Pa
         r for r in standard_requests(base(tmp_path))
         if r.policy in ("motion:early-shake", "motion:taut-lift")
     ]  # fmt: skip
-    results = [fold(request) for request in wanted]
+    results = list(fold_all(wanted))
     assert all(went_as_planned(result) for result in results)
     assert {result.outcome for result in results} == {"layer_touch", "path_done"}
     runs = read_runs(find_runs([tmp_path]), denim())

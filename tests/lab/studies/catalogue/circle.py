@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from cell.calibrating.calibrate import calibration_of
 from cell.config.places import Configs, find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold, fold_with
@@ -72,13 +73,13 @@ class Circle:
 
     def _fold_each(self, wanted: Sequence[Request]) -> Iterator[FoldResult]:
         if self.scatter == "none":
-            yield from map(fold, wanted)
+            yield from (fold(request, calibration_of(request.cell)) for request in wanted)
             return
         for request in wanted:
             settings, strip, choice = request.settings, request.strip, request.choice
             opened = ExamTwin([], choice.seed, self.scatter)
             devices = opened(settings, strip, choice, calibrating=False)
-            yield fold_with(devices, make_policy(request.policy), request)
+            yield fold_with(devices, make_policy(request.policy), request, calibration_of(settings))
 
     def _request(self, policy: str, when: str, seed: int) -> Request:
         """Request by the files as they are now: accepted effects are in them."""

@@ -57,9 +57,7 @@ def fold_strip(
     choice = DeviceSelection(arm=arm, plant=plant, seed=seed)
     request = replace(request, choice=choice, checkpoint=checkpoint)
     request = with_correction(request, "off" if memory is None else "on")
-    if calibration is None and cell is None:
-        calibration = cached_calibration()
-    return fold(request, calibration=calibration)
+    return fold(request, calibration or calibration_of(request.cell))
 
 
 def _request(
