@@ -274,8 +274,8 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
     try:
         subject = open_subject(file, runs, jobs)
     except ConfigurationError as error:
-        words, _, remedy = str(error).splitlines()[0].partition("; ")
-        findings.append(_finding("unreadable", words, remedy, "bad"))
+        line = str(error).splitlines()[0]
+        findings.append(_finding("unreadable", line, "mend the file that it names", "bad"))
     else:
         findings += [_finding("run", words, "make it again") for words in subject.notes]
         findings += identifiable(subject)
@@ -303,11 +303,11 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
         if length >= PROBE_SIGMA:
             directions[name] = largest / length
         else:
-            words = f"{name}: even the largest that is tried would show by {length:.1f} sigma"
+            words = f"{name}: the largest size tried changes the runs by only {length:.1f} sigma"
             yield _finding(IDENTIFIABLE, words, probed.candidate.revealed_by)
     for (first, a), (second, b) in combinations(directions.items(), 2):
         if abs(float(a @ b)) > LARGEST_CORRELATION:
-            words = f"{first} and {second} show alike: these runs cannot separate them"
+            words = f"{first} and {second} change these runs alike: they cannot be separated"
             yield _finding(IDENTIFIABLE, words, "fit, then `cell gap advise`")
 
 

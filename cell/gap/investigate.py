@@ -87,7 +87,7 @@ def _with_law(findings: Findings, simulate: Simulate, rng: np.random.Generator) 
 def _fit_base(
     subject: Subject, runs: Evidence, simulate: Simulate, rng: np.random.Generator
 ) -> BaseFit:
-    """Fit the base from several starts, estimate run-to-run spreads, and test what it leaves."""
+    """Fit the base from its stated values, estimate run-to-run spreads, test what is left."""
     rough = refit_base(simulate, Model(subject.scope.base), runs)
     scatter = spreads(rough)
     return _judge_base(subject, with_scatter(rough, scatter, runs), scatter, simulate, rng)

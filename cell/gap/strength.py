@@ -54,7 +54,7 @@ class Strengths:
         return cls(effect, others, float(np.clip(signed, p.low, p.high)))
 
     def at(self, share: float) -> dict[str, float]:
-        """Parameters of the effect by name at `share`, 0 to 1, of the way from null."""
+        """Parameters by name at the fraction `share` (above 0, up to 1) of the `largest` effect."""
         p = self.effect.parameters[0]
         if p.null is None:
             value = self.largest / share

@@ -34,7 +34,7 @@ def unseen(simulate: Simulate, estimate: Estimate, evidence: Evidence) -> Estima
 
 
 def rms(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:
-    """Root mean square gap of readings by displayed quantity, every run with equal weight."""
+    """RMS residual of each reported quantity, in its display unit, over runs of equal weight."""
     return _display_gaps(estimate.evidence, [raw.square for raw in estimate.raw], quantities)
 
 

@@ -1,10 +1,9 @@
 """Robust Gauss-Newton fit of a model to runs, with Jacobians by secants.
 
 Shared parameters and each run's own unknowns are estimated jointly. Simulations are expensive and
-responses nearly linear, so that a Jacobian is kept while it predicts the decrease well. Near where
-a motion goes another way, a small step to one side makes samples jump. A secant over the jump is no
-slope: its height would settle a fit and make its intervals as narrow as the jump is steep. So the
-final fit takes two-sided slopes.
+responses nearly linear, so that a Jacobian is kept while it predicts the decrease well. Close to a
+bifurcation a small step makes samples jump, and a one-sided secant across the jump is no slope: it
+would stop the fit and make its intervals too narrow. So the final fit uses two-sided slopes.
 """
 
 from collections.abc import Sequence

@@ -86,7 +86,7 @@ def spreads(estimate: Estimate) -> tuple[Spread, ...]:
 
     Common ones scatter in most laboratories: each has its posterior mean, in which no scatter
     counts too, and is left out where that is below `SEARCH.smallest`. Others are taken in one by
-    one while each gains enough beside those: a slack that differs looks like a grip that does.
+    one while each gains enough beside those: scatter of the slack and of the grip look alike.
     """
     varying = {p.name: p for run in estimate.evidence.runs for p in run.local if p.random}
     if not varying or len(estimate.evidence.runs) < 2:

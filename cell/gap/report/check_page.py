@@ -8,7 +8,7 @@ from cell.report.words import plural
 TONES: dict[Level, Tone] = {"good": "good", "fair": "fair", "bad": "bad"}
 HEADLINES: dict[Level, str] = {
     "good": "These runs can be fitted",
-    "fair": "These runs can be fitted, with what is said below",
+    "fair": "These runs can be fitted; mind the findings below",
     "bad": "Nothing should be fitted to these runs as they are",
 }
 

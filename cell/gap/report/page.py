@@ -72,9 +72,9 @@ def candidates(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on all fitted models, with their gain on runs left out."""
     accepted = findings.accepted.model.name
     note = (
-        "What each effect gains in predicting runs that the fit had not seen, in nats. Taken is "
-        "the most probable set of effects that predicts better than each fitted part of it, and "
-        f"leads it by {MIN_GAIN:.0f} nats or more (55 times as probable)."
+        "What each effect gains in predicting runs that the fit had not seen, in nats. Accepted is "
+        "the most probable set of effects that predicts better than each of its subsets and leads "
+        f"each by {MIN_GAIN:.0f} nats or more (55 times as probable)."
     )
     return {
         "note": note,
@@ -304,7 +304,7 @@ def _next_commands(findings: Findings, verdict: Verdict, out: Path) -> list[str]
 
 
 def _experiments_table(verdict: Verdict) -> list[tuple[str, ...]] | None:
-    """Rows of planned runs that would separate explanations; None where nothing is open."""
+    """Rows of the runs that would separate explanations best; None where none are left to."""
     if verdict.verdict in ("named", "no_gap") and not verdict.ambiguous:
         return None
     return [

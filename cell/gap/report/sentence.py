@@ -228,12 +228,12 @@ def remedies(
         line = f"{effect.sentence} differs by {number(factor * value, 2)} {shown} from run to run"
         more = steadier.get(name, 0.0)
         if more < SMALLEST_GAIN:
-            yield f"{line}: half of it would show nothing more"
+            yield f"{line}: halving it would not separate the explanations better"
         else:
             than = "more" if more > planned else "less"
             yield (
-                f"{line}: half of it would show {more:.1f} sigma more, {than} than any motion "
-                f"({planned:.1f}): {effect.remedy}, or each motion made four times"
+                f"{line}: halving it would separate them by {more:.1f} sigma more, {than} than any "
+                f"motion ({planned:.1f}): {effect.remedy}, or each motion made four times"
             )
 
 

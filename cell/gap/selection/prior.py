@@ -50,11 +50,10 @@ def filling_floor(
 ) -> dict[str, Array]:
     """Whitened responses (N, k) by name to the amount of each effect that fills the floor.
 
-    One for each group of its probes that is seen once the base absorbs what it can: the amount
-    whose energy comes closest to the floor's over the runs, by least squares, so that an effect of
-    one run alone may fill the floor of that run alone. Where spreads of the base are `believed`, an
-    effect that only they separate from the base is seen: changes of the base against its priors
-    count like residuals.
+    A column for each group of its probes that the refitted base cannot absorb, scaled (least
+    squares over the runs) to the energy of the floor, so that an effect of one run alone may fill
+    the floor of that run alone. Where spreads of the base are `believed`, its changes against its
+    priors count like residuals: an effect that only they separate from the base has a column.
     """
     about = projection(base, robustly=False)
     evidence = base.evidence

@@ -338,18 +338,18 @@ def _probes_to_fit(
 
 
 def _has_threshold(p: ProbeResponses) -> bool:
-    """Whether an effect responds far less per amount near its null than farther off.
+    """Whether an effect responds far less per amount at its smallest probe than at larger ones.
 
-    One of either sign at a place has none: it may respond more at another place.
+    False for a two-sided effect with a place: its response may be larger at another place.
     """
     if p.candidate.two_sided and _shapes(p.candidate).any():
         return False
     amounts = [abs(float(group[0][0] - p.candidate.null[0])) for group in p.groups]
-    near, *far = (
+    smallest, *larger = (
         float(np.linalg.norm(response[:, 0])) / amount if amount else 0.0
         for amount, response in zip(amounts, p.responses, strict=True)
     )
-    return near < DEFAULT_REACH.steep * max(far, default=0.0)
+    return smallest < DEFAULT_REACH.steep * max(larger, default=0.0)
 
 
 def _other_sign(equations: Table, p: ProbeResponses, best: Score) -> dict[str, Array] | None:

@@ -235,7 +235,7 @@ def without_each(accepted: CrossValidatedFit) -> list[Score]:
 
 
 def other_signs(simulate: Simulate, fits: Fits) -> Fits:
-    """Fit with the other sign, too, the effects with a place of models that may still be best.
+    """Refit models that may still be best, from the opposite sign of each effect with a place.
 
     A stiff seam here resembles a soft one next to it, on another base or beside another effect.
     """

@@ -57,7 +57,7 @@ def _unique(paths: Sequence[Path]) -> list[Path]:
     unique = list(dict.fromkeys(p.resolve() for p in found))
     if len(unique) < 2:
         raise ConfigurationError(
-            f"{unique[0] if unique else 'runs'}: a single run cannot be fitted and checked; "
+            f"{unique[0] if unique else 'runs'}: one run cannot be both fitted and held out; "
             "give at least two, better ten"
         )
     return unique

@@ -124,10 +124,9 @@ def accept(
     """Apply the patches of the fit in `out` to `file` and, where there is one, to the cell file.
 
     With `law`, the patch of the law that describes what no effect explains; with `force`, that of
-    effects that are suspected, where none is named. Refuses when `file` is
-    not the one that was fitted, has changed since, or there is nothing to accept, and patches that
-    are no longer whole: what is written can be read again. Files of an interrupted acceptance are
-    restored first.
+    effects that are suspected, where none is named. Files of an interrupted acceptance are restored
+    first. Raises ConfigurationError where `file` is not the fitted one or has changed since, where
+    there is nothing to accept, or where a patch is incomplete.
     """
     with lock_folders([out_folder(out), *_folders(file, cell_file)]):
         return _accept(out, file, cell_file, law=law, force=force)
@@ -136,7 +135,7 @@ def accept(
 def _accept(
     out: Path, file: Path, cell_file: Path | None, *, law: bool, force: bool
 ) -> AcceptResult:
-    record = _record(out)
+    record = _read_fit_record(out)
     _restore_interrupted(out, file, cell_file)
     patch = _patch(out, law=law, force=force)
     if not patch.exists():
@@ -213,7 +212,7 @@ def _undo(out: Path, file: Path, cell_file: Path | None) -> AcceptResult:
     kept = out / ACCEPTED
     if not kept.exists():
         raise ConfigurationError(f"{out}: was not accepted, so there is nothing to undo")
-    stored, record = read_stored(kept, Acceptance), _record(out)
+    stored, record = read_stored(kept, Acceptance), _read_fit_record(out)
     paths = _files_by_name(stored, kept, file, cell_file, _model_paths(out, file))
     for name, path in paths.items():
         if _current_hash(path) not in (stored.after.get(name), _hash(stored.before[name])):
@@ -345,14 +344,14 @@ def _check_writable(paths: Sequence[Path]) -> None:
                 )
 
 
-def _record(out: Path) -> FitRecord:
+def _read_fit_record(out: Path) -> FitRecord:
     path = out_folder(out) / RECORD
     try:
         return read_stored(path, FitRecord)
-    except ConfigurationError as error:
-        if "is missing; add it" in str(error):
-            raise ConfigurationError(f"{path}: lacks file_sha256 or effects; fit again") from None
-        raise ConfigurationError(f"{path}: is missing or broken; fit again") from None
+    except ConfigurationError:
+        raise ConfigurationError(
+            f"{path}: is missing or not as `cell gap fit` writes it; fit again"
+        ) from None
 
 
 def _name(path: Path) -> str:

@@ -33,7 +33,7 @@ from drivers.types import Array
 
 GAP = 0.5  # excess on held-out runs, in units of the noise, that is a gap by itself; set by hand
 STRAINED = 4.0  # prior standard deviations: right names strain a base by 0.7 at most
-ASTRAY = 2.0  # times what most runs leave, that a run leaves which goes another way; set by hand
+ASTRAY = 2.0  # times the median run's residual, above which a run is an outlier; set by hand
 ALIKE = 0.9  # cosine of two responses above which one cannot be told from the other
 
 
@@ -190,7 +190,7 @@ def reasons(findings: Findings) -> list[str]:
     by_run = held_out_gap.rms_by_run(fit, findings.subject.scope.quantities)
     rms, run = max(zip(by_run, (r.name for r in fit.evidence.runs), strict=True))
     if rms > ASTRAY * float(np.median(by_run)):
-        words.append(f"run {run} goes another way")
+        words.append(f"run {run} differs from all others")
     if repeats.drifts and repeats.drift is not None:
         words.append(f"the specimen changes from run to run: {repeats.drift.words}")
     if repeats.differ:

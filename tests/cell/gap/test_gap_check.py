@@ -102,6 +102,6 @@ def test_a_check_belongs_to_its_inputs_and_says_what_cannot_be_read(runs: Path) 
 def test_what_runs_cannot_say_is_listed() -> None:
     found = [f.words for f in identifiable(Curves(nothing, names=("bump", "twin", "dead")))]
     assert found == [
-        "dead: even the largest that is tried would show by 0.0 sigma",
-        "bump and twin show alike: these runs cannot separate them",
+        "dead: the largest size tried changes the runs by only 0.0 sigma",
+        "bump and twin change these runs alike: they cannot be separated",
     ]

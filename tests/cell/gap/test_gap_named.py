@@ -112,7 +112,7 @@ def test_one_run_that_went_another_way_is_told_and_does_not_hide_what_the_others
     _, verdict = judged(Curves(astray(4), repeats=1))
     assert [e.name for e in verdict.effects] == ["bump"]
     assert verdict.unexplained is not None
-    assert "run r4 goes another way" in verdict.unexplained.description
+    assert "run r4 differs from all others" in verdict.unexplained.description
 
 
 @pytest.mark.usefixtures("single")

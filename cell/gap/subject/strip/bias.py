@@ -50,7 +50,7 @@ class ModelError(Settings):
 
 @cache
 def bias() -> Bias:
-    """Standard deviations of the systematic errors of this version's perception."""
+    """Load the standard deviations of the systematic errors of strip measurements in images."""
     return load(BIAS_FILE, Bias)
 
 

@@ -26,7 +26,10 @@ CONTACT_LIMIT = 1.0  # bending lengths between contacts that are still one and t
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Compares a run with simulations; the strip's `length` and stated `bending_length` in [m]."""
+    """Residuals of a measured run against simulated motions, measured minus simulated.
+
+    `length` and stated `bending_length` [m] are the strip's.
+    """
 
     run: FoldMeasurement
     layout: Layout

@@ -18,7 +18,7 @@ from drivers.strip.law import LAW_TERMS, Term
 from drivers.strip.rod.lumping import check
 
 PLACE_SPACING = 0.9  # bending lengths between the places at which a local effect is screened
-SECANT = 0.1  # of a term's size: the step of finite differences
+SECANT = 0.1  # of a term's size or of the smallest probe: step of finite differences
 TRIED = (0.0, 0.5, 0.9)  # probes between a term's size and its maximum, on a logarithmic scale
 TRIED_TIMES = (0.1, 0.5, 2.5)  # s, tried where an effect has a time of its own
 FARTHEST = 3.0  # times the largest probe: prior spread of an effect's amount
@@ -27,9 +27,8 @@ UNKNOWN_SPREAD = 4.0  # of its start: prior spread of such a number where there 
 PLACE_STEP = 0.002  # m, of finite differences over the place of an effect
 SHAPE_STEP = 0.02  # of its start: step of a number that shapes an effect
 UNTRUE = 0.2  # relative error of a law of cloth, which differs between fabrics: yarn friction 15 %
-SPECIMEN_SPREAD = 0.15  # of a bending length: how far the exam's specimens of one fabric lie apart
+SPECIMEN_SPREAD = 0.15  # relative, of the bending lengths of one fabric's specimens; assumed
 PLACE_ERROR = 0.02  # relative error of lengths, offsets and delays
-SECANT = 0.1  # of the smallest probe: the step of finite differences
 WEIGHED = 0.05  # relative spread of an areal density by a laboratory's scale and ruler
 SHORTEST_RETARDATION = 0.005  # s, about which the fit of an undamped strip starts
 
@@ -231,7 +230,7 @@ def _null(p: Number) -> float:
 
 
 def file_values(effect: Effect, values: Sequence[float]) -> dict[str, float] | None:
-    """Parameters of the effect as files state them, by name; None where the effect is absent.
+    """Convert an effect's `values` to those that a strip file states; None for an absent effect.
 
     `values` may lack those of the shape, which come last.
     """

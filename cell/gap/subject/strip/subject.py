@@ -102,7 +102,7 @@ class ResidualKey(NamedTuple):
 class Strip(Subject):
     """Measured folds of one strip, simulated by the rod along the measured gripper paths.
 
-    `notes` warn the operator of runs that are not whole.
+    `notes` warn the operator of incomplete runs.
     """
 
     kind = "strip"
@@ -288,5 +288,5 @@ def open_strip(
             known = ", ".join(sorted(registry()))
             raise ConfigurationError(f"--without {name}: is no effect; allowed: {known}")
     if registry().keys() <= {*without, *strip.effects}:
-        raise ConfigurationError("--without: withholds every effect; leave one to key for")
+        raise ConfigurationError("--without: withholds every effect; leave at least one out of it")
     return Strip(strip, read_runs(folders, strip), jobs, without=without)
