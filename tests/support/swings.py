@@ -29,6 +29,15 @@ class Counter:
 
 
 STEP = 0.0005  # s of the plant
+PENDULUM = PendulumFile.model_validate(
+    {
+        "schema": 1,
+        "kind": "pendulum",
+        "name": "made",
+        "gravity": 9.81,
+        "links": [{"mass": 0.2, "length": None, "com": 0.12, "inertia": 5e-4, "damping": 2.5e-4}],
+    }
+)
 
 Law = Callable[[Array, Array, int], Array]
 """Torques (n,) that oppose the joints, of their bend from hanging, their rate, the run's index."""

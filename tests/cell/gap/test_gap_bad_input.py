@@ -10,25 +10,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from cell.gap.subject.mechanism.file import PendulumFile
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.strip.simulation import Simulation
 from drivers.types import Array
-from tests.cell.gap.subject.test_gap_strip_runs import drop_column, edit_column, edit_yaml, put
 from tests.support.commands import refused
 from tests.support.gap_strip_cases import STRIP, folds, written
-from tests.support.swings import make_swings, write_swings
+from tests.support.run_edits import edit_column, edit_yaml, put
+from tests.support.swings import PENDULUM, make_swings, write_swings
 
 Words = list[object]
-PENDULUM = PendulumFile.model_validate(
-    {
-        "schema": 1,
-        "kind": "pendulum",
-        "name": "made",
-        "gravity": 9.81,
-        "links": [{"mass": 0.2, "length": None, "com": 0.12, "inertia": 5e-4, "damping": 2.5e-4}],
-    }
-)
 
 
 @dataclass(frozen=True)
@@ -87,7 +77,10 @@ def column(file: str, name: str, change: Callable[[Array], Array]) -> Spoil:
 
 
 def without(file: str, name: str) -> Spoil:
-    return lambda run: drop_column(run / file, name)
+    def spoil(run: Path) -> None:
+        pq.write_table(pq.read_table(run / file).drop_columns([name]), run / file)
+
+    return spoil
 
 
 def head(**changes: object) -> Spoil:
@@ -107,7 +100,6 @@ def gone(file: str) -> Spoil:
 
 
 def swapped(values: Array) -> Array:
-    values = values.copy()
     values[[10, 11]] = values[[11, 10]]
     return values
 

@@ -4,8 +4,6 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
@@ -16,6 +14,7 @@ from cell.gap.subject.run_folders import RunFolder, find_runs
 from drivers.errors import ConfigurationError
 from tests.cell.gap.test_gap_engine import Curves, nothing
 from tests.support.gap_strip_cases import STRIP, folds, written
+from tests.support.run_edits import edit_column
 
 T = np.arange(0.0, 4.0, 0.01)
 
@@ -24,20 +23,6 @@ T = np.arange(0.0, 4.0, 0.01)
 def runs(tmp_path: Path) -> Path:
     written(tmp_path / "runs", folds(["normal", "fast"]))
     return tmp_path / "runs"
-
-
-def changed(folder: Path, **columns: np.ndarray) -> None:
-    """The rows of a run with other values in some columns."""
-    path = sorted(folder.iterdir())[0] / "ticks.parquet"
-    table = pq.read_table(path)
-    for name, values_ in columns.items():
-        there = table.column_names.index(name)
-        table = table.set_column(there, name, pa.array(values_))
-    pq.write_table(table, path)
-
-
-def column(folder: Path, name: str) -> np.ndarray:
-    return pq.read_table(sorted(folder.iterdir())[0] / "ticks.parquet")[name].to_numpy().copy()
 
 
 @pytest.mark.parametrize(
@@ -70,9 +55,9 @@ def test_runs_of_the_cell_are_in_order(runs: Path) -> None:
 
 @pytest.mark.slow
 def test_a_fit_refuses_a_stuck_reading_unless_asked(runs: Path, tmp_path: Path) -> None:
-    x = column(runs, "x")
-    x[120:200] = x[120]
-    changed(runs, x=x, x_cmd=np.linspace(0.6, 0.0, len(x)))
+    ticks = runs / "00-normal" / "ticks.parquet"
+    edit_column(ticks, "x", lambda x: np.concatenate([x[:120], np.full(80, x[120]), x[200:]]))
+    edit_column(ticks, "x_cmd", lambda x: np.linspace(0.6, 0.0, len(x)))
     with pytest.raises(ConfigurationError, match=r"00-normal: stuck reading: .*; mend the reading"):
         fit([runs], STRIP, tmp_path / "out", jobs=1)
     assert not (tmp_path / "out" / "verdict.json").exists()
@@ -90,10 +75,10 @@ def test_a_fit_refuses_a_stuck_reading_unless_asked(runs: Path, tmp_path: Path) 
 
 @pytest.mark.slow
 def test_a_check_belongs_to_its_inputs_and_says_what_cannot_be_read(runs: Path) -> None:
-    before = check([runs], STRIP)
-    changed(runs, z=column(runs, "z") + 1e-6)
+    before, ticks = check([runs], STRIP), runs / "00-normal" / "ticks.parquet"
+    edit_column(ticks, "z", lambda z: z + 1e-6)
     assert check([runs], STRIP).inputs != before.inputs
-    changed(runs, t=column(runs, "t")[::-1])
+    edit_column(ticks, "t", lambda t: t[::-1])
     broken = check([runs], STRIP)
     assert broken.level == "bad"
     assert [f.what for f in broken.findings if f.level == "bad"] == ["unreadable"]

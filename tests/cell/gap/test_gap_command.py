@@ -5,8 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from cell.cli.gap import _verdict_lines
-from cell.gap.verdict.schema import Verdict
 from tests.support.commands import refused, run
 
 SINGLE = Path(__file__).resolve().parents[4] / "shared" / "data" / "pendulum" / "single"
@@ -26,13 +24,6 @@ def test_missing_runs_are_refused_and_leave_nothing_of_an_earlier_fit(
     assert not list(out.iterdir())
 
 
-@pytest.mark.parametrize("command", ["accept", "undo"])
-def test_a_folder_without_a_fit_is_refused(monkeypatch, capsys, tmp_path, command) -> None:
-    strip = Path("configs/strips/denim.yaml").resolve()
-    line = refused(monkeypatch, capsys, "gap", command, tmp_path, "--strip", strip)
-    assert str(tmp_path) in line
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(not SINGLE.is_dir(), reason="the measured pendulums are absent")
 def test_a_fit_prints_the_verdict_that_it_wrote(monkeypatch, capsys, tmp_path) -> None:
@@ -42,15 +33,3 @@ def test_a_fit_prints_the_verdict_that_it_wrote(monkeypatch, capsys, tmp_path) -
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((tmp_path / "verdict.json").read_text())
     assert {"report.html", "overlay.rrd"} <= {path.name for path in tmp_path.iterdir()}
-
-
-def test_a_run_that_died_is_told_in_the_summary() -> None:
-    gap = {"before": {}, "after": {}, "floor": {}}
-    gap |= {"shrink": 0.0, "shrink_low": 0.0, "shrink_high": 0.0}
-    lists = {key: [] for key in ("effects", "ambiguous", "where", "candidates", "advice")}
-    facts = lists | {"verdict": "no_gap", "unexplained": None, "base": {}, "gap": gap}
-    facts |= {"detectable": {}, "held_out": [], "runtime": 1.0, "simulations": 1}
-    whole = Verdict.model_validate(facts)
-    died = whole.model_copy(update={"notes": ["03: died after 2.1 s"]})
-    assert list(_verdict_lines(whole)) == ["no gap"]
-    assert list(_verdict_lines(died)) == ["no gap", "  note: 03: died after 2.1 s"]

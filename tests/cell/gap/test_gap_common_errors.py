@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from cell.gap.fitting.reml import covariance
-from cell.gap.subject.strip.bias import bias, common_errors, half
-from cell.gap.subject.subject import Run
 from cell.gap.verdict.compose import intervals
 from tests.cell.gap.test_gap_engine import Curves, T, fitted, nothing
 
@@ -43,32 +41,3 @@ def test_common_error_does_not_average_out_over_runs() -> None:
     few, many = (fitted(telling(Curves(nothing, repeats=n))) for n in (1, 4))
     widths = [np.sqrt(covariance(fit, 1.0)[1, 1]) for fit in (few, many)]
     assert widths == pytest.approx([SIGMA, SIGMA], rel=0.05)
-
-
-def test_without_common_errors_intervals_are_those_of_noise() -> None:
-    fit = fitted(Curves(nothing))
-    alone = np.linalg.inv(fit.normal().curvature)
-    assert np.diag(covariance(fit, 2.0)) == pytest.approx(2.0 * np.diag(alone), rel=1e-6)
-
-
-def test_every_quantity_errs_by_what_was_measured() -> None:
-    words = np.array(["profile", "profile", "contact_x", "touch_time", "displacement"])
-    run: Run = Curves(nothing).runs[0]
-    some = {
-        name: getattr(run.samples, name)[:5]
-        for name in ("channel", "phase", "t", "noise", "reading", "floor", "series")
-    }
-    zone = np.array(["middle", "grasped", "middle", "middle", "middle"])
-    samples = type(run.samples)(quantity=words, zone=zone, **some)
-    errors = common_errors(samples, np.array(["before", "past", "past", "past", "past"]))
-    assert sorted(errors) == [
-        "contact_x past", "displacement", "near edge", "profile grasped past",
-        "profile middle before", "touch_time",
-    ]  # fmt: skip
-    assert errors["profile middle before"].tolist() == [bias().profile, 0.0, 0.0, 0.0, 0.0]
-    assert errors["near edge"].tolist() == [-bias().edge, bias().edge, 0.0, 0.0, 0.0]
-    assert errors["touch_time"].tolist() == [0.0, 0.0, 0.0, bias().touch_time, 0.0]
-
-
-def test_the_side_changes_where_the_gripper_passes_the_middle() -> None:
-    assert [half(x, 0.6) for x in (0.6, 0.31, 0.29, 0.0)] == ["before", "before", "past", "past"]

@@ -7,13 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.gap.subject.strip.scope import candidates
 from cell.gap.subject.strip.subject import patch_file
 from cell.gap.subject.subject import Scope
 from cell.gap.verdict.accept import LAW_PATCH, RECORD, accept, sha256, undo
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe, load_strip
-from drivers.strip.effects import registry
 from drivers.strip.law import LAW_TERMS, with_law
 from drivers.types import Array
 from drivers.yaml_text import dump_yaml
@@ -93,34 +91,6 @@ def test_a_law_in_the_strip_file_is_what_the_engine_tried(name: str) -> None:
     assert repr(describe(strip, index=3)) != repr(describe(denim(), index=3))
 
 
-@pytest.mark.parametrize(
-    ("name", "effect"),
-    [
-        ("term_curvature", "nonlinear_bending"),
-        ("term_rate", "quadratic_damping"),
-        ("term_sign", "bending_hysteresis"),
-        ("term_fading", "relaxation"),
-        ("term_speed", "air_drag"),
-        ("term_place", "stiffness_gradient"),
-        ("term_run", "ageing"),
-        ("term_even", "pre_curl"),
-        ("term_clock", "camera_latency"),
-        ("term_side", "homography_shift"),
-        ("term_contact", "contact_bias"),
-        ("term_zoom", "homography_scale"),
-        ("term_reach", "tcp_offset"),
-        ("term_length", "length_error"),
-    ],
-)
-def test_a_law_reaches_as_far_as_what_laboratories_report(name: str, effect: str) -> None:
-    (law,) = (c for c in candidates() if c.name == name)
-    (amount,) = law.parameters
-    sizes = registry()[effect].sizes(denim())
-    assert amount.low <= min(sizes)
-    assert max(sizes) <= amount.high
-    assert max(group[0][0] for group in law.probes) >= max(sizes)
-
-
 @pytest.fixture
 def fitted(tmp_path: Path) -> tuple[Path, Path]:
     """The folder of a fit that offers a law, and the strip file."""
@@ -165,9 +135,3 @@ def test_a_law_that_no_engine_knows_or_no_strip_has_is_refused(law, tmp_path: Pa
     (tmp_path / "s.yaml").write_text(dump_yaml(content), encoding="utf-8")
     with pytest.raises(ConfigurationError, match="law"):
         load_strip(tmp_path / "s.yaml")
-
-
-def test_amounts_near_nothing_change_nothing() -> None:
-    model = describe(denim())
-    assert with_law(model, dict.fromkeys(LAW_TERMS, 0.0)) is model
-    assert np.isfinite(describe(denim().model_copy(update={"law": {}})).mechanics.rigidity).all()

@@ -8,19 +8,15 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from cell.gap.fit import fit
 from cell.gap.report.figures import Replay
-from cell.gap.report.overlay import write_overlay, write_recording
+from cell.gap.report.overlay import write_recording
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.scene import Scene
 from cell.gap.subject.strip.scenes import DISTANCE_SIGNAL
 from cell.gap.subject.strip.subject import Strip, open_strip
 from cell.gap.subject.subject import Request
-from cell.gap.verdict.schema import read_verdict
 from drivers.types import Array
-from tests.cell.gap.test_gap_bad_input import PENDULUM
 from tests.support.gap_strip_cases import CELL, STRIP, folds, written
-from tests.support.swings import make_swings, write_swings
 
 SOFT = 0.85  # times the stated bending length
 
@@ -49,16 +45,6 @@ def read(path: Path) -> dict[str, Rows]:
         entity: Rows(np.array([t for t, _ in rows]), [value for _, value in rows])
         for entity, rows in ordered.items()
     }
-
-
-def static_text(path: Path, entity: str) -> str:
-    """The text that stands at `entity` whatever the time."""
-    for chunk in RrdReader(path).stream().to_chunks():
-        if chunk.is_static and chunk.entity_path == entity:
-            batch = chunk.to_record_batch()
-            (name,) = (n for n in batch.schema.names if n.split(":")[-1] == "text")
-            return batch[name].to_pylist()[0][0]
-    return ""
 
 
 MOVING = {"strips", "positions", "scalars", "text"}
@@ -125,28 +111,3 @@ def test_the_right_model_lies_on_the_measured_midline(recording) -> None:
     points = np.array(rows["/00-normal/curve/measured"].values[-1])
     off = np.hypot(*(points[:, None] - line[None]).transpose(2, 0, 1)).min(axis=1)
     assert np.median(off) < 4.0
-
-
-@pytest.mark.slow
-def test_swings_are_recorded_beside_the_verdict(tmp_path) -> None:
-    """Dry friction is hidden: the accepted model follows the angles more closely."""
-
-    def dry(_: Array, rate: Array, __: int) -> Array:
-        return np.asarray(4e-4 * np.tanh(rate / 0.005))
-
-    lifts = [np.array([a]) for a in (0.2, 0.5, 0.9, 1.3, 0.2, 0.5, 0.9, 1.3)]
-    made = make_swings(PENDULUM, lifts, 0.001, np.random.default_rng(3), dry)
-    file, runs = write_swings(tmp_path, PENDULUM, made, 0.001)
-    verdict = fit([runs], file, tmp_path / "out", overlay=write_overlay)
-    rows = read(tmp_path / "out" / "overlay.rrd")
-    assert {entity.split("/")[1] for entity in rows} == {f"{i:02d}" for i in range(8)}
-    held = verdict.held_out[0]
-    left = {
-        word: numbers(rows[f"/{held}/signals/angle 1, measured - simulated [mrad]/{word}"])
-        for word in ("before", "after")
-    }
-    assert np.std(left["after"]) == pytest.approx(1.0, rel=0.25), "noise alone"
-    assert np.std(left["before"]) > 2.0 * np.std(left["after"])
-    assert "dry friction" in static_text(tmp_path / "out" / "overlay.rrd", "/verdict").lower()
-    kept = read_verdict(tmp_path / "out" / "verdict.json")
-    assert set(kept.gap.before) == {"angle_mrad", "excess"}

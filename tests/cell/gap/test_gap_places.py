@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cell.gap.diagnosis.lack_of_fit import Bin, localise, matching_bins, stronger_of_two
+from cell.gap.diagnosis.lack_of_fit import localise, matching_bins, stronger_of_two
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, Point
 from cell.gap.subject.subject import Run, Samples
@@ -38,15 +38,6 @@ def test_the_best_of_many_models_of_noise_is_told_nowhere() -> None:
         told = matching_bins(_estimate(r), best, others, noise, FLAT)
         false += any(place.p < 0.05 for place in told)
     assert false <= 7
-
-
-def test_two_tests_of_a_place_count_as_two() -> None:
-    weak = Bin("profile", "carry", "middle", "slow", 1.0, 0.4)
-    sure = Bin("profile", "carry", "middle", "slow", -5.0, 0.01)
-    assert stronger_of_two([weak], [sure]) == [
-        Bin("profile", "carry", "middle", "slow", -5.0, 0.02)
-    ]
-    assert stronger_of_two([weak], []) == [weak]
 
 
 def _fitted(r: Array, direction: Array) -> Estimate:

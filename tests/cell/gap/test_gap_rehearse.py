@@ -5,9 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.campaign.journal import Record
 from cell.gap import rehearse
-from cell.gap.rehearse import Hidden, Plan, page, plan, right, write_copy
+from cell.gap.rehearse import Hidden, Plan, plan, right, write_copy
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from drivers.strip.describe import load_strip
@@ -76,13 +75,3 @@ def test_a_copy_is_right_by_its_name_or_by_a_class_that_holds_it() -> None:
     assert right(outcome("control_delay", "camera_latency"))
     assert right(outcome("nothing"))
     assert not right(outcome("nothing", "seam"))
-
-
-def test_the_page_counts_names_for_something_and_for_nothing(made: Plan) -> None:
-    found = [outcome("seam", "seam"), outcome("stretch"), outcome("nothing", "seam")]
-    records = [Record(schema=1, key=str(i), of="x", state="measured", outcome=o)
-               for i, o in enumerate(found)]  # fmt: skip
-    text = page(made, records)
-    assert "Of 2 effects, each hidden so large that it matters, 1 would have been named" in text
-    assert "With nothing hidden, 1 of 1 copies were given a name." in text
-    assert "| stretch | size 1 | no gap | **no** |" in text

@@ -6,15 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.gap.diagnosis.next_experiment import repeatability_gains
 from cell.gap.fitting.gauss_newton import refit
 from cell.gap.fitting.model import Model, Point, evidence
-from cell.gap.fitting.reml import SEARCH, degrees_of_freedom, spreads
+from cell.gap.fitting.reml import SEARCH, spreads
 from cell.gap.fitting.tasks import run_one
-from cell.gap.report.sentence import remedies
-from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.subject.subject import Parameter, Request, Residuals
-from tests.cell.gap.test_gap_engine import Curves, Law, bump, fitted, hidden, judged, nothing
+from tests.cell.gap.test_gap_engine import Curves, Law, bump, hidden, judged, nothing
 
 USUAL = 0.1
 
@@ -77,38 +74,6 @@ def test_a_constant_error_of_all_runs_is_no_scatter() -> None:
     assert spreads(estimate(Scattering(constant, 0.0))) == ()
 
 
-class Alike(Scattering):
-    """Each run may hold, beside its ripple, one that looks much like it and is not common."""
-
-    def __init__(self, spread: float, seed: int) -> None:
-        super().__init__(nothing, spread, seed)
-        echo = Parameter("echo", "m", 0.0, -1.0, 1.0, 1e-3, USUAL, random=True)
-        self.runs[:] = [replace(run, local=(echo, *run.local)) for run in self.runs]
-
-    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
-        own = [replace(q, run=replace(q.run, local=q.run.local[1:]), local=q.local[1:])
-               for q in requests]  # fmt: skip
-        found = super().simulate(own)
-        t = np.linspace(0.0, 1.0, 60)
-        for q, residuals in zip(requests, found, strict=True):
-            residuals.mean[:] -= q.local[0] * np.cos(13.0 * t + 0.02)
-        return found
-
-
-def test_what_commonly_scatters_is_not_taken_for_what_looks_like_it() -> None:
-    for seed in range(6):
-        assert [s.name for s in spreads(estimate(Alike(0.15, seed)))] == ["ripple"]
-
-
-def test_few_runs_that_differ_make_a_wider_interval_and_noise_alone_does_not() -> None:
-    slope = 1
-    tilts = [Scattering(nothing, s, noise=1e-3, shape=lambda t: t) for s in (0.0, 0.2)]
-    alike, differing = (estimate(subject) for subject in tilts)
-    assert degrees_of_freedom(alike, 1.0, spreads(alike))[slope] > 1e3
-    few = degrees_of_freedom(differing, 1.0, spreads(differing))[slope]
-    assert 5.0 <= few < 2.0 * len(differing.residuals)
-
-
 def test_scatter_alone_is_no_gap() -> None:
     kinds = [judged(Scattering(nothing, 0.2, seed=seed))[1].verdict for seed in range(4)]
     assert kinds == ["no_gap"] * 4
@@ -125,38 +90,3 @@ def test_an_effect_is_named_beside_scatter_with_its_true_size_within_the_interva
 def test_what_is_detectable_counts_the_scatter() -> None:
     still, scattered = (judged(Scattering(nothing, s))[1].detectable["wave"] for s in (0.0, 0.2))
     assert scattered >= still
-
-
-def test_a_subject_without_random_unknowns_has_no_scatter() -> None:
-    assert spreads(fitted(Curves(nothing))) == ()
-
-
-def told_by_steadier_runs(spread: float) -> float:
-    """Sigma by which a wave of 0.2 would be told better, had the ripple half that spread."""
-    subject = Scattering(nothing, spread)
-    fit = estimate(subject)
-    known = [tuple(replace(p, spread=spread) if p.random else p for p in run.local)
-             for run in fit.evidence.runs]  # fmt: skip
-    runs = tuple(replace(r, local=own) for r, own in zip(fit.evidence.runs, known, strict=True))
-    fit = replace(fit, evidence=replace(fit.evidence, runs=runs))
-    wave = Model(fit.model.base, tuple(c for c in subject.scope.candidates if c.name == "wave"))
-    second = (wave, np.append(fit.shared, 0.2))
-    (found,) = run_one(
-        subject.simulate, repeatability_gains(fit, second, LikelihoodScale(1.0, 1.0))
-    )
-    assert found.name == "ripple"
-    return found.sigma
-
-
-def test_steadier_runs_tell_more_only_where_scatter_hides_something() -> None:
-    assert told_by_steadier_runs(0.02) > 1.0
-    assert told_by_steadier_runs(1e-6) < 0.1
-
-
-def test_advice_holds_a_smaller_spread_against_the_best_motion() -> None:
-    spread = {"grip_x": (4e-4, "m")}
-    better, worse = (next(remedies(spread, {"grip_x": 3.0}, best)) for best in (2.0, 5.0))
-    assert "differs by 0.4 mm from run to run" in better
-    assert "3.0 sigma more, more than any motion (2.0)" in better
-    assert "less than any motion (5.0)" in worse
-    assert "nothing more" in next(remedies(spread, {}, 2.0))

@@ -61,11 +61,3 @@ def test_interval_beside_a_jump_is_that_of_all_other_samples() -> None:
     assert plain <= 5
     assert mended >= 8
     assert np.median(wide) == pytest.approx(1.0, abs=0.1)
-
-
-def test_settling_leaves_a_linear_fit_as_it_is() -> None:
-    subject = Curves(nothing)
-    fit = fitted(subject)
-    done = run_one(subject.simulate, final_fit(fit))
-    assert done.shared == pytest.approx(fit.shared, abs=1e-9)
-    assert slope(done) == pytest.approx(slope(fit), abs=1e-9)

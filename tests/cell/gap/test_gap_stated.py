@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from cell.cli.gap import _next_command, _verdict_lines
+from cell.cli.gap import _verdict_lines
 from cell.gap.fit import fit
 from cell.gap.report.sentence import headline
 from cell.gap.subject.strip.scope import scope
@@ -78,21 +78,12 @@ FAR = deviations([LENGTH], found(0.0287, 0.0289, 0.0291))
 
 
 def test_what_deviates_is_said_before_the_verdict() -> None:
-    lines = list(_verdict_lines(verdict_of(deviates=FAR)))
+    lines = list(_verdict_lines(verdict_of(deviates=FAR, notes=["03: died after 2.1 s"])))
     assert lines[0].startswith("not as the file states: bending length 28.9")
     assert "the file states 17" in lines[0]
-    assert lines[1] == "no gap"
+    assert lines[1:] == ["no gap", "  note: 03: died after 2.1 s"]
     assert headline(verdict_of(deviates=FAR)).startswith("Not as the file states: bending length")
     assert json.loads(verdict_of(deviates=FAR).to_json())["deviates"][0]["value"] == 0.0289
-
-
-def test_the_next_command_accepts_what_deviates(tmp_path) -> None:
-    verdict = verdict_of(deviates=FAR)
-    assert _next_command(verdict_of(), tmp_path, "--strip denim", law=False).startswith("cell fold")
-    (tmp_path / BASE_PATCH).write_text("")
-    assert _next_command(verdict, tmp_path, "--strip denim", law=False).startswith(
-        "cell gap accept"
-    )
 
 
 @pytest.fixture

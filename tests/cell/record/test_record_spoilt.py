@@ -10,7 +10,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-import yaml
 
 from calibration.calibration import save_calibration
 from cell.config.places import find_configs
@@ -26,6 +25,7 @@ from cell.report.viz.recording import viz_from_run
 from drivers.errors import ConfigurationError
 from drivers.readers import read_parquet
 from tests.cell.conftest import HEADER, RESULT, MadeFold
+from tests.support.run_edits import edit_column, edit_yaml, put
 
 
 @pytest.fixture(scope="module")
@@ -48,10 +48,7 @@ def folder(whole, tmp_path) -> Path:
 
 
 def document(**changes):
-    def spoil(path: Path) -> None:
-        path.write_text(yaml.safe_dump(yaml.safe_load(path.read_text()) | changes))
-
-    return spoil
+    return lambda path: edit_yaml(path, **changes)
 
 
 def line(text: str):
@@ -66,20 +63,7 @@ def table(change):
 
 
 def column(name: str, change):
-    return table(
-        lambda t: t.set_column(
-            t.column_names.index(name), name, pa.array(change(t[name].to_numpy().copy()))
-        )
-    )
-
-
-def put(row: int, value: float):
-    def change(values):
-        values = values.astype(float)
-        values[row] = value
-        return values
-
-    return change
+    return lambda path: edit_column(path, name, change)
 
 
 def pipe(path: Path) -> None:
@@ -169,12 +153,6 @@ def test_a_cells_run_that_died_at_birth_is_explained(tmp_path) -> None:
     write_document(folder / "run.yaml", {"schema": 1, **HEADER, "config": {}})
     assert read_run(folder).died
     assert "died at the start" in write_report(folder).read_text()
-
-
-def test_a_laboratorys_run_without_its_tables_is_refused(tmp_path) -> None:
-    write_document(tmp_path / "run.yaml", {"schema": 1, **HEADER})
-    with pytest.raises(ConfigurationError, match=r"ticks\.parquet: is missing"):
-        read_run(tmp_path)
 
 
 @pytest.mark.parametrize("line", ['{"stamp": 1.0}', '{"sequence": "x", "stamp": 1, "arrival": 2}'])

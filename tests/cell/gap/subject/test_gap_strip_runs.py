@@ -1,19 +1,17 @@
 """Measured folds as `cell gap` reads them: whole ones, broken ones, and what is refused."""
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-import yaml
 
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from cell.gap.subject.strip.subject import open_strip
 from tests.support.gap_strip_cases import STRIP, denim, folds, written
+from tests.support.run_edits import edit_yaml
 
 
 @pytest.fixture(scope="module")
@@ -30,30 +28,6 @@ def runs(measured: Path, tmp_path: Path) -> Path:
 
 def first(runs: Path) -> Path:
     return sorted(runs.iterdir())[0]
-
-
-def edit_yaml(path: Path, **changes: object) -> None:
-    content = yaml.safe_load(path.read_text())
-    path.write_text(yaml.safe_dump(content | changes))
-
-
-def edit_column(path: Path, name: str, change: Callable[[np.ndarray], np.ndarray]) -> None:
-    table = pq.read_table(path)
-    values = pa.array(change(np.array(table[name], dtype=np.float64)))
-    pq.write_table(table.set_column(table.column_names.index(name), name, values), path)
-
-
-def drop_column(path: Path, name: str) -> None:
-    pq.write_table(pq.read_table(path).drop_columns([name]), path)
-
-
-def put(row: int, value: float) -> Callable[[np.ndarray], np.ndarray]:
-    def change(values: np.ndarray) -> np.ndarray:
-        values = values.copy()
-        values[row] = value
-        return values
-
-    return change
 
 
 def test_what_was_measured_comes_back(runs: Path) -> None:
@@ -84,3 +58,14 @@ def test_a_run_that_died_at_once_is_named_and_left_out(runs: Path) -> None:
     strip = open_strip(STRIP, find_runs([runs]))
     assert [run.name for run in strip.runs] == ["00-fast", "01-taut-lift"]
     assert strip.notes == ("02-again: has 9 rows only and is left out",)
+
+
+def test_two_batches_of_repeats_in_one_folder_are_two_specimens(runs: Path) -> None:
+    for i, name in enumerate(sorted(path.name for path in runs.iterdir())):
+        shutil.copytree(runs / name, runs / f"again-{name}")
+        for run, seed in ((runs / name, i), (runs / f"again-{name}", 10 + i)):
+            made = {"drivers": {"arm": "twin", "camera": "twin"}, "plant_sha256": "p"}
+            edit_yaml(run / "run.yaml", seed=seed, index=i, **made)
+    read = read_runs(find_runs([runs]), denim())
+    assert [run.measured.index for run in read] == [0, 0, 1, 1]
+    assert all(run.usable for run in read)

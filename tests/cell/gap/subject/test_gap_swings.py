@@ -19,19 +19,10 @@ from cell.gap.verdict.accept import accept, undo
 from cell.gap.verdict.schema import Verdict, read_verdict
 from drivers.errors import ConfigurationError
 from drivers.settings import load
-from tests.support.swings import Law, make_swings, write_swings
+from tests.support.swings import PENDULUM, Law, make_swings, write_swings
 
 SIGMA = 0.001
 LIFTS = [np.array([a]) for a in (0.2, 0.5, 0.9, 1.3, 0.2, 0.5, 0.9, 1.3)]
-PENDULUM = PendulumFile.model_validate(
-    {
-        "schema": 1,
-        "kind": "pendulum",
-        "name": "made",
-        "gravity": 9.81,
-        "links": [{"mass": 0.2, "length": None, "com": 0.12, "inertia": 5e-4, "damping": 2.5e-4}],
-    }
-)
 
 
 def dry(_: Any, rate: Any, __: int) -> Any:

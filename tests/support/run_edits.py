@@ -1,0 +1,33 @@
+"""Changes of the files of a run folder."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import yaml
+
+from drivers.types import Array
+
+
+def edit_yaml(path: Path, **changes: object) -> None:
+    """Give some keys of a YAML file other values."""
+    path.write_text(yaml.safe_dump(yaml.safe_load(path.read_text()) | changes))
+
+
+def edit_column(path: Path, name: str, change: Callable[[Array], Array]) -> None:
+    """Change one column (m,) of a Parquet file."""
+    table = pq.read_table(path)
+    values = pa.array(change(table[name].to_numpy().astype(np.float64)))
+    pq.write_table(table.set_column(table.column_names.index(name), name, values), path)
+
+
+def put(row: int, value: float) -> Callable[[Array], Array]:
+    """A change of one row of a column (m,)."""
+
+    def change(values: Array) -> Array:
+        values[row] = value
+        return values
+
+    return change
