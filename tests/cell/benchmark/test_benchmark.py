@@ -13,19 +13,15 @@ from cell.benchmark import run
 from cell.benchmark.page import page_of
 from cell.benchmark.results import (
     BenchmarkSpec,
-    EffectFolds,
     ImageFold,
-    MissingPart,
     RangeFolds,
     Results,
 )
-from cell.benchmark.run import measure_parts
 from cell.benchmark.summary import claims
-from cell.campaign.local import Local
 from cell.cli.app import app
 from cell.config.places import find_configs
 from drivers.errors import ConfigurationError
-from tests.support.campaign_parts import Deadly, Fine, Impossible, Noted
+from tests.support.campaign_parts import Fine
 
 pytestmark = pytest.mark.slow
 
@@ -92,17 +88,6 @@ def test_unknown_names_are_refused_with_those_that_exist() -> None:
         asked("squar")
     with pytest.raises(ConfigurationError, match=r"--strips: unknown name 'felt'.*denim"):
         asked(strips=("felt",))
-
-
-def test_one_impossible_and_one_deadly_part_leave_the_others_measured(tmp_path: Path) -> None:
-    parts = [Fine("a"), Impossible("b"), Deadly("c"), Fine("d")]
-    found = dict(measure_parts(parts, tmp_path, Local(2), Noted()))
-    assert found.keys() == set("abcd")
-    assert found["b"] == MissingPart(part="b", reason="this strip cannot be folded")
-    assert found["c"] == MissingPart(
-        part="c", reason="its process died 2 times: it ended by itself, code 3"
-    )
-    assert all(isinstance(found[key], EffectFolds) for key in "ad")
 
 
 def test_benchmark_goes_on_where_it_stopped(

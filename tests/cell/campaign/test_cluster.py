@@ -16,7 +16,6 @@ from cell.campaign import cluster
 from cell.campaign.cluster import Cluster
 from cell.campaign.journal import Journal
 from cell.campaign.run import carry_out
-from drivers.errors import ConfigurationError
 from tests.support.campaign_parts import Fine, Noted
 
 pytestmark = pytest.mark.long
@@ -131,12 +130,3 @@ def test_a_scheduler_started_again_goes_on(grid: Grid, tmp_path: Path) -> None:
     assert {state for state, _ in found.values()} == {"measured"}
     measured = marks.read_text().split("\n")[:-1]
     assert len(measured) <= 30 + 2  # what two workers had
-
-
-def test_a_worker_of_other_versions_is_refused(
-    grid: Grid, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("cell.campaign.versions.version", lambda _: "0.0")
-    with pytest.raises(ConfigurationError, match=r"numpy \S+, here 0\.0"):
-        outcomes([Fine("a")], tmp_path, Cluster(grid.address))
-    assert Journal(tmp_path).records() == ()

@@ -10,11 +10,10 @@ import drivers.camera.device
 from cell.cli.app import app
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
-from cell.devices.open import check_calibrated, check_drivers, open_cell
-from drivers.camera.camera import UnusableDevice, V4l2Camera, list_cameras
+from cell.devices.open import check_calibrated, check_drivers
+from drivers.camera.camera import UnusableDevice, list_cameras
 from drivers.camera.settings import V4l2Settings
 from drivers.errors import ConfigurationError
-from drivers.twin.clock import RealTimeClock
 from tests.drivers.camera.fake_kernel import LINK, FakeKernel
 
 REAL = DeviceSelection(camera="v4l2")
@@ -71,15 +70,3 @@ def test_real_camera_without_a_calibration_is_refused_before_anything_opens() ->
     with pytest.raises(ConfigurationError, match=r"calibration: is missing"):
         check_calibrated(find_configs(None).cell(), REAL)
     check_calibrated(find_configs(None).cell(), DeviceSelection())
-
-
-def test_real_camera_opens_beside_the_arm_of_the_twin() -> None:
-    configs = find_configs(None)
-    settings = configs.cell().model_copy(update={"camera": V4l2Settings(device=LINK)})
-    devices = open_cell(settings, configs.strip("denim"), REAL, calibrating=False)
-    assert isinstance(devices.camera, V4l2Camera)
-    assert isinstance(devices.clock, RealTimeClock)
-    assert devices.camera_identity == settings.camera.identity
-    assert devices.camera.rate == 30.0
-    assert devices.camera_locks() == settings.camera.controls
-    assert devices.plant is None

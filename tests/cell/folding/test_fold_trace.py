@@ -110,12 +110,6 @@ def test_strip_that_lies_folded_is_not_called_unfolded() -> None:
     )
 
 
-def test_two_true_numbers_in_a_row_each_say_of_what() -> None:
-    hidden = replace(DONE, displacement_true=-0.033, edge_offset=None, edge_offset_true=-0.6)
-    said = hidden.sentence()
-    assert "-33.8 mm (true -33.0 mm); the edges are not seen (true -600.0 mm)" in said
-
-
 def test_printed_line_states_the_laid_edge_and_whether_the_strip_is_like_the_model() -> None:
     line = replace(DONE, like_model=False, edge_offset_true=-0.0312345678).line()
     assert (line["edge_offset"], line["edge_offset_true"]) == (-0.03, -0.031235)

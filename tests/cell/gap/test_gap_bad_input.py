@@ -76,13 +76,6 @@ def column(file: str, name: str, change: Callable[[Array], Array]) -> Spoil:
     return lambda run: edit_column(run / file, name, change)
 
 
-def without(file: str, name: str) -> Spoil:
-    def spoil(run: Path) -> None:
-        pq.write_table(pq.read_table(run / file).drop_columns([name]), run / file)
-
-    return spoil
-
-
 def head(**changes: object) -> Spoil:
     return lambda run: edit_yaml(run / "run.yaml", **changes)
 
@@ -93,15 +86,6 @@ def cut(file: str) -> Spoil:
         (run / file).write_bytes(content[: len(content) // 2])
 
     return spoil
-
-
-def gone(file: str) -> Spoil:
-    return lambda run: (run / file).unlink()
-
-
-def swapped(values: Array) -> Array:
-    values[[10, 11]] = values[[11, 10]]
-    return values
 
 
 def thousandfold(values: Array) -> Array:
@@ -130,26 +114,19 @@ def strip_sigma(**changes: float) -> Spoil:
 
 TICKS, CURVES, ANGLES = "ticks.parquet", "profile.parquet", "angles.parquet"
 SPOILT: dict[tuple[str, str], tuple[Spoil, tuple[str, ...]]] = {
-    ("strip", "missing column"): (without(TICKS, "z"), (TICKS, "z", "add it")),
-    ("strip", "NaN in the gripper"): (column(TICKS, "x", put(40, np.nan)), (TICKS, "x: row 40")),
-    ("strip", "times out of order"): (column(TICKS, "t", swapped), (TICKS, "t: row", "increase")),
-    ("strip", "gripper in mm"): (column(TICKS, "x", thousandfold), (TICKS, "x:", "in m")),
     ("strip", "rows in ms"): (column(TICKS, "t", thousandfold), (TICKS, "t:", "in s")),
-    ("strip", "pitch in degrees"): (column(TICKS, "pitch", np.degrees), (TICKS, "pitch:", "rad")),
     ("strip", "noise in mm"): (strip_sigma(contact_x=1.5), ("run.yaml", "sigma.contact_x", "in m")),
     ("strip", "negative sigma"): (
         strip_sigma(profile=-1e-3), ("run.yaml", "sigma.profile", "more than 0")),
     ("strip", "another strip"): (
         head(strip="cotton"), ("run.yaml", "'cotton'", "'denim'", "one strip")),
     ("strip", "truncated"): (cut(TICKS), (TICKS, "Parquet")),
-    ("strip", "no curves"): (gone(CURVES), (CURVES, "missing")),
     ("strip", "index twice"): (
         lambda run: (edit_yaml(run / "run.yaml", index=1), again(run))[1],
         ("run.yaml", "index: is 1", "its own")),
     ("strip", "displacement in mm"): (
         lambda run: edit_yaml(run / "result.yaml", displacement=-30.0),
         ("result.yaml", "displacement", "l1 - l2")),
-    ("strip", "newer schema"): (head(schema=2), ("run.yaml", "schema: is 2")),
     ("strip", "noise not stated"): (
         head(sigma={"contact_x": 1e-3, "profile": 1e-3, "displacement": 3e-3}),
         ("run.yaml: sigma.gripper: is missing",)),

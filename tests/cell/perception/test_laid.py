@@ -16,10 +16,8 @@ from cell.perception.measurement import StripMeasurement
 from cell.perception.witness import Witness
 from cell.record.run import read_run
 from tests.cell.folding.test_fold_trace import TOUCH
-from tests.support.made_results import DONE
 from tests.support.requests import request_for
 
-LENGTH, THICKNESS = 0.6, 0.001
 ANGLE = np.linspace(-np.pi / 2, np.pi / 2, 60)
 ARCH = np.column_stack([0.28 + 0.011 * np.cos(ANGLE), 0.01 + 0.01 * np.sin(ANGLE)])
 SEEN = StripMeasurement(1.0, 7, 0.28, 1.0, ARCH, 1.0, (0.291, 0.01), np.nan, np.nan)
@@ -69,13 +67,6 @@ def test_edge_far_from_where_it_was_laid_is_no_fold(apart: float) -> None:
 def test_the_worst_of_the_witnesses_names_the_end() -> None:
     off = Witness("displacement", 0.0059, {"prediction": 0.0001})
     assert ending(0.006, off)[0] == "displacement_apart"
-
-
-def test_json_says_what_the_camera_sees_of_the_edges_and_whether_the_model_holds() -> None:
-    line = DONE.line()
-    assert line["edge_offset"] == -0.03
-    assert line["edge_offset_true"] is None
-    assert line["like_model"] is None
 
 
 @pytest.mark.slow

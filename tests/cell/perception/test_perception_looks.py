@@ -1,6 +1,5 @@
 """What preflight admits in any look of the cell agrees with the truth; the rest is refused."""
 
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -109,14 +108,6 @@ def test_thing_of_the_strips_colour_behind_its_way_is_refused_with_its_place() -
     x, z = (float(word.split(" = ")[1].split()[0]) for word in reason.split(" at ")[1].split(", "))
     assert 230 < x < 400
     assert 10 < z < 200
-
-
-@pytest.mark.parametrize("level", [0, 90, 255])
-def test_blank_image_before_a_learnt_scene_is_no_exception_and_no_confidence(level: int) -> None:
-    perception, camera, fold = _reader("workshop", "tablecloth")
-    frame = camera.frame(fold, 200)
-    blank = replace(frame, image=np.full_like(frame.image, level))
-    assert perception.look(blank, fold.pose(200 / 60)).confidence < 0.3
 
 
 def test_pin_of_the_calibration_is_found_in_shadow_and_flicker() -> None:

@@ -16,8 +16,6 @@ from cell.parallel import workers
 from cell.train.evaluation import Engine, evaluate
 from cell.train.run import SUBSTEPS
 from drivers.errors import WorkersLost
-from policies.adaptive.bias import Bias
-from policies.adaptive.train.transfer import FitQuality
 from policies.registry import make_policy
 from policies.train.objective import TrainingSettings
 from tests.support.commands import refused, run
@@ -56,18 +54,6 @@ def test_run_killed_twice_ends_with_the_weights_of_one_left_alone(
     assert judged[0]["evaluations"] == judged[1]["evaluations"]
     assert [e["engine"] for e in line["evaluations"]] == ["rod", "chain"]
     assert make_policy("feedback", Path(line["checkpoint"])).name == "feedback"
-
-
-@pytest.mark.slow  # PyTorch
-def test_end_of_a_training_through_images_is_printed(monkeypatch, capsys, tmp_path) -> None:
-    quality = FitQuality(folds=96, bias=7e-4, within=0.68)
-    monkeypatch.setattr("cell.train.transfer.transfer", lambda *_: (Bias(), quality))
-    words = ("--policy", "adaptive", "--checkpoint", tmp_path / "bare.npz", "--out", tmp_path)
-    assert run(monkeypatch, "train", *words) == 0
-    assert capsys.readouterr().out == (
-        "96 folds through images; of folds left out the displacement is 0.70 mm rms off the "
-        f"prediction, 68 % within one sigma; {tmp_path / 'adaptive.npz'}\n"
-    )
 
 
 @pytest.mark.slow
