@@ -13,7 +13,6 @@ from cell.devices.devices import DeviceSelection
 from cell.folding.replay import replay
 from cell.folding.request import Recording
 from tests.end_to_end.folded import Folded, fold_and_keep
-from tests.lab.studies.kit.resimulate import resimulate
 from tests.support.requests import request_for
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -66,9 +65,7 @@ def test_rig_that_is_off_in_every_known_way_measures_like_one_that_is_not(
     assert result.displacement == pytest.approx(result.displacement_true, abs=1e-3)
     assert result.displacement_true == pytest.approx(denim.result.displacement_true, abs=1.5e-3)
     assert np.abs(contact_errors(folded)).mean() < np.abs(contact_errors(denim)).mean() + 3e-4
-    run = Path(folded.result.run)
-    assert replay(run).same
-    assert resimulate(run).difference == pytest.approx(0.0, abs=3e-3)
+    assert replay(Path(folded.result.run)).same
 
 
 @pytest.mark.slow

@@ -6,18 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from calibration.calibration import Calibration
-from cell.perception.layer_touch import LayerTouch
 from cell.perception.measurement import SeenTouch
-from cell.perception.perception import Perception
-from cell.perception.preflight import inspect
-from cell.perception.settings import PerceptionSettings
-from drivers.strip.file import StripFile
 from drivers.types import Array
+from tests.lab.studies.kit.sights import sights
 from tests.lab.studies.kit.twin_fold import FoldCamera, TwinFold
 
 STRIPS = Path(__file__).parents[2] / "configs" / "strips"
 SPEED = 0.1  # m/s
-TAKE_OVER = 0.10  # m of height from which a policy decides
 
 
 @dataclass(frozen=True)
@@ -57,38 +52,19 @@ def distances(points: Array, curve: Array) -> Array:
     return np.asarray(np.hypot(gap[..., 0], gap[..., 1]).min(axis=1))
 
 
-def perception_of(camera: FoldCamera, strip: StripFile, calibration: Calibration) -> Perception:
-    """Perception of `strip`, which the preflight has accepted as it lies flat before `camera`."""
-    settings = PerceptionSettings()
-    preflight = inspect(camera.flat(strip), calibration, settings, strip)
-    assert preflight.passed, [check for check in preflight.checks if not check.passed]
-    assert preflight.appearance is not None
-    return Perception(calibration, settings, strip, preflight.appearance)
-
-
 def agreement(
     fold: TwinFold, camera: FoldCamera, calibration: Calibration, *, every: int = 1
 ) -> Agreement:
     """Perception run over a fold's frames; every `every`-th one up to 0.5 s before the touch."""
     assert fold.touch is not None
-    perception = perception_of(camera, fold.strip, calibration)
-    detector = LayerTouch(PerceptionSettings(), fold.strip)
-    rate = camera.settings.rate
     rows, touch, told = [], None, float("nan")
-    first = float(fold.t[np.argmax(fold.poses[:, 1] >= TAKE_OVER)])
-    for sequence in range(int(first * rate) + 1, int(fold.t[-1] * rate)):
-        stamp = sequence / rate
-        if stamp < fold.touch.time - 0.5 and sequence % every:
-            continue
-        frame, pose = camera.frame(fold, sequence), fold.pose(stamp)
-        sight = perception.look(frame, pose)
-        touch = detector.update(sight, pose)
-        if touch is not None:
-            told = stamp - fold.touch.time
+    for sight in sights(fold, every, camera, calibration):
+        stamp, points = sight.stamp, sight.seen.profile
+        if sight.touch is not None:
+            touch, told = sight.touch, stamp - fold.touch.time
             break
-        off = distances(sight.profile, fold.shape(stamp)) if len(sight.profile) else [np.nan]
-        rms = float(np.sqrt(np.mean(np.square(off))))
-        rows.append((stamp, sight.contact_x - fold.contact_x(stamp), rms))
+        off = distances(points, fold.shape(stamp)) if len(points) else np.array([np.nan])
+        rows.append((stamp, sight.contact, float(np.sqrt(np.mean(off**2)))))
     t, contact, profile = np.array(rows).T
     return Agreement(t, contact, profile, touch, told, fold)
 

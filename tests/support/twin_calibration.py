@@ -43,7 +43,7 @@ def true_lens(camera: CameraSettings = CameraSettings()) -> Lens:  # noqa: B008 
     return Lens(1280, 720, frozen([*matrix, [0, 0, 1]]), frozen([*optics.distortion, 0, 0, 0]))
 
 
-def show_boards(camera: CameraSettings, settings: BoardSettings) -> LensVerdict:
+def show_boards(camera: CameraSettings, settings: BoardSettings, seed: int = 1) -> LensVerdict:
     """Every view that is asked for, shown to the twin's camera."""
     views = BoardViews(settings)
     sequence = 0
@@ -52,7 +52,7 @@ def show_boards(camera: CameraSettings, settings: BoardSettings) -> LensVerdict:
             wanted.x, wanted.y, wanted.size, wanted.tilt, wanted.turn, wanted.roll
         )
         pose = board_pose(camera, settings.board(), placement)
-        views.tell(board_frame(camera, settings.board(), pose, seed=1, sequence=sequence))
+        views.tell(board_frame(camera, settings.board(), pose, seed, sequence=sequence))
         sequence += 1
     return views.verdict(settings.width)
 

@@ -12,8 +12,9 @@ from cell.perception.perception import Perception
 from drivers.strip.describe import load_strip
 from drivers.twin.settings import CameraSettings
 from policies.path import Path, circular, triangular
+from tests.lab.studies.kit.sights import perception_of
 from tests.lab.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
-from tests.support.seen_folds import SPEED, STRIPS, Agreement, agreement, perception_of, rms
+from tests.support.seen_folds import SPEED, STRIPS, Agreement, agreement, rms
 from tests.support.twin_calibration import twin_calibration
 
 CAMERA = CameraSettings()

@@ -17,8 +17,9 @@ from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
 from drivers.types import Pose
 from policies.path import triangular
+from tests.lab.studies.kit.sights import perception_of
 from tests.lab.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
-from tests.support.seen_folds import STRIPS, distances, perception_of
+from tests.support.seen_folds import STRIPS, distances
 from tests.support.twin_calibration import NO_STRIP, pointer_frame, twin_calibration
 
 CAMERA = CameraSettings()

@@ -17,7 +17,10 @@ from tests.lab.studies.catalogue import study_of
 from tests.lab.studies.study import Case, Outcome, Study
 
 JOURNAL = "journal"
-WORKING_PARTS = ("tests/lab/exam", "tests/lab/faults", "tests/lab/studies/kit")
+WORKING_PARTS = (
+    *("tests/lab/exam", "tests/lab/faults", "tests/lab/studies/kit"),
+    "tests/support/twin_calibration.py",
+)
 
 
 @dataclass(frozen=True, slots=True)

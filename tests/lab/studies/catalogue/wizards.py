@@ -11,24 +11,20 @@ import numpy as np
 
 from calibration.board import BoardSettings
 from calibration.lens import Lens
-from calibration.wizard.board_views import BoardViews
 from calibration.wizard.touch_verdict import TouchVerdict
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
-from drivers.twin.board import Placement, board_frame, board_pose
-from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
-from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Array, Frame, Pose
+from drivers.types import Array
 from tests.lab.studies.study import Quantity, Statistic, Study, Values
+from tests.support.twin_calibration import NO_STRIP, pointer_frame, show_boards
 
 OUTLIER_SHARE, ARM_NOISE = 0.10, 1e-4  # share of touches; m
-BOARD, TOUCHES = BoardSettings(), TouchSettings()
+TOUCHES = TouchSettings()
 SLIP_RANGE, LOWEST_TOUCH = (0.004, 0.04), 0.01  # m, of a wild touch; m over the desk
 EDGE_MARGIN = 40  # px from the image's edge to the work area's corners
-BARE = StripLook((40, 60, 110), 0.001, 0.05)
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
@@ -59,11 +55,12 @@ def measure(case: Values) -> Values:
     """Median and worst error of the map [m], and the number of wild touches that were named."""
     camera = CameraSettings.model_validate(case["camera"])
     rng = np.random.default_rng([case["noise"], 1])
-    lens, refused = _wizard_lens(camera, case["noise"])
-    if lens is None:
-        return {"median": None, "worst": None, "refused": True, "reasons": list(refused)}
+    boards = show_boards(camera, BoardSettings(), case["noise"])
+    if boards.fit is None:
+        return {"median": None, "worst": None, "refused": True, "reasons": list(boards.reasons)}
+    lens = boards.fit.lens
     verdict, wild = _touch_points(camera, lens, rng)
-    reasons = [*refused, *verdict.reasons]
+    reasons = [*boards.reasons, *verdict.reasons]
     if verdict.homography is None:
         return {"median": None, "worst": None, "refused": True, "reasons": reasons}
     grid = _work_area_grid(25)
@@ -75,7 +72,7 @@ def measure(case: Values) -> Values:
         "stated": 1e-3 * verdict.residual_mm,
         "wild": wild,
         "named": len(verdict.wild) + len(verdict.rejected),
-        "refused": bool(refused),
+        "refused": bool(boards.reasons),
         "reasons": reasons,
     }
 
@@ -87,25 +84,11 @@ def _work_area_grid(count: int) -> Array:
     return np.stack(np.meshgrid(x, z), axis=-1).reshape(-1, 2)
 
 
-def _wizard_lens(camera: CameraSettings, seed: int) -> tuple[Lens | None, tuple[str, ...]]:
-    """Lens by the wizard, through rendered boards; the reasons where it is refused."""
-    views, board, sequence = BoardViews(BOARD), BOARD.board(), 0
-    while (wanted := views.ask()) is not None:
-        placement = Placement(
-            wanted.x, wanted.y, wanted.size, wanted.tilt, wanted.turn, wanted.roll
-        )
-        pose = board_pose(camera, board, placement)
-        views.tell(board_frame(camera, board, pose, seed, sequence=sequence))
-        sequence += 1
-    verdict = views.verdict(BOARD.width)
-    return (verdict.fit.lens if verdict.fit is not None else None), verdict.reasons
-
-
 def _touch_points(
     camera: CameraSettings, lens: Lens, rng: np.random.Generator
 ) -> tuple[TouchVerdict, int]:
     """Image-to-plane map by the wizard, from rendered touches, and the number of wild touches."""
-    renderer, sequence = Renderer(camera, BARE, int(rng.integers(1 << 30))), 0
+    renderer, sequence = Renderer(camera, NO_STRIP, int(rng.integers(1 << 30))), 0
     points, slip = TouchedPoints(lens, TOUCHES), np.zeros(2)
     count = round(OUTLIER_SHARE * len(points.plan))
     wild = set(rng.choice(len(points.plan), count, replace=False).tolist())
@@ -119,19 +102,11 @@ def _touch_points(
         seen = replace(pose, x=pose.x + slip[0], z=max(pose.z + slip[1], LOWEST_TOUCH))
         noise = ARM_NOISE * rng.normal(size=2)
         points.tell(
-            _pointer_image(renderer, seen, sequence),
+            pointer_frame(renderer, seen, sequence),
             replace(pose, x=pose.x + noise[0], z=pose.z + noise[1]),
         )
         sequence += 1
     return points.verdict(), len(wild)
-
-
-def _pointer_image(renderer: Renderer, pose: Pose, sequence: int) -> Frame:
-    """Image of the pin at `pose`, without a strip in the cell."""
-    points = np.column_stack([np.linspace(0, 0.6, 7), np.zeros(7)])
-    scene = Scene(0.0, points, points[:, 0], pose, 0.0, holds_strip=False, pointer=True,
-                  strip=False)  # fmt: skip
-    return Frame(0.0, 0.02, "test", sequence, renderer.render([scene], sequence))
 
 
 STUDY = Study(

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
+from calibration.calibration import Calibration
 from cell.config.places import find_configs
 from cell.perception.layer_touch import LayerTouch
 from cell.perception.measurement import SeenTouch, StripMeasurement
@@ -13,7 +13,7 @@ from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
 from drivers.errors import PreflightRefused
-from drivers.twin.settings import CameraSettings
+from drivers.strip.file import StripFile
 from drivers.types import Array, Pose
 from policies.path import Path
 from tests.lab.studies.kit.folds import cached_calibration
@@ -48,18 +48,30 @@ def fold_of(strip: str, path: Path, speed: float, links: int = 60) -> TwinFold:
     return simulate_fold(find_configs(None).strip(strip), path, speed, links=links)
 
 
-def sights(fold: TwinFold, every: int = 1) -> Iterator[Sight]:
-    """Measure every `every`-th image from the take-over on, and all images near the touch.
-
-    Ends once the touch is seen. Raises PreflightRefused where the flat strip is not recognised.
-    """
-    strip, settings, camera = fold.strip, PerceptionSettings(), _camera()
-    twin, calibration = FoldCamera(strip, camera), cached_calibration()
-    found = inspect(twin.flat(strip), calibration, settings, strip)
+def perception_of(camera: FoldCamera, strip: StripFile, calibration: Calibration) -> Perception:
+    """Perception of `strip` as it lies flat before `camera`; raises PreflightRefused where not."""
+    settings = PerceptionSettings()
+    found = inspect(camera.flat(strip), calibration, settings, strip)
     if found.appearance is None:
         raise PreflightRefused(f"{strip.name}: the flat strip is not recognised")
-    perception = Perception(calibration, settings, strip, found.appearance)
-    detector = LayerTouch(settings, strip)
+    return Perception(calibration, settings, strip, found.appearance)
+
+
+def sights(
+    fold: TwinFold,
+    every: int = 1,
+    twin: FoldCamera | None = None,
+    calibration: Calibration | None = None,
+) -> Iterator[Sight]:
+    """Measure every `every`-th image from the take-over on, and all images near the touch.
+
+    By the camera `twin`, or that of the configured cell. Ends once the touch is seen. Raises
+    PreflightRefused where the flat strip is not recognised.
+    """
+    twin = twin or FoldCamera(fold.strip, find_configs(None).cell().twin.camera)
+    camera = twin.settings
+    perception = perception_of(twin, fold.strip, calibration or cached_calibration())
+    detector = LayerTouch(PerceptionSettings(), fold.strip)
     near_touch = np.inf if fold.touch is None else fold.touch.time - BEFORE_TOUCH
     taken_over = float(fold.t[np.argmax(fold.poses[:, 1] >= TAKE_OVER)])
     for sequence in range(int(taken_over * camera.rate) + 1, int(fold.t[-1] * camera.rate)):
@@ -72,11 +84,6 @@ def sights(fold: TwinFold, every: int = 1) -> Iterator[Sight]:
         yield Sight(stamp, pose, seen, touch, fold)
         if touch is not None:
             return
-
-
-@cache
-def _camera() -> CameraSettings:
-    return find_configs(None).cell().twin.camera
 
 
 def signed_distances(points: Array, curve: Array) -> tuple[Array, Array]:
