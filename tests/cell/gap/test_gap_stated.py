@@ -116,6 +116,8 @@ def test_runs_of_another_strip_are_a_finding_and_its_patch_is_accepted(tmp_path:
     verdict = fit([tmp_path / "runs"], file, tmp_path / "out", jobs=2)
     assert [d.parameter for d in verdict.deviates] == ["bending_length"]
     assert verdict.verdict == "no_gap"
+    keys = {"profile_mm", "contact_x_mm", "displacement_mm", "touch_ms", "excess"}
+    assert keys <= set(verdict.gap.before)
     assert not (tmp_path / "out" / PATCH).exists()
     assert "Not as the file states" in (tmp_path / "out" / "report.html").read_text()
     accept(tmp_path / "out", file)

@@ -5,7 +5,7 @@ import pytest
 
 from drivers.arm.orders import Kind
 from drivers.arm.plane import StripPlane
-from drivers.arm.reach import PredictedMotion, ReachGuard, dense, plan_reach
+from drivers.arm.reach import PredictedMotion, ReachGuard, plan_reach
 from drivers.franka import limits
 from drivers.types import Pose, Velocity
 from tests.drivers.arm.rig import INSTALLATION, JOINTS, PLANE, START, LossyRobot, begun_losing
@@ -55,14 +55,6 @@ def test_guard_objects_to_joints_that_turn_too_fast_here(monkeypatch) -> None:
     monkeypatch.setattr(limits, "velocity_bounds", lambda _: (-few, few))
     guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
     assert "could not follow" in guard.objection(slow)
-
-
-def test_path_is_solved_every_centimetre_and_every_twentieth_of_a_radian() -> None:
-    path = np.array([(0.1, 0.0, 3.0), (0.2, 0.0, 3.0), (0.2, 0.0, 2.5)])
-    poses, times = dense(path, np.array([1.0, 0.1, 0.1]))
-    assert poses[:, 0] == pytest.approx([*np.linspace(0.1, 0.2, 11), *[0.2] * 10])
-    assert poses[11:, 2] == pytest.approx(np.linspace(2.95, 2.5, 10))
-    assert times[1:] == pytest.approx(0.1)
 
 
 def test_path_through_a_singular_posture_is_refused_before_the_motion() -> None:

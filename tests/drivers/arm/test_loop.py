@@ -62,24 +62,11 @@ def test_motion_ends_only_once_the_arm_rests() -> None:
     assert not robot.robot.errors
 
 
-def test_turned_hand_is_half_a_turn_about_its_own_axis() -> None:
-    straight, turned = (StripPlane(PLANE, turned=t).matrix(*START) for t in (False, True))
-    assert np.linalg.solve(straight, turned) == pytest.approx(np.diag([-1, -1, 1, 1]), abs=1e-12)
-    assert StripPlane(PLANE, turned=True).to_cell(columns(turned)) == pytest.approx(START)
-
-
 def test_hand_that_is_turned_is_taken_over_turned() -> None:
     turned = columns(StripPlane(PLANE, turned=True).matrix(*START))
     setup = begun(FakeRobot(turned))
     setup.loop.step()
     assert setup.robot.written[0] == pytest.approx(turned, abs=1e-12)
-
-
-def test_plane_and_mounting_agree_on_where_the_hand_is() -> None:
-    for pose in ((0.6, 0.0, 0.0), (0.3, 0.2, 1.4), (0.0, 0.001, np.pi)):
-        placed = PLANE.to_robot(*pose)
-        assert StripPlane(PLANE).matrix(*pose) == pytest.approx(placed, abs=1e-12)
-        assert StripPlane(PLANE).to_cell(columns(placed)) == pytest.approx(pose, abs=1e-12)
 
 
 def test_loop_follows_orders_and_reports_what_it_measured(setup) -> None:

@@ -2,16 +2,14 @@
 
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from drivers.arm.failure import ArmFault
 from drivers.arm.force import ForceGuard
 from drivers.arm.joint_motion import CartesianMotion, follow_joints
 from drivers.arm.orders import Kind
-from drivers.arm.plane import FADE_TICKS, FadingOffset, StripPlane
+from drivers.arm.plane import StripPlane
 from drivers.franka.kinematics import HOME
-from drivers.franka.tracking import rotation
 from drivers.motion import TICK
 from drivers.types import Pose
 from tests.drivers.arm.rig import JOINTS, PLANE, START, LossyRobot, begun, begun_losing, columns
@@ -133,51 +131,6 @@ def test_velocity_is_measured_by_the_robot_s_time_not_by_counting_states() -> No
         robot.pose = columns(plane.matrix(START[0] - 0.1 * TICK * robot.clock, *START[1:]))
         setup.loop._publish(robot.read(None))
     assert setup.reports.read().vx == pytest.approx(-0.1, rel=0.2)
-
-
-@pytest.mark.parametrize(("turned", "lean"), [(False, 2e-5), (True, 2e-5), (False, 2e-4)])
-def test_course_of_a_hand_gives_back_its_command_and_the_rates_of_it(
-    turned: bool, lean: float
-) -> None:
-    plane, step = StripPlane(PLANE, turned=turned), 1e-6
-    beside = plane.matrix(0.5, 0.2, 0.7) @ offset([0.003, -0.002, 0.001], [0.01, 0.02, 0.0])
-    plane.take_over(columns(beside))
-    here, rates = np.array([0.45, 0.25, 0.9]), np.array([0.1, -0.2, 0.9])
-    aside, drift = np.array([1e-4, lean, -1.5 * lean]), np.array([1e-3, 2e-3, -1e-3])
-
-    def at(time: float) -> np.ndarray:
-        place, off = here + time * rates, aside + time * drift
-        return np.reshape(plane.command(*place, tuple(off)), (4, 4)).T
-
-    change = (at(step) - at(-step)) / (2 * step)
-    spin = change[:3, :3] @ at(0.0)[:3, :3].T
-    twist = [*change[:3, 3], spin[2, 1], spin[0, 2], spin[1, 0]]
-    course = plane.course(columns(at(0.0)), twist, [0.0] * 6)
-    assert course.pose == pytest.approx(here, abs=1e-7)
-    assert course.velocity == pytest.approx(rates, abs=1e-6)
-    assert course.aside == pytest.approx(aside, abs=1e-7)
-    assert course.aside_velocity == pytest.approx(drift, abs=1e-4)
-
-
-def test_offset_continues_what_it_found_and_comes_to_rest_in_the_plane() -> None:
-    offset = FadingOffset()
-    assert offset.tick() == (0.0, 0.0, 0.0)
-    offset.begin([1e-5, 0.0, 0.0], [2e-4, 0.0, 0.0], [0.03, 0.0, 0.0])
-    way = [1e-5, *(offset.tick()[0] for _ in range(FADE_TICKS + 3))]
-    velocity = np.diff(way) / TICK
-    acceleration = np.diff(velocity) / TICK
-    assert velocity[0] == pytest.approx(2e-4, rel=0.1)
-    assert acceleration[0] == pytest.approx(0.03, rel=0.2)
-    assert np.abs(np.diff(acceleration)).max() / TICK < 5.0
-    assert way[-3:] == [0.0, 0.0, 0.0]
-    assert abs(velocity[-4]) < 1e-6
-
-
-def offset(place: list[float], turn: list[float]) -> np.ndarray:
-    """A small transform."""
-    moved = np.eye(4)
-    moved[:3, :3], moved[:3, 3] = rotation(np.array(turn)), place
-    return moved
 
 
 @pytest.mark.parametrize(("worst", "share"), [(1, 0.0), *LOSSES[:3]])

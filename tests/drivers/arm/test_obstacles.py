@@ -11,7 +11,6 @@ from drivers.arm.failure import ArmFault
 from drivers.arm.obstacles import (
     ARM_CLEARANCE,
     UPRIGHT,
-    _joints_above,
     _keeps_clear,
     clear_way,
     desk_clearance,
@@ -28,7 +27,6 @@ from tests.drivers.arm.rig import INSTALLATION
 
 SOLIDS = solids_of(INSTALLATION)
 ABOVE_EDGE = Pose(0.6, 0.15, 0.0)
-UP = np.array([0.0, 0.0, 1.0])
 HOME = np.array(home_joints(find_configs(None).cell(), find_configs(None).strip("denim")))
 
 
@@ -37,15 +35,6 @@ def nearest(points: list[np.ndarray], solids: Solids = SOLIDS) -> float:
     ways = [np.linspace(a, b, 200) for a, b in pairwise(points)]
     whole = np.concatenate(ways)
     return float(min(apart(whole).min(), solids.clearance(whole).min()))
-
-
-def test_desk_and_clamp_meet_where_the_strip_is_fixed_above_the_floor() -> None:
-    desk, clamp, floor = ((np.array(box.low), np.array(box.high)) for box in SOLIDS.boxes)
-    assert all((low < high).all() for low, high in (desk, clamp, floor))
-    assert clamp[1][0] == 0.0
-    assert clamp[0][2] == desk[1][2] == 0.0
-    assert clamp[0][0] == desk[0][0] < 0.0
-    assert floor[1][2] < 0.0
 
 
 def test_straight_way_is_taken_where_it_is_free() -> None:
@@ -87,12 +76,6 @@ def test_arm_that_begins_too_near_may_leave_but_not_dive() -> None:
     assert not _keeps_clear(np.array([0.05, 0.02, 0.05]))
     assert not _keeps_clear(np.array([0.05, 0.01, 0.02]))
     assert not _keeps_clear(np.array([0.01, 0.02]))
-
-
-def test_points_above_are_straight_above() -> None:
-    places = np.array([forward(q)[:3, 3] for q in (HOME, *_joints_above(HOME, UP, 0.1))])
-    assert places[-1] - places[0] == pytest.approx([0, 0, 0.1], abs=1e-3)
-    assert len(places) == 3
 
 
 def test_hand_that_points_down_stands_clear_of_the_desk() -> None:

@@ -12,7 +12,6 @@ from drivers.arm.joint_log import EDGES_MS, Timing
 from drivers.arm.orders import Latest
 from drivers.arm.process import PRIORITY, schedule
 from drivers.child import Child
-from drivers.errors import Fault
 
 PROMPT = """
 import os
@@ -71,31 +70,6 @@ def test_no_value_is_ever_torn() -> None:
     finally:
         process.kill()
     assert values.read().a >= last  # a writer that was killed holds nobody up
-
-
-def test_newest_value_is_read() -> None:
-    values = Latest(Eight)
-    assert values.read() == Eight(*[0] * 8)
-    for number in (1, 2, 3):
-        values.write(Eight(*[number] * 8))
-    assert values.read().h == 3
-    assert values.count == 3
-
-
-def test_reader_gives_up_on_a_writer_that_is_always_faster() -> None:
-    values = Latest(Eight)
-
-    class Rising:
-        def __init__(self) -> None:
-            self.value = 0
-
-        def __getitem__(self, _: int) -> int:
-            self.value += 1
-            return self.value
-
-    values._count = Rising()
-    with pytest.raises(Fault, match="faster"):
-        values.read()
 
 
 def test_intervals_are_counted_in_their_bins_and_the_longest_is_kept() -> None:

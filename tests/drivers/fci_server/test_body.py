@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 
-from drivers.fci_server.dynamics import LaggingArm
 from drivers.fci_server.limits import BodyCheck, Violation
-from drivers.fci_server.posture import Posture
 from drivers.fci_server.robot import resting_robot
 from drivers.fci_server.state import Publisher
 from drivers.fci_server.wire import Reflex
 from drivers.franka.body import Box, Solids, apart
-from drivers.franka.kinematics import FLANGE_TO_TIP, HOME
+from drivers.franka.kinematics import HOME
 from drivers.franka.model import holding_torques
 from drivers.types import frozen
 
@@ -55,31 +53,3 @@ def test_floor_stops_the_arm_once_and_lets_it_leave() -> None:
     check.check(lowered(0.1 * low - 0.001))
     with pytest.raises(Violation):
         check.check(lowered(0.1 * low + 0.05))
-
-
-def test_nothing_is_passed_through_between_two_looks() -> None:
-    check, thin = BodyCheck(FLOOR), np.linspace(0, 1.5, 1501)
-    for depth in thin:
-        q = lowered(float(depth))
-        try:
-            check.check(q)
-        except Violation:
-            assert -0.003 < float(FLOOR.clearance(q).min()) < 0.0
-            return
-    pytest.fail("the floor stopped nothing")
-
-
-def test_arm_trails_its_setpoint_by_delay_and_lag() -> None:
-    posture = Posture.resting(np.array(HOME), FLANGE_TO_TIP)
-    trailing = LaggingArm.of(posture, FLANGE_TO_TIP, 0.005, 0.01)
-    assert trailing is not None
-    goal = HOME + 0.01
-    found = []
-    for _ in range(100):
-        trailing.tick(goal)
-        found.append(float(trailing.posture.q[0]))
-    assert found[:4] == [HOME[0]] * 4
-    assert found[5 + 10 - 1] == pytest.approx(0.01 * (1 - np.exp(-1)), rel=0.1)
-    assert found[-1] == pytest.approx(0.01, abs=1e-5)
-    assert trailing.posture.joints.velocity[0] == pytest.approx(0.0, abs=1e-3)
-    assert LaggingArm.of(posture, FLANGE_TO_TIP, 0.0, 0.0) is None

@@ -19,11 +19,6 @@ def at(q=Q, velocity=None, acceleration=None):
     return Posture.of(q, FLANGE_TO_TIP, course)
 
 
-def test_at_rest_the_published_arm_feels_gravity_as_computed_otherwise():
-    expected = holding_torques(Q, HAND_MASS, np.array(HAND_CENTRE))
-    assert Dynamics(ArmPlant()).torque(at()) == pytest.approx(expected, abs=1e-6)
-
-
 def test_a_payload_weighs_and_resists_like_a_heavier_hand():
     payload, place = 0.4, np.array([0.01, 0.02, 0.1])
     both = (HAND_MASS * np.array(HAND_CENTRE) + payload * place) / (HAND_MASS + payload)

@@ -66,11 +66,6 @@ def grasp(width: float = 0.01, speed: float = 0.1) -> bytes:
     return struct.pack("<5d", width, 0.005, 0.005, speed, 20.0)
 
 
-def test_hand_of_another_version_is_turned_away(server) -> None:
-    with RawHand(server.address, version=2) as hand:
-        assert hand.connected == (1, 3)
-
-
 def test_grasp_of_another_width_is_unsuccessful(hand) -> None:
     hand.send(GRASP, grasp(width=0.04))
     assert hand.reply() == (GRASP, 1, UNSUCCESSFUL)

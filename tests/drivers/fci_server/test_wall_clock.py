@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import pytest
 
 from drivers.fci_server import server as pace
-from drivers.fci_server.server import RobotServer, ServerSettings
 
 
 @pytest.fixture
@@ -31,13 +30,3 @@ def test_small_lateness_is_made_up_for(clock) -> None:
         clock.now = due + late
         periods.begin_next()
     assert clock.now - begun == pytest.approx(0.3, abs=0.002)
-
-
-def test_commands_for_earlier_ticks_do_not_hide_the_one_for_this_tick() -> None:
-    with RobotServer(ServerSettings(lock_step=False)) as server:
-        pass  # closed: nobody else reads its commands
-    late = [SimpleNamespace(message_id=tick) for tick in range(7)]
-    server._arm = SimpleNamespace(command=lambda: late.pop(0) if late else None)
-    server.robot = SimpleNamespace(time=5, moving=True)
-    assert server._next_command().message_id == 5
-    assert server._next_command() is None

@@ -1,23 +1,17 @@
 """The rendered cell: same seed, same bytes; noise, light, contrast and looks as they are set."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from drivers.strip.describe import load_strip
-from drivers.strip.file import StripFile
 from drivers.twin.renderer.looks import (
     StripLook,
 )
-from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
-from tests.support.rendered_cell import empty, midline, scene
+from tests.support.rendered_cell import empty, scene
 
 SETTINGS = CameraSettings()
 DENIM = StripLook((40, 60, 110), 0.001, 0.05)
-STRIPS = sorted((Path(__file__).parents[3] / "configs" / "strips").glob("*.yaml"))
 QUIET = CameraSettings(noise=0.0)
 
 
@@ -55,29 +49,3 @@ def test_what_does_not_move_looks_alike_in_every_frame() -> None:
         assert same[660:].all()
         assert same.mean() > 0.75
     assert np.abs(one - other).max() > 50
-
-
-def looks() -> list[StripFile]:
-    plain = load_strip(STRIPS[0])
-    extremes = {"white": (240, 238, 232), "black": (22, 22, 24), "grey": (128, 128, 128)}
-    return [load_strip(path) for path in STRIPS] + [
-        plain.model_copy(update={"name": name, "colour": colour, "thickness": 0.001})
-        for name, colour in extremes.items()
-    ]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("strip", looks(), ids=lambda strip: strip.name)
-def test_every_strip_stands_out_from_desk_and_backdrop(strip: StripFile) -> None:
-    renderer = Renderer(SETTINGS, StripLook.of(strip), seed=0)
-    image = renderer.render([scene("lifted")], 0).astype(float)
-    points, _ = midline("lifted")
-    optics = Optics.of(SETTINGS)
-    lying = optics.plane(points[60:300], 0.02)
-    hanging = optics.plane(points[380:560], 0.004)
-    for place, aside in ((lying, (0.0, -14.0)), (hanging, (-25.0, 0.0))):
-        there, beside = (
-            image[tuple((place + shift).round().astype(int).T[::-1])].mean(axis=0)
-            for shift in ((0.0, 0.0), aside)
-        )
-        assert np.linalg.norm(there - beside) > 40

@@ -84,18 +84,6 @@ def test_arm_that_is_let_go_in_motion_brakes_in_the_world() -> None:
     assert rest.x > L - 0.08
 
 
-def test_same_seed_gives_the_same_bytes_and_another_seed_others() -> None:
-    def run(seed: int) -> tuple[bytes, bytes]:
-        twin = twin_with(seed)
-        grasp(twin)
-        drive(twin, Velocity(-0.07, 0.07, 1.5), 0.5)
-        return twin.truth().shapes.tobytes(), twin.arm.state().pose.as_array().tobytes()
-
-    first, again, other = run(3), run(3), run(4)
-    assert first == again
-    assert first[1] != other[1]
-
-
 def test_how_often_the_arm_is_read_does_not_change_the_world() -> None:
     def run(reads: int) -> tuple[Pose, bytes]:
         twin = twin_with()
@@ -132,16 +120,3 @@ def test_hand_takes_half_a_second_to_close() -> None:
     assert twin.hand.state().moving
     wait(twin, 0.02)
     assert not twin.hand.state().moving
-
-
-def test_untold_latency_of_the_camera_shows_the_world_that_much_earlier(monkeypatch) -> None:
-    settings = TwinSettings(camera=CameraSettings(width=320, height=240))
-    twin = open_twin(settings, DENIM, {"camera_latency": {"time": 0.04}}, 0)
-    twin.camera.connect()
-    wait(twin, 0.3)
-    asked = []
-    scene = twin.world.scene
-    monkeypatch.setattr(twin.world, "scene", lambda t: asked.append(t) or scene(t))
-    frame = twin.camera.read(0.0, 0.0)
-    assert frame is not None
-    assert np.mean(asked) == pytest.approx(frame.stamp - 0.04, abs=1e-6)

@@ -99,19 +99,6 @@ def test_scene_outside_the_memory_is_a_fault() -> None:
         assert caught.value.name == "world_unknown"
 
 
-@pytest.mark.parametrize(
-    ("hand", "within"),
-    [
-        (Pose(0.603, 0.002, 0.1), True),
-        (Pose(0.606, 0.0, 0.0), False),
-        (Pose(0.6, 0.006, 0.0), False),
-        (Pose(0.6, 0.0, 0.5), False),
-    ],
-)
-def test_edge_is_in_reach_within_a_few_millimetres_and_degrees(hand: Pose, within: bool) -> None:
-    assert world_with(Ruler(), start=hand).edge_within(0.005, 0.3) is within
-
-
 def test_released_strip_stays_while_the_hand_goes() -> None:
     plant = Ruler()
     world = world_with(plant)
@@ -154,11 +141,3 @@ def test_truth_is_in_run_time_and_scores_the_edges() -> None:
     assert truth.tip.shape == (20, 2)
     with pytest.raises(ValueError, match="read-only"):
         truth.contact_x[0] = 1.0
-
-
-def test_strip_that_diverges_is_a_named_fault() -> None:
-    world = world_with(Ruler(break_after=3))
-    world.attach()
-    with pytest.raises(Fault, match="finite") as caught:
-        carry(world, line(EDGE, Pose(0.5, 0.1, 0.0), 50), 0.0)
-    assert caught.value.name == "simulation_not_finite"

@@ -4,17 +4,14 @@ import numpy as np
 import pytest
 
 from drivers.strip.describe import describe
-from drivers.strip.effects import registry
 from drivers.strip.engine import StripMotion, simulate
 from drivers.strip.file import paper_damping_minimum, paper_strip
 from drivers.strip.model import StripModel
 from drivers.twin.chain.engine import Chain
-from drivers.twin.chain.lumps import Lumps
-from drivers.twin.chain.spec import build
 from drivers.types import Array
 from policies.path import triangular
 from tests.support.chain_moves import H, displacement
-from tests.support.effect_cases import PATHS, affected, bare, denim, way
+from tests.support.effect_cases import PATHS, affected, denim, way
 
 LINKS = 40
 
@@ -22,18 +19,6 @@ LINKS = 40
 def folded(model: StripModel, path: str = "triangular", links: int = LINKS) -> StripMotion:
     steady = way(PATHS[path])
     return simulate(Chain(links), model, steady.t, steady.poses)
-
-
-@pytest.mark.parametrize("effect", registry().values(), ids=list(registry()))
-def test_effect_at_null_builds_the_very_same_chain(effect) -> None:
-    nulls = {p.name: p.null for p in effect.parameters if p.null is not None}
-    if not nulls:
-        pytest.skip("switched off by absence")
-    rest = {"position": 0.3, "width": 0.03, "time": 0.5, "stiffness_ratio": 8.0}
-    values = {p.name: rest.get(p.name, 0.0) for p in effect.parameters} | nulls
-    same = affected(effect.name, **values)
-    assert build(same, LINKS).to_xml() == build(bare(), LINKS).to_xml()
-    assert not Lumps.of(same, LINKS).drag.any()
 
 
 @pytest.mark.parametrize(
