@@ -44,7 +44,8 @@ class Effect:
     them, on a joint that smooths signs over `p[3]`; `edit` changes fields of the model, and stands
     for the law in a simulation where it is `native`; `path` is a torque (m, joints) that depends on
     the motion so far; `read` changes what lies between world and record. An MJCF can say what
-    `edit` does. `holds` is the largest torque by which a law holds a joint that stands, of the
+    `edit` does. It is screened at `probes`, in typical sizes, for each of a `grid` of values of its
+    last parameter. `holds` is the largest torque by which a law holds a joint that stands, of the
     law's arguments. `error_of` is a field of the base that the effect is an error of: where the
     file says how well that field is known, the effect is no candidate.
     """
@@ -60,10 +61,11 @@ class Effect:
     law: Callable[..., Array] | None = None
     edit: Callable[[Mechanism, Array, Fields], None] | None = None
     read: Callable[[Mechanism, Array, Readings], None] | None = None
-    path: Callable[[Mechanism, Array, Array, Array], Array] | None = None
+    path: Callable[[Mechanism, Array, Array, Array, Array], Array] | None = None
     native: Callable[[Mechanism], bool] = lambda _: True
     modes: Sequence[str] = ("forward", "prescribed")
     probes: Sequence[float] = (0.03, 0.3, 3.0)
+    grid: Sequence[float] = ()
     error_of: str = ""
     holds: Callable[..., Array] | None = None
 
@@ -84,8 +86,9 @@ class Effect:
         sizes = [p.spread / SIZES_PER_SPREAD for p in parameters]
         amounts = [i for i, p in enumerate(parameters) if not p.shape]
         groups = tuple(
-            tuple(_probe(null, i, sizes[i] * factor) for i in amounts) for factor in self.probes
-        )
+            tuple(_probe(np.append(null[:-1], last), i, sizes[i] * factor) for i in amounts)
+            for last in self.grid or null[-1:] for factor in self.probes
+        )  # fmt: skip
         of = "strip" if mechanism.mode == "planar" else self.of  # as verdicts on pendulums state it
         return Candidate(self.name, self.sentence, of, parameters, groups, self.revealed_by,
                          shape_parameters=self.shape(mechanism))  # fmt: skip
@@ -168,8 +171,7 @@ def add_to(field: str) -> Callable[[Mechanism, Array, Fields], None]:
 
     def edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
         for joint, value in zip(mechanism.joints, values, strict=False):
-            if value != 0.0:
-                fields[field].reshape(mechanism.model.nv, -1)[joint.dof, 0] += value
+            fields[field].reshape(mechanism.model.nv, -1)[joint.dof, 0] += value
 
     return edit
 

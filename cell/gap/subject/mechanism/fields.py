@@ -52,9 +52,8 @@ Fields = ModelFields | BatchFields
 
 def scale_gain(fields: Fields, actuator: int, factor: float) -> None:
     """Multiply an actuator's gain and bias by a `factor`."""
-    if factor != 1.0:
-        fields["actuator_gainprm"][actuator, :3] *= factor
-        fields["actuator_biasprm"][actuator, :3] *= factor
+    fields["actuator_gainprm"][actuator, :3] *= factor
+    fields["actuator_biasprm"][actuator, :3] *= factor
 
 
 def add_point(fields: Fields, body: int, mass: float, place: Array) -> None:

@@ -16,7 +16,6 @@ import numpy as np
 from cell.gap.subject.mechanism.effect import Readings
 from cell.gap.subject.mechanism.effects import effect_of, ordered_values
 from cell.gap.subject.mechanism.fields import ModelFields
-from cell.gap.subject.mechanism.file import PendulumFile
 from cell.gap.subject.mechanism.load import LIMITLESS, MechanismData
 from cell.gap.subject.mechanism.model import Mechanism, Source, tip
 from cell.gap.subject.subject import NamedValues
@@ -33,46 +32,29 @@ KEPT_OF_ACTUATOR = ("name", "class", "group", "joint", "jointinparent", "tendon"
 def patch_file(
     opened: MechanismData, base: Mapping[str, float], effects: NamedValues, source: str
 ) -> dict[str, object]:
-    """Content of the mechanism file after acceptance; old values stay in its provenance."""
-    content: dict[str, Any] = opened.file.model_dump(mode="json", by_alias=True, exclude_none=True)
+    """Content of the mechanism's file after acceptance; old values stay in its provenance."""
+    pendulum, known = opened.pendulum, {n: dict(v) for n, v in opened.file.effects.items()}
+    described = pendulum or opened.file
+    content: dict[str, Any] = described.model_dump(mode="json", by_alias=True,
+                                                   exclude_none=pendulum is None)  # fmt: skip
     notes = list(content.pop("provenance"))
-    known = {name: dict(values) for name, values in content.pop("effects").items()}
     stated = {b.parameter.name: b.parameter.start for b in opened.base}
     for name, value in base.items():
         if "." in name:
             effect, key = name.split(".")
             known[effect][key] = value
+        elif pendulum is not None:
+            key, number = name.rsplit("_", 1)
+            content["links"][int(number) - 1][key] = value
         was = f"was {stated[name]:.9g}" if name in stated else "was another"
         notes.append({"key": name, "source": source, "note": f"{was}, is {value:.9g}"})
     for name, values in effects.items():
         notes.append({"key": f"effects.{name}", "source": source, "note": "was absent"})
-        if not effect_of(name).edits(opened.mechanism):
+        if pendulum is not None or not effect_of(name).edits(opened.mechanism):
             known[name] = _named_values(name, opened.mechanism, values)
-    model = str(Path(opened.file.model).with_name(f"{opened.file.name}-accepted.xml"))
-    return {**content, "model": model, "effects": known, "provenance": notes}
-
-
-def patch_pendulum(
-    opened: MechanismData, pendulum: PendulumFile, base: Mapping[str, float], effects: NamedValues,
-    source: str,
-) -> dict[str, object]:  # fmt: skip
-    """Content of a pendulum's file after acceptance; old values stay in its provenance."""
-    content: dict[str, Any] = pendulum.model_dump(mode="json", by_alias=True)
-    notes, known = list(content.pop("provenance")), dict(content.pop("effects"))
-    for name, value in base.items():
-        if "." in name:
-            effect, key = name.split(".")
-            place, owner = f"effects.{name}", known[effect]
-        else:
-            key, number = name.rsplit("_", 1)
-            link = int(number) - 1
-            place, owner = f"links.{link}.{key}", content["links"][link]
-        if key in owner:
-            notes.append({"key": place, "source": source, "note": f"was {owner[key]:.9g}"})
-        owner[key] = value
-    for name, values in effects.items():
-        notes.append({"key": f"effects.{name}", "source": source, "note": "was absent"})
-        known[name] = _named_values(name, opened.mechanism, values)
+    if pendulum is None:
+        model = Path(opened.file.model).with_name(f"{opened.file.name}-accepted.xml")
+        content["model"] = str(model)
     return {**content, "effects": known, "provenance": notes}
 
 

@@ -1,6 +1,6 @@
 """Reads a pendulum's file and its measured swings as a mechanism, a chain of hinges."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -39,8 +39,6 @@ from drivers.types import Array, frozen
 SMALL = 1e-4  # rad of a small swing
 SWING_STEP = 0.15  # rad of the fastest small swing in one step
 SPARSEST = 0.8  # rad of the fastest small swing between two readings
-PLANNED_STEP = 0.02  # s between readings of a planned run, at most
-PLANNED_SWING = 0.05  # rad of the fastest small swing between them, at most
 SLOWEST_CHECKED = 0.1  # rad/s of a swing below which stated rates are not checked
 SPREADS = (("com", "m", 0.01), ("inertia", "kg m^2", 0.10), ("length", "m", 0.005))
 """Name, unit and relative prior spread of what was weighed and measured of a link."""
@@ -139,11 +137,9 @@ def _read_head(path: Path, pendulum: PendulumFile) -> dict[str, Any]:
         )
     sigma = head.get("sigma")
     angle = sigma.get("angle") if isinstance(sigma, dict) else None
-    if isinstance(angle, bool) or not isinstance(angle, int | float):
-        raise ConfigurationError(f"{path}: sigma.angle: is missing; add the noise in rad")
-    if not 0.0 < angle < 0.3:
+    if isinstance(angle, bool) or not isinstance(angle, int | float) or not 0.0 < angle < 0.3:
         raise ConfigurationError(
-            f"{path}: sigma.angle: {angle} is impossible; allowed: above 0, below 0.3 rad"
+            f"{path}: sigma.angle: is {angle}; add the noise, above 0 and below 0.3 rad"
         )
     return head
 
@@ -169,23 +165,12 @@ def _read_swing(folder: RunFolder, head: dict[str, Any], n: int, fast: float) ->
             f"{path}: t: rows are {step:g} s apart, at most {SPARSEST / fast:.2g} s shows this "
             "pendulum's swings; t is in s"
         )
-    return recording(
-        folder.name, str(head.get("condition", folder.name)), t, np.array(angles),
-        float(head["sigma"]["angle"]), None if rates is None else rates[:, 0],
-        index_of(head, folder.path / HEADER_FILE),
+    hanging = {str(i): frozen(angle - np.pi) for i, angle in enumerate(angles, start=1)}
+    return Recording(
+        folder.name, str(head.get("condition", folder.name)),
+        index_of(head, folder.path / HEADER_FILE), frozen(t - t[0]), hanging,
+        sigma=float(head["sigma"]["angle"]), rates=None if rates is None else rates[:, 0],
     )  # fmt: skip
-
-
-def recording(
-    name: str, condition: str, t: Array, angles: Array, sigma: float, rates: Array | None = None,
-    index: int = 0,
-) -> Recording:  # fmt: skip
-    """Recording, from hanging, of `angles` (n, m) [rad] from upright at times `t` (m,) [s].
-
-    `sigma` [rad] is the noise, `rates` (n,) [rad/s] are those at the start if stated.
-    """
-    columns = {str(i): frozen(a - np.pi) for i, a in enumerate(angles, start=1)}
-    return Recording(name, condition, index, frozen(t - t[0]), columns, None, sigma, rates)
 
 
 def _check_rates(slope: Array, rates: Array, path: Path) -> None:
@@ -198,28 +183,3 @@ def _check_rates(slope: Array, rates: Array, path: Path) -> None:
             f"{path}: omega: is {ratio:.3g} times the rate of theta; t is in s, angles in rad, "
             "rates in rad/s"
         )
-
-
-def plans(opened: MechanismData) -> Iterator[tuple[str, str, Recording]]:
-    """Planned releases from rest: name, instruction, and recording of the angles at the start.
-
-    Each is as long as the measured runs unless its instruction says otherwise.
-    """
-    n, fast = len(opened.mechanism.joints), opened.mechanism.joints[0].rate
-    span = float(np.median([r.t[-1] for r in opened.recordings])) if opened.recordings else 5.0
-    sigma = float(np.median([r.sigma or 1e-3 for r in opened.recordings] or [1e-3]))
-    equal, last = np.ones(n), np.eye(n)[-1]
-    releases = [  # name, instruction, angles from hanging [rad], duration [s]
-        ("small swing", "let all links go together 6 degrees from hanging", 0.1 * equal, span),
-        ("medium swing", "let all links go together 30 degrees from hanging", 0.5 * equal, span),
-        ("large swing", "let all links go together 80 degrees from hanging", 1.4 * equal, span),
-        ("long small swing", "the same from 6 degrees, three times as long", 0.1 * equal, 3 * span),
-        ("hang still", "let it hang still and read the angles", 0.0 * equal, span),
-    ]
-    if n > 1:
-        releases.append(("last link alone", "hold the others straight, lift the last link "
-                         "60 degrees, let go", last, span))  # fmt: skip
-    for name, instruction, lift, duration in releases:
-        t = np.arange(0.0, duration, min(PLANNED_STEP, PLANNED_SWING / fast))
-        angles = np.repeat((np.pi + lift)[:, None], len(t), axis=1)
-        yield name, instruction, recording(name, name, t, angles, sigma, np.zeros(n))

@@ -38,6 +38,8 @@ SLOWEST, FASTEST = 5.0, 25.0  # bounds of the cutoff, by the pace of the motion
 WIDER = 2.0  # times the cutoff, for motion: mechanics are not linear (3 and 5 do no better)
 SETTLED = 10.0  # 1/cutoff from an end or a gap at which its effect on the filter has decayed
 GRID = 4000  # places of a run at most at which torques are computed
+LIMITED = "moments at the limits of joints and tendons are left out"
+DELAYED = "filters and delays of motors are left out: torques are as read"
 KEPT = 2048  # inverse dynamics that are cached
 NEAR = 0.005  # of a range, within which a joint is at its limit
 THINNED, OPEN = 50, 1e-3  # readings in one of which loops are checked; m by which they may gape
@@ -200,7 +202,10 @@ class Prescribed(Engine):
         led = given if self._loop is None else self._loop.free
         self._joints = [self._mechanism.joints[i].name for i in led]
         self._cutoff = cutoff_of(opened.recordings, self._joints, opened.pace)
-        self.notes = (*self.notes, *_left_out(model))
+        if np.any(model.jnt_limited) or np.any(model.tendon_limited):
+            self.notes += (LIMITED,)
+        if np.any(model.actuator_delay > 0.0) or np.any(model.actuator_dyntype > 0):
+            self.notes += (DELAYED,)
         if self._loop is not None and len(given) == model.nv:
             self.notes += self._open_loops(self._loop)
 
@@ -330,7 +335,7 @@ class Prescribed(Engine):
         given = torques().along(q, v, inverse, user)
         for effect, values in case.paths:
             if effect.path is not None:
-                given = given + effect.path(self._mechanism, values, q, v)
+                given = given + effect.path(self._mechanism, values, motion.t, q, v)
         self._hold(given, model, motion, q, v, inverse, user, forces)
         return self._sensor_readings(inverse - given, model, forces)
 
@@ -460,15 +465,6 @@ def _tendon_lengths(model: Any, q: Array) -> Array:
         mujoco.mj_fwdPosition(model, data)
         row[:] = data.ten_length
     return lengths
-
-
-def _left_out(model: Any) -> tuple[str, ...]:
-    """Remarks on what inverse dynamics leaves out of a model without much harm."""
-    delayed = np.any(model.actuator_delay > 0.0) or np.any(model.actuator_dyntype > 0)
-    limited = np.any(model.jnt_limited) or np.any(model.tendon_limited)
-    told = {"moments at the limits of joints and tendons are left out": limited,
-            "filters and delays of motors are left out: torques are as read": delayed}  # fmt: skip
-    return tuple(words for words, there in told.items() if there)
 
 
 @cache

@@ -29,9 +29,8 @@ from cell.gap.subject.mechanism.patch import (
     gripper_sentences,
     gripper_shift,
     patch_file,
-    patch_pendulum,
 )
-from cell.gap.subject.mechanism.pendulum import open_swings, plans
+from cell.gap.subject.mechanism.pendulum import open_swings
 from cell.gap.subject.mechanism.prescribed import Prescribed
 from cell.gap.subject.mechanism.runs import Cut, Recording, average
 from cell.gap.subject.run_folders import RunFolder
@@ -39,7 +38,6 @@ from cell.gap.subject.scene import Scene
 from cell.gap.subject.scene import Signal as Drawn
 from cell.gap.subject.subject import (
     Candidate,
-    Experiment,
     NamedValues,
     Parameter,
     Quantity,
@@ -65,7 +63,6 @@ TOLERANCE = {"position": 1e-3, "velocity": 1e-2, "torque": 0.05, "tracking": 1e-
 KEYS = {"position": ("mrad", 1e3), "tracking": ("mrad", 1e3), "velocity": ("mrads", 1e3),
         "torque": ("Nm", 1.0), "site": ("mm", 1e3), "sensor": ("si", 1.0)}  # fmt: skip
 UNITS = {"Nm": "N m", "mrads": "mrad/s"}  # of keys, which write them without space or slash
-SET_UP = 1.0  # minutes to set a pendulum up and let it go
 # gears of which a side may be confused, and the factor within which their ratio is recognised
 GEARED, TWICE = 3.0, 2.0
 TINY = 1e-30  # against division by zero
@@ -188,19 +185,14 @@ class MechanismSubject(Subject):
 
     def _apply_effect(self, effect: Effect, values: Array, fields: Fields) -> None:
         """Edit the fields by an effect, or write the values (k,) of its compiled law to them."""
+        if not values.any():
+            return
         m = self._mechanism
         if effect.edit is not None and (effect.law is None or effect.edits(m)):
             effect.edit(m, values, fields)
         elif effect.law is not None:
             at, table = torques().at[effect.name], effect.table(m, values)
             fields["jnt_user"][: table.shape[1], at : at + len(table)] = table.T
-
-    def experiments(self) -> Sequence[Experiment]:
-        """Experiments for a pendulum: planned releases from rest; empty for any other mechanism."""
-        if self.opened.pendulum is None:
-            return ()
-        return [Experiment(name, instruction, SET_UP + planned.t[-1] / 60.0, self._run(planned))
-                for name, instruction, planned in plans(self.opened)]  # fmt: skip
 
     def draw_measured(self, run: Run) -> Scene:
         """Drawing of the measured signals of a run."""
@@ -228,8 +220,6 @@ class MechanismSubject(Subject):
         self, base: Mapping[str, float], effects: NamedValues, source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
         """Content of the file with refitted base and named effects, and the patch of the cell's."""
-        if self.opened.pendulum is not None:
-            return patch_pendulum(self.opened, self.opened.pendulum, base, effects, source), None
         of_cell = cell_patch(self.opened, base, effects) if self.opened.file.cell else None
         return patch_file(self.opened, base, effects, source), of_cell
 

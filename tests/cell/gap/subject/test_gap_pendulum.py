@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from cell.gap.subject.mechanism.file import PendulumFile
-from cell.gap.subject.mechanism.pendulum import open_recordings, recording
+from cell.gap.subject.mechanism.pendulum import open_recordings
+from cell.gap.subject.mechanism.runs import Recording
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.subject import Request
 from drivers.types import Array
@@ -32,7 +33,8 @@ def pendulum(n: int) -> PendulumFile:
 
 def subject_of(file: PendulumFile, t: Array, angles: Array) -> MechanismSubject:
     """A pendulum with one recording of absolute angles (n, m) [rad] from rest, in steps of 2 ms."""
-    found = [recording("r", "r", t, angles, SIGMA, np.zeros(len(angles)))]
+    columns = {str(i): angle - np.pi for i, angle in enumerate(angles, start=1)}
+    found = [Recording("r", "r", 0, t, columns, sigma=SIGMA, rates=np.zeros(len(angles)))]
     opened = open_recordings(Path("pendulum.yaml"), file, found)
     opened.mechanism.model.opt.timestep = 0.002
     return MechanismSubject(replace(opened, mechanism=replace(opened.mechanism, step=0.002)))

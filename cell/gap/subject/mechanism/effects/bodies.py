@@ -21,9 +21,8 @@ def _moving_bodies(mechanism: Mechanism) -> list[int]:
 
 def _edit_inertia(mechanism: Mechanism, values: Array, fields: Fields) -> None:
     for i, error in zip(_moving_bodies(mechanism), values, strict=True):
-        if error != 0.0:
-            fields["body_mass"][i] *= 1.0 + error
-            fields["body_inertia"][i] *= 1.0 + error
+        fields["body_mass"][i] *= 1.0 + error
+        fields["body_inertia"][i] *= 1.0 + error
 
 
 def _payload_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
@@ -32,10 +31,8 @@ def _payload_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _edit_payload(mechanism: Mechanism, values: Array, fields: Fields) -> None:
-    (mass,) = values
-    if mass != 0.0:
-        last = mechanism.last_body
-        add_point(fields, last, mass, tip(mechanism, last))
+    last = mechanism.last_body
+    add_point(fields, last, values[0], tip(mechanism, last))
 
 
 def _com_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
@@ -44,9 +41,7 @@ def _com_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _edit_com(mechanism: Mechanism, values: Array, fields: Fields) -> None:
-    for k, value in enumerate(values):
-        if value != 0.0:
-            fields["body_ipos"][mechanism.last_body, k] += value
+    fields["body_ipos"][mechanism.last_body] += values
 
 
 def _drag_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
@@ -56,15 +51,11 @@ def _drag_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _edit_drag(mechanism: Mechanism, values: Array, fields: Fields) -> None:
-    (coefficient,) = values
-    if coefficient != 0.0:
-        fields["opt.density"][...] = fields["opt.density"] + AIR * coefficient
+    fields["opt.density"][...] += AIR * values[0]
 
 
 def _lean(fields: Fields, x: float, y: float) -> None:
     """Rotate the gravity of a model by `x` [rad] about x, then by `y` [rad] about y."""
-    if x == 0.0 and y == 0.0:
-        return
     gx, gy, gz = (float(g) for g in fields["opt.gravity"])
     gy, gz = gy * np.cos(x) - gz * np.sin(x), gy * np.sin(x) + gz * np.cos(x)
     gx, gz = gx * np.cos(y) + gz * np.sin(y), gz * np.cos(y) - gx * np.sin(y)

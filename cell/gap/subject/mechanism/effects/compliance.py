@@ -1,15 +1,23 @@
-"""Effects of what gives way: gears, cables, wires and pivots."""
+"""Effects of what gives way: gears, cables, wires, pivots and the base."""
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
+import mujoco
 import numpy as np
+from scipy.interpolate import make_interp_spline
+from scipy.signal import cont2discrete, lfilter
 
 from cell.gap.subject.mechanism.effect import Effect, has_gears, per_joint, single
 from cell.gap.subject.mechanism.fields import Fields
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
+
+# rad/s at which bases sway: of the prior's compliance, and of probes; damping ratio
+SWAY, SWAYS, DAMPING = 30.0, (12.0, 19.0, 30.0, 48.0, 77.0, 123.0), 0.05
+MOTIONS = 64  # of which momenta are cached
 
 
 def _elasticity_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
@@ -33,6 +41,60 @@ def _edit_spring(mechanism: Mechanism, values: Array, fields: Fields) -> None:
             common_rest = (own * own_rest + added * rest) / (own + added)
             fields["qpos_spring"][joint.qpos] = common_rest
             fields["jnt_stiffness"][i] += added
+
+
+def _sway_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    """Compliances of the base along and about the axes of the world, and its frequency."""
+    mass, inertia = float(mechanism.model.body_mass.sum()), float(mechanism.inertia.max())
+    kinds = (("compliance", "m/N", mass), ("rocking", "rad/(N m)", inertia))
+    found = [p for key, unit, moved in kinds for axis in "xyz"
+             for p in single(f"{key}_{axis}", unit, 0.04 / (moved * SWAY**2))]  # fmt: skip
+    low, *_, high = SWAYS
+    return (*found, Parameter("frequency", "rad/s", SWAY, 0.5 * low, 2.0 * high, step=1e-3 * SWAY,
+                              spread=high, shape=True))  # fmt: skip
+
+
+def _sway_path(mechanism: Mechanism, values: Array, t: Array, q: Array, v: Array) -> Array:
+    """Torques (m, joints) of a base that the motion q, v (m, joints) over t (m,) [s] shakes.
+
+    By momenta P(q) v of all bodies along and about its axes, and moments w of their weight, its
+    place y obeys y'' / f^2 + 2 d y' / f + y = -c ((P v)' - w); joints bear P^T y'' - (dw/dq)^T y.
+    """
+    *compliances, frequency, damping = np.append(values, DAMPING)[:8]
+    torque = np.zeros_like(q)
+    if not any(compliances):
+        return torque
+    momenta, weights, slopes = _momenta(mechanism.model, q.tobytes())
+    force = make_interp_spline(t, np.einsum("mkn,mn->mk", momenta, v), k=5)(t, nu=1) - weights
+    law = ([1.0], [frequency**-2, 2.0 * damping / frequency, 1.0])
+    by, of, _ = cont2discrete(law, t[1] - t[0], "foh")
+    for k in np.flatnonzero(compliances):  # at the start it follows weights, and rests otherwise
+        ramp = force[0, k] - t * (slopes[0, k] @ v[0])
+        place = compliances[k] * (lfilter(by[0], of, ramp - force[:, k]) - ramp + ramp[0])
+        faster = make_interp_spline(t, place, k=5)(t, nu=2)
+        torque -= faster[:, None] * momenta[:, k] - place[:, None] * slopes[:, k]
+    return torque
+
+
+@lru_cache(MOTIONS)
+def _momenta(model: Any, motion: bytes) -> tuple[Array, Array, Array]:
+    """Momenta (m, 6, joints) by joint rates, weights (m, 6), and their slopes (m, 6, joints)."""
+    q, data = np.frombuffer(motion).reshape(-1, model.nv), mujoco.MjData(model)
+    mass, foot = model.body_mass.sum(), model.body_pos[model.body_rootid[model.jnt_bodyid[0]]]
+    arms, (linear, angular) = np.zeros((len(q), 3)), np.zeros((2, len(q), 3, model.nv))
+    for row, *found, arm in zip(q, linear, angular, arms, strict=True):
+        data.qpos[:] = row
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_jacSubtreeCom(model, data, found[0], 0)
+        mujoco.mj_angmomMat(model, data, found[1], 0)
+        arm[:] = data.subtree_com[0] - foot
+    angular += mass * np.cross(arms[:, :, None], linear, axis=1)
+    momenta = np.concatenate([mass * linear, angular], axis=1)
+    pull = mass * model.opt.gravity
+    slopes = np.cross(linear, pull, axisa=1, axisc=1)
+    weights = np.cross(arms, pull)
+    return momenta, np.hstack([0.0 * arms, weights]), np.hstack([0.0 * linear, slopes])
 
 
 JOINT_ELASTICITY = Effect(
@@ -88,4 +150,19 @@ PIVOT_COMPLIANCE = Effect(
     modes=("planar",),
     revealed_by="press the frame while it swings",
 )
-EFFECTS = (JOINT_ELASTICITY, BACKLASH, CABLE_SPRING, WIRE_SPRING, PIVOT_COMPLIANCE)
+BASE_COMPLIANCE = Effect(
+    name="base_compliance",
+    sentence="the base sways or rocks on what it stands on",
+    of="rig",
+    source="a mass on a spring along and about each axis, which the bodies' motion drives",
+    parameters=_sway_parameters,
+    shape=lambda _: (
+        Parameter("damping", "1", DAMPING, 1e-3, 1.0, step=1e-4, spread=0.1, shape=True),
+    ),
+    path=_sway_path,
+    modes=("prescribed",),
+    probes=(5.0,),
+    grid=SWAYS,
+    revealed_by="fast starts and stops, then with the base clamped to the floor",
+)
+EFFECTS = (BASE_COMPLIANCE, JOINT_ELASTICITY, BACKLASH, CABLE_SPRING, WIRE_SPRING, PIVOT_COMPLIANCE)

@@ -73,7 +73,7 @@ def _presliding_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     )  # fmt: skip
 
 
-def _presliding_path(mechanism: Mechanism, values: Array, q: Array, v: Array) -> Array:
+def _presliding_path(mechanism: Mechanism, values: Array, t: Array, q: Array, v: Array) -> Array:
     stiffness, torque = PRESLIDING.table(mechanism, values)
     return np.asarray(_yielding(q, stiffness, np.minimum(torque, YIELD * stiffness)))
 
@@ -94,8 +94,7 @@ def _yielding(q: Array, stiffness: Array, most: Array) -> Array:
 
 
 def _edit_pairs(mechanism: Mechanism, values: Array, fields: Fields) -> None:
-    if values[0] != 0.0:
-        fields["pair_friction"][:, :2] += values[0]
+    fields["pair_friction"][:, :2] += values[0]
 
 
 DRY_FRICTION = Effect(

@@ -1,11 +1,9 @@
 """The library of effects: each is nothing at its null, something beyond it."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from cell.gap.subject.mechanism.effects import describing_terms, effect_of, registry
+from cell.gap.subject.mechanism.effects import describing_terms, registry
 from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Request, Residuals
@@ -17,6 +15,7 @@ CONTRACT = {
     "backlash", "armature", "payload", "com_error", "torque_constant", "torque_bias",
     "torque_ripple", "saturation", "control_delay", "sensor_delay", "encoder_bias",
     "encoder_scale", "base_tilt", "air_drag", "contact_friction", "link_inertia",
+    "base_compliance",
 }  # fmt: skip
 PENDULUMS = {"frame_tilt", "pivot_compliance", "wire_spring"}
 
@@ -48,25 +47,3 @@ def test_every_effect_is_null_to_the_bit_and_changes_something_beyond(arm) -> No
             assert np.array_equal(same.mean, plain.mean), candidate.name
         moved = simulated(arm, {candidate.name: np.array(candidate.probes[-1][0])})
         assert np.nanmax(np.abs(moved.mean - plain.mean)) > 1e-9, candidate.name
-
-
-@pytest.mark.slow
-def test_a_law_compiled_into_the_engine_acts_as_the_law_itself(arm) -> None:
-    """A steady torque by the compiled hook is what a motor's constant force would be."""
-    if arm.opened.mechanism.mode != "forward":
-        pytest.skip("the hook serves simulations")
-    bias = np.array([0.05, -0.02])
-    assert effect_of("torque_bias").law is not None
-    case = arm._case(Request(arm.runs[0], np.array([p.start for p in arm.scope.base]),
-                             {"torque_bias": bias},
-                             np.array([p.start for p in arm.runs[0].local])))  # fmt: skip
-    (by_law,) = arm._engine.predict([case])
-    edit = case.edit
-
-    def by_motor(fields) -> None:
-        edit(fields)
-        fields["jnt_user"][:, 4:] = 0.0
-        fields["actuator_biasprm"][:, 0] += bias
-
-    (by_force,) = arm._engine.predict([replace(case, edit=by_motor)])
-    assert np.abs(by_law[:2] - by_force[:2]).max() < 1e-12

@@ -4,6 +4,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 
@@ -73,6 +74,22 @@ def test_a_heavier_link_is_its_effect(tmp_path: Path) -> None:
     subject = opened(tmp_path, hidden=hidden)
     assert left(subject) > 3.0 * KNOWN
     assert left(subject, link_inertia=[0.0, 1.0]) < KNOWN
+
+
+@pytest.mark.parametrize(
+    ("joint", "place", "rate", "stiffness"),
+    [('type="slide" axis="1 0 0"', 0, 28.3, 6000.0), ('type="hinge" axis="0 1 0"', 4, 27.2, 300.0)],
+)
+def test_a_base_that_sways_is_its_effect(tmp_path: Path, joint: str, place: int, rate: float,
+                                         stiffness: float) -> None:  # fmt: skip
+    table = (
+        f'<worldbody><body><joint {joint} stiffness="{stiffness}" damping="{stiffness / 500}"/>'
+        '<inertial pos="0 0 0" mass="6" diaginertia="0.3 0.3 0.3"/>'
+    )
+    plant = ARM.replace("<worldbody>", table).replace("</worldbody>", "</body></worldbody>")
+    subject = opened(tmp_path, plant=plant)
+    values = [*np.eye(6)[place] / stiffness, rate, rate / 1000]
+    assert left(subject, base_compliance=values) < 0.2 * left(subject)
 
 
 @cases
