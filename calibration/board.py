@@ -124,7 +124,7 @@ def find_board(
     corners, ids, outlines, marks = detector.detectBoard(image)
     markers = 0 if marks is None else len(marks)
     side = _mean_side(outlines) if markers else 0.0
-    if ids is None or len(ids) == 0:
+    if ids is None or board.checkCharucoCornersCollinear(ids):  # no homography from those
         return BoardDetection(None, markers, side)
     on_board, in_image = board.matchImagePoints(corners, ids)
     view = BoardView(

@@ -1,6 +1,6 @@
 """Manual motions of the arm (home, park, jog, open) under the monitors of every run."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from cell.calibrating.calibrate import NO_STRIP
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from drivers.arm.process import Task
 
 Asked = Callable[[], bool]
-PARKED = (0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398)  # rad, upright and folded
 
 
 def by_hand(
@@ -69,7 +68,7 @@ def home_pose(settings: CellFile, strip: StripFile) -> Pose:
 
 def go_joints(
     settings: CellFile,
-    joints: tuple[float, ...],
+    joints: Sequence[float],
     share: float,
     *,
     recover: bool,

@@ -49,7 +49,8 @@ class StripNumbers:
         if not touched:
             return cls(0, asked, NAN, NAN, NAN, NAN, "", NAN)
         d = np.array([value for _, value in touched])
-        errors = [abs(v - f.displacement_true) for f, v in touched if f.displacement_true]
+        true = [(v, f.displacement_true) for f, v in touched]
+        errors = [abs(v - known) for v, known in true if known is not None]
         worst = int(np.argmax(np.abs(d)))
         apart = [abs(f.edge_offset_true) for f, _ in touched if f.edge_offset_true is not None]
         return cls(

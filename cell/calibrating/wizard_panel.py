@@ -222,7 +222,7 @@ def wizard_session(folder: Path, kind: str, viz: str) -> Iterator[TerminalSessio
                     screen(news)
 
                 session.watch = both
-                session.record = lambda lines: screen.verdict(
+                session.record = lambda lines: screen.log_verdict(
                     "\n".join(line.text for line in lines)
                 )
                 yield session

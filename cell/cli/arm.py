@@ -62,12 +62,13 @@ def park(
     from cell.arm import by_hand
     from cell.calibrating.calibrate import NO_STRIP
     from cell.config.places import find_configs
+    from drivers.franka.kinematics import HOME
 
     found = find_configs(configs).cell()
     settings, choice = _agree_to_motion(found, arm, full_speed, recover=recover)
     if _at_address(settings, choice):
         share = _speed_share(full_speed=full_speed)
-        by_hand.go_joints(settings, by_hand.PARKED, share, recover=recover)
+        by_hand.go_joints(settings, HOME.tolist(), share, recover=recover)
         _print_result("the arm is parked", settings, choice)
         return
     _move(settings, choice, by_hand.to(by_hand.home_pose(settings, NO_STRIP)))

@@ -137,9 +137,7 @@ def _print_transfer(facts: dict[str, Any], *, as_json: bool) -> None:
     held_out = facts["left_out"]
     sys.stdout.write(
         f"{held_out['folds']} folds through images; of folds left out the displacement is "
-        f"{1e3 * held_out['bias']:.2f} mm rms off the prediction, "
-        f"{100 * held_out['within']:.0f} % within "
-        f"one sigma; {facts['checkpoint']}\n"
+        f"{1e3 * held_out['rms']:.2f} mm rms off the prediction; {facts['checkpoint']}\n"
     )
 
 

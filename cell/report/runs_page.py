@@ -95,37 +95,41 @@ def comparison(runs: Sequence[Run], place: Path) -> str:
     """HTML page that compares `runs`, for a file in the folder `place`."""
     title = f"{len(runs)} runs of {', '.join(sorted({run.header.strip for run in runs}))}"
     truths = [truth_of(run)[0] or {} for run in runs]
+    rows = [read_row(run.folder) for run in runs]
     table = _differences(runs, truths)
     films = [(_short_name(run), film_of(run)) for run in runs[:MOST_FILMS]]
     return page(
         "report/templates/compare.html",
         title,
         title=title,
-        said=_verdict(runs, truths, [row[0] for row in table[1:]]),
+        said=_verdict(runs, rows, truths, [row[0] for row in table[1:]]),
         films=[(name, film) for name, film in films if film and film["source"] != FILM],
         head=("run", "outcome", "displacement", "true", "edges apart", "true", "touch"),
-        numbers=[_numbers(run, truth, place) for run, truth in zip(runs, truths, strict=True)],
+        numbers=[_numbers(row, truth, place) for row, truth in zip(rows, truths, strict=True)],
         differences=list(zip(*table, strict=True)) if len(runs) > MOST_COLUMNS else table,
         shapes=_shapes(runs),
     )
 
 
 def _verdict(
-    runs: Sequence[Run], truths: Sequence[Mapping[str, Any]], differing: Sequence[str]
+    runs: Sequence[Run],
+    rows: Sequence[RunRow],
+    truths: Sequence[Mapping[str, Any]],
+    differing: Sequence[str],
 ) -> Verdict:
-    """Which fold lies best by the camera and in truth, and what was set otherwise."""
+    """Name the run whose edges lie nearest, and the settings `differing` between the runs."""
     names = [_short_name(run) for run in runs]
-    rows = [read_row(run.folder) for run in runs]
-    seen = [row.displacement if row.edge_offset is None else row.edge_offset for row in rows]
+    measured = [row.displacement if row.edge_offset is None else row.edge_offset for row in rows]
     true = [truth.get("edge_offset", truth.get("displacement")) for truth in truths]
-    ranked = _ranked(names, seen)
+    ranked, ranked_true = _ranked(names, measured), _ranked(names, true)
     if not ranked:
         return Verdict("fair", "No run has a displacement", ())
-    said = [f"By the camera: {', '.join(ranked)}."]
-    said += [f"In truth, which the twin knows: {', '.join(_ranked(names, true))}."] * any(true)
+    sentences = [f"By the camera: {', '.join(ranked)}."]
+    if ranked_true:
+        sentences.append(f"In truth, which the twin knows: {', '.join(ranked_true)}.")
     if differing:
-        said.append(f"They differ in {', '.join(differing)}.")
-    return Verdict("good", f"{ranked[0].partition(': ')[0]} lies best", tuple(said))
+        sentences.append(f"They differ in {', '.join(differing)}.")
+    return Verdict("good", f"{ranked[0].partition(': ')[0]} lies best", tuple(sentences))
 
 
 def _ranked(names: Sequence[str], offsets: Sequence[float | None]) -> list[str]:
@@ -134,12 +138,11 @@ def _ranked(names: Sequence[str], offsets: Sequence[float | None]) -> list[str]:
     return [f"{name}: {millimetres(v, signed=True)}" for _, name, v in sorted(known)[:NAMED]]
 
 
-def _numbers(run: Run, truth: Mapping[str, Any], place: Path) -> tuple[str | Link, ...]:
-    row = read_row(run.folder)
+def _numbers(row: RunRow, truth: Mapping[str, Any], place: Path) -> tuple[str | Link, ...]:
     lengths = (row.displacement, truth.get("displacement"), row.edge_offset)
     shown = (millimetres(v, signed=True) for v in (*lengths, truth.get("edge_offset")))
     outcome = row.outcome.replace("_", " ")
-    return (_link(row, place, run.name[-4:]), outcome, *shown, seconds(row.touch))
+    return (_link(row, place, row.name[-4:]), outcome, *shown, seconds(row.touch))
 
 
 def _link(row: RunRow, place: Path, name: str) -> str | Link:

@@ -10,8 +10,9 @@ from drivers.errors import Fault
 from drivers.franka import limits
 from drivers.franka.body import Box, Solids, apart
 from drivers.franka.inverse import straight
+from drivers.franka.kinematics import HOME
 from drivers.installation import Installation
-from drivers.types import Array, Pose, frozen
+from drivers.types import Array, Pose
 
 # Behind the finger tips along the approach axis, and half the thickness there [m]: the palm of the
 # Franka Hand at its front and back, and the flange. Source: its data sheet, rounded up.
@@ -27,7 +28,6 @@ CLEARANCE_TOLERANCE = 1e-3  # m by which a way may come nearer where it begins o
 LEG_RISE, RISES = 0.05, (0.1, 0.2, 0.3)  # m of one leg upward, and heights that are tried
 WAY_STEP = 0.005  # m
 JOINT_ROOM = 0.03  # rad from a joint's end
-UPRIGHT = frozen([0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398])  # rad, over everything
 
 # Of the cell, in its frame [m]: how wide the desk is; the clamp of the fixed edge stands no higher
 # than this. Both are to be checked by hand on the first day.
@@ -123,14 +123,13 @@ def _detours(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:
     """Lists of joint waypoints between start and goal, the shortest detour first."""
     ascents = [_joints_above(start, up, rise) for rise in RISES]
     descents = [_joints_above(goal, up, rise)[::-1] for rise in RISES]
-    upright = np.array(UPRIGHT)
     yield from ascents
     yield from descents
     yield from ([*rising, *sinking] for rising, sinking in zip(ascents, descents, strict=True))
-    yield [upright]
-    yield from ([*rising, upright] for rising in ascents)
+    yield [HOME]
+    yield from ([*rising, HOME] for rising in ascents)
     for rising, sinking in zip(ascents, descents, strict=True):
-        yield [*rising, upright, *sinking]
+        yield [*rising, HOME, *sinking]
 
 
 def _joints_above(joints: Array, up: Array, rise: float) -> list[Array]:

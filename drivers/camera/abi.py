@@ -228,7 +228,7 @@ class BufferFlag(IntFlag):
 
 
 class ControlFlag(IntFlag):
-    """Reasons why a control cannot be set, and the flag that asks for the next control."""
+    """V4L2_CTRL_FLAG_*: states that forbid setting or reading a control; NEXT enumerates them."""
 
     DISABLED = 0x0001
     GRABBED = 0x0002

@@ -144,14 +144,6 @@ class Reflex(IntEnum):
     BASE_ACCELERATION_INVALID_READING = 40
 
 
-class Violation(Exception):
-    """A command that the robot does not follow, with the error that it reports instead."""
-
-    def __init__(self, reflex: Reflex) -> None:
-        super().__init__(reflex.name.lower())
-        self.reflex = reflex
-
-
 class Malformed(Exception):
     """Bytes that are not a message of the protocol; the connection is closed."""
 

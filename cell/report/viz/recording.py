@@ -23,7 +23,7 @@ from cell.perception.measurement import StripMeasurement
 from cell.record.events import COLUMN_NAMES, origin_of, read_events
 from cell.record.files import FILM, RECORDING, RESULT, RUN, is_under_way
 from cell.record.frames import read_index
-from cell.record.run import read_broken_run
+from cell.record.run import Run, read_broken_run
 from cell.report.figures import PANELS, STATE_SHADES
 from cell.report.verdict import LINE_BREAK, verdict_of
 from cell.report.viz.playback import LogLine, TickView, moments_of
@@ -80,9 +80,10 @@ def viz_from_run(folder: Path) -> Path:
             for item in moments_of(run):
                 screen.draw(item)
             screen.finish()
-            screen.verdict(folder)
+            if (folder / RESULT).is_file():
+                screen.log_verdict(run)
             with suppress(ValueError):  # a film that broke off
-                screen.film(folder)
+                screen.log_film(folder)
     except (OSError, RuntimeError, ValueError) as error:
         raise ConfigurationError(f"{path}: cannot be written: {error}") from None
     return path
@@ -194,19 +195,17 @@ class Screen:
         self._send(seen, SEEN_SIGNALS)
         self._send(ahead, OUTLOOK_SIGNALS)
 
-    def verdict(self, folder: Path) -> None:
-        """Add the verdict on the run in `folder`, where it has a result."""
-        if not (folder / RESULT).is_file():
-            return
-        found = verdict_of(read_broken_run(folder), None)
-        error = found.error.replace(LINE_BREAK, ", ")
-        number = [f"**{found.figure}** ({error})"] if found.figure else []
-        text = "\n\n".join([f"# {found.headline}", *number, *found.sentences])
-        words = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
-        self._to.log("verdict", words, static=True)
+    def log_verdict(self, run: Run) -> None:
+        """Add the verdict on `run`."""
+        verdict = verdict_of(run, None)
+        error = verdict.error.replace(LINE_BREAK, ", ")
+        figure = [f"**{verdict.figure}** ({error})"] if verdict.figure else []
+        text = "\n\n".join([f"# {verdict.headline}", *figure, *verdict.sentences])
+        document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
+        self._to.log("verdict", document, static=True)
 
-    def film(self, folder: Path) -> None:
-        """Add the film of the run in `folder`, each image at its own stamp, if there is one.
+    def log_film(self, folder: Path) -> None:
+        """Add the film of the run in `folder`, each image at its time stamp, if there is one.
 
         Raises ValueError for a file that is no film.
         """

@@ -13,7 +13,7 @@ from calibration.calibration import load_calibration
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
 from cell.record.events import log_text, row_of
-from cell.record.files import CALIBRATION
+from cell.record.files import CALIBRATION, RESULT
 from cell.report.viz.playback import LogLine, TickView
 from drivers.errors import CellError
 from drivers.strip.file import StripFile
@@ -124,6 +124,7 @@ class Viz:
         self, folder: Path, strip: StripFile, viewer: Callable[[str], None] | None
     ) -> None:
         """Draw the queue until the run is over; Rerun is imported here, while the run goes on."""
+        from cell.record.run import read_broken_run
         from cell.report.viz.recording import Screen, open_recording
 
         path = folder / CALIBRATION
@@ -134,8 +135,9 @@ class Viz:
                 while self._waiting or not self._over.is_set():
                     self._draw(screen)
                 screen.finish()
-                screen.verdict(folder)
-                screen.film(folder)
+                if (folder / RESULT).is_file():
+                    screen.log_verdict(read_broken_run(folder))
+                screen.log_film(folder)
         except (CellError, OSError, RuntimeError, ValueError) as error:
             self.failure = f"the view is not recorded any more: {error}"
             self._waiting.clear()

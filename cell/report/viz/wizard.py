@@ -70,10 +70,10 @@ class WizardScreen:
         if news.result is not None and news.result.refused is not None:
             self._to.log("wizard/log", rr.TextLog(news.answer))
 
-    def verdict(self, words: str) -> None:
-        """Log the wizard's verdict."""
-        self._to.log("wizard/log", rr.TextLog(words))
-        self._to.log("wizard/words", rr.TextDocument(words))
+    def log_verdict(self, verdict: str) -> None:
+        """Show the wizard's verdict, given as text."""
+        self._to.log("wizard/log", rr.TextLog(verdict))
+        self._to.log("wizard/words", rr.TextDocument(verdict))
 
 
 def _blueprint() -> Any:

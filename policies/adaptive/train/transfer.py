@@ -37,11 +37,10 @@ class FoldedBatch(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class FitQuality:
-    """Cross-validated quality over `folds`: rms error `bias` [m], share `within` one sigma."""
+    """Cross-validated error over `folds`: its root mean square `rms` [m]."""
 
     folds: int
-    bias: float
-    within: float
+    rms: float
 
 
 def fit_transfer(batch: FoldedBatch) -> tuple[Bias, FitQuality]:
@@ -57,8 +56,7 @@ def fit_transfer(batch: FoldedBatch) -> tuple[Bias, FitQuality]:
     coefficients = _coefficients(batch)
     beyond = batch.thickness - REFERENCE_THICKNESS
     unmeasured = abs(coefficients[2]) * float(np.sqrt(np.mean(beyond**2)))
-    within = round(float(np.mean(np.abs(errors) < sigma * batch.sigma)), 3)
-    quality = FitQuality(count, _round(np.sqrt(np.mean(errors**2))), within)
+    quality = FitQuality(count, _round(np.sqrt(np.mean(errors**2))))
     return Bias(*map(_round, (*coefficients, sigma, unmeasured))), quality
 
 

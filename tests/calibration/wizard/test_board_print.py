@@ -35,6 +35,8 @@ def test_printed_squares_are_as_long_as_stated() -> None:
     millimetres = look.view.image.reshape(SETTINGS.rows - 1, -1, 2) / DOTS * 25.4
     assert np.diff(millimetres[..., 0], axis=1) == pytest.approx(28.0, abs=0.02)
     assert np.diff(millimetres[..., 1], axis=0) == pytest.approx(28.0, abs=0.02)
+    image[419:] = 255  # one row of corners is left
+    assert find_board(image, cv2.aruco.CharucoDetector(board), board).view is None
 
 
 def test_sheet_of_the_file_is_the_paper_that_is_named(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from cell.benchmark.results import (
     RangeFolds,
     Results,
 )
-from cell.benchmark.summary import claims
+from cell.benchmark.summary import StripNumbers, claims
 from cell.cli.app import app
 from cell.config.places import find_configs
 from drivers.errors import ConfigurationError
@@ -114,6 +114,8 @@ def test_claims_are_those_of_the_text_and_can_fail() -> None:
     assert [claim.held for claim in claims(measured())] == [True] * 6
     worse = claims(measured(blanket=0.2, denim=0.2))
     assert [claim.held for claim in worse] == [False, True, True, False, True, False]
+    fold = image_fold("feedback", "denim", 0.002).model_copy(update={"displacement_true": 0.0})
+    assert StripNumbers.of_folds((fold,), 1).misread == 0.002
 
 
 def test_page_needs_nothing_else_and_says_what_is_not_the_papers() -> None:

@@ -51,6 +51,8 @@ def links(page: Path) -> list[Path]:
 
 
 def test_comparison_has_every_run_and_what_differs(three: list[Path]) -> None:
+    for folder in three:
+        (folder / "truth.yaml").write_text("{schema: 1, displacement: 0.0}\n")
     printed = call("report", *three, "--json")
     page = Path(json.loads(printed)["report"])
     assert page == three[0].parent / "compare.html"
@@ -60,6 +62,7 @@ def test_comparison_has_every_run_and_what_differs(three: list[Path]) -> None:
     assert re.findall(r"<tr><td>([^<]+)", rows[0]) == ["policy"]
     assert text.count("<svg") == 1
     assert "By the camera: 0000" in text
+    assert "In truth, which the twin knows: 0000" in text
     assert links(page) == [folder / "report.html" for folder in three]
     assert all(path.is_file() for path in links(page))
 

@@ -5,12 +5,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from cell.arm.by_hand import PARKED, home_joints
+from cell.arm.by_hand import home_joints
 from cell.config.places import find_configs
 from drivers.arm.failure import ArmFault
 from drivers.arm.obstacles import (
     ARM_CLEARANCE,
-    UPRIGHT,
     _keeps_clear,
     clear_way,
     desk_clearance,
@@ -20,14 +19,14 @@ from drivers.arm.obstacles import (
 )
 from drivers.errors import Fault
 from drivers.franka.body import Box, Solids, apart
-from drivers.franka.kinematics import forward
+from drivers.franka.kinematics import HOME, forward
 from drivers.installation import Installation
 from drivers.types import Pose
 from tests.drivers.arm.rig import INSTALLATION
 
 SOLIDS = solids_of(INSTALLATION)
 ABOVE_EDGE = Pose(0.6, 0.15, 0.0)
-HOME = np.array(home_joints(find_configs(None).cell(), find_configs(None).strip("denim")))
+START = np.array(home_joints(find_configs(None).cell(), find_configs(None).strip("denim")))
 
 
 def nearest(points: list[np.ndarray], solids: Solids = SOLIDS) -> float:
@@ -38,42 +37,38 @@ def nearest(points: list[np.ndarray], solids: Solids = SOLIDS) -> float:
 
 
 def test_straight_way_is_taken_where_it_is_free() -> None:
-    assert np.array_equal(PARKED, UPRIGHT)
-    (way,) = clear_way(np.array(PARKED), HOME, SOLIDS)
-    assert np.array_equal(way, HOME)
-    assert nearest([np.array(PARKED), HOME]) > ARM_CLEARANCE
+    (way,) = clear_way(HOME, START, SOLIDS)
+    assert np.array_equal(way, START)
+    assert nearest([HOME, START]) > ARM_CLEARANCE
 
 
 def wall() -> Solids:
     """What stands on the straight way from the parked posture to home, no higher than needed."""
-    middle = forward((np.array(PARKED) + HOME) / 2)[:3, 3]
+    middle = forward((HOME + START) / 2)[:3, 3]
     low, high = middle - 0.04, middle + 0.04
     post = Box("post", (low[0], low[1], low[2] - 0.3), tuple(high))
     return Solids(np.eye(4), (post,))
 
 
 def test_blocked_way_is_gone_around() -> None:
-    start = np.array(PARKED)
-    assert nearest([start, HOME], wall()) < 0
-    way = clear_way(start, HOME, wall())
+    assert nearest([HOME, START], wall()) < 0
+    way = clear_way(HOME, START, wall())
     assert len(way) > 1
-    assert np.array_equal(way[-1], HOME)
-    assert nearest([start, *way], wall()) > ARM_CLEARANCE - 0.002
+    assert np.array_equal(way[-1], START)
+    assert nearest([HOME, *way], wall()) > ARM_CLEARANCE - 0.002
 
 
 def test_way_without_a_detour_is_refused_and_names_the_obstacle() -> None:
     fence = Solids(np.eye(4), (Box("fence", (-2, 0.1, -1), (2, 0.14, 2)),))
-    crossed = HOME + np.array([2 * -HOME[0], 0, 0, 0, 0, 0, 0])
+    crossed = START + np.array([2 * -START[0], 0, 0, 0, 0, 0, 0])
     with pytest.raises(ArmFault, match="from the fence") as refused:
-        clear_way(crossed, HOME, fence)
+        clear_way(crossed, START, fence)
     assert refused.value.cause == "arm_way_blocked"
 
 
 def test_arm_that_begins_too_near_may_leave_but_not_dive() -> None:
-    assert _keeps_clear(np.array([0.01, 0.02, 0.03, 0.05]))
     assert _keeps_clear(np.array([-0.01, 0.02, 0.05, 0.03, 0.01]))
     assert not _keeps_clear(np.array([0.02, 0.01, 0.05]))
-    assert not _keeps_clear(np.array([0.05, 0.02, 0.05]))
     assert not _keeps_clear(np.array([0.05, 0.01, 0.02]))
     assert not _keeps_clear(np.array([0.01, 0.02]))
 

@@ -60,14 +60,13 @@ def test_what_no_training_held_widens_sigma_through_images_but_not_in_the_rod() 
     assert Bias().untrained == 0.0
 
 
-@pytest.mark.parametrize("wild", [0, 3])
-def test_fit_finds_the_bias_beside_a_few_wild_folds(wild: int) -> None:
+@pytest.mark.parametrize(("wild", "rms"), [(0, 2e-4), (3, 3.2e-3)])
+def test_fit_finds_the_bias_beside_a_few_wild_folds(wild: int, rms: float) -> None:
     bias, quality = fit_transfer(folds(120, 2e-4, wild))
     assert (bias.always, bias.of_length, bias.of_thickness) == pytest.approx(
         BIAS, abs=3e-4, rel=0.2
     )
-    assert quality.folds == 120
-    assert quality.within == pytest.approx(0.68, abs=0.05)
+    assert quality.rms == pytest.approx(rms, rel=0.1)
 
 
 def test_committed_weights_say_how_their_transfer_came_about() -> None:
@@ -82,7 +81,6 @@ def test_committed_weights_say_how_their_transfer_came_about() -> None:
     "facts",
     [
         {"bias": {"always": float("nan")}},
-        {"bias": {"always": float("inf")}},
         {"bias": {"always": "much"}},
         ["not", "a", "mapping"],
     ],
