@@ -1,7 +1,6 @@
 """Folds in simulation: the loop that training, tests and benchmark share."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from drivers.strip.shape import Touch
 from drivers.types import Array
 from policies.path import triangular
 from policies.policy import Decision, Observation
-from policies.profile import POINTS
 from policies.registry import make_policy
 from policies.rollout import Rollout, roll_out
 from policies.sensing import EXACT_SENSING, Sensing
@@ -93,12 +91,3 @@ def test_images_are_as_old_as_their_stamps_say() -> None:
     late = policy.seen[30]
     assert late.time - late.stamp == pytest.approx(0.05)
     assert late.contact_x - late.x == pytest.approx(0.05 * 0.1)
-
-
-def test_profile_runs_from_the_desk_contact_to_the_gripper_of_the_image() -> None:
-    policy = Watcher()
-    fold(policy, Ideal(touch_at=0.05), sensing=replace(EXACT_SENSING, delay=(0.05, 0.05)))
-    seen = policy.seen[30]
-    assert seen.profile.shape == (2, POINTS, 2)
-    assert seen.profile[:, 0, 0] == pytest.approx(seen.contact_x)
-    assert seen.profile[:, -1, 0] == pytest.approx(seen.x + 0.05 * 0.1)

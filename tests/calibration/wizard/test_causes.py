@@ -30,18 +30,6 @@ def touches(seed: int, mrad: float = 0.0, *, mirrored: bool = False) -> tuple[st
     return touch_verdict(made, camera.lens, TOUCHES).reasons
 
 
-@pytest.mark.long
-def test_sessions_of_many_cameras_are_accepted_or_refused_for_their_cause() -> None:
-    assert not any(board(seed) for seed in range(40))
-    assert not any(touches(seed) for seed in range(40))
-    for seed in range(12):
-        for height in (0.0007, 0.001, 0.003):
-            assert any("is bent" in reason for reason in board(seed, height))
-        for mrad in (0.3, 0.7, 2.0):
-            assert any("camera moved" in reason for reason in touches(seed, mrad))
-        assert any("mirrored" in reason for reason in touches(seed, mirrored=True))
-
-
 @pytest.mark.parametrize("height", [0.0007, 0.001, 0.003])
 def test_bent_board_is_refused_as_bent(height: float) -> None:
     (reason,) = board(3, height)

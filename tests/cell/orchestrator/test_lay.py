@@ -21,20 +21,13 @@ from cell.orchestrator.lay import (
 from cell.orchestrator.snapshot import Drive, Hold, MoveTo, OpenHand
 from cell.orchestrator.states import Event
 from cell.perception.measurement import SeenTouch
-from drivers.strip.describe import describe
-from drivers.strip.file import StripFile
-from drivers.twin.chain.engine import Chain
 from drivers.types import Pose, Velocity
-from policies.domain import strip_at
-from policies.path import Path, triangular
+from policies.path import Path
 from tests.cell.orchestrator.test_monitors import GOOD
 from tests.cell.orchestrator.test_orchestrator_stops import phases
-from tests.support.chain_moves import settle
 from tests.support.plain_cell import plain_bench
 
 TICK, REST, SPEED = 0.01, 0.0009, 0.1  # s, m, m/s
-RISE = 0.034  # m
-MIDDLING, SOFT = strip_at(0.5, 0.2), strip_at(0.1, 0.4)
 FOLD = FoldSettings()
 HEIGHT, BEYOND = FOLD.lay_height, FOLD.lay_beyond
 
@@ -86,15 +79,6 @@ def test_grasped_edge_is_let_down_past_a_taut_layer_and_goes_to_the_fixed_one_un
     assert path.points[-2:] == pytest.approx(np.array([(end, HEIGHT), (down, REST)]))
 
 
-def test_gripper_that_is_lower_than_a_lid_is_laid_straight() -> None:
-    path = lay_path(touched(0.0), Pose(0.01, 0.8 * HEIGHT, np.pi / 2), REST, 0.0, FOLD)
-    assert path.points[1:] == pytest.approx(np.array([(-BEYOND, REST)]))
-
-
-def test_edge_is_laid_aside_by_what_no_image_shows() -> None:
-    assert edge_place(touched(-0.003), 0.0035) == pytest.approx(0.0035)
-
-
 def test_edge_is_laid_over_the_lower_layer_and_let_go_before_the_hand_leaves(monkeypatch) -> None:
     """It goes on backwards, away from the strip, before it rises."""
     real = orchestrator.phases_of
@@ -117,40 +101,3 @@ def test_edge_is_laid_over_the_lower_layer_and_let_go_before_the_hand_leaves(mon
     assert laid.pose.as_array() == pytest.approx([0.0, rest, np.pi])
     assert back.pose.as_array() == pytest.approx([aside, rest, np.pi], abs=1e-6)
     assert up.pose.as_array() == pytest.approx([aside, rest - 2 * aside, np.pi], abs=1e-6)
-
-
-def laid_edges(fold: FoldSettings, strip: StripFile) -> float:
-    """Offset [m] of the edges of a smooth strip whose fold rolls, laid as `fold` says."""
-    chain, pose = Chain(60), np.array([strip.length, 0.0, 0.0])
-    chain.reset([describe(strip)])
-    for pose in triangular(strip.length, RISE).poses(np.arange(0.0, 1.0, SPEED * TICK)):
-        touch = chain.step(pose[None], TICK).touch[0]
-        if touch is not None:
-            break
-    assert touch is not None
-    seen = SeenTouch(touch.time, touch.x, touch.to_grasped, touch.to_fixed, 1.0, 0.001)
-    snapshot = replace(GOOD, arm=replace(GOOD.arm, pose=Pose(*pose.tolist())))
-    end, rest = edge_place(seen), REST + CLEARANCE
-    lay = follow_lay(lay_path(seen, snapshot.arm.pose, rest, end, fold), SPEED, snapshot)
-    command = next(lay)
-    while isinstance(command, Drive):
-        rate = command.velocity
-        pose = pose + TICK * np.array([rate.vx, rate.vz, rate.pitch_rate])
-        chain.step(pose[None], TICK)
-        snapshot = replace(snapshot, arm=replace(snapshot.arm, pose=Pose(*pose.tolist())))
-        command = lay.send(snapshot)
-    for goal in (command.pose.as_array(), np.array([end, rest, np.pi])):
-        for share in np.linspace(0.0, 1.0, 16)[1:]:
-            chain.step((pose + share * (goal - pose))[None], TICK)
-        pose = goal
-    settle(chain, pose, 0.3)
-    chain.release()
-    points = settle(chain, pose, 1.0)
-    return float(points[0, 0] - points[-1, 0])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("strip", [MIDDLING, SOFT], ids=["middling", "soft"])
-def test_flat_layer_is_pushed_back_where_a_lid_alone_leaves_it_too_long(strip: StripFile) -> None:
-    assert laid_edges(FOLD.model_copy(update={"lay_beyond": 0.0}), strip) > 1e-3
-    assert abs(laid_edges(FOLD, strip)) < 0.5e-3

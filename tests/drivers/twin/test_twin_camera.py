@@ -150,15 +150,6 @@ def begun(inner: Drawing) -> PacedCamera:
     return camera
 
 
-def drawn() -> tuple[PacedCamera, Drawing]:
-    """A camera that has drawn an image, to be delivered by the next call."""
-    inner = Drawing()
-    camera, before = begun(inner), inner.drawn
-    while inner.drawn == before:
-        assert camera.read(0.02, timeout=0.0) is None
-    return camera, inner
-
-
 def test_no_call_both_draws_and_delivers_an_image() -> None:
     inner = Drawing()
     camera, after, delivered = begun(inner), 0.02, 1
@@ -171,8 +162,3 @@ def test_no_call_both_draws_and_delivers_an_image() -> None:
             after, delivered = frame.stamp, delivered + 1
     assert delivered == pytest.approx(inner.drawn, abs=1)
     assert delivered > 8
-
-
-def test_what_was_drawn_before_is_not_delivered_once_it_is_too_old() -> None:
-    camera, _ = drawn()
-    assert camera.read(1.0, timeout=0.0) is None

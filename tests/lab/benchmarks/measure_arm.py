@@ -4,8 +4,6 @@
 served robot, drives it in lock-step along FOLDS paths of a fold, in the air, by the client
 library, fits what `cell fold --arm fci` would have kept of its joints, and appends a line of JSON
 a fault to OUT/faults.jsonl. Links are 1 % heavier or lighter than the model, by chance.
-With `--again RUNS` the commands of runs that were driven so are put through the mechanics of the
-served robot again, tick by tick: in lock-step they are the same for every fault.
 `... model` writes the arm's MJCF into configs/mechanisms/arm.
 """
 
@@ -19,20 +17,15 @@ from typing import Any
 
 import numpy as np
 import yaml
-from scipy.signal import savgol_filter
 
 from cell.config.places import find_configs
 from cell.devices.fci import fci_arm, start_joints
 from cell.devices.fold_path import triangle, whole_path
 from cell.gap.fit import fit
-from cell.gap.subject.run_folders import read_table
 from cell.record.files import JOINTS, RUN
 from cell.record.tables import joint_table, write_parquet
 from drivers.arm.reach import dense
-from drivers.fci_server.dynamics import Dynamics, LaggingArm
-from drivers.fci_server.posture import Posture
 from drivers.fci_server.server import RobotServer, ServerSettings
-from drivers.franka.kinematics import FLANGE_TO_TIP
 from drivers.franka.model import ArmPlant, arm_mjcf
 from drivers.twin.clock import TwinClock
 from drivers.types import Array, Velocity, frozen
@@ -89,35 +82,13 @@ def _at(t: float, due: Array, poses: Array) -> Array:
     return np.array([np.interp(t, due, column) for column in poses.T])
 
 
-def drive_again(run: Path, plant: ArmPlant) -> Array:
-    """Ticks of the joints (n, 29) of another arm under the commands of a recorded `run`.
-
-    Commands are smoothed over 41 ms, for they were kept as float32.
-    """
-    table = read_table(run / JOINTS)
-    commanded = np.array([table[f"q_d_{i}"] for i in range(1, 8)]).T
-    smooth = savgol_filter(commanded, 41, 3, axis=0)
-    dynamics = Dynamics(plant)
-    begun = Posture.resting(smooth[0], FLANGE_TO_TIP)
-    sag = dynamics.sag if dynamics.bends else None
-    arm, rows = LaggingArm(begun, FLANGE_TO_TIP, plant.delay, 0.0, sag), []
-    for k, q_d in enumerate(smooth):
-        arm.tick(q_d)
-        here = arm.posture
-        torque = dynamics.reading(here, k)
-        rows.append([table["t"][k], *here.q, *here.joints.velocity, *q_d, *torque])
-    return np.array(rows)
-
-
-def make(folder: Path, name: str, seed: int, again: Path | None) -> None:
-    """Record runs of an arm with the fault `name` in `folder`, or those of `again` once more."""
+def make(folder: Path, name: str, seed: int) -> None:
+    """Record runs of an arm with the fault `name` in `folder`."""
     rng = np.random.default_rng(seed)
     heavier = tuple(map(float, 0.01 * rng.standard_normal(7)))
     for k, (length, speed) in enumerate(FOLDS):
         plant = ArmPlant(mass_error=heavier, seed=100 * seed + k, **FAULTS[name])
-        rows = drive(plant, length, speed) if again is None else drive_again(
-            again / f"{k:02d}", plant
-        )  # fmt: skip
+        rows = drive(plant, length, speed)
         run = folder / f"{k:02d}"
         run.mkdir(parents=True, exist_ok=True)
         write_parquet(run / JOINTS, joint_table(rows, 0.0))
@@ -144,7 +115,6 @@ def main() -> None:
     parser.add_argument("out")
     parser.add_argument("--faults", nargs="*", default=list(FAULTS))
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--again", type=Path)
     parser.add_argument("--jobs", type=int, default=1)
     given = parser.parse_args()
     if given.out == "model":
@@ -156,7 +126,7 @@ def main() -> None:
     for number, name in enumerate(given.faults):
         folder, began = out / name, time.process_time()
         if not (folder / "runs").is_dir():
-            make(folder / "runs", name, 10 * given.seed + number, given.again)
+            make(folder / "runs", name, 10 * given.seed + number)
         drove = time.process_time() - began
         verdict = fit([folder / "runs"], ARM / "mechanism.yaml", folder / "verdict",
                       jobs=given.jobs)  # fmt: skip

@@ -7,62 +7,8 @@ import pytest
 
 from drivers.errors import ConfigurationError
 from policies.adaptive.checkpoint import about, load_critic, save_critic
-from policies.adaptive.critic import Belief, Prediction, median_prediction
-from policies.adaptive.features import COUNT, Window
-from policies.adaptive.steering import Steering
+from policies.adaptive.features import COUNT
 from policies.registry import make_policy
-
-SPEED, PERIOD = 0.1, 1 / 60
-
-
-def filled(values: np.ndarray) -> Window:
-    """A window told one image of two channels every 60th of a second."""
-    window = Window(1, 2)
-    for k, value in enumerate(values):
-        window.add(np.array([k * PERIOD]), value[None], np.array([True]))
-    return window
-
-
-def test_one_wild_image_moves_the_trend_by_less_than_its_noise() -> None:
-    values = np.full((20, 2), 0.5)
-    values[-3, 0] += 0.05
-    trend = filled(values).trend()
-    assert abs(trend.value[0, 0] - 0.5) < 1e-3
-    assert trend.spread[0, 0] > 10 * trend.spread[0, 1]
-
-
-def predicted(displacement: float, length: float) -> Prediction:
-    """A prediction on two folds, the second one 1 mm farther."""
-    each = np.array([displacement, displacement + 1e-3])
-    told = np.tile((length, 0.1), (2, 1))
-    return Prediction(each, np.full(2, 0.9), np.full(2, 5e-4), Belief(told, told, told))
-
-
-def test_one_wild_prediction_of_five_is_not_predicted() -> None:
-    usual = [predicted(1e-4 * k, -3.9 + 0.01 * k) for k in range(4)]
-    found = median_prediction([*usual, predicted(-0.012, -2.0)])
-    assert found.displacement == pytest.approx([1e-4, 1.1e-3], abs=1e-4)
-    assert found.belief.log_bending_length[:, 0] == pytest.approx([-3.88] * 2, abs=0.02)
-    assert found.sigma == pytest.approx([5e-4] * 2)
-
-
-def travelled(rise: float, steps: int) -> np.ndarray:
-    """Places (steps, 2) of a gripper without inertia, from the take-over on."""
-    steering = Steering(0.6, SPEED, 1)
-    place, places = np.array([0.5, 0.1]), []
-    for _ in range(steps):
-        decision = steering.decide(place[:1], place[1:], np.array([rise]))
-        heading = float(decision.direction[0])
-        speed = float(decision.speed[0])
-        place = place + speed * PERIOD * np.array([np.cos(heading), np.sin(heading)])
-        places.append(place)
-    return np.array(places)
-
-
-def test_gripper_comes_down_on_its_line() -> None:
-    places = travelled(0.045, 330)
-    x, z = places[np.argmax(places[:, 1]) + 40 :].T
-    assert z - x == pytest.approx(0.045, abs=1e-4)
 
 
 def test_weights_come_back_as_they_were_saved(tmp_path: Path) -> None:

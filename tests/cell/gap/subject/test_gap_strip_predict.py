@@ -10,18 +10,9 @@ from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip import subject
 from cell.gap.subject.strip.subject import Strip, open_strip
 from cell.gap.subject.subject import Request
-from drivers.strip.effects import registry
-from drivers.types import Array
 from tests.support.gap_strip_cases import CELL, STRIP, folds, in_noise, residuals, whitened, written
 
 NAMES = ("there-and-back", "fast", "early-shake", "taut-lift")
-HIDDEN: dict[str, tuple[float, ...]] = {
-    "bending_hysteresis": (8.0, 8.0, 0.5, 0.4),
-    "nonlinear_bending": (1e-4, 1.0),
-    "camera_latency": (0.02,),
-    "desk_tilt": (0.01,),
-}
-"""No fold that ends at the touch, with both ends clamped, can show these."""
 
 
 @pytest.fixture(scope="module")
@@ -31,38 +22,11 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Strip:
     return open_strip(STRIP, find_runs([root]))
 
 
-@pytest.fixture(scope="module", params=HIDDEN)
-def hidden(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Strip, dict[str, Array]]:
-    """Folds with an effect hidden in them, and the effect."""
-    name, numbers = request.param, HIDDEN[request.param]
-    root = tmp_path_factory.mktemp("hidden") / "runs"
-    keys = [p.name for p in registry()[name].parameters]
-    written(root, folds(NAMES, {name: dict(zip(keys, numbers, strict=True))}))
-    return open_strip(STRIP, find_runs([root])), {name: np.array(numbers)}
-
-
-def square(strip: Strip, effects: dict[str, Array]) -> float:
-    return float(np.mean(whitened(strip, residuals(strip, effects)) ** 2))
-
-
 def test_nothing_hidden_leaves_noise(plain: Strip) -> None:
     found = residuals(plain)
     assert 0.8 < in_noise(plain, found, "profile") < 1.45
     assert 0.8 < in_noise(plain, found, "contact_x") < 1.3
     assert in_noise(plain, found, "layer_touch") < 2.0
-
-
-@pytest.mark.slow
-def test_a_hidden_effect_shows_and_its_truth_leaves_noise(
-    hidden: tuple[Strip, dict[str, Array]],
-) -> None:
-    strip, truth = hidden
-    found = residuals(strip, truth)
-    assert in_noise(strip, found, "profile") < 1.6
-    assert in_noise(strip, found, "contact_x") < 1.4
-    assert square(strip, {}) > 2.0 * square(strip, truth)
 
 
 @pytest.mark.slow

@@ -37,9 +37,9 @@ class Vivid:
         return V4l2Settings.model_validate({**usual, **changed})
 
     @contextmanager
-    def camera(self, kernel: Kernel | None = None, **changed: object) -> Iterator[V4l2Camera]:
+    def camera(self, **changed: object) -> Iterator[V4l2Camera]:
         """A connected camera."""
-        camera = V4l2Camera(self.settings(**changed), WallClock(), kernel)
+        camera = V4l2Camera(self.settings(**changed), WallClock())
         try:
             camera.connect()
             yield camera
@@ -93,18 +93,6 @@ class Vivid:
         """Take the link away."""
         with suppress(FileNotFoundError):
             self.link.unlink()
-
-
-class Counting(Kernel):
-    """The kernel, with its waits counted."""
-
-    def __init__(self) -> None:
-        self.waits = 0
-
-    def wait(self, fd: int | None, seconds: float) -> int:
-        """As the kernel does."""
-        self.waits += 1
-        return super().wait(fd, seconds)
 
 
 def frames(camera: V4l2Camera, count: int) -> list[CameraFrame]:

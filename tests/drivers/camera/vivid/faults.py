@@ -9,7 +9,6 @@ from drivers.camera.device import CameraBusy, CameraFaulty, CameraLost, CameraSt
 from tests.drivers.camera.vivid.device import (
     ALWAYS,
     DRIVER,
-    Counting,
     Vivid,
     frames,
     raising,
@@ -42,18 +41,6 @@ def check_fatal_error_is_told_and_the_stream_starts_anew(vivid: Vivid) -> None:
             read_on(camera)
         assert recovered(camera).sequence > last.sequence
         assert camera.counts.restarts == 1
-
-
-def check_poll_error_does_not_spin(vivid: Vivid) -> None:
-    kernel = Counting()
-    with vivid.camera(kernel) as camera:
-        frames(camera, 3)
-        before, begun = kernel.waits, time.monotonic()
-        for _ in range(4):
-            vivid.set(inject_fatal_streaming_error=1)
-            time.sleep(0.15)
-        rate = (kernel.waits - before) / (time.monotonic() - begun)
-    assert rate < 100, f"{rate:.0f} polls a second"
 
 
 def check_buffers_refused_leave_nothing_held(vivid: Vivid) -> None:

@@ -1,6 +1,5 @@
 """Checks of the stream of frames: gaps, corrupt ones, numbers, stamps."""
 
-import time
 from itertools import pairwise
 
 import numpy as np
@@ -68,12 +67,3 @@ def check_stamps_tell_start_from_end_of_exposure(vivid: Vivid) -> None:
         assert {frame.stamp_source for frame in seen} == {source}
         age = float(np.median([frame.arrival - frame.stamp for frame in seen]))
         assert least < age < 1.0, f"{source}: {age:.3f} s"
-
-
-def check_frame_after_a_pause_is_fresh(vivid: Vivid) -> None:
-    with vivid.camera() as camera:
-        frames(camera, 2)
-        time.sleep(0.5)
-        (frame,) = frames(camera, 1)
-        assert frame.sequence > 8
-        assert camera.read(frame.stamp + 60.0, 0.1) is None
