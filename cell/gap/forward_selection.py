@@ -108,7 +108,10 @@ def refit_on_base(
                 refit(fit.model, new_evidence, start, _secants(fit, new_evidence), ROUGH_GAIN)
             )
     refitted = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
-    return search.other_signs(simulate, replace(fits, models=(base, *refitted)))
+    fits = replace(fits, models=(base, *refitted))
+    behind = [margin(fits.best, m, fits.likelihood).gain for m in fits.models]
+    in_reach = [m for m, nats in zip(fits.models, behind, strict=True) if nats <= BUDGET.reach]
+    return search.other_signs(simulate, fits, in_reach)
 
 
 def _secants(fit: Estimate, evidence: Evidence) -> tuple[Array, ...] | None:
@@ -185,8 +188,8 @@ class ForwardSelection:
             tried.add(names)
             subsets = search.without_each(self._accept(fits))
             fits = search.fit_scores(self.simulate, fits, subsets, self._candidates)
-            parts = [m for name in names if (m := fits.of(names - {name})) is not None]
-            fits = self._extend(fits, parts)
+            fits = search.other_signs(self.simulate, fits, _parts(fits, names))
+            fits = self._extend(fits, _parts(fits, names))
         return fits
 
     def _extend(self, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:
@@ -199,6 +202,11 @@ class ForwardSelection:
     @property
     def _candidates(self) -> Sequence[Candidate]:
         return self.subject.scope.candidates
+
+
+def _parts(fits: Fits, names: frozenset[str]) -> list[CrossValidatedFit]:
+    """The models of `fits` that lack one of the effects `names`."""
+    return [m for name in sorted(names) if (m := fits.of(names - {name})) is not None]
 
 
 def _leaves_more(fits: Fits, *, anywhere: bool) -> bool:

@@ -34,13 +34,16 @@ def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
     """Models of which each effect is needed, the most probable first.
 
     A model clearly leads each fitted part of it, the base too, and predicts runs left out better:
-    what a fit gains in its own runs, others may not confirm.
+    what a fit gains in its own runs, others may not confirm. Beside other effects it predicts them
+    clearly better than errors of their laws allow.
     """
-    scale = fits.likelihood.scale
+    likelihood = fits.likelihood
 
     def leads(model: CrossValidatedFit, part: CrossValidatedFit) -> bool:
         lead = sets.lead(model.model.names) - sets.lead(part.model.names)
-        return lead > MIN_GAIN and bool(model.losses(scale).sum() < part.losses(scale).sum())
+        gain = margin(model, part, likelihood).each
+        least = MIN_GAIN if part.model.effects else 0.0
+        return lead > MIN_GAIN and _beyond_model_error(gain, part, fits, likelihood) > least
 
     for names in (m.names for m in sets.models if m.names):
         model = fits.of(names)
@@ -66,15 +69,18 @@ def is_exhausted(fits: Fits) -> bool:
 
 
 def _beyond_model_error(
-    left: Array, model: CrossValidatedFit, fits: Fits, likelihood: LikelihoodScale
+    nats: Array, model: CrossValidatedFit, fits: Fits, likelihood: LikelihoodScale
 ) -> float:
-    """Sum of what is `left` (R,) [nats] in each run, less what errors of its laws may explain.
+    """Sum of the `nats` (R,) of the runs, less what errors of the laws of `model` may explain.
 
     What a law gets wrong of what it explains in a run, another effect would absorb there.
     """
-    explained = np.maximum(margin(model, fits.base, likelihood).each, 0.0)
-    wrong = max(e.model_error for e in model.model.effects) * explained
-    return float(np.sum(left - np.clip(left, 0.0, wrong)))
+    wrong = np.zeros(len(nats))
+    for effect in model.model.effects:
+        without = fits.of(model.model.names - {effect.name}) or fits.base
+        explained = np.maximum(margin(model, without, likelihood).each, 0.0)
+        wrong += effect.model_error**2 * explained
+    return float(np.sum(nats - np.clip(nats, 0.0, wrong)))
 
 
 @dataclass(frozen=True, slots=True)

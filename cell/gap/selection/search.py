@@ -234,15 +234,13 @@ def without_each(accepted: CrossValidatedFit) -> list[Score]:
     return [Score(subset, 0.0, {}, after=accepted.estimate) for subset in subsets]
 
 
-def other_signs(simulate: Simulate, fits: Fits) -> Fits:
-    """Refit models that may still be best, from the opposite sign of each effect with a place.
+def other_signs(simulate: Simulate, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:
+    """Refit `models` from the opposite sign, too, of each effect with a place.
 
     A stiff seam here resembles a soft one next to it, on another base or beside another effect.
     """
-    likelihood, tasks = fits.likelihood, []
-    for m in fits.models:
-        if margin(fits.best, m, likelihood).gain > BUDGET.reach:
-            continue
+    tasks = []
+    for m in models:
         for effect in m.model.effects:
             beside = fits.of(m.model.names - {effect.name})
             if effect.two_sided and any(p.shape for p in effect.parameters) and beside:

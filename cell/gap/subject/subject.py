@@ -56,9 +56,8 @@ class Candidate:
     `probes` are groups of whole parameter vectors at which it is screened, small to large; the
     members of a group may be mixed (one parameter each), groups may not (another place). Bounds
     that start at the null say that physics fixes the sign. `sentence` is for a technician.
-    `model_error` is the fraction of the variance explained by this effect that may be its own
-    modelling error: e^2 for a relative error e of its response. Shape parameters fit its law to a
-    specimen: they stay at their start until it leaves more than noise.
+    `model_error` is the relative error of its response, that of its law. Shape parameters fit the
+    law to a specimen: they stay at their start until it leaves more than noise.
     """
 
     name: str
@@ -217,9 +216,8 @@ class Scope:
     """Fit problem of a subject: base parameters, candidate effects, and quantities by name.
 
     `terms` are never causes: they describe what stays unexplained. `scatter` names the random
-    unknowns of runs. `left` is the share of the excess gap that laws may get wrong of what they
-    explain. Where spreads of the base are `believed`, a base that fits by values far beyond them is
-    doubted as one that leaves a gap.
+    unknowns of runs. Where spreads of the base are `believed`, a base that fits by values far
+    beyond them is doubted as one that leaves a gap.
     """
 
     base: tuple[Parameter, ...]
@@ -227,7 +225,6 @@ class Scope:
     quantities: Mapping[str, Quantity]
     terms: tuple[Candidate, ...] = ()
     scatter: tuple[ScatterSource, ...] = ()
-    left: float = 0.5
     believed: bool = False
 
 

@@ -1,11 +1,14 @@
 """Which sets of effects are probable, and what is stated of a name."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import integrate, stats
 
 from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.fitting.tasks import run_all
+from cell.gap.selection.choice import choose
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.selection.posterior import Posterior, posterior
@@ -13,7 +16,7 @@ from cell.gap.selection.prior import Beliefs, beliefs, filling_floor
 from cell.gap.selection.screening import probe
 from cell.gap.verdict.confidence import Numbers, calibration
 from drivers.types import Array
-from tests.cell.gap.test_gap_engine import Curves, bump, fitted, hidden, judged, nothing
+from tests.cell.gap.test_gap_engine import Curves, bump, fitted, hidden, judged, nothing, wave
 from tests.cell.gap.test_gap_robust import validated
 
 PLAIN = LikelihoodScale(1.0, 1.0)
@@ -99,6 +102,20 @@ def test_a_law_that_may_be_wrong_leaves_room_for_what_it_leaves() -> None:
     wary = sets(subject, ("bump",), ("bump", "wave"), prior=prior)
     lead = [nats(f, "bump", "wave") - nats(f, "bump") for f in (sure, wary)]
     assert lead[1] < 0.5 * lead[0]
+
+
+@pytest.mark.parametrize(("error", "accepted"), [(0.0, {"bump", "wave"}), (0.2, {"bump"})])
+def test_what_an_error_of_a_law_may_explain_is_no_second_effect(
+    error: float, accepted: set[str]
+) -> None:
+    subject = Curves(lambda t, s, i: 0.3 * bump(t, s, i) + 0.004 * wave(t, s, i), seed=1)
+    models = []
+    for fit in (fitted(subject, names) for names in ((), ("bump",), ("bump", "wave"))):
+        effects = tuple(replace(e, model_error=error) for e in fit.model.effects)
+        erring = replace(fit, model=replace(fit.model, effects=effects))
+        models.append(validated(erring, subject))
+    fits = Fits(tuple(models))
+    assert choose(fits, posterior(fits, PLAIN, EXACT)).accepted.model.names == accepted
 
 
 def test_a_verdict_states_what_its_signs_are_worth() -> None:

@@ -77,7 +77,6 @@ def scope(
         candidates=tuple(candidate(e, strip, lifted) for e in fresh if can_simulate(e, strip)),
         terms=candidates(),
         scatter=tuple(ScatterSource(e.name, e.sentence, e.remedy) for e in KNOWN_EFFECTS),
-        left=UNTRUE,
         quantities={
             "profile": Quantity("profile_mm", 1e3, "mm"),
             "contact_x": Quantity("contact_x_mm", 1e3, "mm"),
