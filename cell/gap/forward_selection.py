@@ -157,7 +157,7 @@ class ForwardSelection:
         if len(fits.models) == 1:
             return fits
         fits = fits.merge(search.shape_parameters(self.simulate, fits))
-        if _leaves_more(fits, anywhere=True):
+        if _leaves_more(fits):
             fits = self._refit_pairs(fits)
         elif self._accept(fits).model.effects:
             self.progress("screen beside the accepted effect", 0.5)
@@ -209,11 +209,8 @@ def _parts(fits: Fits, names: frozenset[str]) -> list[CrossValidatedFit]:
     return [m for name in sorted(names) if (m := fits.of(names - {name})) is not None]
 
 
-def _leaves_more(fits: Fits, *, anywhere: bool) -> bool:
-    """Whether the best model leaves more than noise and than errors of its laws may explain.
-
-    Overall or, with `anywhere`, in any bin.
-    """
+def _leaves_more(fits: Fits) -> bool:
+    """Whether the best model leaves more than noise and errors of its laws, overall or in a bin."""
     if is_exhausted(fits):
         return False
     best = min(fits.models, key=lambda m: (m.estimate.scale, m.estimate.objective)).estimate
@@ -221,4 +218,4 @@ def _leaves_more(fits: Fits, *, anywhere: bool) -> bool:
     allowed = lack_of_fit.slack(best.evidence, Repeats.of(best).inflation)
     if lack_of_fit.lack_of_fit(best, noise, allowed) < ALPHA:
         return True
-    return anywhere and any(place.p < ALPHA for place in localise(best, noise, allowed))
+    return any(place.p < ALPHA for place in localise(best, noise, allowed))
