@@ -188,8 +188,8 @@ class ForwardSelection:
             tried.add(names)
             subsets = search.without_each(self._accept(fits))
             fits = search.fit_scores(self.simulate, fits, subsets, self._candidates)
-            fits = search.other_signs(self.simulate, fits, _parts(fits, names))
-            fits = self._extend(fits, _parts(fits, names))
+            parts = [m for name in names if (m := fits.of(names - {name})) is not None]
+            fits = search.other_signs(self.simulate, self._extend(fits, parts), parts)
         return fits
 
     def _extend(self, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:
@@ -202,11 +202,6 @@ class ForwardSelection:
     @property
     def _candidates(self) -> Sequence[Candidate]:
         return self.subject.scope.candidates
-
-
-def _parts(fits: Fits, names: frozenset[str]) -> list[CrossValidatedFit]:
-    """The models of `fits` that lack one of the effects `names`."""
-    return [m for name in sorted(names) if (m := fits.of(names - {name})) is not None]
 
 
 def _leaves_more(fits: Fits) -> bool:

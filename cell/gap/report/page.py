@@ -73,9 +73,8 @@ def candidates(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     accepted = findings.accepted.model.name
     note = (
         "What each effect gains in predicting runs that the fit had not seen, in nats. Accepted is "
-        "the most probable set of effects that predicts better than each of its subsets, by more "
-        "than errors of their laws may explain, and leads "
-        f"each by {MIN_GAIN:.0f} nats or more (55 times as probable)."
+        "the most probable set of effects that predicts better than each of its subsets, beyond "
+        f"errors of laws, and leads each by {MIN_GAIN:.0f} nats or more (55 times as probable)."
     )
     return {
         "note": note,

@@ -204,12 +204,6 @@ def test_detectable_size_is_found_when_it_is_there() -> None:
     assert [[e.name for e in v.effects] for v in found].count(["bump"]) >= 4
 
 
-def test_two_effects_are_found_together() -> None:
-    both: Law = lambda t, s, i: 0.05 * bump(t, s, i) - 0.04 * wave(t, s, i)  # noqa: E731
-    _, verdict = judged(Curves(both))
-    assert sorted(e.name for e in verdict.effects) == ["bump", "wave"]
-
-
 def test_a_small_effect_beside_a_strong_one_is_found_where_all_residuals_show_no_gap() -> None:
     both: Law = lambda t, s, i: 0.2 * bump(t, s, i) - 0.006 * wave(t, s, i)  # noqa: E731
     for seed in range(3):
@@ -241,8 +235,6 @@ def test_cause_outside_the_library_is_unexplained() -> None:
     spike: Law = lambda t, s, i: 0.2 * np.exp(-(((t - 0.8) / 0.03) ** 2))  # noqa: E731
     _, verdict = judged(Curves(spike))
     assert verdict.verdict == "unexplained"
-    assert verdict.effects == []
-    assert verdict.unexplained is not None
 
 
 def test_proxy_whose_amplitude_drifts_between_conditions_is_not_named() -> None:
