@@ -1,4 +1,4 @@
-"""Lens files: ROS's and OpenCV's are written and read; broken ones refused in a line."""
+"""A lens and its files: ROS's and OpenCV's are written and read; broken ones refused in a line."""
 
 from pathlib import Path
 
@@ -22,6 +22,13 @@ def _same(lens: Lens) -> bool:
         and np.array_equal(lens.distortion, LENS.distortion)
         and (lens.width, lens.height) == (1280, 720)
     )
+
+
+def test_undistort_and_distort_are_inverse_over_the_whole_image() -> None:
+    rng = np.random.default_rng(0)
+    pixels = rng.uniform((0, 0), (1280, 720), (200, 2))
+    assert np.abs(LENS.distort(LENS.undistort(pixels)) - pixels).max() < 1e-6
+    assert np.abs(LENS.undistort(pixels) - pixels).max() > 1.0
 
 
 def test_camera_info_round_trip_keeps_every_digit(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ def folds(monkeypatch, tmp_path) -> Callable[..., tuple[int, list[dict], list[Re
     def command(capsys, ends: list[FoldResult | CellError], *words: object):
         asked: list[Request] = []
 
-        def fold(request, shown, interrupted, calibration) -> FoldResult:
+        def fold(request, calibration, shown, interrupted) -> FoldResult:
             asked.append(request)
             end = ends[len(asked) - 1]
             if isinstance(end, CellError):

@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import ConfigurationError
-from drivers.readers import read_yaml
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
 
@@ -61,29 +60,6 @@ def test_no_value_is_converted_to_another_type(path: Path, old: str, new: str) -
         load(path, TEXT.replace(old, new))
     assert str(refused.value).startswith(f"{path}: ")
     assert "\n" not in str(refused.value).replace(f"\n{path}: ", "")
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        "? [a]\n: b\n",
-        "note: 2024-13-45\n",
-        "note: !!int abc\n",
-        "note: !!python/object/apply:os.system [ls]\n",
-        f"note: {'[' * 5000}\n",
-        f"note: {'9' * 5000}\n",
-        "note: \x00\n",
-        "---\nname: two\n",
-        "\tlength: 1\n",
-        "name: twice\n",
-    ],
-)
-def test_what_breaks_yaml_is_one_line(path: Path, wrong: str) -> None:
-    path.write_text(TEXT + wrong, encoding="utf-8")
-    with pytest.raises(ConfigurationError) as refused:
-        read_yaml(path)
-    assert str(refused.value).startswith(f"{path}: is not valid YAML: ")
-    assert "\n" not in str(refused.value)
 
 
 def test_numbers_may_be_written_as_people_write_them(path: Path) -> None:

@@ -53,23 +53,14 @@ def test_experiences_come_back_in_order_and_a_torn_line_is_skipped(tmp_path: Pat
     assert memory.experiences() == (first, second)
 
 
-def test_forgetting_sets_aside_and_loses_nothing(tmp_path: Path) -> None:
-    memory = Memory("cell", tmp_path)
-    assert memory.forget() is None
-    memory.add(Experience("r0", "adaptive", "denim", "a", "camera", displacement=0.001))
-    kept = memory.path.read_bytes()
-    aside = memory.forget()
-    assert aside is not None
-    assert aside.read_bytes() == kept
-    assert memory.experiences() == ()
-
-
-def test_forgetting_again_overwrites_nothing_that_was_set_aside(tmp_path: Path) -> None:
+def test_forgetting_sets_aside_and_overwrites_nothing_that_was_set_aside(tmp_path: Path) -> None:
     memory, kept = Memory("cell", tmp_path), {}
+    assert memory.forget() is None
     for number in range(3):
         memory.add(Experience(f"r{number}", "adaptive", "denim", "a", "camera"))
         content, aside = memory.path.read_bytes(), memory.forget()
         assert aside is not None
+        assert memory.experiences() == ()
         kept[aside] = content
         if number == 1:
             first = next(iter(kept))

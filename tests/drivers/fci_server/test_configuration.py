@@ -99,33 +99,6 @@ def test_force_beyond_a_threshold_calls_for_its_reflex(
     assert felt(force, torque_limit, force_limit).reflex is reflex
 
 
-def test_force_below_collision_and_above_contact_is_flagged() -> None:
-    contact = felt((0.0, 0.0, 15.0), 100.0, 20.0)
-    assert contact.tool_flags[0].tolist() == [0, 0, 1, 0, 0, 0]
-    assert not contact.tool_flags[1].any()
-    assert contact.wrench[2] == 15.0
-
-
-def test_torques_at_the_joints_do_the_work_of_the_force() -> None:
-    contact = felt((3.0, -2.0, 5.0), 100.0, 100.0)
-    posture: Posture = resting_robot().posture
-    rates = np.random.default_rng(0).normal(size=7)
-    work = np.array([3.0, -2.0, 5.0]) @ (posture.jacobian[:3] @ rates)
-    assert contact.torque @ rates == pytest.approx(work)
-
-
-def test_thresholds_of_an_accelerating_arm_come_before_those_of_a_steady_one() -> None:
-    rows = [[1.0] * 7, [2.0] * 7, [3.0] * 7, [4.0] * 7]
-    tool = [[5.0] * 6, [6.0] * 6, [7.0] * 6, [8.0] * 6]
-    payload = doubles(*np.ravel(rows), *np.ravel(tool))
-    configuration, _ = configure(Configuration(), Command.SET_COLLISION_BEHAVIOR, payload)
-    found = configuration.thresholds
-    assert found.torque_accelerating.tolist() == rows[:2]
-    assert found.torque_nominal.tolist() == rows[2:]
-    assert found.force_accelerating.tolist() == tool[:2]
-    assert found.force_nominal.tolist() == tool[2:]
-
-
 @pytest.mark.parametrize(("acceleration", "stops"), [(0.0, True), (0.5, False)])
 def test_accelerating_arm_has_the_thresholds_set_for_it(acceleration: float, stops: bool) -> None:
     torques = [100.0] * 28

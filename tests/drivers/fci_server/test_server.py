@@ -20,7 +20,6 @@ from tests.support.fci_wire import (
     CARTESIAN_VELOCITY,
     EMERGENCY_ABORTED,
     IDLE,
-    MODEL,
     MOVE,
     MOVING,
     PREEMPTED,
@@ -70,29 +69,12 @@ def test_address_that_is_taken_is_refused_by_name(server) -> None:
         RobotServer(ServerSettings(address=server.address))
 
 
-def test_client_of_another_version_learns_both_and_the_next_one_is_served(server) -> None:
-    with RawArm(server.address, version=5) as old:
-        assert old.connected == (1, 10)
-    with RawArm(server.address) as arm:
-        assert arm.connected == (0, 10)
-        assert arm.state().mode == IDLE
-
-
 def test_silent_strangers_do_not_keep_a_client_out(server) -> None:
     strangers = [socket.create_connection((server.address, 1337)) for _ in range(12)]
     with RawArm(server.address) as arm:
         assert arm.state().mode == IDLE
     for stranger in strangers:
         stranger.close()
-
-
-def test_model_holds_what_clients_read(arm) -> None:
-    arm.request(MODEL)
-    _, _, content = arm.reply()
-    text = content[1:].decode()
-    assert content[0] == 0
-    assert text.count("position_based_velocity_limits ") == 7
-    assert '<child link="link8"/>' in text
 
 
 def test_motion_follows_commands_tick_by_tick(arm) -> None:

@@ -8,7 +8,6 @@ import pytest
 
 from drivers.errors import ConfigurationError
 from policies.adaptive.bias import (
-    REFERENCE_LOG_LENGTH,
     REFERENCE_THICKNESS,
     Bias,
     bias_terms,
@@ -22,7 +21,6 @@ from policies.adaptive.checkpoint import (
     load_critic,
     save_critic,
 )
-from policies.adaptive.critic import Belief
 from policies.adaptive.train.transfer import FoldedBatch, fit_transfer
 
 BIAS = np.array([0.7e-3, -1.0e-3, 0.5])
@@ -39,25 +37,6 @@ def folds(count: int, noise: float, wild: int = 0) -> FoldedBatch:
     predicted[:wild] += 0.02
     sigma = np.full(count, 5e-4)
     return FoldedBatch(displacement, predicted, sigma, length, thickness)
-
-
-def belief(length: float = 0.0) -> Belief:
-    means = (REFERENCE_LOG_LENGTH + length, -3.0, 1.0)
-    return Belief(*(np.array([[mean, 0.1]]) for mean in means))
-
-
-def test_thickness_that_nobody_measured_widens_sigma() -> None:
-    sigma, bias = np.array([5e-4]), Bias(of_thickness=0.5, sigma=1.2, unmeasured=6e-4)
-    assert bias.sigma_of(sigma, 0.001) == pytest.approx([6e-4])
-    assert bias.sigma_of(sigma, None) == pytest.approx([np.hypot(6e-4, 6e-4)])
-    assert bias.of(belief(0.5), None) == bias.of(belief(0.5), 0.001)
-
-
-def test_what_no_training_held_widens_sigma_through_images_but_not_in_the_rod() -> None:
-    bias = Bias(sigma=0.8, unmeasured=3e-4, untrained=4e-4)
-    assert bias.sigma_of(np.array([5e-4]), 0.001) == pytest.approx([np.hypot(4e-4, 4e-4)])
-    assert load_bias().untrained == untrained_spread().added > 0.0
-    assert Bias().untrained == 0.0
 
 
 @pytest.mark.parametrize(("wild", "rms"), [(0, 2e-4), (3, 3.2e-3)])
