@@ -156,10 +156,10 @@ def _standard_motion(name: str) -> "Policy":
     wanted = name.removeprefix(MOTION)
     led = re.fullmatch(BY_HAND + r"(\d+)-(\d+)", wanted)
     if led is not None:
-        from policies.experiments.by_hand import by_hand
+        from policies.experiments.human_motion import human_motion
 
         seed, number = map(int, led.groups())
-        return Scripted(name, lambda length, _speed: by_hand(length, seed, number))
+        return Scripted(name, lambda length, _speed: human_motion(length, seed, number))
     if wanted not in STANDARD:
         allowed = ", ".join(MOTION + known for known in STANDARD)
         raise ConfigurationError(

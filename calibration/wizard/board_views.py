@@ -19,7 +19,7 @@ from calibration.wizard.coverage import (
     wanted_views,
 )
 from calibration.wizard.lens_verdict import LensVerdict, fit_views, lens_verdict
-from calibration.wizard.news import Mark, News, Result, Row
+from calibration.wizard.progress import Mark, Progress, Result, Row
 from drivers.types import Frame, Image
 
 FEWEST_VIEWS = max(4, MINIMUM_VIEWS)  # from which a lens is fitted, to compute the board's tilt
@@ -118,12 +118,12 @@ class BoardViews:
         """Coverage requirements and how far the views so far meet each."""
         return coverage(self.views, self._lens or guessed_lens(TYPICAL_SIZE), self._settings)
 
-    def news(self, frame: Frame | None = None, result: Result | None = None) -> News:
+    def progress(self, frame: Frame | None = None, result: Result | None = None) -> Progress:
         """Request, coverage, and the `result` of the newest image `frame`, if any."""
         gates, wanted = self.gates(), self.ask()
         missing = [gate for gate in gates if not gate.passed]
         seen = () if self._seen is None or result is None else self._seen.image
-        return News(
+        return Progress(
             "the lens, from a board",
             "nothing: all is covered" if wanted is None else f"show the board {wanted}",
             f"still missing: {missing[0]}" if missing else "all is covered; for good measure",

@@ -11,7 +11,7 @@ from pydantic import ConfigDict, Field
 from calibration.board import BoardSettings
 from calibration.lens import CameraFile
 from calibration.wizard.latency import LatencySettings
-from calibration.wizard.news import News, Row, Watcher, nobody
+from calibration.wizard.progress import Observer, Progress, Row, ignore
 from calibration.wizard.touches import TouchSettings
 from drivers.errors import ConfigurationError
 from drivers.files import append_line, write_file, writing
@@ -60,7 +60,7 @@ class SessionFolder:
     lost, and passes it on to `watch`; `newest` is the last image.
     """
 
-    def __init__(self, folder: Path, session: Session, watch: Watcher = nobody) -> None:
+    def __init__(self, folder: Path, session: Session, watch: Observer = ignore) -> None:
         """Create `folder`, which must be new or empty, or resume that of the same `session`.
 
         A folder that cannot be written is a ConfigurationError.
@@ -76,18 +76,18 @@ class SessionFolder:
             (folder / IMAGES_FOLDER).mkdir(parents=True)
         write_yaml(folder / SESSION_FILE, session.model_dump(mode="json", by_alias=True))
 
-    def __call__(self, news: News) -> None:
-        """Write the measurements in `news`, with the image where it was accepted."""
-        if news.frame is not None:
-            self.newest = news.frame
-        if news.steps is not None:
-            content = {"arm": news.steps.arm.tolist(), "seen": news.steps.seen.tolist()}
+    def __call__(self, progress: Progress) -> None:
+        """Write the measurements in `progress`, with the image where it was accepted."""
+        if progress.frame is not None:
+            self.newest = progress.frame
+        if progress.steps is not None:
+            content = {"arm": progress.steps.arm.tolist(), "seen": progress.steps.seen.tolist()}
             write_file(self.folder / LATENCY_FILE, json.dumps(content) + "\n", MAKE_ROOM)
-        if news.taken_back is not None:
-            self.add(news.taken_back)
-        if news.frame is not None and news.result is not None:
-            self.add(news.result.row, news.frame.image if news.result.taken else None)
-        self._watch(news)
+        if progress.taken_back is not None:
+            self.add(progress.taken_back)
+        if progress.frame is not None and progress.result is not None:
+            self.add(progress.result.row, progress.frame.image if progress.result.taken else None)
+        self._watch(progress)
 
     def add(self, row: Row, image: Image | None = None) -> None:
         """Append `row` to the file of rows and write its `image` (height, width, 3), if any.

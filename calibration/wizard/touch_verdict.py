@@ -10,7 +10,7 @@ from calibration.calibration import Calibration
 from calibration.homography import Homography
 from calibration.lens import Lens
 from calibration.wizard.latency import LatencyVerdict
-from calibration.wizard.news import ENLARGED
+from calibration.wizard.progress import ENLARGED
 from calibration.wizard.touches import (
     RejectedTouch,
     Touch,

@@ -7,7 +7,7 @@ import numpy as np
 
 from calibration.lens import Lens
 from calibration.pointer import find_pointer
-from calibration.wizard.news import Mark, MarkKind, News, PlannedPoint, Result, Row
+from calibration.wizard.progress import Mark, MarkKind, PlannedPoint, Progress, Result, Row
 from calibration.wizard.touch_verdict import TouchVerdict, touch_verdict
 from calibration.wizard.touches import (
     Touch,
@@ -154,10 +154,10 @@ class TouchedPoints:
         part = "held out, it decides" if held else "fitted"
         return f"point {self.number} ({part}): {done}" if self.fitted else done
 
-    def news(self, wanted: Pose | None, why: str, stage: Stage = Stage.TOUCH) -> News:
+    def progress(self, wanted: Pose | None, why: str, stage: Stage = Stage.TOUCH) -> Progress:
         """Progress: the arm is `wanted` at a pose, `why`, and all points so far."""
         touched = {point.number: point for point in self._touches}
-        return News(
+        return Progress(
             f"the map to the plane: {stage}",
             "nothing" if wanted is None else f"the arm goes to {_place(wanted)}",
             why,

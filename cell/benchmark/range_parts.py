@@ -14,7 +14,7 @@ from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
-from policies.adaptive.fabrics import EFFECTS, effect, friction, plain
+from policies.adaptive.fabrics import EFFECTS, effect, friction, plain_strip
 from policies.domain import grid
 from policies.path import TAKEOVER_HEIGHT
 from policies.planned import Planned
@@ -185,8 +185,8 @@ class EffectPart:
 
     def _strip(self, rng: np.random.Generator) -> StripFile:
         if not self.effect:
-            return plain(rng)
+            return plain_strip(rng)
         if self.effect == FRICTION_EFFECT:
-            return plain(rng, bending_hysteresis=friction(rng, *YIELD_RANGE))
-        bare = plain(rng)
+            return plain_strip(rng, bending_hysteresis=friction(rng, *YIELD_RANGE))
+        bare = plain_strip(rng)
         return bare.model_copy(update={"effects": {self.effect: effect(self.effect, rng)}})

@@ -117,11 +117,11 @@ def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibr
 def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
     """Fit the lens to as many board views as it takes; raises CellError for a poor result."""
     from calibration.wizard.board_views import BoardViews
-    from calibration.wizard.news import nobody
+    from calibration.wizard.progress import ignore
     from cell.calibrating.wizard import show_board
 
     views = BoardViews(settings.boards)
-    show_board(views, aids.show_board, Unattended(), nobody)
+    show_board(views, aids.show_board, Unattended(), ignore)
     verdict = views.verdict(aids.measure_board())
     if verdict.fit is None or not verdict.passed:
         raise CellError("lens calibration failed: " + "; ".join(verdict.reasons))

@@ -21,7 +21,7 @@ from calibration.wizard.board_views import BoardViews
 from calibration.wizard.coverage import WantedView
 from calibration.wizard.latency import NOT_MEASURED, LatencyVerdict, latency_verdict
 from calibration.wizard.lens_verdict import LensVerdict
-from calibration.wizard.news import Watcher, draw_picture
+from calibration.wizard.progress import Observer, draw_picture
 from calibration.wizard.session import (
     PICTURE_FILE,
     SESSION_FILE,
@@ -169,7 +169,7 @@ def calibrate_lens(
     devices: Devices,
     folder: Path,
     operator: Operator,
-    watch: Watcher,
+    watch: Observer,
     length: float | None,
     interrupted: Interruption = lambda: False,
 ) -> LensSession:
@@ -225,7 +225,7 @@ def calibrate_homography(
     lens: Lens,
     folder: Path,
     operator: Operator,
-    watch: Watcher,
+    watch: Observer,
     *,
     plan: Sequence[Pose] | None = None,
     accept_anyway: bool = False,
@@ -307,7 +307,7 @@ def check_calibration(
     devices: Devices,
     calibration: Calibration,
     operator: Operator,
-    watch: Watcher,
+    watch: Observer,
     interrupted: Interruption = lambda: False,
 ) -> CheckVerdict:
     """Touch each pose of the check's plan and return the verdict on `calibration`.
@@ -417,7 +417,7 @@ def show_board(
     views: BoardViews,
     source: Source,
     operator: Operator,
-    watch: Watcher,
+    watch: Observer,
     interrupted: Interruption = lambda: False,
 ) -> None:
     """Request views of the board one after the other until enough are accepted.
@@ -426,21 +426,21 @@ def show_board(
     """
     while (wanted := views.ask()) is not None:
         _check(interrupted)
-        news = views.news()
-        watch(news)
-        answer = operator.answer(Question(Ask.VIEW, news.request))
+        progress = views.progress()
+        watch(progress)
+        answer = operator.answer(Question(Ask.VIEW, progress.request))
         _check(interrupted)
         if answer is Answer.SKIP:
             views.skip()
         elif answer is Answer.AGAIN:
-            watch(replace(news, taken_back=views.take_back()))
+            watch(replace(progress, taken_back=views.take_back()))
         else:
             frame = source(wanted)
             result = views.tell(frame)
             if result.waits:  # the next image decides
                 frame = source(wanted)
                 result = views.tell(frame)
-            watch(views.news(frame, result))
+            watch(views.progress(frame, result))
 
 
 def _check(interrupted: Interruption) -> None:

@@ -17,7 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 from calibration.wizard.coverage import Gate, Sketch
-from calibration.wizard.news import News, PlannedPoint, Watcher
+from calibration.wizard.progress import Observer, PlannedPoint, Progress
 from calibration.wizard.session import ROWS_FILE, read_rows
 from calibration.wizard.verdict import Level, Line
 from cell.calibrating.keyboard import operator_of, single_keys
@@ -45,7 +45,7 @@ class WizardPanel:
         self._live = Live(console=console, auto_refresh=False) if console.is_terminal else None
         self._answers: list[str] = []
         self._question = ""
-        self._news: News | None = None
+        self._news: Progress | None = None
 
     def __enter__(self) -> Self:
         """Start the live view."""
@@ -59,16 +59,16 @@ class WizardPanel:
             self.ask("")
             self._live.stop()
 
-    def __call__(self, news: News) -> None:
+    def __call__(self, progress: Progress) -> None:
         """Show the progress that the wizard reports."""
-        answer = news.answer
-        self._news = news
+        answer = progress.answer
+        self._news = progress
         if answer:
             text = answer.partition(": ")[2]  # an answer replaces an earlier one of this text
             others = [line for line in self._answers if line.partition(": ")[2] != text]
             self._answers = [*others[1 - RECENT :], answer]
         if self._live is not None:
-            self._live.update(self.draw(news), refresh=True)
+            self._live.update(self.draw(progress), refresh=True)
         elif answer:
             self._console.print(answer, markup=False, highlight=False, soft_wrap=True)
 
@@ -81,10 +81,10 @@ class WizardPanel:
         elif words:
             self._console.print(words, markup=False, highlight=False, soft_wrap=True)
 
-    def draw(self, news: News) -> RenderableType:
+    def draw(self, progress: Progress) -> RenderableType:
         """Render the panel, no higher than the terminal: a higher live view leaves lines behind."""
-        body = points_map(news.plan) if news.plan else views_table(news)
-        rows = (("next", news.request, "bold"), ("why ", news.why, ""))
+        body = points_map(progress.plan) if progress.plan else views_table(progress)
+        rows = (("next", progress.request, "bold"), ("why ", progress.why, ""))
         head = [
             Text(f"{word}  {text}", style=style)
             for word, text, style in rows
@@ -95,7 +95,7 @@ class WizardPanel:
         for kept in range(len(self._answers), -1, -1):
             newest = self._answers[len(self._answers) - kept :]
             recent = [Text(line, style="dim") for line in newest]
-            panel = Panel(Group(*head, Text(), body, *recent), title=news.title)
+            panel = Panel(Group(*head, Text(), body, *recent), title=progress.title)
             if self._height(panel) < self._console.height:
                 break
         return panel
@@ -112,11 +112,11 @@ def verdict_text(lines: Iterable[Line]) -> Text:
     return text
 
 
-def views_table(news: News) -> Table:
+def views_table(progress: Progress) -> Table:
     """Table of the gates of coverage, with a sketch of the board as requested and as seen."""
     table = Table.grid(padding=(0, 2))
-    sketch = [] if news.sketch is None else [sketch_text(news.sketch)]
-    table.add_row(gates_table(news.coverage), *sketch)
+    sketch = [] if progress.sketch is None else [sketch_text(progress.sketch)]
+    table.add_row(gates_table(progress.coverage), *sketch)
     return table
 
 
@@ -184,7 +184,7 @@ class TerminalSession:
     """
 
     panel: WizardPanel
-    watch: Watcher
+    watch: Observer
     interrupted: Callable[[], bool]
     record: Callable[[Iterable[Line]], None] = lambda _: None
 
@@ -217,9 +217,9 @@ def wizard_session(folder: Path, kind: str, viz: str) -> Iterator[TerminalSessio
             folder.mkdir(parents=True, exist_ok=True)
             with wizard_screen(folder, live=viz == "live") as screen:
 
-                def both(news: News) -> None:
-                    session.panel(news)
-                    screen(news)
+                def both(progress: Progress) -> None:
+                    session.panel(progress)
+                    screen(progress)
 
                 session.watch = both
                 session.record = lambda lines: screen.log_verdict(

@@ -37,7 +37,7 @@ def home(
 ) -> None:
     """Bring the gripper over the strip's edge, in the posture from which a fold is followed."""
     check_names(configs, strip)
-    from cell.arm import by_hand
+    from cell.arm import manual_motion
     from cell.config.places import find_configs
 
     found = find_configs(configs)
@@ -45,11 +45,11 @@ def home(
     lying = found.strip(strip)
     if _at_address(settings, choice):
         share = _speed_share(full_speed=full_speed)
-        joints = by_hand.home_joints(settings, lying)
-        by_hand.go_joints(settings, joints, share, recover=recover, reset_tool=reset_tool)
+        joints = manual_motion.home_joints(settings, lying)
+        manual_motion.go_joints(settings, joints, share, recover=recover, reset_tool=reset_tool)
         _print_result("the arm is home", settings, choice)
         return
-    _move(settings, choice, by_hand.to(by_hand.home_pose(settings, lying)))
+    _move(settings, choice, manual_motion.to_pose(manual_motion.home_pose(settings, lying)))
 
 
 def park(
@@ -59,7 +59,7 @@ def park(
     configs: Configs = None,
 ) -> None:
     """Fold the robot upright, out of the way; a twin of the cell's own just goes home."""
-    from cell.arm import by_hand
+    from cell.arm import manual_motion
     from cell.calibrating.calibrate import NO_STRIP
     from cell.config.places import find_configs
     from drivers.franka.kinematics import HOME
@@ -68,10 +68,10 @@ def park(
     settings, choice = _agree_to_motion(found, arm, full_speed, recover=recover)
     if _at_address(settings, choice):
         share = _speed_share(full_speed=full_speed)
-        by_hand.go_joints(settings, HOME.tolist(), share, recover=recover)
+        manual_motion.go_joints(settings, HOME.tolist(), share, recover=recover)
         _print_result("the arm is parked", settings, choice)
         return
-    _move(settings, choice, by_hand.to(by_hand.home_pose(settings, NO_STRIP)))
+    _move(settings, choice, manual_motion.to_pose(manual_motion.home_pose(settings, NO_STRIP)))
 
 
 def jog(
@@ -85,20 +85,20 @@ def jog(
     """Move the gripper a little from where it is."""
     if not (x or z or pitch):
         raise ConfigurationError("--x, --z, --pitch: give one at least, as --z 20mm")
-    from cell.arm import by_hand
+    from cell.arm import manual_motion
     from cell.config.places import find_configs
 
     settings, choice = _agree_to_motion(find_configs(configs).cell(), arm, full_speed)
-    _move(settings, choice, by_hand.jog(x, z, radians(pitch)))
+    _move(settings, choice, manual_motion.jog(x, z, radians(pitch)))
 
 
 def open_hand(arm: Arm = None, configs: Configs = None) -> None:
     """Open the fingers."""
-    from cell.arm import by_hand
+    from cell.arm import manual_motion
     from cell.config.places import find_configs
 
     settings, choice = _agree_to_motion(find_configs(configs).cell(), arm, full_speed=False)
-    _move(settings, choice, by_hand.open_fingers, "the fingers are open")
+    _move(settings, choice, manual_motion.open_fingers, "the fingers are open")
 
 
 def register(strip: Strip = "denim", configs: Configs = None) -> None:
@@ -106,7 +106,7 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
     check_names(configs, strip)
     import numpy as np
 
-    from cell.arm.by_hand import robot_task
+    from cell.arm.manual_motion import robot_task
     from cell.arm.register import TOUCH_POINTS, mounting_from, write_mounting
     from cell.config.places import find_configs
 
@@ -158,9 +158,9 @@ def _move(
     done: str = "",
 ) -> None:
     """Carry out one `motion`, print what is `done` or where it ended, and exit with its code."""
-    from cell.arm.by_hand import by_hand
+    from cell.arm.manual_motion import move_manually
 
-    outcome = by_hand(settings, choice, motion)
+    outcome = move_manually(settings, choice, motion)
     ended = f"{outcome.name}: {outcome.reason}"
     _print_result(done if done and outcome.exit_code == 0 else ended, settings, choice)
     sys.exit(outcome.exit_code)

@@ -95,7 +95,7 @@ def _train(
 
     require_library("torch" if policy == "adaptive" else "cmaes")
     from cell.train.run import train_adaptive, train_feedback
-    from policies.adaptive.train.piece import CriticSettings
+    from policies.adaptive.train.shard import CriticSettings
     from policies.train.objective import TrainingSettings
 
     console = Console(stderr=True)

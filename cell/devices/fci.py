@@ -22,7 +22,7 @@ from drivers.protocols import Camera
 from drivers.strip.file import StripFile
 from drivers.twin.camera import PacedCamera
 from drivers.twin.clock import RealTimeClock, TwinClock
-from drivers.twin.follow import Follower
+from drivers.twin.external_arm import ExternalArm
 from drivers.twin.open import DEFAULT_PLANT, Desk, PlantOptions, open_desk
 from drivers.types import Array, Frame, frozen
 
@@ -34,7 +34,7 @@ CATCHING_UP = 0.02  # s that a tick may spend on what strip and camera are behin
 class Surroundings:
     """Forces on the emulated robot and the object in its hand; none until a follower is set."""
 
-    follower: Follower | None = None
+    follower: ExternalArm | None = None
 
     def between(self) -> float | None:
         """Thickness [m] of the object between the fingers; None without one."""
@@ -79,7 +79,7 @@ def fci_devices(
         settings = _expect_thickness(settings, strip)
     arm, hand = fci_arm(settings, clock, address)
     frame = settings.installation.mounting.transform()
-    follower = Follower(desk, settings.twin.hand, arm.catch_up, hand, frame)
+    follower = ExternalArm(desk, settings.twin.hand, arm.catch_up, hand, frame)
     surroundings.follower = follower
     return Devices(
         clock=clock,

@@ -13,7 +13,7 @@ from cell.calibrating.calibration_in_use import record_entry
 from cell.config.cell import CellFile
 from cell.folding.request import Request
 from cell.orchestrator.outcome import Outcome
-from cell.perception.witness import judge
+from cell.perception.consistency import disagreements
 from drivers.files import write_file
 from drivers.readers import MEGABYTE, read_bytes
 from drivers.strip.file import Provenance, StripFile
@@ -68,7 +68,7 @@ def result_content(outcome: Outcome) -> dict[str, Any]:
         content["edge_offset"] = outcome.edge_offset
     if outcome.predicted is not None:
         content["foretold"] = asdict(outcome.predicted)
-    doubted = judge(outcome.witnesses)
+    doubted = disagreements(outcome.witnesses)
     content["witnesses"] = [
         w.facts() | ({"reason": w.sentence()} if w in doubted else {}) for w in outcome.witnesses
     ]

@@ -17,9 +17,9 @@ from cell.devices.rig_correction import corrected_calibration
 from cell.folding.documents import CHECKPOINT_BYTES, offer_strip, result_content, run_header
 from cell.folding.feasible import check_feasible
 from cell.folding.fold_trace import FoldTrace
+from cell.folding.realtime import realtime_thread
 from cell.folding.request import Request, memory_of
 from cell.folding.result import FoldResult
-from cell.folding.steady import punctual
 from cell.learning.correction import experience_of, subject_of
 from cell.learning.experience import run_key
 from cell.orchestrator.context import FoldContext
@@ -27,8 +27,8 @@ from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
 from cell.orchestrator.recorder import Record, Recorder
 from cell.orchestrator.run import Observer, Run
 from cell.orchestrator.safe_stop import run_suppressed
-from cell.perception.sight import InlineReader, ProcessReader, Reader, StripSight, Subject
-from cell.perception.witness import judge
+from cell.perception.consistency import disagreements
+from cell.perception.image_reader import InlineReader, Measurer, ProcessReader, Reader, StripInputs
 from cell.record.files import CALIBRATION, CHECKPOINT
 from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
@@ -89,7 +89,7 @@ def fold_with(
         keep, film = request.record.frames or settings.record.frames, request.record.film
         patient = devices.plant is not None
         writer = RunWriter.create(request.runs, header, keep, patient=patient, film=film)
-        subject = Subject(calibration, settings.perception, strip)
+        subject = StripInputs(calibration, settings.perception, strip)
         with writer.under_way(), _reader(subject, real_time=devices.real_time) as reader:
             context = FoldContext(
                 settings.controller, strip, policy, calibration, reader, desk=desk
@@ -105,12 +105,12 @@ def fold_with(
 
 
 @contextmanager
-def _reader(subject: Subject, *, real_time: bool) -> Iterator[Reader]:
+def _reader(subject: StripInputs, *, real_time: bool) -> Iterator[Reader]:
     """Reader of images for the block: a process where the run is on the wall clock."""
     if not real_time:
-        yield InlineReader(StripSight(subject), subject.calibration.latency)
+        yield InlineReader(Measurer(subject), subject.calibration.latency)
         return
-    with closing(ProcessReader(subject, StripSight)) as reader:
+    with closing(ProcessReader(subject, Measurer)) as reader:
         yield reader
 
 
@@ -170,7 +170,7 @@ def conduct(
     """
     try:
         devices.connect()
-        with punctual(devices.real_time):
+        with realtime_thread(devices.real_time):
             outcome = run.execute()
     except KeyboardInterrupt:
         outcome = Outcome.of(INTERRUPTED_AT_ONCE, devices.clock.now())
@@ -219,6 +219,6 @@ def write_pages(request: Request, result: FoldResult) -> FoldResult:
 def _warning(outcome: Outcome, preflight: str) -> str | None:
     """Warnings on what disagrees, on an unlike strip and from `preflight`; None without any."""
     agreed = outcome.agreement
-    doubts = [witness.sentence() for witness in judge(outcome.witnesses)]
+    doubts = [witness.sentence() for witness in disagreements(outcome.witnesses)]
     unlike = "" if agreed is None or agreed.like_model else agreed.sentence()
     return "\n  ".join(filter(None, (*doubts, unlike, preflight))) or None

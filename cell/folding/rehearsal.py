@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from cell.arm.arm_prediction import fold_poses
-from cell.arm.by_hand import by_hand, home_joints
+from cell.arm.manual_motion import home_joints, move_manually
 from cell.config.cell import CellFile
 from cell.folding.prediction import laid_at, simulate_policy
 from cell.folding.request import Request
@@ -114,7 +114,7 @@ def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) 
     is_robot = request.choice.arm_driver(settings).real
     elbow = home_joints(settings, strip)[ELBOW_JOINT] if is_robot else None
     planned = rehearsal(settings, strip, path, speeds, elbow)
-    return by_hand(settings, request.choice, planned.motion, interrupted, strip)
+    return move_manually(settings, request.choice, planned.motion, interrupted, strip)
 
 
 def _eased_time(time: float, duration: float) -> float:

@@ -10,7 +10,7 @@ from cell.config.unknown import UNKNOWN_NAME as UNKNOWN
 from cell.folding.documents import LEARNED
 from cell.folding.request import Request
 from cell.orchestrator.outcome import Outcome, StopReason
-from cell.perception.witness import Witness
+from cell.perception.consistency import LengthCheck
 from cell.record.header import LAID
 from drivers.errors import CellError
 
@@ -52,7 +52,7 @@ class FoldResult:
     warning: str | None = None
     like_model: bool | None = None
     correction: str | None = None
-    witnesses: tuple[Witness, ...] = ()
+    witnesses: tuple[LengthCheck, ...] = ()
 
     @classmethod
     def refusal(cls, request: Request, error: CellError) -> Self:

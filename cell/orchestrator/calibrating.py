@@ -68,7 +68,7 @@ def _touch_all(cell: CalibrationContext, record: Record) -> Doing:
     points = cell.points
     while (pose := points.ask()) is not None:
         stage = Stage.AGAIN if points.again else Stage.TOUCH
-        news = points.news(pose, points.why, stage)
+        news = points.progress(pose, points.why, stage)
         cell.watch(news)
         answer = yield from _wait_for_answer(cell, Question(Ask.TOUCH, news.why))
         if answer is Answer.SKIP:
@@ -89,7 +89,7 @@ def _touch(cell: CalibrationContext, record: Record, pose: Pose, why: str, stage
         result = points.tell(picture.frame, picture.gripper)
         settle = result.refused is not None
         answer = points.answer(result, picture.gripper, stage)
-        news = points.news(pose, why, stage)
+        news = points.progress(pose, why, stage)
         cell.watch(replace(news, frame=picture.frame, result=result, answer=answer))
         if result.refused is not None:
             record.event(picture.time, "touch_refused", reason=result.refused)
@@ -101,10 +101,10 @@ def _measure_latency(cell: CalibrationContext, homography: Homography) -> Doing:
     steps = LatencySteps(cell.settings.latency)
     while (pose := steps.ask()) is not None:
         why = f"{steps.left} steps are left, to see how late the images are"
-        cell.watch(cell.points.news(pose, why, Stage.LATENCY))
+        cell.watch(cell.points.progress(pose, why, Stage.LATENCY))
         yield from _step(steps, pose)
         steps.record_arrival()
-    cell.watch(replace(cell.points.news(None, "seen", Stage.LATENCY), steps=steps))
+    cell.watch(replace(cell.points.progress(None, "seen", Stage.LATENCY), steps=steps))
     cell.latency = latency_verdict(
         steps.arm, steps.seen, cell.points.lens, homography, cell.settings.latency
     )
@@ -129,13 +129,13 @@ def _take_landmarks(cell: CalibrationContext, homography: Homography) -> Doing:
     yield from _wait_for_answer(cell, POINTER_OUT)
     pose = cell.settings.landmarks.pose
     why = "the empty hand here shows later whether the camera moved"
-    cell.watch(cell.points.news(pose, why, Stage.REMEMBER))
+    cell.watch(cell.points.progress(pose, why, Stage.REMEMBER))
     yield from move(pose)
     picture = yield from still_picture()
     try:
         cell.landmarks = remember(picture.frame, picture.gripper, cell.points.lens, homography)
     except CellError as error:
-        cell.watch(cell.points.news(pose, str(error), Stage.REMEMBER))
+        cell.watch(cell.points.progress(pose, str(error), Stage.REMEMBER))
 
 
 def _wait_for_answer(cell: CalibrationContext, question: Question) -> Answering:

@@ -8,7 +8,7 @@ from math import degrees
 from calibration.calibration import Calibration
 from calibration.landmarks import Landmarks
 from calibration.wizard.latency import NOT_MEASURED, LatencyVerdict
-from calibration.wizard.news import Watcher, nobody
+from calibration.wizard.progress import Observer, ignore
 from calibration.wizard.touch_verdict import TouchVerdict
 from calibration.wizard.touched_points import TouchedPoints
 from cell.config.settings import CellSettings
@@ -16,9 +16,9 @@ from cell.orchestrator.operator import Operator, Unattended
 from cell.orchestrator.outcome import StopReason
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.steps import Motion
+from cell.perception.consistency import LengthCheck, disagreements
+from cell.perception.image_reader import Reader
 from cell.perception.measurement import SeenTouch
-from cell.perception.sight import Reader
-from cell.perception.witness import Witness, judge
 from drivers.arm.obstacles import desk_end
 from drivers.strip.file import StripFile
 from drivers.types import Pose
@@ -34,7 +34,7 @@ class Context(ABC):
     seen_touch: SeenTouch | None = None
     edge_offset: float | None = None
     predicted: FoldPrediction | None = None
-    witnesses: Sequence[Witness] = ()
+    witnesses: Sequence[LengthCheck] = ()
 
     @property
     def desk(self) -> float:
@@ -70,7 +70,7 @@ class FoldContext(Context):
     released: bool = False
     predicted: FoldPrediction | None = None
     expected: tuple[float, float] | None = None
-    witnesses: list[Witness] = field(default_factory=list)
+    witnesses: list[LengthCheck] = field(default_factory=list)
     place: float = 0.0
     desk: float = 0.0
     warning: str = ""
@@ -82,7 +82,7 @@ class FoldContext(Context):
             expected = None if known.blind else (known.displacement, known.sigma)
         if expected is not None:
             off = touch.displacement - expected[0]
-            self.witnesses.append(Witness("displacement", off, {"prediction": expected[1]}))
+            self.witnesses.append(LengthCheck("displacement", off, {"prediction": expected[1]}))
 
     def completion(self) -> StopReason:
         """Outcome and exit code: 0 where the layers touched and all witnesses agree, else 1."""
@@ -95,7 +95,7 @@ class FoldContext(Context):
                 "sprang open or is hidden; look at it, and lay it again",
                 1,
             )
-        refuted = next((w for w in judge(self.witnesses) if w.refuted), None)
+        refuted = next((w for w in disagreements(self.witnesses) if w.refuted), None)
         if refuted is None:
             return StopReason("layer_touch", "the layers touch", 0)
         return StopReason(f"{refuted.name}_apart", refuted.sentence(), 1)
@@ -105,7 +105,7 @@ class FoldContext(Context):
 class CalibrationContext(Context):
     """Context of a homography calibration: settings, points to touch, operator, and the results.
 
-    The `operator` is asked before the arm moves, `watch` receives all news. Only a run that
+    The `operator` is asked before the arm moves, `watch` receives its progress. Only a run that
     `remembers` leaves `landmarks`. Where `points` only check a calibration, nothing is fitted and
     `touches` stays None. No strip is read.
     """
@@ -113,7 +113,7 @@ class CalibrationContext(Context):
     settings: CellSettings
     points: TouchedPoints
     operator: Operator = field(default_factory=Unattended)
-    watch: Watcher = nobody
+    watch: Observer = ignore
     remembers: bool = False
     touches: TouchVerdict | None = None
     latency: LatencyVerdict = NOT_MEASURED

@@ -5,8 +5,8 @@ from typing import Self
 
 from cell.orchestrator.operator import Interrupted
 from cell.perception.agreement import Agreement
+from cell.perception.consistency import LengthCheck
 from cell.perception.measurement import SeenTouch
-from cell.perception.witness import Witness
 from drivers.errors import CellError, Fault, PreflightRefused
 from policies.prediction import FoldPrediction
 
@@ -52,7 +52,7 @@ class Outcome:
     edge_offset: float | None
     duration: float
     predicted: FoldPrediction | None = None
-    witnesses: tuple[Witness, ...] = ()
+    witnesses: tuple[LengthCheck, ...] = ()
     agreement: Agreement | None = None
 
     @classmethod

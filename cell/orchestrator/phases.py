@@ -30,11 +30,11 @@ from cell.orchestrator.steps import (
     wait_for,
 )
 from cell.perception.camera_watch import UNWATCHED
+from cell.perception.consistency import LengthCheck, compare_grip, held_end
+from cell.perception.image_reader import ImageResult, ImageTask, Reader
 from cell.perception.laid import Loop, edge_offset, laid_length, laid_weights
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.preflight import PreflightCheck, camera_check
-from cell.perception.sight import ImageResult, Reader, Request
-from cell.perception.witness import Witness, grip_witness, held_end
 from drivers.errors import Fault, PreflightRefused
 from drivers.types import Frame, Pose, Velocity
 from policies.follower import Follower
@@ -79,7 +79,7 @@ def _inspect(
 
     Raises Fault `image_reader_dead` where the reader has ended.
     """
-    sight.ask(Request(picture.frame), picture.time)
+    sight.submit(ImageTask(picture.frame), picture.time)
     while not isinstance(checks := sight.result(), tuple):
         if sight.dead:
             raise Fault("image_reader_dead", sight.dead)
@@ -140,7 +140,7 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
         offsets.append(held_end(seen))
         if snapshot.view.touch is not None:
             cell.seen_touch = snapshot.view.touch
-            cell.witnesses += grip_witness(offsets, cell.calibration.residual)
+            cell.witnesses += compare_grip(offsets, cell.calibration.residual)
             cell.note_expected(snapshot.view.touch)
             return Event.LAYER_TOUCH
         decision = cell.policy.decide(observe(snapshot))
@@ -200,7 +200,7 @@ def release(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     if loop is not None:
         cell.edge_offset = edge_offset(length, thickness, loop)
         spreads = {"map, twice": 2.0 * cell.calibration.residual, "loop": laid_weights().rms}
-        cell.witnesses.append(Witness("edges", cell.edge_offset + pose.x, spreads))
+        cell.witnesses.append(LengthCheck("edges", cell.edge_offset + pose.x, spreads))
     facts = {} if loop is None else {"loop": loop._asdict()}
     record.event(snapshot.time, "edges_seen", edge_offset=cell.edge_offset, **facts)
     return Event.RELEASED
@@ -212,7 +212,7 @@ def _laid_strip(
     """Measure the laid strip in `frame`, its grasped edge released near `edge`."""
     if cell.reader is None:
         return None
-    cell.reader.ask(Request(frame, edge), frame.arrival)
+    cell.reader.submit(ImageTask(frame, edge), frame.arrival)
     found = cell.reader.result()
     if isinstance(found, ImageResult):
         return found.measurement

@@ -10,8 +10,8 @@ import numpy as np
 from cell.config.settings import MonitorLimits
 from cell.orchestrator.states import State
 from cell.perception.camera_watch import FrozenImages
+from cell.perception.image_reader import ImageResult, ImageTask, Reader
 from cell.perception.measurement import SeenTouch, StripMeasurement
-from cell.perception.sight import ImageResult, Reader, Request
 from drivers.errors import Fault
 from drivers.protocols import Camera
 from drivers.types import ArmState, Frame, Pose
@@ -87,7 +87,7 @@ class Vision:
         self._view = replace(self._view, fresh=fresh, read=False)
         self._read(state, now, arm, reader)
         if reader is not None:
-            self._view = replace(self._view, reading_since=reader.since, dead=reader.dead)
+            self._view = replace(self._view, reading_since=reader.busy_since, dead=reader.dead)
         frame, since = self._view.frame, self._view.stale_since
         stale = frame is not None and now - frame.stamp > self._limits.image_age
         if stale != (since is not None):
@@ -114,10 +114,10 @@ class Vision:
         if self._waiting is not None and reader is None:
             raise Fault("no_perception", "images are to be read before a picture was judged")
         while reader is not None and not reader.dead:
-            if self._waiting is not None and reader.since is None:
+            if self._waiting is not None and reader.busy_since is None:
                 frame, self._waiting = self._waiting.restamp(-reader.latency), None
                 gripper, touches = arm.pose_at(frame.stamp), state is not State.LIFT
-                reader.ask(Request(frame, gripper, touches), now)
+                reader.submit(ImageTask(frame, gripper, touches), now)
             found = reader.result()
             if not isinstance(found, ImageResult):
                 return

@@ -7,6 +7,7 @@ import numpy as np
 
 from calibration.calibration import Calibration
 from calibration.landmarks import CameraShift, LandmarkSettings
+from cell.perception.consistency import BY_HAND, LengthCheck
 from cell.perception.kernels import ZERO_LEVEL, Floats, soft
 from cell.perception.region import Region, motion_mask
 from cell.perception.resting import (
@@ -28,7 +29,6 @@ from cell.perception.scene import (
     separation,
 )
 from cell.perception.settings import PerceptionSettings
-from cell.perception.witness import BY_HAND, Witness
 from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Image, frozen
 
@@ -53,7 +53,7 @@ class PreflightCheck:
     passed: bool
     reason: str
     remedy: str
-    witness: Witness | None = None
+    witness: LengthCheck | None = None
 
     def sentence(self) -> str:
         """The check as text for the operator: what, the finding, what to do."""
@@ -205,7 +205,7 @@ def _check_rest(
         f"its free edge is at x = {1e3 * seen.end:.0f} mm, stated length "
         f"{1e3 * strip.length:.0f} mm, allowed within {1e3 * settings.length_tolerance:.0f} mm",
         "push the fixed edge to x = 0, or state the strip's own length",
-        Witness("free_edge", error, {"map": residual, "laid by hand": BY_HAND}),
+        LengthCheck("free_edge", error, {"map": residual, "laid by hand": BY_HAND}),
     )
     return flat, level, length
 

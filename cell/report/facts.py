@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cell.perception.witness import KINDS
+from cell.perception.consistency import KINDS
 from cell.record.events import Event
 from cell.record.files import TICK_STREAM
 from cell.record.header import Result
@@ -93,7 +93,7 @@ def listed_events(run: Run) -> list[tuple[str, str, str]]:
     return [*rows, *((NO_VALUE, event_title(kind), f"{n} times") for kind, n in sorted(often))]
 
 
-def remains(run: Run) -> Rows:
+def left_files(run: Run) -> Rows:
     """Rows of the files that a run left when it died."""
     notes = run.frame_index()
     kept = sum(note.file is not None for note in notes)

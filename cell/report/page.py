@@ -22,7 +22,7 @@ from cell.record.files import (
 )
 from cell.record.run import Run, read_broken_run
 from cell.record.truth import read_truth
-from cell.report.facts import advice, checks, facts, listed_events, measures, remains
+from cell.report.facts import advice, checks, facts, left_files, listed_events, measures
 from cell.report.figures import (
     outlook_figure,
     predictions,
@@ -79,7 +79,7 @@ def report(run: Run) -> str:
         close_ups=close_ups(run) if said.figure else (),
         spoilt=spoilt,
         advice=advice(run) if died else [],
-        remains=remains(run) if died else [],
+        left_files=left_files(run) if died else [],
         measures=measures(run),
         predictions=predictions(run.result),
         film=film_of(run),

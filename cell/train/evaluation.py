@@ -16,7 +16,7 @@ from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
-from policies.adaptive.fabrics import CONDITIONS, STRIP_LENGTH, strip_with
+from policies.adaptive.fabrics import CONDITIONS, STRIP_LENGTH, strip_under_condition
 from policies.domain import grid
 from policies.policy import Policy
 from policies.rollout import Rollout, roll_out
@@ -164,7 +164,7 @@ def _fold_row(
 def _fold_with(policy: Policy, rollout: Rollout, segments: int, name: str) -> Array:
     """Displacements (n,) [m] of random strips with the effect `name`."""
     rng = np.random.default_rng([EFFECTS_STREAM, CONDITIONS.index(name)])
-    strips = [strip_with(name, rng, STRIP_LENGTH) for _ in range(STRIPS_PER_EFFECT)]
+    strips = [strip_under_condition(name, rng, STRIP_LENGTH) for _ in range(STRIPS_PER_EFFECT)]
     return _displacements(policy, rollout, Rod(segments, strict=False), strips, rng)
 
 

@@ -16,7 +16,7 @@ from cell.train.evaluation import EffectErrors, Evaluation, evaluate, evaluate_e
 from cell.train.screen import Meter
 from drivers.errors import ConfigurationError
 from drivers.files import write_file, writing
-from policies.adaptive.train.piece import CriticSettings
+from policies.adaptive.train.shard import CriticSettings
 from policies.rollout import Rollout
 from policies.sensing import IMAGE_SENSING
 from policies.train.objective import TrainingSettings

@@ -23,7 +23,7 @@ from cell.record.run import read_run
 from drivers.errors import ConfigurationError
 from policies.adaptive.bias import Bias
 from policies.adaptive.checkpoint import THROUGH_IMAGES, about, load_critic, save_critic
-from policies.adaptive.fabrics import unknown
+from policies.adaptive.fabrics import random_strip
 from policies.adaptive.train.transfer import FitQuality, FoldedBatch, fit_transfer
 
 UNTRANSFERRED, JOURNAL = "untransferred.npz", "transfer"
@@ -49,7 +49,7 @@ class FoldPart:
 
     def measure(self) -> Mapping[str, Any]:
         """Fold the strip; returns a row of `FoldedBatch`, empty where the fold failed."""
-        strip = unknown(np.random.default_rng([self.seed, self.number]))
+        strip = random_strip(np.random.default_rng([self.seed, self.number]))
         with TemporaryDirectory() as name:
             configs, known = find_configs(None), name_of(strip.length, strip.thickness)
             request = Request(

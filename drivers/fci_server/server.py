@@ -13,11 +13,11 @@ from typing import Annotated, Self, TypeVar
 from pydantic import AfterValidator, Field
 
 from drivers.errors import ConfigurationError
+from drivers.fci_server.arm_and_hand_ports import ArmPort, HandPort
 from drivers.fci_server.dynamics import Dynamics, LaggingArm
 from drivers.fci_server.faults import Disturbance, DropFault, Fault, FreezeFault, VersionFault
 from drivers.fci_server.hand import Between, Hand
 from drivers.fci_server.limits import BodyCheck, Box
-from drivers.fci_server.ports import ArmPort, HandPort
 from drivers.fci_server.robot import Robot, Surroundings, resting_robot
 from drivers.fci_server.wire import RobotCommand
 from drivers.franka.body import Solids

@@ -48,7 +48,7 @@ def effect(name: str, rng: np.random.Generator, length: float = STRIP_LENGTH) ->
     return {key: span.draw(rng, length) for key, span in registry()[name].textile.items()}
 
 
-def plain(
+def plain_strip(
     rng: np.random.Generator, length: float = STRIP_LENGTH, **effects: Mapping[str, float]
 ) -> StripFile:
     """A random strip of `length` [m] in the paper's range, of textile weight, with `effects`."""
@@ -65,16 +65,18 @@ def plain(
     )
 
 
-def strip_with(condition: str, rng: np.random.Generator, length: float = STRIP_LENGTH) -> StripFile:
+def strip_under_condition(
+    condition: str, rng: np.random.Generator, length: float = STRIP_LENGTH
+) -> StripFile:
     """A random strip with the effect that `condition`, one of CONDITIONS, names."""
     if condition == "nothing":
-        return plain(rng, length)
+        return plain_strip(rng, length)
     if condition == "friction":
-        return plain(rng, length, **{FRICTION_EFFECT: _textile_friction(rng)})
-    return plain(rng, length, **{condition: effect(condition, rng, length)})
+        return plain_strip(rng, length, **{FRICTION_EFFECT: _textile_friction(rng)})
+    return plain_strip(rng, length, **{condition: effect(condition, rng, length)})
 
 
-def unknown(rng: np.random.Generator, length: float = STRIP_LENGTH) -> StripFile:
+def random_strip(rng: np.random.Generator, length: float = STRIP_LENGTH) -> StripFile:
     """A random strip as operators may bring it: many have yarn friction, some another effect."""
     effects: dict[str, Mapping[str, float]] = {}
     if rng.uniform() < FRICTION_SHARE:
@@ -83,7 +85,7 @@ def unknown(rng: np.random.Generator, length: float = STRIP_LENGTH) -> StripFile
         frequencies = np.array([*EFFECTS.values()])
         name = str(rng.choice(list(EFFECTS), p=frequencies / frequencies.sum()))
         effects[name] = effect(name, rng, length)
-    return plain(rng, length, **effects)
+    return plain_strip(rng, length, **effects)
 
 
 def _textile_friction(rng: np.random.Generator) -> dict[str, float]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calibration.pointer import find_pointer
-from calibration.wizard.news import Row
+from calibration.wizard.progress import Row
 from calibration.wizard.touch_verdict import TouchVerdict
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings

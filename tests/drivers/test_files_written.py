@@ -28,7 +28,7 @@ MADE_BY_THE_DOOR = {
     # a name that `replacing` made or `check_writable` looked at, or a pipe into `open_emptied`
     *("cell/record/tables.py", "cell/report/viz/saving.py"),
     *("cell/record/exchange/mcap_file.py", "cell/record/film.py"),
-    "policies/adaptive/train/piece.py",
+    "policies/adaptive/train/shard.py",
 }
 
 

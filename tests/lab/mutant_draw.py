@@ -19,7 +19,7 @@ ROOMS = (
     *("drivers/arm", "drivers/franka/limits.py", "drivers/motion.py", "calibration"),
     *("cell/perception/agreement", "cell/perception/camera_watch", "cell/perception/contact"),
     *("cell/perception/held_end", "cell/perception/laid", "cell/perception/layer_touch"),
-    *("cell/perception/preflight", "cell/perception/resting", "cell/perception/sight"),
+    *("cell/perception/preflight", "cell/perception/resting", "cell/perception/image_reader"),
 )
 IMMATERIAL = Path(__file__).with_name("mutants_immaterial.yaml")
 PLACE = re.compile(r":\d+:\d+")  # in a mutant's name

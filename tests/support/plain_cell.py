@@ -14,8 +14,8 @@ from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.run import Run
 from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo, OpenHand
+from cell.perception.image_reader import ImageResult, InlineReader
 from cell.perception.measurement import StripMeasurement
-from cell.perception.sight import ImageResult, InlineReader
 from drivers.installation import Workspace
 from drivers.motion import TICK, MotionProfile
 from drivers.twin.clock import Turn, TwinClock

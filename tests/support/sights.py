@@ -4,9 +4,9 @@ import time
 
 import numpy as np
 
+from cell.perception.image_reader import ImageResult
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.preflight import PreflightCheck
-from cell.perception.sight import ImageResult
 
 HANGS, FAILS = 250, 251
 

@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from calibration.wizard.news import MarkKind, News
+from calibration.wizard.progress import MarkKind, Progress
 from cell.report.viz.recording import bare_recording, jpeg
 from cell.report.viz.saving import send_blueprint
 
@@ -43,32 +43,32 @@ class WizardScreen:
         self._to = recording
         self._count = 0
 
-    def __call__(self, news: News) -> None:
+    def __call__(self, step: Progress) -> None:
         """Draw one step of the wizard: the request, the image with marks, and the coverage."""
         self._count += 1
         self._to.set_time("step", sequence=self._count)
-        if news.frame is not None:
-            self._to.log("camera/image", jpeg(news.frame.image))
-        gates = [f"{'x' if gate.passed else ' '} {gate}" for gate in news.coverage]
-        words = "\n".join([f"next: {news.request}", f"why: {news.why}", "", news.title, *gates])
+        if step.frame is not None:
+            self._to.log("camera/image", jpeg(step.frame.image))
+        gates = [f"{'x' if gate.passed else ' '} {gate}" for gate in step.coverage]
+        words = "\n".join([f"next: {step.request}", f"why: {step.why}", "", step.title, *gates])
         self._to.log("wizard/words", rr.TextDocument(words))
-        if news.coverage:
-            shares = np.array([gate.share for gate in news.coverage])
+        if step.coverage:
+            shares = np.array([gate.share for gate in step.coverage])
             self._to.log("wizard/coverage", rr.BarChart(shares))
-        if news.sketch is not None:
-            corners = news.sketch.wanted
+        if step.sketch is not None:
+            corners = step.sketch.wanted
             outlines = [] if corners is None else [np.vstack([corners, corners[:1]])]
             labels = ["wanted"] * len(outlines)
             strips = rr.LineStrips2D(outlines, colors=WANTED_RGBA, radii=3, labels=labels)
             self._to.log("camera/image/wanted", strips)
-        if news.marks:
-            pixels = np.array([mark.pixel for mark in news.marks])
-            colours = np.array([COLOURS_RGBA[mark.kind] for mark in news.marks], dtype=np.uint32)
-            names = [mark.label for mark in news.marks if mark.label]
+        if step.marks:
+            pixels = np.array([mark.pixel for mark in step.marks])
+            colours = np.array([COLOURS_RGBA[mark.kind] for mark in step.marks], dtype=np.uint32)
+            names = [mark.label for mark in step.marks if mark.label]
             points = rr.Points2D(pixels, colors=colours, labels=names or None, radii=4)
             self._to.log("camera/image/marks", points)
-        if news.result is not None and news.result.refused is not None:
-            self._to.log("wizard/log", rr.TextLog(news.answer))
+        if step.result is not None and step.result.refused is not None:
+            self._to.log("wizard/log", rr.TextLog(step.answer))
 
     def log_verdict(self, verdict: str) -> None:
         """Show the wizard's verdict, given as text."""

@@ -19,7 +19,7 @@ from policies.adaptive.critic import (
     Critic,
 )
 from policies.adaptive.features import CHANNELS, COUNT, PROFILE_CHANNELS, STATE_SIZE, TIP_CHANNEL
-from policies.adaptive.train.piece import CriticSettings, Piece
+from policies.adaptive.train.shard import CriticSettings, Shard
 from policies.profile import POINTS
 
 BATCH = 64  # folds
@@ -61,9 +61,9 @@ class Network(nn.Module):
         return hidden @ parameter("last") + parameter("last_bias")
 
 
-def whitening(piece: Piece) -> tuple[Array, Array]:
-    """Mean (k,) and matrix (k, k) that whiten the inputs of `piece` before the touch."""
-    inputs = piece.inputs[piece.alive].astype(np.float64)
+def whitening(shard: Shard) -> tuple[Array, Array]:
+    """Mean (k,) and matrix (k, k) that whiten the inputs of `shard` before the touch."""
+    inputs = shard.inputs[shard.alive].astype(np.float64)
     mean = inputs.mean(axis=0)
     scale = np.ones(inputs.shape[1])
     state_deviation = np.maximum(inputs[:, :STATE_SIZE].std(axis=0), 1e-6)  # a constant one is 0
@@ -84,9 +84,9 @@ def input_mask(settings: CriticSettings) -> Array:
 
 
 def fit(
-    piece: Piece, settings: CriticSettings, epochs: int, seed: int, start: Critic | None
+    shard: Shard, settings: CriticSettings, epochs: int, seed: int, start: Critic | None
 ) -> Critic:
-    """Critic fitted over `epochs` to `piece`, from `start` or from random weights of `seed`.
+    """Critic fitted over `epochs` to `shard`, from `start` or from random weights of `seed`.
 
     Deterministic: one thread, its own generator.
     """
@@ -95,19 +95,19 @@ def fit(
     try:
         with torch.random.fork_rng():
             torch.manual_seed(seed)
-            return _fit(piece, settings, epochs, start)
+            return _fit(shard, settings, epochs, start)
     finally:
         torch.set_num_threads(threads)
 
 
-def _fit(piece: Piece, settings: CriticSettings, epochs: int, start: Critic | None) -> Critic:
+def _fit(shard: Shard, settings: CriticSettings, epochs: int, start: Critic | None) -> Critic:
     """Fit by Adam with a cosine schedule, adding newly drawn biases to each batch's inputs."""
-    mean, whiten = (start.weights["mean"], start.weights["whiten"]) if start else whitening(piece)
+    mean, whiten = (start.weights["mean"], start.weights["whiten"]) if start else whitening(shard)
     whiten = whiten * input_mask(settings)[:, None]
     network = Network(len(mean), settings.memory, settings.hidden)
     if start is not None:
         network.load_state_dict({n: torch.tensor(start.weights[n]) for n in network.state_dict()})
-    data, whiten_bias = _tensors(piece, mean, whiten), torch.tensor(whiten, dtype=torch.float32)
+    data, whiten_bias = _tensors(shard, mean, whiten), torch.tensor(whiten, dtype=torch.float32)
     folds = len(data[0])
     batches = folds // BATCH
     optimiser = torch.optim.Adam(network.parameters(), lr=FIRST_RATE)
@@ -136,13 +136,13 @@ def biases(count: int) -> Tensor:
     return torch.nn.functional.pad(values, (STATE_SIZE, CHANNELS))
 
 
-def _tensors(piece: Piece, mean: Array, whiten: Array) -> list[Tensor]:
-    whitened = (piece.inputs - mean.astype(np.float32)) @ whiten.astype(np.float32)
+def _tensors(shard: Shard, mean: Array, whiten: Array) -> list[Tensor]:
+    whitened = (shard.inputs - mean.astype(np.float32)) @ whiten.astype(np.float32)
     whitened = whitened.clip(-INPUT_LIMIT, INPUT_LIMIT)
-    known = np.isfinite(piece.displacement)
-    predicted = piece.predicted & piece.alive & known[:, None]
-    displacement = np.nan_to_num(piece.displacement) / UNIT
-    arrays = (whitened, piece.moved / UNIT, piece.alive, predicted, displacement, piece.strip)
+    known = np.isfinite(shard.displacement)
+    predicted = shard.predicted & shard.alive & known[:, None]
+    displacement = np.nan_to_num(shard.displacement) / UNIT
+    arrays = (whitened, shard.moved / UNIT, shard.alive, predicted, displacement, shard.strip)
     return [torch.tensor(array, dtype=torch.float32) for array in arrays]
 
 

@@ -1,6 +1,6 @@
 """Training of the critic in a folder: folds, critic of each round, final weights and their trial.
 
-It resumes with the pieces and critics that are in the folder.
+It resumes with the shards and critics that are in the folder.
 """
 
 from collections.abc import Iterator
@@ -16,8 +16,8 @@ from drivers.types import Array
 from policies.adaptive.adaptive import Adaptive
 from policies.adaptive.checkpoint import load_critic, save_critic
 from policies.adaptive.critic import Critic, Prediction
-from policies.adaptive.train.piece import CriticSettings, Piece, concatenate, explore
 from policies.adaptive.train.regression import fit
+from policies.adaptive.train.shard import CriticSettings, Shard, concatenate, simulate
 from policies.train.journal import Journal, Progress
 
 SETTINGS, CHECKPOINT = "adaptive.json", "adaptive.npz"
@@ -43,7 +43,7 @@ class CriticTraining:
 
     @property
     def total(self) -> int:
-        """Steps of the whole training: pieces and regressions."""
+        """Steps of the whole training: shards and regressions."""
         return sum(self.settings.pieces) + self.settings.rounds + self.settings.trials
 
     @property
@@ -70,18 +70,18 @@ class CriticTraining:
     def _steps(self, executor: Executor) -> Iterator[str]:
         """Run rounds and trial; yields a text on each step."""
         for turn, count in enumerate(self.settings.pieces):
-            for piece in self._pieces(turn, count, executor):
-                yield f"round {turn + 1}, piece {piece}"
+            for shard in self._pieces(turn, count, executor):
+                yield f"round {turn + 1}, shard {shard}"
             self._critic = self._fit(turn)
             yield f"round {turn + 1}, regression"
-        for piece in self._pieces(self.settings.rounds, self.settings.trials, executor):
-            yield f"trial {piece}"
+        for shard in self._pieces(self.settings.rounds, self.settings.trials, executor):
+            yield f"trial {shard}"
 
     def _pieces(self, turn: int, count: int, executor: Executor) -> Iterator[int]:
-        """Fold and store the missing pieces of round `turn`; yields each piece's number."""
+        """Fold and store the missing shards of round `turn`; yields each shard's number."""
         missing = [n for n in range(count) if self._read(turn, n) is None]
         yield from sorted(set(range(count)) - set(missing))
-        jobs = {executor.submit(explore, self.settings, turn, n, self._critic): n for n in missing}
+        jobs = {executor.submit(simulate, self.settings, turn, n, self._critic): n for n in missing}
         for job in as_completed(jobs):
             with writing(self.folder, "make room and go on"):
                 job.result().save(self._path(turn, jobs[job]))
@@ -100,28 +100,28 @@ class CriticTraining:
     def _finish(self) -> None:
         """Set the critic's sigmas by the trials and save the weights."""
         rounds = self.settings.rounds
-        pieces = [self._load(rounds, n) for n in range(self.settings.trials)]
+        shards = [self._load(rounds, n) for n in range(self.settings.trials)]
         last = load_critic(self.folder / f"critic-{rounds - 1}.npz")
-        self._critic, self._trial = calibrate_sigmas(last, concatenate(pieces))
+        self._critic, self._trial = calibrate_sigmas(last, concatenate(shards))
         facts = {"settings": self.settings.model_dump(mode="json"), "trial": asdict(self._trial)}
         save_critic(self.checkpoint, self._critic, {"training": facts})
 
     def _path(self, turn: int, number: int) -> FilePath:
         return self.folder / f"piece-{turn}-{number:02d}.npz"
 
-    def _read(self, turn: int, number: int) -> Piece | None:
+    def _read(self, turn: int, number: int) -> Shard | None:
         try:
-            return Piece.load(self._path(turn, number))
+            return Shard.load(self._path(turn, number))
         except (OSError, ValueError, KeyError, EOFError):
             return None
 
-    def _load(self, turn: int, number: int) -> Piece:
-        piece = self._read(turn, number)
-        if piece is None:
+    def _load(self, turn: int, number: int) -> Shard:
+        shard = self._read(turn, number)
+        if shard is None:
             raise ConfigurationError(
                 f"{self._path(turn, number)}: cannot be read again; run the command again"
             )
-        return piece
+        return shard
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,12 +136,12 @@ class Trial:
     within: tuple[float, float]
 
 
-def calibrate_sigmas(critic: Critic, piece: Piece) -> tuple[Critic, Trial]:
-    """`critic` with sigmas scaled to cover the errors in `piece`, and the results of the trial."""
-    ratios = error_ratios(critic, piece)
+def calibrate_sigmas(critic: Critic, shard: Shard) -> tuple[Critic, Trial]:
+    """`critic` with sigmas scaled to cover the errors in `shard`, and the results of the trial."""
+    ratios = error_ratios(critic, shard)
     critic = critic.with_stretch(np.array([_stretch(each) for each in ratios]))
-    at_touch = error_ratios(critic, piece, last=1)[0]
-    miss = np.abs(piece.displacement)
+    at_touch = error_ratios(critic, shard, last=1)[0]
+    miss = np.abs(shard.displacement)
     return critic, Trial(
         folds=len(miss),
         untouched=int(np.isnan(miss).sum()),
@@ -152,30 +152,30 @@ def calibrate_sigmas(critic: Critic, piece: Piece) -> tuple[Critic, Trial]:
     )
 
 
-def error_ratios(critic: Critic, piece: Piece, last: int = LAST) -> list[Array]:
+def error_ratios(critic: Critic, shard: Shard, last: int = LAST) -> list[Array]:
     """Four arrays (m,) |error| / sigma, of d and the strip, in the `last` decisions of folds."""
     ratios: list[list[Array]] = [[] for _ in range(4)]
-    count = len(piece.displacement)
+    count = len(shard.displacement)
     memory, counted = np.zeros((count, critic.memory)), np.zeros((count, 1))
-    to_touch = piece.alive[:, ::-1].cumsum(axis=1)[:, ::-1]  # decisions from each to the touch
-    for k in range(piece.alive.shape[1]):
-        alive = piece.alive[:, k]
-        whitened = critic.whiten(piece.inputs[:, k].astype(np.float64))
+    to_touch = shard.alive[:, ::-1].cumsum(axis=1)[:, ::-1]  # decisions from each to the touch
+    for k in range(shard.alive.shape[1]):
+        alive = shard.alive[:, k]
+        whitened = critic.whiten(shard.inputs[:, k].astype(np.float64))
         memory += alive[:, None] * critic.memorise(whitened)
         counted += alive[:, None]
         predicted = critic.predict(whitened, memory / np.maximum(counted, 1))
-        near = alive & (to_touch[:, k] <= last) & np.isfinite(piece.displacement)
-        for kept, ratio in zip(ratios, _ratios(predicted, piece), strict=True):
+        near = alive & (to_touch[:, k] <= last) & np.isfinite(shard.displacement)
+        for kept, ratio in zip(ratios, _ratios(predicted, shard), strict=True):
             kept.append(ratio[near])
     return [np.concatenate(kept) for kept in ratios]
 
 
-def _ratios(predicted: Prediction, piece: Piece) -> list[Array]:
+def _ratios(predicted: Prediction, shard: Shard) -> list[Array]:
     """Ratios |error| / sigma (n,) of a prediction of n folds: displacement, then strip."""
-    displacement = np.abs(piece.displacement - predicted.displacement) / predicted.sigma
+    displacement = np.abs(shard.displacement - predicted.displacement) / predicted.sigma
     strip = [
         np.abs(true - estimate[:, 0]) / estimate[:, 1]
-        for true, estimate in zip(piece.strip.T, predicted.belief, strict=True)
+        for true, estimate in zip(shard.strip.T, predicted.belief, strict=True)
     ]
     return [displacement, *strip]
 

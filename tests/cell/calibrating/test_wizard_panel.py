@@ -5,7 +5,7 @@ import io
 from rich.console import Console
 
 from calibration.wizard.coverage import Gate
-from calibration.wizard.news import News, Result, Row
+from calibration.wizard.progress import Progress, Result, Row
 from cell.calibrating.wizard_panel import WizardPanel
 
 GATES = (
@@ -14,17 +14,17 @@ GATES = (
 )
 
 
-def _terminal(news: News) -> str:
+def _terminal(progress: Progress) -> str:
     console = Console(file=io.StringIO(), width=100, record=True, force_terminal=True)
-    console.print(WizardPanel(console).draw(news))
+    console.print(WizardPanel(console).draw(progress))
     return console.export_text()
 
 
 WANTED = "show the board high and left, 40 % of the image wide, top away by 16 deg"
 
 
-def _views(why: str) -> News:
-    return News("the lens, from a board", WANTED, why, coverage=GATES)
+def _views(why: str) -> Progress:
+    return Progress("the lens, from a board", WANTED, why, coverage=GATES)
 
 
 def test_board_panel_states_request_reason_and_missing_coverage() -> None:
@@ -47,7 +47,7 @@ def test_without_a_terminal_each_answer_is_a_line() -> None:
             waits.text("image", "taken"),
             taken.text("point", "touched again at x 368, z 15 mm"),
         ):
-            panel(News("the lens", "", "", answer=answer))
+            panel(Progress("the lens", "", "", answer=answer))
     assert out.getvalue().splitlines() == [
         "image 7: 0 corners of the board are seen; light it",
         "point 3: touched again at x 368, z 15 mm",

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from calibration.calibration import save_calibration
-from calibration.wizard.news import News, Row
+from calibration.wizard.progress import Progress, Row
 from calibration.wizard.session import read_rows
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
@@ -50,8 +50,8 @@ class Hesitant:
 
 
 @pytest.fixture(scope="module")
-def gone_on(tmp_path_factory: pytest.TempPathFactory) -> tuple[LensSession, int, list[News]]:
-    """A session that was interrupted, its images until then, and the news since."""
+def gone_on(tmp_path_factory: pytest.TempPathFactory) -> tuple[LensSession, int, list[Progress]]:
+    """A session that was interrupted, its images until then, and the progress since."""
     folder, person = tmp_path_factory.mktemp("sessions") / "lens", Hesitant()
     arguments = (folder, person, lambda _: None, None, person.stops)
     with pytest.raises(Interrupted):
@@ -59,16 +59,16 @@ def gone_on(tmp_path_factory: pytest.TempPathFactory) -> tuple[LensSession, int,
     with (folder / "told.jsonl").open("a") as file:
         file.write('{"number": 99, "ima')  # the process died while it wrote
     before = len([*(folder / "images").iterdir()])
-    news: list[News] = []
-    made = calibrate_lens(SETTINGS, _devices(), folder, Unattended(), news.append, None)
-    return made, before, news
+    progress: list[Progress] = []
+    made = calibrate_lens(SETTINGS, _devices(), folder, Unattended(), progress.append, None)
+    return made, before, progress
 
 
 def test_interrupted_session_goes_on_with_the_views_it_has(gone_on) -> None:
-    made, before, news = gone_on
+    made, before, progress = gone_on
     assert made.verdict.passed, made.verdict.reasons
     assert before == 6
-    views = next(gate for gate in news[0].coverage if gate.name == "views")
+    views = next(gate for gate in progress[0].coverage if gate.name == "views")
     assert views.have == before - 1  # one was taken back
     assert len([*(made.folder / "images").iterdir()]) == made.verdict.views + 1
     assert all(row.number != 99 for row in read_rows(made.folder))

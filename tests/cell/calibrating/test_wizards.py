@@ -10,7 +10,7 @@ import yaml
 from calibration.calibration import load_calibration
 from calibration.homography import Homography
 from calibration.lens import read_lens
-from calibration.wizard.news import News
+from calibration.wizard.progress import Progress
 from calibration.wizard.session import read_rows
 from cell.calibrating.calibrate import NO_STRIP
 from cell.calibrating.keyboard import TwinOperator
@@ -62,21 +62,23 @@ class Person:
 
 
 @pytest.fixture(scope="module")
-def touched(tmp_path_factory: pytest.TempPathFactory) -> tuple[TouchSession, list[News], Person]:
-    devices, news, person = _devices(), [], Person()
+def touched(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> tuple[TouchSession, list[Progress], Person]:
+    devices, told, person = _devices(), [], Person()
     assert devices.aids is not None
     folder = tmp_path_factory.mktemp("sessions") / "homography"
     operator = TwinOperator(devices.aids, person)
-    made = calibrate_homography(SETTINGS, devices, true_lens(CAMERA), folder, operator, news.append)
-    return made, news, person
+    made = calibrate_homography(SETTINGS, devices, true_lens(CAMERA), folder, operator, told.append)
+    return made, told, person
 
 
 @pytest.fixture(scope="module")
-def shown(tmp_path_factory: pytest.TempPathFactory) -> tuple[LensSession, list[News]]:
-    news: list[News] = []
+def shown(tmp_path_factory: pytest.TempPathFactory) -> tuple[LensSession, list[Progress]]:
+    told: list[Progress] = []
     folder = tmp_path_factory.mktemp("sessions") / "camera"
-    session = calibrate_lens(SETTINGS, _devices(), folder, Unattended(), news.append, None)
-    return session, news
+    session = calibrate_lens(SETTINGS, _devices(), folder, Unattended(), told.append, None)
+    return session, told
 
 
 def _without(folder: Path, left_out: str, place: Path) -> Path:
@@ -170,9 +172,9 @@ def test_image_of_a_swapped_size_is_refused(touched, tmp_path) -> None:
 
 
 def test_camera_wizard_keeps_a_lens_for_ros_and_for_opencv(shown) -> None:
-    session, news = shown
+    session, told = shown
     assert session.verdict.passed, session.verdict.reasons
-    assert all(one.sketch.seen is not None for one in news if one.result and one.result.taken)
+    assert all(one.sketch.seen is not None for one in told if one.result and one.result.taken)
     assert session.verdict.fit is not None
     for name in ("camera_info.yaml", "opencv.yaml"):
         lens = read_lens(session.folder / name)
@@ -214,16 +216,16 @@ def test_calibration_is_checked_by_touching_five_points(touched, shift: float, h
     made = touched[0].calibration
     moved = np.array([[1, 0, shift], [0, 1, 0], [0, 0, 1]]) @ made.homography.matrix
     old = replace(made, homography=Homography.of(moved))
-    news: list[News] = []
+    told: list[Progress] = []
     devices = _devices()
     assert devices.aids is not None
     operator = TwinOperator(devices.aids, Unattended())
-    verdict = check_calibration(SETTINGS, devices, old, operator, news.append)
+    verdict = check_calibration(SETTINGS, devices, old, operator, told.append)
     assert verdict.passed is holds
     assert sorted(verdict.errors_mm) == [0, 1, 2, 3, 4]
     assert verdict.median_mm == pytest.approx(1e3 * shift, abs=0.15)
     assert verdict.lines()[-1].text.startswith("good" if holds else "refused")
-    assert news[0].request.startswith("the arm goes to x ")
+    assert told[0].request.startswith("the arm goes to x ")
 
 
 def test_misprinted_board_is_refused_by_the_ruler(shown, tmp_path) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from calibration.board import BoardSettings
 from calibration.lens import CameraFile
-from calibration.wizard.news import Row
+from calibration.wizard.progress import Row
 from calibration.wizard.session import Session, SessionFolder
 from calibration.wizard.touches import TouchSettings, touch_plan
 from cell.config.places import CHECKOUT_CONFIGS

@@ -109,7 +109,7 @@ def test_motion_of_an_emulated_robot_says_so(
     file.write_text(text + (f"fci: {{address: {address}}}\n" if address else ""))
     place = "the gripper is at x 600, z 160 mm, pitch 0 deg"
     came = Outcome("moved", place, 0, None, None, 1.0)
-    monkeypatch.setattr("cell.arm.by_hand.by_hand", lambda *_: came)
+    monkeypatch.setattr("cell.arm.manual_motion.move_manually", lambda *_: came)
     assert run(monkeypatch, "jog", "--z", "10mm", "--arm", arm, "--configs", configs) == 0
     assert capsys.readouterr().out.endswith(said)
 

@@ -6,7 +6,7 @@ import cell.orchestrator.run as orchestrator
 from cell.orchestrator.run import at_most
 from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.states import Event, State
-from cell.perception.sight import ImageResult, Request
+from cell.perception.image_reader import ImageResult, ImageTask
 from drivers.errors import Fault
 from drivers.types import Pose, Velocity
 from tests.cell.orchestrator.test_orchestrator_stops import phases
@@ -22,21 +22,21 @@ class LateReader:
 
     def __init__(self, ticks: int) -> None:
         self.ticks, self.left, self.begun = ticks, 0, []
-        self.since: float | None = None
+        self.busy_since: float | None = None
         self.dead = ""
 
-    def ask(self, request: Request, now: float) -> None:
-        assert self.since is None
-        self.since, self.left = now, self.ticks
+    def submit(self, request: ImageTask, now: float) -> None:
+        assert self.busy_since is None
+        self.busy_since, self.left = now, self.ticks
         self.begun.append(request.frame)
 
     def result(self) -> ImageResult | None:
-        if self.since is None:
+        if self.busy_since is None:
             return None
         self.left -= 1
         if self.left >= 0:
             return None
-        self.since = None
+        self.busy_since = None
         return result_of(self.begun[-1], Pose(0.0, 0.0, 0.0), touches=False)
 
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from cell.perception.camera_watch import CAMERA_WATCHED, FEWEST_PATCHES, UNWATCHED, CameraWatch
+from cell.perception.image_reader import Measurer, StripInputs
 from cell.perception.preflight import inspect
 from cell.perception.region import HIGH_HEIGHT
 from cell.perception.settings import PerceptionSettings
-from cell.perception.sight import StripSight, Subject
 from drivers.strip.describe import load_strip
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
@@ -93,5 +93,5 @@ def test_what_stands_still_is_a_check_and_too_little_of_it_is_said(watch: Camera
 def test_process_beside_the_loop_says_so_too() -> None:
     arc = np.linspace(0, DENIM.length, 61)
     flat = picture(np.column_stack([arc, 0 * arc]), WAITING, 0)
-    sight = StripSight(Subject(twin_calibration(CAMERA), SETTINGS, DENIM))
+    sight = Measurer(StripInputs(twin_calibration(CAMERA), SETTINGS, DENIM))
     assert sight.inspect(Frame(0.0, 0.0, "test", 0, flat))[-1].name == CAMERA_WATCHED

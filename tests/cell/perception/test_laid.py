@@ -11,9 +11,9 @@ from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.batch import fold_all
 from cell.orchestrator.context import FoldContext
+from cell.perception.consistency import LengthCheck
 from cell.perception.laid import TOP, Loop, laid_weights
 from cell.perception.measurement import StripMeasurement
-from cell.perception.witness import Witness
 from cell.record.run import read_run
 from tests.cell.folding.test_fold_trace import TOUCH
 from tests.support.requests import request_for
@@ -42,12 +42,12 @@ def test_loop_that_is_not_visible_is_none(hidden: dict[str, object]) -> None:
     assert Loop.seen_in(replace(SEEN, **hidden)) is None
 
 
-def ending(seen: float, *more: Witness) -> tuple[str, str, int]:
+def ending(seen: float, *more: LengthCheck) -> tuple[str, str, int]:
     """Name, reason and exit code of a fold whose edges were released at x = 0."""
     settings = find_configs(None).cell().controller
     context = FoldContext(settings, *[SimpleNamespace()] * 4)
     context.seen_touch, context.released, context.edge_offset = TOUCH, True, seen
-    context.witnesses = [Witness("edges", seen, {"loop": laid_weights().rms}), *more]
+    context.witnesses = [LengthCheck("edges", seen, {"loop": laid_weights().rms}), *more]
     end = context.completion()
     return end.name, end.reason, end.exit_code
 
@@ -65,7 +65,7 @@ def test_edge_far_from_where_it_was_laid_is_no_fold(apart: float) -> None:
 
 
 def test_the_worst_of_the_witnesses_names_the_end() -> None:
-    off = Witness("displacement", 0.0059, {"prediction": 0.0001})
+    off = LengthCheck("displacement", 0.0059, {"prediction": 0.0001})
     assert ending(0.006, off)[0] == "displacement_apart"
 
 

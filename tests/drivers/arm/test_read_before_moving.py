@@ -151,7 +151,7 @@ def test_description_that_states_no_limits_is_refused(text: str) -> None:
 def test_narrower_robot_is_refused_before_anything_moves(monkeypatch) -> None:
     old, new = NARROWER["upper"]
     narrow = arm_urdf().replace(old, new, 1)
-    monkeypatch.setattr("drivers.fci_server.ports.arm_urdf", lambda: narrow)
+    monkeypatch.setattr("drivers.fci_server.arm_and_hand_ports.arm_urdf", lambda: narrow)
     with served() as server:
         for act in acts(server):
             assert refused(server, act).name == "arm_limits_differ"

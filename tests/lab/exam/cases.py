@@ -21,7 +21,7 @@ from drivers.files import replace_file, writing
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect
 from drivers.strip.file import StripFile
-from policies.experiments.by_hand import by_hand
+from policies.experiments.human_motion import human_motion
 from policies.experiments.standard import REFERENCE_RUN, REPEATED_RUN, STANDARD, standard_order
 from tests.lab.exam.case import STRENGTHS, Case, Kind, ScatterLevel, Strength, Tier, Values
 from tests.lab.exam.causes import causes
@@ -289,7 +289,7 @@ def _ruler_of_cell(plant: StripFile, hand: int | None) -> Ruler:
     order = standard_order(np.random.default_rng(0))
     if hand is None:
         return Ruler.standard(plant, order, sigma)
-    led = [reported_path(by_hand(plant.length, hand, i)) for i in range(len(order))]
+    led = [reported_path(human_motion(plant.length, hand, i)) for i in range(len(order))]
     return Ruler.along(plant, led, sigma)
 
 

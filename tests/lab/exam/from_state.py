@@ -27,7 +27,7 @@ from drivers.twin.chain.engine import Chain
 from drivers.twin.chain.forces import ForceFunction, Parts
 from drivers.twin.scene import Scene
 from drivers.types import Array, frozen
-from policies.experiments.by_hand import STEP, generator, hand_path, wavering
+from policies.experiments.human_motion import STEP, generator, hand_path, wavering
 from policies.experiments.standard import STANDARD
 from policies.path import lift_pitch
 from policies.registry import MOTION

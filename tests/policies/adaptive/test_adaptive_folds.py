@@ -10,7 +10,7 @@ from drivers.strip.rod.engine import Rod
 from drivers.types import Array
 from policies.adaptive.adaptive import BLIND_RISE, Adaptive
 from policies.adaptive.checkpoint import load_critic
-from policies.adaptive.fabrics import friction, plain
+from policies.adaptive.fabrics import friction, plain_strip
 from policies.policy import Observation
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
@@ -24,7 +24,7 @@ COUNT = 24
 def folded(policy: object, sensing: Sensing = IMAGE_SENSING, *, rough: bool = False) -> Folds:
     rng = np.random.default_rng(5)
     hidden = [{"bending_hysteresis": friction(rng, 20, 60)} if rough else {} for _ in range(COUNT)]
-    strips = [plain(rng, **effects) for effects in hidden]
+    strips = [plain_strip(rng, **effects) for effects in hidden]
     models = [describe(strip) for strip in strips]
     settings = Rollout(sensing=sensing)
     rod = Rod(100, strict=False)
@@ -65,7 +65,7 @@ def observed(time: float, x: float, profile: Array) -> Observation:
 
 def test_policy_that_sees_nothing_holds_its_line_and_then_takes_that_of_shifted() -> None:
     policy = Adaptive(load_critic())
-    strip = plain(np.random.default_rng(0))
+    strip = plain_strip(np.random.default_rng(0))
     policy.reset(strip, 0.1, 1)
     steps = np.linspace(0.0, 1.0, 12)[:, None]
     seen = (np.array([0.45, 0.001]) + steps * np.array([-0.05, 0.2]))[None]
@@ -82,7 +82,7 @@ def test_policy_that_sees_nothing_holds_its_line_and_then_takes_that_of_shifted(
 
 def test_fold_of_a_batch_is_the_fold_of_one() -> None:
     rng = np.random.default_rng(3)
-    strips = [plain(rng) for _ in range(3)]
+    strips = [plain_strip(rng) for _ in range(3)]
 
     def displaced(chosen: list) -> Array:
         exact = replace(IMAGE_SENSING, contact_sigma=0, tip_sigma=0, profile_sigma=0, tip_z_sigma=0)

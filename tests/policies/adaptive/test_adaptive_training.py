@@ -8,10 +8,10 @@ import pytest
 from cell.parallel import workers
 from drivers.errors import ConfigurationError
 from policies.adaptive.critic import ARRAY_NAMES, Critic
-from policies.adaptive.train.piece import CriticSettings
+from policies.adaptive.train.shard import CriticSettings
 
 TINY = CriticSettings(
-    pieces=(1,),
+    shards=(1,),
     trials=1,
     folds=64,
     perturbation=(0.0,),

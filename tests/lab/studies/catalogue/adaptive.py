@@ -5,8 +5,8 @@ import numpy as np
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from policies.adaptive.checkpoint import load_critic
-from policies.adaptive.fabrics import EFFECTS, STRIP_LENGTH, effect, plain
-from policies.adaptive.train.piece import truth
+from policies.adaptive.fabrics import EFFECTS, STRIP_LENGTH, effect, plain_strip
+from policies.adaptive.train.shard import truth
 from policies.policy import Policy
 from policies.prediction import Estimate, FoldPrediction
 from policies.registry import make_policy
@@ -30,7 +30,8 @@ def draw(number: int, rng: np.random.Generator) -> Values:
     if name in STRANGE:
         strip = STRANGE[name](rng)
     else:
-        strip = plain(rng, STRIP_LENGTH, **({name: effect(name, rng)} if name in EFFECTS else {}))
+        effects = {name: effect(name, rng)} if name in EFFECTS else {}
+        strip = plain_strip(rng, STRIP_LENGTH, **effects)
     content = strip.model_dump(mode="json", by_alias=True)
     engine = "chain" if times >= ROLLS else "rod"
     return {"engine": engine, "condition": name, "strip": content, "noise": number}

@@ -15,7 +15,7 @@ from drivers.strip.file import StripFile
 from drivers.twin.chain.engine import Chain
 from drivers.twin.chain.forces import ForceFunction, Parts
 from policies.adaptive.checkpoint import load_critic
-from policies.adaptive.fabrics import STRIP_LENGTH, effect, plain, unknown
+from policies.adaptive.fabrics import STRIP_LENGTH, effect, plain_strip, random_strip
 from policies.rollout import Rollout, roll_out
 from tests.lab.exam.causes import cause_of
 from tests.lab.studies.kit.rollouts import Kept, Traced, rough, sensing_of, stretchy
@@ -35,7 +35,7 @@ STRANGE_LAWS = {
 
 def add_seam(rng: np.random.Generator) -> StripFile:
     """Draw a strip with a seam at a random place."""
-    return plain(rng, seam=effect("seam", rng))
+    return plain_strip(rng, seam=effect("seam", rng))
 
 
 STRIP_DRAWS: dict[str, Callable[[np.random.Generator], StripFile]] = {
@@ -43,7 +43,7 @@ STRIP_DRAWS: dict[str, Callable[[np.random.Generator], StripFile]] = {
     "friction 90": rough(90.0, 90.1),
     "stretch 3 N": stretchy,
     "seam": add_seam,
-    **dict.fromkeys(STRANGE_LAWS, plain),
+    **dict.fromkeys(STRANGE_LAWS, plain_strip),
 }
 CONDITIONS = (*TRAINED_CONDITIONS, "friction 90", "stretch 3 N", *STRANGE_LAWS)
 
@@ -65,7 +65,7 @@ class Law:
 def draw(number: int, rng: np.random.Generator) -> Values:
     """Draw a strip in the next of the conditions, as trained or outside."""
     name = CONDITIONS[number % len(CONDITIONS)]
-    strip = STRIP_DRAWS.get(name, unknown)(rng)
+    strip = STRIP_DRAWS.get(name, random_strip)(rng)
     content = strip.model_dump(mode="json", by_alias=True)
     kind = "as trained" if name in TRAINED_CONDITIONS else "outside"
     return {"kind": kind, "condition": name, "strip": content, "noise": number}

@@ -14,8 +14,8 @@ from cell.folding.result import FoldResult
 from cell.learning.experience import Memory, learn_from_ruler
 from cell.record.run import read_run
 from drivers.strip.file import StripFile
-from policies.adaptive.fabrics import STRIP_LENGTH, friction, plain
-from policies.adaptive.train.piece import truth
+from policies.adaptive.fabrics import STRIP_LENGTH, friction, plain_strip
+from policies.adaptive.train.shard import truth
 from tests.lab.studies.kit.folds import changed_since, compare, fold_unknown
 from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
@@ -48,7 +48,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
     turn, which = divmod(number, len(CONDITIONS))
     cell, series = CONDITIONS[which]
     rubs = {"bending_hysteresis": friction(rng, *FRICTION_RANGE)} if (turn + which) % 2 else {}
-    content = plain(rng, STRIP_LENGTH, **rubs).model_dump(mode="json", by_alias=True)
+    content = plain_strip(rng, STRIP_LENGTH, **rubs).model_dump(mode="json", by_alias=True)
     return {"cell": cell, "series": series, "strip": content, "noise": number}
 
 

@@ -14,8 +14,8 @@ from cell.record.run import read_run
 from drivers.strip.file import StripFile
 from drivers.types import Array
 from policies.adaptive.bias import untrained_spread
-from policies.adaptive.fabrics import EFFECTS, STRIP_LENGTH, effect, friction, plain
-from policies.adaptive.train.piece import truth
+from policies.adaptive.fabrics import EFFECTS, STRIP_LENGTH, effect, friction, plain_strip
+from policies.adaptive.train.shard import truth
 from policies.adaptive.train.transfer import COVERAGE
 from tests.lab.studies.kit.folds import QUANTITIES, SIGMAS_95, cell_with_twin, compare, fold_unknown
 from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
@@ -40,7 +40,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
             effects["bending_hysteresis"] = friction(rng, *FRICTION_RANGE)
         elif part != "nothing":
             effects[part] = effect(part, rng)
-    strip = plain(rng, STRIP_LENGTH, **effects)
+    strip = plain_strip(rng, STRIP_LENGTH, **effects)
     content = strip.model_dump(mode="json", by_alias=True)
     return {"known": known, "hidden": hidden, "strip": content, "noise": number}
 

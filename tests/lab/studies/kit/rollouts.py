@@ -13,7 +13,7 @@ from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from policies.adaptive.adaptive import Adaptive
-from policies.adaptive.fabrics import STRIP_LENGTH, friction, plain
+from policies.adaptive.fabrics import STRIP_LENGTH, friction, plain_strip
 from policies.policy import Decision, Observation
 from policies.prediction import FoldPrediction
 from policies.sensing import IMAGE_SENSING, Sensing
@@ -78,12 +78,12 @@ def stepper(name: str) -> Stepper:
 
 def rough(low: float, high: float) -> Draw:
     """Make a draw function of strips with yarn friction, its yield curvature in a range [1/m]."""
-    return lambda rng: plain(rng, bending_hysteresis=friction(rng, low, high))
+    return lambda rng: plain_strip(rng, bending_hysteresis=friction(rng, low, high))
 
 
 def stretchy(rng: np.random.Generator) -> StripFile:
     """Draw a strip that stretches far more than fabric."""
-    return plain(rng, stretch={"stiffness": 3.0})
+    return plain_strip(rng, stretch={"stiffness": 3.0})
 
 
 def sensing_of(name: str) -> Sensing:

@@ -1,4 +1,4 @@
-"""A piece of training data: some hundred simulated folds with the critic's inputs during each."""
+"""A shard of training data: some hundred simulated folds with the critic's inputs during each."""
 
 from pathlib import Path as FilePath
 from typing import NamedTuple, Self, TypeVar
@@ -17,7 +17,7 @@ from drivers.strip.rod.lumping import needs_terms
 from drivers.types import Array
 from policies.adaptive.adaptive import LENGTH_RANGE
 from policies.adaptive.critic import YIELD_UNIT, Critic
-from policies.adaptive.fabrics import STRIP_LENGTH, plain, unknown
+from policies.adaptive.fabrics import STRIP_LENGTH, plain_strip, random_strip
 from policies.adaptive.features import RISE_AT
 from policies.adaptive.train.explorer import Explorer
 from policies.rollout import Folds, Rollout, roll_out
@@ -35,9 +35,9 @@ class CriticSettings(Settings):
     """Settings of a critic's training: rounds of simulated folds, each followed by a regression.
 
     In the first round rises are drawn at random; in later ones the critic steers, until at a
-    random moment the rise is moved by `perturbation` [m] (one sigma) and kept. Every second piece
+    random moment the rise is moved by `perturbation` [m] (one sigma) and kept. Every second shard
     folds strips of 0.6 m, the others one length within `adaptive.LENGTH_RANGE`. A last round of
-    `trials` pieces folds without perturbation and as images are, to set the sigmas. `friction`
+    `trials` shards folds without perturbation and as images are, to set the sigmas. `friction`
     (and other effects) in training, `profile`, `tip` and `memory` can be left out, to measure
     what each contributes.
     """
@@ -45,7 +45,7 @@ class CriticSettings(Settings):
     seed: int = Field(0, ge=0)
     pieces: tuple[int, ...] = (24, 32, 48)  # of folds, in each round
     trials: int = Field(4, ge=1)
-    folds: int = Field(256, ge=8)  # in a piece
+    folds: int = Field(256, ge=8)  # in a shard
     perturbation: tuple[float, ...] = (0.0, 0.008, 0.005)
     epochs: tuple[int, ...] = (24, 20, 45)
     speed: float = Field(0.1, gt=0)
@@ -62,7 +62,7 @@ class CriticSettings(Settings):
         return len(self.pieces)
 
 
-class Piece(NamedTuple):
+class Shard(NamedTuple):
     """Data of n folds at k decisions: `inputs` (n, k, COUNT); `moved` (n, k) [m], the rise kept
     from then on minus the one in the inputs; `alive` (n, k), before the touch; `predicted` (n, k),
     at or after the switch; `displacement` (n,) [m]; `strip` (n, 3), the belief's true values.
@@ -76,31 +76,31 @@ class Piece(NamedTuple):
     strip: Array
 
     def save(self, path: FilePath) -> None:
-        """Write the piece to `path` atomically."""
+        """Write the shard to `path` atomically."""
         with replacing(path) as scratch, scratch.open("wb") as stream:
             np.savez(stream, **self._asdict())
 
     @classmethod
     def load(cls, path: FilePath) -> Self:
-        """The piece at `path`; OSError or ValueError where the file is missing or incomplete."""
+        """The shard at `path`; OSError or ValueError where the file is missing or incomplete."""
         with np.load(path, allow_pickle=False) as held:
             return cls(**{name: held[name] for name in cls._fields})
 
 
-def explore(settings: CriticSettings, turn: int, number: int, critic: Critic | None) -> Piece:
-    """Simulate piece `number` of training round `turn` with `critic`: a pure function.
+def simulate(settings: CriticSettings, turn: int, number: int, critic: Critic | None) -> Shard:
+    """Simulate shard `number` of training round `turn` with `critic`: a pure function.
 
     Strips that need the rod's further terms fold in a batch of their own.
     Linear algebra keeps to one thread, on whose number its rounding depends.
     """
     with threadpool_limits(1, user_api="blas"):
-        return _explore(settings, turn, number, critic)
+        return _simulate(settings, turn, number, critic)
 
 
-def _explore(settings: CriticSettings, turn: int, number: int, critic: Critic | None) -> Piece:
+def _simulate(settings: CriticSettings, turn: int, number: int, critic: Critic | None) -> Shard:
     """Draw strips of one length and fold them in two batches: without and with further terms."""
     rng = np.random.default_rng([settings.seed, turn, number])
-    draw = unknown if settings.friction else plain
+    draw = random_strip if settings.friction else plain_strip
     length = STRIP_LENGTH if number % 2 == 0 else float(rng.uniform(*LENGTH_RANGE))
     strips = [draw(rng, length) for _ in range(settings.folds)]
     rich = np.array([needs_terms(describe(strip)) for strip in strips])
@@ -112,25 +112,25 @@ def _explore(settings: CriticSettings, turn: int, number: int, critic: Critic | 
     return concatenate(parts)
 
 
-def concatenate(pieces: list[Piece]) -> Piece:
-    """One piece with all folds of `pieces`, the shorter ones padded."""
-    longest = max(piece.moved.shape[1] for piece in pieces)
-    padded = [_pad(piece, longest) for piece in pieces]
-    return Piece(*(np.concatenate(field) for field in zip(*padded, strict=True)))
+def concatenate(shards: list[Shard]) -> Shard:
+    """One shard with all folds of `shards`, the shorter ones padded."""
+    longest = max(shard.moved.shape[1] for shard in shards)
+    padded = [_pad(shard, longest) for shard in shards]
+    return Shard(*(np.concatenate(field) for field in zip(*padded, strict=True)))
 
 
-def _pad(piece: Piece, length: int) -> Piece:
-    """Copy of `piece` padded to `length` decisions, of which those added are not alive."""
-    more = length - piece.moved.shape[1]
+def _pad(shard: Shard, length: int) -> Shard:
+    """Copy of `shard` padded to `length` decisions, of which those added are not alive."""
+    more = length - shard.moved.shape[1]
 
     def longer(values: NDArray[T]) -> NDArray[T]:
         return np.pad(values, [(0, 0), (0, more), *[(0, 0)] * (values.ndim - 2)])
 
-    return piece._replace(
-        inputs=longer(piece.inputs),
-        moved=longer(piece.moved),
-        alive=longer(piece.alive),
-        predicted=longer(piece.predicted),
+    return shard._replace(
+        inputs=longer(shard.inputs),
+        moved=longer(shard.moved),
+        alive=longer(shard.alive),
+        predicted=longer(shard.predicted),
     )
 
 
@@ -140,7 +140,7 @@ def _fold_strips(
     turn: int,
     critic: Critic | None,
     rng: np.random.Generator,
-) -> Piece:
+) -> Shard:
     """Training data of `strips`, folded by an exploring policy in round `turn`."""
     trial = turn >= settings.rounds
     rate = TRIAL_RATE if trial else float(rng.uniform(*RATES))
@@ -151,17 +151,17 @@ def _fold_strips(
     rod = Rod(settings.segments, strict=False)
     models = [describe(strip) for strip in strips]
     folds = roll_out(explorer, rod, strips[0], models, settings=rollout, rng=rng)
-    return _piece_of(explorer, folds, strips, trial=trial)
+    return _shard_of(explorer, folds, strips, trial=trial)
 
 
-def _piece_of(explorer: Explorer, folds: Folds, strips: list[StripFile], *, trial: bool) -> Piece:
+def _shard_of(explorer: Explorer, folds: Folds, strips: list[StripFile], *, trial: bool) -> Shard:
     """Training data from inputs kept by `explorer` and its `folds`; a `trial` always predicts."""
     times, rises = np.array(explorer.times).T, np.array(explorer.rises).T
     inputs = np.moveaxis(np.array(explorer.kept), 0, 1)
     rises_seen = inputs[..., RISE_AT] * strips[0].length
     touch_times = np.array([np.inf if touch is None else touch.time for touch in folds.touch])
     steps = np.arange(times.shape[1])
-    return Piece(
+    return Shard(
         inputs=inputs,
         moved=(rises - rises_seen).astype(np.float32),
         alive=times < touch_times[:, None],

@@ -8,7 +8,14 @@ import pytest
 
 from cell.folding.documents import result_content
 from cell.folding.fold import _warning
-from cell.perception.witness import DOUBTED, REFUTED, Witness, grip_witness, held_end, judge
+from cell.perception.consistency import (
+    DOUBTED,
+    REFUTED,
+    LengthCheck,
+    compare_grip,
+    disagreements,
+    held_end,
+)
 from cell.record.header import Result
 from cell.record.run import read_run
 from cell.report.verdict import verdict_of
@@ -17,14 +24,14 @@ from tests.cell.perception.test_laid import SEEN
 from tests.support.made_results import DONE
 
 
-def off_by(spreads: float) -> Witness:
-    return Witness("grip", -0.001 * spreads, {"made": 0.001})
+def off_by(spreads: float) -> LengthCheck:
+    return LengthCheck("grip", -0.001 * spreads, {"made": 0.001})
 
 
 def test_what_differs_by_more_than_its_spread_allows_is_doubted_then_refuted() -> None:
     sizes = [0.0, DOUBTED - 0.1, DOUBTED + 0.1, REFUTED - 0.1, REFUTED + 0.1]
     witnesses = [off_by(size) for size in sizes]
-    assert judge(witnesses) == tuple(reversed(witnesses[2:]))
+    assert disagreements(witnesses) == tuple(reversed(witnesses[2:]))
     assert [witness.refuted for witness in witnesses] == [False] * 4 + [True]
 
 
@@ -32,16 +39,16 @@ def test_held_end_is_one_witness_by_the_images_that_show_it_close_to_the_gripper
     held = replace(SEEN, profile=np.array([(0.3, 0.1), (0.304, 0.2)]), gripper=(0.3, 0.204))
     hidden = replace(held, gripper=(0.3, 0.23)), replace(held, profile=np.empty((0, 2)))
     offsets = [held_end(seen) for seen in (held, *hidden)] + [0.004] * 8
-    assert grip_witness(offsets, 0.0003) == ()
-    (witness,) = grip_witness([*offsets, 0.2], 0.0003)
+    assert compare_grip(offsets, 0.0003) == ()
+    (witness,) = compare_grip([*offsets, 0.2], 0.0003)
     assert witness.difference == pytest.approx(0.004)
-    assert judge([witness]) == (witness,)
+    assert disagreements([witness]) == (witness,)
 
 
 def test_a_disagreement_stands_on_the_terminal_in_json_in_the_record_and_on_the_page(
     finished: Path,
 ) -> None:
-    late = Witness("displacement", 0.0059, {"prediction": 0.001})
+    late = LengthCheck("displacement", 0.0059, {"prediction": 0.001})
     outcome = replace(OUTCOME, agreement=None, witnesses=(late, off_by(1.0)))
     said = "displacement: camera and prediction differ by +5.9 mm, 6 times their spread of 1.0 mm"
     result = replace(DONE, witnesses=outcome.witnesses, warning=_warning(outcome, ""))

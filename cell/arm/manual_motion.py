@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Asked = Callable[[], bool]
 
 
-def by_hand(
+def move_manually(
     settings: CellFile,
     choice: DeviceSelection,
     motion: Callable[[Snapshot], Motion],
@@ -51,7 +51,7 @@ def jog(x: float, z: float, pitch: float) -> Callable[[Snapshot], Motion]:
     return motion
 
 
-def to(pose: Pose) -> Callable[[Snapshot], Motion]:
+def to_pose(pose: Pose) -> Callable[[Snapshot], Motion]:
     """Motion that ends at rest at `pose`."""
     return lambda _: move(pose)
 

@@ -13,8 +13,8 @@ from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.config.settings import MonitorLimits
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import ArmHistory, View, Vision
+from cell.perception.image_reader import ImageTask, ProcessReader, StripInputs
 from cell.perception.settings import PerceptionSettings
-from cell.perception.sight import ProcessReader, Request, Subject
 from drivers.errors import Fault
 from drivers.types import ZERO_VELOCITY, ArmState, Frame, Pose
 from tests.support.sights import FAILS, HANGS, PlainSight
@@ -26,7 +26,7 @@ PATIENCE = 30.0  # s
 def started() -> ProcessReader:
     calibration = SimpleNamespace(lens=SimpleNamespace(height=4, width=6), latency=0.1)
     strip = Configs(CHECKOUT_CONFIGS).strip("denim")
-    subject = Subject(calibration, PerceptionSettings(), strip)
+    subject = StripInputs(calibration, PerceptionSettings(), strip)
     return ProcessReader(subject, PlainSight)
 
 
@@ -52,11 +52,11 @@ def awaited(look: Callable):
 
 @pytest.mark.parametrize("touches", [False, True])
 def test_what_the_process_sees_is_what_the_loop_gets(process, touches) -> None:
-    process.ask(Request(image(40), POSE, touches), 3.0)
-    assert process.since == 3.0
+    process.submit(ImageTask(image(40), POSE, touches), 3.0)
+    assert process.busy_since == 3.0
     found = awaited(process.result)
     here = PlainSight(None).look(image(40), POSE, touches=touches)
-    assert process.since is None
+    assert process.busy_since is None
     assert found.touch == here.touch
     np.testing.assert_array_equal(found.measurement.profile, here.measurement.profile)
     for name in ("stamp", "sequence", "contact_x", "contact_confidence", "tip", "gap", "gripper"):
@@ -65,29 +65,29 @@ def test_what_the_process_sees_is_what_the_loop_gets(process, touches) -> None:
 
 def test_an_answer_is_given_once_and_not_before_it_is_asked_for(process) -> None:
     assert process.result() is None
-    process.ask(Request(image(0), POSE, False), 3.0)
+    process.submit(ImageTask(image(0), POSE, False), 3.0)
     assert len(awaited(process.result).measurement.profile) == 0
     assert process.result() is None
 
 
 def test_checks_before_the_grasp_come_back_by_name(process) -> None:
-    process.ask(Request(image(3)), 3.0)
+    process.submit(ImageTask(image(3)), 3.0)
     assert [(c.name, c.passed) for c in awaited(process.result)] == [("bright", False)]
 
 
 def test_an_image_of_another_size_is_refused_before_it_is_handed_over(process) -> None:
     small = Frame(1.5, 1.52, "made", 7, np.zeros((4, 5, 3), np.uint8))
     with pytest.raises(Fault, match="image_size"):
-        process.ask(Request(small, POSE, False), 3.0)
-    assert process.since is None
+        process.submit(ImageTask(small, POSE, False), 3.0)
+    assert process.busy_since is None
 
 
 @pytest.mark.slow
 def test_a_process_that_hangs_keeps_its_image_and_one_that_is_killed_is_dead() -> None:
     process = started()
-    process.ask(Request(image(HANGS), POSE, False), 3.0)
+    process.submit(ImageTask(image(HANGS), POSE, False), 3.0)
     assert process.result() is None
-    assert (process.since, process.dead) == (3.0, "")
+    assert (process.busy_since, process.dead) == (3.0, "")
     os.kill(process.pid, signal.SIGKILL)
     awaited(lambda: process.result() or process.dead or None)
     assert "ended" in process.dead
@@ -117,7 +117,7 @@ class OneFrame:
 
 def test_a_fold_is_judged_and_then_read_by_the_process(process) -> None:
     arm = ArmState(1.5, 1.5, "made", POSE, ZERO_VELOCITY, POSE, moving=False, expired=False)
-    process.ask(Request(image(40)), 1.6)
+    process.submit(ImageTask(image(40)), 1.6)
     assert awaited(process.result)[0].passed
     history, vision = ArmHistory(), Vision(OneFrame(), MonitorLimits())
     history.add(arm)
@@ -138,6 +138,6 @@ def test_a_fold_is_judged_and_then_read_by_the_process(process) -> None:
 
 def test_a_process_that_fails_says_why(process) -> None:
     """The last test of this process."""
-    process.ask(Request(image(FAILS), POSE, False), 3.0)
+    process.submit(ImageTask(image(FAILS), POSE, False), 3.0)
     awaited(lambda: process.result() or process.dead or None)
     assert process.dead == "ZeroDivisionError: nobody foresaw this"

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from cell.folding.steady import punctual, without_long_collections
+from cell.folding.realtime import realtime_thread, without_long_collections
 
 
 def test_a_whole_collection_looks_at_no_object_from_before() -> None:
@@ -20,7 +20,7 @@ def test_a_whole_collection_looks_at_no_object_from_before() -> None:
 @pytest.mark.parametrize("real_time", [False, True])
 def test_the_loop_goes_first_on_the_wall_clock_alone_and_not_afterwards(real_time) -> None:
     before = sys.getswitchinterval(), os.sched_getscheduler(0)
-    with punctual(real_time):
+    with realtime_thread(real_time):
         assert (gc.get_freeze_count() > 0) is real_time
         assert (sys.getswitchinterval() < before[0]) is real_time
     assert (sys.getswitchinterval(), os.sched_getscheduler(0)) == before

@@ -18,7 +18,7 @@ BEHIND = 0.005  # s that a measured pose may be old before the gripper counts as
 Seen = Callable[[], tuple[float, Pose] | None]
 
 
-class Follower:
+class ExternalArm:
     """Moves the gripper in the world of `desk` to the poses that the arm measured.
 
     `seen` gives the arm's newest stamp [s] and pose, None while it is not connected. In return the

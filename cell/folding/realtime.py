@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from drivers.clock import lock_memory, take_priority, wake_promptly
 
 PRIORITY = 20  # of 1 to 99, of the loop's thread: far below the process that owns the robot
-TURNS = 0.0005  # s after which a thread that computes hands the interpreter on
+SWITCH_INTERVAL = 0.0005  # s after which a thread that computes hands the interpreter on
 
 
 @contextmanager
@@ -28,7 +28,7 @@ def without_long_collections() -> Iterator[None]:
 
 
 @contextmanager
-def punctual(real_time: bool) -> Iterator[None]:
+def realtime_thread(real_time: bool) -> Iterator[None]:
     """Within the block, keep the control loop's thread on time, if the run is in `real_time`.
 
     It takes precedence over threads that record or show: by real-time priority where this user may
@@ -38,7 +38,7 @@ def punctual(real_time: bool) -> Iterator[None]:
         yield
         return
     before, interval = (os.sched_getscheduler(0), os.sched_getparam(0)), sys.getswitchinterval()
-    sys.setswitchinterval(TURNS)
+    sys.setswitchinterval(SWITCH_INTERVAL)
     lock_memory()
     if not take_priority(PRIORITY):
         wake_promptly()

@@ -37,7 +37,7 @@ KINDS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Witness:
+class LengthCheck:
     """Difference [m] of two sources of the length `name`, one of KINDS.
 
     `parts` are the standard deviations [m] that the difference usually has, by their origin.
@@ -81,7 +81,7 @@ class Witness:
         }
 
 
-def judge(witnesses: Iterable[Witness]) -> tuple[Witness, ...]:
+def disagreements(witnesses: Iterable[LengthCheck]) -> tuple[LengthCheck, ...]:
     """Those of `witnesses` that disagree by more than DOUBTED spreads, the worst first."""
     doubted = (witness for witness in witnesses if witness.ratio > DOUBTED)
     return tuple(sorted(doubted, key=lambda witness: -witness.ratio))
@@ -95,12 +95,12 @@ def held_end(seen: StripMeasurement) -> float:
     return float(dx) if hypot(dx, dz) < SEEN_END else float("nan")
 
 
-def grip_witness(offsets: Sequence[float], residual: float) -> tuple[Witness, ...]:
-    """Witness of the held end from its `offsets` [m] in images; none where too few show it.
+def compare_grip(offsets: Sequence[float], residual: float) -> tuple[LengthCheck, ...]:
+    """LengthCheck of the held end from its `offsets` [m] in images; none where too few show it.
 
     `residual` [m] is that of the calibration's map.
     """
     known = np.array(offsets)[np.isfinite(offsets)]
     if len(known) < FEWEST_IMAGES:
         return ()
-    return (Witness("grip", float(np.median(known)), {"map": residual, "held point": BY_TOOL}),)
+    return (LengthCheck("grip", float(np.median(known)), {"map": residual, "held point": BY_TOOL}),)

@@ -94,7 +94,7 @@ class PlannedPoint(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class News:
+class Progress:
     """Progress of a wizard: what it requests, `why`, and what came of the newest image.
 
     `frame` is that image, `result` what it gave and `answer` this as a text; `marks` are drawn into
@@ -117,10 +117,10 @@ class News:
     steps: LatencySteps | None = None
 
 
-Watcher = Callable[[News], None]
+Observer = Callable[[Progress], None]
 
 
-def nobody(_: News) -> None:
+def ignore(_: Progress) -> None:
     """An observer that ignores everything."""
 
 

@@ -2,8 +2,8 @@
 
 import select
 
+from drivers.fci_server.connection import Port
 from drivers.fci_server.hand import Hand
-from drivers.fci_server.port import Port
 from drivers.fci_server.robot import Robot
 from drivers.fci_server.state import Publisher
 from drivers.fci_server.wire import (

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigurationError
-from policies.experiments.by_hand import by_hand
+from policies.experiments.human_motion import human_motion
 from policies.path import TAKEOVER_HEIGHT
 from policies.registry import make_policy
 
@@ -13,7 +13,7 @@ LENGTH, MANY = 0.6, 20
 
 def test_a_motion_goes_from_the_grasped_edge_over_the_fixed_one_and_rises_over_the_lift() -> None:
     for number in range(MANY):
-        motion = by_hand(LENGTH, 3, number)
+        motion = human_motion(LENGTH, 3, number)
         np.testing.assert_allclose(motion.at(0.0), [LENGTH, 0.0], atol=1e-9)
         x, z = motion.at(motion.duration)
         assert -1e-3 < x < 0.05 * LENGTH

@@ -28,7 +28,7 @@ def generator(seed: int, number: int) -> np.random.Generator:
     return np.random.default_rng([seed, HAND_STREAM, number])
 
 
-def by_hand(length: float, seed: int, number: int) -> Motion:
+def human_motion(length: float, seed: int, number: int) -> Motion:
     """Motion `number` by the simulated person `seed` over a strip of `length` [m], no tremor."""
     line, travel = hand_path(length, generator(seed, number))
     whole = np.linspace(0.0, line.x[-1], PATH_SAMPLES)

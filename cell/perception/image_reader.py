@@ -48,7 +48,7 @@ Answer = ImageResult | tuple[PreflightCheck, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Subject:
+class StripInputs:
     """Inputs of strip measurement that are known before a fold."""
 
     calibration: Calibration
@@ -56,10 +56,10 @@ class Subject:
     strip: StripFile
 
 
-class StripSight:
+class Measurer:
     """Measures the strip of `subject` once `inspect` has accepted an image of it."""
 
-    def __init__(self, subject: Subject) -> None:
+    def __init__(self, subject: StripInputs) -> None:
         self._known = subject.calibration, subject.settings, subject.strip
         self._perception: Perception | None = None
         self._camera: CameraWatch | None = None
@@ -88,12 +88,12 @@ class StripSight:
         return ImageResult(measurement, touch, shift, self._touch.resting())
 
 
-Maker = Callable[[Subject], StripSight]
+Maker = Callable[[StripInputs], Measurer]
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
-    """Request to measure the strip in `frame`, taken at `gripper`; `touches` detects touch too.
+class ImageTask:
+    """ImageTask to measure the strip in `frame`, taken at `gripper`; `touches` detects touch too.
 
     Without a `gripper`, to check the image taken before the grasp.
     """
@@ -102,7 +102,7 @@ class Request:
     gripper: Pose | None = None
     touches: bool = False
 
-    def answer(self, sight: StripSight) -> Answer:
+    def answer(self, sight: Measurer) -> Answer:
         """Results by `sight`, or the checks before the grasp."""
         if self.gripper is None:
             return sight.inspect(self.frame)
@@ -116,14 +116,14 @@ class Reader(Protocol):
     """How much earlier than its stamp an image shows the world [s]."""
 
     @property
-    def since(self) -> float | None:
+    def busy_since(self) -> float | None:
         """Time [s] at which the image being read was handed over; None while idle."""
 
     @property
     def dead(self) -> str:
         """Reason why the reader no longer reads images; empty while it works."""
 
-    def ask(self, request: Request, now: float) -> None:
+    def submit(self, request: ImageTask, now: float) -> None:
         """Begin with `request` at `now` [s].
 
         Raises Fault `image_size` for an image of another size than the calibrated ones.
@@ -136,14 +136,14 @@ class Reader(Protocol):
 class InlineReader:
     """Reader that measures images within the control loop's cycle, as suits a virtual clock."""
 
-    since: float | None = None
+    busy_since: float | None = None
     dead = ""
 
-    def __init__(self, sight: StripSight, latency: float) -> None:
+    def __init__(self, sight: Measurer, latency: float) -> None:
         self._sight, self.latency = sight, latency
         self._result: Answer | None = None
 
-    def ask(self, request: Request, now: float) -> None:  # noqa: ARG002
+    def submit(self, request: ImageTask, now: float) -> None:  # noqa: ARG002
         """Carry out `request`."""
         self._result = request.answer(self._sight)
 
@@ -160,12 +160,12 @@ class ProcessReader:
     keeps its answer, and one that dies is `dead`.
     """
 
-    def __init__(self, subject: Subject, maker: Maker = StripSight) -> None:
+    def __init__(self, subject: StripInputs, maker: Maker = Measurer) -> None:
         """Start the process; raises Fault `image_reader_dead` where it does not start in time."""
         lens = subject.calibration.lens
         self._shape = lens.height, lens.width, 3
         self.latency = subject.calibration.latency
-        self.since: float | None = None
+        self.busy_since: float | None = None
         self.dead = ""
         self._image = SharedImage()
         self._child = Child(read_images, subject, maker, self._shape, self._image)
@@ -182,7 +182,7 @@ class ProcessReader:
         """ID of the process that measures images."""
         return self._child.pid
 
-    def ask(self, request: Request, now: float) -> None:
+    def submit(self, request: ImageTask, now: float) -> None:
         """Hand `request` over to the idle process, at `now` [s].
 
         Raises Fault `image_size` for an image of another size than the calibrated ones.
@@ -192,7 +192,7 @@ class ProcessReader:
             h, w, _ = self._shape
             raise Fault("image_size", f"an image of {image.shape[:2]} pixels, not {h} x {w}")
         self._image.write(image)
-        self.since = now
+        self.busy_since = now
         self._child.send(replace(request, frame=replace(request.frame, image=NO_IMAGE)))
 
     def result(self) -> Answer | None:
@@ -206,7 +206,7 @@ class ProcessReader:
             self.dead = ENDED if died.failure is None else str(died)
             return None
         if answer is not None:
-            self.since = None
+            self.busy_since = None
         elif ends:
             self.dead = ENDED
         return answer
@@ -218,7 +218,7 @@ class ProcessReader:
 
 
 def read_images(
-    pipe: Connection, subject: Subject, maker: Maker, shape: tuple[int, ...], image: SharedImage
+    pipe: Connection, subject: StripInputs, maker: Maker, shape: tuple[int, ...], image: SharedImage
 ) -> None:
     """Run in the process: answer each request until the other end closes `pipe`."""
     _go_first()
@@ -227,7 +227,7 @@ def read_images(
     gc.freeze()
     pipe.send(True)  # it can be given an image
     while True:
-        asked: Request = pipe.recv()
+        asked: ImageTask = pipe.recv()
         frame = replace(asked.frame, image=image.read(shape))
         pipe.send(replace(asked, frame=frame).answer(sight))
 
