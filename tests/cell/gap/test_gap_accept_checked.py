@@ -47,6 +47,8 @@ def test_accepting_changes_the_lines_that_it_changes_and_they_come_back(fitted) 
     assert "bending_length: 0.0168" in after
     undo(fitted.out, fitted.file, fitted.cell)
     assert fitted.file.read_text() == before
+    with pytest.raises(ConfigurationError, match="nothing to undo"):
+        undo(fitted.out, fitted.file, fitted.cell)
 
 
 def test_what_is_only_suspected_is_accepted_by_force_alone(fitted) -> None:

@@ -164,6 +164,8 @@ def test_hidden_effect_is_named_with_an_interval_that_covers_it() -> None:
     assert verdict.gap.after["angle_mrad"] == pytest.approx(10.0, rel=0.1)
     assert verdict.gap.shrink > 0.8
     assert verdict.unexplained is None
+    (advised,) = verdict.model_dump()["advice"]
+    assert list(advised) == ["experiment", "separates", "expected_sigma", "minutes"]
 
 
 def test_a_set_with_one_effect_more_does_not_speak_against_a_name() -> None:
