@@ -6,6 +6,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,7 @@ NOTES = ROOT / "tests" / "lab" / "notes"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "runbooks").rglob("*.md")), *NOTES.glob("*.md")]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 LAB = "python -m tests.lab"
+commands_of = cache(typer.main.get_command)
 INLINE = re.compile(rf"`((?:cell|{LAB}) [^`\n]+)`")
 RUN = [
     "cell --help",
@@ -78,7 +80,7 @@ def parsed(line: str) -> None:
     """Parse a command line without running it; ValueError for what there is not."""
     rest = line.removeprefix(LAB if line.startswith(LAB) else line.split()[0])
     words = [w for w in shlex.split(rest, comments=True) if w not in {"...", "&"}]
-    command = typer.main.get_command(lab if line.startswith(LAB) else app)
+    command = commands_of(lab if line.startswith(LAB) else app)
     while words and not words[0].startswith("-") and hasattr(command, "commands"):
         if words[0] not in command.commands:
             raise ValueError(f"there is no command {words[0]}")
@@ -107,7 +109,6 @@ def test_a_command_that_does_not_exist_is_noticed(said: str) -> None:
         parsed(said)
 
 
-@pytest.mark.slow
 def test_every_command_on_the_pages_exists_with_its_options() -> None:
     wrong = []
     for page, line in [*COMMANDS, *SAID]:

@@ -123,6 +123,9 @@ except SystemExit as end:
     [
         ("--help", RUN, 0, HEAVY | {"cv2", "pyarrow", "numpy"}),
         ("fold --strip denim --runs /proc/nope", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
+        ("fold --strip demin", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
+        ("gap fit runs --strip demin --out out", RUN, 2, HEAVY | {"cv2", "numpy"}),
+        ("home --strip demin", RUN, 2, HEAVY | {"cv2", "numpy"}),
         ("fold --strip denim --until 3mx", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
         ("fold --strip denim --until 3mm --rehearse", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
         ("fold --strip denim --until 3mm --learning off", RUN, 2, HEAVY | {"cv2", "numpy"}),

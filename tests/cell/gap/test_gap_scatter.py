@@ -6,12 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.gap.fitting.gauss_newton import refit
-from cell.gap.fitting.model import Model, Point, evidence
 from cell.gap.fitting.reml import SEARCH, spreads
-from cell.gap.fitting.tasks import run_one
 from cell.gap.subject.subject import Parameter, Request, Residuals
-from tests.cell.gap.test_gap_engine import Curves, Law, bump, hidden, judged, nothing
+from tests.cell.gap.test_gap_engine import Curves, Law, bump, fitted, hidden, judged, nothing
 
 USUAL = 0.1
 
@@ -19,15 +16,11 @@ USUAL = 0.1
 class Scattering(Curves):
     """Curves each of which holds a wave of its own, of a size drawn anew in each run."""
 
-    def __init__(
-        self, law: Law, spread: float, seed: int = 0, repeats: int = 3, shape=None, **more
-    ) -> None:
-        drawn = np.random.default_rng([seed, 5]).normal(0.0, spread, 99)
-        self.drawn, self.shape = drawn, shape or ripple
+    def __init__(self, law: Law, spread: float, seed: int = 0, noise: float = 0.01) -> None:
+        self.drawn = drawn = np.random.default_rng([seed, 5]).normal(0.0, spread, 99)
         super().__init__(
-            lambda t, s, i: law(t, s, i) + drawn[i] * self.shape(t),
-            seed=seed, repeats=repeats, **more,
-        )  # fmt: skip
+            lambda t, s, i: law(t, s, i) + drawn[i] * ripple(t), noise=noise, seed=seed, repeats=3
+        )
         own = Parameter("ripple", "m", 0.0, -1.0, 1.0, 1e-3, USUAL, random=True, common=True)
         self.runs[:] = [replace(run, local=(*run.local, own)) for run in self.runs]
 
@@ -36,7 +29,7 @@ class Scattering(Curves):
         for q, residuals in zip(requests, found, strict=True):
             for p, value in zip(q.run.local, q.local, strict=True):
                 if p.random:
-                    residuals.mean[:] -= value * self.shape(np.linspace(0.0, 1.0, 60))
+                    residuals.mean[:] -= value * ripple(np.linspace(0.0, 1.0, 60))
         return found
 
 
@@ -44,34 +37,27 @@ def ripple(t: np.ndarray) -> np.ndarray:
     return np.cos(13.0 * t)
 
 
-def estimate(subject: Scattering):
-    runs = evidence(subject.runs)
-    model = Model(subject.scope.base)
-    start = Point(np.array([p.start for p in model.parameters]), runs.start())
-    return run_one(subject.simulate, refit(model, runs, start))
-
-
 @pytest.mark.parametrize("true", [0.05, 0.2])
 def test_spread_is_estimated_within_its_interval(true: float) -> None:
     subject = Scattering(nothing, true)
-    (found,) = spreads(estimate(subject))
+    (found,) = spreads(fitted(subject))
     drawn = np.std(subject.drawn[: len(subject.runs)], ddof=1)
     assert found.value == pytest.approx(drawn, rel=0.3)
     assert found.low < true < found.high
 
 
 def test_what_the_runs_refute_is_switched_off() -> None:
-    assert spreads(estimate(Scattering(nothing, 0.0))) == ()
+    assert spreads(fitted(Scattering(nothing, 0.0))) == ()
 
 
 def test_a_spread_that_coarse_runs_cannot_exclude_is_kept_small() -> None:
-    (found,) = spreads(estimate(Scattering(nothing, 0.0, seed=2, noise=2.0 * USUAL)))
+    (found,) = spreads(fitted(Scattering(nothing, 0.0, seed=2, noise=2.0 * USUAL)))
     assert SEARCH.smallest * USUAL <= found.value < 0.2 * USUAL
 
 
 def test_a_constant_error_of_all_runs_is_no_scatter() -> None:
     constant: Law = lambda t, s, i: 0.3 * ripple(t)  # noqa: E731
-    assert spreads(estimate(Scattering(constant, 0.0))) == ()
+    assert spreads(fitted(Scattering(constant, 0.0))) == ()
 
 
 def test_scatter_alone_is_no_gap() -> None:
