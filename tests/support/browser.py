@@ -1,6 +1,5 @@
 """Pages as a reader's browser shows them: Chromium without a screen, by its own protocol."""
 
-import base64
 import json
 import re
 import shutil
@@ -66,10 +65,8 @@ class Browser:
             self.complaints.append(f"{entry['text']} {entry.get('url', '')}")
         return answer
 
-    def problems(self, page: Path, look: Look, picture: Path | None = None) -> list[str]:
-        """What is wrong with `page`: errors, broken pictures, overflow, text that is too small or
-        too faint; its screenshot goes to `picture`.
-        """
+    def problems(self, page: Path, look: Look) -> list[str]:
+        """What is wrong with `page`: errors, broken pictures, overflow, too small or faint text."""
         self.complaints = []
         size = {"width": look.width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
         self.ask("Emulation.setDeviceMetricsOverride", **size)
@@ -80,13 +77,7 @@ class Browser:
             raise FileNotFoundError(f"{page}: {opened['errorText']}")
         while self._listen().get("method") != "Page.loadEventFired":
             pass
-        found = self.evaluate(AUDIT)
-        if picture is not None:
-            unmoved = "scrollTo(0, 0); document.querySelectorAll('figure, .chart, .wide')"
-            self.evaluate(f"{unmoved}.forEach(e => e.scrollLeft = 0)")
-            shot = self.ask("Page.captureScreenshot", format="png", captureBeyondViewport=True)
-            picture.write_bytes(base64.b64decode(shot["data"]))
-        return [*self.complaints, *found]
+        return [*self.complaints, *self.evaluate(AUDIT)]
 
     def evaluate(self, expression: str) -> Any:
         """What `expression` is in the page; RuntimeError where it throws."""

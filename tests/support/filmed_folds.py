@@ -39,12 +39,10 @@ def filmed(strip: str, policy: str, place: Path) -> tuple[Run, Path, float]:
     return run, film, filming.begin - run.origin()
 
 
-def encoded_again(film: Path, encoder: str, size: tuple[int, int] = (1280, 720)) -> Path:
-    """The film once more, by another encoder, at `size` (width, height) [px]."""
-    import cv2
-
+def encoded_again(film: Path, encoder: str) -> Path:
+    """The film once more, by another encoder."""
     again = film.with_name(f"{encoder}.mkv")
     with FilmWriter(again, encoder) as writer:
         for frame in Film(film).frames():
-            writer.add(frame.stamp, cv2.resize(frame.image, size))
+            writer.add(frame.stamp, frame.image)
     return again

@@ -44,17 +44,10 @@ def written(root: Path, made: Sequence[Fold], by: Instruments = CELL, seed: int 
     return sorted(root.iterdir())
 
 
-def residuals(
-    strip: Strip, effects: dict[str, Array] | None = None, slack: float = 0.0
-) -> list[Residuals]:
+def residuals(strip: Strip, effects: dict[str, Array] | None = None) -> list[Residuals]:
     """Residuals of every run at the stated base, corrected for the coarse rod there."""
     base = np.array([p.start for p in strip.scope.base])
-    asked = [
-        Request(
-            run, base, effects or {}, np.array([slack * (p.name == "slack") for p in run.local])
-        )
-        for run in strip.runs
-    ]
+    asked = [Request(run, base, effects or {}, np.zeros(len(run.local))) for run in strip.runs]
     refined = strip.refine(asked)
     return strip.simulate([replace(q, run=run) for q, run in zip(asked, refined, strict=True)])
 

@@ -24,7 +24,6 @@ from cell.calibrating.wizard import (
     lens_again,
     newest_lens,
 )
-from cell.config.cell import CellFile
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import open_cell
@@ -40,8 +39,8 @@ SETTINGS = Configs(CHECKOUT_CONFIGS).cell()
 CAMERA = SETTINGS.twin.camera
 
 
-def _devices(settings: CellFile = SETTINGS) -> Devices:
-    return open_cell(settings, NO_STRIP, DeviceSelection(), calibrating=True)
+def _devices() -> Devices:
+    return open_cell(SETTINGS, NO_STRIP, DeviceSelection(), calibrating=True)
 
 
 class Person:

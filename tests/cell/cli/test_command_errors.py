@@ -64,28 +64,6 @@ def test_broken_strip_file_names_file_and_key(
     assert not (tmp_path / "r").exists()
 
 
-def test_unknown_policy_lists_the_known_ones(monkeypatch, capsys, tmp_path) -> None:
-    line = refused(
-        monkeypatch, capsys, "fold", "--strip", "denim", "--policy", "magic", "--runs", tmp_path
-    )
-    assert "magic" in line
-    assert "triangular" in line
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("content", [b"", b"{", b"\x80\x04N.", b'{"schema": 1}'])
-def test_corrupt_checkpoint_is_refused(monkeypatch, capsys, tmp_path, content) -> None:
-    weights = tmp_path / "weights.npz"
-    weights.write_bytes(content)
-    line = refused(
-        monkeypatch,
-        capsys,
-        *("fold", "--strip", "denim", "--checkpoint", weights, "--runs", tmp_path / "r"),
-    )
-    assert str(weights) in line
-    assert not (tmp_path / "r").exists()
-
-
 def test_folder_that_cannot_be_written_is_refused(monkeypatch, capsys, tmp_path) -> None:
     taken = tmp_path / "file"
     taken.write_text("")

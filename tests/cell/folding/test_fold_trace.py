@@ -108,9 +108,3 @@ def test_strip_that_lies_folded_is_not_called_unfolded() -> None:
     assert (
         "not folded (edges_apart)" in replace(DONE, outcome="edges_apart", exit_code=1).sentence()
     )
-
-
-def test_printed_line_states_the_laid_edge_and_whether_the_strip_is_like_the_model() -> None:
-    line = replace(DONE, like_model=False, edge_offset_true=-0.0312345678).line()
-    assert (line["edge_offset"], line["edge_offset_true"]) == (-0.03, -0.031235)
-    assert line["like_model"] is False

@@ -97,12 +97,6 @@ def test_workers_end_with_the_process_that_leads_them() -> None:
     assert int(told.stdout) > 0
 
 
-def test_other_settings_in_the_same_folder_are_refused(monkeypatch, capsys, tmp_path) -> None:
-    (tmp_path / "feedback.jsonl").write_text('{"schema": 1, "settings": {"seed": 3}}\n')
-    assert "other settings" in refused(monkeypatch, capsys, "train", "--out", tmp_path, *TINY)
-    assert not (tmp_path / "feedback.json").exists()
-
-
 def test_second_training_in_the_same_folder_is_refused(monkeypatch, capsys, tmp_path) -> None:
     place = os.open(tmp_path, os.O_RDONLY)
     try:

@@ -1,11 +1,9 @@
-"""When a frame was exposed, and which are missing."""
+"""When a frame was exposed."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from drivers.camera.abi import BufferFlag
-from drivers.camera.frame import Sequence, Shutter, StampSource
+from drivers.camera.frame import Shutter, StampSource
 
 SHUTTER = Shutter(period=1 / 30, exposure=0.01, readout=0.006)
 START = BufferFlag.TIMESTAMP_MONOTONIC | BufferFlag.SOURCE_START_OF_EXPOSURE
@@ -33,28 +31,3 @@ def test_stamp_of_an_unknown_clock_is_not_believed(flags: int) -> None:
 
 def test_stamp_a_little_ahead_is_believed() -> None:
     assert SHUTTER.middle(100.02, START, taken=100.0)[1] is StampSource.START
-
-
-@given(st.integers(0, 2**32 - 1), st.lists(st.integers(1, 1000), min_size=1, max_size=30))
-def test_numbers_follow_the_counter_across_its_wrap(first: int, steps: list[int]) -> None:
-    sequence = Sequence()
-    sequence.step_to(first)
-    counter = first
-    for step in steps:
-        counter = (counter + step) % 2**32
-        assert sequence.step_to(counter) == step
-    assert sequence.number == sum(steps)
-
-
-def test_counter_that_repeats_or_goes_back_still_numbers_on() -> None:
-    sequence = Sequence()
-    steps = [sequence.step_to(counter) for counter in (7, 7, 5, 6, 9)]
-    assert steps == [1, 0, -2, 1, 3]
-    assert sequence.number == 6
-
-
-def test_restart_counts_what_was_missed() -> None:
-    sequence = Sequence()
-    sequence.step_to(50)
-    sequence.restart(missing=9)
-    assert (sequence.step_to(0), sequence.number) == (1, 10)

@@ -5,10 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.installation import Installation, Mounting
 from drivers.strip.describe import load_strip
 from drivers.twin.open import Twin, open_twin
-from drivers.twin.settings import ArmSettings, CameraSettings, TwinSettings, WorldSettings
+from drivers.twin.settings import ArmSettings, CameraSettings, TwinSettings
 from drivers.types import Pose, Velocity
 from tests.support.twin_moves import drive, grasp, lift, move, wait
 
@@ -16,16 +15,9 @@ DENIM = load_strip(Path(__file__).parents[3] / "configs" / "strips" / "denim.yam
 L = DENIM.length
 
 
-def twin_with(
-    seed: int = 0, world: WorldSettings | None = None, mounting: Mounting | None = None, **arm
-) -> Twin:
-    settings = TwinSettings(
-        arm=ArmSettings(**arm),
-        world=world or WorldSettings(),
-        camera=CameraSettings(width=320, height=240),
-    )
-    installation = Installation(mounting=mounting or Mounting())
-    twin = open_twin(settings, DENIM, None, seed, installation=installation)
+def twin_with(seed: int = 0, **arm) -> Twin:
+    camera = CameraSettings(width=320, height=240)
+    twin = open_twin(TwinSettings(arm=ArmSettings(**arm), camera=camera), DENIM, None, seed)
     twin.arm.connect()
     return twin
 

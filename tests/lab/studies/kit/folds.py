@@ -43,8 +43,6 @@ def fold_strip(
     *,
     plant: StripFile | None = None,
     cell: CellFile | None = None,
-    checkpoint: Path | None = None,
-    arm: str | None = None,
     calibration: Calibration | None = None,
     memory: Path | None = None,
 ) -> FoldResult:
@@ -54,8 +52,7 @@ def fold_strip(
     there, and all its folds are of one specimen.
     """
     request = _request(strip, policy, folder, memory, cell)
-    choice = DeviceSelection(arm=arm, plant=plant, seed=seed)
-    request = replace(request, choice=choice, checkpoint=checkpoint)
+    request = replace(request, choice=DeviceSelection(plant=plant, seed=seed))
     request = with_correction(request, "off" if memory is None else "on")
     return fold(request, calibration or calibration_of(request.cell))
 
@@ -92,7 +89,6 @@ def fold_unknown(
     folder: Path,
     *,
     measured: bool = True,
-    checkpoint: Path | None = None,
     memory: Path | None = None,
     thicker: float = 0.0,
     cell: CellFile | None = None,
@@ -102,9 +98,7 @@ def fold_unknown(
     The thickness is stated `thicker` [m] than it is; `memory` and `cell` as in `fold_strip`.
     """
     name = name_of(strip.length, strip.thickness + thicker if measured else None)
-    return fold_strip(
-        name, "adaptive", seed, folder, plant=strip, checkpoint=checkpoint, memory=memory, cell=cell
-    )
+    return fold_strip(name, "adaptive", seed, folder, plant=strip, memory=memory, cell=cell)
 
 
 def facts(result: FoldResult) -> Mapping[str, Any]:
