@@ -32,6 +32,7 @@ RASTER = 0.001  # m, at which the strip is searched in the plane
 LIMITS = (3.0, 6.0, 12.0)  # standard deviations of its colour, tried one after the other
 ALIKE = 0.1  # share of the stated length by which a piece of its colour may differ
 SLIM = 0.2  # of its length, apparent height of a strip at most
+PLANE_ERROR = 0.001  # m, rms of curves in a plane by a board (python -m tests.lab measure-phone)
 PRINTED = 0.02  # share of the strip's length by which the board may say another one
 ROUNDS, ROWS = 3, 5  # of finding its ends in a map that they correct, and on how many rows
 PROBE, FINE = 0.008, 0.00025  # m about the lower border in which it is looked for, and sampling
@@ -112,8 +113,8 @@ def _by_board(
         )
     upright, ideal = board[:, :2] * (1, -1), fit.lens.undistort(seen)  # its own y is down
     plane, _ = fit_homography(ideal, upright)
-    residual_mm = 1e3 * float(np.hypot(*(plane.to_plane(ideal) - upright).T).mean())
-    facts = {"residual_mm": residual_mm, "date": "", "camera": f"film {film.name}"}
+    off = PLANE_ERROR + float(np.hypot(*(plane.to_plane(ideal) - upright).T).mean())
+    facts = {"residual_mm": 1e3 * off, "date": "", "camera": f"film {film.name}"}
     return make_calibration(fit.lens, plane, **facts)
 
 

@@ -100,7 +100,7 @@ def observe(
             read, touch = _read(frames, follow, layers, calibration, overlay, progress)
         _check_enough(read, film)
         _write(made, read, _held_path(read, strip), calibration, touch)
-        write_document(made / RUN, _header(cell, strip, calibration))
+        write_document(made / RUN, _header(cell, strip, calibration, read))
     return FilmMeasurement(folder, begin, len(read), sum(map(_is_confident, read)), touch)
 
 
@@ -218,11 +218,15 @@ def _write(
     write_document(folder / RESULT, result)
 
 
-def _header(cell: CellFile, strip: StripFile, calibration: Calibration) -> dict[str, object]:
+def _header(
+    cell: CellFile, strip: StripFile, calibration: Calibration, read: Sequence[HeldMeasurement]
+) -> dict[str, object]:
+    period = float(np.median(np.diff([held.measurement.stamp for held in read])))
+    floors = SIGMA_FLOORS | {"touch_time": period}
     return {
         "schema": 1,
         "strip": strip.name,
-        "sigma": {k: max(v, SIGMA_FLOORS.get(k, 0.0)) for k, v in cell.sigma.model_dump().items()},
+        "sigma": {k: max(v, floors.get(k, 0.0)) for k, v in cell.sigma.model_dump().items()},
         "start": "flat",
         "contact_height": cell.perception.contact_height,
         "seen_by": "cell",

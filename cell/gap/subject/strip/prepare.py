@@ -213,7 +213,7 @@ def _common_errors(
     errors = {}
     if "damping" in linearisation.slopes:
         errors["damping"] = frozen(model_error().damping * linearisation.slopes["damping"])
-    if run.seen:
+    if run.plane_error is not None:
         x = np.interp(samples.t, run.t, run.poses[:, 0])
         halves = np.array([half(position, linearisation.length) for position in x])
         errors |= common_errors(samples, halves)
@@ -240,7 +240,9 @@ def _drop_large(change: Array, limit: Array) -> Array:
 
 
 def _fold(run: FoldMeasurement, strip: StripFile, floors: Floors) -> Fold:
-    samples_layout = layout(run, strip.length, floors)
+    share = float(np.hypot(1.0, (run.plane_error or 0.0) / floors.profile))
+    raised = replace(floors, profile=share * floors.profile, contact_x=share * floors.contact_x)
+    samples_layout = layout(run, strip.length, raised)
     during = run.t <= run.end + LATER
     path = GripperPath(run.t[during], run.poses[during], run.hanging)
     comparison = Comparison(run, samples_layout, strip.length, strip.bending_length)

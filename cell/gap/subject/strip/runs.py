@@ -125,7 +125,7 @@ class FoldMeasurement:
     `t` (m,), `poses` (m, 3) the gripper path, smoothed; `travel` (m,) along it. `contact_t`,
     `contact_x` (k,). `force_t` (f,), `force` (f, 2) of the strip on the gripper along x and z, NaN
     where it was not measured. `end` [s] is where comparison ends: the touch, or the last row.
-    `seen` says that a cell measured the fold through its camera, whose errors are known.
+    `plane_error` [m] is that of the calibrated camera through which a cell measured the fold.
     """
 
     t: Array
@@ -142,7 +142,7 @@ class FoldMeasurement:
     force: Array
     touch: Touch | None
     end: float
-    seen: bool = False
+    plane_error: float | None = None
 
     @property
     def has_force(self) -> bool:
@@ -257,6 +257,7 @@ def _check_kind(folder: Path) -> None:
 def _measured_run(run: Recorded, touch: Touch | None, strip: StripFile) -> FoldMeasurement:
     """Reduce a run's tables to the arrays with which simulations are compared."""
     ticks, header = run.ticks, run.header
+    note = header.calibration if header.by_cell else None
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
     t, smooth = smooth_path(ticks.t, poses, header.sigma.gripper)
     seen = np.isfinite(ticks.contact_x)
@@ -271,7 +272,8 @@ def _measured_run(run: Recorded, touch: Touch | None, strip: StripFile) -> FoldM
         contact_t=frozen(stamp[seen]), contact_x=frozen(ticks.contact_x[seen]),
         images=images_of(run.profile, grip, strip.length, header.sigma.profile),
         force_t=frozen(ticks.t[reported]), force=frozen(force[reported]), touch=touch,
-        end=float(ticks.t[-1]) if touch is None else touch.time, seen=header.by_cell,
+        end=float(ticks.t[-1]) if touch is None else touch.time,
+        plane_error=None if note is None else note.error or 0.0,
     )  # fmt: skip
 
 
