@@ -7,20 +7,12 @@ import pytest
 
 from calibration.board import BoardSettings
 from calibration.wizard.board_views import BoardViews
-from calibration.wizard.lens_verdict import LensVerdict
 from drivers.twin.board import Placement, board_frame, board_pose
-from drivers.twin.renderer.optics import Optics
 from drivers.twin.settings import CameraSettings
 from drivers.types import Frame, Image
-from tests.support.twin_calibration import show_boards
 
 CAMERA = CameraSettings()
 SETTINGS = BoardSettings()
-
-
-@lru_cache
-def _verdict() -> LensVerdict:
-    return show_boards(CAMERA, SETTINGS)
 
 
 @lru_cache
@@ -39,20 +31,6 @@ def _shown(views: BoardViews, placement: Placement, sequence: int = 0) -> str | 
     """What comes of two images in a row of a board at rest."""
     told = views.tell(_frame(placement, sequence))
     return views.tell(_frame(placement, sequence)).refused if told.waits else told.refused
-
-
-@pytest.mark.slow
-def test_lens_is_found_through_images_to_half_a_percent() -> None:
-    verdict = _verdict()
-    assert verdict.passed, verdict.reasons
-    assert verdict.fit is not None
-    assert verdict.views >= 12
-    assert verdict.fit.rms < 0.3
-    assert verdict.split < 0.01
-    assert verdict.bend_mm < 0.3
-    assert max(verdict.per_view.values()) < 0.3
-    focal = Optics.of(CAMERA).focal
-    assert verdict.fit.lens.matrix[0, 0] == pytest.approx(focal, rel=0.005)
 
 
 def test_shaken_board_gives_no_view() -> None:

@@ -17,7 +17,7 @@ from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
 from drivers.types import Array, Frame, Pose
-from tests.support.twin_calibration import NO_STRIP, pointer_frame, true_lens, twin_calibration
+from tests.support.twin_calibration import NO_STRIP, pointer_frame, true_lens
 
 CAMERA = CameraSettings()
 
@@ -77,15 +77,6 @@ def test_touched_points_give_the_plane_to_a_tenth_of_a_millimetre() -> None:
     grid = np.array([(x, z) for x in np.linspace(0, 0.6, 9) for z in np.linspace(0, 0.33, 6)])
     seen = verdict.homography.to_plane(true_lens().undistort(Optics.of(CAMERA).plane(grid)))
     assert np.hypot(*(seen - grid).T).max() < 1e-4
-
-
-@pytest.mark.slow
-def test_whole_calibration_through_images_knows_where_the_camera_stands() -> None:
-    calibration = twin_calibration(CAMERA)
-    assert calibration.residual_mm < 0.1
-    centre = Optics.of(CAMERA).centre
-    assert np.abs(calibration.viewpoint.foot() - centre[[0, 2]]).max() < 0.015
-    assert calibration.viewpoint.distance == pytest.approx(-centre[1], rel=0.01)
 
 
 SLIP = np.array([0.004, 0.003])

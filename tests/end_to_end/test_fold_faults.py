@@ -13,107 +13,54 @@ import pytest
 
 import cell.folding.fold
 from cell.devices.devices import Devices
-from cell.folding.batch import fold_all
 from cell.record.run import read_run
 from cell.report.page import write_report
-from drivers.errors import SimulationNotFinite
-from drivers.types import Frame
-from tests.lab.faults.failing import FailingCamera, freeze, lose_all
+from tests.lab.faults.blow import Blow, strike
+from tests.lab.studies.kit.folds import cached_calibration
 from tests.support.children import wait_for_state
 from tests.support.requests import request_for
 
-STOP_TIME = 0.35  # s of the cell's time to brake from the fold's speed and settle
-
-
-def black(frame: Frame, kept: Frame) -> Frame:
-    noise = np.random.default_rng(frame.sequence).integers(0, 8, frame.image.shape, np.uint8)
-    return replace(frame, image=noise)
-
-
-def spoiled_fold(monkeypatch, runs: Path, change) -> tuple:
-    open_cell = cell.folding.fold.open_cell
-    monkeypatch.setattr(cell.folding.fold, "open_cell", lambda *a, **k: change(open_cell(*a, **k)))
-    [result] = fold_all([request_for("denim", "triangular", runs)])
-    return result, read_run(Path(result.run))
+slow = pytest.mark.slow
 
 
 @pytest.mark.parametrize(
-    ("spoil", "fault", "within", "still"),
+    ("fault", "state", "outcome", "stop", "rest"),
     [
-        (freeze, "image_frozen", 0.15, 0.15 + STOP_TIME),
+        ("camera: frozen", "FOLD", "image_frozen", 0.15, 0.5),
         # it stands, and waits for an image, before it is named
-        pytest.param(lose_all, "image_stale", 0.5, 0.35, marks=pytest.mark.slow),
-        pytest.param(black, "low_confidence", 0.55, 0.55 + STOP_TIME, marks=pytest.mark.slow),
+        pytest.param("camera: silent", "FOLD", "image_stale", 0.5, 0.35, marks=slow),
+        pytest.param("camera: half of it noise", "FOLD", "low_confidence", 0.55, 0.9, marks=slow),
+        ("twin: diverges", "FOLD", "simulation_not_finite", 0.05, 0.35),
+        ("hand: width 0", "GRASP", "grasp_missed", 3.0, 3.0),
     ],
 )
-def test_bad_images_stop_the_arm(monkeypatch, tmp_path, spoil, fault, within, still) -> None:
-    begin = 5.0  # in FOLD for a second
-
-    def change(devices: Devices) -> Devices:
-        camera, kept = FailingCamera(devices.camera), []
-
-        def late(frame: Frame, _: Frame) -> Frame | None:
-            if devices.clock.now() >= begin:
-                return spoil(frame, *kept)
-            kept[:] = [frame]
-            return frame
-
-        camera.spoil = late
-        return replace(devices, camera=camera)
-
-    result, run = spoiled_fold(monkeypatch, tmp_path, change)
-    assert result.outcome == fault
-    assert result.exit_code == 4
-    events = {event.kind: event for event in run.events()}
-    origin = next(e.t for e in run.events() if e.facts.get("state") == "PREFLIGHT")
-    assert events["fault"].t - origin - begin < within
-    assert result.duration - begin < within + STOP_TIME
-    ticks = run.ticks
-    steps = np.hypot(np.diff(ticks.x), np.diff(ticks.z))
-    assert steps[-2:].max() < 2e-4
-    assert steps[ticks.t[:-1] > origin + begin + still].max(initial=0.0) < 2e-4
-    assert "FAULT" in [event.facts.get("state") for event in run.events()]
-
-
-def test_a_strip_that_leaves_the_finite_numbers_is_a_named_fault(monkeypatch, tmp_path) -> None:
-    def change(devices: Devices) -> Devices:
-        world = devices.plant.twin.world
-        step = world._step_strip
-
-        def diverge(hand) -> None:
-            if world.time > 5.0:
-                raise SimulationNotFinite("chain", world.time)
-            step(hand)
-
-        monkeypatch.setattr(world, "_step_strip", diverge)
-        return devices
-
-    result, _ = spoiled_fold(monkeypatch, tmp_path, change)
-    assert result.outcome == "simulation_not_finite"
-    assert result.exit_code == 4
-
-
-def test_grasping_nothing_is_a_named_fault(monkeypatch, tmp_path) -> None:
-    def change(devices: Devices) -> Devices:
-        monkeypatch.setattr(devices.plant.twin.world, "edge_within", lambda reach, lean: False)
-        return devices
-
-    result, _ = spoiled_fold(monkeypatch, tmp_path, change)
-    assert result.outcome == "grasp_missed"
-    assert result.exit_code == 4
+def test_fault_stops_the_arm_in_time_and_is_named(
+    fault: str, state: str, outcome: str, stop: float, rest: float, tmp_path: Path
+) -> None:
+    came = strike(Blow(fault, state, 3), tmp_path, cached_calibration())
+    assert (came["outcome"], came["exit_code"]) == (outcome, 4)
+    assert came["stop"] < stop
+    assert came["rest"] < rest
+    assert came["resting"]
+    assert came["whole"]
 
 
 def test_no_strip_on_the_desk_is_refused_before_the_grasp(monkeypatch, tmp_path) -> None:
-    def change(devices: Devices) -> Devices:
-        twin = devices.plant.twin
-        scene = twin.world.scene
-        monkeypatch.setattr(twin.world, "scene", lambda t: replace(scene(t), strip=False))
+    open_cell = cell.folding.fold.open_cell
+
+    def empty(*arguments, **options) -> Devices:
+        devices = open_cell(*arguments, **options)
+        world = devices.plant.twin.world
+        scene = world.scene
+        monkeypatch.setattr(world, "scene", lambda t: replace(scene(t), strip=False))
         return devices
 
-    result, run = spoiled_fold(monkeypatch, tmp_path, change)
-    assert result.outcome == "preflight_refused"
-    assert result.exit_code == 3
-    assert len(run.ticks.t) == 0
+    monkeypatch.setattr(cell.folding.fold, "open_cell", empty)
+    result = cell.folding.fold.fold(
+        request_for("denim", "triangular", tmp_path), cached_calibration()
+    )
+    assert (result.outcome, result.exit_code) == ("preflight_refused", 3)
+    assert len(read_run(Path(result.run)).ticks.t) == 0
 
 
 def start(runs: Path, *words: str) -> subprocess.Popen:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from cell.cli.options import busy
 from cell.cli.streams import Outlet
 
 CELL = [sys.executable, "-m", "cell"]
@@ -117,14 +116,3 @@ def test_a_full_pipe_that_does_not_block_is_waited_for_at_rest() -> None:
         assert arrived.result(timeout=60) == content
     assert outlet.failure is None
     assert worked < 0.03 * waited
-
-
-def test_long_work_is_announced_on_a_terminal_alone(monkeypatch, capsys) -> None:
-    with busy("writing the page"):
-        pass
-    assert capsys.readouterr().err == ""
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with busy("writing the page"):
-        pass
-    assert "writing the page" in capsys.readouterr().err

@@ -1,12 +1,10 @@
 """Tables on terminals of any width: no name and no number is broken."""
 
 import re
-from pathlib import Path
 
 import pytest
 
 from cell.cli.table import print_table, printable
-from tests.support.commands import run
 
 NAMES = ["20261121T041512Z-jacket-knit-fold-7f3a", "20261121T041530Z-trouser-twill-fold-11c2"]
 COLUMNS = ("run", "strip", "policy", "outcome", "d mm", "s", "MB")
@@ -30,14 +28,3 @@ def test_what_a_file_says_moves_no_cursor_and_is_no_markup(monkeypatch, capsys) 
     print_table(("run", "outcome"), [("a", "[/red]\x1b[2J")], text=2)
     assert "[/red]\\x1b[2J" in capsys.readouterr().out
     assert printable("Grüße, \udcff") == "Grüße, \\udcff"
-
-
-def test_runs_of_any_header_are_listed(tmp_path: Path, monkeypatch, capsys) -> None:
-
-    for i, text in enumerate(
-        ["strip: '[/x]'", "strip: [1]", 'strip: "\\x1b"', "- 1", "a: &a [*a]"]
-    ):
-        (tmp_path / str(i)).mkdir()
-        (tmp_path / str(i) / "run.yaml").write_text(text)
-    assert run(monkeypatch, "runs", "--runs", tmp_path) == 0
-    assert "[/x]" in capsys.readouterr().out

@@ -121,17 +121,6 @@ def test_silence_at_rest_is_no_failure(setup) -> None:
     assert setup.loop.halted is None
 
 
-def test_force_over_the_guard_brakes_and_is_named(setup) -> None:
-    setup.order(Kind.FOLLOW, -0.1, 0.0, 0.0)
-    setup.steps(50)
-    setup.robot.force = [0.0, 0.0, 20.0, 0.0, 0.0, 0.0]
-    setup.steps(200)
-    assert setup.loop.halted is not None
-    assert setup.loop.halted.cause is Cause.CONTACT
-    assert "20.0 N" in setup.loop.halted.words
-    assert not setup.reports.read().moving
-
-
 def test_end_brakes_to_rest_and_finishes_the_motion(setup) -> None:
     setup.order(Kind.MOVE, 0.2, 0.2, 0.0)
     before = setup.steps(300).x

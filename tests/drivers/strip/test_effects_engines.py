@@ -80,6 +80,7 @@ QUICK = [
     ("bending_hysteresis", VALUES["bending_hysteresis"][1]),
     ("relaxation", VALUES["relaxation"][0]),
     ("stretch", VALUES["stretch"][1]),
+    ("air_drag", VALUES["air_drag"][0]),
     ("length_error", VALUES["length_error"][0]),
     ("end_slip", VALUES["end_slip"][0]),
 ]

@@ -3,30 +3,16 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-import numba
 import numpy as np
 import pytest
 
 from drivers.strip.describe import describe
-from drivers.strip.model import StripModel
-from drivers.strip.rod import layout as at
-from drivers.strip.rod.batch import flat_batch
 from drivers.strip.rod.engine import Rod
-from drivers.strip.rod.layout import Block
-from drivers.strip.rod.terms import air, resist
-from drivers.types import Array
 from tests.support.effect_cases import LENGTH, PATHS, affected, bare, denim, folds, way
 from tests.support.rod_cases import overhang, paper_model
 
-RATE = 250.0  # 1/s
 STIFF = denim(length=0.3, bending_length=0.15)  # for a strip that hangs over an edge
 WEIGHT = 0.4 * 0.05 * LENGTH * 9.81  # N
-
-
-def _block(model: StripModel, segments: int = 40) -> Block:
-    batch = flat_batch([model], segments)
-    state, nature = batch.state[0], batch.nature[0]
-    return Block(nature, state, batch.work, batch.band, batch.last, batch.terms)
 
 
 def _displacement(name: str, path: str = "triangular", **values: float) -> float:
@@ -35,30 +21,6 @@ def _displacement(name: str, path: str = "triangular", **values: float) -> float
     assert with_it.touch is not None
     assert without.touch is not None
     return with_it.touch.displacement - without.touch.displacement
-
-
-@numba.njit(error_model="numpy")
-def _blown(block: Block, out: Array) -> None:
-    for r in range(at.FIRST_FREE_NODE, block.last + 1):
-        resist(block, r, RATE)
-        (out[r, 0], out[r, 1]), _ = air(block, r, RATE)
-
-
-@pytest.mark.parametrize(("moved", "share"), [((0.0, 1.0), 1.0), ((1.0, 1.0), 0.5)])
-def test_drag_is_that_of_a_plate_and_only_of_its_motion_across(
-    moved: tuple[float, float], share: float
-) -> None:
-    speed, drag = 0.5, 1.7
-    block = _block(affected("air_drag", coefficient=drag))
-    velocity = speed * np.array(moved) / np.hypot(*moved)
-    block.work[:, at.BASE_X] = block.state[:, at.X] - velocity[0] / RATE
-    block.work[:, at.BASE_Z] = block.state[:, at.Z] - velocity[1] / RATE
-    force = np.zeros((len(block.state), 2))
-    _blown(block, force)
-    spans = block.nature[:, at.SPAN]
-    free = 0.5 * (spans[1 : block.last] + spans[2 : block.last + 1]).sum()
-    plate = 0.5 * 1.2 * drag * 0.05 * free * share * speed**2
-    np.testing.assert_allclose(force.sum(axis=0), [0.0, plate], atol=1e-12)
 
 
 def test_relaxed_strip_hangs_as_one_of_the_remaining_rigidity() -> None:
