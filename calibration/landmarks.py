@@ -52,7 +52,7 @@ class Landmark(Settings):
     png: str  # base64
 
     @classmethod
-    def of(cls, kind: Literal["tip", "desk"], grey: Image, left: int, top: int, side: int) -> Self:
+    def cut(cls, kind: Literal["tip", "desk"], grey: Image, left: int, top: int, side: int) -> Self:
         """The patch of `side` [px] at (`left`, `top`) in the image `grey` (height, width)."""
         _, content = cv2.imencode(".png", grey[top : top + side, left : left + side])
         return cls(kind=kind, left=left, top=top, png=b64encode(bytes(content)).decode("ascii"))
@@ -64,10 +64,10 @@ class Landmark(Settings):
         except ValueError:
             content = b""
         if not all(0 < side <= LARGEST_SIDE for side in picture_sides(content)):
-            raise ConfigurationError("landmarks: png: is no picture; calibrate again")
+            raise ConfigurationError("landmarks: png: is not a PNG image; calibrate again")
         image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_GRAYSCALE)
         if image is None:
-            raise ConfigurationError("landmarks: png: is no picture; calibrate again")
+            raise ConfigurationError("landmarks: png: is not a PNG image; calibrate again")
         return np.asarray(image, dtype=np.uint8)
 
 
@@ -118,7 +118,7 @@ def remember(frame: Frame, pose: Pose, lens: Lens, homography: Homography) -> La
             f"landmarks: the tip at x {pose.x:.2f}, z {pose.z:.2f} m is not in the image; "
             "choose another pose for it"
         )
-    tip = Landmark.of("tip", grey, left, top, TIP_SIDE)
+    tip = Landmark.cut("tip", grey, left, top, TIP_SIDE)
     desk = _desk_line(grey, lens, homography)
     return Landmarks(x=pose.x, z=pose.z, pitch=pose.pitch, marks=(tip, *desk))
 
@@ -159,7 +159,7 @@ def _desk_patch(grey: Image, x: float, lens: Lens, homography: Homography) -> La
     if len(steps) == 0 or steps.max() < CONTRAST:
         return None
     top = first + int(np.argmax(steps)) + EDGE_ROWS // 2 - DESK_SIDE // 2
-    return Landmark.of("desk", grey, left, top, DESK_SIDE)
+    return Landmark.cut("desk", grey, left, top, DESK_SIDE)
 
 
 def _find_shift(grey: Image, mark: Landmark) -> tuple[float, float] | None:

@@ -48,7 +48,7 @@ class SimulationNotFinite(Fault):
     def __init__(self, engine: str, time: float) -> None:
         super().__init__(
             "simulation_not_finite",
-            f"the {engine} left the finite numbers at {time:.3f} s; "
+            f"the {engine} diverged at {time:.3f} s; "
             "use more damping, a smaller step or slower motion",
         )
 

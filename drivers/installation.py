@@ -49,7 +49,7 @@ class MotionLimits(Settings):
         """The limits in the order x, z, pitch."""
         return self.x, self.z, self.pitch
 
-    def within(self, other: "MotionLimits") -> "MotionLimits":
+    def lower(self, other: "MotionLimits") -> "MotionLimits":
         """Element-wise minimum of these limits and those of `other`, axis by axis."""
         lower = {
             name: axis.lower(getattr(other, name))

@@ -210,8 +210,9 @@ def _check_reachable(strip: StripFile, d: Array) -> None:
     """Refuse a `strip` whose displacements `d` (m,) [m] have one sign at all rises."""
     if not (np.any(d < 0) and np.any(d > 0)):
         raise ConfigurationError(
-            f"planned: {strip.name}: on no raised triangle do its layers lie even in the rod, "
-            f"least |d| {1e3 * np.nanmin(np.abs(d), initial=np.inf):.0f} mm; use another policy"
+            f"planned: {strip.name}: no raised triangle folds it with displacement 0 in the rod, "
+            f"the smallest |d| is {1e3 * np.nanmin(np.abs(d), initial=np.inf):.0f} mm; use another "
+            "policy"
         )
 
 

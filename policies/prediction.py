@@ -6,10 +6,10 @@ from typing import Protocol, runtime_checkable
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A parameter of the rods that a policy steers by, with the interval that holds 68 % of them.
+    """Estimated parameter of the simulated rod that a policy steers by, with a 68 % interval.
 
-    Rods take up what they lack, so that it is none of the strip's own parameter: on the twin that
-    of the bending length holds it in a third of the folds (the laboratory's study `unknown`).
+    It absorbs effects that the rod lacks, so it is effective: on the twin the interval contains
+    the strip's true bending length in a third of the folds (the laboratory's study `unknown`).
     """
 
     value: float

@@ -165,4 +165,4 @@ def _standard_motion(name: str) -> "Policy":
         raise ConfigurationError(
             f"policy: unknown motion {name!r}; allowed: {allowed}, {MOTION}{BY_HAND}SEED-NUMBER"
         )
-    return Scripted(name, STANDARD[wanted].of)
+    return Scripted(name, STANDARD[wanted].over)

@@ -17,7 +17,7 @@ from calibration.wizard.touches import (
     TouchFit,
     TouchSettings,
     camera_move,
-    solve,
+    fit_touches,
 )
 from calibration.wizard.verdict import Level, Line, Verdict, grade_line, reasons
 from drivers.errors import ConfigurationError
@@ -109,12 +109,12 @@ class CheckVerdict(Verdict):
 def touch_verdict(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -> TouchVerdict:
     """The verdict on the map from `touches` through `lens`; independent of their order."""
     try:
-        solved = solve(touches, lens, settings)
+        fit = fit_touches(touches, lens, settings)
     except ConfigurationError as error:
-        decide = len({t.number for t in touches if t.held_out})
-        return TouchVerdict(held_out=decide, reasons=(str(error),))
-    verdict = _compose(solved, settings)
-    causes = _causes(touches, solved, settings)
+        held_out = len({t.number for t in touches if t.held_out})
+        return TouchVerdict(held_out=held_out, reasons=(str(error),))
+    verdict = _compose(fit, settings)
+    causes = _causes(touches, fit, settings)
     return replace(verdict, reasons=causes) if causes else verdict  # they bring all others along
 
 
@@ -168,18 +168,18 @@ def _common_shift(off: Array, settings: TouchSettings) -> Iterator[str]:
         )
 
 
-def _causes(touches: Sequence[Touch], solved: TouchFit, settings: TouchSettings) -> tuple[str, ...]:
+def _causes(touches: Sequence[Touch], fit: TouchFit, settings: TouchSettings) -> tuple[str, ...]:
     """Reasons for refusal that explain all others: a mirrored plane, or a camera that moved."""
     middle = np.mean([touched.place for touched in touches], axis=0)
     triangle = middle + ORIENTATION_STEP * np.array([(0, 0), (1, 0), (0, 1)])
-    corners = solved.homography.to_image(triangle)
+    corners = fit.homography.to_image(triangle)
     if np.linalg.det(corners[1:] - corners[0]) >= 0:  # z is up, v down: a true map turns it over
         return (
             "the touches are mirrored: x, z of the arm run in the image as seen from behind the "
             "strip; check that the picture is not flipped, on which side the camera stands, and "
             "the yaw of installation.mounting",
         )
-    move = camera_move(touches, solved.lens, solved.homography, settings.good_mm)
+    move = camera_move(touches, fit.lens, fit.homography, settings.good_mm)
     if move is None:
         return ()
     return (
@@ -189,27 +189,27 @@ def _causes(touches: Sequence[Touch], solved: TouchFit, settings: TouchSettings)
     )
 
 
-def _compose(solved: TouchFit, settings: TouchSettings) -> TouchVerdict:
+def _compose(fit: TouchFit, settings: TouchSettings) -> TouchVerdict:
     """Verdict on a fitted map: its errors at held-out points, rejected points, and grade."""
-    held_out = np.reshape([solved.error(p) for p in solved.decide], (-1, 2))
+    held_out = np.reshape([fit.error(p) for p in fit.validation], (-1, 2))
     errors = 1e3 * np.hypot(*held_out.T)
-    points = sorted((*solved.used, *solved.decide), key=lambda p: p.number)
-    rejected = [p for p in solved.off if p not in solved.decide]
+    points = sorted((*fit.used, *fit.validation), key=lambda p: p.number)
+    rejected = [p for p in fit.outliers if p not in fit.validation]
     verdict = TouchVerdict(
-        homography=solved.homography,
+        homography=fit.homography,
         residual_mm=_rms(errors),
         median_mm=float(np.median(errors)) if len(errors) else NAN,
         worst_mm=float(errors.max(initial=0.0)),
-        halves_mm=_halves_mm(points, solved.lens, settings),
+        halves_mm=_halves_mm(points, fit.lens, settings),
         displacement_mm=DISPLACEMENT_FACTOR * _rms(1e3 * held_out[:, 0]),
-        used=len(solved.used),
-        held_out=len(solved.decide),
-        errors_mm={p.number: 1e3 * float(np.hypot(*solved.error(p))) for p in points},
-        rejected=solved.rejections(rejected),
-        wild=solved.rejections(solved.wild),
+        used=len(fit.used),
+        held_out=len(fit.validation),
+        errors_mm={p.number: 1e3 * float(np.hypot(*fit.error(p))) for p in points},
+        rejected=fit.rejections(rejected),
+        wild=fit.rejections(fit.replaced),
         clean=not rejected and _rms(errors) <= settings.good_mm,
     )
-    found = (*_map_reasons(verdict, settings), *_point_reasons(solved, settings))
+    found = (*_map_reasons(verdict, settings), *_point_reasons(fit, settings))
     return replace(verdict, reasons=found)
 
 
@@ -253,19 +253,19 @@ def _map_reasons(verdict: TouchVerdict, settings: TouchSettings) -> tuple[str, .
     )  # fmt: skip
 
 
-def _point_reasons(solved: TouchFit, settings: TouchSettings) -> tuple[str, ...]:
+def _point_reasons(fit: TouchFit, settings: TouchSettings) -> tuple[str, ...]:
     """Reasons for refusal: defects of the touched points themselves."""
-    numbers = {p.number for p in (*solved.used, *solved.decide, *solved.off)}
-    stubborn = ", ".join(str(p.number) for p in solved.stubborn)
+    numbers = {p.number for p in (*fit.used, *fit.validation, *fit.outliers)}
+    repeated = ", ".join(str(p.number) for p in fit.repeated_outliers)
     area = (settings.x_max - settings.x_min) * (settings.z_max - settings.z_min)
-    places = np.array([p.place for p in solved.used], dtype=np.float32)
+    places = np.array([p.place for p in fit.used], dtype=np.float32)
     share = float(cv2.contourArea(cv2.convexHull(places))) / area
     return reasons(
-        (len(solved.wild) > settings.wild * len(numbers),
-         f"{len(solved.wild)} of {len(numbers)} first touches were wild; the pointer is loose "
+        (len(fit.replaced) > settings.wild * len(numbers),
+         f"{len(fit.replaced)} of {len(numbers)} first touches were wild; the pointer is loose "
          "or something else in the image looks like it; fasten it, cover bright discs"),
-        (bool(solved.stubborn),
-         f"points {stubborn} are off in the same way when touched again: the lens is wrong there "
+        (bool(fit.repeated_outliers),
+         f"points {repeated} are off in the same way when touched again: the lens is wrong there "
          "or the arm leaves the plane; calibrate the lens again, check the plane"),
         (share < settings.spread,
          f"the points that agree enclose {100 * share:.0f} % of the work area, at least "

@@ -1,7 +1,7 @@
 """Touched points: the plan of poses, the robust fit of the map, detection of a moved camera."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import compress
 from math import pi
 from typing import Annotated
@@ -108,24 +108,24 @@ class RejectedTouch:
 
 @dataclass(frozen=True, slots=True)
 class TouchFit:
-    """The map fitted to the points `used`, and the groups of all other points.
+    """The map fitted to the touches `used`, and the other touches sorted into groups.
 
-    `decide` are held-out points, `off` all outliers, `stubborn` those of them whose second touch
-    is off by the same error, `wild` first touches that a second one replaced.
+    `validation` are held-out touches, `outliers` all outliers, `repeated_outliers` those of them
+    whose second touch has the same error, `replaced` first touches that a second one replaced.
     """
 
     homography: Homography
     used: tuple[Touch, ...]
-    decide: tuple[Touch, ...]
-    off: tuple[Touch, ...]
-    stubborn: tuple[Touch, ...]
-    wild: tuple[Touch, ...]
+    validation: tuple[Touch, ...]
+    outliers: tuple[Touch, ...]
+    repeated_outliers: tuple[Touch, ...]
+    replaced: tuple[Touch, ...]
     lens: Lens
 
     def error(self, touched: Touch) -> Array:
-        """Residual (2,) x, z [m] of a point: its place by the map minus the arm's."""
-        seen = self.homography.to_plane(self.lens.undistort(touched.pixel))[0]
-        return np.asarray(seen - touched.place)
+        """Residual (2,) x, z [m] of a touch: its place by the map minus the arm's."""
+        mapped = self.homography.to_plane(self.lens.undistort(touched.pixel))[0]
+        return np.asarray(mapped - touched.place)
 
     def rejections(self, points: Sequence[Touch]) -> tuple[RejectedTouch, ...]:
         """Descriptions of rejected `points`, by number."""
@@ -138,28 +138,38 @@ class TouchFit:
         return RejectedTouch(touched.number, x, z, residual)
 
 
-def solve(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -> TouchFit:
-    """The map fitted robustly to the newest touch of each pose that is not held out.
+def fit_touches(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -> TouchFit:
+    """Fit the homography robustly to the newest touch of each pose, and sort all other touches.
 
-    Independent of the order of `touches`. Raises ConfigurationError where they give no map.
+    Held-out poses are not fitted. The order of `touches` does not matter. Raises
+    ConfigurationError where they give no map.
     """
     newest = _newest_touches(touches)
     fitted = [p for p in newest if not p.held_out]
-    held = [p for p in newest if p.held_out]
-    homography, used = fit_homography(
+    homography, inliers = fit_homography(
         lens.undistort(np.reshape([p.pixel for p in fitted], (-1, 2))),
         np.reshape([p.place for p in fitted], (-1, 2)),
     )
-    solved = TouchFit(homography, tuple(compress(fitted, used)), (), (), (), (), lens)
-    off = list(compress(fitted, ~used))
-    off += [p for p in held if 1e3 * np.hypot(*solved.error(p)) > settings.worst_mm]
+    fit = TouchFit(homography, tuple(compress(fitted, inliers)), (), (), (), (), lens)
+    return _sort_others(fit, touches, newest, settings)
+
+
+def _sort_others(
+    fit: TouchFit, touches: Sequence[Touch], newest: Sequence[Touch], settings: TouchSettings
+) -> TouchFit:
+    """Fill the groups of `fit` with the touches that it does not use."""
+    held = [p for p in newest if p.held_out]
+    outliers = [p for p in newest if not p.held_out and p not in fit.used]
+    outliers += [p for p in held if 1e3 * np.hypot(*fit.error(p)) > settings.worst_mm]
     firsts = {p.number: p for p in touches if not p.again}
-    stubborn = tuple(p for p in off if _repeats_error(p, firsts, solved, settings))
-    replaced = [p.number for p in newest if p.again and p not in off]
-    wild = tuple(firsts[number] for number in replaced if number in firsts)
-    scattered = [p for p in off if p.again and p not in stubborn]  # twice off, each time otherwise
-    decide = tuple(p for p in held if p not in scattered)
-    return replace(solved, decide=decide, off=tuple(off), stubborn=stubborn, wild=wild)
+    repeated = tuple(p for p in outliers if _repeats_error(p, firsts, fit, settings))
+    accepted = [p.number for p in newest if p.again and p not in outliers]
+    replaced = tuple(firsts[number] for number in accepted if number in firsts)
+    scattered = [p for p in outliers if p.again and p not in repeated]  # off twice, differently
+    validation = tuple(p for p in held if p not in scattered)
+    return TouchFit(
+        fit.homography, fit.used, validation, tuple(outliers), repeated, replaced, fit.lens
+    )
 
 
 def _newest_touches(touches: Sequence[Touch]) -> list[Touch]:
@@ -169,22 +179,22 @@ def _newest_touches(touches: Sequence[Touch]) -> list[Touch]:
 
 
 def _repeats_error(
-    again: Touch, firsts: dict[int, Touch], solved: TouchFit, settings: TouchSettings
+    again: Touch, firsts: dict[int, Touch], fit: TouchFit, settings: TouchSettings
 ) -> bool:
     """Whether a second touch repeats the first one's error, which shows that the map is wrong."""
     first = firsts.get(again.number)
     if first is None or not again.again:
         return False
-    return 1e3 * float(np.hypot(*(solved.error(again) - solved.error(first)))) < settings.worst_mm
+    return 1e3 * float(np.hypot(*(fit.error(again) - fit.error(first)))) < settings.worst_mm
 
 
 def suspects(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -> tuple[int, ...]:
     """Numbers of the outliers of the fitted map, which are to be touched again."""
     try:
-        solved = solve(touches, lens, settings)
+        fit = fit_touches(touches, lens, settings)
     except ConfigurationError:
         return ()
-    return tuple(sorted(p.number for p in solved.off))
+    return tuple(sorted(p.number for p in fit.outliers))
 
 
 FEWEST_TOUCHES = 3  # touches on either side of a move

@@ -39,7 +39,7 @@ class BenchmarkSpec(Settings):
     extent: Size = Size()
 
     @classmethod
-    def of(
+    def build(
         cls,
         configs: Configs,
         policies: tuple[str, ...],

@@ -97,7 +97,7 @@ def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibr
     from calibration.wizard.touch_verdict import refusals
     from calibration.wizard.touched_points import TouchedPoints
     from cell.calibrating.keyboard import TwinOperator
-    from cell.calibrating.wizard import assemble, touch
+    from cell.calibrating.wizard import build_calibration, touch
 
     twin = DeviceSelection(arm="twin", camera="twin")
     devices = open_cell(settings, NO_STRIP, twin, calibrating=True)
@@ -108,7 +108,7 @@ def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibr
     operator = TwinOperator(devices.aids, Unattended())
     context = CalibrationContext(settings.controller, points, operator)
     found = touch(devices, context, interrupted), context.latency
-    made = assemble(lens, *found, devices.camera_identity)
+    made = build_calibration(lens, *found, devices.camera_identity)
     if made is None:
         raise CellError("homography failed: " + "; ".join(refusals(*found)))
     return made

@@ -202,7 +202,7 @@ def calibrate_lens(
     return result
 
 
-def lens_again(folder: Path, without: Collection[int], out: Path | None) -> LensSession:
+def refit_lens(folder: Path, without: Collection[int], out: Path | None) -> LensSession:
     """Fit the lens of the session in `folder` again, `without` some images, into `out` if given.
 
     Boards are detected anew in the saved images. Raises ConfigurationError for broken files.
@@ -257,7 +257,7 @@ def calibrate_homography(
     # locks as read back
     facts: dict[str, Any] = {"locks": devices.camera_locks(), "landmarks": context.landmarks}
     found = lens, touches, context.latency, session.camera
-    made = assemble(*found, accept_anyway=accept_anyway, **facts)
+    made = build_calibration(*found, accept_anyway=accept_anyway, **facts)
     result = TouchSession(folder, touches, context.latency, made, settings.fold.speed)
     result.keep(folder)
     if context.landmarks is not None:
@@ -268,7 +268,7 @@ def calibrate_homography(
     return result
 
 
-def homography_again(
+def refit_homography(
     folder: Path,
     without: Collection[int],
     out: Path | None,
@@ -293,7 +293,7 @@ def homography_again(
     marks = load(path, Landmarks) if path.exists() else None
     found = lens, touches, latency, session.camera
     facts: dict[str, Any] = {"locks": session.locks, "landmarks": marks}
-    made = assemble(*found, accept_anyway=accept_anyway, **facts)
+    made = build_calibration(*found, accept_anyway=accept_anyway, **facts)
     result = TouchSession(out, touches, latency, made, speed)
     if out is not None:
         with writing(f"--out: {out}"):
@@ -351,7 +351,7 @@ def touch(devices: Devices, context: CalibrationContext, interrupted: Interrupti
     return context.touches
 
 
-def assemble(
+def build_calibration(
     lens: Lens,
     touches: TouchVerdict,
     latency: LatencyVerdict,

@@ -54,7 +54,7 @@ def benchmark(
     from cell.config.places import find_configs
 
     found = find_configs(configs)
-    spec = BenchmarkSpec.of(found, split(policies), split(strips), repeat, seed, quick=quick)
+    spec = BenchmarkSpec.build(found, split(policies), split(strips), repeat, seed, quick=quick)
     by = engine(jobs, cluster, PART_TIMEOUT)
     place = runs or out / "runs"
     with resumable(out), Meter(Console(stderr=True), summarise) as meter:

@@ -101,7 +101,7 @@ def calibrate_camera(
     as_json: Json = False,
 ) -> None:
     """Find the lens from views of a ChArUco board; says which view is wanted next, and why."""
-    from cell.calibrating.wizard import ROS, calibrate_lens, lens_again
+    from cell.calibrating.wizard import ROS, calibrate_lens, refit_lens
     from cell.calibrating.wizard_panel import print_verdict, wizard_session
     from cell.report.calibration_page import write_session_page
 
@@ -110,7 +110,7 @@ def calibrate_camera(
         _print_board(settings, print_to)
         return
     if again is not None:
-        found, folder = lens_again(again, without or (), out), out or again
+        found, folder = refit_lens(again, without or (), out), out or again
     else:
         folder = _session_folder(out, resume, settings.name, "camera")
         settings, devices = _open_devices(settings, "twin", camera)  # no arm is needed
@@ -170,7 +170,7 @@ def calibrate_homography(
     if use:
         writable(configs)
     if again is not None:
-        found = wizard.homography_again(
+        found = wizard.refit_homography(
             again, without or (), out, settings.fold.speed, accept_anyway=accept_anyway
         )
     else:
@@ -264,7 +264,7 @@ def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str)
     from drivers.errors import ConfigurationError
 
     if resume is not None and out is not None:
-        raise ConfigurationError("--resume: goes on in its own folder; leave --out away")
+        raise ConfigurationError("--resume: goes on in its own folder; remove --out")
     if resume is not None:
         if not (resume / SESSION_FILE).is_file():
             raise ConfigurationError(f"--resume: {resume} holds no session: no {SESSION_FILE}")

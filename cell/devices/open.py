@@ -24,7 +24,7 @@ def check_drivers(settings: CellFile, choice: DeviceSelection) -> None:
     if is_real(settings, choice) and settings.fci.in_lock_step:
         raise ConfigurationError(
             f"fci.lock_step: is true, but {settings.fci.address} is no twin on this machine: a "
-            "robot's time waits for nobody; leave the key away"
+            "real robot cannot run in lock-step; remove the key"
         )
 
 

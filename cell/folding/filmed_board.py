@@ -33,11 +33,11 @@ LIMITS = (3.0, 6.0, 12.0)  # standard deviations of its colour, tried one after 
 ALIKE = 0.1  # share of the stated length by which a piece of its colour may differ
 SLIM = 0.2  # of its length, apparent height of a strip at most
 PLANE_ERROR = 0.001  # m, rms of curves in a plane by a board (python -m tests.lab measure-phone)
-PRINTED = 0.02  # share of the strip's length by which the board may say another one
-ROUNDS, ROWS = 3, 5  # of finding its ends in a map that they correct, and on how many rows
-PROBE, FINE = 0.008, 0.00025  # m about the lower border in which it is looked for, and sampling
-WITHIN, BEYOND = 0.06, 0.04  # m about an end in which it is looked for
-SURE, UNLIKE = 0.004, 4.0  # m of another colour, and standard deviations from which it is one
+PRINTED = 0.02  # allowed relative difference of the strip's length by the board
+ROUNDS, ROWS = 3, 5  # iterations of finding the ends and correcting the map; image rows sampled
+PROBE, FINE = 0.008, 0.00025  # m: search range about the lower border, and its sampling
+WITHIN, BEYOND = 0.06, 0.04  # m: search range about an end, inwards and outwards
+SURE, UNLIKE = 0.004, 4.0  # m of foreign colour that end the strip; colour distance of it [sigma]
 
 
 def calibrate_film(

@@ -173,9 +173,9 @@ def conduct(
         with realtime_thread(devices.real_time):
             outcome = run.execute()
     except KeyboardInterrupt:
-        outcome = Outcome.of(INTERRUPTED_AT_ONCE, devices.clock.now())
+        outcome = Outcome.stopped_by(INTERRUPTED_AT_ONCE, devices.clock.now())
     except CellError as error:
-        outcome = Outcome.of(StopReason.by(error), devices.clock.now())
+        outcome = Outcome.stopped_by(StopReason.by(error), devices.clock.now())
     finally:
         run_suppressed(devices.close)
     timing = devices.arm_timing()

@@ -53,7 +53,7 @@ def replay(folder: Path) -> Replay:
     run = read_run(folder)
     settings = _header_entry(run, "config", CellFile)
     strip = _header_entry(run, "strip_file", StripFile)
-    decided = [_Decision.of(event, run) for event in run.events() if event.kind == "decision"]
+    decided = [_Decision.read(event, run) for event in run.events() if event.kind == "decision"]
     if not decided:
         raise ConfigurationError(f"{folder}: nothing was decided in this run, nothing to replay")
     if run.ticks.t.size == 0:
@@ -76,7 +76,7 @@ class _Decision:
     done: bool
 
     @classmethod
-    def of(cls, event: Event, run: Run) -> Self:
+    def read(cls, event: Event, run: Run) -> Self:
         try:
             facts = {field.name: event.facts[field.name] for field in fields(cls)}
             numbers = {name: float(facts[name]) for name in ("time", "x", "z", "direction")}

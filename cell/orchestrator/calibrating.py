@@ -19,8 +19,8 @@ from cell.orchestrator.steps import (
     move,
     open_hand,
     pause,
+    rotate_hand,
     still_picture,
-    turn,
 )
 from drivers.arm.obstacles import require_clear
 from drivers.errors import CellError
@@ -49,7 +49,7 @@ def calibrate(cell: CalibrationContext, record: Record, begin: Snapshot) -> Phas
     yield from open_hand()
     yield from _wait_for_answer(cell, POINTER_IN)
     yield from close_hand()
-    yield from turn(points.plan[0].pitch)
+    yield from rotate_hand(points.plan[0].pitch)
     yield from _touch_all(cell, record)
     if not points.fitted:
         yield from open_hand()

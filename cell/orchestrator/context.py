@@ -55,7 +55,7 @@ class FoldContext(Context):
     the camera sees it once the strip was `released`, `predicted` the policy's latest prediction,
     `expected` the displacement and its standard deviation [m] by the model before the fold;
     `witnesses` are what was compared. The grasped edge is laid at `place` [m]. The plant is not
-    part of it. The `desk` [m] ends there for the arm's hand, 0 for none. A `warning` of the
+    part of it. `desk` is x [m] of the desk's end, 0 for an arm without a hand. A `warning` of the
     preflight is for the operator.
     """
 
@@ -120,7 +120,7 @@ class CalibrationContext(Context):
     landmarks: Landmarks | None = None
 
     def completion(self) -> StopReason:
-        """All points were touched."""
+        """Stop reason `calibrated`: all points were touched."""
         return StopReason("calibrated", "all points were touched", 0)
 
 
@@ -133,7 +133,7 @@ class ManualContext(Context):
     end: Pose | None = None
 
     def completion(self) -> StopReason:
-        """Where the gripper is."""
+        """Stop reason `moved`, with the gripper's final pose as text."""
         if self.end is None:
             return StopReason("moved", "", 0)
         x, z = round(1e3 * self.end.x), round(1e3 * self.end.z)

@@ -24,7 +24,7 @@ PULL = 0.01  # m by which an upper layer that is too short is pulled along at mo
 def edge_place(touch: SeenTouch, place: float = 0.0) -> float:
     """Target x [m] of the grasped edge: `place`, at most `PULL` from the taut upper layer's edge.
 
-    The fixed edge is at x = 0; where images mislead, the place for the other is not.
+    `place` is 0, on the fixed edge, unless a learned correction of the camera's bias moves it.
     """
     return min(max(place, _taut_edge(touch) - PULL), _taut_edge(touch) + PULL)
 
@@ -36,8 +36,8 @@ def lay_path(touch: SeenTouch, gripper: Pose, rest: float, end: float, fold: Fol
     [m] above the desk, `lay_beyond` past that edge, from where it is pushed to `end`.
 
     From that height the upper layer comes down as a lid, in part lifted, where friction does not
-    hold it. One that the fold has rolled along is too long: let down at its end it keeps a hump at
-    the grip, which gives way to a push, and springs beyond the edge on release. Let down past its
+    hold it. One that the fold has rolled along is too long: lowered at its end it keeps a hump at
+    the grip, which yields to a push, and springs beyond the edge on release. Lowered past its
     end it lies flat, and a flat layer passes a push on to the fold, which rolls back. No circle
     about the touch: that starts sideways, pulls the contact along and rolls soft folds by 15 to
     40 mm.

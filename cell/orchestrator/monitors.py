@@ -16,8 +16,8 @@ from drivers.strip.grip_path import LIFT_TRAVEL
 from drivers.types import Velocity
 
 MOVED_IMAGES = 2  # images in a row
-# of the allowed age of an image, up to which nothing slows down; the twin's are at most 0.6 old
-# where nothing is measured
+# share of the allowed image age below which the speed is not reduced; idle images of the twin
+# reach 0.6
 USUAL_AGE = 0.7
 
 
@@ -34,8 +34,8 @@ class Rules:
     def tracking_turn(self) -> float:
         """Allowed tracking error of the pitch [rad], derived from that of the position.
 
-        It is the arm's turn while it moves by the position error, both at full speed, at most the
-        turn of a lift on that way.
+        The rotation of the hand at full rate while it moves by the allowed position error at full
+        speed, at most that of a lift over the same distance.
         """
         axes = self.motion
         ratio = axes.pitch.velocity / max(axes.x.velocity, axes.z.velocity)
@@ -255,9 +255,8 @@ def slow_for_images(command: Command, snapshot: Snapshot, limits: MonitorLimits)
     """Slow `command` down by how far the newest image is older than usual.
 
     At the allowed age, or where the newest image repeats the one before, a driven arm stands, and a
-    move to a pose is held until a younger or another image has come. An image that cannot be read
-    does not hold the arm: what comes of where the strip stands passes by moving on, and would last
-    at rest.
+    move to a pose is held until a newer image arrives. Images of low confidence do not stop the
+    arm: a bad view caused by the strip's pose ends as it moves on.
     """
     frame = snapshot.view.frame
     if frame is None or snapshot.state not in SEEING:

@@ -56,7 +56,7 @@ class Outcome:
     agreement: Agreement | None = None
 
     @classmethod
-    def of(cls, stopped: StopReason, duration: float) -> Self:
+    def stopped_by(cls, stopped: StopReason, duration: float) -> Self:
         """Outcome of a run that stopped without a measurement."""
         return cls(stopped.name, stopped.reason, stopped.exit_code, None, None, duration)
 

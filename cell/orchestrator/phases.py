@@ -25,8 +25,8 @@ from cell.orchestrator.steps import (
     move,
     open_hand,
     pause,
+    rotate_hand,
     still_picture,
-    turn,
     wait_for,
 )
 from cell.perception.camera_watch import UNWATCHED
@@ -292,7 +292,7 @@ def _camera_checks(cell: FoldContext) -> Generator[Command, Snapshot, tuple[Pref
     if landmarks is None:
         return ()
     yield from open_hand()
-    start = yield from turn(landmarks.pitch)
+    start = yield from rotate_hand(landmarks.pitch)
     yield from move(landmarks.pose)
     frame = (yield from still_picture()).frame
     yield from move(Pose(start.x, start.z, landmarks.pitch))

@@ -83,7 +83,7 @@ class Recorder(Record):
         """Add one cycle of the control loop; nothing before the lift."""
         if self._lift is None:
             return
-        row = Tick.of(snapshot.arm, snapshot.state, cost)
+        row = Tick.from_state(snapshot.arm, snapshot.state, cost)
         self._writer.tick(replace(row, t=row.t - self._lift))
 
     def sight(self, measurement: StripMeasurement) -> None:

@@ -97,7 +97,7 @@ class Run:
         if self._under_way and self._interrupted():
             self._stop(INTERRUPTED)
         if self._under_way:
-            self._guard(lambda: self._timely_turn(due))
+            self._guard(lambda: self._timely_cycle(due))
         else:
             self._brake(due)
 
@@ -105,12 +105,12 @@ class Run:
     def _under_way(self) -> bool:
         return self._stopped is None and not self._machine.over
 
-    def _timely_turn(self, due: float) -> None:
+    def _timely_cycle(self, due: float) -> None:
         limit = self._rules.limits.turn
         with at_most(min(limit, PROMPT) if self._devices.real_time else limit):
-            self._turn(due)
+            self._cycle(due)
 
-    def _turn(self, due: float) -> None:
+    def _cycle(self, due: float) -> None:
         """One cycle of the control loop: sense, decide, check, send, record."""
         self._devices.clock.wait_until(due)
         begun = time.perf_counter()
@@ -144,7 +144,7 @@ class Run:
         now = self._devices.clock.now()
         if now >= due:
             due = now + 1.0 / self._context.settings.fold.control_rate
-        arm = self._safe_stop.turn(due)
+        arm = self._safe_stop.brake_one_cycle(due)
         if arm is not None and self._snapshot is not None:
             view = replace(self._snapshot.view, fresh=False, read=False)
             self._snapshot = snapshot = replace(

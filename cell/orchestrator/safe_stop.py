@@ -36,7 +36,7 @@ class SafeStop:
         if hand is None or hand.moving:
             run_suppressed(self._devices.hand.stop)
 
-    def turn(self, due: float) -> ArmState | None:
+    def brake_one_cycle(self, due: float) -> ArmState | None:
         """Brake for one cycle, at `due` [s]; returns the arm's state, None where it is silent."""
         self._left -= 1
         run_suppressed(lambda: self._devices.clock.wait_until(due))

@@ -84,7 +84,7 @@ def _fingers_rest() -> Motion:
     return (yield from wait_for(lambda now: not now.hand.moving))
 
 
-def turn(pitch: float) -> "Generator[Command, Snapshot, Pose]":
+def rotate_hand(pitch: float) -> "Generator[Command, Snapshot, Pose]":
     """Turn the hand to `pitch` [rad] in place; returns the pose before the turn.
 
     An arm that turns its hand while it reaches far can run into the limits of its joints.

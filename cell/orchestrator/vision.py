@@ -112,7 +112,7 @@ class Vision:
         The newest image is begun where none is under way, also after one that has just finished.
         """
         if self._waiting is not None and reader is None:
-            raise Fault("no_perception", "images are to be read before a picture was judged")
+            raise Fault("no_perception", "a frame came before the preflight image was accepted")
         while reader is not None and not reader.dead:
             if self._waiting is not None and reader.busy_since is None:
                 frame, self._waiting = self._waiting.restamp(-reader.latency), None

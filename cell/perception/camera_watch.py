@@ -87,7 +87,7 @@ class CameraWatch:
     calibration: Calibration
 
     @classmethod
-    def of(
+    def choose(
         cls,
         appearance: Appearance,
         calibration: Calibration,

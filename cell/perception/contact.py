@@ -32,7 +32,7 @@ class SearchLine:
     front: Array
 
     @classmethod
-    def of(
+    def at_height(
         cls,
         calibration: Calibration,
         appearance: Appearance,

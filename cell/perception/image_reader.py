@@ -72,7 +72,7 @@ class Measurer:
         if found.appearance is None:
             return found.checks
         self._perception = Perception(calibration, settings, strip, found.appearance)
-        self._camera = CameraWatch.of(found.appearance, calibration, strip)
+        self._camera = CameraWatch.choose(found.appearance, calibration, strip)
         return *found.checks, self._camera.check()
 
     def look(self, frame: Frame, gripper: Pose, *, touches: bool) -> ImageResult:
@@ -81,7 +81,7 @@ class Measurer:
         Raises Fault `no_perception` before an accepted image.
         """
         if self._perception is None or self._camera is None:
-            raise Fault("no_perception", "images are to be read before a picture was judged")
+            raise Fault("no_perception", "a frame came before the preflight image was accepted")
         measurement = self._perception.look(frame, gripper)
         touch = self._touch.update(measurement, gripper) if touches else None
         shift = self._camera.shift(frame.image, gripper)
@@ -221,7 +221,7 @@ def read_images(
     pipe: Connection, subject: StripInputs, maker: Maker, shape: tuple[int, ...], image: SharedImage
 ) -> None:
     """Run in the process: answer each request until the other end closes `pipe`."""
-    _go_first()
+    _raise_priority()
     cv2.setNumThreads(1)
     sight = maker(subject)
     gc.freeze()
@@ -232,7 +232,7 @@ def read_images(
         pipe.send(replace(asked, frame=frame).answer(sight))
 
 
-def _go_first() -> None:
+def _raise_priority() -> None:
     """Raise the priority of this process among ordinary processes, not to real time.
 
     A process that computes without a pause must not have real-time priority: it would use up what

@@ -48,7 +48,7 @@ class LaidWeights(Settings):
     source: str
     belongs_to: str
 
-    def of(self, loop: Loop, thickness: float) -> float:
+    def excess_length(self, loop: Loop, thickness: float) -> float:
         """Strip length [m] in a `loop` beyond its own length, for layers of `thickness` [m]."""
         seen = self.constant + self.height * loop.height + self.width * loop.width
         return seen + self.thickness * thickness
@@ -80,4 +80,4 @@ def edge_offset(length: float, thickness: float, loop: Loop) -> float:
     left leaves 2 mm more for the upper layer. What the loop holds follows from its size as seen,
     whatever made it: stiffness, friction between yarns, or a law that nobody knows.
     """
-    return length - 2.0 * loop.tip_x + laid_weights().of(loop, thickness)
+    return length - 2.0 * loop.tip_x + laid_weights().excess_length(loop, thickness)

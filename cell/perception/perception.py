@@ -57,7 +57,7 @@ class Perception:
         self._strip = strip
         self._scene = appearance.scene
         self._faint = max(settings.faint, 2.0 * appearance.scene.noise)
-        self._line = SearchLine.of(
+        self._line = SearchLine.at_height(
             calibration,
             appearance,
             settings.contact_height,
@@ -66,7 +66,7 @@ class Perception:
         )
         self._zone = strip_zone(calibration, strip.length)
         self._above_shadow = strip_zone(calibration, strip.length, settings.shadow_height)
-        self._sizes = Sizes.of(calibration, PATCH_PX)
+        self._sizes = Sizes.at_patch(calibration, PATCH_PX)
         self._rest = appearance.rest_height
         self._contact_bias = settings.contact_bias + calibration.contact_bias
 

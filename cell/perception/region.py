@@ -45,7 +45,7 @@ class Sizes:
     # near edge
 
     @classmethod
-    def of(cls, calibration: Calibration, patch: int) -> Self:
+    def at_patch(cls, calibration: Calibration, patch: int) -> Self:
         """Sizes for the camera of `calibration`; brightness is read by patches, `patch` [px] wide.
 
         At least what a strip of two pixels needs, however coarse the camera is.

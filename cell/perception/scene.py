@@ -268,7 +268,7 @@ def learn(
     """
     sensor = max(noise, LEAST_NOISE) * DIFFERENCE
     smooth = max(sensor * NOISE_SHARE, LEAST_NOISE * DIFFERENCE)
-    about = Sizes.of(calibration, PATCH_PX).light
+    about = Sizes.at_patch(calibration, PATCH_PX).light
     behind = learn_background(image, calibration, place, about)
     colours, scene = palette(samples), behind.image[motion_mask(calibration, strip.length) > 0]
     return Segmenter(colours, behind, sensor, smooth, _share_noise(colours, scene, smooth) * sensor)

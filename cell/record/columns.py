@@ -50,7 +50,7 @@ class Ticks:
     state: tuple[str, ...]
 
     @classmethod
-    def of(cls, table: pa.Table, origin: str) -> Self:
+    def parse(cls, table: pa.Table, origin: str) -> Self:
         """Check `table`, return its ticks; ConfigurationError names `origin` and the column."""
         values = _read(table, TICK_LIMITS, origin, must=MUST, finite=(*MUST, *MOTION_COLUMNS))
         _check_order(values["t"], origin, strictly=True)
@@ -78,7 +78,7 @@ class Profile:
     z: Array
 
     @classmethod
-    def of(cls, table: pa.Table, origin: str) -> Self:
+    def parse(cls, table: pa.Table, origin: str) -> Self:
         """Check `table`, return its profile; ConfigurationError names `origin` and the column."""
         for name in ("x", "z"):
             _check_median(_numbers(table, name, origin), name, origin)
@@ -117,7 +117,7 @@ class Sights:
     gap_x: Array
 
     @classmethod
-    def of(cls, table: pa.Table, origin: str) -> Self:
+    def parse(cls, table: pa.Table, origin: str) -> Self:
         """Check `table`, return its sights; ConfigurationError names `origin` and the column."""
         limits, finite = dict.fromkeys(cls.__slots__, ANY), ("stamp", "sequence")
         values = _read(table, limits, origin, must=limits, finite=finite)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache, wraps
 from html import escape
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import pyarrow as pa
 
@@ -42,21 +42,22 @@ Part = TypeVar("Part")
 Reader = Callable[["Run"], Part]
 
 
-def _part(empty: Callable[[], Part]) -> Callable[[Reader[Part]], Reader[Part]]:
-    """Decorator of a method that reads a part of a run: once, and `empty` as `_attempt` says."""
+def _cached_part(empty: Callable[[], Part]) -> Callable[[Reader[Part]], Reader[Part]]:
+    """Cache a reader's result in `run.parts`; a lenient run gets `empty()` for a broken part."""
 
-    def wrap(read: Reader[Part]) -> Reader[Part]:
+    def decorate(read: Reader[Part]) -> Reader[Part]:
         @wraps(read)
-        def once(run: "Run") -> Part:
-            if read.__name__ not in run.parts:
-                found = _attempt(lambda: read(run), empty, run.problems, lenient=run.lenient)
-                run.parts[read.__name__] = found
-            part: Part = run.parts[read.__name__]
-            return part
+        def cached(run: "Run") -> Part:
+            name = read.__name__
+            if name not in run.parts:
+                run.parts[name] = _attempt(
+                    lambda: read(run), empty, run.problems, lenient=run.lenient
+                )
+            return cast("Part", run.parts[name])
 
-        return once
+        return cached
 
-    return wrap
+    return decorate
 
 
 def _no_calibration() -> Calibration | None:
@@ -102,7 +103,7 @@ class Run:
         """Whether the run ended without a result and is not under way any more."""
         return self.result is None and not is_under_way(self.folder)
 
-    @_part(tuple[Event, ...])
+    @_cached_part(tuple[Event, ...])
     def events(self) -> tuple[Event, ...]:
         """Events of the run in the order of writing; none in a laboratory's run.
 
@@ -113,22 +114,22 @@ class Run:
         origin = origin_of(found)
         return tuple(replace(event, t=event.t - origin) for event in found)
 
-    @_part(float)
+    @_cached_part(float)
     def origin(self) -> float:
         """Cell's clock [s] at t = 0 of the run; 0 where the run does not state it."""
         return origin_of(read_events(self.folder))
 
-    @_part(Sights.none)
+    @_cached_part(Sights.none)
     def sights(self) -> Sights:
         """Measurements of all images; none in a laboratory's run."""
         path = self.folder / SIGHTS
         if path.exists():
-            return Sights.of(read_parquet(path), str(path))
+            return Sights.parse(read_parquet(path), str(path))
         if (self.folder / SIGHT_STREAM).exists():
-            return Sights.of(assemble(self.folder).sights, str(self.folder / SIGHT_STREAM))
+            return Sights.parse(assemble(self.folder).sights, str(self.folder / SIGHT_STREAM))
         return Sights.none()
 
-    @_part(lambda: frozen([]))
+    @_cached_part(lambda: frozen([]))
     def costs(self) -> Array:
         """Computing time of each cycle of the loop (n,) [s]; empty where not recorded."""
         path = self.folder / TICK_STREAM
@@ -137,13 +138,13 @@ class Run:
         table = read_stream(path, TICK_ROWS)
         return frozen(table["cost"].to_numpy() if "cost" in table.column_names else [])
 
-    @_part(_no_calibration)
+    @_cached_part(_no_calibration)
     def calibration(self) -> Calibration | None:
         """The calibration of the run's camera, where the run kept it."""
         path = self.folder / CALIBRATION
         return load_calibration(path) if path.exists() else None
 
-    @_part(tuple[FrameNote, ...])
+    @_cached_part(tuple[FrameNote, ...])
     def frame_index(self) -> tuple[FrameNote, ...]:
         """Index entries of all processed images, in order; none in a laboratory's run."""
         return read_index(self.folder)
@@ -211,8 +212,10 @@ def _read(folder: Path, *, lenient: bool) -> Run:
             problems.append(f"{error}; read from {TICK_STREAM} instead")
         return getattr(streams(), path.stem), str(folder / TICK_STREAM)
 
-    ticks = _attempt(lambda: Ticks.of(*table(TICKS)), Ticks.none, problems, lenient=lenient)
-    profile = _attempt(lambda: Profile.of(*table(PROFILE)), Profile.none, problems, lenient=lenient)
+    ticks = _attempt(lambda: Ticks.parse(*table(TICKS)), Ticks.none, problems, lenient=lenient)
+    profile = _attempt(
+        lambda: Profile.parse(*table(PROFILE)), Profile.none, problems, lenient=lenient
+    )
     return Run(folder, header, ticks, profile, result, lenient, problems)
 
 

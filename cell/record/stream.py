@@ -134,7 +134,7 @@ class Tick:
     cost: float = NOT_MEASURED
 
     @classmethod
-    def of(cls, arm: ArmState, state: str, cost: float = NOT_MEASURED) -> Self:
+    def from_state(cls, arm: ArmState, state: str, cost: float = NOT_MEASURED) -> Self:
         """The row of a measured arm state; `t` is the moment of the joint reading."""
         return cls(
             t=arm.stamp,

@@ -94,7 +94,7 @@ def listed_events(run: Run) -> list[tuple[str, str, str]]:
 
 
 def left_files(run: Run) -> Rows:
-    """Rows of the files that a run left when it died."""
+    """Table rows (file, content) for the files of a run that died before it wrote its result."""
     notes = run.frame_index()
     kept = sum(note.file is not None for note in notes)
     source = TICK_STREAM if (run.folder / TICK_STREAM).exists() else "ticks.parquet"
@@ -144,7 +144,7 @@ def _timing_rows(run: Run) -> Rows:
     costs = costs[np.isfinite(costs)]
     timing = run.header.arm_timing
     longest = None if timing is None else f"at most {milliseconds(1e-3 * timing.longest_ms)}"
-    named = {"age of the images": age, "one turn of the loop": costs}
+    named = {"age of the images": age, "computing time of a control cycle": costs}
     rows = [(name, _median_and_most(times)) for name, times in named.items() if times.size]
     return [*rows, ("from state to state of the arm", longest)] if longest else rows
 

@@ -47,7 +47,7 @@ def export_strips(
 
 def _mjcf(strip: StripFile, unsaid: tuple[str, ...]) -> str:
     """Text of an MJCF file, whose yarns' friction and powers of joints need MuJoCo 4."""
-    root, lumps = Xml.Element("mujoco", model=strip.name), Lumps.of(describe(strip), LINKS)
+    root, lumps = Xml.Element("mujoco", model=strip.name), Lumps.from_model(describe(strip), LINKS)
     root.append(Xml.Comment(f" Not said: {'; '.join(unsaid)}. "))
     Xml.SubElement(root, "compiler", angle="radian")
     Xml.SubElement(root, "option", integrator="implicit")

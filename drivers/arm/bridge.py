@@ -8,7 +8,7 @@ from typing import Any
 from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.joint_log import JointLog, Timing, joint_rows
 from drivers.arm.joint_motion import CartesianMotion
-from drivers.arm.loop import Loop, rehearse
+from drivers.arm.loop import ServoLoop, rehearse
 from drivers.arm.orders import Kind, Latest, Order, Report
 from drivers.arm.process import (
     END_PATIENCE,
@@ -163,7 +163,7 @@ def _run_loop(pipe: Connection, task: Task, orders: Latest[Order], reports: Late
     robot.require_tool()
     robot.configure(task.settings.collision)
     joints, timing = JointLog(), Timing()
-    loop = Loop(
+    loop = ServoLoop(
         CartesianMotion(robot, own_clock=not task.lock_step),
         task.settings,
         task.installation,
@@ -191,7 +191,7 @@ def _run_loop(pipe: Connection, task: Task, orders: Latest[Order], reports: Late
     send(pipe, joints.content())
 
 
-def _run_in_lock_step(loop: Loop, pipe: Connection, termination: TerminationFlag) -> None:
+def _run_in_lock_step(loop: ServoLoop, pipe: Connection, termination: TerminationFlag) -> None:
     """Step the loop as far as the cell allows and confirm, until the cell closes or dies."""
     while isinstance(message := _receive(pipe, termination), RunUntil):
         while loop.ticks < message.tick:

@@ -27,8 +27,8 @@ CONNECT_REPLY = struct.Struct("<BH")  # status, version of the robot
 SUCCESS = 0  # status of a reply, its first byte
 SLACK = 1e-3  # rad, rad/s, rad/s^2 by which a limit may be narrower than the cell's
 
-# Attribute of the description, what the cell assumes (7,), and whether the robot's must reach it
-# from below (+1: at least so large) or from above (-1: at most so large).
+# Attribute of the description, the value that the cell assumes (7,), and +1 where the robot's must
+# be at least that, -1 where at most.
 ASSUMED_LIMITS = (
     ("limit", "lower", limits.POSITION_LOW, -1),
     ("limit", "upper", limits.POSITION_HIGH, 1),

@@ -10,33 +10,32 @@ import numpy as np
 from drivers.arm.failure import ArmFault, Cause
 
 Numbers = tuple[float, ...]
-SETTLING = 0.3  # s at rest before what is felt counts as drift
-SMOOTHING = 0.5  # s over which it is averaged
+SETTLING = 0.3  # s at rest before a force counts as drift
+SMOOTHING = 0.5  # s over which the force is averaged
 
 
 @dataclass(frozen=True, slots=True)
 class Tare:
-    """External wrench (6,) [N, N m] and torques (7,) [N m] that a free robot at rest estimates.
+    """External wrench (6,) [N, N m] and torques (7,) [N m] estimated at rest without contact.
 
-    A real arm estimates several newtons then (franka_ros#404), because its model of itself is not
-    exact.
+    Subtracted from later estimates: a real arm's are several newtons off (franka_ros#404).
     """
 
     wrench: Numbers = (0.0,) * 6
     torques: Numbers = (0.0,) * 7
 
     @classmethod
-    def of(cls, states: Sequence[Any], most: float) -> Self:
+    def from_states(cls, states: Sequence[Any], most: float) -> Self:
         """Mean over `states` at rest; raises ArmFault for a force above `most` [N], or for NaN."""
         wrench = np.mean([state.O_F_ext_hat_K for state in states], axis=0)
         torques = np.mean([state.tau_ext_hat_filtered for state in states], axis=0)
         force = float(np.linalg.norm(wrench[:3]))
         if not force <= most:
-            words = f"the gripper feels {force:.1f} N at rest, allowed {most:.1f} N"
-            raise ArmFault(Cause.PRESSED, words)
+            reason = f"the gripper feels {force:.1f} N at rest, allowed {most:.1f} N"
+            raise ArmFault(Cause.PRESSED, reason)
         if not (np.isfinite(wrench).all() and np.isfinite(torques).all()):
-            words = "the robot reports moments or torques at rest that are no numbers"
-            raise ArmFault(Cause.PRESSED, words)
+            reason = "the robot reports moments or torques at rest that are no numbers"
+            raise ArmFault(Cause.PRESSED, reason)
         return cls(tuple(wrench.tolist()), tuple(torques.tolist()))
 
 
@@ -65,10 +64,10 @@ class ForceGuard:
         return ""
 
 
-class Drift:
-    """Monitor of the mean force beyond the tare on an arm at rest, which should be zero.
+class DriftMonitor:
+    """Monitors the mean force beyond the tare on an arm at rest, which should be zero.
 
-    A tare that no longer holds, or somebody who leans on the arm, is noticed before the guard.
+    It detects an outdated tare, or a person who leans on the arm, below the limit of the guard.
     """
 
     def __init__(self, guard: ForceGuard, most: float, tick: float) -> None:
@@ -84,8 +83,8 @@ class Drift:
             self._mean = [0.0, 0.0, 0.0]
             return ""
         share = self._tick / SMOOTHING
-        felt = self._guard.beyond_tare(state)
-        self._mean = [m + share * (f - m) for m, f in zip(self._mean, felt[:3], strict=True)]
+        wrench = self._guard.beyond_tare(state)
+        self._mean = [m + share * (f - m) for m, f in zip(self._mean, wrench[:3], strict=True)]
         force = hypot(*self._mean)
         if force <= self._most:
             return ""

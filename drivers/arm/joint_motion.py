@@ -1,7 +1,7 @@
-"""Joint motions of a robot that may miss commands: to given joints, or after poses of the hand.
+"""Joint motions of a robot that may miss commands: to given joints, or along poses of the hand.
 
-A robot that hears nothing keeps its acceleration, and a command that does not continue what it did
-meanwhile is a discontinuity, which stops it. So each setpoint continues the robot's own.
+A robot that receives no command keeps its acceleration, and stops at a command that does not
+continue this motion. So each setpoint continues the motion that the robot reports.
 """
 
 from collections.abc import Callable
@@ -22,14 +22,14 @@ JOINT_SPEED = 0.5  # rad/s
 JOINT_ACCELERATION = 1.5  # rad/s^2
 JOINT_JERK = 50.0  # rad/s^3 at full speed
 HARD_ACCELERATION, HARD_JERK = 8.0, 2000.0  # rad/s^2, rad/s^3 of a stop out of contact
-HARD_GAIN = 30.0  # 1/s, likewise: a robot that hears nothing for 15 ms still turns it around
+HARD_GAIN = 30.0  # 1/s, likewise: stable with commands lost for 15 ms
 ROUNDING = 3e-7  # rad: more than the rounding of the state
 ACCELERATION_ROUNDING = 1e-6  # rad/s^2, likewise
-GOAL_TOLERANCE = 5e-5  # rad from the goal, from which nothing is corrected any more
+GOAL_TOLERANCE = 5e-5  # rad from the goal, below which the motion has arrived
 REST_RATE = 1e-3  # rad/s at which the robot may be commanded to stand
 APPROACH_GAIN = 3.0  # 1/s, speed over the distance that is left
-RATE_GAIN = 12.0  # 1/s, how fast a joint takes up the speed that is wanted
-ELBOW_GAIN = 20.0  # 1/s, how fast an elbow comes back that went on by itself
+RATE_GAIN = 12.0  # 1/s, gain from an error of a joint's rate to its acceleration
+ELBOW_GAIN = 20.0  # 1/s, bandwidth of the elbow's return to its angle
 
 Numbers = list[float]
 
@@ -48,34 +48,34 @@ class JointRobot(Protocol):
 
 
 class JointCourse(NamedTuple):
-    """Joints (7,) [rad] with rates and accelerations, as differences of successive setpoints."""
+    """Joints (7,) [rad], rates and accelerations, as differences of successive setpoints."""
 
     position: Numbers
     rate: Numbers
     acceleration: Numbers
 
     @classmethod
-    def of(cls, state: Any) -> "JointCourse":
-        """The course of the setpoint in the robot's `state`, as rounded there."""
+    def from_state(cls, state: Any) -> "JointCourse":
+        """Commanded joint positions, rates and accelerations in the robot's rounded `state`."""
         return cls(list(state.q_d), list(state.dq_d), list(state.ddq_d))
 
     def after_a_tick(self) -> "JointCourse":
-        """The course one tick on without a command: the robot keeps accelerating."""
+        """Joint motion one tick later without a command: the robot keeps its acceleration."""
         position, rate, acceleration = (np.array(part) for part in self)
         rate = rate + TICK * acceleration
         position = position + TICK * rate
         return JointCourse(position.tolist(), rate.tolist(), self.acceleration)
 
     def followed_by(self, state: Any, sent: Numbers, ticks: int) -> "JointCourse":
-        """The robot's course in `state`, finer than its rounding, `ticks` after this one.
+        """Joint motion in `state`, `ticks` after this one, more exact than the state's rounding.
 
-        A robot that heard its command was at the joints `sent` (7,) one tick later; else it
-        accelerates on.
+        A robot that received its command was at the joints `sent` (7,) one tick later; otherwise
+        it keeps its acceleration.
         """
-        seen = JointCourse.of(state)
-        heard = largest_difference(seen.acceleration, self.acceleration) > ACCELERATION_ROUNDING
-        position = sent if heard else self.position
-        for ago in range(max(ticks - 1, 0) if heard else ticks):
+        seen = JointCourse.from_state(state)
+        received = largest_difference(seen.acceleration, self.acceleration) > ACCELERATION_ROUNDING
+        position = sent if received else self.position
+        for ago in range(max(ticks - 1, 0) if received else ticks):
             position = [
                 p + TICK * (rate - ago * TICK * acceleration)
                 for p, rate, acceleration in zip(
@@ -87,13 +87,12 @@ class JointCourse(NamedTuple):
 
 
 class JointMotion:
-    """Generator of joint setpoints (7,) [rad] to a goal, one per tick.
+    """Generates joint setpoints (7,) [rad] to a goal, one per tick.
 
-    It follows a plan while every command arrives, afterwards it goes step by step. A plan in the
-    shortest time turns its acceleration around at the last moment: a robot that hears nothing turns
-    late, overshoots, and swings about the goal for ever. Step by step the speed falls in proportion
-    to the distance that is left, ten times more slowly than any such delay, so that each step is
-    right whatever became of the last.
+    It follows a time-optimal plan while every command arrives, and a proportional controller
+    afterwards. The plan reverses its acceleration at the last moment: a robot that misses commands
+    overshoots and oscillates about the goal. The controller's speed is proportional to the
+    remaining distance, with a time constant ten times longer than any such delay.
     """
 
     def __init__(self, state: Any, goal: Numbers, share: float) -> None:
@@ -119,15 +118,15 @@ class JointMotion:
         return still and largest_difference(self._here.position, self._goal) < GOAL_TOLERANCE
 
     def tick(self) -> Numbers:
-        """The next setpoint (7,) [rad]; ArmFault where no motion leads to the goal."""
+        """Return the next setpoint (7,) [rad]; ArmFault where no motion leads to the goal."""
         self._sent = self._stepwise_setpoint() if self._missed else self._planned_setpoint()
         return self._sent
 
     def update(self, state: Any) -> None:
-        """Continue from the robot's own setpoint in `state` where that is not the one last sent.
+        """Continue from the setpoint in the robot's `state` where it is not the one last sent.
 
-        Its state is rounded, and a rounding of 1e-7 rad in one tick is 0.1 rad/s^2. But a robot
-        that has heard nothing keeps its acceleration, so where it is follows from what it heard.
+        The state is rounded: 1e-7 rad in one tick is 0.1 rad/s^2. The exact setpoint follows from
+        the last command that the robot received, as it keeps its acceleration without one.
         """
         now = state.time.to_sec()
         ticks, self._time = round((now - self._time) / TICK), now
@@ -156,20 +155,20 @@ class JointMotion:
         return setpoint
 
     def _stepwise_setpoint(self) -> Numbers:
-        wanted = [0.0] * AXES
+        rates = [0.0] * AXES
         if self._goal is not None:
             away = [end - p for end, p in zip(self._goal, self._here.position, strict=True)]
             fastest = APPROACH_GAIN * max(map(abs, away))
             gain = APPROACH_GAIN * min(1.0, self._speed / fastest) if fastest else 0.0
-            wanted = [gain * distance for distance in away]  # one gain for all: straight
-        return [self._next_position(*joint) for joint in zip(*self._here, wanted, strict=True)]
+            rates = [gain * distance for distance in away]  # one gain for all: straight
+        return [self._next_position(*joint) for joint in zip(*self._here, rates, strict=True)]
 
     def _next_position(
-        self, position: float, rate: float, acceleration: float, wanted: float
+        self, position: float, rate: float, acceleration: float, target_rate: float
     ) -> float:
-        """Setpoint [rad] of one joint, which takes up the rate `wanted` [rad/s]."""
-        asked = _clip(self._rate_gain * (wanted - rate), self._acceleration)
-        acceleration += _clip(asked - acceleration, self._jerk * TICK)
+        """Setpoint [rad] of one joint that approaches `target_rate` [rad/s]."""
+        target = _clip(self._rate_gain * (target_rate - rate), self._acceleration)
+        acceleration += _clip(target - acceleration, self._jerk * TICK)
         return position + TICK * (rate + TICK * acceleration)
 
 
@@ -228,15 +227,14 @@ class CartesianState:
 
 
 class CartesianMotion:
-    """Takes poses of the hand and sends a robot the joints (7,) [rad] for them; the elbow stays.
+    """Converts poses of the hand to joints (7,) [rad] and sends them to a robot; the elbow stays.
 
     The client library's Cartesian commands carry no elbow: the robot's own inverse kinematics would
     choose one (frankx#22), and over a fold it may wander into a joint's end.
 
-    To find out how a motion goes on from where a robot is that missed a command takes a part of a
-    tick that may be all of it: then each answer would be late, and the robot would hear none. On
-    its `own_clock` the answer is therefore made for the tick after, until which a robot goes on by
-    itself in a known way, and is sent once it has come there.
+    Resynchronising after a missed command can take longer than a tick. On its `own_clock` the robot
+    is therefore predicted one tick ahead, as it keeps its acceleration; the command for that tick
+    is computed meanwhile and sent when the robot arrives there.
     """
 
     def __init__(self, robot: JointRobot, *, own_clock: bool = False) -> None:
@@ -282,8 +280,8 @@ class CartesianMotion:
         return CartesianState(state, time, pose, twist.tolist(), acceleration.tolist())
 
     def _begin(self, state: Any) -> JointCourse:
-        """The course of a robot at the first `state` of a motion, whose elbow is kept."""
-        begun = JointCourse.of(state)
+        """Start from the first `state` of a motion, whose elbow angle is kept."""
+        begun = JointCourse.from_state(state)
         self._sent = begun.position
         self._elbow = self._kept = begun.position[ELBOW_JOINT]
         self._elbow_rate = 0.0
@@ -310,14 +308,14 @@ class CartesianMotion:
         self._robot.write_joints(motion, sent, last=last)
 
     def _has_arrived(self, motion: Any) -> bool:
-        """Whether the robot is on its predicted course; if not, the course restarts where it is."""
+        """Whether the robot moves as predicted; if not, the prediction restarts where it is."""
         state = self._robot.read(motion, awaited=False)
         expected, self._ahead = self._here or JointCourse([], [], []), False
         before, self._time = self._time, state.time.to_sec()
         away = largest_difference(expected.position, state.q_d)
         if round((self._time - before) / TICK) == 1 and away < ROUNDING:
             return True
-        self._here = JointCourse.of(state)
+        self._here = JointCourse.from_state(state)
         self._sent, self._sent_pose = self._here.position, None
         return False
 
@@ -338,9 +336,8 @@ def _past_poses(here: JointCourse) -> list[Array]:
 def _twist(now: Array, before: Array) -> Array:
     """Mean twist (6,) [m/s, rad/s] over a tick between two poses (4, 4).
 
-    A robot takes its rates so, by differences; one by the Jacobian at the end of the tick would be
-    wrong by half of what the Jacobian changes in it, and a command that goes on from there would
-    push on each time that one was lost.
+    The robot differentiates its setpoints in the same way. A twist by the Jacobian at the tick's
+    end is wrong by half of the Jacobian's change, an error that adds up with each lost command.
     """
     turn = now[:3, :3] @ before[:3, :3].T
     angle = [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]

@@ -6,7 +6,7 @@ from math import degrees, hypot, isfinite
 from typing import Any
 
 from drivers.arm.failure import ArmFault, Cause
-from drivers.arm.force import Drift, ForceGuard
+from drivers.arm.force import DriftMonitor, ForceGuard
 from drivers.arm.joint_log import JointLog
 from drivers.arm.joint_motion import CartesianMotion, largest_difference
 from drivers.arm.orders import Kind, Latest, Order, Report
@@ -30,7 +30,7 @@ SLOW_SPEED = 0.01  # m/s and rad/s
 CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
 
 
-class Loop:
+class ServoLoop:
     """One motion that follows commands in the strip's plane until it is asked to end.
 
     `step` answers the current state with a command and waits for the next state, on the robot's
@@ -59,7 +59,7 @@ class Loop:
         self._lock_step = lock_step
         self._joints = joints
         self._touch = guard or ForceGuard(settings.guard, settings.guard_torque)
-        self._drift = Drift(self._touch, settings.drift, TICK)
+        self._drift = DriftMonitor(self._touch, settings.drift, TICK)
         self._taken = orders.read().number
         self._beat, self._heard_at = 0, 0.0  # of the cell, and when, by the robot's time [s]
         self._new = False  # whether a command has come since the last look ahead

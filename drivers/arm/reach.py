@@ -75,12 +75,11 @@ class Reach:
 def plan_reach(
     installation: Installation, path: Array, speeds: Array, elbows: tuple[float, ...] = ELBOWS
 ) -> Reach:
-    """The best posture sequence with which the arm follows `path` (n, 3) at `speeds` (n,) [m/s].
+    """Choose the postures with which the arm best follows `path` (n, 3) at `speeds` (n,) [m/s].
 
-    The elbow angle is constant on the whole path. Both hand orientations and all `elbows` [rad] are
-    tried; the one without problems and with the largest margin wins, else the one that gets
-    furthest. The driver's guard must not brake on it, or not before the lay, whose way depends on
-    where the layers touch.
+    Tries both hand orientations and all `elbows` [rad], each constant along the path. Prefers no
+    problems, then the longest part followed, then the largest joint margin. The driver's guard must
+    not brake on the path before the lay, which depends on where the layers touch.
     """
     candidates = [
         candidate
@@ -178,7 +177,7 @@ def _step_objection(joints: Array, there: Array, time: float) -> str:
         worst = int(used.argmax())
         return f"joint {worst + 1} would turn at {abs(rate[worst]):.2f} rad/s, more than it may"
     if manipulability(jacobian(there)) < SINGULAR:
-        return "the arm would be stretched or folded so far that it cannot evade"
+        return "the arm would be close to a singular posture, stretched or folded"
     return ""
 
 
@@ -206,12 +205,10 @@ class PredictedMotion(NamedTuple):
 class ReachGuard:
     """Checks joint limits on the motion REACTION ahead, and where braking from there would end.
 
-    The elbow is taken to stay where the motion began. At both places each joint must have room, and
-    what the motion asks of it, curvature included, must lie within VELOCITY_SHARE of its velocity
-    and ACCELERATION_SHARE of its acceleration; what braking would ask, within its acceleration. So
-    the arm can brake, whatever is commanded next. Where a change of all axes at once in the worst
-    directions would ask CHANGE_SHARE of a joint's acceleration, it objects: there hardly any
-    command could be followed.
+    At both poses, with the elbow where the motion began, each joint must be away from its ends and
+    need at most VELOCITY_SHARE of its velocity, ACCELERATION_SHARE of its acceleration for the
+    motion (curvature included), its full acceleration for braking, and CHANGE_SHARE of it for the
+    worst simultaneous change of all axes. So the arm can brake whatever is commanded next.
     """
 
     def __init__(self, plane: StripPlane, motion: MotionLimits, joints: list[float]) -> None:

@@ -95,7 +95,7 @@ class Robot:
         """Force guard of a motion from this posture; ArmFault for too large a force at rest."""
         states = [self.state() for _ in range(TARE_STATES)]
         settings = self._settings
-        tare = Tare.of(states, settings.rest)
+        tare = Tare.from_states(states, settings.rest)
         return ForceGuard(settings.guard, settings.guard_torque, tare)
 
     def recover(self) -> None:
@@ -112,10 +112,10 @@ class Robot:
         return motion
 
     def read(self, motion: Any, *, awaited: bool = True) -> Any:
-        """The next state of `motion`; on the robot's own clock, if `awaited`, a fresh one.
+        """Return the next state of `motion`; on the robot's clock, if `awaited`, a fresh one.
 
-        A state that lay there came while the last one was answered. Its answer would be late, and
-        with it the next: a loop that fell behind once, and needs most of its tick, would lose all.
+        A state that is already queued is a tick old: answering it would be late, and a loop that
+        needs most of its tick would never catch up. It is dropped.
         """
         with _library_errors(self._stop_reason):
             begun = perf_counter()

@@ -102,5 +102,5 @@ class FciSettings(Settings):
 
     def limit(self, installation: Installation) -> Installation:
         """The `installation` with its motion limits lowered to those of this robot."""
-        limits = installation.limits.within(self.limits)
+        limits = installation.limits.lower(self.limits)
         return installation.model_copy(update={"limits": limits})

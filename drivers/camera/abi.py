@@ -186,7 +186,7 @@ def _request(direction: int, number: int, argument: type) -> int:
     return direction << 30 | ctypes.sizeof(argument) << 16 | ord("V") << 8 | number
 
 
-class Request(IntEnum):
+class Ioctl(IntEnum):
     """Requests of V4L2; a number carries the size of its argument."""
 
     QUERYCAP = _request(_IOC_READ, 0, Capability)

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from drivers.camera.abi import Control, ControlFlag, ControlQuery, ControlType, MenuQuery, Request
+from drivers.camera.abi import Control, ControlFlag, ControlQuery, ControlType, Ioctl, MenuQuery
 from drivers.camera.device import CameraRefused, Device
 
 # Automatics that would change images between two measurements, each with its value for "off".
@@ -87,7 +87,7 @@ def lock(device: Device, wanted: Mapping[str, int]) -> dict[str, int]:
 
 def _queries(device: Device) -> Iterator[ControlQuery]:
     query = ControlQuery(id=ControlFlag.NEXT)
-    while device.supports(Request.QUERYCTRL, query):
+    while device.supports(Ioctl.QUERYCTRL, query):
         if query.type in set(ControlType) and not query.flags & ControlFlag.DISABLED:
             yield query
         query = ControlQuery(id=query.id | ControlFlag.NEXT)
@@ -117,7 +117,7 @@ def _entries(device: Device, query: ControlQuery, kind: ControlType) -> dict[int
     entries = {}
     for index in range(query.minimum, query.maximum + 1):
         reply = MenuQuery(id=query.id, index=index)
-        if device.supports(Request.QUERYMENU, reply):
+        if device.supports(Ioctl.QUERYMENU, reply):
             named = kind is ControlType.MENU
             entries[index] = reply.entry.name.decode() if named else str(reply.entry.value)
     return entries
@@ -127,7 +127,7 @@ def _set(device: Device, control: CameraControl, value: int) -> None:
     now = controls_of(device)[control.name]  # an automatic that went off may have released it
     if now.obstacle is not None:
         raise CameraRefused(device.path, f"controls.{control.name}", now.obstacle)
-    if not device.supports(Request.S_CTRL, Control(id=control.number, value=value)):
+    if not device.supports(Ioctl.S_CTRL, Control(id=control.number, value=value)):
         raise CameraRefused(
             device.path, f"controls.{control.name}", f"{value}; allowed: {control.allowed}"
         )
@@ -145,7 +145,7 @@ def _read_back(device: Device, control: CameraControl, value: int) -> int:
 
 
 def _value(device: Device, number: int) -> int:
-    reply = device.call(Request.G_CTRL, Control(id=number), "reading a control")
+    reply = device.call(Ioctl.G_CTRL, Control(id=number), "reading a control")
     return int(reply.value)
 
 

@@ -13,7 +13,7 @@ from typing import Self, TypeVar
 
 import numpy as np
 
-from drivers.camera.abi import CAPTURE, Argument, Can, Capability, FormatDescription, Request
+from drivers.camera.abi import CAPTURE, Argument, Can, Capability, FormatDescription, Ioctl
 from drivers.errors import ConfigurationError, Fault
 from drivers.types import Image
 
@@ -52,7 +52,7 @@ class Kernel:
         """Close the file descriptor `fd`."""
         os.close(fd)
 
-    def ioctl(self, fd: int, request: Request, argument: Argument) -> None:
+    def ioctl(self, fd: int, request: Ioctl, argument: Argument) -> None:
         """Execute `request`, repeated after a signal."""
         while True:
             try:
@@ -194,7 +194,7 @@ class Device:
             kernel.close(fd)
             raise
 
-    def call(self, request: Request, argument: A, doing: str) -> A:
+    def call(self, request: Ioctl, argument: A, doing: str) -> A:
         """Execute `request`, return `argument` filled; raises the error of `translate_error`."""
         try:
             self.kernel.ioctl(self.fd, request, argument)
@@ -203,7 +203,7 @@ class Device:
             raise translate_error(error, self.path, doing, users) from None
         return argument
 
-    def supports(self, request: Request, argument: Argument) -> bool:
+    def supports(self, request: Ioctl, argument: Argument) -> bool:
         """Execute `request`; returns False where the device does not support it.
 
         Raises the error that `translate_error` gives for any other failure.
@@ -216,7 +216,7 @@ class Device:
             raise translate_error(error, self.path, f"asking for {request.name}", "") from None
         return True
 
-    def enumerate_entries(self, request: Request, at: Callable[[int], A]) -> Iterator[A]:
+    def enumerate_entries(self, request: Ioctl, at: Callable[[int], A]) -> Iterator[A]:
         """Entries of an enumeration by index, until the device has no more."""
         index = 0
         while self.supports(request, entry := at(index)):
@@ -227,14 +227,14 @@ class Device:
         """Pixel formats that the device offers."""
         return list(
             self.enumerate_entries(
-                Request.ENUM_FMT, lambda i: FormatDescription(index=i, type=CAPTURE)
+                Ioctl.ENUM_FMT, lambda i: FormatDescription(index=i, type=CAPTURE)
             )
         )
 
     def present(self) -> bool:
         """Whether the device still answers a request."""
         try:
-            return self.supports(Request.QUERYCAP, Capability())
+            return self.supports(Ioctl.QUERYCAP, Capability())
         except CameraLost:
             return False
 
@@ -249,7 +249,7 @@ class Device:
 def _identity(kernel: Kernel, path: str, fd: int) -> Identity:
     capability = Capability()
     try:
-        kernel.ioctl(fd, Request.QUERYCAP, capability)
+        kernel.ioctl(fd, Ioctl.QUERYCAP, capability)
     except OSError as error:
         raise translate_error(error, path, "asking what it is", users_of(path)) from None
     can = (

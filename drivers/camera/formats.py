@@ -14,7 +14,7 @@ from drivers.camera.abi import (
     Fraction,
     FrameInterval,
     FrameSize,
-    Request,
+    Ioctl,
     StreamParameters,
     fourcc,
     letters,
@@ -65,7 +65,7 @@ def modes_of(device: Device) -> Iterator[Mode]:
 
 def _sizes(device: Device, number: int) -> Iterator[FrameSize]:
     return device.enumerate_entries(
-        Request.ENUM_FRAMESIZES, lambda i: FrameSize(index=i, pixel_format=number)
+        Ioctl.ENUM_FRAMESIZES, lambda i: FrameSize(index=i, pixel_format=number)
     )
 
 
@@ -73,7 +73,7 @@ def _rates(device: Device, number: int, width: int, height: int) -> tuple[float,
     def at(index: int) -> FrameInterval:
         return FrameInterval(index=index, pixel_format=number, width=width, height=height)
 
-    found = device.enumerate_entries(Request.ENUM_FRAMEINTERVALS, at)
+    found = device.enumerate_entries(Ioctl.ENUM_FRAMEINTERVALS, at)
     rates = {_rate(step) for interval in found for step in _range_ends(interval)}
     return tuple(sorted((rate for rate in rates if rate > 0), reverse=True))
 
@@ -151,7 +151,7 @@ def agree(device: Device, settings: V4l2Settings) -> Picture:
     pix = asked.fmt.pix
     pix.width, pix.height = settings.width, settings.height
     pix.pixelformat, pix.field = fourcc(settings.format), ANY_FIELD
-    pix = device.call(Request.S_FMT, asked, "setting the format").fmt.pix
+    pix = device.call(Ioctl.S_FMT, asked, "setting the format").fmt.pix
     name = letters(pix.pixelformat)
     if (name, pix.width, pix.height) != (settings.format, settings.width, settings.height):
         wanted = f"{settings.format} {settings.width}x{settings.height}"
@@ -167,9 +167,9 @@ def agree(device: Device, settings: V4l2Settings) -> Picture:
 def _agree_rate(device: Device, settings: V4l2Settings) -> float:
     asked = StreamParameters(type=CAPTURE)
     asked.parm.capture.timeperframe = Fraction(PER_SECOND, round(PER_SECOND * settings.rate))
-    device.call(Request.S_PARM, asked, "setting the rate")
+    device.call(Ioctl.S_PARM, asked, "setting the rate")
     parameters = StreamParameters(type=CAPTURE)
-    period = device.call(Request.G_PARM, parameters, "reading the rate").parm.capture.timeperframe
+    period = device.call(Ioctl.G_PARM, parameters, "reading the rate").parm.capture.timeperframe
     rate = period.denominator / period.numerator if period.numerator else 0.0
     if abs(rate - settings.rate) > RATE_TOLERANCE * settings.rate:
         problem = f"{settings.rate:g} Hz became {rate:g} Hz; allowed: {_offered_formats(device)}"

@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Self
 
-from drivers.camera.abi import CAPTURE, MMAP, Buffer, BufferFlag, BufferRequest, Number, Request
+from drivers.camera.abi import CAPTURE, MMAP, Buffer, BufferFlag, BufferRequest, Ioctl, Number
 from drivers.camera.controls import EXPOSURE, EXPOSURE_UNIT, controls_of, lock
 from drivers.camera.device import (
     CameraFaulty,
@@ -55,7 +55,7 @@ class Stream:
 
     @classmethod
     def start(cls, device: Device, buffers: int) -> Self:
-        """Request `buffers`, map them, queue them and start streaming.
+        """Ioctl `buffers`, map them, queue them and start streaming.
 
         Raises CameraBusy, CameraLost or CameraFaulty, and then leaves nothing mapped.
         """
@@ -75,7 +75,7 @@ class Stream:
         device = self._device
         buffer = Buffer(type=CAPTURE, memory=MMAP)
         try:
-            device.kernel.ioctl(device.fd, Request.DQBUF, buffer)
+            device.kernel.ioctl(device.fd, Ioctl.DQBUF, buffer)
         except OSError as error:
             if error.errno == errno.EAGAIN:
                 return None
@@ -93,28 +93,28 @@ class Stream:
         """
         device = self._device
         with suppress(OSError):
-            device.kernel.ioctl(device.fd, Request.STREAMOFF, Number(CAPTURE))
+            device.kernel.ioctl(device.fd, Ioctl.STREAMOFF, Number(CAPTURE))
         while self._mappings:
             self._mappings.pop().close()
         with suppress(OSError):
             none = BufferRequest(count=0, type=CAPTURE, memory=MMAP)
-            device.kernel.ioctl(device.fd, Request.REQBUFS, none)
+            device.kernel.ioctl(device.fd, Ioctl.REQBUFS, none)
 
     def _begin(self, buffers: int) -> None:
         device = self._device
         asked = BufferRequest(count=buffers, type=CAPTURE, memory=MMAP)
-        count = device.call(Request.REQBUFS, asked, "asking for buffers").count
+        count = device.call(Ioctl.REQBUFS, asked, "asking for buffers").count
         if count < FEWEST_BUFFERS:
             raise CameraFaulty(device.path, f"gave {count} buffers of {buffers}")
         for index in range(count):
             self._mappings.append(self._map_buffer(index))
             self._requeue(index)
-        device.call(Request.STREAMON, Number(CAPTURE), "starting the stream")
+        device.call(Ioctl.STREAMON, Number(CAPTURE), "starting the stream")
 
     def _map_buffer(self, index: int) -> MappedBuffer:
         device = self._device
         asked = Buffer(index=index, type=CAPTURE, memory=MMAP)
-        reply = device.call(Request.QUERYBUF, asked, "asking for a buffer")
+        reply = device.call(Ioctl.QUERYBUF, asked, "asking for a buffer")
         try:
             return device.kernel.map(device.fd, reply.length, reply.m.offset)
         except OSError as error:
@@ -122,7 +122,7 @@ class Stream:
 
     def _requeue(self, index: int) -> None:
         buffer = Buffer(index=index, type=CAPTURE, memory=MMAP)
-        self._device.call(Request.QBUF, buffer, "giving a buffer back")
+        self._device.call(Ioctl.QBUF, buffer, "giving a buffer back")
 
     def _copy(self, buffer: Buffer) -> Capture:
         """Sequence, flags and bytes of `buffer`, which its return to the queue overwrites."""

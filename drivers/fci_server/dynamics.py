@@ -99,7 +99,7 @@ class LaggingArm:
             self.posture = Posture.resting(posture.q - sag(posture), tool)
 
     @classmethod
-    def of(
+    def at_rest(
         cls, posture: Posture, tool: Array, delay: float, lag: float, sag: Sag | None = None
     ) -> Self | None:
         """A lagging arm at rest in `posture` with a tool (4, 4); None where no lag is set."""
@@ -122,7 +122,7 @@ class LaggingArm:
     def _step(self, before: Posture, q: Array) -> Posture:
         velocity = (q - before.q) / TICK
         acceleration = (velocity - before.joints.velocity) / TICK
-        return Posture.of(q, self._tool, Course(velocity, acceleration))
+        return Posture.at_joints(q, self._tool, Course(velocity, acceleration))
 
 
 def _tilt(gravity: float, x: float, y: float) -> tuple[float, float, float]:

@@ -110,7 +110,7 @@ def _cartesian(
         Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_POSITION_LIMITS_VIOLATION,
         Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_LIMITS_VIOLATION,
     )
-    return Posture.of(q, tool, joints).with_command(pose, course, swing)
+    return Posture.at_joints(q, tool, joints).with_command(pose, course, swing)
 
 
 def _elbow(old: Posture, command: RobotCommand) -> float:

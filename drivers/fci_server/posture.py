@@ -48,7 +48,7 @@ class Posture:
     swing: Array
 
     @classmethod
-    def of(cls, q: Array, tool: Array, joints: Course) -> Self:
+    def at_joints(cls, q: Array, tool: Array, joints: Course) -> Self:
         """Posture with joints `q` (7,) [rad] on their course and a `tool` (4, 4) on the flange."""
         reached, jacobian = pose_and_jacobian(q, tool)
         swing = np.array([q[ELBOW_JOINT], 0.0, 0.0])
@@ -57,7 +57,7 @@ class Posture:
     @classmethod
     def resting(cls, q: Array, tool: Array) -> Self:
         """Posture at rest with joints (7,) [rad] and a tool (4, 4) on the flange."""
-        return cls.of(q, tool, still(7))
+        return cls.at_joints(q, tool, still(7))
 
     @property
     def elbow(self) -> float:
@@ -86,7 +86,7 @@ class Posture:
 
     def move_on(self, q: Array, tool: Array, joints: Course) -> Self:
         """Posture one tick on with joints `q` (7,) [rad], which give the commanded pose too."""
-        new = self.of(q, tool, joints)
+        new = self.at_joints(q, tool, joints)
         course = self.tool.step(twist_of(self.pose, new.reached))
         return new.with_command(new.reached, course, self.swing_to(q[ELBOW_JOINT]))
 

@@ -383,4 +383,4 @@ def _give_mechanics(robot: Robot, settings: ServerSettings) -> None:
         delay += plant.delay
         sag = robot.dynamics.sag if robot.dynamics.bends else None
     tool = robot.configuration.tool
-    robot.trailing = LaggingArm.of(robot.posture, tool, delay, settings.lag, sag)
+    robot.trailing = LaggingArm.at_rest(robot.posture, tool, delay, settings.lag, sag)

@@ -14,7 +14,7 @@ OUTLIER = 3.0  # robust standard deviations beyond which a value counts no more 
 
 
 @kernel
-def between(shapes: Any, places: Any) -> Any:
+def interpolate_midlines(shapes: Any, places: Any) -> Any:
     """Midlines (m, nodes, 2) interpolated at indices `places` (m,) of `shapes` (k, nodes, 2)."""
     curves = np.empty((len(places), shapes.shape[1], 2))
     for m in range(len(places)):
@@ -42,7 +42,7 @@ def curvature(before: Any, after: Any) -> Any:
 
 
 @kernel
-def beside(curve: Any, q: int, chosen: Any, bend: float, x: float, z: float) -> Any:
+def distances_to_segment(curve: Any, q: int, chosen: Any, bend: float, x: float, z: float) -> Any:
     """Distance [m] of (x, z) from segment `q`, and its signed distance from the arc, left positive.
 
     The arc over the segment's chord `chosen` has the mean curvature `bend` [1/m].
@@ -74,7 +74,7 @@ def signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
             ahead = chord(curve, segment + 1)
             bend_ahead = curvature(here, ahead)
         mean = 0.5 * (bend + bend_ahead)
-        distance, signed = beside(curve, segment, here, mean, x, z)
+        distance, signed = distances_to_segment(curve, segment, here, mean, x, z)
         if distance < best:
             best, found = distance, signed
         here, bend = ahead, bend_ahead
@@ -82,15 +82,15 @@ def signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
 
 
 @kernel
-def nearest(curve: Any, low: int, high: int, x: float, z: float) -> Any:
+def nearest_node(curve: Any, low: int, high: int, x: float, z: float) -> Any:
     """Index of the node in low..high nearest to (x, z), searched by every STRIDE-th node first."""
-    best = nearest_of(curve, range(low, high + 1, STRIDE), x, z)
+    best = nearest_among(curve, range(low, high + 1, STRIDE), x, z)
     close = range(max(best - STRIDE + 1, low), min(best + STRIDE, high + 1))
-    return nearest_of(curve, close, x, z)
+    return nearest_among(curve, close, x, z)
 
 
 @kernel
-def nearest_of(curve: Any, nodes: Any, x: float, z: float) -> Any:
+def nearest_among(curve: Any, nodes: Any, x: float, z: float) -> Any:
     """Index of the node nearest to (x, z) among the indices `nodes`."""
     best, least = 0, math.inf
     for q in nodes:
@@ -101,16 +101,16 @@ def nearest_of(curve: Any, nodes: Any, x: float, z: float) -> Any:
 
 
 @kernel
-def around(arc: Any, s: float) -> Any:
+def search_window(arc: Any, s: float) -> Any:
     """First and last node index within SEARCH_SPAN of arc length `s` [m], clamped to the strip."""
     last = len(arc) - 1
-    low = before(arc, min(s, arc[last]) - SEARCH_SPAN)
-    high = before(arc, max(s, 0.0) + SEARCH_SPAN) + 1
+    low = last_node_before(arc, min(s, arc[last]) - SEARCH_SPAN)
+    high = last_node_before(arc, max(s, 0.0) + SEARCH_SPAN) + 1
     return max(low, 0), min(high, last)
 
 
 @kernel
-def before(arc: Any, s: float) -> Any:
+def last_node_before(arc: Any, s: float) -> Any:
     """Index of the last node whose arc length is less than `s` [m]; -1 without one."""
     low, high = -1, len(arc)
     while high - low > 1:
@@ -133,11 +133,11 @@ def signed_distances(
     (k, nodes, 2) with nodes at `arc` (nodes,) [m]; its foot lies within SEARCH_SPAN of `near` (n,)
     [m]. Segments count as arcs.
     """
-    curves = between(shapes, places)
+    curves = interpolate_midlines(shapes, places)
     for p in range(len(points)):
         curve, x, z = curves[image[p]], points[p, 0], points[p, 1]
-        low, high = around(arc, near[p])
-        q = nearest(curve, low, high, x, z)
+        low, high = search_window(arc, near[p])
+        q = nearest_node(curve, low, high, x, z)
         found[p] = signed_distance(curve, q, x, z)
 
 
@@ -164,7 +164,7 @@ def nearest_ends(x: Any, places: Any, shapes: Any, height: float, found: Any) ->
     hump before it. A contact stays if no end is nearer. `places` (n,) and `shapes` are those of
     `signed_distances`.
     """
-    curves = between(shapes, places)
+    curves = interpolate_midlines(shapes, places)
     for m in range(len(x)):
         found[m] = nearest_end(curves[m], height, x[m], found[m])
 

@@ -42,7 +42,7 @@ class Stepper(Protocol):
     def step(self, poses: Array, dt: float) -> Observables:
         """Advance by `dt` [s] to gripper `poses` (n, 3) of x, z, pitch at the step's end.
 
-        Raises SimulationNotFinite when a shape leaves the finite numbers.
+        Raises SimulationNotFinite when the simulation diverges.
         """
 
     def shapes(self) -> Array:

@@ -43,7 +43,7 @@ BOUNDS = (
         high=0.35,
         refused=0.0095,
         why="its 80 links are too coarse for so soft a strip: d is off by 7 to 13 mm below 0.011, "
-        "and below 0.007 the simulation leaves the finite numbers",
+        "and below 0.007 the simulation diverges",
     ),
     Bound(
         key="bending_length over length",

@@ -9,7 +9,7 @@ import numpy as np
 from drivers.errors import Fault
 from drivers.installation import Installation
 from drivers.motion import TICK, MotionProfile
-from drivers.twin.clock import Turn, TwinClock
+from drivers.twin.clock import Rank, TwinClock
 from drivers.twin.settings import ArmSettings, WrenchSettings
 from drivers.twin.world import World
 from drivers.types import ArmState, Array, Pose, Velocity
@@ -88,7 +88,7 @@ class TwinArm:
         self._past = deque([still] * (2 + int(max(delay, 0.0) / TICK)))
         self._connected = False
         self._closed = False
-        clock.every(TICK, self._tick, Turn.SERVO)
+        clock.every(TICK, self._tick, Rank.SERVO)
 
     def connect(self) -> None:
         """Connect and hold the arm at rest; allowed twice, refused once closed."""

@@ -18,7 +18,7 @@ from drivers.types import Frame
 SOURCE = "twin camera"
 CLOCK_DIGITS = 9  # digits of a second that the clock knows
 AS_CALIBRATED = Observation()
-SLOW_PERIOD = 0.1  # s between two images, from which on none is held back: no tick is full of them
+SLOW_PERIOD = 0.1  # s, image period above which drawing and reading fit into one tick
 
 
 class Visible(Protocol):

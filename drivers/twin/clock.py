@@ -17,7 +17,7 @@ LATE_AT_MOST = 0.002  # s that the world may be behind the wall
 PIECE_TIME = 0.005  # s of the world between two looks at the wall
 
 
-class Turn(IntEnum):
+class Rank(IntEnum):
     """Kinds of events, in the order in which those at the same instant run."""
 
     SERVO = 0
@@ -32,7 +32,7 @@ class Event:
     """An action on the clock, once or periodic; `cancel` removes it."""
 
     action: Action
-    turn: Turn
+    rank: Rank
     number: int
     start: float
     period: float | None
@@ -52,7 +52,7 @@ class TwinClock:
     """Simulated clock, advanced only by `wait_until` through an ordered queue of events.
 
     Instants are whole nanoseconds, so that a servo tick, a strip step and a frame at the same
-    moment are equal; they run in the order of their `Turn`, and within a turn in the order in which
+    moment are equal; they run by `Rank`, and within a rank in the order in which
     they were scheduled.
     """
 
@@ -66,7 +66,7 @@ class TwinClock:
         """Seconds since the run began."""
         return self._now / NANOSECONDS
 
-    def every(self, period: float, action: Action, turn: Turn, start: float | None = None) -> Event:
+    def every(self, period: float, action: Action, rank: Rank, start: float | None = None) -> Event:
         """Call `action(now)` at start + n period, n = 1, 2, ... [s]; from now unless given.
 
         Raises CellError for a period under 1 ns.
@@ -74,11 +74,11 @@ class TwinClock:
         if nanoseconds(period) < 1:
             raise CellError(f"clock: a period of {period} s is too short; use 1 ns or more")
         begin = self.now() if start is None else start
-        return self._push(Event(action, turn, self._number(), begin, period, count=1))
+        return self._push(Event(action, rank, self._number(), begin, period, count=1))
 
-    def at(self, time: float, action: Action, turn: Turn) -> Event:
+    def at(self, time: float, action: Action, rank: Rank) -> Event:
         """Call `action(now)` once at `time` [s], or at the next `wait_until` if `time` is past."""
-        return self._push(Event(action, turn, self._number(), max(time, self.now()), None))
+        return self._push(Event(action, rank, self._number(), max(time, self.now()), None))
 
     def wait_until(self, time: float) -> None:
         """Run every event up to and including `time` [s]; returns at once if `time` is past.
@@ -103,7 +103,7 @@ class TwinClock:
             heapq.heappop(self._queue)
         else:
             event.count += 1
-            heapq.heapreplace(self._queue, (event.due(), event.turn, event.number, event))
+            heapq.heapreplace(self._queue, (event.due(), event.rank, event.number, event))
         if not event.cancelled:
             self._now = max(self._now, due)
             event.action(self._now / NANOSECONDS)
@@ -113,7 +113,7 @@ class TwinClock:
         return self._numbers
 
     def _push(self, event: Event) -> Event:
-        heapq.heappush(self._queue, (event.due(), event.turn, event.number, event))
+        heapq.heappush(self._queue, (event.due(), event.rank, event.number, event))
         return event
 
 
@@ -131,7 +131,7 @@ class RealTimeClock:
     slower than the wall falls behind `now`, and so do the arm's stamps, which a monitor checks.
 
     With `patience` [s] a late caller is kept no longer than that, and the world catches up when
-    there is time: right for a robot that is not part of the world and must be sent where to go.
+    there is time: for a real robot, whose commands must not wait for the simulation.
     """
 
     def __init__(self, twin: TwinClock, patience: float = math.inf) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.geometry import CellInRobot
 from drivers.protocols import Hand
-from drivers.twin.clock import Turn
+from drivers.twin.clock import Rank
 from drivers.twin.open import Desk
 from drivers.twin.settings import HandSettings
 from drivers.twin.world import Fingers
@@ -35,7 +35,7 @@ class ExternalArm:
         self._turn: Array = frame.matrix[:3, :3]
         self._pose = desk.home
         self._thickness = desk.model.mechanics.thickness
-        desk.clock.every(PERIOD, self._follow, Turn.SERVO)
+        desk.clock.every(PERIOD, self._follow, Rank.SERVO)
 
     def between(self) -> float | None:
         """Thickness [m] of the material between the fingers; None for nothing."""

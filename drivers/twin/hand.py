@@ -1,6 +1,6 @@
 """The twin's hand: two fingers that close on the strip's edge, or on nothing."""
 
-from drivers.twin.clock import Event, Turn, TwinClock
+from drivers.twin.clock import Event, Rank, TwinClock
 from drivers.twin.settings import HandSettings
 from drivers.twin.world import Fingers, World
 from drivers.types import HandState
@@ -35,7 +35,7 @@ class TwinHand:
         meeting = self._fingers.width - self._world.model.mechanics.thickness
         if meeting >= 0:
             at = self._fingers.start + meeting / self._settings.speed
-            self._closing = self._clock.at(at, self._meet_strip, Turn.HAND)
+            self._closing = self._clock.at(at, self._meet_strip, Rank.HAND)
 
     def state(self) -> HandState:
         """State of the fingers now: width, grasp and whether they move."""

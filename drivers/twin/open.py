@@ -12,7 +12,7 @@ from drivers.strip.model import Effects, StripModel
 from drivers.twin.arm import TwinArm
 from drivers.twin.camera import TwinCamera, Visible
 from drivers.twin.chain.engine import Chain
-from drivers.twin.clock import Turn, TwinClock
+from drivers.twin.clock import Rank, TwinClock
 from drivers.twin.hand import TwinHand
 from drivers.twin.renderer.looks import LOOKS, StripLook
 from drivers.twin.scene import Truth
@@ -114,5 +114,5 @@ def open_desk(
         model.rig.desk_height,
         look,
     )
-    clock.every(settings.world.step, world.advance, Turn.WORLD)
+    clock.every(settings.world.step, world.advance, Rank.WORLD)
     return Desk(clock, world, camera, model, home)

@@ -58,10 +58,10 @@ class History:
         index, rest = divmod(wanted - first, self._step)
         if rest == 0:
             return self._scenes[index]
-        return between(self._scenes[index], self._scenes[index + 1], stamp)
+        return interpolate(self._scenes[index], self._scenes[index + 1], stamp)
 
 
-def between(earlier: Scene, later: Scene, stamp: float) -> Scene:
+def interpolate(earlier: Scene, later: Scene, stamp: float) -> Scene:
     """Scene at `stamp` [s], interpolated; what the hand holds is that of the `earlier` scene."""
     share = (stamp - earlier.stamp) / (later.stamp - earlier.stamp)
     here, there = earlier.gripper.as_array(), later.gripper.as_array()

@@ -91,7 +91,7 @@ class Adaptive:
         if not self._recent:
             return None
         predicted = median_prediction(self._recent)
-        bias = self.bias.of(predicted.belief, self._thickness)
+        bias = self.bias.estimate(predicted.belief, self._thickness)
         return FoldPrediction(
             displacement=float(predicted.displacement[0] - bias[0] + self._seen),
             sigma=float(self.bias.sigma_of(predicted.sigma, self._thickness)[0]),
@@ -123,7 +123,7 @@ class Adaptive:
 
     def _smooth_rise(self, prediction: Prediction, time: Array) -> Array:
         """Rises (n,) [m], low-pass filtered, for which a displacement of 0 is predicted."""
-        bias = self.bias.of(prediction.belief, self._thickness)
+        bias = self.bias.estimate(prediction.belief, self._thickness)
         missing = bias - self._seen - self._unseen - prediction.displacement
         target = self.rise + missing / prediction.slope
         target = np.where(self.blind, BLIND_RISE * self._length, target)

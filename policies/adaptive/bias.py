@@ -77,7 +77,7 @@ class Bias:
         """The correction as plain values, for the checkpoint."""
         return {"bias": asdict(self)}
 
-    def of(self, belief: Belief, thickness: float | None) -> Array:
+    def estimate(self, belief: Belief, thickness: float | None) -> Array:
         """Bias (n,) [m] for strips estimated as `belief`; `thickness` [m] is None if unknown."""
         beyond = np.array(0.0 if thickness is None else thickness - REFERENCE_THICKNESS)
         terms = bias_terms(belief.log_bending_length[:, 0], beyond)

@@ -24,7 +24,7 @@ class Standard:
     shape: Callable[[float], Path]
     parts: Sequence[Part]
 
-    def of(self, length: float, speed: float | None = None) -> Motion:
+    def over(self, length: float, speed: float | None = None) -> Motion:
         """The motion on a strip of `length` [m], at its own or another speed [m/s]."""
         return motion(self.shape(length), self.parts, speed or self.speed)
 

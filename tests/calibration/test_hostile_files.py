@@ -64,5 +64,5 @@ def test_chunk_of_gigabytes_is_refused_before_memory_is_set_aside(tmp_path: Path
     with pytest.raises(ConfigurationError, match="not a picture"):
         read_picture(tmp_path / "p.png")
     mark = Landmark(kind="tip", left=0, top=0, png=b64encode(content).decode("ascii"))
-    with pytest.raises(ConfigurationError, match="is no picture"):
+    with pytest.raises(ConfigurationError, match="is not a PNG image"):
         mark.patch()

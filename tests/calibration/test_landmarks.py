@@ -94,5 +94,5 @@ def test_desk_at_the_border_or_without_an_edge_is_no_landmark() -> None:
 
 def test_broken_landmark_is_refused_in_one_line() -> None:
     for content in ("not base64!", "aGVsbG8="):
-        with pytest.raises(ConfigurationError, match="png: is no picture; calibrate again"):
+        with pytest.raises(ConfigurationError, match="png: is not a PNG image; calibrate again"):
             Landmark(kind="tip", left=0, top=0, png=content).patch()

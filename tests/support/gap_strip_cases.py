@@ -30,7 +30,7 @@ def folds(names: Sequence[str], effects: Effects | None = None, **changes: float
     """Standard motions of a denim that has `effects` and `changes`."""
     plant = denim().model_copy(update=changes)
     models = [describe(plant, effects or {}, i) for i in range(len(names))]
-    made = rod_folds(models, [reported_path(STANDARD[n].of(0.6)) for n in names], SEGMENTS, STEP)
+    made = rod_folds(models, [reported_path(STANDARD[n].over(0.6)) for n in names], SEGMENTS, STEP)
     return [
         replace(f, index=i, condition=n) for i, (f, n) in enumerate(zip(made, names, strict=True))
     ]

@@ -18,7 +18,7 @@ from cell.perception.image_reader import ImageResult, InlineReader
 from cell.perception.measurement import StripMeasurement
 from drivers.installation import Workspace
 from drivers.motion import TICK, MotionProfile
-from drivers.twin.clock import Turn, TwinClock
+from drivers.twin.clock import Rank, TwinClock
 from drivers.types import ArmState, Frame, HandState, Pose, Velocity
 from policies.registry import make_policy
 
@@ -32,7 +32,7 @@ class PlainArm:
         self._clock = clock
         self.profile = MotionProfile(LIMITS, Workspace(), Pose(0.6, 0.1, math.pi / 2))
         self.commands: list[object] = []
-        clock.every(TICK, lambda _: self.profile.tick(), Turn.SERVO)
+        clock.every(TICK, lambda _: self.profile.tick(), Rank.SERVO)
 
     def connect(self) -> None:
         """Nothing to connect."""

@@ -198,7 +198,7 @@ def _write_film(source: Source, run: Path) -> None:
 
 def _check_ticks(ticks: dict[str, Array], path: Path) -> None:
     """Refuse implausible rows, or too few rows for the stated unit of time."""
-    t = Ticks.of(pa.table(ticks), str(path)).t
+    t = Ticks.parse(pa.table(ticks), str(path)).t
     if len(t) < 2:
         raise ConfigurationError(f"{path}: holds {len(t)} rows of numbers, must hold two at least")
     if (apart := float(np.median(np.diff(t)))) > LONGEST_INTERVAL:
@@ -229,7 +229,7 @@ def _profile(source: Source, how: MappingFile, begin: float) -> dict[str, Array]
         return {name: np.empty(0) for name in ("t", "i", "x", "z")}
     points = dict(read_columns(source, how.profile))
     points["t"] = points["t"] - begin
-    Profile.of(
+    Profile.parse(
         pa.table(points | {"i": np.zeros(len(points["t"]))}), str(path_of(source, how.profile))
     )
     if "i" not in points:  # numbered within each image, in the order of the file

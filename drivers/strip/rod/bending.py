@@ -5,7 +5,7 @@ from typing import Any
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.lanes import below, choose, fma, load, sqrt, store
-from drivers.strip.rod.terms import gradual_friction, lagging, stick_slip
+from drivers.strip.rod.terms import gradual_friction, lagging_moment, stick_slip
 
 
 @kernel
@@ -79,7 +79,7 @@ def moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
     change = eps - load(block.work, r, at.BASE_EPS)
     value, slope = spring + damping * change + dry, slope + damping + dry_slope
     if block.terms is not None:
-        more, steeper = lagging(block, r, change, rate)
+        more, steeper = lagging_moment(block, r, change, rate)
         soft, soft_slope = gradual_friction(block, r, eps)
         value, slope = value + more + soft, slope + steeper + soft_slope
     return value, slope
@@ -101,7 +101,7 @@ def bend(block: Any, r: int, a: Any, b: Any, rate: Any) -> Any:
 
 
 @kernel
-def turn(work: Any, r: int, u: Any) -> Any:
+def segment_turn(work: Any, r: int, u: Any) -> Any:
     """Write into `work` how segment `r` turns per motion of its end: its normal over its length."""
     x, z = -(u[1] * u[2]), u[0] * u[2]
     store(work, r, at.TURN_X, x)
@@ -128,7 +128,7 @@ def pull(block: Any, r: int, u: Any, couple: Any) -> None:
     floor, known = load(block.nature, r, at.FLOOR), load(block.state, r, at.TENSION)
     string = choose(known - floor, known, floor) * inverse
     twist = couple * inverse * inverse
-    turn_x, turn_z = turn(work, r, u)
+    turn_x, turn_z = segment_turn(work, r, u)
     store(work, r, at.TAUT, taut)
     store(work, r, at.GROWTH, stretch * length)
     store(work, r, at.PULL_X, fma(taut, ux, couple * turn_x))
@@ -155,7 +155,7 @@ def internal(block: Any, rate: Any) -> None:
     if block.last == end:
         trail(block.state)
     before, here = direction(block.state, 0), direction(block.state, 1)
-    turn(block.work, 0, before)
+    segment_turn(block.work, 0, before)
     left = bend(block, 1, before, here, rate)
     for r in range(at.FIRST_FREE_NODE, end + 1):
         ahead = direction(block.state, r)

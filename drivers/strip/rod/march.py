@@ -13,7 +13,7 @@ from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.ends import slide
 from drivers.strip.rod.lanes import choose, fma, load, store
 from drivers.strip.rod.newton import desk, pair, solve
-from drivers.strip.rod.terms import air, predict_terms, remember
+from drivers.strip.rod.terms import air_drag, predict_terms, remember
 
 
 @kernel
@@ -96,7 +96,7 @@ def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
         x = x - push * (load(state, r, at.VX) - load(state, r, at.VX1))
         z = z - push * (load(state, r, at.VZ) - load(state, r, at.VZ1))
         if block.terms is not None:
-            (drag_x, drag_z), _ = air(block, r, rate)
+            (drag_x, drag_z), _ = air_drag(block, r, rate)
             x, z = x - drag_x, z - drag_z
     store(state, ghost, at.GRIP_FORCE_X, choose(alive, x, load(state, ghost, at.GRIP_FORCE_X)))
     store(state, ghost, at.GRIP_FORCE_Z, choose(alive, z, load(state, ghost, at.GRIP_FORCE_Z)))

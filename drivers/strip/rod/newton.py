@@ -7,7 +7,7 @@ from drivers.strip.rod.band import SIDE_COLUMN, eliminate, eliminate_fifth, subs
 from drivers.strip.rod.bending import internal
 from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.lanes import anywhere, below, choose, fma, like, load, store
-from drivers.strip.rod.terms import air, settling_turn, update_stuck
+from drivers.strip.rod.terms import air_drag, settling_turn, update_stuck
 
 ITERATIONS = 10
 TURN_TOLERANCE = 1e-4  # rad, root mean square of the last turns of the segments, unless asked
@@ -71,7 +71,7 @@ def assemble(block: Any, r: int, rate: Any) -> None:
     dxz = fma(k2 * qx, qz, fma(k1x, sz, fma(k0x, pz, bxz))) + cxz
     dzz = fma(k2 * qz, qz, fma(k1z, sz, fma(k0z, pz, inertia))) + (bzz + czz)
     if block.terms is not None:
-        (rx, rz), (rxx, rxz, rzz) = air(block, r, rate)
+        (rx, rz), (rxx, rxz, rzz) = air_drag(block, r, rate)
         gx, gz = gx + rx, gz + rz
         dxx, dxz, dzz = dxx + rxx, dxz + rxz, dzz + rzz
     axx, axz = -fma(k1x, px, fma(k0x, tx, bxx)), -fma(k1x, pz, fma(k0x, tz, bxz))

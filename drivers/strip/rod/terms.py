@@ -22,7 +22,7 @@ def magnitude(a: Any) -> Any:
 
 
 @kernel
-def fade(block: Any, r: int, change: Any, rate: Any) -> Any:
+def maxwell_strain(block: Any, r: int, change: Any, rate: Any) -> Any:
     """Strain q of the Maxwell element at row r, by dq/dt = deps/dt - q / time, and dq/deps.
 
     `change` is eps - base, so deps/dt = rate change and dq/dt = rate (q - base of q).
@@ -32,12 +32,12 @@ def fade(block: Any, r: int, change: Any, rate: Any) -> Any:
 
 
 @kernel
-def lagging(block: Any, r: int, change: Any, rate: Any) -> Any:
+def lagging_moment(block: Any, r: int, change: Any, rate: Any) -> Any:
     """Rate- and history-dependent moment [N m] at row `r`, and its tangent.
 
     Q |deps/dt| deps/dt of quadratic damping, and K q of the rigidity that relaxes.
     """
-    q, share = fade(block, r, change, rate)
+    q, share = maxwell_strain(block, r, change, rate)
     speed = rate * change
     resistance = load(block.nature, r, at.QUADRATIC) * magnitude(speed)
     branch = load(block.nature, r, at.BRANCH)
@@ -129,7 +129,7 @@ def settling_turn(block: Any, r: int, along: Any) -> Any:
 
 
 @kernel
-def air(block: Any, r: int, rate: Any) -> Any:
+def air_drag(block: Any, r: int, rate: Any) -> Any:
     """Air drag (x, z) [N] against the motion of row `r`, and its tangent (xx, xz, zz).
 
     F = D v with D = 1/2 rho C_d width length (u + slow) (n n' + along t t') of the predicted
@@ -143,7 +143,7 @@ def air(block: Any, r: int, rate: Any) -> Any:
 
 
 @kernel
-def resist(block: Any, r: int, rate: Any) -> None:
+def store_drag(block: Any, r: int, rate: Any) -> None:
     """Write the drag matrix of row `r`, from its predicted motion, into `work`."""
     state, work = block.state, block.work
     tx = load(state, r + 1, at.X) - load(state, r - 1, at.X)
@@ -164,7 +164,7 @@ def resist(block: Any, r: int, rate: Any) -> None:
 @kernel
 def remember(block: Any, r: int, eps: Any, rate: Any, alive: Any) -> None:
     """Store the Maxwell strain and the gradual friction at row r after a step to strain `eps`."""
-    q, _ = fade(block, r, eps - load(block.work, r, at.BASE_EPS), rate)
+    q, _ = maxwell_strain(block, r, eps - load(block.work, r, at.BASE_EPS), rate)
     before, older = load(block.state, r, at.MAXWELL), load(block.state, r, at.MAXWELL1)
     store(block.state, r, at.MAXWELL1, choose(alive, before, older))
     store(block.state, r, at.MAXWELL, choose(alive, q, before))
@@ -181,4 +181,4 @@ def predict_terms(block: Any, rate: Any, weights: Any) -> None:
         q, q1 = load(block.state, r, at.MAXWELL), load(block.state, r, at.MAXWELL1)
         store(block.work, r, at.BASE_MAXWELL, fma(now, q, old * q1))
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
-        resist(block, r, rate)
+        store_drag(block, r, rate)

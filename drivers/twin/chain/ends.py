@@ -112,7 +112,7 @@ class Ends:
     edge_weight: float
 
     @classmethod
-    def of(cls, model: StripModel, lumps: Lumps, joints: Joints) -> Self:
+    def at_rest(cls, model: StripModel, lumps: Lumps, joints: Joints) -> Self:
         """Both ends of a chain at rest."""
         boundary, gravity = model.boundary, -float(model.boundary.gravity[1])
         grip: Slide | None = None

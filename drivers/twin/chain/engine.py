@@ -37,14 +37,14 @@ class ChainStrip:
 
     def __init__(self, model: StripModel, links: int, foreign: Sequence[ExtraForce] = ()) -> None:
         self._description, self._links = model, links
-        self._lumps = Lumps.of(model, links)
+        self._lumps = Lumps.from_model(model, links)
         self._load(compile_chain(model, links))
-        self._joints = Joints.of(self._model, self._lumps.spans)
+        self._joints = Joints.from_model(self._model, self._lumps.spans)
         self._loads = Loads(self._lumps, self._joints)
         self._foreign = ExtraForces(
             (*strip_laws(model), *foreign), Parts(model, self._lumps, self._joints)
         )
-        self._ends = Ends.of(model, self._lumps, self._joints)
+        self._ends = Ends.at_rest(model, self._lumps, self._joints)
         self._state = np.empty(mujoco.mj_stateSize(self._model, STATE_SPEC))
         self._grip = Grip.at_rest(np.array([model.mechanics.length, 0.0, 0.0]))
         self._held = True
@@ -63,7 +63,7 @@ class ChainStrip:
     def advance(self, pose: Array, dt: float, parts: int) -> None:
         """Step to gripper `pose` (3,) after `dt` [s], in equal `parts` on a straight line.
 
-        Raises SimulationNotFinite when the strip leaves the finite numbers.
+        Raises SimulationNotFinite when the simulation diverges.
         """
         start, h = self._grip.pose, dt / parts
         self._pace(h)
@@ -190,7 +190,7 @@ class Chain:
     def step(self, poses: Array, dt: float) -> Observables:
         """Advance by `dt` [s] to gripper `poses` (n, 3) of x, z, pitch at the step's end.
 
-        Raises SimulationNotFinite when a shape leaves the finite numbers.
+        Raises SimulationNotFinite when a shape is not finite.
         """
         targets = np.asarray(poses, dtype=np.float64)
         if targets.shape != (len(self._strips), 3):

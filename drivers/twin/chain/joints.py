@@ -30,7 +30,7 @@ class Joints:
     grip: int | None
 
     @classmethod
-    def of(cls, model: mujoco.MjModel, spans: Array) -> Self:
+    def from_model(cls, model: mujoco.MjModel, spans: Array) -> Self:
         """Joint indices of a compiled chain."""
         links = len(spans)
         found = {model.joint(j).name: j for j in range(model.njnt)}

@@ -60,7 +60,7 @@ class Lumps:
     held: Array
 
     @classmethod
-    def of(cls, model: StripModel, links: int) -> Self:
+    def from_model(cls, model: StripModel, links: int) -> Self:
         """Lumped coefficients of `model` on `links` links."""
         strip, law = model.mechanics, model.mechanics.law
         nodes = places(strip.length, links)

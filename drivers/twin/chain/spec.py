@@ -92,7 +92,7 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
     Raises Unsupported for what a chain cannot represent.
     """
     _check(model)
-    lumps = Lumps.of(model, links)
+    lumps = Lumps.from_model(model, links)
     gap = model.mechanics.touch_gap
     spec = mujoco.MjSpec()
     _set_options(spec, model.boundary.gravity)

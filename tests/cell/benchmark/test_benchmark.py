@@ -34,7 +34,7 @@ USUAL |= {"feedback": 0.004}
 
 
 def asked(*policies: str, strips: tuple[str, ...] = (), quick: bool = True) -> BenchmarkSpec:
-    return BenchmarkSpec.of(CONFIGS, policies, strips, None, 0, quick=quick)
+    return BenchmarkSpec.build(CONFIGS, policies, strips, None, 0, quick=quick)
 
 
 def image_fold(policy: str, strip: str, d: float | None, seed: int = 0) -> ImageFold:

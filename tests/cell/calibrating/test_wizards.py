@@ -20,9 +20,9 @@ from cell.calibrating.wizard import (
     calibrate_homography,
     calibrate_lens,
     check_calibration,
-    homography_again,
-    lens_again,
     newest_lens,
+    refit_homography,
+    refit_lens,
 )
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import Devices, DeviceSelection
@@ -125,7 +125,7 @@ def test_person_is_asked_before_every_motion_and_obeyed(touched) -> None:
 
 def test_touches_solved_again_from_their_folder_are_the_same_to_the_last_bit(touched) -> None:
     session, _, _ = touched
-    solved = homography_again(session.folder, (), None, 0.1)
+    solved = refit_homography(session.folder, (), None, 0.1)
     made = solved.calibration
     assert made is not None
     assert session.calibration is not None
@@ -135,7 +135,7 @@ def test_touches_solved_again_from_their_folder_are_the_same_to_the_last_bit(tou
 
 def test_point_is_left_out_by_its_number_and_what_comes_of_it_is_kept(touched, tmp_path) -> None:
     session, _, _ = touched
-    solved = homography_again(session.folder, (7,), tmp_path / "again", 0.1)
+    solved = refit_homography(session.folder, (7,), tmp_path / "again", 0.1)
     made = solved.calibration
     assert made is not None
     assert session.touches is not None
@@ -147,8 +147,8 @@ def test_point_is_left_out_by_its_number_and_what_comes_of_it_is_kept(touched, t
 def test_too_few_points_are_refused_even_with_the_override(touched) -> None:
     session, _, _ = touched
     many = tuple(range(6, 24))
-    assert homography_again(session.folder, many, None, 0.1).calibration is None
-    with_all = homography_again(session.folder, many, None, 0.1, accept_anyway=True)
+    assert refit_homography(session.folder, many, None, 0.1).calibration is None
+    with_all = refit_homography(session.folder, many, None, 0.1, accept_anyway=True)
     assert with_all.calibration is None
     assert "at least 12 are needed" in with_all.touches.reasons[0]
 
@@ -156,8 +156,8 @@ def test_too_few_points_are_refused_even_with_the_override(touched) -> None:
 def test_override_names_the_reasons_in_the_calibration(touched, tmp_path) -> None:
     session, _, _ = touched
     again = _without(session.folder, "latency.json", tmp_path)
-    assert homography_again(again, (), None, 0.1).calibration is None
-    made = homography_again(again, (), None, 0.1, accept_anyway=True).calibration
+    assert refit_homography(again, (), None, 0.1).calibration is None
+    made = refit_homography(again, (), None, 0.1, accept_anyway=True).calibration
     assert made is not None
     assert made.accepted_anyway == ("the latency was not measured",)
 
@@ -167,7 +167,7 @@ def test_image_of_a_swapped_size_is_refused(touched, tmp_path) -> None:
     again = _without(session.folder, "session.yaml", tmp_path)
     _change(session.folder, again, image=[720, 1280])
     with pytest.raises(ConfigurationError, match=r"is 1280 x 720 px, .* says image: \[720, 1280\]"):
-        homography_again(again, (), None, 0.1)
+        refit_homography(again, (), None, 0.1)
 
 
 def test_camera_wizard_keeps_a_lens_for_ros_and_for_opencv(shown) -> None:
@@ -185,7 +185,7 @@ def test_camera_wizard_keeps_a_lens_for_ros_and_for_opencv(shown) -> None:
 
 def test_views_solved_again_from_their_folder_are_the_same_to_the_last_bit(shown) -> None:
     session, _ = shown
-    verdict = lens_again(session.folder, (), None).verdict
+    verdict = refit_lens(session.folder, (), None).verdict
     assert session.verdict.fit is not None
     assert verdict.fit is not None
     assert np.array_equal(verdict.fit.lens.matrix, session.verdict.fit.lens.matrix)
@@ -231,6 +231,6 @@ def test_misprinted_board_is_refused_by_the_ruler(shown, tmp_path) -> None:
     session, _ = shown
     again = _without(session.folder, "session.yaml", tmp_path)
     _change(session.folder, again, length=0.98 * SETTINGS.boards.width)
-    verdict = lens_again(again, (), None).verdict
+    verdict = refit_lens(again, (), None).verdict
     assert not verdict.passed
     assert "9 squares measure 247.0 mm, configured are 252.0 mm, +2.0 %" in verdict.reasons[0]

@@ -149,7 +149,7 @@ def test_cell_opens_where_it_was_agreed_or_nothing_real_moves(configs) -> None:
 def test_robot_s_own_time_is_not_taken_in_lock_step(configs) -> None:
     settings = find_configs(configs).cell()
     driven = settings.fci.model_copy(update={"lock_step": True})
-    with pytest.raises(ConfigurationError, match=r"lock_step.*waits for nobody"):
+    with pytest.raises(ConfigurationError, match=r"lock_step.*cannot run in lock-step"):
         check_drivers(settings.model_copy(update={"fci": driven}), DeviceSelection())
 
 

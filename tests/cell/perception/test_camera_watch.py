@@ -39,7 +39,7 @@ def watch() -> CameraWatch:
     arc = np.linspace(0, DENIM.length, 61)
     flat = picture(np.column_stack([arc, 0 * arc]), WAITING, 0)
     seen = inspect(Frame(0.0, 0.0, "test", 0, flat), twin_calibration(CAMERA), SETTINGS, DENIM)
-    return CameraWatch.of(seen.appearance, twin_calibration(CAMERA), DENIM)
+    return CameraWatch.choose(seen.appearance, twin_calibration(CAMERA), DENIM)
 
 
 @pytest.fixture(scope="module")

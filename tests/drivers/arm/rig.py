@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drivers.arm.joint_motion import CartesianMotion
-from drivers.arm.loop import Loop
+from drivers.arm.loop import ServoLoop
 from drivers.arm.orders import Kind, Latest, Order, Report
 from drivers.arm.plane import StripPlane
 from drivers.arm.process import Task
@@ -155,7 +155,7 @@ class Driven:
     """A loop over a robot, with what the cell would hold of it."""
 
     robot: Any
-    loop: Loop
+    loop: ServoLoop
     orders: Latest
     reports: Latest
     number: int = 0
@@ -179,7 +179,7 @@ def begun(robot: Any = None, *, lock_step: bool = True, guard=None) -> Driven:
     robot = FakeRobot() if robot is None else robot
     orders, reports = Latest(Order), Latest(Report)
     given = robot, FciSettings(), INSTALLATION, orders, reports, lambda: 0.0
-    loop = Loop(*given, lock_step=lock_step, guard=guard)
+    loop = ServoLoop(*given, lock_step=lock_step, guard=guard)
     loop.begin()
     return Driven(robot, loop, orders, reports)
 

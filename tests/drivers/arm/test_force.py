@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
 from drivers.arm.failure import ArmFault, Cause
-from drivers.arm.force import Drift, ForceGuard, Tare
+from drivers.arm.force import DriftMonitor, ForceGuard, Tare
 from drivers.arm.obstacles import solids_of
 from drivers.arm.orders import Kind
 from drivers.arm.requests import go_to
@@ -45,7 +45,7 @@ def state(force=(0.0, 0.0, 0.0), torques=(0.0,) * 7) -> SimpleNamespace:
 
 
 def test_tare_is_the_mean_of_forces_at_rest() -> None:
-    tare = Tare.of([state((0.0, 0.0, 1.0)), state((0.0, 0.0, -1.0))], 10.0)
+    tare = Tare.from_states([state((0.0, 0.0, 1.0)), state((0.0, 0.0, -1.0))], 10.0)
     assert tare.wrench == pytest.approx(OFFSET)
     assert tare.torques == pytest.approx(TORQUES)
 
@@ -53,7 +53,7 @@ def test_tare_is_the_mean_of_forces_at_rest() -> None:
 @pytest.mark.parametrize("force", [(0.0, 0.0, 20.0), (float("nan"), 0.0, 0.0)])
 def test_what_presses_at_rest_is_not_tared_away(force) -> None:
     with pytest.raises(ArmFault) as failed:
-        Tare.of([state(force)] * 3, 10.0)
+        Tare.from_states([state(force)] * 3, 10.0)
     assert failed.value.cause is Cause.PRESSED
 
 
@@ -76,7 +76,7 @@ def test_push_on_the_arm_itself_is_felt_by_its_joint(joint: int) -> None:
     push[joint] = np.nan
     assert f"joint {joint + 1} met nan N m" in guard.objection(state(torques=push))
     with pytest.raises(ArmFault, match="no numbers"):
-        Tare.of([state(torques=push)] * 3, 10.0)
+        Tare.from_states([state(torques=push)] * 3, 10.0)
 
 
 def test_loop_guards_and_reports_force_beyond_the_tare() -> None:
@@ -97,12 +97,12 @@ TARED = ForceGuard(15.0, 15.0, TARE)
 
 def test_force_that_stays_at_rest_is_drift_and_one_in_motion_is_not() -> None:
     leaning = state((0.0, 9.0, 0.0))
-    drift = Drift(TARED, 8.0, TICK)
+    drift = DriftMonitor(TARED, 8.0, TICK)
     assert not any(drift.objection(leaning, moving=True) for _ in range(5000))
     assert not any(drift.objection(leaning, moving=False) for _ in range(300))  # it settles
     found = [drift.objection(leaning, moving=False) for _ in range(3000)]
     assert "drifted to 8.0 N, allowed 8.0 N" in next(filter(None, found))
-    still = Drift(TARED, 8.0, TICK)
+    still = DriftMonitor(TARED, 8.0, TICK)
     assert not any(still.objection(state((0.0, 7.0, 0.0)), moving=False) for _ in range(5000))
 
 

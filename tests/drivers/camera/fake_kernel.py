@@ -31,7 +31,7 @@ from drivers.camera.abi import (
     Fraction,
     FrameInterval,
     FrameSize,
-    Request,
+    Ioctl,
     StreamParameters,
     fourcc,
 )
@@ -97,7 +97,7 @@ class Memory:
 class Faults:
     """What goes wrong, as the test says."""
 
-    refuse: dict[Request, deque[int]] = field(default_factory=dict)
+    refuse: dict[Ioctl, deque[int]] = field(default_factory=dict)
     drop: set[int] = field(default_factory=set)  # sequences, which still count
     all_dropped: bool = False
     corrupt: set[int] = field(default_factory=set)
@@ -164,7 +164,7 @@ class FakeKernel:
             self.knobs = usual_knobs()
             self._settle()
 
-    def fail(self, request: Request, *numbers: int) -> None:
+    def fail(self, request: Ioctl, *numbers: int) -> None:
         """The next calls of `request` end with these errors."""
         with self._changed:
             self.faults.refuse[request] = deque(numbers)
@@ -185,7 +185,7 @@ class FakeKernel:
             if self._streaming == fd:
                 self._streaming = None
 
-    def ioctl(self, fd: int, request: Request, argument: Argument) -> None:
+    def ioctl(self, fd: int, request: Ioctl, argument: Argument) -> None:
         with self._changed:
             if fd in self._gone:
                 raise _error(errno.ENODEV)

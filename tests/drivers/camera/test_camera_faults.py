@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import pytest
 
-from drivers.camera.abi import Request
+from drivers.camera.abi import Ioctl
 from drivers.camera.camera import V4l2Camera
 from drivers.camera.device import CameraBusy, CameraFaulty, CameraLost, CameraRefused, CameraStalled
 from drivers.camera.frame import StampSource
@@ -93,7 +93,7 @@ def test_stall_is_reported_until_a_frame_arrives(kernel, camera) -> None:
 
 def test_io_error_restarts_the_stream_and_is_reported_once(kernel, camera) -> None:
     before = camera.read(ALWAYS, 0.0)
-    kernel.fail(Request.DQBUF, errno.EIO)
+    kernel.fail(Ioctl.DQBUF, errno.EIO)
     go_on(kernel, 0.3)
     with pytest.raises(CameraFaulty, match="Input/output error"):
         camera.read(ALWAYS, 0.0)
@@ -153,20 +153,20 @@ def test_other_camera_at_the_link_is_refused_by_name(kernel, camera) -> None:
 @pytest.mark.parametrize(
     ("request_", "number", "kind"),
     [
-        (Request.S_FMT, errno.EBUSY, CameraBusy),
-        (Request.REQBUFS, errno.EBUSY, CameraBusy),
-        (Request.REQBUFS, errno.ENOMEM, CameraFaulty),
-        (Request.QUERYBUF, errno.EINVAL, CameraFaulty),
-        (Request.QBUF, errno.EIO, CameraFaulty),
-        (Request.STREAMON, errno.EIO, CameraFaulty),
-        (Request.STREAMON, errno.ENODEV, CameraLost),
-        (Request.QUERYCAP, errno.ENOTTY, CameraRefused),
-        (Request.QUERYCAP, errno.ENXIO, CameraLost),
-        (Request.S_CTRL, errno.EIO, CameraFaulty),
+        (Ioctl.S_FMT, errno.EBUSY, CameraBusy),
+        (Ioctl.REQBUFS, errno.EBUSY, CameraBusy),
+        (Ioctl.REQBUFS, errno.ENOMEM, CameraFaulty),
+        (Ioctl.QUERYBUF, errno.EINVAL, CameraFaulty),
+        (Ioctl.QBUF, errno.EIO, CameraFaulty),
+        (Ioctl.STREAMON, errno.EIO, CameraFaulty),
+        (Ioctl.STREAMON, errno.ENODEV, CameraLost),
+        (Ioctl.QUERYCAP, errno.ENOTTY, CameraRefused),
+        (Ioctl.QUERYCAP, errno.ENXIO, CameraLost),
+        (Ioctl.S_CTRL, errno.EIO, CameraFaulty),
     ],
 )
 def test_failed_connect_is_named_and_leaves_nothing_held(
-    kernel, request_: Request, number: int, kind: type[CellError]
+    kernel, request_: Ioctl, number: int, kind: type[CellError]
 ) -> None:
     camera = V4l2Camera(settings(), kernel, kernel)
     kernel.fail(request_, number)

@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from drivers.camera import abi
-from drivers.camera.abi import Request, fourcc, letters
+from drivers.camera.abi import Ioctl, fourcc, letters
 from drivers.camera.camera import V4l2Camera
 from drivers.camera.device import CameraRefused, users_of
 from drivers.camera.formats import Picture
@@ -44,14 +44,14 @@ def test_structures_are_as_long_as_the_kernels() -> None:
 
 
 def test_request_numbers_are_the_kernels() -> None:
-    assert Request.QUERYCAP == 0x80685600
-    assert Request.S_FMT == 0xC0D05605
-    assert Request.REQBUFS == 0xC0145608
-    assert Request.DQBUF == 0xC0585611
-    assert Request.STREAMON == 0x40045612
-    assert Request.S_PARM == 0xC0CC5616
-    assert Request.QUERYCTRL == 0xC0445624
-    assert Request.ENUM_FRAMEINTERVALS == 0xC034564B
+    assert Ioctl.QUERYCAP == 0x80685600
+    assert Ioctl.S_FMT == 0xC0D05605
+    assert Ioctl.REQBUFS == 0xC0145608
+    assert Ioctl.DQBUF == 0xC0585611
+    assert Ioctl.STREAMON == 0x40045612
+    assert Ioctl.S_PARM == 0xC0CC5616
+    assert Ioctl.QUERYCTRL == 0xC0445624
+    assert Ioctl.ENUM_FRAMEINTERVALS == 0xC034564B
     assert (fourcc("YUYV"), letters(0x56595559)) == (0x56595559, "YUYV")
 
 

@@ -107,7 +107,7 @@ def test_accelerating_arm_has_the_thresholds_set_for_it(acceleration: float, sto
     configuration, _ = configure(Configuration(), Command.SET_COLLISION_BEHAVIOR, payload)
     q = resting_robot().posture.q
     course = Course(np.zeros(7), np.full(7, acceleration))
-    posture = Posture.of(q, configuration.tool, course)
+    posture = Posture.at_joints(q, configuration.tool, course)
     contact = Contact.of_force(posture, configuration, np.array([0.0, 0.0, 20.0]))
     assert (contact.reflex is not None) is stops
 

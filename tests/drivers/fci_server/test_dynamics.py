@@ -16,7 +16,7 @@ def at(q=Q, velocity=None, acceleration=None):
     course = Course(
         still if velocity is None else velocity, still if acceleration is None else acceleration
     )
-    return Posture.of(q, FLANGE_TO_TIP, course)
+    return Posture.at_joints(q, FLANGE_TO_TIP, course)
 
 
 def test_a_payload_weighs_and_resists_like_a_heavier_hand():

@@ -21,7 +21,7 @@ HEIGHT, STILL = 0.25, 2.0  # m of the gripper, s at rest there
 
 
 def test_both_engines_feel_the_same_force_in_a_fold() -> None:
-    path = reported_path(STANDARD["normal"].of(DENIM.length))
+    path = reported_path(STANDARD["normal"].over(DENIM.length))
     rod, chain = (simulate(e, describe(DENIM), path.t, path.poses) for e in ENGINES.values())
     assert rod.touch is not None
     t = np.arange(1.5, rod.touch.time - 0.2, 0.01)

@@ -3,12 +3,12 @@
 import pytest
 
 import drivers.clock
-from drivers.twin.clock import RealTimeClock, Turn, TwinClock
+from drivers.twin.clock import Rank, RealTimeClock, TwinClock
 
 
 def test_periodic_events_do_not_drift() -> None:
     clock, times = TwinClock(), []
-    clock.every(1 / 60, times.append, Turn.CAMERA)
+    clock.every(1 / 60, times.append, Rank.CAMERA)
     clock.wait_until(100.0)
     assert len(times) == 6000
     assert times[-1] == 100.0
@@ -40,7 +40,7 @@ def wall(monkeypatch: pytest.MonkeyPatch) -> Wall:
 def test_world_goes_on_only_when_the_wall_has(wall: Wall) -> None:
     twin = TwinClock()
     seen: list[tuple[float, float]] = []
-    twin.every(0.5, lambda now: seen.append((now, wall.seconds)), Turn.WORLD)
+    twin.every(0.5, lambda now: seen.append((now, wall.seconds)), Rank.WORLD)
     clock = RealTimeClock(twin)
     clock.wait_until(1.0)
     assert seen == [(0.5, 51.0), (1.0, 51.0)]
@@ -53,7 +53,7 @@ def world_that_costs(twin: TwinClock, wall: Wall, share: float) -> None:
     def labour(_: float) -> None:
         wall.seconds += 0.1 * share
 
-    twin.every(0.1, labour, Turn.WORLD)
+    twin.every(0.1, labour, Rank.WORLD)
 
 
 def test_catching_up_goes_on_until_the_world_is_at_the_present(wall: Wall) -> None:

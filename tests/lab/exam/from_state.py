@@ -277,7 +277,7 @@ def motions_of(case: Case, length: float) -> list[CaseMotion]:
 
 def _standard_motion(name: str, length: float) -> CaseMotion:
     """Standard motion `name` over a strip of `length` [m]."""
-    return CaseMotion(name, MOTION + name, reported_path(STANDARD[name].of(length)))
+    return CaseMotion(name, MOTION + name, reported_path(STANDARD[name].over(length)))
 
 
 def _fold_on_chain(

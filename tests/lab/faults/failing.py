@@ -17,7 +17,7 @@ from drivers.fci_server.faults import FaultScript
 from drivers.fci_server.server import RobotServer
 from drivers.protocols import Arm, Camera, Clock, Hand
 from drivers.settings import parse
-from drivers.twin.clock import Turn
+from drivers.twin.clock import Rank
 from drivers.types import ArmState, Frame, HandState, Pose, Velocity
 
 PERIOD = 0.002  # s between two looks at the gripper
@@ -158,7 +158,7 @@ class Failing:
         self.hand = FailingHand(devices.hand)
         self.clock = FailingClock(devices.clock)
         self.motion: list[tuple[float, float, float, float]] = []
-        self._twin.clock.every(PERIOD, self._record_pose, Turn.JOB)
+        self._twin.clock.every(PERIOD, self._record_pose, Rank.JOB)
         self.devices = replace(
             devices, camera=self.camera, arm=self.arm, hand=self.hand, clock=self.clock
         )
@@ -191,7 +191,7 @@ class Failing:
         def raises(now: float) -> None:
             raise SimulationNotFinite("chain", now)
 
-        self._twin.clock.every(PERIOD, raises, Turn.WORLD)
+        self._twin.clock.every(PERIOD, raises, Rank.WORLD)
 
     def look(self) -> None:
         """Record the gripper's pose now, which the clock misses when an event interrupts it."""

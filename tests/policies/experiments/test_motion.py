@@ -41,7 +41,7 @@ def test_the_policy_makes_its_motion(name: str) -> None:
         rng=np.random.default_rng(0),
     )  # fmt: skip
     trace = made.trace[:, 0]
-    planned = standard.of(strip.length).at(np.arange(0.0, 40.0, 0.005))
+    planned = standard.over(strip.length).at(np.arange(0.0, 40.0, 0.005))
     away = np.linalg.norm(trace[:, None] - planned[None], axis=2).min(axis=1)
     assert away.max() < 0.006
     assert made.touched.all() == (name != "taut-lift")

@@ -26,7 +26,7 @@ SEGMENTS, STEP = 100, 0.005  # of the rod: a plan need not be finer
 
 def planned_runs(strip: StripFile, sigma: Sigma, index: int) -> list[MeasuredRun]:
     """Simulated, noise-free run of `strip` for each standard motion, all with number `index`."""
-    paths = [reported_path(standard.of(strip.length)) for standard in STANDARD.values()]
+    paths = [reported_path(standard.over(strip.length)) for standard in STANDARD.values()]
     return [
         MeasuredRun(name, MOTION + name, measured, ())
         for name, measured in zip(STANDARD, measured_along(paths, strip, sigma, index), strict=True)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from drivers.camera.abi import Control, Request
+from drivers.camera.abi import Control, Ioctl
 from drivers.camera.camera import V4l2Camera
 from drivers.camera.controls import CameraControl, controls_of
 from drivers.camera.device import CameraLost, Device, Kernel
@@ -61,7 +61,7 @@ class Vivid:
             known = controls_of(device)
             for name, value in values.items():
                 control = Control(id=known[name].number, value=value)
-                device.call(Request.S_CTRL, control, f"setting {name}")
+                device.call(Ioctl.S_CTRL, control, f"setting {name}")
 
     @contextmanager
     def having(self, **values: int) -> Iterator[None]:

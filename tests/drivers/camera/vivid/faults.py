@@ -4,7 +4,7 @@ import os
 import threading
 import time
 
-from drivers.camera.abi import Control, Request
+from drivers.camera.abi import Control, Ioctl
 from drivers.camera.device import CameraBusy, CameraFaulty, CameraLost, CameraStalled
 from tests.drivers.camera.vivid.device import (
     ALWAYS,
@@ -67,7 +67,7 @@ def check_unplug_in_mid_read_is_told_within_50_ms(vivid: Vivid) -> None:
     def pull() -> None:
         vivid.unplug()
         pulled.append(time.monotonic())
-        button.kernel.ioctl(button.fd, Request.S_CTRL, press)
+        button.kernel.ioctl(button.fd, Ioctl.S_CTRL, press)
 
     delays = []
     for _ in range(3):

@@ -67,7 +67,7 @@ def _paths(case: Values, length: float) -> list[tuple[str, GripperPath]]:
     """Condition and gripper path of each motion of `case` over a strip of `length` [m]."""
     names = standard_order(np.random.default_rng(case["order"]))
     if case["motions"] == "standard":
-        return [(MOTION + name, reported_path(STANDARD[name].of(length))) for name in names]
+        return [(MOTION + name, reported_path(STANDARD[name].over(length))) for name in names]
     paths = paths_by_hand(length, case["order"], len(names))
     return [(f"by-hand-{i}", path) for i, path in enumerate(paths, start=1)]
 

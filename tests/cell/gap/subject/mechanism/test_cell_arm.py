@@ -38,7 +38,7 @@ def record(folder: Path, plant: ArmPlant, phase: float) -> RunFolder:
     begin = np.minimum(t / 0.5, 1.0)
     commanded = HOME + swing * (begin**3 * (10.0 - 15.0 * begin + 6.0 * begin**2))[:, None]
     course = Course(np.zeros(7), np.zeros(7))
-    begun = Posture.of(commanded[0], FLANGE_TO_TIP, course)
+    begun = Posture.at_joints(commanded[0], FLANGE_TO_TIP, course)
     arm = LaggingArm(begun, FLANGE_TO_TIP, plant.delay, 0.0, sag)
     rows = []
     for k, q_d in enumerate(commanded):
