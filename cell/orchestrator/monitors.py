@@ -16,9 +16,7 @@ from drivers.strip.grip_path import LIFT_TRAVEL
 from drivers.types import Velocity
 
 MOVED_IMAGES = 2  # images in a row
-# share of the allowed image age below which the speed is not reduced; idle images of the twin
-# reach 0.6
-USUAL_AGE = 0.7
+USUAL_AGE = 0.7  # share of the allowed image age below which the speed is not reduced
 
 
 @dataclass(frozen=True, slots=True)

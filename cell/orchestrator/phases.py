@@ -43,9 +43,8 @@ from policies.policy import Observation
 from policies.prediction import Predictor
 from policies.profile import seen_profile
 
-# of the arm's acceleration, with which the pitch comes to rest at the lift's end
-BRAKING_SHARE = 0.7
-SLOPE_TRAVEL = 0.01  # m of the lift over which its turn per metre is taken
+BRAKING_SHARE = 0.7  # of the arm's pitch acceleration, to stop the rotation at the lift's end
+SLOPE_TRAVEL = 0.01  # m of the lift over which its rotation per metre is measured
 
 
 def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:

@@ -23,7 +23,7 @@ from cell.orchestrator.vision import MEASURED_STATES, RECORDED, ArmHistory, View
 from drivers.errors import Fault
 from drivers.types import ZERO_VELOCITY
 
-PROMPT = 1.0  # s on the wall clock within which a turn ends, or is ended
+PROMPT = 1.0  # s, limit on the wall clock for a control cycle
 
 
 class Observer(Protocol):
@@ -62,8 +62,8 @@ class Run:
         self._rests = False
         self._command: Command | None = None
         self._stopped: StopReason | None = None
-        braking_turns = round(settings.fold.stop_timeout * settings.fold.control_rate)
-        self._safe_stop = SafeStop(devices, braking_turns)
+        braking_cycles = round(settings.fold.stop_timeout * settings.fold.control_rate)
+        self._safe_stop = SafeStop(devices, braking_cycles)
         self._snapshot: Snapshot | None = None
         self._arm_history = ArmHistory()
         self._vision = Vision(devices.camera, settings.monitors)
@@ -81,7 +81,7 @@ class Run:
             self._guard(lambda: self._apply_event(Event.START, start))
             while not (self._machine.over and self._rests):
                 tick += 1
-                self._turn_at(start + tick * period)
+                self._run_cycle(start + tick * period)
         finally:
             run_suppressed(self._devices.arm.stop)
         return self._outcome(clock.now() - start)
@@ -92,12 +92,12 @@ class Run:
         except Exception as error:  # noqa: BLE001  an edge: the arm stops whatever went wrong
             self._stop(StopReason.by(error))
 
-    def _turn_at(self, due: float) -> None:
+    def _run_cycle(self, due: float) -> None:
         """Execute the cycle of the control loop due at `due` [s]."""
         if self._under_way and self._interrupted():
             self._stop(INTERRUPTED)
         if self._under_way:
-            self._guard(lambda: self._timely_cycle(due))
+            self._guard(lambda: self._limited_cycle(due))
         else:
             self._brake(due)
 
@@ -105,7 +105,7 @@ class Run:
     def _under_way(self) -> bool:
         return self._stopped is None and not self._machine.over
 
-    def _timely_cycle(self, due: float) -> None:
+    def _limited_cycle(self, due: float) -> None:
         limit = self._rules.limits.turn
         with at_most(min(limit, PROMPT) if self._devices.real_time else limit):
             self._cycle(due)
@@ -121,7 +121,7 @@ class Run:
             command = slow_for_images(command, now, self._rules.limits)
             check_all(now, command, self._rules)
             self._send(command)
-        elif snapshot.arm.moving:  # the path ended, and nothing came after it
+        elif snapshot.arm.moving:  # the path ended, and no phase follows
             self._safe_stop.apply(snapshot.hand)
         else:
             self._rests = True
@@ -140,7 +140,7 @@ class Run:
         return None if self._machine.over else self._decide(snapshot)
 
     def _brake(self, due: float) -> None:
-        """Execute a whole cycle of braking, even when late; recorded and shown if possible."""
+        """Execute a full cycle of braking, even when late; recorded and shown if possible."""
         now = self._devices.clock.now()
         if now >= due:
             due = now + 1.0 / self._context.settings.fold.control_rate
@@ -180,9 +180,9 @@ class Run:
         self._recorder.event(now, kind, **facts)
         self._notify(lambda observer: observer.handle_event(now, kind, facts))
 
-    def _notify(self, news: Callable[[Observer], None]) -> None:
+    def _notify(self, call: Callable[[Observer], None]) -> None:
         """Notify the observers; one that raises is not called again."""
-        self._observers = tuple(o for o in self._observers if run_suppressed(lambda: news(o)))  # noqa: B023
+        self._observers = tuple(o for o in self._observers if run_suppressed(lambda: call(o)))  # noqa: B023
 
     def _sense(self) -> Snapshot:
         """Read arm, camera and hand; record the measurement from a new image."""
@@ -242,9 +242,8 @@ class Run:
 def at_most(limit: float) -> Iterator[None]:
     """Raise Fault `turn_overtime` within the block once it takes longer than `limit` [s].
 
-    By an alarm of the operating system, which only the main thread hears: elsewhere nothing is
-    watched. Code that never returns to the interpreter is not ended; then only the arm's own
-    driver brakes, which misses the cell's heartbeat.
+    Uses SIGALRM, so it has no effect outside the main thread, and does not end code that never
+    returns to the interpreter; there the arm's driver brakes, for want of the cell's heartbeat.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

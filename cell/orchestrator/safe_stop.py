@@ -19,15 +19,12 @@ def run_suppressed(action: Callable[[], object]) -> bool:
 
 
 class SafeStop:
-    """Stops the arm, repeating the command while it fails or is not confirmed.
+    """Stops the arm, repeating the command until the arm confirms it; uses no other device."""
 
-    Uses neither the camera nor anything else: only the arm reports when it is at rest.
-    """
-
-    def __init__(self, devices: Devices, turns: int) -> None:
-        """Prepare to stop the arm of `devices` within `turns` cycles of the control loop."""
+    def __init__(self, devices: Devices, cycles: int) -> None:
+        """Prepare to stop the arm of `devices` within `cycles` of the control loop."""
         self._devices = devices
-        self._left = turns
+        self._left = cycles
         self._heard_stop = False
 
     def apply(self, hand: HandState | None) -> None:
@@ -47,10 +44,7 @@ class SafeStop:
         return seen[0] if seen else None
 
     def has_ended(self, arm: ArmState | None) -> bool:
-        """Whether the arm is at rest, or its cycles to stop are used up.
-
-        An arm that has come as near as it was commanded may still creep there.
-        """
+        """Whether the arm is at rest (it may still creep to its pose), or no cycle is left."""
         return self._left <= 0 or (arm is not None and self._heard_stop and _at_rest(arm))
 
 

@@ -47,12 +47,12 @@ class View:
 
     `frame` is the newest image and `fresh` whether it arrived on this tick; `identical` counts the
     successive images that equal it byte for byte although the gripper moved. `measurement` is the
-    last one, and `read` whether it is new on this tick; `touch` the layer_touch once it is seen,
+    last one, and `read` whether it is new on this tick; `touch` is the detected layer_touch,
     `doubtful_since` when confidence fell below its limit, None while it is good. `reading_since` is
-    when the image under way was begun, `dead` why none is read any more. `shift` [m] is how far the
-    camera seems moved since the preflight, and `moved` the successive images that say so. Since
-    `stale_since` the newest image is too old to move by; None while it is not. `resting` [m] is the
-    distance at which layers rest that do not touch.
+    when the measurement in progress began, `dead` why no image is measured any more. `shift` [m] is
+    the camera's apparent motion since the preflight, `moved` the number of successive images with
+    one. `stale_since` is when the newest image became too old to move by, else None. `resting` [m]
+    is the distance between layers that rest without a touch.
     """
 
     frame: Frame | None = None
@@ -79,7 +79,7 @@ class Vision:
         self._limits = limits
         self._frozen = FrozenImages()
         self._view = View()
-        self._waiting: Frame | None = None  # the newest one to be read
+        self._waiting: Frame | None = None  # the newest frame to be measured
 
     def look(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> View:
         """Update the view at `now` [s] in `state`; raises Fault where a due image has no reader."""
@@ -107,10 +107,7 @@ class Vision:
         return True
 
     def _read(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> None:
-        """Begin and finish measurements due at this tick.
-
-        The newest image is begun where none is under way, also after one that has just finished.
-        """
+        """Finish the measurement in progress if it is ready, and begin that of the newest frame."""
         if self._waiting is not None and reader is None:
             raise Fault("no_perception", "a frame came before the preflight image was accepted")
         while reader is not None and not reader.dead:

@@ -244,10 +244,9 @@ class CartesianMotion:
         self._here: JointCourse | None = None
         self._sent: Numbers = []
         self._sent_pose: Array | None = None
-        # setpoints (4, 4) of the hand: now, and at the two ticks before
-        self._past_poses: list[Array] = []
+        self._past_poses: list[Array] = []  # setpoints (4, 4), the newest first
         self._time = 0.0
-        # rad, rad, rad/s: where the elbow was at the start, where it is commanded, its rate
+        # rad, rad, rad/s: elbow at the start, its commanded angle and rate
         self._kept = self._elbow = self._elbow_rate = 0.0
 
     def start_poses(self) -> Any:
