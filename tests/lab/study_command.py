@@ -134,7 +134,8 @@ def _print_study(asked: "StudyRequest", *, as_json: bool) -> tuple[bool, bool]:
             line = {"study": asked.study.name, "group": row.group, "count": row.count}
             print_json(line | {"figures": figures})
     else:
-        sys.stdout.write(f"{asked.study.question}\n\n{markdown(found)}  {written}\n")
+        page = "" if asked.study.ledger is None else asked.study.ledger.of(found.outcomes)
+        sys.stdout.write(f"{asked.study.question}\n\n{markdown(found)}  {written}\n{page}\n")
     return keeps_bars(table), bool(found.lost)
 
 

@@ -57,10 +57,11 @@ NOISE = {"shoulder": 3e-4, "elbow": 3e-4, "t1": 0.02, "t2": 0.02, "a2_torque": 0
 Hidden = Callable[[Any], None]
 
 
-def write_run(out: Path, columns: Mapping[str, Array], head: Mapping[str, Any]) -> None:
-    """A run folder `out` with columns (m,) by name and the header `head`."""
+def write_run(out: Path, columns: Mapping[str, Array], head: Mapping[str, Any],
+              table: str = "signals.parquet") -> None:  # fmt: skip
+    """A run folder `out` with columns (m,) by name in a `table`, and the header `head`."""
     out.mkdir(parents=True, exist_ok=True)
-    pq.write_table(pa.table(dict(columns)), out / "signals.parquet")
+    pq.write_table(pa.table(dict(columns)), out / table)
     (out / "run.yaml").write_text(yaml.safe_dump({"schema": 1, **head}))
 
 

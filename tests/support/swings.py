@@ -6,14 +6,13 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import yaml
 
 from cell.gap.fitting.tasks import Simulate
 from cell.gap.subject.mechanism.file import PendulumFile
 from cell.gap.subject.subject import Request, Residuals
 from drivers.types import Array
+from tests.support.mechanisms import write_run
 
 
 class Counter:
@@ -29,14 +28,9 @@ class Counter:
 
 
 STEP = 0.0005  # s of the plant
+LINK = {"mass": 0.2, "length": None, "com": 0.12, "inertia": 5e-4, "damping": 2.5e-4}
 PENDULUM = PendulumFile.model_validate(
-    {
-        "schema": 1,
-        "kind": "pendulum",
-        "name": "made",
-        "gravity": 9.81,
-        "links": [{"mass": 0.2, "length": None, "com": 0.12, "inertia": 5e-4, "damping": 2.5e-4}],
-    }
+    {"schema": 1, "kind": "pendulum", "name": "made", "gravity": 9.81, "links": [LINK]}
 )
 
 Law = Callable[[Array, Array, int], Array]
@@ -81,18 +75,10 @@ def write_swings(
     stated = pendulum.model_dump(mode="json", by_alias=True, exclude_defaults=True)
     file.write_text(yaml.safe_dump({"schema": 1, **stated}, sort_keys=False), encoding="utf-8")
     for index, made in enumerate(runs):
-        run = folder / "runs" / f"{index:02d}"
-        run.mkdir(parents=True)
-        head = {
-            "schema": 1,
-            "pendulum": pendulum.name,
-            "index": index,
-            "condition": made.condition,
-            "sigma": {"angle": sigma},
-        }
-        (run / "run.yaml").write_text(yaml.safe_dump(head, sort_keys=False), encoding="utf-8")
+        head = {"pendulum": pendulum.name, "index": index, "condition": made.condition}
         columns = {"t": made.t} | {f"theta_{i + 1}": a for i, a in enumerate(made.angles)}
-        pq.write_table(pa.table(columns), run / "angles.parquet")
+        run = folder / "runs" / f"{index:02d}"
+        write_run(run, columns, {**head, "sigma": {"angle": sigma}}, "angles.parquet")
     return file, folder / "runs"
 
 

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from cell.gap.subject.mechanism.fields import ModelFields, add_point
-from cell.gap.subject.mechanism.model import read_source
+from cell.gap.subject.mechanism.model import read_source, tip
 from drivers.errors import ConfigurationError
 from drivers.files import replace_file
 from drivers.readers import read_yaml
@@ -33,6 +33,8 @@ LIGHT = 0.01  # of the moving mass; a body below it has no stated uncertainty
 TWIST, RIPPLE, TURN = 0.01, 0.15, 6.0  # rad under a joint's torque; share of it; ripples in a turn
 PAYLOAD, TILT, BENT = 0.03, 0.06, 0.25  # share of the moving mass, rad, rad
 HEAVIER, SHIFT = 0.6, 0.03  # share of a link's mass, m: errors of a base, beyond its spread
+# rad/s of a base, its damping ratio, its inertia over that of what it carries, and its joint
+ROCKS, LOSS, HEAVY, ROCKING = 12.0, 0.05, 4.0, "rocking base"
 
 
 @dataclass(slots=True)
@@ -68,9 +70,8 @@ Edit = Callable[[Rig, float, np.random.Generator], None]
 
 def _payload(rig: Rig, size: float, _: np.random.Generator) -> None:
     m, last = rig.model, int(np.max(rig.model.jnt_bodyid))
-    places = [*m.site_pos[m.site_bodyid == last], 2.0 * m.body_ipos[last]]
     mass = PAYLOAD * size * float(m.body_mass[m.body_weldid > 0].sum())
-    add_point(ModelFields(m), last, mass, np.array(max(places, key=np.linalg.norm)))
+    add_point(ModelFields(m), last, mass, tip(rig, last))  # type: ignore[arg-type]
 
 
 def _tilt(rig: Rig, size: float, _: np.random.Generator) -> None:
@@ -102,8 +103,28 @@ EDITS: dict[str, Edit] = {"payload": _payload, "base_tilt": _tilt, "bent_link": 
     "wrong_geometry": partial(_shift, field="body_pos")}  # fmt: skip
 
 
-def open_rig(folder: Path, name: str) -> Rig:
-    """The true mechanism `name` of `folder`; ConfigurationError where it is not there."""
+def _rocking(spec: Any) -> Any:
+    """Compiled model of `spec` on a body that turns about a level axis."""
+    whole = mujoco.MjSpec()
+    whole.modelfiledir, whole.option.gravity = spec.modelfiledir, spec.option.gravity
+    base = whole.worldbody.add_body(mass=1.0, inertia=np.ones(3), explicitinertial=True)
+    base.add_joint(name=ROCKING)
+    whole.attach(spec, frame=base.add_frame(), prefix="")
+    return whole.compile()
+
+
+def _rock(rig: Rig, size: float, rng: np.random.Generator) -> None:
+    """Let the base rock about an axis, the slower the larger the `size`."""
+    m, along = rig.model, int(rng.integers(2))
+    m.jnt_axis[0] = np.eye(3)[along]
+    mujoco.mj_setConst(m, mujoco.MjData(m))
+    inertia, rate = (1.0 + HEAVY) * m.dof_M0[0], ROCKS / np.sqrt(size)
+    m.body_inertia[m.jnt_bodyid[0]] = HEAVY * m.dof_M0[0]
+    m.jnt_stiffness[0], m.dof_damping[0] = inertia * rate**2, 2.0 * LOSS * inertia * rate
+
+
+def open_rig(folder: Path, name: str, *, rocks: bool = False) -> Rig:
+    """The mechanism `name` of `folder`, on a base that `rocks`; ConfigurationError if absent."""
     known = LISTS["models"][name]
     path = (folder / known["folder"] / known["file"]).resolve()
     if not path.is_file():
@@ -111,7 +132,8 @@ def open_rig(folder: Path, name: str) -> Rig:
             f"{name}: {known['folder']}/{known['file']} is not in {folder.name}; install its "
             "package there (pip install --no-deps --target), and give the folder as --models"
         )
-    m, off = read_source(path, path.parent).spec().compile(), mujoco.mjtDisableBit
+    spec, off = read_source(path, path.parent).spec(), mujoco.mjtDisableBit
+    m = _rocking(spec) if rocks else spec.compile()
     mode = known.get("mode", "prescribed")
     m.opt.timestep, m.opt.integrator = STEP, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     m.opt.disableflags |= int(off.mjDSBL_CONTACT)
@@ -120,7 +142,7 @@ def open_rig(folder: Path, name: str) -> Rig:
     m.body_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
     motors = np.flatnonzero(m.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT)
     pairs = {int(m.actuator_trnid[a, 0]): int(a) for a in motors}
-    bare = [m.joint(joint).id for joint in known.get("motors", ())] or range(m.njnt)
+    bare = [m.joint(joint).id for joint in known.get("motors", ())] or range(rocks, m.njnt)
     pairs = pairs or dict.fromkeys(bare, -1)
     gear = [m.actuator_gear[a, 0] if a >= 0 else 1.0 for a in pairs.values()]
     n = len(pairs)
@@ -136,6 +158,10 @@ def make_runs(folder: Path, name: str, hidden: Sequence[str], size: float, seed:
     known = LISTS["models"][name]
     shutil.copytree(folder / known["folder"], out, dirs_exist_ok=True)
     replace_file(out / "study.yaml", dump_yaml(_content(rig, known["file"])).encode())
+    if "base_compliance" in hidden:
+        weight, rig = rig.weight, open_rig(folder, name, rocks=True)
+        rig.weight = weight
+        _rock(rig, size, rng)
     for cause in hidden:
         if cause in FIELDS:
             field, _, share = FIELDS[cause]
@@ -205,6 +231,11 @@ def _simulate(rig: Rig, wanted: Array, delay: float = 0.0) -> Columns:
     """
     m, data, forward = rig.model, mujoco.MjData(rig.model), rig.mode == "forward"
     at, dofs = m.jnt_qposadr[rig.driven], m.jnt_dofadr[rig.driven]
+    begun = SETTLE
+    if m.joint(0).name == ROCKING:  # its record begins at rest, as it leans
+        begun = 0.0
+        mujoco.mj_forward(m, data)
+        data.qpos[0] -= data.qfrc_bias[0] / m.jnt_stiffness[0]
     rows, inertia, commands = [], np.zeros((m.nv, m.nv)), [np.zeros(m.nu)]
     for k, (place, rate) in enumerate(zip(wanted, np.gradient(wanted, STEP, axis=0), strict=True)):
         if k % EVERY == 0:
@@ -223,7 +254,7 @@ def _simulate(rig: Rig, wanted: Array, delay: float = 0.0) -> Columns:
         mujoco.mj_step1(m, data)
         if k % EVERY == 0:
             torque = data.qfrc_actuator[dofs] if forward else force
-            rows.append(np.concatenate([[k * STEP - SETTLE], data.qpos, torque, commands[-1]]))
+            rows.append(np.concatenate([[k * STEP - begun], data.qpos, torque, commands[-1]]))
         mujoco.mj_step2(m, data)
     table = np.array([row for row in rows if row[0] >= 0.0]).T
     keys = ["t", *rig.keys, *(f"t{i + 1}" for i in range(rig.joints)),

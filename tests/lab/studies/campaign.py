@@ -115,12 +115,13 @@ def read_study(asked: StudyRequest) -> StudyRecord:
     found = [r for r in Journal(asked.journal).records() if r.key in wanted]
     of = _code_to_show(found, inputs(asked.study))
     mine = sorted((r for r in found if r.of == of), key=lambda r: r.key)
-    outcomes = tuple(
-        Outcome(wanted[r.key], r.outcome["values"]) for r in mine if r.outcome is not None
-    )
+    failed, outcomes = asked.study.failed, []
+    for r in mine:
+        values = failed(wanted[r.key].values) if r.outcome is None else r.outcome["values"]
+        outcomes += [Outcome(wanted[r.key], values)] if values else []
     lost = tuple(record for record in mine if record.outcome is None)
     costs = tuple(record.cost for record in mine if record.outcome is not None)
-    return StudyRecord(asked, of, outcomes, lost, len(found) - len(mine), costs)
+    return StudyRecord(asked, of, tuple(outcomes), lost, len(found) - len(mine), costs)
 
 
 def cost(kept: StudyRecord, clock: Callable[[float], str]) -> list[tuple[str, str]]:

@@ -202,7 +202,7 @@ class Study:
     are functions of a module, so that another process can call them. `usual` and `quick` are
     numbers of cases, the latter 0 where one takes minutes; `seconds` is the processor time of one,
     `limit` the wall time at which it is set aside [s]. Rows of the table are groups of cases with
-    equal values of `by`.
+    equal values of `by`. Cases that fail, or are set aside, count with the values `failed`.
     """
 
     name: str
@@ -217,6 +217,7 @@ class Study:
     limit: float = 1800.0
     fits: tuple[Fit, ...] = ()
     ledger: Ledger | None = None
+    failed: Callable[[Values], Values] = lambda _: {}
 
     def cases(self, seed: int, count: int) -> tuple[Case, ...]:
         """The first `count` cases drawn by `seed`."""

@@ -15,23 +15,28 @@ import numpy as np
 from cell.gap.fit import fit
 from cell.gap.verdict.schema import Verdict
 from tests.lab.exam.foreign import LISTS, make_runs
-from tests.lab.studies.study import Quantity, Statistic, Study, Values
+from tests.lab.studies.catalogue.confidence import reliable
+from tests.lab.studies.study import Ledger, Outcome, Quantity, Statistic, Study, Values
 
 KINDS = ("nothing", "one effect", "two effects", "outside", "wrong base")
 FOLDER = "FOREIGN_MODELS"  # variable of the environment that a study's processes share
 RIGHT = {"wrong_mass": {"link_inertia"}}  # names that are right for a wrong base
+WITHHELD = 0.5  # of causes outside the library, those that are withheld from it
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
     """Draw what is hidden, a fifth of each kind, in one of the models."""
     kind = KINDS[number % len(KINDS)]
     name = str(rng.choice(list(LISTS["models"])))
-    mode = LISTS["models"][name].get("mode", "prescribed")
+    known = LISTS["models"][name]
+    mode = known.get("mode", "prescribed")
     count = {"nothing": 0, "two effects": 2}.get(kind, 1)
+    library = LISTS["library"][mode] + ["base_compliance"] * ("sways" in known)
+    withheld = kind == "outside" and bool(rng.random() < WITHHELD)
     others = {"outside": LISTS["outside"][mode], "wrong base": LISTS["wrong"]}
-    causes = others.get(kind, LISTS["library"][mode])
+    causes = library if withheld else others.get(kind, library)
     hidden = [str(c) for c in rng.choice(causes, count, replace=False)]
-    return {"kind": kind, "model": name, "hidden": hidden,
+    return {"kind": kind, "model": name, "hidden": hidden, "without": hidden if withheld else [],
             "size": float(rng.uniform(0.8, 1.6)), "seed": int(rng.integers(2**31))}  # fmt: skip
 
 
@@ -42,13 +47,20 @@ def measure(case: Values) -> Values:
         out = Path(place) / "model"
         file = make_runs(folder, case["model"], case["hidden"], case["size"], case["seed"], out)
         began = time.process_time()
-        verdict = fit([out / "study-runs"], file, Path(place) / "out")
+        verdict = fit([out / "study-runs"], file, Path(place) / "out", without=case["without"])
         cpu = time.process_time() - began
-    return {**score(case["kind"], case["hidden"], verdict), "cpu": cpu,
-            "verdict": verdict.verdict, "ambiguous": verdict.ambiguous,
-            "named": {e.name: e.confidence for e in verdict.effects},
+    right = names_that_are_right(case["kind"], case["hidden"])
+    scored = score(case["kind"], case["hidden"], verdict)
+    return {**scored, case["kind"]: scored["by_class"], "cpu": cpu, "verdict": verdict.verdict,
+            "ambiguous": verdict.ambiguous,
+            "stated": [[e.name, e.confidence, e.name in right] for e in verdict.effects],
             "deviates": [d.parameter for d in verdict.deviates],
             "suspected": [e.name for e in verdict.suspected]}  # fmt: skip
+
+
+def names_that_are_right(kind: str, hidden: Sequence[str]) -> set[str]:
+    """Names of effects that are right where these causes are hidden; none for one outside."""
+    return set() if kind == "outside" else {*hidden}.union(*(RIGHT.get(h, ()) for h in hidden))
 
 
 def score(kind: str, hidden: Sequence[str], verdict: Verdict) -> dict[str, bool | None]:
@@ -59,8 +71,7 @@ def score(kind: str, hidden: Sequence[str], verdict: Verdict) -> dict[str, bool 
     """
     named = {e.name for e in verdict.effects}
     every = named.union(*verdict.ambiguous)
-    right = set[str](hidden).union(*(RIGHT.get(h, ()) for h in hidden))
-    false = bool(named - right)
+    false = bool(named - names_that_are_right(kind, hidden))
     told = verdict.verdict != "no_gap" or bool(verdict.deviates)
     by_class = {"nothing": verdict.verdict == "no_gap", "outside": verdict.verdict == "unexplained",
                 "wrong base": told and not false}.get(
@@ -71,6 +82,17 @@ def score(kind: str, hidden: Sequence[str], verdict: Verdict) -> dict[str, bool 
     return {"by_class": by_class, "false": false, "base": base}
 
 
+def fail(case: Values) -> Values:
+    """Score of a case that ends without a verdict: right in nothing."""
+    told = {"base": False} if case["kind"] == "wrong base" else {}
+    return {"by_class": False, "false": False, case["kind"]: False, **told}
+
+
+def judge(outcomes: Sequence[Outcome]) -> str:
+    """Reliability of stated names, in fifths, which may be 10 points apart from 15 names on."""
+    return reliable([(p, right) for o in outcomes for _, p, right in o.values.get("stated", ())])
+
+
 STUDY = Study(
     name="foreign",
     question="What does `cell gap` say of mechanisms that others modelled?",
@@ -79,11 +101,16 @@ STUDY = Study(
     by=("kind",),
     quantities=(
         Quantity("by_class", Statistic.SHARE, "%", 100.0, label="right by class", digits=0),
-        Quantity("false", Statistic.SHARE, "%", 100.0, label="named falsely", digits=0),
-        Quantity("base", Statistic.SHARE, "%", 100.0, label="wrong base told", digits=0),
-        Quantity("cpu", Statistic.MEDIAN, "s", 1.0, label="median time", digits=0),
+        Quantity("nothing", Statistic.SHARE, "%", 100.0, 97.0, True, "no gap, least 97", 0),
+        Quantity("one effect", Statistic.SHARE, "%", 100.0, 90.0, True, "one, least 90", 0),
+        Quantity("false", Statistic.SHARE, "%", 100.0, 2.0, label="false, most 2", digits=0),
+        Quantity("base", Statistic.SHARE, "%", 100.0, 80.0, True, "base told, least 80", 0),
+        Quantity("cpu", Statistic.MEDIAN, "s", 1.0, 30.0, label="median, most 30", digits=0),
     ),
+    ledger=Ledger("tests/lab/ledgers/foreign.md", judge),
+    failed=fail,
     usual=100,
     quick=1,
-    seconds=40.0,
+    seconds=60.0,
+    limit=1200.0,
 )

@@ -1,6 +1,5 @@
 """Study of how well `cell gap` finds causes hidden in mechanisms of two to seven joints."""
 
-import resource
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,6 +11,7 @@ from cell.gap.fit import fit
 from cell.gap.verdict.schema import Verdict
 from tests.lab.exam.mechanisms import OUTSIDE, TRACKED, amounts, make_runs
 from tests.lab.exam.score import signs
+from tests.lab.studies.catalogue import foreign
 from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 CAUSE_CYCLE = ("nothing", "dry_friction", "outside", "quadratic_damping", "cable_spring", "nothing",
@@ -36,7 +36,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Score the verdict on a case; also returns its processor time `cpu` [s] and `memory` [MB].
+    """Score the verdict on a case; also returns its processor time `cpu` [s].
 
     `covered` states for each known size whether its interval contains it.
     """
@@ -49,30 +49,18 @@ def measure(case: Values) -> Values:
         cpu = time.process_time() - began
     truth = amounts(hidden, joints, size, cart=cart)
     return {**score(hidden, verdict), "covered": coverage(hidden, truth, verdict), "cpu": cpu,
-            "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
             "verdict": verdict.verdict, "named": [e.name for e in verdict.effects],
             "ambiguous": verdict.ambiguous, "suspected": [e.name for e in verdict.suspected],
             "signs": signs(verdict)}  # fmt: skip
 
 
-def score(hidden: str, verdict: Verdict) -> dict[str, bool]:
-    """Whether a verdict on the `hidden` cause is right, right by class, or names a false effect.
-
-    Where nothing is hidden, `no_gap` is right; causes outside the library are to be left open, and
-    a class of effects claims one of them.
-    """
-    named = [e.name for e in verdict.effects]
-    if hidden == "nothing":
-        right = verdict.verdict == "no_gap"
-        return {"right": right, "by_class": right, "wrong": bool(named)}
-    if hidden in OUTSIDE:
-        right = verdict.verdict == "unexplained"
-        wrong = bool(named) or verdict.verdict == "ambiguous"
-        return {"right": right, "by_class": right, "wrong": wrong}
-    others = [name for name in named if name != hidden]
-    among = hidden in named or any(hidden in group for group in verdict.ambiguous)
-    return {"right": named == [hidden] and not verdict.ambiguous,
-            "by_class": among and not others, "wrong": bool(others)}  # fmt: skip
+def score(hidden: str, verdict: Verdict) -> dict[str, bool | None]:
+    """Whether a verdict on the `hidden` cause is right, right by class, or names a false effect."""
+    kind = "outside" if hidden in OUTSIDE else "nothing" if hidden == "nothing" else "one effect"
+    found = foreign.score(kind, [hidden], verdict)
+    alone = [e.name for e in verdict.effects] == [hidden] and not verdict.ambiguous
+    right = found["by_class"] and (alone or kind != "one effect")
+    return {"right": right, "by_class": found["by_class"], "wrong": found["false"]}
 
 
 def accepted(case: Values, values: Values) -> Values:
@@ -112,7 +100,6 @@ STUDY = Study(
         Quantity("covered", Statistic.SHARE, "%", 100.0, label="sizes held", digits=0),
         Quantity("cpu", Statistic.MEDIAN, "s", 1.0, label="median time", digits=0),
         Quantity("cpu", Statistic.WORST_SIZE, "s", 1.0, label="longest time", digits=0),
-        Quantity("memory", Statistic.WORST_SIZE, "MB", 1.0, label="memory", digits=0),
     ),
     usual=120,
     quick=1,

@@ -70,7 +70,7 @@ def _sway_path(mechanism: Mechanism, values: Array, t: Array, q: Array, v: Array
     by, of, _ = cont2discrete(law, t[1] - t[0], "foh")
     for k in np.flatnonzero(compliances):  # at the start it follows weights, and rests otherwise
         ramp = force[0, k] - t * (slopes[0, k] @ v[0])
-        place = compliances[k] * (lfilter(by[0], of, ramp - force[:, k]) - ramp + ramp[0])
+        place = compliances[k] * (lfilter(by[0], of, ramp - force[:, k]) - ramp)
         faster = make_interp_spline(t, place, k=5)(t, nu=2)
         torque -= faster[:, None] * momenta[:, k] - place[:, None] * slopes[:, k]
     return torque

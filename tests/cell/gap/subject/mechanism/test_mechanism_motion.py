@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import yaml
 
-from cell.gap.fit import fit
 from cell.gap.subject.mechanism.effects import effect_of, ordered_values
 from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
 from cell.gap.subject.run_folders import find_runs
@@ -30,15 +29,6 @@ def test_hidden_effect_of_a_mechanism_has_the_librarys_values(tmp_path, monkeypa
     assert left(mechanism, **({hidden: values} if truth else {})) < 1.2
     if truth:
         assert left(mechanism) > 1.5
-
-
-@pytest.mark.long
-def test_a_payload_is_named_where_links_far_from_what_is_stated_would_do_as_well(tmp_path):
-    file = synthetic.make_runs(tmp_path, "payload", 2, 1.05, 128373791, cart=True)
-    verdict = fit([tmp_path / "runs"], file, tmp_path / "out")
-    assert [e.name for e in verdict.effects] == ["payload"]
-    mass = verdict.effects[0].parameters["mass"]
-    assert mass.low < synthetic.amounts("payload", 2, 1.05)["mass"] < mass.high
 
 
 STANDING = """<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody><body name="b">
