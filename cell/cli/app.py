@@ -16,8 +16,7 @@ from cell.cli.gap import gap
 from cell.cli.import_runs import export_runs, import_runs
 from cell.cli.learn import learn
 from cell.cli.observe import observe
-from cell.cli.record import note, report, viz
-from cell.cli.replay import replay
+from cell.cli.record import note, replay, report, viz
 from cell.cli.runs import runs
 from cell.cli.strips import strips
 from cell.cli.train import train

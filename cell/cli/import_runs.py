@@ -11,7 +11,7 @@ from cell.cli.options import Configs, Json, busy, print_json, run_folder
 from cell.report.words import plural
 
 if TYPE_CHECKING:
-    from cell.record.run import Run
+    from cell.config.places import Configs as Found
 
 
 def import_runs(
@@ -19,7 +19,7 @@ def import_runs(
         list[Path],
         typer.Argument(
             metavar="PLACE",
-            help="A folder with the tables of a run, an MCAP file, or a LeRobot data set.",
+            help="A table or a folder of a run's tables, an MCAP file, or a LeRobot data set.",
         ),
     ],
     out: Annotated[Path, typer.Option(help="Folder in which the runs are written.")],
@@ -27,35 +27,62 @@ def import_runs(
         Path | None,
         typer.Option(help="File that says which column holds what; exported runs have their own."),
     ] = None,
+    model: Annotated[
+        Path | None, typer.Option(help="File of the mechanism whose runs these are, not folds.")
+    ] = None,
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
     """Write run folders from tables of other programs, checked and converted, ready for a fit."""
     from cell.config.places import find_configs
-    from cell.gap.subject.strip.runs import check_fold
-    from cell.record.exchange.import_runs import import_runs as convert
-    from cell.record.run import read_run
 
     found = find_configs(configs)
     with busy("reading the tables"):
-        check = partial(check_fold, found.strip_names(), found.strip)
-        made = convert(places, mapping, out, check)
-    for folder in made if as_json else ():
-        print_json({"run": folder})
-    if not as_json:
-        runs = [read_run(folder) for folder in made]
-        sys.stdout.writelines(f"{_summary(run)}\n" for run in runs)
-        sys.stdout.write(f"{plural(len(made), 'run')} in {out}\n")
-        strip = runs[0].header.strip
-        sys.stdout.write(f"next: cell gap fit {out} --strip {strip} --out {out}-fit\n")
+        made = _convert(places, mapping, out, model, found)
+    if as_json:
+        for folder in made:
+            print_json({"run": folder})
+        return
+    sys.stdout.writelines(f"{folder.name}: {_summary(folder)}\n" for folder in made)
+    sys.stdout.write(f"{plural(len(made), 'run')} in {out}\n")
+    following = f"check {out} --model {model} --out {out}-check"
+    if model is None:
+        from cell.record.run import read_run
+
+        following = f"fit {out} --strip {read_run(made[0]).header.strip} --out {out}-fit"
+    sys.stdout.write(f"next: cell gap {following}\n")
 
 
-def _summary(run: "Run") -> str:
-    """Duration and quantities of an imported run."""
+def _convert(
+    places: list[Path], mapping: Path | None, out: Path, model: Path | None, found: "Found"
+) -> tuple[Path, ...]:
+    from cell.record.exchange.import_runs import import_runs as convert
+    from cell.record.exchange.mapping import SignalMapping
+
+    if model is not None:
+        from cell.gap.subject.mechanism.load import check_of
+
+        return convert(places, mapping, out, check_of(model), SignalMapping)
+    from cell.gap.subject.strip.runs import check_fold
+
+    return convert(places, mapping, out, partial(check_fold, found.strip_names(), found.strip))
+
+
+def _summary(folder: Path) -> str:
+    """Duration and quantities of an imported run, a fold's or of a mechanism."""
+    from cell.gap.subject.run_folders import read_table
+    from cell.record.files import SIGNALS
+    from cell.record.run import read_run
+
+    if (folder / SIGNALS).is_file():
+        columns = read_table(folder / SIGNALS)
+        t = columns.pop("t")
+        return f"{t[-1] - t[0]:.2f} s; {len(t)} rows of {', '.join(columns)}"
+    run = read_run(folder)
     touch = None if run.result is None else run.result.t_layer_touch
     seen = "no touch" if touch is None else f"touch at {touch:.2f} s"
     images = plural(len(set(run.profile.t.tolist())), "image")
-    return f"{run.name}: {run.ticks.t[-1]:.2f} s; {images}, {seen}"
+    return f"{run.ticks.t[-1]:.2f} s; {images}, {seen}"
 
 
 def export_runs(

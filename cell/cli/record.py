@@ -1,4 +1,4 @@
-"""Commands on records: `cell report` (pages), `cell note` (tags) and `cell viz` (Rerun)."""
+"""Commands on records: `cell report` (pages), `note` (tags), `replay` and `viz` (Rerun)."""
 
 import re
 import sys
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cell.cli.options import Json, Run, RunFolders, busy, run_folder, say
+from cell.cli.options import Json, Run, RunFolders, busy, print_json, run_folder, say
 from cell.record.files import CALIBRATION, is_run
 from drivers.errors import ConfigurationError
 
@@ -104,3 +104,19 @@ def viz(run: Run) -> None:
     for problem in read_broken_run(run).problems:
         sys.stderr.write(f"cell: {problem}\n")
     sys.stdout.write(f"{path}\n  open it with: rerun {path}\n")
+
+
+def replay(run: Run, as_json: Json = False) -> None:
+    """Repeat a run's perception and decisions from its record; exit code 1 if a result differs."""
+    with busy("repeating perception and decisions from the record"):
+        from cell.folding.replay import replay as decide_again
+
+        result = decide_again(run)
+    if as_json:
+        facts = {"run": run, "images": result.images, "decisions": result.decisions}
+        print_json({**facts, "differences": result.differences})
+    else:
+        text = "the same" if result.same else f"{len(result.differences)} differences"
+        sys.stdout.write(f"{result.images} images, {result.decisions} decisions: {text}\n")
+        sys.stdout.writelines(f"  {line}\n" for line in result.differences)
+    sys.exit(0 if result.same else 1)

@@ -29,8 +29,19 @@ PROFILE_LIMITS: dict[str, Limit] = {
 }  # fmt: skip
 
 
+class Columns:
+    """Base of the columns of a table, arrays (n,)."""
+
+    __slots__: tuple[str, ...] = ()
+
+    @classmethod
+    def none(cls) -> Self:
+        """Empty columns."""
+        return cls(**{name: frozen([]) for name in cls.__slots__ if name != "state"})
+
+
 @dataclass(frozen=True, slots=True)
-class Ticks:
+class Ticks(Columns):
     """Columns of ticks.parquet: arrays (n,) in s, m, rad, N; NaN where not measured.
 
     `state` and `image_age` are those of a run of the cell, empty and NaN in others.
@@ -47,7 +58,7 @@ class Ticks:
     f_x: Array
     f_z: Array
     image_age: Array
-    state: tuple[str, ...]
+    state: tuple[str, ...] = ()
 
     @classmethod
     def parse(cls, table: pa.Table, origin: str) -> Self:
@@ -62,14 +73,9 @@ class Ticks:
         columns = self.x, self.z, self.pitch
         return Pose(*(float(np.interp(stamp, self.t, column)) for column in columns))
 
-    @classmethod
-    def none(cls) -> Self:
-        """Ticks of no time: empty columns."""
-        return cls(**{name: frozen([]) for name in TICK_LIMITS}, state=())
-
 
 @dataclass(frozen=True, slots=True)
-class Profile:
+class Profile(Columns):
     """Columns of profile.parquet: arrays (n,), stamp `t` [s], order `i`, points `x`, `z` [m]."""
 
     t: Array
@@ -86,11 +92,6 @@ class Profile:
         _check_order(values["t"], origin, strictly=False)
         return cls(**values)
 
-    @classmethod
-    def none(cls) -> Self:
-        """A profile of no images: empty columns."""
-        return cls(*[frozen([]) for _ in cls.__slots__])
-
     def curves(self) -> list[tuple[float, Array]]:
         """Stamp [s] and points (m, 2) [m] of each image, in order."""
         points = np.stack([self.x, self.z], axis=1)
@@ -103,7 +104,7 @@ class Profile:
 
 
 @dataclass(frozen=True, slots=True)
-class Sights:
+class Sights(Columns):
     """Columns of sights.parquet: a `StripMeasurement` per image as arrays (n,); may be empty."""
 
     stamp: Array
@@ -122,11 +123,6 @@ class Sights:
         limits, finite = dict.fromkeys(cls.__slots__, ANY), ("stamp", "sequence")
         values = _read(table, limits, origin, must=limits, finite=finite)
         return cls(**values)
-
-    @classmethod
-    def none(cls) -> Self:
-        """Measurements of no images: empty columns."""
-        return cls(*[frozen([]) for _ in cls.__slots__])
 
 
 def _read(

@@ -18,7 +18,7 @@ from cell.record.film import Encoder
 from cell.record.film_encoder import FilmEncoder
 from drivers.errors import ConfigurationError
 from drivers.files import new_file, replace_file, write_all
-from drivers.readers import read_json_lines
+from drivers.readers import read_json_lines, read_picture
 from drivers.types import Frame, Image
 
 FOLDER, INDEX = "frames", "frames/index.jsonl"
@@ -67,13 +67,6 @@ def encode(image: Image) -> bytes:
     if not done:
         raise OSError("the image could not be encoded")
     return bytes(content)
-
-
-def decode(path: Path) -> Image:
-    """Read the image (h, w, 3) in the file at `path`; ConfigurationError for any other file."""
-    from drivers.readers import read_picture
-
-    return read_picture(path, LARGEST_SIDE)
 
 
 class KeyFrames:
@@ -126,7 +119,7 @@ def read_frame(note: FrameNote) -> Frame | None:
     """
     if note.file is None:
         return None
-    image = decode(note.file)
+    image = read_picture(note.file, LARGEST_SIDE)
     if digest(image) != note.sha256:
         raise ConfigurationError(f"{note.file}: is not the image that was recorded")
     return Frame(note.stamp, note.arrival, note.source, note.sequence, image)

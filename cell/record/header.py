@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
-from drivers.settings import Metres, Settings
+from drivers.settings import Metres, Settings, Unit
 
 Positive = Annotated[float, Field(gt=0)]
 Number = Annotated[float, Field(ge=-1e9, le=1e9)]  # in any unit, mistaken ones included
@@ -31,23 +31,25 @@ DEVICES = ("arm_", "hand_", "grasp_", "camera_", "image_", "simulation_", "strip
 """Each device names its own faults after itself."""
 
 
-class Recorded(Settings):
-    """Base of files written by programs: unknown keys are kept, missing and broken ones refused."""
+class Part(Settings):
+    """Base of what programs write: unknown keys are kept, missing and broken ones refused."""
 
     model_config = ConfigDict(extra="allow")
+
+
+class Recorded(Part):
+    """Base of files written by programs."""
 
     schema_: Literal[1] = Field(1, alias="schema")
 
 
-class Sigma(Settings):
+class Sigma(Part):
     """One-sigma measurement noise of a run: lengths [m], `touch_time` [s], `force` [N].
 
     `edge_offset` [m] is the error of the camera's view of the laid edges.
 
     What is not stated was not measured: rows of it, if there are any, carry no weight.
     """
-
-    model_config = ConfigDict(extra="allow")
 
     contact_x: Metres = Field(UNMEASURED, gt=0)
     profile: Metres = Field(UNMEASURED, gt=0)
@@ -58,19 +60,15 @@ class Sigma(Settings):
     force: Positive | None = None
 
 
-class DriverNames(Settings):
+class DriverNames(Part):
     """Names of the drivers of a run."""
-
-    model_config = ConfigDict(extra="allow")
 
     arm: str = ""
     camera: str = ""
 
 
-class CalibrationNote(Settings):
+class CalibrationNote(Part):
     """Identity of a run's calibration, and its error [m]."""
-
-    model_config = ConfigDict(extra="allow")
 
     id: str = ""
     error: float | None = None
@@ -123,20 +121,52 @@ class Header(Recorded):
         return self.policy is not None or self.seen_by == "cell"
 
 
-class Interval(Settings):
-    """A parameter of the rods that a policy steers by, with the interval of 68 % of them."""
+class Load(Part):
+    """Load of a mechanism in a run: the `body` that carries it, `mass` [kg], `com` (3,) [m]."""
 
-    model_config = ConfigDict(extra="allow")
+    body: str
+    mass: float
+    com: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class RunOfMotion(Recorded):
+    """Contents of run.yaml of any run but a fold's: its place in the series, and its condition."""
+
+    index: int | None = Field(None, ge=0, le=1_000_000)
+    condition: str | float | None = None
+
+
+class MechanismRun(RunOfMotion):
+    """Contents of run.yaml of a mechanism; `origin` is the recording that it was cut from."""
+
+    mechanism: str | None = None
+    origin: str | float | None = None
+    load: Load | None = None
+
+
+class SwingNoise(Part):
+    """Noise of a pendulum's readings."""
+
+    angle: Annotated[float, Unit("rad"), Field(gt=0.0, lt=0.3)] | None = None
+
+
+class SwingRun(RunOfMotion):
+    """Contents of run.yaml of a pendulum."""
+
+    pendulum: str | None = None
+    sigma: SwingNoise
+
+
+class Interval(Part):
+    """A parameter of the rods that a policy steers by, with the interval of 68 % of them."""
 
     value: Number
     low: Number
     high: Number
 
 
-class PredictionNote(Settings):
+class PredictionNote(Part):
     """A policy's prediction: displacement with one sigma [m], and estimates of the strip in SI."""
-
-    model_config = ConfigDict(extra="allow")
 
     displacement: Number
     sigma: Number
@@ -145,10 +175,8 @@ class PredictionNote(Settings):
     yield_curvature: Interval
 
 
-class AgreementNote(Settings):
+class AgreementNote(Part):
     """Whether the strip behaved like its model, and the `residual` [m] between both."""
-
-    model_config = ConfigDict(extra="allow")
 
     like_model: bool
     residual: Number
@@ -156,10 +184,8 @@ class AgreementNote(Settings):
     reason: str = ""
 
 
-class WitnessNote(Settings):
+class WitnessNote(Part):
     """Difference [m] of two sources of one length, its `spread` [m], a `reason` to doubt them."""
-
-    model_config = ConfigDict(extra="allow")
 
     name: str
     difference: Number

@@ -10,7 +10,7 @@ from dataclasses import astuple, dataclass, fields
 from datetime import UTC, datetime, timedelta
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from cell.record.files import NOTES, RESULT, RUN, is_run, is_under_way
 from drivers.errors import ConfigurationError, suggestion
@@ -23,6 +23,7 @@ UNDER_WAY, DIED, BROKEN = "under way", "died", "broken"
 HEADER_KEYS = frozenset(
     {"strip", "policy", "seed", "speed", "start", "condition", "drivers", "calibration"}
 )
+T = TypeVar("T")
 LARGEST_INTEGER = 2**63 - 1  # of SQLite
 
 
@@ -147,8 +148,6 @@ def to_prune(
     """
     if keep is None and older_than is None:
         raise ConfigurationError("--keep, --older-than: give one")
-    if keep is not None and keep < 0:
-        raise ConfigurationError(f"--keep: is {keep}, must be 0 or more")
     ordered = sorted(rows, key=lambda row: (row.began, row.name))
     surplus = ordered if keep is None else ordered[: max(len(ordered) - keep, 0)]
     old = [row for row in surplus if older_than is None or now - row.began > older_than]
@@ -199,9 +198,9 @@ def read_row(folder: Path) -> RunRow:
         size=_size(folder),
         touch=_number(final.get("t_layer_touch")),
         predicted=_number(_part(final, "foretold").get("displacement")),
-        like_model=_boolean(_part(final, "agreement").get("like_model")),
+        like_model=_only(bool, _part(final, "agreement").get("like_model")),
         reason=_text(final.get("reason")),
-        seed=_integer(stated.get("seed")),
+        seed=_only(int, stated.get("seed")),
         speed=_number(stated.get("speed")),
         start=_text(stated.get("start")) or "flat",
         condition=_text(stated.get("condition")),
@@ -284,12 +283,8 @@ def _number(value: object) -> float | None:
     return float(value)
 
 
-def _integer(value: object) -> int | None:
-    return value if isinstance(value, int) and not isinstance(value, bool) else None
-
-
-def _boolean(value: object) -> bool | None:
-    return value if isinstance(value, bool) else None
+def _only(kind: type[T], value: object) -> T | None:
+    return value if type(value) is kind else None
 
 
 def _text(value: object) -> str:

@@ -136,15 +136,6 @@ class Tick:
     @classmethod
     def from_state(cls, arm: ArmState, state: str, cost: float = NOT_MEASURED) -> Self:
         """The row of a measured arm state; `t` is the moment of the joint reading."""
-        return cls(
-            t=arm.stamp,
-            x=arm.pose.x,
-            z=arm.pose.z,
-            pitch=arm.pose.pitch,
-            x_cmd=arm.commanded.x,
-            z_cmd=arm.commanded.z,
-            state=state,
-            f_x=arm.force[0],
-            f_z=arm.force[1],
-            cost=cost,
-        )
+        pose, commanded = arm.pose, arm.commanded
+        measured = arm.stamp, pose.x, pose.z, pose.pitch
+        return cls(*measured, commanded.x, commanded.z, state, *arm.force, cost)

@@ -13,11 +13,12 @@ from cell.perception.preflight import inspect
 from cell.perception.region import Region
 from cell.perception.settings import PerceptionSettings
 from cell.record.columns import FARTHEST_HAND, Sights, Ticks
-from cell.record.frames import FrameNote, decode, frame_file, read_frame
+from cell.record.frames import FrameNote, frame_file, read_frame
 from cell.record.run import Run
 from cell.report.kit import jpeg_text
 from cell.report.words import seconds
 from drivers.errors import ConfigurationError
+from drivers.readers import read_picture
 from drivers.settings import parse
 from drivers.strip.file import StripFile
 from drivers.types import Array, Image
@@ -185,7 +186,7 @@ def _read(note: FrameNote) -> Image | None:
     if note.file is None:
         return None
     try:
-        return decode(note.file)
+        return read_picture(note.file)
     except ConfigurationError:
         return None
 

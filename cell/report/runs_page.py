@@ -9,7 +9,7 @@ import numpy as np
 
 from cell.record.columns import FARTHEST_HAND
 from cell.record.files import FILM, REPORT
-from cell.record.frames import decode, read_index
+from cell.record.frames import read_index
 from cell.record.listing import RunRow, read_row
 from cell.record.run import Run, read_broken_run
 from cell.report.drawing import MUTED, as_svg, canvas
@@ -20,6 +20,7 @@ from cell.report.verdict import Verdict
 from cell.report.words import NO_VALUE, millimetres, plural, seconds
 from drivers.errors import ConfigurationError
 from drivers.files import write_file
+from drivers.readers import read_picture
 
 PICTURED = 300  # newest runs with a thumbnail; more would make the page heavy
 THUMBNAIL_WIDTH = 128  # px
@@ -69,7 +70,7 @@ def _thumbnail(row: RunRow) -> str:
     """Last kept image of a run, small, as JPEG in text form; empty where none can be read."""
     try:
         kept = [note.file for note in read_index(row.folder) if note.file is not None]
-        image = decode(kept[-1]) if kept else None
+        image = read_picture(kept[-1]) if kept else None
     except ConfigurationError:
         return ""
     return "" if image is None else jpeg_text(image, THUMBNAIL_WIDTH, quality=60)

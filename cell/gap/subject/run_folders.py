@@ -4,17 +4,16 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from cell.record.files import JOINTS
+from cell.record.files import JOINTS, PROFILE, SIGNALS, TICKS
 from drivers.errors import ConfigurationError
-from drivers.readers import SCHEMA, read_parquet
+from drivers.readers import read_parquet
 from drivers.types import Array
 
 HEADER_FILE = "run.yaml"
-TABLES = ("ticks.parquet", "profile.parquet", "angles.parquet", "signals.parquet", JOINTS)
+TABLES = (TICKS, PROFILE, "angles.parquet", SIGNALS, JOINTS)
 JOINT_TABLE = JOINTS  # of a robot, tick by tick
 
 
@@ -94,27 +93,6 @@ def _utf8(name: str) -> str:
     return name.encode(errors="backslashreplace").decode()
 
 
-def check_schema(head: Mapping[str, Any], path: Path) -> None:
-    """Refuse a run's header, read from `path`, that states no schema or a newer one."""
-    schema = head.get("schema")
-    if schema is None:
-        raise ConfigurationError(
-            f"{path}: schema: is missing; add it: this version reads schema: {SCHEMA}"
-        )
-    if isinstance(schema, bool) or not isinstance(schema, int) or not 0 < schema <= SCHEMA:
-        raise ConfigurationError(
-            f"{path}: schema: is {schema!r}, this version reads {SCHEMA}; update the cell"
-        )
-
-
-def index_of(head: Mapping[str, Any], path: Path) -> int:
-    """Index that a run's header states, or 0; ConfigurationError for an invalid one."""
-    index = head.get("index", 0)
-    if isinstance(index, bool) or not isinstance(index, int) or index < 0:
-        raise ConfigurationError(f"{path}: index: is {index!r}; allowed: 0, 1, 2, ...")
-    return index
-
-
 def check_indices(folders: Sequence[Path], stated: Sequence[int | None]) -> None:
     """Refuse two runs that state the same index, their place in the order of measurement.
 
@@ -145,15 +123,15 @@ def read_table(path: Path) -> dict[str, Array]:
     return columns
 
 
-def column(table: dict[str, Array], name: str, path: Path, *, gaps: bool = False) -> Array:
-    """Required column `name` (n,) of a table, finite throughout unless `gaps` are allowed.
+def column(table: dict[str, Array], name: str, path: Path) -> Array:
+    """Required column `name` (n,) of a table, finite throughout.
 
     Raises ConfigurationError where the column is missing or holds a value that is not finite.
     """
     if name not in table:
         raise ConfigurationError(f"{path}: {name}: this column is missing (or not numbers); add it")
     values = table[name]
-    if not gaps and not np.isfinite(values).all():
+    if not np.isfinite(values).all():
         row = int(np.argmin(np.isfinite(values)))
         raise ConfigurationError(
             f"{path}: {name}: row {row} is not a number; every row must be one"

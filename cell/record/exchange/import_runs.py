@@ -19,15 +19,17 @@ from cell.record.exchange.mapping import (
     FILE,
     LENGTHS,
     MAPPING,
+    OF_SIGNALS,
     MappingFile,
     Place,
+    SignalMapping,
     Source,
     Table,
-    folder_source,
+    file_source,
     path_of,
     read_columns,
 )
-from cell.record.files import PROFILE, RESULT, RUN, TICKS, is_run
+from cell.record.files import PROFILE, RESULT, RUN, SIGNALS, TICKS, is_run
 from cell.record.frames import FrameWriter
 from cell.record.run import read_run
 from cell.record.tables import place_contacts, write_parquet
@@ -37,6 +39,7 @@ from drivers.settings import load, parse
 from drivers.types import Array
 from drivers.yaml_text import dump_yaml, parse_yaml
 
+AnyMapping = MappingFile | SignalMapping
 LONGEST_INTERVAL = 0.2  # s between rows of the gripper; slower ones are in another unit than stated
 SOON = 1.0  # s after the last row, within which a touch read off a stopwatch may lie
 
@@ -46,20 +49,22 @@ def import_runs(
     mapping: Path | None,
     out: Path,
     check: Callable[[Path], object] = read_run,
+    kind: type[AnyMapping] = MappingFile,
 ) -> tuple[Path, ...]:
     """Import the runs in `places`, in that order; returns their new folders below `out`.
 
-    A place is a folder of tables, a folder of such folders, an MCAP file, or a LeRobot data set;
-    what `cell export` wrote brings its own mapping. All runs are written, or none. `check` reads
-    each of them. Raises ConfigurationError for tables that are missing or do not hold what
-    `mapping` says, values that no run can have, or a run that is there already.
+    A place is a folder of tables, a folder of such folders, a table, an MCAP file, or a LeRobot
+    data set; what `cell export` wrote brings its own mapping. All runs are written, or none.
+    `check` reads each of them; `kind` is that of the mapping, of folds or of a mechanism. Raises
+    ConfigurationError for tables that are missing or do not hold what `mapping` says, values that
+    no run can have, or a run that is there already.
     """
-    stated = None if mapping is None else load(mapping, MappingFile)
-    sources = (source for place in places for source in _sources(place, mapping))
+    stated = None if mapping is None else load(mapping, kind)
+    sources = (source for place in places for source in sources_in(place, mapping))
     with scratch_folder(out) as scratch:
         made: list[Path] = []
         for index, source in enumerate(sources):
-            how, run = stated or _own_mapping(source), scratch / source.name
+            how, run = stated or _own_mapping(source, kind), scratch / source.name
             check_free(out / run.name)
             if run in made:
                 raise ConfigurationError(
@@ -71,16 +76,23 @@ def import_runs(
             try:
                 check(run)
             except ConfigurationError as error:
-                text = str(error).replace(str(run / TICKS), str(path_of(source, how.ticks)))
-                mending = _mending(source, how, check, scratch)
-                raise ConfigurationError(
-                    text.replace(str(run), str(source.path)) + mending
-                ) from None
+                text = _of_source(str(error), source, how, run)
+                raise ConfigurationError(text + _mending(source, how, check, scratch)) from None
             with writing(out):
                 _write_film(source, run)
         if not made:
             raise ConfigurationError(f"{places[0]}: holds no tables")
         return _move_all(made, out)
+
+
+def _of_source(text: str, source: Source, how: AnyMapping, run: Path) -> str:
+    """The `text` of an error of the made `run`, with the path of its source."""
+    if isinstance(how, SignalMapping):
+        mapped = f"{path_of(source, how.signals)}, as mapped"
+        text = text.replace(str(run / SIGNALS), mapped)
+    else:
+        text = text.replace(str(run / TICKS), str(path_of(source, how.ticks)))
+    return text.replace(str(run), str(source.path))
 
 
 def _move_all(made: Sequence[Path], out: Path) -> tuple[Path, ...]:
@@ -98,9 +110,11 @@ def _move_all(made: Sequence[Path], out: Path) -> tuple[Path, ...]:
 
 
 def _mending(
-    source: Source, how: MappingFile, check: Callable[[Path], object], scratch: Path
+    source: Source, how: AnyMapping, check: Callable[[Path], object], scratch: Path
 ) -> str:
     """The axis or unit of the gripper's columns, as a remedy, with which the run can be read."""
+    if isinstance(how, SignalMapping):
+        return ""
     changes: list[Any] = [{"reversed": True}, {"reversed": False}]
     for change in (*changes, *({"unit": unit} for unit in LENGTHS)):
         for names in (("x",), ("z",), ("x", "z")):
@@ -118,22 +132,27 @@ def _mending(
     return ""
 
 
-def _sources(place: Path, mapping: Path | None) -> Iterator[Source]:
-    """Sources of runs in `place`; none where it is the mapping file, which lies beside runs."""
+def sources_in(place: Path, mapping: Path | None = None) -> Iterator[Source]:
+    """Sources of runs in `place`; none where it is the mapping file, which lies beside runs.
+
+    Raises ConfigurationError for what holds none.
+    """
     if place.suffix == ".mcap":
         require_library("mcap")
         from cell.record.exchange.mcap_file import McapFile
 
         file = McapFile(place)
-        yield Source(place, place.stem, file.documents, file.table)
+        yield Source(place, place.stem, file.documents, file.topics, file.table)
     elif (place / INFO).is_file():
         yield from episodes(place)
     elif place.is_dir():
-        yield from map(folder_source, _table_folders(place))
+        yield from map(file_source, _table_folders(place))
+    elif place.is_file() and FILE.fullmatch(place.name):
+        yield file_source(place)
     elif not (place.is_file() and (place.name == MAPPING or place == mapping)):
         fault = "is none of what is read" if place.exists() else "is not there"
         raise ConfigurationError(
-            f"{place}: {fault}; give a folder with tables, an .mcap file or a LeRobot data set"
+            f"{place}: {fault}; give tables or folders with them, .mcap files or LeRobot data sets"
         )
 
 
@@ -147,7 +166,7 @@ def _table_folders(place: Path) -> list[Path]:
     return inner
 
 
-def _own_mapping(source: Source) -> MappingFile:
+def _own_mapping(source: Source, kind: type[AnyMapping]) -> AnyMapping:
     content = source.documents.get(MAPPING)
     if content is None:
         fault = "nothing says which column holds what; write a mapping and give it with --mapping"
@@ -156,11 +175,18 @@ def _own_mapping(source: Source) -> MappingFile:
         raise ConfigurationError(f"{source.path}: {fault}")
     origin = f"{source.path}: {MAPPING}"
     text = content.decode(errors="replace")
-    return parse(parse_yaml(text, origin), MappingFile, origin)
+    return parse(parse_yaml(text, origin), kind, origin)
 
 
-def _import(source: Source, how: MappingFile, index: int, target: Path, *, documents: bool) -> None:
+def _import(source: Source, how: AnyMapping, index: int, target: Path, *, documents: bool) -> None:
     """Write the tables of `source` as a run, and with `documents` its own YAML files."""
+    if isinstance(how, SignalMapping):
+        signals = read_columns(source, how.signals, OF_SIGNALS)
+        head = {"schema": 1, "mechanism": how.mechanism, **_place(source.name, how, index)}
+        target.mkdir()
+        write_document(target / RUN, head)
+        write_parquet(target / SIGNALS, pa.table(signals))
+        return
     ticks = dict(read_columns(source, how.ticks))
     first = float(ticks["t"][0]) if len(ticks["t"]) else 0.0
     begin = first if how.begin is None else how.begin
@@ -186,6 +212,8 @@ def _import(source: Source, how: MappingFile, index: int, target: Path, *, docum
 
 def _write_film(source: Source, run: Path) -> None:
     """Give the `run` the film of its `source`, if any, each image at the time of its row."""
+    if not (run / TICKS).is_file():  # of a mechanism, which no image shows
+        return
     writer, t = None, read_run(run).ticks.t.tolist()
     try:
         for row, frame in source.images():
@@ -209,18 +237,17 @@ def _check_ticks(ticks: dict[str, Array], path: Path) -> None:
 
 
 def _header(name: str, how: MappingFile, index: int) -> dict[str, object]:
-    place = how.runs.get(name, Place())
-    header: dict[str, object] = {
-        "schema": 1,
-        "strip": how.strip,
-        "start": how.start,
-        "index": index if place.index is None else place.index,
-        "contact_height": how.contact_height,
-        "sigma": how.sigma.model_dump(exclude_unset=True),
-    }
-    if (condition := place.condition or how.condition) is not None:
-        header["condition"] = condition
+    stated = how.model_dump(include={"strip", "start", "contact_height"})
+    place, sigma = _place(name, how, index), how.sigma.model_dump(exclude_unset=True)
+    header: dict[str, object] = {"schema": 1, **stated, **place, "sigma": sigma}
     return header | ({} if how.seen_by is None else {"seen_by": how.seen_by})
+
+
+def _place(name: str, how: AnyMapping, index: int) -> dict[str, object]:
+    """Keys of a run's header that say where it belongs, by default the `index` of the call."""
+    stated = how.runs.get(name, Place()).model_dump(exclude_none=True)
+    common = {} if how.condition is None else {"condition": how.condition}
+    return {"index": index} | common | stated
 
 
 def _profile(source: Source, how: MappingFile, begin: float) -> dict[str, Array]:

@@ -46,7 +46,7 @@ EPISODES = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 PLACE = re.compile(r"\{(chunk_index|file_index|video_key)(?::0(\d)d)?\}")
 EPISODE = "episode"  # its tables, as a mapping names them
-POINTS_TABLE = "points"
+POINTS_TABLE, POINTS_STAMP = "points", "observation.profile_stamp"
 
 
 class Feature(NamedTuple):
@@ -151,7 +151,7 @@ def _curves(part: RunTables, points: int) -> dict[str, Feature]:
     for i, (_, curve) in enumerate(curves):
         padded[i, : len(curve)] = curve
     names = [str(i) for i in range(points)]
-    found = {"observation.profile_stamp": _at_frames(part, stamps, stamps)}
+    found = {POINTS_STAMP: _at_frames(part, stamps, stamps)}
     for k, axis in enumerate("xz"):
         feature = _at_frames(part, stamps, padded[..., k])
         found[f"observation.profile_{axis}"] = feature._replace(names=names)
@@ -341,7 +341,7 @@ class Episode:
         """Frames or points of the episode; ConfigurationError for any other table."""
         if file == EPISODE:
             return self._flat()
-        if file == POINTS_TABLE and "observation.profile_stamp" in self.frames.column_names:
+        if file == POINTS_TABLE and POINTS_STAMP in self.frames.column_names:
             return self._points()
         known = (EPISODE, POINTS_TABLE)
         raise ConfigurationError(
@@ -367,7 +367,7 @@ class Episode:
             _matrix(self.frames[f"observation.profile_{a}"].combine_chunks(), count) for a in "xz"
         )
         row, i = np.nonzero(np.isfinite(x.T))
-        stamp = self.frames["observation.profile_stamp"].to_numpy()
+        stamp = self.frames[POINTS_STAMP].to_numpy()
         return pa.table({"t": stamp[row], "i": i, "x": x[i, row], "z": z[i, row]})
 
 
@@ -434,7 +434,9 @@ def _read(
         raise ValueError(f"cell/name: {name!r} is not the name of a folder")
     of_episode = frames.filter(pa.array(of_episode))
     found = Episode(path, of_episode, info["features"], film, begin, float(info["fps"]))
-    return Source(path, name, {**shared, **documents}, found.table, found.images)
+    points = [POINTS_TABLE] if POINTS_STAMP in frames.column_names else []
+    shared = {**shared, **documents}
+    return Source(path, name, shared, [EPISODE, *points], found.table, found.images)
 
 
 def _path(

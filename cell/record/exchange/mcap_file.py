@@ -152,11 +152,11 @@ class McapFile:
     """MCAP file as a source of tables, one per topic; a truncated file gives its whole chunks."""
 
     def __init__(self, path: Path) -> None:
-        """Read attachments and names of topics from the file at `path`."""
+        """Read attachments and names of `topics` from the file at `path`."""
         self.path = path
         self.documents: dict[str, bytes] = {}
         self._content = read_bytes(path, LARGEST_FILE)
-        self._topics = {channel.topic for _, channel, _ in self._messages()}
+        self.topics = sorted({channel.topic for _, channel, _ in self._messages()})
 
     def table(self, topic: str, how: Table[Any]) -> pa.Table:
         """Messages of `topic` as rows in the order of their `log_time` [s].
@@ -165,11 +165,10 @@ class McapFile:
         objects gives a row for each. Rows without any of the wanted columns are left out. Raises
         ConfigurationError for a topic that is not there or cannot be decoded.
         """
-        if topic not in self._topics:
-            known = sorted(self._topics)
+        if topic not in self.topics:
             raise ConfigurationError(
-                f"{self.path}: topic {topic!r} is not there{suggestion(topic, known)}; "
-                f"topics: {', '.join(known)}"
+                f"{self.path}: topic {topic!r} is not there{suggestion(topic, self.topics)}; "
+                f"topics: {', '.join(self.topics)}"
             )
         wanted = {column.column for column in how.columns.values()} - {LOG_TIME}
         rows, unread = self._rows(topic)

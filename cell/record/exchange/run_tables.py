@@ -6,7 +6,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from cell.record.exchange.mapping import COUNTS, MEASURES
+from cell.record.exchange.mapping import MEASURES
 from cell.record.run import Run
 from drivers.errors import ConfigurationError
 from drivers.types import Array
@@ -92,7 +92,7 @@ def mapping_of(parts: Sequence[RunTables], name: Name) -> dict[str, Any]:
 
 def unit_of(column: str) -> str:
     """SI unit of a run's column; `1` for a number without a unit."""
-    return "1" if column in COUNTS else next(iter(MEASURES.get(column, {"m": 1.0})))
+    return next(iter(MEASURES.get(column, MEASURES[""])))
 
 
 def _place(run: Run, place: int) -> dict[str, object]:

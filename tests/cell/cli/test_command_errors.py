@@ -16,23 +16,6 @@ def configs(tmp_path: Path) -> Path:
     return Path(shutil.copytree(CHECKOUT_CONFIGS, tmp_path / "configs"))
 
 
-def test_unknown_strip_lists_the_known_ones(monkeypatch, capsys, configs, tmp_path) -> None:
-    line = refused(
-        monkeypatch,
-        capsys,
-        "fold",
-        "--strip",
-        "silk",
-        "--configs",
-        configs,
-        "--runs",
-        tmp_path / "r",
-    )
-    assert "silk" in line
-    assert "denim" in line
-    assert not (tmp_path / "r").exists()
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -62,14 +45,6 @@ def test_broken_strip_file_names_file_and_key(
     assert all(problem.startswith(str(path)) for problem in line.splitlines()), line
     assert said in line
     assert not (tmp_path / "r").exists()
-
-
-def test_folder_that_cannot_be_written_is_refused(monkeypatch, capsys, tmp_path) -> None:
-    taken = tmp_path / "file"
-    taken.write_text("")
-    line = refused(monkeypatch, capsys, "fold", "--strip", "denim", "--runs", taken / "runs")
-    assert str(taken) in line
-    assert taken.read_text() == ""
 
 
 def test_missing_calibration_is_refused(monkeypatch, capsys, configs, tmp_path) -> None:
@@ -129,6 +104,7 @@ def test_what_is_refused_at_once_and_what_folds_import_nothing_heavy(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
+        (("fold", "--strip", "silk"), "there is no strip 'silk'"),
         (("jog",), "--x, --z, --pitch: give one at least"),
         (("jog", "--zz", "1"), "no such option: --zz"),
         (("jog", "--arm", "fcii"), "invalid value for '--arm': 'fcii' is not one of 'twin', 'fci'"),
@@ -137,10 +113,8 @@ def test_what_is_refused_at_once_and_what_folds_import_nothing_heavy(
         (("runs", "place"), "lists what goes; a folder of runs goes after `--runs`"),
         (("gap", "fti"), "no such command 'fti'"),
         (("calibrate", "camera", "--resume", "file"), "--resume: file holds no session"),
-        (("calibrate", "homography", "--resume", "gone"), "--resume: gone holds no session"),
         (("report", "gone"), "gone: is not there; `cell runs` lists the runs"),
         (("report", "runs"), "runs: is not a run: it holds no run.yaml; name one of those in it"),
-        (("export", "runs", "--out", "out"), "it holds no run.yaml; name one of those in it"),
         (("note", "file", "--tag", "good"), "file: is a file, a run is a folder"),
         (("report", "runs/one/run.yaml"), "is a folder; give the folder, runs/one"),
         (("gap", "fit", "file", "--strip", "denim", "--out", "out"), "file: is a file; give run"),
@@ -149,9 +123,8 @@ def test_what_is_refused_at_once_and_what_folds_import_nothing_heavy(
         (("runs", "--runs", "runs/one"), "runs/one: is a run; name the folder that it lies in"),
         (("import", "runs", "--out", "out"), "runs/one: is a run already"),
         (("import", "runs/one", "--out", "out"), "runs/one: holds no tables"),
-        (("import", "file", "--out", "out"), "file: is none of what is read; give a folder"),
+        (("import", "file", "--out", "out"), "file: is none of what is read; give tables"),
         (("gap", "accept", "file", "--strip", "denim"), "file: is a file; name the folder that"),
-        (("gap", "advise", "file"), "file: is a file; name the folder that `cell gap fit --out`"),
         (("gap", "advise", "runs"), "runs/verdict.json: is missing; name the folder that"),
         (("runs", "--delete"), "--keep, --older-than: give one"),
         (("runs", "--keep", "1", "--delete", "--html", "page"), "go without --html"),

@@ -53,7 +53,6 @@ def clean(done: subprocess.CompletedProcess[bytes]) -> bool:
     [
         ("$CELL strips >&-", 0),
         ("$CELL strips | true", 0),
-        ("$CELL strips >&- 2>&-", 0),
         ("$CELL runs --runs nope 2>/dev/full", 2),
         ("$CELL runs --runs nope >&- 2>&- <&-", 2),
     ],

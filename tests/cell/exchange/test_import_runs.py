@@ -29,8 +29,6 @@ condition: slow
 sigma: {gripper: 1.0e-4, contact_x: 2.0e-3, profile: 1.0e-3, displacement: 3.0e-3}
 ticks:
   file: tip.csv
-  delimiter: ";"
-  decimal: ","
   columns:
     t: {column: time, unit: ms}
     x: {column: along, unit: mm, offset: 1.2, reversed: true}
@@ -62,9 +60,8 @@ def table(path: Path, head: list[str], columns: list[object], **style: str) -> N
 def foreign(place: Path, clock: float = 1700.0) -> Path:
     """A run as another program wrote it: x the other way, its own clock, images 20 ms late."""
     place.mkdir(parents=True)
-    mine = {"delimiter": ";", "decimal": ","}
     columns = [1e3 * (T + clock), 1e3 * (1.2 - X), 1e2 * (Z + 0.05), 1e3 * 0.2 * np.sin(T)]
-    table(place / "tip.csv", ["time", "along", "height", "Fx"], columns, **mine)
+    table(place / "tip.csv", ["time", "along", "height", "Fx"], columns, delimiter=";", decimal=",")
     t = np.repeat(STAMPS + clock + 0.02, len(POINTS))
     x = np.tile(0.2 + 0.3 * POINTS, len(STAMPS))
     z = np.tile(0.1 * POINTS**2, len(STAMPS))
@@ -138,7 +135,6 @@ def in_metres(place: Path, **changes: object) -> Path:
     [
         ("tt,x,z", None, {}, "column 't' for t is not there (did you mean 'tt'?)"),
         ("t,x,z", [], {}, "holds 0 rows of numbers, must hold two at least"),
-        ("t;x;z", ["0;0,6;0"], {}, "has ';' between columns, not ','; state delimiter: \";\""),
         ("t,x,z", ["0,0.6,0", "1,off,0"], {}, "holds string ('off' in row 2), must hold numbers"),
         ("t,x,z,Höhe", ["0,0.6,0,0"], {"encoding": "latin-1"}, "is not UTF-8 text; save it"),
         ("t,x,z", ["0,0.6,0"], {"encoding": "utf-16"}, "is not UTF-8 text; save it"),

@@ -146,8 +146,8 @@ SPOILT: dict[tuple[str, str], tuple[Spoil, tuple[str, ...]]] = {
     ("pendulum", "angles in degrees"): (
         column(ANGLES, "theta_1", np.degrees), (ANGLES, "theta", "in rad")),
     ("pendulum", "noise in mrad"): (
-        head(sigma={"angle": 1.0}), ("run.yaml", "sigma.angle", "below 0.3 rad")),
-    ("pendulum", "no sigma"): (head(sigma={}), ("run.yaml", "sigma.angle", "add the noise")),
+        head(sigma={"angle": 1.0}), ("run.yaml", "sigma.angle", "less than 0.3")),
+    ("pendulum", "no sigma"): (head(sigma={}), ("run.yaml", "sigma.angle: is missing")),
     ("pendulum", "another pendulum"): (
         head(pendulum="other"), ("run.yaml", "other", "made", "one pendulum")),
     ("pendulum", "times in microseconds"): (

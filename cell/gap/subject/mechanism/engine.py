@@ -1,7 +1,7 @@
 """Engine of a mechanism: prepares its measured runs, and predicts what their sensors read."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +12,7 @@ from cell.gap.subject.mechanism.fields import Fields
 from cell.gap.subject.mechanism.load import MechanismData
 from cell.gap.subject.mechanism.runs import Cut, Recording, average, cut, phases, samples, width_of
 from cell.gap.subject.subject import Samples, Words
+from cell.record.header import Load
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 
@@ -26,7 +27,7 @@ class Content:
     """
 
     cut: Cut
-    load: Mapping[str, Any] | None = None
+    load: Load | None = None
     motion: Any = None
     commands: Any = None
     start: tuple[Array, Array] | None = None

@@ -252,11 +252,7 @@ def _check_names(file: MechanismFile, model: Any, origin: str) -> None:
 def open_all(path: Path, folders: Sequence[RunFolder]) -> MechanismData:
     """Read the mechanism at `path` and its measured runs; ConfigurationError for broken input."""
     file, source, model = open_file(path)
-    is_hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
-    hinges = [model.joint(i).name for i in range(model.njnt) if is_hinge[i]]
-    recordings = sorted((read_recording(f, file, hinges) for f in folders), key=lambda r: r.index)
-    for r in recordings:
-        _check_load(r, model)
+    recordings = sorted((_read_checked(f, file, model) for f in folders), key=lambda r: r.index)
     check_indices([f.path for f in folders],
                   [read_yaml(f.path / HEADER_FILE).get("index") for f in folders])  # fmt: skip
     in_order = sorted(file.signals.items(), key=lambda item: item[1].is_ == "tracking")
@@ -273,16 +269,24 @@ def open_all(path: Path, folders: Sequence[RunFolder]) -> MechanismData:
     return MechanismData(file, path, mechanism, base, tuple(recordings), signals, pace_of_runs, mix)
 
 
-def _check_load(recording: Recording, model: Any) -> None:
-    """Refuse a stated load that is incomplete, or on a body that does not exist."""
-    if recording.load is None:
-        return
-    origin = f"{recording.name}: {HEADER_FILE}: load"
-    place = recording.load.get("com", [0.0, 0.0, 0.0])
-    numbers = [recording.load.get("mass"), *(place if isinstance(place, list) else [None])]
-    if len(numbers) != 4 or not all(isinstance(x, int | float) for x in numbers):
-        raise ConfigurationError(f"{origin}: needs body, mass [kg] and com: [x, y, z] [m]")
-    number_of(model, "body", str(recording.load.get("body")), origin, "body")
+def _read_checked(folder: RunFolder, file: MechanismFile, model: Any) -> Recording:
+    """Read the recording in `folder`; ConfigurationError where it contradicts file or model."""
+    is_hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
+    hinges = [model.joint(i).name for i in range(model.njnt) if is_hinge[i]]
+    recording = read_recording(folder, file, hinges)
+    if recording.load is not None:
+        origin = f"{recording.name}: {HEADER_FILE}: load"
+        number_of(model, "body", recording.load.body, origin, "body")
+    return recording
+
+
+def check_of(path: Path) -> Callable[[Path], Recording]:
+    """Reader of a run's folder as one of the mechanism in the file at `path`.
+
+    Raises ConfigurationError for a file that cannot be read, as the reader does for a run.
+    """
+    file, _, model = open_file(path)
+    return lambda run: _read_checked(RunFolder(run, run.name), file, model)
 
 
 def _is_given_motion(spec: SignalSpec, file: MechanismFile) -> bool:

@@ -24,15 +24,13 @@ from cell.gap.subject.run_folders import (
     HEADER_FILE,
     RunFolder,
     check_indices,
-    check_schema,
     check_time,
     column,
-    index_of,
     read_table,
 )
 from cell.gap.subject.subject import Parameter
+from cell.record.header import SwingRun
 from drivers.errors import ConfigurationError
-from drivers.readers import read_yaml
 from drivers.settings import load
 from drivers.types import Array, frozen
 
@@ -51,7 +49,7 @@ def open_swings(path: Path, folders: Sequence[RunFolder]) -> MechanismData:
     fast = open_recordings(path, pendulum, []).mechanism.joints[0].rate
     found = [_read_swing(*pair, len(pendulum.links), fast)
              for pair in zip(folders, heads, strict=True)]  # fmt: skip
-    check_indices([f.path for f in folders], [head.get("index") for head in heads])
+    check_indices([f.path for f in folders], [head.index for head in heads])
     return open_recordings(path, pendulum, sorted(found, key=lambda r: r.index))
 
 
@@ -126,25 +124,20 @@ def _base_in_field(parameter: Parameter, field: str, at: tuple[Any, ...], sign: 
     return Base(parameter, put)
 
 
-def _read_head(path: Path, pendulum: PendulumFile) -> dict[str, Any]:
+def _read_head(path: Path, pendulum: PendulumFile) -> SwingRun:
     """Read the header of a swing; raises ConfigurationError, in one line, for a broken one."""
-    head = read_yaml(path)
-    check_schema(head, path)
-    if head.get("pendulum") != pendulum.name:
+    head = load(path, SwingRun)
+    if head.pendulum != pendulum.name:
         raise ConfigurationError(
-            f"{path}: pendulum: is {head.get('pendulum')!r}, but the file describes "
+            f"{path}: pendulum: is {head.pendulum!r}, but the file describes "
             f"{pendulum.name}; give runs of one pendulum and its file, or its strip file"
         )
-    sigma = head.get("sigma")
-    angle = sigma.get("angle") if isinstance(sigma, dict) else None
-    if isinstance(angle, bool) or not isinstance(angle, int | float) or not 0.0 < angle < 0.3:
-        raise ConfigurationError(
-            f"{path}: sigma.angle: is {angle}; add the noise, above 0 and below 0.3 rad"
-        )
+    if head.sigma.angle is None:
+        raise ConfigurationError(f"{path}: sigma.angle: is missing; add the noise in rad")
     return head
 
 
-def _read_swing(folder: RunFolder, head: dict[str, Any], n: int, fast: float) -> Recording:
+def _read_swing(folder: RunFolder, head: SwingRun, n: int, fast: float) -> Recording:
     """Read the swing in `folder` of `n` links; raises ConfigurationError for a broken one."""
     path = folder.path / "angles.parquet"
     table = read_table(path)
@@ -152,7 +145,7 @@ def _read_swing(folder: RunFolder, head: dict[str, Any], n: int, fast: float) ->
     check_time(t, path, least=30)
     angles = [column(table, f"theta_{i + 1}", path) for i in range(n)]
     if f"theta_{n + 1}" in table:
-        raise ConfigurationError(f"{path}: theta_{n + 1}: {head['pendulum']} has {n} links only")
+        raise ConfigurationError(f"{path}: theta_{n + 1}: {head.pendulum} has {n} links only")
     for i, angle in enumerate(angles):
         check_angle(t, angle, path, f"theta_{i + 1}")
     rates = None
@@ -167,9 +160,8 @@ def _read_swing(folder: RunFolder, head: dict[str, Any], n: int, fast: float) ->
         )
     hanging = {str(i): frozen(angle - np.pi) for i, angle in enumerate(angles, start=1)}
     return Recording(
-        folder.name, str(head.get("condition", folder.name)),
-        index_of(head, folder.path / HEADER_FILE), frozen(t - t[0]), hanging,
-        sigma=float(head["sigma"]["angle"]), rates=None if rates is None else rates[:, 0],
+        folder.name, str(head.condition or folder.name), head.index or 0, frozen(t - t[0]), hanging,
+        sigma=head.sigma.angle, rates=None if rates is None else rates[:, 0],
     )  # fmt: skip
 
 

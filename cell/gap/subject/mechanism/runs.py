@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +13,15 @@ from cell.gap.subject.run_folders import (
     HEADER_FILE,
     JOINT_TABLE,
     RunFolder,
-    check_schema,
     check_time,
     column,
-    index_of,
     read_table,
 )
 from cell.gap.subject.subject import Samples, Words
+from cell.record.files import SIGNALS
+from cell.record.header import Load, MechanismRun
 from drivers.errors import ConfigurationError
-from drivers.readers import read_yaml
+from drivers.settings import load
 from drivers.types import Array, frozen
 
 PER_BLOCK = 16  # readings used of a block at most
@@ -70,7 +69,7 @@ class Recording:
     index: int
     t: Array
     columns: Mapping[str, Array]
-    load: Mapping[str, Any] | None = None
+    load: Load | None = None
     sigma: float | None = None
     rates: Array | None = None
 
@@ -123,23 +122,23 @@ class Cut:
 def read_recording(folder: RunFolder, file: MechanismFile, hinges: Sequence[str]) -> Recording:
     """Read the recording in a run folder; ConfigurationError, in one line, for a broken one."""
     path = folder.path / HEADER_FILE
-    head = read_yaml(path)
-    _check_head(head, path, file)
-    index = index_of(head, path)
+    head = load(path, MechanismRun)
+    if head.mechanism != file.name and not (file.cell and head.mechanism is None):
+        raise ConfigurationError(
+            f"{path}: mechanism: is {head.mechanism!r}, but the file describes {file.name}; give "
+            "runs of one mechanism and its file"
+        )
     table = _signal_table(folder.path, file, hinges)
     # slices of one recording are no repeats of each other: they stay together as one condition
-    condition = str(head.get("origin", head.get("condition", folder.name)))
+    condition = str(head.origin or head.condition or folder.name)
     columns = {name: frozen(values) for name, values in table.items() if name != "t"}
-    load = head.get("load")
-    if load is not None and not isinstance(load, dict):
-        raise ConfigurationError(f"{path}: load: is {load!r}; give body, mass, com")
     t = frozen(table["t"] - table["t"][0])
-    return Recording(folder.name, condition, index, t, columns, load)
+    return Recording(folder.name, condition, head.index or 0, t, columns, head.load)
 
 
 def _signal_table(folder: Path, file: MechanismFile, hinges: Sequence[str]) -> dict[str, Array]:
     """Columns (m,) of a run by name, checked: `t`, and all signals and inputs of the file."""
-    path = folder / "signals.parquet"
+    path = folder / SIGNALS
     if file.cell and not path.is_file():
         path = folder / JOINT_TABLE
         table = arm_columns(path)
@@ -191,16 +190,6 @@ def arm_columns(path: Path) -> dict[str, Array]:
         found |= {f"joint{i}": q, f"tracking{i}": q - commanded,
                   f"torque{i}": column(table, f"tau_J_{i}", path)}  # fmt: skip
     return found
-
-
-def _check_head(head: Mapping[str, Any], path: Path, file: MechanismFile) -> None:
-    check_schema(head, path)
-    name = head.get("mechanism")
-    if name != file.name and not (file.cell and name is None):
-        raise ConfigurationError(
-            f"{path}: mechanism: is {name!r}, but the file describes {file.name}; give runs of "
-            "one mechanism and its file"
-        )
 
 
 def check_angle(t: Array, values: Array, path: Path, name: str) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -48,6 +48,7 @@ from cell.gap.subject.subject import (
     Scope,
     Subject,
 )
+from cell.record.header import Load
 from drivers.errors import ConfigurationError
 from drivers.readers import read_yaml
 from drivers.types import Array
@@ -172,14 +173,14 @@ class MechanismSubject(Subject):
             return request.local[:n], request.local[n : 2 * n]
         return start
 
-    def _edit(self, load: Mapping[str, Any] | None, base: Array,
+    def _edit(self, load: Load | None, base: Array,
               effects: Sequence[tuple[Effect, Array]], fields: Fields) -> None:  # fmt: skip
         """Put values (k,) of the base, the run's load and effects into the fields of a model."""
         for b, value in zip(self.opened.base, base, strict=True):
             b.put(fields, float(value))
         if load is not None:
-            body = self._mechanism.model.body(str(load["body"])).id
-            add_point(fields, body, float(load["mass"]), np.array(load.get("com", [0, 0, 0])))
+            body = self._mechanism.model.body(load.body).id
+            add_point(fields, body, load.mass, np.array(load.com))
         for effect, values in effects:
             self._apply_effect(effect, values, fields)
 
