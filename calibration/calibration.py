@@ -111,7 +111,7 @@ def make_calibration(lens: Lens, homography: Homography, **facts: Any) -> Calibr
 
 
 def change_calibration(calibration: Calibration, **facts: Any) -> Calibration:
-    """A copy with other `facts`, keywords of `make_calibration`, and its own new id."""
+    """Copy `calibration` with other `facts`, keywords of `make_calibration`, and a new id."""
     kept = {name: getattr(calibration, name) for name in KEYWORDS}
     return make_calibration(
         facts.pop("lens", calibration.lens),

@@ -1,4 +1,4 @@
-"""Child process that may die: started, asked, watched and ended, and no wait without an end.
+"""Child process that may die: start, messages, supervision and end; every wait has a timeout.
 
 Parent and child exchange messages, one frozen dataclass a kind, over a pipe of their own; images
 alone go through shared memory. `subprocess`, not `multiprocessing.Process`: a worker of Dask is a
@@ -73,7 +73,7 @@ class SharedMemory:
         return type(self), (self.descriptor,)
 
     def close(self) -> None:
-        """Release the memory once nobody looks at it any more."""
+        """Release the memory once no view of it is in use."""
         os.close(self.descriptor)
 
 
@@ -149,7 +149,7 @@ class Child:
         return False
 
     def send(self, message: object) -> None:
-        """Send a `message`; of a child that has ended `receive` says so."""
+        """Send a `message`; that a child has ended is reported by `receive`."""
         with suppress(OSError):
             self.pipe.send(message)
 
@@ -185,7 +185,7 @@ class Child:
                 self.kill()
 
     def kill(self) -> None:
-        """End the child at once, with what it started."""
+        """Kill the child and its children."""
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(self.pid, signal.SIGKILL)
         self._has_ended(KILL_TIMEOUT)

@@ -1,4 +1,4 @@
-"""Wall clock for runs on hardware, and what Linux offers a thread that must keep time."""
+"""Wall clock for runs on hardware, and real-time scheduling of a thread on Linux."""
 
 import ctypes
 import os

@@ -1,4 +1,4 @@
-"""Plug-ins: objects that other installed packages add by an entry point of their own."""
+"""Plug-ins: objects that other installed packages add by an entry point."""
 
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager

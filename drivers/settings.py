@@ -102,7 +102,7 @@ def _is_follow_up(item: dict[str, Any], items: list[dict[str, Any]]) -> bool:
 
 
 def _problem(origin: str, model: type[BaseModel], item: dict[str, Any]) -> str:
-    """Text for one validation error: `origin: key: reason`, with what is allowed."""
+    """Text for one validation error: `origin: key: reason`, with the allowed values."""
     key = ".".join(str(part) for part in item["loc"]) or "file"
     if item["type"] == "extra_forbidden":
         known = _keys_at(model, item["loc"][:-1])

@@ -169,7 +169,7 @@ def _place(error: yaml.YAMLError) -> str:
 
 
 def _change(node: Any, value: Any) -> None:
-    """Make the mapping or list `node` hold `value`, touching only what differs."""
+    """Make the YAML mapping or list `node` equal `value` in place, changing only what differs."""
     if isinstance(value, Mapping):
         _change_mapping(node, value)
     else:

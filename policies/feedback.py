@@ -49,7 +49,7 @@ class Feedback:
         return triangular(self._length)
 
     def decide(self, observation: Observation) -> Decision:
-        """Headings by the network, from the gripper and the newest desk contact that was seen."""
+        """Decide headings by the network, from the gripper and the newest visible desk contact."""
         seen = np.isfinite(observation.contact_x)
         self._contact = np.where(seen, observation.contact_x, self._contact)
         state = np.stack([observation.x, observation.z, self._contact], axis=-1) / self._length

@@ -87,7 +87,7 @@ class PathPolicy:
         self._follower = Follower(self.path(strip.length), count)
 
     def lift(self) -> Path:
-        """Path of the lift: the policy's own path."""
+        """Path of the lift, the policy's path."""
         return self._active_follower().path
 
     def decide(self, observation: Observation) -> Decision:

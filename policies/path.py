@@ -29,7 +29,7 @@ class Path:
 
     @property
     def length(self) -> float:
-        """Length of the whole path [m]."""
+        """Length of the path [m]."""
         return float(self.travel[-1])
 
     def at(self, travel: Array | float) -> Array:

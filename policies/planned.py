@@ -71,7 +71,7 @@ class Planned:
 
 
 class Paths:
-    """A policy for a batch in which each gripper follows a path of its own."""
+    """Policy for a batch of strips in which each gripper follows a different path."""
 
     name = "paths"
 
@@ -92,7 +92,7 @@ class Paths:
         return self._each[0]
 
     def decide(self, observation: Observation) -> Decision:
-        """Headings along each gripper's own path."""
+        """Decide headings along the path of each gripper."""
         places = zip(self._followers, observation.x, observation.z, strict=True)
         each = [f.decide(np.array([x]), np.array([z]), self._speed) for f, x, z in places]
         return Decision(

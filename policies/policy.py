@@ -46,7 +46,7 @@ class Decision:
 
 
 class Policy(Protocol):
-    """A folding policy: turns observations into commands; keeps its own state until `reset`."""
+    """Protocol of a folding policy: converts observations to commands, with state until `reset`."""
 
     name: str
 

@@ -143,7 +143,7 @@ class BoardViews:
         return lens_verdict(self._views, self._size, length, self._settings)
 
     def _sketch(self, wanted: WantedView | None) -> Sketch:
-        """Outlines in the image of the `wanted` view and of the newest one."""
+        """Outlines in the image of the requested view and of the newest one."""
         outline, seen, size = self._settings.outline(), self._seen, self._size or TYPICAL_SIZE
         enough = seen is not None and len(seen.ids) >= self._settings.corners
         return Sketch(
@@ -212,7 +212,7 @@ def _row(number: int, view: BoardView | None, refused: str | None = None) -> Row
 
 
 def _matches(wanted: WantedView, shown: Placement, width: float) -> bool:
-    """Whether a view `shown` with relative `width` is within VIEW_TOLERANCE of `wanted`."""
+    """Whether a view `shown` with relative `width` is within VIEW_TOLERANCE of the `wanted` one."""
     misses = (
         abs(shown.x - wanted.x),
         abs(shown.y - wanted.y),

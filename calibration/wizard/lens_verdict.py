@@ -56,7 +56,7 @@ def bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
 def _pose_free_system(
     view: BoardView, lens: Lens, middle: Array, reach: float
 ) -> tuple[Array, Array]:
-    """Derivatives (2n, 11) by lens and bow, and errors (2n,), without what the pose explains."""
+    """Derivatives (2n, 11) by lens and bow, and errors (2n,), less what a pose can explain."""
     error, camera, pose, height = _linearise(view, lens)
     modes = _bow_modes(view.board, middle, reach)
     shared = np.hstack([camera, height * np.repeat(modes, 2, axis=0)])

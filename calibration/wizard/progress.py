@@ -95,7 +95,7 @@ class PlannedPoint(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """Progress of a wizard: what it requests, `why`, and what came of the newest image.
+    """Progress of a wizard: its request, the reason `why`, and the result of the newest image.
 
     `frame` is that image, `result` what it gave and `answer` this as a text; `marks` are drawn into
     it. `coverage` and `sketch` show how a board is to be held, `plan` which poses were touched.
@@ -121,7 +121,7 @@ Observer = Callable[[Progress], None]
 
 
 def ignore(_: Progress) -> None:
-    """An observer that ignores everything."""
+    """Observer that ignores all progress."""
 
 
 def draw_picture(image: Image, marks: Iterable[Mark], lines: Sequence[str]) -> Image:

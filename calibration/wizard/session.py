@@ -210,7 +210,7 @@ class Task(Protocol):
     """What its images show."""
 
     def restore(self, rows: Iterable[tuple[Row, Image]]) -> Row | None:
-        """Accept what a session's images (h, w, 3) show; returns a row without it, or None."""
+        """Accept what a session's images (h, w, 3) show; returns a row that is refused, or None."""
 
 
 def restore(task: Task, folder: Path, session: Session, without: Collection[int] = ()) -> None:

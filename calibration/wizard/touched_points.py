@@ -155,7 +155,7 @@ class TouchedPoints:
         return f"point {self.number} ({part}): {done}" if self.fitted else done
 
     def progress(self, wanted: Pose | None, why: str, stage: Stage = Stage.TOUCH) -> Progress:
-        """Progress: the arm is `wanted` at a pose, `why`, and all points so far."""
+        """Message to observers: the arm's next pose, the reason `why`, all planned points."""
         touched = {point.number: point for point in self._touches}
         return Progress(
             f"the map to the plane: {stage}",

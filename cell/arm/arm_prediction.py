@@ -1,4 +1,4 @@
-"""Prediction of a fold by a Franka arm: joints, margins and clearance along the whole path."""
+"""Prediction of a fold by a Franka arm: joints, margins and clearance along the path."""
 
 from dataclasses import dataclass
 from typing import Any

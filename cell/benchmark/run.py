@@ -1,4 +1,4 @@
-"""Runs a whole benchmark: lists its parts, measures the missing ones, collects all results."""
+"""Runs a benchmark: lists its parts, measures the missing ones, collects all results."""
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence

@@ -71,7 +71,7 @@ def _is_single(number: int) -> bool:
 
 
 class TwinOperator:
-    """Operator with simulated hands, who performs on the twin what `person` agrees to."""
+    """Operator of the twin with simulated hands; `person` confirms each step before it is done."""
 
     def __init__(self, aids: CalibrationAids, person: Operator) -> None:
         self._aids = aids

@@ -1,4 +1,4 @@
-"""A wizard at a terminal: what to do next, why, the coverage, single keys, and Ctrl-C."""
+"""Terminal of a wizard: next step and its reason, coverage, single keys, and Ctrl-C."""
 
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -113,7 +113,7 @@ def verdict_text(lines: Iterable[Line]) -> Text:
 
 
 def views_table(progress: Progress) -> Table:
-    """Table of the gates of coverage, with a sketch of the board as requested and as seen."""
+    """Table of the coverage's gates, with a sketch of the requested and of the detected board."""
     table = Table.grid(padding=(0, 2))
     sketch = [] if progress.sketch is None else [sketch_text(progress.sketch)]
     table.add_row(gates_table(progress.coverage), *sketch)
@@ -121,7 +121,7 @@ def views_table(progress: Progress) -> Table:
 
 
 def sketch_text(sketch: Sketch) -> Text:
-    """Sketch of the board in the image's frame: yellow as requested, green as seen."""
+    """Sketch of the board in the image's frame: yellow as requested, green as detected."""
     columns, rows = SKETCH
     size = np.array([2 * columns, 4 * rows])
     scale = size / sketch.size

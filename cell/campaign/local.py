@@ -96,7 +96,7 @@ class Crew:
     def _look(
         self, task: Task, limit: float | None, *, ready: bool
     ) -> Record | ChildDied | str | None:
-        """Record of a task or the reason why it has none; None while it goes on."""
+        """Record of a task, or the reason why it has none; None while it runs."""
         if ready:
             return self._collect(task)
         if limit is not None and task.begun and time.monotonic() - task.begun > limit:

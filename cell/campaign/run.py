@@ -117,7 +117,7 @@ class Watcher(Protocol):
     """Protocol of an observer of a campaign, called at its start and after each part."""
 
     def begin(self, parts: Sequence[Part], known: Sequence[Part]) -> None:
-        """Called first: `parts` are wanted, of which `known` are done."""
+        """Called first: `parts` are to be measured, of which `known` are done."""
 
     def finish(self, part: Part, record: Record) -> None:
         """Called after each part."""

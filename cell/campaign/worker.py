@@ -28,7 +28,7 @@ class Stop:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What a call returned, or the CellError that it raised."""
+    """Result of a call: its return value, or the CellError that it raised."""
 
     value: Any
 
@@ -65,7 +65,7 @@ class Worker:
         self.pipe.close()
 
     def kill(self) -> None:
-        """End the process at once, with what it started."""
+        """Kill the process and its children."""
         self._child.kill()
 
     def join(self) -> None:
@@ -94,7 +94,7 @@ class StopSignal:
 
 
 def work(pipe: Connection, dies_with_parent: bool) -> None:
-    """Run in the process: call what comes through the pipe until it closes."""
+    """Run in the process: carry out the calls that arrive through the pipe until it closes."""
     if dies_with_parent:
         end_with_parent(pipe)
     with suppress(OSError):  # nobody waits for the result any more

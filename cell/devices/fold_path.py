@@ -1,4 +1,4 @@
-"""Path of the gripper through a whole fold, from its home to the retreat."""
+"""Path of the gripper through a fold, from its home to the retreat."""
 
 from itertools import pairwise
 
@@ -26,7 +26,7 @@ def whole_path(
     carry: Array,
     end: float | None = None,
 ) -> tuple[Array, Array]:
-    """Poses (n, 3) x, z [m], pitch [rad] of a whole fold, and speeds (n,) [m/s] of moves to each.
+    """Poses (n, 3) x, z [m], pitch [rad] of a fold, and speeds (n,) [m/s] of the moves to each.
 
     From `home` [m] over the edge of a strip of `length` [m]; `carry` (k, 2) leads from the grasped
     edge to where the layers touch. Lay and retreat follow; the edge is laid at `end` [m], or where

@@ -34,7 +34,7 @@ def _nobody_lays() -> None:
 
 @dataclass(frozen=True, slots=True)
 class Attendance:
-    """How the person at the cell takes part in its folds; by default nobody does.
+    """Callbacks to the person at the cell between folds; by default nobody is there.
 
     `interrupt` makes a context that asks for a controlled stop, `report` takes a remark,
     `lay_again` waits until the strip lies for the next fold of a real robot, `observe` makes a

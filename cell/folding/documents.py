@@ -1,4 +1,4 @@
-"""Documents of a fold's record: what it was made with, what came of it, a strip file learned."""
+"""Header, result and learned strip file of a fold's record."""
 
 import hashlib
 import json

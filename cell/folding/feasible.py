@@ -132,7 +132,7 @@ def gripper_path(
 
 
 def _simulate(settings: CellSettings, strip: StripFile, policy: Policy) -> Folds | None:
-    """Folds in the model: of `strip`, and of its corners unless the policy predicts by itself.
+    """Simulated folds of `strip` and, unless the policy predicts, of its parameters' corners.
 
     None where the model cannot follow this strip.
     """

@@ -50,7 +50,7 @@ def fold(
     observers: Sequence[Observer] = (),
     interrupted: Callable[[], bool] = lambda: False,
 ) -> FoldResult:
-    """Fold once, seen through `calibration`, and record it.
+    """Fold one strip, measured through `calibration`, and record the run.
 
     `write_pages` then draws the record. Raises CellError for errors before the run; errors during
     the run are its outcome.
@@ -166,7 +166,7 @@ def conduct(
 ) -> Outcome:
     """Execute `run`, close the devices and record the outcome, whatever happens.
 
-    `review` adds to the outcome what is found out only afterwards.
+    `review` completes the outcome once the arm is at rest.
     """
     try:
         devices.connect()
@@ -217,7 +217,7 @@ def write_pages(request: Request, result: FoldResult) -> FoldResult:
 
 
 def _warning(outcome: Outcome, preflight: str) -> str | None:
-    """Warnings on what disagrees, on an unlike strip and from `preflight`; None without any."""
+    """Warnings about lengths that disagree, an unlike strip and by `preflight`; None without."""
     agreed = outcome.agreement
     doubts = [witness.sentence() for witness in disagreements(outcome.witnesses)]
     unlike = "" if agreed is None or agreed.like_model else agreed.sentence()

@@ -1,4 +1,4 @@
-"""Rehearses a fold in the air: the gripper's whole path, raised, with nothing in the fingers."""
+"""Rehearses a fold in the air: follows the gripper's path, raised, with empty fingers."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -139,7 +139,7 @@ def _differences(measurement: StripMeasurement, sights: Sights, row: int) -> Ite
 def _other_decisions(
     run: Run, settings: CellFile, strip: StripFile, decided: list[_Decision], sights: Sights
 ) -> Iterator[str]:
-    """Decide again on the recorded measurements; yields what the policy now decides otherwise."""
+    """Decide again on the recorded measurements; yields decisions that differ from the record."""
     policy = make_policy(str(_header_value(run, "policy")), _checkpoint(run))
     correction_of(run.header.learning).apply(policy)
     policy.reset(strip, settings.fold.speed, 1)

@@ -24,7 +24,7 @@ UNCORRECTED = Correction(0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """What is kept of a fold beside its tables.
+    """Options of a fold's record beside its tables.
 
     Its `frames`, where None is the cell's own choice, a film by an encoder, the twin's truth, and a
     recording for Rerun.
@@ -38,7 +38,7 @@ class Recording:
 
 @dataclass(frozen=True, slots=True)
 class Learning:
-    """How a fold is corrected by what the cell learned, and whether the cell `learns` from it.
+    """Correction of a fold by the cell's learned bias, and whether the cell `learns` from it.
 
     `specimen` names the piece of fabric; `memory` is a folder instead of the user's.
     """

@@ -99,7 +99,7 @@ class FoldResult:
 
     @property
     def offset(self) -> float:
-        """Distance [m] of the laid edges, of the layers where no edge was seen; else infinity."""
+        """Offset [m] of the laid edges, else the displacement of the layers, else infinity."""
         seen = (self.edge_offset, self.displacement)
         return next((abs(value) for value in seen if value is not None), inf)
 

@@ -31,7 +31,7 @@ Parts = tuple[float, float, float]  # m, of cell, strip and specimen
 
 @dataclass(frozen=True, slots=True)
 class Bias:
-    """Bias [m] of the next fold: mean and sigma as `seen` by the camera, mean error of the `rig`.
+    """Bias [m] of the next fold: mean and sigma `seen` by the camera, mean error of the `rig`.
 
     `laid` is the offset [m] at which the cell lays edges. `parts` [m] are the means of
     cell, strip and specimen. `folds` counts the measured folds since the cell last changed, at the

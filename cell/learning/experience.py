@@ -51,7 +51,7 @@ READER = TypeAdapter(Experience)
 
 
 def run_key(folder: Path) -> str:
-    """Key of the run in `folder` by what it measured, wherever it lies; empty without ticks."""
+    """Key of the run in `folder`, a digest of its measurements; empty without ticks."""
     path = folder / TICKS
     return hashlib.sha256(read_bytes(path, LARGEST_TABLE)).hexdigest()[:16] if path.exists() else ""
 

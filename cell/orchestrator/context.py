@@ -27,7 +27,7 @@ from policies.prediction import FoldPrediction
 
 
 class Context(ABC):
-    """What every run has: settings, results that most runs leave open, and how it completes."""
+    """Base of a run's context: settings, results that most runs leave empty, and its completion."""
 
     settings: CellSettings
     reader: Reader | None = None

@@ -166,7 +166,7 @@ def _note_predicted(cell: FoldContext, record: Record, snapshot: Snapshot) -> No
 
 
 def continue_to_lay(_cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
-    """Continue to the lay at once: at rest the hanging strip would shift the loop by 5 mm."""
+    """Continue to the lay without a pause: a hanging strip at rest would shift the loop by 5 mm."""
     yield from ()
     record.event(begin.time, "touch_seen", x=begin.arm.pose.x, z=begin.arm.pose.z)
     return Event.SETTLED

@@ -135,7 +135,7 @@ class Agreement:
         return self.residual <= most.residual and self.yield_curvature <= most.yield_curvature
 
     def sentence(self) -> str:
-        """Text for the operator: what is wrong, and what to do."""
+        """Text for the operator: the problem and its remedy."""
         if self.like_model:
             return f"the strip behaves like the model, within {1e3 * self.residual:.1f} mm"
         return (

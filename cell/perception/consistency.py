@@ -1,4 +1,4 @@
-"""Witnesses of one length that should agree: what camera, arm and prediction state of it."""
+"""Checks that lengths agree which camera, arm and prediction measure independently."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -59,7 +59,7 @@ class LengthCheck:
 
     @property
     def refuted(self) -> bool:
-        """Whether the two differ by so much that what was measured is not to be believed."""
+        """Whether the difference is so large that the measurement is not to be trusted."""
         return self.ratio > REFUTED
 
     def sentence(self) -> str:
@@ -82,13 +82,13 @@ class LengthCheck:
 
 
 def disagreements(witnesses: Iterable[LengthCheck]) -> tuple[LengthCheck, ...]:
-    """Those of `witnesses` that disagree by more than DOUBTED spreads, the worst first."""
+    """The checks that differ by more than DOUBTED spreads, the worst first."""
     doubted = (witness for witness in witnesses if witness.ratio > DOUBTED)
     return tuple(sorted(doubted, key=lambda witness: -witness.ratio))
 
 
 def held_end(seen: StripMeasurement) -> float:
-    """Offset [m] along x of an upright strip's seen end from the gripper; NaN where hidden."""
+    """Offset [m] along x of an upright strip's visible end from the gripper; NaN where hidden."""
     if len(seen.profile) == 0:
         return float("nan")
     dx, dz = seen.profile[-1] - seen.gripper

@@ -93,7 +93,7 @@ Maker = Callable[[StripInputs], Measurer]
 
 @dataclass(frozen=True, slots=True)
 class ImageTask:
-    """ImageTask to measure the strip in `frame`, taken at `gripper`; `touches` detects touch too.
+    """Request to measure the strip in `frame`, taken at `gripper`; `touches` detects touch too.
 
     Without a `gripper`, to check the image taken before the grasp.
     """
@@ -110,21 +110,21 @@ class ImageTask:
 
 
 class Reader(Protocol):
-    """Protocol of a reader of images, which is given one at a time and answers when it is ready."""
+    """Protocol that measures images: submit one at a time, fetch its result when it is ready."""
 
     latency: float
     """How much earlier than its stamp an image shows the world [s]."""
 
     @property
     def busy_since(self) -> float | None:
-        """Time [s] at which the image being read was handed over; None while idle."""
+        """Time [s] at which the image in progress was submitted; None while idle."""
 
     @property
     def dead(self) -> str:
-        """Reason why the reader no longer reads images; empty while it works."""
+        """Reason why no more images are measured; empty while the reader works."""
 
     def submit(self, request: ImageTask, now: float) -> None:
-        """Begin with `request` at `now` [s].
+        """Start to measure the image of `request` at `now` [s].
 
         Raises Fault `image_size` for an image of another size than the calibrated ones.
         """
@@ -134,7 +134,7 @@ class Reader(Protocol):
 
 
 class InlineReader:
-    """Reader that measures images within the control loop's cycle, as suits a virtual clock."""
+    """Measures images within the control loop's cycle, for runs on a virtual clock."""
 
     busy_since: float | None = None
     dead = ""
@@ -154,7 +154,7 @@ class InlineReader:
 
 
 class ProcessReader:
-    """Reader that measures images in a process of its own, as suits the wall clock.
+    """Measures images in a separate process, for runs on the wall clock.
 
     The process is given one image at a time, in shared memory. Nothing waits for it: one that hangs
     keeps its answer, and one that dies is `dead`.

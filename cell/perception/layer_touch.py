@@ -122,7 +122,7 @@ class LayerTouch:
 
 
 def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:
-    """Falling fold in one measurement, or None where no gap is seen."""
+    """Falling fold in one measurement; None where no gap between the layers is visible."""
     if not np.isfinite(measurement.gap) or len(measurement.profile) < 4:
         return None
     points = np.vstack([measurement.profile, [(gripper.x, gripper.z)]])

@@ -33,7 +33,7 @@ FEWEST_POINTS = 8  # of the lifted midline, from which it is a profile
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """The lifted midline (n, 2) [m] from contact to gripper, and the share of it that was seen."""
+    """The lifted midline (n, 2) [m] from contact to gripper, and the visible share of it."""
 
     points: Array
     confidence: float
@@ -150,7 +150,7 @@ class Perception:
         return Curve(even, float(plausible * midline.seen.mean()))
 
     def _side(self, smooth: Image, region: Region, contact: Contact, gripper: Pose) -> Side | None:
-        """Outer side of the lifted strip in the window; None where none is seen."""
+        """Outer side of the lifted strip in the window; None where it is not visible."""
         start, grip = self._ends(contact, gripper, region)
         return outer_side(
             self._mask(smooth, region), start, grip, self._settings.outline_step, self._sizes

@@ -47,7 +47,7 @@ BLOT_SIZE = 61  # px over which what looks like the strip is counted
 
 @dataclass(frozen=True, slots=True)
 class PreflightCheck:
-    """Result of one named check: the finding, the remedy for a failure, what it compares."""
+    """Result of one named check: the finding, the remedy for a failure, the lengths compared."""
 
     name: str
     passed: bool
@@ -56,7 +56,7 @@ class PreflightCheck:
     witness: LengthCheck | None = None
 
     def sentence(self) -> str:
-        """The check as text for the operator: what, the finding, what to do."""
+        """The check as text for the operator: its name, the finding, the remedy."""
         return f"{self.name}: {self.reason}; {self.remedy}"
 
 
@@ -164,7 +164,7 @@ def _check_exposure(seen: Samples) -> PreflightCheck:
 
 
 def _check_place(seen: Underside, strip: StripFile, *, clear: bool) -> PreflightCheck:
-    """Check whether the strip is seen along its expected place; `clear` where it can be."""
+    """Check whether the strip is visible along its expected place; `clear` marks visible parts."""
     there = float(seen.present[seen.x < strip.length - END_LENGTH].mean())
     return PreflightCheck(
         "strip lies there",
@@ -235,7 +235,7 @@ MARGINS = (0.005, 0.002)  # m about the resting strip: before its height is know
 
 @dataclass(frozen=True, slots=True)
 class Preflight:
-    """Checks of one image, and the `appearance` learnt from it, None where no strip is seen."""
+    """Checks of one image, and the `appearance` learnt from it, None where no strip is visible."""
 
     checks: tuple[PreflightCheck, ...]
     appearance: Appearance | None
@@ -286,7 +286,7 @@ def inspect(
 
 
 def _levels(scene: Segmenter, image: Image) -> Image:
-    """Matte levels (h, w) of the whole `image` (h, w, 3), where no hand hides the strip."""
+    """Matte levels (h, w) of the full `image` (h, w, 3), where no hand hides the strip."""
     levels = np.full(image.shape[:2], ZERO_LEVEL, np.uint8)
     part, region = scene.levels(image, Region.whole(image), np.full_like(levels, 255))
     region.of(levels)[:] = part

@@ -96,7 +96,7 @@ class Region:
 
     @classmethod
     def whole(cls, image: Image) -> Self:
-        """Region of the whole `image` (height, width, ...)."""
+        """Region of the full `image` (height, width, ...)."""
         return cls(0, 0, image.shape[1], image.shape[0])
 
     @property

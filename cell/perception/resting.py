@@ -35,7 +35,7 @@ class Underside:
 
     @property
     def present(self) -> NDArray[np.bool_]:
-        """Mask of the columns where a strip was seen."""
+        """Mask of the columns in which a strip is visible."""
         return np.isfinite(self.z)
 
 
@@ -131,7 +131,7 @@ def underside(levels: Image, calibration: Calibration, strip: StripFile) -> Unde
 
 
 def _end(levels: Image, calibration: Calibration, strip: StripFile) -> float:
-    """Position x [m] of the strip's free edge along its near edge; NaN where none is seen."""
+    """Position x [m] of the strip's free edge along its near edge; NaN where none is visible."""
     x = np.arange(0.1, strip.length + PAST_END, 0.0003)
     heights = np.array([0.0, 0.0005, 0.001])
     along = share(sample_plane(levels, calibration, _grid(x, heights)).max(axis=1))

@@ -1,4 +1,4 @@
-"""What is learnt before a fold: the strip's colours, the background, and how to tell them apart."""
+"""Appearance learnt before a fold: colours of the strip, the background, their separation."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -1,4 +1,4 @@
-"""Encoding of a run's film while the run goes on: in a thread, or in another process."""
+"""Encoding of a run's film during the run, in a thread or in another process."""
 
 import os
 import queue

@@ -182,7 +182,7 @@ def remove(rows: Sequence[RunRow]) -> int:
 
 
 def read_row(folder: Path) -> RunRow:
-    """Read the row of the run in `folder` from its YAML files; what is unreadable is empty."""
+    """Read the row of the run in `folder` from its YAML files; unreadable values are empty."""
     header = _document(folder / RUN, HEADER_KEYS)
     result, notes = _document(folder / RESULT), _document(folder / NOTES)
     stated, final, remarks = header or {}, result or {}, notes or {}

@@ -1,4 +1,4 @@
-"""Writing of one run's record while the run goes on."""
+"""Writing of a run's record during the run."""
 
 import fcntl
 import os

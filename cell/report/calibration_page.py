@@ -61,7 +61,7 @@ def write_session_page(folder: Path) -> Path:
 
 
 def _pictures(folder: Path, calibration: Calibration | None) -> list[KeyPicture]:
-    """What the camera saw, from the session or run in `folder`, with the strip's plane over it.
+    """Images from the session or run in `folder`, with the strip's plane drawn over them.
 
     None for a calibration that lies alone.
     """

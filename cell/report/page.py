@@ -127,7 +127,7 @@ def film_of(run: Run) -> dict[str, Any] | None:
 
 
 def _read_in(run: Run) -> dict[str, Any]:
-    """What was read in the film: `size` of an image, `curves` of (time [s], flat pixels x, y)."""
+    """Curves measured in the film: `size` of an image, `curves` of (time [s], flat pixels x, y)."""
     calibration = run.calibration()
     if calibration is None:
         return {"size": (), "curves": ()}

@@ -30,7 +30,7 @@ EFFECTS_STREAM = 4  # of random numbers, apart from those of the training
 
 
 class Engine(StrEnum):
-    """Engine of the evaluation: the rod of the training, or the chain with physics of its own."""
+    """Engine of the evaluation: the rod of the training, or the independent chain."""
 
     ROD = "rod"
     CHAIN = "chain"

@@ -1,4 +1,4 @@
-"""Runs a whole training in one folder: starts or resumes it, then evaluates its weights."""
+"""Runs a training in one folder: starts or resumes it, then evaluates its weights."""
 
 import fcntl
 import json

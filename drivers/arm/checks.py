@@ -1,4 +1,4 @@
-"""Checks of what a robot states before the cell moves it: version, joint limits, tool."""
+"""Checks of a robot before the cell moves it: interface version, joint limits, tool."""
 
 import socket
 import struct
@@ -143,7 +143,7 @@ def _value(joints: dict[str, ElementTree.Element], number: int, tag: str, name: 
 
 
 def _tool_differences(state: Any, tool: ToolSettings) -> Iterator[str]:
-    """Yield what differs between the tool in the robot's `state` and the Franka Hand and `tool`.
+    """Yield a line for each difference of the robot's tool in `state` from `tool`, a Franka Hand.
 
     Left by another program are NE_T_EE, EE_T_K and the load; F_T_NE and the hand's mass are Desk's.
     """

@@ -52,7 +52,7 @@ class ForceGuard:
         return [a - b for a, b in zip(state.O_F_ext_hat_K, self.tare.wrench, strict=True)]
 
     def objection(self, state: Any) -> str:
-        """Reason to end the motion of a robot in `state`; empty while the motion may go on."""
+        """Reason to stop the motion of a robot in `state`; empty while it may continue."""
         force = hypot(*self.beyond_tare(state)[:3])
         if not force <= self.force:
             return f"the gripper met {force:.1f} N, allowed {self.force:.1f} N"
@@ -77,7 +77,7 @@ class DriftMonitor:
         self._mean = [0.0, 0.0, 0.0]
 
     def objection(self, state: Any, *, moving: bool) -> str:
-        """Reason why an arm in `state` must not go on; empty while it may."""
+        """Reason to stop an arm in `state`; empty while it may continue."""
         self._rested = 0.0 if moving else self._rested + self._tick
         if self._rested < SETTLING:
             self._mean = [0.0, 0.0, 0.0]

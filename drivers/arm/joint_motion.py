@@ -344,7 +344,7 @@ def _twist(now: Array, before: Array) -> Array:
 
 
 def _is_still(state: Any) -> bool:
-    """Whether the robot's setpoint stands still, up to what one tick takes off smoothly."""
+    """Whether the robot's joint setpoint is at rest, or slow enough to stop within one tick."""
     return bool(max(abs(rate) for rate in state.dq_d) < REST_RATE)
 
 

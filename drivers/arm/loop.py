@@ -31,7 +31,7 @@ CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
 
 
 class ServoLoop:
-    """One motion that follows commands in the strip's plane until it is asked to end.
+    """Runs one motion that follows commands in the strip's plane until `end` is called.
 
     `step` answers the current state with a command and waits for the next state, on the robot's
     clock or, in lock-step, on the cell's.
@@ -129,7 +129,7 @@ class ServoLoop:
 
     @property
     def halted(self) -> ArmFault | None:
-        """Reason why the arm braked for good, once it is at rest; None while it may go on."""
+        """Reason why the arm braked finally, once it is at rest; None while it may continue."""
         return None if self._profile.moving else self._reason
 
     def _take_order(self, order: Order) -> None:
@@ -169,10 +169,10 @@ class ServoLoop:
             self._brake_for_good(Cause.CONTACT, objection)
 
     def _resynchronise(self, state: Any, sent: list[float]) -> None:
-        """Continue from the robot's own setpoint where it differs from the one that was `sent`.
+        """Continue from the setpoint that the robot reports where it differs from the one `sent`.
 
-        A robot that hears a command too late continues the motion by itself, and a command that
-        does not continue what it did is a discontinuity, which stops it.
+        A robot that receives a command too late extrapolates the motion, and a command that
+        does not continue it is a discontinuity, which stops the robot.
         """
         before, self._time = self._time, state.time.to_sec()
         ticks = round((self._time - before) / TICK)
@@ -180,9 +180,9 @@ class ServoLoop:
             self._resume(state, ticks - 1)
 
     def _resume(self, state: Any, lost: int) -> None:
-        """Continue from the robot's own setpoint, in the strip's plane and beside it.
+        """Continue from the setpoint that the robot reports, in the strip's plane and off it.
 
-        Its velocity is that of its last tick, so half a tick old.
+        The reported velocity is the mean over the last tick, so half a tick old.
         """
         gains = [0.5 * TICK * part for part in state.O_ddP_EE_c]
         twist = [part + gain for part, gain in zip(state.O_dP_EE_c, gains, strict=True)]
@@ -278,7 +278,7 @@ def rehearse(installation: Installation) -> None:
 
 
 def at_rest(state: Any) -> bool:
-    """Whether the robot's setpoint stands still, up to what one tick can take off smoothly."""
+    """Whether the robot's setpoint is at rest, or slow enough to stop within one tick."""
     twist = state.O_dP_EE_c
     return hypot(*twist[:3]) < REST_SPEEDS[0] and hypot(*twist[3:]) < REST_SPEEDS[1]
 

@@ -78,7 +78,7 @@ class StripPlane:
         return numbers
 
     def course(self, pose: Numbers, twist: Numbers, change: Numbers) -> Course:
-        """Course of a hand at `pose` with `twist` (6,) and its derivative `change` in the base."""
+        """Motion in the cell of a hand with `pose`, `twist` (6,) and `change` (6,) in the base."""
         hand = matrix(pose)
         inside = hand if self._back is None else hand @ self._back
         spin, spin_change = _cross_matrix(twist[3:]), _cross_matrix(change[3:])

@@ -46,7 +46,7 @@ class TerminationFlag:
             signal.signal(number, self._note_signal)
 
     def check(self) -> None:
-        """Raise ArmFault if this process was asked to end; to be called once the arm rests."""
+        """Raise ArmFault if a signal asked this process to end; called once the arm rests."""
         if self.is_set:
             raise ArmFault(Cause.ENDED, "the process of the arm was asked to end")
 

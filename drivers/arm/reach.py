@@ -1,4 +1,4 @@
-"""Reach of the arm: checked for a whole gripper path before a motion, and ahead in every motion."""
+"""Reach of the arm: checked for a gripper path before a motion, and ahead during every motion."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -222,7 +222,7 @@ class ReachGuard:
         self._jerk = np.array([axis.jerk for axis in motion.axes])
 
     def objection(self, soon: PredictedMotion) -> str:
-        """Reason to end a motion that will be at `soon`; empty while the motion may go on."""
+        """Reason to stop a motion that will be at `soon`; empty while it may continue."""
         speed, change = (
             np.array([rate.vx, rate.vz, rate.pitch_rate])
             for rate in (soon.velocity, soon.acceleration)

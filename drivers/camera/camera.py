@@ -122,7 +122,7 @@ class Drain:
             self._check_flow()
 
     def _check_flow(self) -> None:
-        """Raise CameraStalled after too long without frames, CameraFaulty without whole ones."""
+        """Raise CameraStalled after too long without frames, CameraFaulty without complete ones."""
         now = self._kernel.monotonic()
         silent, corrupt = now - self._last_any, now - self._last_whole  # s
         if silent > self._patience:
@@ -222,7 +222,7 @@ class V4l2Camera:
 
     @property
     def counts(self) -> Counts:
-        """Counts of frames since `connect`, by what happened to them."""
+        """Counts of frames since `connect`: delivered, dropped, broken."""
         return Counts() if self._drain is None else self._drain.counts
 
     def connect(self) -> None:
@@ -239,7 +239,7 @@ class V4l2Camera:
         self._drain = Drain(self._kernel, self._settings, self._clock, session)
 
     def read(self, after: float, timeout: float) -> CameraFrame | None:
-        """The newest whole frame that has arrived with a stamp later than `after`, or None.
+        """Return the newest complete frame with a stamp later than `after`, or None.
 
         Waits at most `timeout` [s]; 0 only looks. Raises CameraLost, CameraStalled, CameraBusy or
         CameraFaulty while the device is so, and once after it recovered by itself.

@@ -51,7 +51,7 @@ class Mode:
 
 
 def modes_of(device: Device) -> Iterator[Mode]:
-    """Every mode that the device names, in its own order."""
+    """Every mode that the device lists, in its order."""
     for described in device.formats():
         number = described.pixelformat
         for size in _sizes(device, number):

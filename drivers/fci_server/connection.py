@@ -46,7 +46,7 @@ class Connection:
         return bool(content) and len(self.received) <= MOST_PENDING
 
     def send(self, content: bytes) -> bool:
-        """Send whole replies; False when the client is gone or reads nothing."""
+        """Send `content`; False where the client does not take all of it."""
         try:
             return self._tcp.send(content) == len(content)
         except OSError:
@@ -125,7 +125,7 @@ class Port(ABC, Generic[K]):
 
     @abstractmethod
     def _abandon(self) -> None:
-        """End what the client that has gone had begun."""
+        """End the motion or task of a client that has disconnected."""
 
     def serve(self, descriptor: int) -> None:
         """Handle a readable descriptor of TCP, if it belongs to this port."""
@@ -139,7 +139,7 @@ class Port(ABC, Generic[K]):
             self.drop(reset=True)
 
     def drop(self, reset: bool = False) -> None:
-        """Disconnect the client and end what it had begun."""
+        """Disconnect the client and end its motion or task."""
         self._dismiss(reset)
         self._abandon()
 

@@ -1,4 +1,4 @@
-"""What an emulated arm has beyond its setpoint: joint torques, deflection, delay and lag."""
+"""Dynamics of an emulated arm: joint torques, deflection under load, delay and lag."""
 
 from collections import deque
 from collections.abc import Callable
@@ -102,11 +102,11 @@ class LaggingArm:
     def at_rest(
         cls, posture: Posture, tool: Array, delay: float, lag: float, sag: Sag | None = None
     ) -> Self | None:
-        """A lagging arm at rest in `posture` with a tool (4, 4); None where no lag is set."""
+        """Create an arm at rest in `posture`; None where `delay`, `lag` and `sag` are not set."""
         return cls(posture, tool, delay, lag, sag) if delay or lag or sag is not None else None
 
     def tick(self, commanded: Array) -> None:
-        """Advance the arm by one tick behind the joints `commanded` (7,) [rad]."""
+        """Advance the arm by one tick towards the delayed joints `commanded` (7,) [rad]."""
         self._past.append(commanded)
         self._past.popleft()
         here = self._motors

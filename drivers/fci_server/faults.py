@@ -68,7 +68,7 @@ class NanFault(Scripted):
 
 
 class ContactFault(Scripted):
-    """A force [N] in the base pushes the tool for `duration` [s] of robot time, or from then on."""
+    """A constant `force` [N] in the base acts on the tool for `duration` [s] of robot time."""
 
     kind: Literal["contact"]
     force: Annotated[tuple[float, float, float], AfterValidator(_check_force)]
@@ -113,11 +113,11 @@ class Disturbance:
         return time < self._nan_ends
 
     def add(self, fault: Fault) -> None:
-        """Schedule one more fault, at its tick, or at once if its tick has passed."""
+        """Schedule one more fault at its tick, or now if its tick has passed."""
         self._waiting = sorted([*self._waiting, fault], key=lambda waiting: waiting.at)
 
     def strike(self, robot: Robot) -> Iterator[Fault]:
-        """Apply the due faults to `robot`; yields those of connections and time for the caller."""
+        """Apply the due faults to `robot`; yields the faults that the server must carry out."""
         self._end_faults(robot)
         while self._waiting and self._waiting[0].at <= robot.ticks:
             fault = self._waiting.pop(0)

@@ -26,7 +26,7 @@ class Task:
 
 
 class Hand:
-    """Emulated hand, stepped every 1 ms: width [m] between its fingers, and what they hold.
+    """Emulated hand, stepped every 1 ms: width [m] between its fingers, and the object they hold.
 
     `between` gives the thickness [m] of the object between the fingers now, None for nothing.
     Speeds above FASTEST_FINGER are limited to it; the real hand's answer in that case is not known.
@@ -107,7 +107,7 @@ class Hand:
         self._answer(task.request, status)
 
     def _reach_width(self, task: Task) -> None:
-        """Go on to the next width of `task`, or end `task` after its last."""
+        """Start the next width of `task`, or end `task` after its last."""
         task.widths.pop(0)
         if task.widths:
             return

@@ -20,12 +20,12 @@ class Course:
     acceleration: Array
 
     def step(self, velocity: Array) -> "Course":
-        """The course one tick on with a new `velocity`."""
+        """Rates one tick later with a new `velocity`."""
         return Course(velocity, (velocity - self.velocity) / TICK)
 
 
 def still(axes: int) -> Course:
-    """A course of `axes` axes at rest."""
+    """Zero velocity and acceleration of `axes` axes."""
     return Course(np.zeros(axes), np.zeros(axes))
 
 
@@ -49,7 +49,7 @@ class Posture:
 
     @classmethod
     def at_joints(cls, q: Array, tool: Array, joints: Course) -> Self:
-        """Posture with joints `q` (7,) [rad] on their course and a `tool` (4, 4) on the flange."""
+        """Posture at `q` (7,) [rad]; the pose of `tool` (4, 4) there is commanded, at rest."""
         reached, jacobian = pose_and_jacobian(q, tool)
         swing = np.array([q[ELBOW_JOINT], 0.0, 0.0])
         return cls(q, joints, reached, jacobian, reached, still(6), swing)
@@ -81,7 +81,7 @@ class Posture:
         return np.array([elbow, speed, (speed - rate) / TICK])
 
     def with_command(self, pose: Array, course: Course, swing: Array) -> Self:
-        """The same joints, another `pose` (4, 4) on its course, and `swing` (3,) of the elbow."""
+        """The same joints, commanded `pose` (4, 4) with its rates, and the elbow's `swing` (3,)."""
         return replace(self, pose=pose, tool=course, swing=swing)
 
     def move_on(self, q: Array, tool: Array, joints: Course) -> Self:

@@ -167,7 +167,7 @@ class Framing(Generic[K]):
     sizes: dict[K, int]  # bytes of the payload
 
     def take(self, buffer: bytearray) -> Request[K] | None:
-        """Remove the first whole request from the received bytes; None while it is incomplete.
+        """Remove the first complete request from the received bytes; None while there is none.
 
         Raises Malformed for an unknown command or a wrong size.
         """
@@ -208,7 +208,7 @@ class MoveRequest:
 
 @dataclass(frozen=True, slots=True)
 class RobotCommand:
-    """One command over UDP in answer to state `message_id`; a generator reads its own field."""
+    """Command over UDP in answer to state `message_id`; a generator reads the field of its kind."""
 
     message_id: int
     q: Array  # (7,) rad

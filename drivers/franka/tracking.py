@@ -46,7 +46,7 @@ def track(
 
 
 def joint_rates(jac: Array, wanted: Array) -> Array:
-    """Joint rates (7,) for a tool twist and elbow rate `wanted` (7,), by Jacobian `jac` (6, 7)."""
+    """Joint rates (7,) for tool twist and elbow rate `wanted` (7,), by Jacobian `jac` (6, 7)."""
     whole = np.zeros((7, 7))
     whole[:6] = jac
     whole[6, ELBOW_JOINT] = 1

@@ -1,4 +1,4 @@
-"""Protocol of a strip engine that steps a batch, and simulation of one whole motion."""
+"""Protocol of a strip engine that steps a batch, and simulation of one motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -126,7 +126,7 @@ class TwinArm:
         self._profile.stop()
 
     def close(self) -> None:
-        """Brake and disconnect; allowed twice. The servo finishes braking by itself."""
+        """Brake and disconnect; allowed twice. The servo finishes braking afterwards."""
         self._profile.stop()
         self._connected = False
         self._closed = True

@@ -23,7 +23,7 @@ class TwinHand:
         world.move_fingers(self._fingers)
 
     def open(self) -> None:
-        """Start to open the fingers; a held strip is released at once."""
+        """Start to open the fingers; a held strip is released immediately."""
         self._world.detach()
         self._move(self._settings.opening)
 

@@ -1,4 +1,4 @@
-"""Construction of the twin of a whole cell on one simulated clock."""
+"""Construction of the twin of a cell on one simulated clock."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -62,7 +62,7 @@ class History:
 
 
 def interpolate(earlier: Scene, later: Scene, stamp: float) -> Scene:
-    """Scene at `stamp` [s], interpolated; what the hand holds is that of the `earlier` scene."""
+    """Scene at `stamp` [s], linear between two scenes; the grasp is that of `earlier`."""
     share = (stamp - earlier.stamp) / (later.stamp - earlier.stamp)
     here, there = earlier.gripper.as_array(), later.gripper.as_array()
     x, z, pitch = (here + share * (there - here)).tolist()

@@ -26,8 +26,8 @@ LARGEST_NUMBER = 100.0  # above every plausible coefficient
 class Untrained(Settings):
     """Standard deviation `added` [m] to predictions for effects that the training lacked.
 
-    Such are another engine and lost images. Written by `python -m tests.lab study unknown`: with
-    it, the shares `within_1` and `within_2` of its `folds` are within one sigma and 1.96.
+    Examples: another engine, lost images. Written by `python -m tests.lab study unknown`, in whose
+    `folds` the shares `within_1` and `within_2` then lie within 1 and 1.96 sigma.
     """
 
     schema_: Literal[1] = Field(1, alias="schema")

@@ -56,7 +56,7 @@ def load_bias(path: FilePath | None = None) -> Bias:
 
 
 def save_critic(path: FilePath, critic: Critic, facts: dict[str, Any]) -> None:
-    """Write `critic` with `facts` about its training to `path`, whole or not at all.
+    """Write `critic` with `facts` about its training to `path` atomically.
 
     Raises ConfigurationError where that is not possible.
     """

@@ -35,7 +35,7 @@ class Scripted:
         self._begun = np.full(count, np.nan)
 
     def lift(self) -> Path:
-        """Path of the lift: the motion's own path."""
+        """Path of the lift, the motion's path."""
         return self._active_motion().path
 
     def decide(self, observation: Observation) -> Decision:

@@ -25,7 +25,7 @@ class Standard:
     parts: Sequence[Part]
 
     def over(self, length: float, speed: float | None = None) -> Motion:
-        """The motion on a strip of `length` [m], at its own or another speed [m/s]."""
+        """The motion on a strip of `length` [m], at its standard speed or at `speed` [m/s]."""
         return motion(self.shape(length), self.parts, speed or self.speed)
 
 
@@ -68,10 +68,10 @@ STANDARD: Mapping[str, Standard] = MappingProxyType(
     }
 )  # fmt: skip
 REFERENCE_RUN = "normal"
-"""Folded first and, once more, last: what changed with use shows between the two."""
+"""Folded first and last: the difference between the two shows a change with use."""
 REPEATED_RUN = "taut-lift"
-"""Folded twice in between: slips and stretch show in no other motion, and what one run alone shows
-no other can bear out.
+"""Folded twice: only this motion reveals slip and stretch, and an effect in a single run cannot
+be confirmed by another.
 """
 
 

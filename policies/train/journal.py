@@ -1,4 +1,4 @@
-"""Journal of a training: its settings and what it has done; an interrupted training goes on.
+"""Journal of a training: its settings and results, from which an interrupted training resumes.
 
 A search is a deterministic function of its seed and its costs. So its journal holds the costs, and
 resuming replays them: same state, same result, no pickle. A line is on disk before the next step

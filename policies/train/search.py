@@ -68,7 +68,7 @@ class Search:
 
     @property
     def total(self) -> int:
-        """Number of generations of the whole training."""
+        """Number of generations of the training."""
         return self.settings.generations
 
     @property

@@ -123,7 +123,7 @@ class Viz:
     def _draw_queue(
         self, folder: Path, strip: StripFile, viewer: Callable[[str], None] | None
     ) -> None:
-        """Draw the queue until the run is over; Rerun is imported here, while the run goes on."""
+        """Draw the queue until the run is over; Rerun is imported here, during the run."""
         from cell.record.run import read_broken_run
         from cell.report.viz.recording import Screen, open_recording
 

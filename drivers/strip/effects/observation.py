@@ -1,4 +1,4 @@
-"""Effects of measuring: what the calibrated camera shows wrongly."""
+"""Effects of measuring: systematic errors of the calibrated camera."""
 
 from functools import partial
 

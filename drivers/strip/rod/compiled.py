@@ -111,7 +111,7 @@ def _with_unique_name(function: F) -> F:
 
 
 def _origin(function: Callable[..., Any]) -> str:
-    """What the code of `function` depends on: its name, sources, and what it closes over."""
+    """Dependencies of the code of `function`: its name, sources and closed-over values."""
     closed = [cell.cell_contents for cell in function.__closure__ or ()]
     values = [_origin(v.py_func) if hasattr(v, "py_func") else repr(v) for v in closed]
     file = Path(function.__code__.co_filename)

@@ -1,4 +1,4 @@
-"""Simulation of whole motions in one batch, each strip along its own gripper path."""
+"""Simulation of motions in one batch, each strip along its gripper path."""
 
 from collections.abc import Sequence
 from dataclasses import replace

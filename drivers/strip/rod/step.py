@@ -1,4 +1,4 @@
-"""A step of a block of strips: whole, then in substeps where a lane failed to converge.
+"""A step of a block of strips, repeated in substeps where a lane fails to converge.
 
 Only abrupt events need substeps: a gripper that starts at full speed beside a straight strip makes
 it buckle within one step.

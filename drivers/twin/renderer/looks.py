@@ -1,4 +1,4 @@
-"""Looks of the cell: what surrounds the strip, how it is lit, and what is printed on the strip."""
+"""Looks of the cell: surroundings, light, and patterns printed on the strip."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -77,7 +77,7 @@ class Pattern:
         return not self.printed and self.brightness == 1.0
 
     def colours(self, stated: Colour) -> Array:
-        """BGR colours (k, 3) of the pattern, the strip's own first."""
+        """BGR colours (k, 3) of the pattern; the strip's sRGB colour `stated` comes first."""
         own = np.array(stated, dtype=np.float64) * self.brightness
         return np.array([own, *self.printed], dtype=np.float64)[:, ::-1]
 

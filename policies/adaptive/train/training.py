@@ -43,7 +43,7 @@ class CriticTraining:
 
     @property
     def total(self) -> int:
-        """Steps of the whole training: shards and regressions."""
+        """Number of steps of the training: shards and regressions."""
         return sum(self.settings.pieces) + self.settings.rounds + self.settings.trials
 
     @property
