@@ -15,7 +15,7 @@ from calibration.wizard.coverage import (
     coverage,
     guessed_lens,
     placement,
-    seen_outline,
+    project_outline,
     wanted_views,
 )
 from calibration.wizard.lens_verdict import LensVerdict, fit_views, lens_verdict
@@ -149,7 +149,7 @@ class BoardViews:
         return Sketch(
             size,
             None if wanted is None else wanted.outline(outline, self._lens or guessed_lens(size)),
-            seen_outline(seen, outline) if seen is not None and enough else None,
+            project_outline(seen, outline) if seen is not None and enough else None,
         )
 
     def _refuse(self, frame: Frame, look: BoardDetection) -> str | None:

@@ -135,7 +135,7 @@ class Gate:
 
     @property
     def ratio(self) -> str:
-        """`have` of `need` as text, in whole numbers where views are counted."""
+        """`have` of `need` as text, as integers where views are counted."""
         digits = 0 if self.unit else 2
         return f"{self.have:.{digits}f} of {self.need:.{digits}f}"
 
@@ -163,8 +163,8 @@ class Sketch:
     seen: Array | None
 
 
-def seen_outline(view: BoardView, outline: Array) -> Array:
-    """Image points (4, 2) [px] in `view` of the board's outer corners `outline` (4, 2) [m]."""
+def project_outline(view: BoardView, outline: Array) -> Array:
+    """Project the board's outer corners `outline` (4, 2) [m] to image points (4, 2) [px]."""
     to_image, _ = cv2.findHomography(view.board[:, :2], view.image, 0)
     image = np.column_stack([outline, np.ones(4)]) @ to_image.T
     return np.asarray(image[:, :2] / image[:, 2:])
@@ -172,7 +172,7 @@ def seen_outline(view: BoardView, outline: Array) -> Array:
 
 def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
     """Placement in `view` of a board with outer corners `outline` (4, 2) [m], clockwise."""
-    corners = seen_outline(view, outline) / (lens.width, lens.height)
+    corners = project_outline(view, outline) / (lens.width, lens.height)
     aspect = np.array([lens.width / lens.height, 1.0])
     top, right = (corners[0] - corners[1]) * aspect, (corners[2] - corners[1]) * aspect
     cosine = float(top @ right / (np.linalg.norm(top) * np.linalg.norm(right)))
@@ -190,7 +190,7 @@ def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
 
 
 def coverage(views: Sequence[BoardView], lens: Lens, needs: BoardSettings) -> tuple[Gate, ...]:
-    """All coverage requirements, each with how far `views` through `lens` meet it."""
+    """All coverage requirements, and how far `views` through `lens` meet each."""
     seen = [placement(view, needs.outline(), lens) for view in views]
     x, y, size = (_range([getattr(p, name) for p in seen]) for name in ("x", "y", "size"))
     skew, cells = max((p.skew for p in seen), default=0.0), _cell_share(views, lens)
@@ -221,7 +221,7 @@ def _range(values: Sequence[float]) -> float:
 
 
 def _cell_share(views: Sequence[BoardView], lens: Lens) -> float:
-    """Share of the image's grid cells in which board corners were seen."""
+    """Share of the image's grid cells in which board corners were detected."""
     if not views:
         return 0.0
     points = np.vstack([view.image for view in views]) / (lens.width, lens.height)

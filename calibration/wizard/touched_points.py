@@ -146,12 +146,12 @@ class TouchedPoints:
 
     @property
     def why(self) -> str:
-        """Why the requested pose is to be touched, and how many are."""
+        """Reason for the requested pose, and the number of touched points."""
         if self._second:
             return f"point {self.number} disagrees with the others: touch it once more"
         done = f"{len(self._touches)} of {len(self.plan)} points are touched"
         held = self.number is not None and held_out(self.number, self._settings)
-        part = "held out, it decides" if held else "fitted"
+        part = "held out for the verdict" if held else "fitted"
         return f"point {self.number} ({part}): {done}" if self.fitted else done
 
     def progress(self, wanted: Pose | None, why: str, stage: Stage = Stage.TOUCH) -> Progress:

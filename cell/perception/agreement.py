@@ -21,7 +21,7 @@ from policies.profile import POINTS, profiles
 
 BINS = 12  # of time, in which the noise of the images averages out
 FEWEST_IMAGES = 3  # images in a bin that counts
-TOUCH_MARGIN = 0.03  # s before the touch in which images do not count: the layers hide each other
+TOUCH_MARGIN = 0.03  # s before the touch without images: the layers hide each other
 
 
 class MeasuredFold(NamedTuple):
@@ -51,8 +51,8 @@ class MeasuredFold(NamedTuple):
     def bin_curves(self, curves: Array) -> Array:
         """Robust average (BINS, POINTS, 2) of `curves` (k, POINTS, 2) in each bin; NaN where few.
 
-        Medians of what the bin's images show besides an even motion: a median of what moves rests
-        on the few images in its middle.
+        A linear motion is removed before the median, which would otherwise rest on the few images
+        in the bin's middle.
         """
         place = self._bins()
         found = np.full((BINS, POINTS, 2), np.nan)
@@ -67,7 +67,7 @@ class MeasuredFold(NamedTuple):
     @property
     def noise(self) -> float:
         """Noise [m] of a point of `bin_curves`, root mean square along x and z together."""
-        steps = np.abs(np.diff(self.profile, n=2, axis=0))  # what moves evenly leaves no trace
+        steps = np.abs(np.diff(self.profile, n=2, axis=0))  # removes a uniform motion
         sigma = MAD * np.median(steps, axis=0) / np.sqrt(6.0)  # variances of 1, -2, 1 add to 6
         variance_share = 0.5 * np.pi * BINS / len(self.stamp)  # of a median of a bin's images
         return float(np.sqrt(variance_share * (sigma**2).sum(axis=-1).mean()))
@@ -100,7 +100,7 @@ IMAGE_SIGMAS = np.array([BIAS_SIGMA, BIAS_SIGMA, BIAS_SIGMA, STAMP_SIGMA])
 class AgreementLimits(Settings):
     """Largest `residual` [m] and `yield_curvature` [1/m] of a fold that behaves like the model.
 
-    Written by `python -m tests.lab study agreement`: what `share` of such folds stay below.
+    Written by `python -m tests.lab study agreement`: a `share` of such folds stays below.
     """
 
     schema_: Literal[1] = Field(1, alias="schema")

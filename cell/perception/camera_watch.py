@@ -15,8 +15,7 @@ from cell.perception.scene import Appearance
 from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Image, Pose
 
-# m or, times a finger's length, rad: a gripper that moved so far looks otherwise
-MOVED_DISTANCE = 0.002
+MOVED_DISTANCE = 0.002  # m of gripper motion after which an image must differ
 FINGER_LENGTH = 0.045  # m
 STRIDE = 64  # rows from one to the next that are compared first
 
@@ -62,10 +61,10 @@ def _distance(one: Pose, other: Pose) -> float:
 
 
 PATCH_SIZE = 32  # px, of a patch
-SEARCH_RADIUS = 12  # px by which it is looked for around its place
-MOST_PATCHES = 16  # that are remembered
-FEWEST_PATCHES = 2  # that must be found to state a shift
-ALONG = 1.0  # px by which most of them must have moved alike
+SEARCH_RADIUS = 12  # px about a patch's place in which it is searched
+MOST_PATCHES = 16  # patches that are kept
+FEWEST_PATCHES = 2  # patches that must be found to state a shift
+ALONG = 1.0  # px within which the shifts of most patches must agree
 PATCH_SIGMA = 0.3  # px, standard deviation of a patch's place by its structure and the noise
 NOISE_WINDOW = 1.5  # px over which noise is averaged
 CAMERA_WATCHED, UNWATCHED = "camera is watched", "camera is not watched"  # names of the check
@@ -93,7 +92,7 @@ class CameraWatch:
         calibration: Calibration,
         strip: StripFile,
     ) -> Self:
-        """Choose the patches whose position is surest, below the waiting hand and off the strip."""
+        """Choose the patches of least position error, below the waiting hand and off the strip."""
         grey = grey_of(appearance.scene.background.image)
         sigma = _deviation(grey, appearance.scene.sensor)
         hidden = strip_zone(calibration, strip.length)
@@ -112,7 +111,7 @@ class CameraWatch:
         """Report whether enough patches are known to notice camera motion; always passes."""
         found = len(self.patches)
         watched = found >= FEWEST_PATCHES
-        reason = f"{found} places that stand still are seen, {FEWEST_PATCHES} are needed"
+        reason = f"{found} static patches are visible, {FEWEST_PATCHES} are needed"
         if not watched:
             reason += ": a camera that is nudged in this fold would not be noticed"
         return PreflightCheck(
@@ -125,9 +124,9 @@ class CameraWatch:
     def shift(self, image: Image, gripper: Pose) -> float:
         """Apparent shift [m] of the scene in `image` (height, width, 3), in the near edge's plane.
 
-        The median over patches by their weights, where most of these have moved alike, so that a
-        shadow on some of them says nothing; brightness does not count. NaN where too few patches
-        are found again. `gripper` is the measured pose at the image's stamp.
+        The weighted median over the patches, where most of them agree, so that shadows on some do
+        not count; brightness does not either. NaN where too few patches are found. `gripper` is the
+        measured pose at the image's stamp.
         """
         moved = self._find_all(image, gripper)
         found = np.isfinite(moved[:, 0])
@@ -157,7 +156,7 @@ class CameraWatch:
 
 
 def _choose_patches(sigma: Array) -> tuple[list[tuple[int, int]], list[float]]:
-    """Corners (column, row) [px] and weights of the surest patches; overwrites `sigma` (h, w)."""
+    """Corners (column, row) [px] and weights of the best patches; overwrites `sigma` (h, w)."""
     corners, weights = list[tuple[int, int]](), list[float]()
     while len(corners) < MOST_PATCHES and sigma.min() <= PATCH_SIGMA:
         v, u = np.unravel_index(int(sigma.argmin()), sigma.shape)
@@ -181,7 +180,7 @@ def _deviation(grey: Image, noise: float) -> Array:
         for product in (dx * dx, dx * dz, dz * dz)
     )
     least = (xx + zz) / 2 - np.hypot((xx - zz) / 2, xz)
-    flat = float(np.median(least))  # what noise alone leaves
+    flat = float(np.median(least))  # of noise alone
     return np.asarray(noise / np.sqrt(np.maximum(least - flat, 1e-6)), dtype=np.float64)
 
 

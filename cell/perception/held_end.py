@@ -18,21 +18,21 @@ from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Image, Pose
 
 PROFILE_CONFIDENCE = 0.5  # confidence in a profile from which the end is taken from it
-CLOSE = 0.001  # m by which the end may still move when it counts as found
+CLOSE = 0.001  # m, change of the end below which the iteration has converged
 ROUNDS = 6
 END_LENGTH = 0.04  # m at the profile's end from which it is extrapolated
 MOST_STEPS = 5.0  # times the last motion of the end, by which it is extrapolated
 UPRIGHT_HEIGHT = 0.1  # m of lift after which the end hangs upright
-LIFTS = (0.03, 0.045, 0.06, 0.08)  # m of height at which an end that was just lifted is looked for
-FACE = (0.004, 0.011), (0.0, 0.003)  # m from the strip's end along and up, what is clip
-ALIKE = 4.0  # standard deviations of its colour
-APART = 8.0  # from those of strip and desk
-FRONT = 0.05  # share of its face before its front, along its axis
-FARTHEST = 0.02  # m from the strip's end to its front at most
-WINDOW = 0.08  # m about its last place in which it is looked for
-SMALLEST, LARGEST = 0.3, 3.0  # times its first area
-SLENDER = 1.5  # length over height of its visible face, from which its axis is known
-SEARCH_STEPS = (-0.03, -0.015, 0.015, 0.03)  # m about where it should be, when it is not there
+LIFTS = (0.03, 0.045, 0.06, 0.08)  # m, heights at which a newly lifted end is searched
+FACE = (0.004, 0.011), (0.0, 0.003)  # m along and above the strip's end: pixels of the clip
+ALIKE = 4.0  # standard deviations: colour distance up to which a pixel belongs to the clip
+APART = 8.0  # standard deviations of a clip's colour from those of strip and desk, at least
+FRONT = 0.05  # quantile of the face along its axis at which its front lies
+FARTHEST = 0.02  # m from the strip's end to the clip's front at most
+WINDOW = 0.08  # m about the end's last place in which the clip is searched
+SMALLEST, LARGEST = 0.3, 3.0  # allowed area of the face over that at rest
+SLENDER = 1.5  # length over height of the visible face, at least, for a known axis
+SEARCH_STEPS = (-0.03, -0.015, 0.015, 0.03)  # m about the expected end, where it is not found
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,14 +50,14 @@ class Face:
 
 @dataclass(frozen=True, slots=True)
 class Clip:
-    """A clip's `colour` (3,) BGR, and its `face` at rest, as seen from the strip's end."""
+    """A clip's `colour` (3,) BGR, and its `face` at rest, relative to the strip's end."""
 
     colour: Array
     face: Face
 
     @classmethod
     def learn(cls, image: Image, calibration: Calibration, strip: StripFile) -> Self | None:
-        """The clip at the end of the `strip` that lies in `image` (h, w, 3); None without one."""
+        """Learn the clip at the end of `strip`, at rest in `image` (h, w, 3); None without one."""
         end = np.array([strip.length, 0.0])
         span, height = FACE
         held = pixels(image, calibration, (end[0] + span[0], end[0] + span[1]), height)
@@ -72,7 +72,7 @@ class Clip:
         return cls(colour, replace(face, front=offset)) if abs(offset[0]) < FARTHEST else None
 
     def find(self, image: Image, calibration: Calibration, last: Pose) -> Pose | None:
-        """The strip's end that it holds in `image` (h, w, 3), near the `last`; None if hidden."""
+        """Find the end that the clip holds in `image` (h, w, 3), near `last`; None if hidden."""
         seen = _face(image, calibration, self.colour, last)
         if seen is None or not SMALLEST < seen.area / self.face.area < LARGEST:
             return None
@@ -83,7 +83,7 @@ class Clip:
 
 
 def _face(image: Image, calibration: Calibration, colour: Array, last: Pose) -> Face | None:
-    """The largest piece of a `colour` (3,) BGR near the `last` end; None without any."""
+    """Largest region of a `colour` (3,) BGR near the `last` end; None without one."""
     along = np.array([np.cos(last.pitch), np.sin(last.pitch)])
     corners = np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)]) * WINDOW + (last.x, last.z)
     size = (calibration.lens.width, calibration.lens.height)
@@ -120,10 +120,9 @@ class HeldMeasurement:
 class HeldEnd:
     """Tracks the held end of a strip from image to image.
 
-    Of a strip of known length, what is missing between the seen profile and the whole length lies
-    in the grip: the end is the point at that length along the profile. It moves where the profile
-    is read, so both are found together, in a few rounds from where the end should be by now. Where
-    a clip holds the end and is seen, the end is in its mouth.
+    The end is the point at the strip's full length along the extrapolated profile. Its place in
+    turn limits where the profile is measured, so both are iterated from the expected end. Where a
+    clip that holds the end is visible, the end is in its mouth.
     """
 
     def __init__(
@@ -190,7 +189,7 @@ class HeldEnd:
         return Pose(float(ahead[0]), max(float(ahead[1]), 0.0), last.pitch)
 
     def _settle(self, frame: Frame, guess: Pose) -> HeldMeasurement:
-        """Measure strip and end by fixed-point iteration from `guess`; end None if it diverges."""
+        """Measure by fixed-point iteration from `guess`; no end where it does not converge."""
         for _ in range(ROUNDS):
             measurement = self._perception.look(frame, guess)
             end = self._end(measurement)

@@ -47,7 +47,7 @@ class JointRobot(Protocol):
         """Send the joints (7,) [rad] for this tick; `last` ends the motion."""
 
 
-class JointCourse(NamedTuple):
+class JointSetpoint(NamedTuple):
     """Joints (7,) [rad], rates and accelerations, as differences of successive setpoints."""
 
     position: Numbers
@@ -55,24 +55,24 @@ class JointCourse(NamedTuple):
     acceleration: Numbers
 
     @classmethod
-    def from_state(cls, state: Any) -> "JointCourse":
+    def from_state(cls, state: Any) -> "JointSetpoint":
         """Commanded joint positions, rates and accelerations in the robot's rounded `state`."""
         return cls(list(state.q_d), list(state.dq_d), list(state.ddq_d))
 
-    def after_a_tick(self) -> "JointCourse":
+    def after_a_tick(self) -> "JointSetpoint":
         """Joint motion one tick later without a command: the robot keeps its acceleration."""
         position, rate, acceleration = (np.array(part) for part in self)
         rate = rate + TICK * acceleration
         position = position + TICK * rate
-        return JointCourse(position.tolist(), rate.tolist(), self.acceleration)
+        return JointSetpoint(position.tolist(), rate.tolist(), self.acceleration)
 
-    def followed_by(self, state: Any, sent: Numbers, ticks: int) -> "JointCourse":
+    def followed_by(self, state: Any, sent: Numbers, ticks: int) -> "JointSetpoint":
         """Joint motion in `state`, `ticks` after this one, more exact than the state's rounding.
 
         A robot that received its command was at the joints `sent` (7,) one tick later; otherwise
         it keeps its acceleration.
         """
-        seen = JointCourse.from_state(state)
+        seen = JointSetpoint.from_state(state)
         received = largest_difference(seen.acceleration, self.acceleration) > ACCELERATION_ROUNDING
         position = sent if received else self.position
         for ago in range(max(ticks - 1, 0) if received else ticks):
@@ -104,7 +104,7 @@ class JointMotion:
         self._speed, self._acceleration = share * JOINT_SPEED, share * JOINT_ACCELERATION
         self._jerk, self._rate_gain = JOINT_JERK, RATE_GAIN
         self._time = state.time.to_sec()
-        self._here, self._sent = JointCourse(start, [0.0] * AXES, [0.0] * AXES), start
+        self._here, self._sent = JointSetpoint(start, [0.0] * AXES, [0.0] * AXES), start
         self._planned, self._missed = True, False
 
     @property
@@ -241,7 +241,7 @@ class CartesianMotion:
         """Drive `robot`; on its `own_clock` each command is computed a tick ahead."""
         self._robot, self._own_clock = robot, own_clock
         self._ahead = False  # whether `_here` is where the robot will be a tick after `_time`
-        self._here: JointCourse | None = None
+        self._here: JointSetpoint | None = None
         self._sent: Numbers = []
         self._sent_pose: Array | None = None
         self._past_poses: list[Array] = []  # setpoints (4, 4), the newest first
@@ -278,9 +278,9 @@ class CartesianMotion:
         time = self._time + TICK * self._ahead
         return CartesianState(state, time, pose, twist.tolist(), acceleration.tolist())
 
-    def _begin(self, state: Any) -> JointCourse:
+    def _begin(self, state: Any) -> JointSetpoint:
         """Start from the first `state` of a motion, whose elbow angle is kept."""
-        begun = JointCourse.from_state(state)
+        begun = JointSetpoint.from_state(state)
         self._sent = begun.position
         self._elbow = self._kept = begun.position[ELBOW_JOINT]
         self._elbow_rate = 0.0
@@ -309,12 +309,12 @@ class CartesianMotion:
     def _has_arrived(self, motion: Any) -> bool:
         """Whether the robot moves as predicted; if not, the prediction restarts where it is."""
         state = self._robot.read(motion, awaited=False)
-        expected, self._ahead = self._here or JointCourse([], [], []), False
+        expected, self._ahead = self._here or JointSetpoint([], [], []), False
         before, self._time = self._time, state.time.to_sec()
         away = largest_difference(expected.position, state.q_d)
         if round((self._time - before) / TICK) == 1 and away < ROUNDING:
             return True
-        self._here = JointCourse.from_state(state)
+        self._here = JointSetpoint.from_state(state)
         self._sent, self._sent_pose = self._here.position, None
         return False
 
@@ -324,7 +324,7 @@ def largest_difference(these: Numbers, those: Numbers) -> float:
     return max(abs(a - b) for a, b in zip(these, those, strict=True))
 
 
-def _past_poses(here: JointCourse) -> list[Array]:
+def _past_poses(here: JointSetpoint) -> list[Array]:
     """Poses (4, 4) of the hand now, one tick ago and two ticks ago."""
     position, rate, acceleration = (np.array(part) for part in here)
     before = position - TICK * rate

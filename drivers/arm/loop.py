@@ -186,10 +186,10 @@ class ServoLoop:
         """
         gains = [0.5 * TICK * part for part in state.O_ddP_EE_c]
         twist = [part + gain for part, gain in zip(state.O_dP_EE_c, gains, strict=True)]
-        course = self._plane.course(state.O_T_EE_c, twist, state.O_ddP_EE_c)
-        pose, velocity = Pose(*course.pose), Velocity(*course.velocity)
-        self._profile.resume(pose, velocity, Velocity(*course.acceleration), lost)
-        self._offset.begin(course.aside, course.aside_velocity, course.aside_acceleration)
+        motion = self._plane.split_motion(state.O_T_EE_c, twist, state.O_ddP_EE_c)
+        pose, velocity = Pose(*motion.pose), Velocity(*motion.velocity)
+        self._profile.resume(pose, velocity, Velocity(*motion.acceleration), lost)
+        self._offset.begin(motion.aside, motion.aside_velocity, motion.aside_acceleration)
 
     def _check_ahead(self) -> None:
         """Brake while the arm still can, before it reaches a pose that it could not follow."""

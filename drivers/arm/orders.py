@@ -70,9 +70,9 @@ class Latest(SharedMemory, Generic[V]):
     """Value in shared memory with one writer and any readers, none of which blocks another.
 
     The writer fills the hidden one of two slots, then publishes it. A reader retries only when the
-    writer has reused its slot meanwhile, so that a writer that dies in mid write blocks nobody.
-    Relies on stores that become visible in order, as on x86-64, the only machine that the robot's
-    library is built for.
+    writer has reused its slot meanwhile, so that a writer that dies during a write blocks no
+    reader. Relies on stores that become visible in order, as on x86-64, the only platform of the
+    robot's library.
     """
 
     def __init__(self, kind: type[V], descriptor: int | None = None) -> None:

@@ -12,14 +12,14 @@ from drivers.types import Array
 
 Numbers = list[float]
 Triple = tuple[float, float, float]
-OUT_OF_PLANE = 0.005  # m beside the strip's plane at which a motion may begin, and stays
-LEANING = 0.05  # rad out of it, likewise
+OUT_OF_PLANE = 0.005  # m, largest constant distance of a motion from the strip's plane
+LEANING = 0.05  # rad, likewise its angle
 FADE_TICKS = 100  # ticks until a hand that drifted is back in the plane
 NO_OFFSET = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class PlaneMotion:
     """A motion of the hand in the strip's plane and off the plane, each with two derivatives.
 
     `pose` is x, z [m], pitch [rad]; `aside` an offset [m] and angles [rad] as in `command`.
@@ -77,7 +77,7 @@ class StripPlane:
         numbers: Numbers = pose.T.ravel().tolist()
         return numbers
 
-    def course(self, pose: Numbers, twist: Numbers, change: Numbers) -> Course:
+    def split_motion(self, pose: Numbers, twist: Numbers, change: Numbers) -> PlaneMotion:
         """Motion in the cell of a hand with `pose`, `twist` (6,) and `change` (6,) in the base."""
         hand = matrix(pose)
         inside = hand if self._back is None else hand @ self._back
@@ -95,7 +95,7 @@ class StripPlane:
         _correct_for_pitch(
             pose_aside, velocity_aside, acceleration_aside, velocity[2], acceleration[2]
         )
-        return Course(
+        return PlaneMotion(
             (x, z, pitch), velocity, acceleration,
             pose_aside, velocity_aside, acceleration_aside,
         )  # fmt: skip
@@ -142,9 +142,8 @@ class StripPlane:
 class FadingOffset:
     """Offset of the hand across the strip's plane [m] and two angles [rad], faded to zero.
 
-    A robot that hears no command continues what it heard last, and with it the rounding of its
-    state: it drifts out of the plane. From where it is found, with the velocity and acceleration
-    that it has there, a polynomial of fifth degree takes each of the three to rest at zero.
+    A robot without commands extrapolates its last ones, rounding errors included, and drifts out
+    of the plane. From its state there, a polynomial of fifth degree takes each to rest at zero.
     """
 
     def __init__(self) -> None:
@@ -180,9 +179,9 @@ class FadingOffset:
 def _correct_for_pitch(
     place: Numbers, rate: Numbers, change: Numbers, pitch_rate: float, pitch_change: float
 ) -> None:
-    """Correct `rate` and `change` of the two angles beside the plane for the pitching of the hand.
+    """Convert the derivatives of the two lean angles to axes that pitch with the hand.
 
-    They come as components about axes that do not pitch; to first order in the angles `place`.
+    Corrects `rate` and `change` in place, to first order in the angles `place`.
     """
     rate[1] -= place[2] * pitch_rate
     rate[2] += place[1] * pitch_rate

@@ -36,8 +36,8 @@ class Task:
 class TerminationFlag:
     """Flag that SIGTERM or SIGHUP sets in this process, so that the arm brakes first.
 
-    A closed terminal or a shutdown asks every process at once. One that died of it in a motion
-    would leave it to the robot to notice that its commands stay away.
+    A closed terminal or a shutdown signals every process. One that ended in a motion would leave
+    it to the robot to detect the missing commands.
     """
 
     def __init__(self) -> None:
@@ -89,14 +89,14 @@ def send(pipe: Connection, message: object) -> None:
 
 
 def schedule(mode: RealTime) -> None:
-    """Schedule this thread as `fci.realtime` asks; to be called once the library has connected.
+    """Schedule this thread by `fci.realtime`; to be called once the library has connected.
 
-    Raises ArmFault where it may not have the real-time priority that is asked for.
+    Raises ArmFault where the user may not have the required real-time priority.
     """
     if mode != "ignore":
         lock_memory()
     if mode == "priority" and not take_priority(PRIORITY):
-        words = f"this user may not have real-time priority {PRIORITY}, see `ulimit -r`"
-        raise ArmFault(Cause.REALTIME, words)
+        reason = f"this user may not have real-time priority {PRIORITY}, see `ulimit -r`"
+        raise ArmFault(Cause.REALTIME, reason)
     if mode == "ignore":
         wake_promptly()

@@ -8,7 +8,7 @@ from typing import Self
 import mujoco
 import numpy as np
 
-from drivers.fci_server.posture import Course, Posture
+from drivers.fci_server.posture import Posture, Rates
 from drivers.franka.kinematics import FLANGE
 from drivers.franka.model import ArmPlant, arm_mjcf
 from drivers.motion import TICK
@@ -37,15 +37,15 @@ class Dynamics:
 
     def torque(self, posture: Posture) -> Array:
         """Torques (7,) [N m] that the joints of the moving arm exert."""
-        plant, data, course = self._plant, self._data, posture.joints
+        plant, data, rates = self._plant, self._data, posture.joints
         q = posture.q - plant.encoder_bias
-        data.qpos[:], data.qvel[:], data.qacc[:] = q, course.velocity, course.acceleration
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, rates.velocity, rates.acceleration
         mujoco.mj_inverse(self._model, data)
         torque = np.array(data.qfrc_inverse)
         if plant.payload:
-            torque += self._payload_torque(course.velocity, course.acceleration)
-        torque += np.multiply(plant.friction, np.tanh(course.velocity / FRICTION_WIDTH))
-        torque += np.multiply(plant.damping, course.velocity) + np.multiply(plant.cable, q)
+            torque += self._payload_torque(rates.velocity, rates.acceleration)
+        torque += np.multiply(plant.friction, np.tanh(rates.velocity / FRICTION_WIDTH))
+        torque += np.multiply(plant.damping, rates.velocity) + np.multiply(plant.cable, q)
         return np.asarray(torque)
 
     def reading(self, posture: Posture, tick: int) -> Array:
@@ -122,7 +122,7 @@ class LaggingArm:
     def _step(self, before: Posture, q: Array) -> Posture:
         velocity = (q - before.q) / TICK
         acceleration = (velocity - before.joints.velocity) / TICK
-        return Posture.at_joints(q, self._tool, Course(velocity, acceleration))
+        return Posture.at_joints(q, self._tool, Rates(velocity, acceleration))
 
 
 def _tilt(gravity: float, x: float, y: float) -> tuple[float, float, float]:

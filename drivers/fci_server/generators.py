@@ -10,10 +10,10 @@ from drivers.fci_server.limits import (
     JOINT,
     Violation,
     check_end,
-    check_joint_course,
+    check_joint_rates,
     check_joints,
     check_swing,
-    check_tool_course,
+    check_tool_rates,
 )
 from drivers.fci_server.posture import Posture, twist_of
 from drivers.fci_server.wire import Generator, Reflex, RobotCommand, usable
@@ -72,15 +72,15 @@ def _joint_velocity(old: Posture, command: RobotCommand, tool: Array) -> Posture
 
 def _joints(old: Posture, q: Array, velocity: Array, tool: Array) -> Posture:
     """Next posture with joints `q` at `velocity`, within the limits of the joints."""
-    course = old.joints.step(velocity)
-    check_joint_course(old.joints, course, JOINT)
+    rates = old.joints.step(velocity)
+    check_joint_rates(old.joints, rates, JOINT)
     check_joints(
         q,
         velocity,
         Reflex.JOINT_MOTION_GENERATOR_POSITION_LIMITS_VIOLATION,
         Reflex.JOINT_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION,
     )
-    return old.move_on(q, tool, course)
+    return old.move_on(q, tool, rates)
 
 
 def _cartesian_pose(old: Posture, command: RobotCommand, tool: Array) -> Posture:
@@ -97,20 +97,20 @@ def _cartesian(
     old: Posture, command: RobotCommand, pose: Array, twist: Array, tool: Array
 ) -> Posture:
     """Next posture for a commanded tool `pose` with `twist`, within tool and joint limits."""
-    course = old.tool.step(twist)
-    check_tool_course(old.tool, course)
+    rates = old.tool.step(twist)
+    check_tool_rates(old.tool, rates)
     swing = old.swing_to(_elbow(old, command))
     check_swing(old.swing, swing)
     velocity = joint_step(old.q, old.reached, old.jacobian, pose, float(swing[0])) / TICK
     q, joints = old.q + TICK * velocity, old.joints.step(velocity)
-    check_joint_course(old.joints, joints, CARTESIAN_JOINT)
+    check_joint_rates(old.joints, joints, CARTESIAN_JOINT)
     check_joints(
         q,
         velocity,
         Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_POSITION_LIMITS_VIOLATION,
         Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_LIMITS_VIOLATION,
     )
-    return Posture.at_joints(q, tool, joints).with_command(pose, course, swing)
+    return Posture.at_joints(q, tool, joints).with_command(pose, rates, swing)
 
 
 def _elbow(old: Posture, command: RobotCommand) -> float:

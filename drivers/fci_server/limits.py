@@ -5,7 +5,7 @@ from math import hypot, inf
 
 import numpy as np
 
-from drivers.fci_server.posture import Course
+from drivers.fci_server.posture import Rates
 from drivers.fci_server.wire import Reflex
 from drivers.franka import limits
 from drivers.franka.body import Solids, apart
@@ -27,25 +27,25 @@ class Violation(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Rates:
-    """Reflexes of one kind of motion, beyond its limits of velocity, acceleration and jerk."""
+class RateReflexes:
+    """Reflexes for exceeding the limits of velocity, acceleration and jerk of one motion type."""
 
     velocity: Reflex
     acceleration: Reflex
     jerk: Reflex
 
 
-JOINT = Rates(
+JOINT = RateReflexes(
     Reflex.JOINT_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION,
     Reflex.JOINT_MOTION_GENERATOR_VELOCITY_DISCONTINUITY,
     Reflex.JOINT_MOTION_GENERATOR_ACCELERATION_DISCONTINUITY,
 )
-CARTESIAN = Rates(
+CARTESIAN = RateReflexes(
     Reflex.CARTESIAN_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION,
     Reflex.CARTESIAN_MOTION_GENERATOR_VELOCITY_DISCONTINUITY,
     Reflex.CARTESIAN_MOTION_GENERATOR_ACCELERATION_DISCONTINUITY,
 )
-CARTESIAN_JOINT = Rates(
+CARTESIAN_JOINT = RateReflexes(
     Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_LIMITS_VIOLATION,
     Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_DISCONTINUITY,
     Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_ACCELERATION_DISCONTINUITY,
@@ -95,17 +95,17 @@ class BodyCheck:
 # What follows runs in every tick: for so few numbers plain floats are faster than arrays.
 
 
-def check_joint_course(old: Course, new: Course, rates: Rates) -> None:
+def check_joint_rates(old: Rates, new: Rates, reflexes: RateReflexes) -> None:
     """Raises Violation where joints exceed their velocity, acceleration or jerk limits."""
     if _beyond(new.velocity, _JOINT_VELOCITY):
-        raise Violation(rates.velocity)
+        raise Violation(reflexes.velocity)
     if _beyond(new.acceleration, _JOINT_ACCELERATION):
-        raise Violation(rates.acceleration)
+        raise Violation(reflexes.acceleration)
     if _beyond(new.acceleration - old.acceleration, _JOINT_JERK):
-        raise Violation(rates.jerk)
+        raise Violation(reflexes.jerk)
 
 
-def check_tool_course(old: Course, new: Course) -> None:
+def check_tool_rates(old: Rates, new: Rates) -> None:
     """Raises Violation where the tool exceeds its velocity, acceleration or jerk limits."""
     jerk = (new.acceleration - old.acceleration) / TICK
     reflexes = (CARTESIAN.velocity, CARTESIAN.acceleration, CARTESIAN.jerk)
@@ -137,10 +137,10 @@ def check_joints(q: Array, velocity: Array, position: Reflex, rate: Reflex) -> N
         raise Violation(rate)
 
 
-def check_end(joints: Course, rates: Rates) -> None:
+def check_end(joints: Rates, reflexes: RateReflexes) -> None:
     """Raises Violation for a motion that is declared finished while the arm still moves."""
     if _beyond(joints.velocity, _JOINT_STANDSTILL):
-        raise Violation(rates.acceleration)
+        raise Violation(reflexes.acceleration)
 
 
 def _beyond(values: Array, most: tuple[float, ...]) -> bool:

@@ -13,51 +13,51 @@ from drivers.types import Array
 
 
 @dataclass(slots=True)
-class Course:
+class Rates:
     """Commanded velocity and acceleration of the last tick: (7,) of joints or (6,) of the tool."""
 
     velocity: Array
     acceleration: Array
 
-    def step(self, velocity: Array) -> "Course":
+    def step(self, velocity: Array) -> "Rates":
         """Rates one tick later with a new `velocity`."""
-        return Course(velocity, (velocity - self.velocity) / TICK)
+        return Rates(velocity, (velocity - self.velocity) / TICK)
 
 
-def still(axes: int) -> Course:
+def zero_rates(axes: int) -> Rates:
     """Zero velocity and acceleration of `axes` axes."""
-    return Course(np.zeros(axes), np.zeros(axes))
+    return Rates(np.zeros(axes), np.zeros(axes))
 
 
 @dataclass(frozen=True, slots=True)
 class Posture:
     """Joints, tool pose and commanded motion of the emulated arm at one tick.
 
-    From `q` (7,) [rad], on the course `joints`, follow the tool's pose `reached` (4, 4) in the base
-    and its `jacobian` (6, 7). Commanded are the `pose` (4, 4), on the course `tool` (6,), and the
-    `swing` (3,) of the elbow: angle, rate, acceleration [rad, s]. The twin's arm stands at its
-    commanded joints; `reached` differs from `pose` by the residual of one Newton step.
+    The arm is at `q` (7,) [rad] with rates `joints`; there the tool's pose is `reached` (4, 4) in
+    the base, its Jacobian `jacobian` (6, 7). Commanded are the tool's `pose` (4, 4) with rates
+    `tool` (6,), and the elbow's `swing` (3,): angle, rate, acceleration [rad, s]. `reached` differs
+    from `pose` by the residual of one Newton step.
     """
 
     q: Array
-    joints: Course
+    joints: Rates
     reached: Array
     jacobian: Array
     pose: Array
-    tool: Course
+    tool: Rates
     swing: Array
 
     @classmethod
-    def at_joints(cls, q: Array, tool: Array, joints: Course) -> Self:
+    def at_joints(cls, q: Array, tool: Array, joints: Rates) -> Self:
         """Posture at `q` (7,) [rad]; the pose of `tool` (4, 4) there is commanded, at rest."""
         reached, jacobian = pose_and_jacobian(q, tool)
         swing = np.array([q[ELBOW_JOINT], 0.0, 0.0])
-        return cls(q, joints, reached, jacobian, reached, still(6), swing)
+        return cls(q, joints, reached, jacobian, reached, zero_rates(6), swing)
 
     @classmethod
     def resting(cls, q: Array, tool: Array) -> Self:
         """Posture at rest with joints (7,) [rad] and a tool (4, 4) on the flange."""
-        return cls.at_joints(q, tool, still(7))
+        return cls.at_joints(q, tool, zero_rates(7))
 
     @property
     def elbow(self) -> float:
@@ -80,23 +80,23 @@ class Posture:
         speed = (elbow - angle) / TICK
         return np.array([elbow, speed, (speed - rate) / TICK])
 
-    def with_command(self, pose: Array, course: Course, swing: Array) -> Self:
+    def with_command(self, pose: Array, rates: Rates, swing: Array) -> Self:
         """The same joints, commanded `pose` (4, 4) with its rates, and the elbow's `swing` (3,)."""
-        return replace(self, pose=pose, tool=course, swing=swing)
+        return replace(self, pose=pose, tool=rates, swing=swing)
 
-    def move_on(self, q: Array, tool: Array, joints: Course) -> Self:
+    def move_on(self, q: Array, tool: Array, joints: Rates) -> Self:
         """Posture one tick on with joints `q` (7,) [rad], which give the commanded pose too."""
         new = self.at_joints(q, tool, joints)
-        course = self.tool.step(twist_of(self.pose, new.reached))
-        return new.with_command(new.reached, course, self.swing_to(q[ELBOW_JOINT]))
+        rates = self.tool.step(twist_of(self.pose, new.reached))
+        return new.with_command(new.reached, rates, self.swing_to(q[ELBOW_JOINT]))
 
     def brake(self, tool: Array) -> Self:
         """Posture after one tick of braking, as hard as allowed; all joints stop together."""
         time_left = float((np.abs(self.joints.velocity) / limits.ACCELERATION).max())  # s to rest
         if time_left <= TICK:
             return self.resting(self.q, tool)
-        course = self.joints.step(self.joints.velocity * (1 - TICK / time_left))
-        return self.move_on(self.q + TICK * course.velocity, tool, course)
+        rates = self.joints.step(self.joints.velocity * (1 - TICK / time_left))
+        return self.move_on(self.q + TICK * rates.velocity, tool, rates)
 
 
 def twist_of(old: Array, new: Array) -> Array:

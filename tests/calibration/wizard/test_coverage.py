@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calibration.board import BoardSettings
-from calibration.wizard.coverage import coverage, placement, seen_outline, wanted_views
+from calibration.wizard.coverage import coverage, placement, project_outline, wanted_views
 from tests.support.board_sessions import LENS, projected, session
 
 SETTINGS = BoardSettings()
@@ -18,7 +18,7 @@ def test_view_that_is_as_wanted_is_placed_so(wanted) -> None:
     assert (found.x, found.y) == pytest.approx((wanted.x, wanted.y), abs=0.02)
     assert (found.tilt, found.turn) == pytest.approx((wanted.tilt, wanted.turn), abs=0.25)
     drawn = wanted.outline(SETTINGS.outline(), LENS)
-    assert np.abs(drawn - seen_outline(view, SETTINGS.outline())).max() < 15.0  # px, undistorted
+    assert np.abs(drawn - project_outline(view, SETTINGS.outline())).max() < 15.0  # px, undistorted
     if not wanted.tilt and not wanted.turn:
         assert found.skew < 0.05
 

@@ -87,7 +87,7 @@ def test_what_stands_still_is_a_check_and_too_little_of_it_is_said(watch: Camera
     one = replace(watch, corners=watch.corners[:1], patches=watch.patches[:1])
     found = one.check()
     assert (found.name, found.passed) == (UNWATCHED, True)
-    assert found.reason.startswith("1 places that stand still are seen, 2 are needed: a camera")
+    assert found.reason.startswith("1 static patches are visible, 2 are needed: a camera")
 
 
 def test_process_beside_the_loop_says_so_too() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.fci_server.configuration import Configuration, configure
-from drivers.fci_server.posture import Course, Posture
+from drivers.fci_server.posture import Posture, Rates
 from drivers.fci_server.robot import Contact, resting_robot
 from drivers.fci_server.state import Publisher
 from drivers.fci_server.wire import Command, Mode, Reflex, Request, Status
@@ -106,8 +106,8 @@ def test_accelerating_arm_has_the_thresholds_set_for_it(acceleration: float, sto
     payload = doubles(*torques, *loose, *tight)
     configuration, _ = configure(Configuration(), Command.SET_COLLISION_BEHAVIOR, payload)
     q = resting_robot().posture.q
-    course = Course(np.zeros(7), np.full(7, acceleration))
-    posture = Posture.at_joints(q, configuration.tool, course)
+    rates = Rates(np.zeros(7), np.full(7, acceleration))
+    posture = Posture.at_joints(q, configuration.tool, rates)
     contact = Contact.of_force(posture, configuration, np.array([0.0, 0.0, 20.0]))
     assert (contact.reflex is not None) is stops
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.fci_server.dynamics import Dynamics
-from drivers.fci_server.posture import Course, Posture
+from drivers.fci_server.posture import Posture, Rates
 from drivers.franka.kinematics import FLANGE_TO_TIP, HOME
 from drivers.franka.model import HAND_CENTRE, HAND_MASS, ArmPlant, holding_torques
 
@@ -13,10 +13,10 @@ Q = HOME + np.linspace(-0.2, 0.3, 7)
 
 def at(q=Q, velocity=None, acceleration=None):
     still = np.zeros(7)
-    course = Course(
+    rates = Rates(
         still if velocity is None else velocity, still if acceleration is None else acceleration
     )
-    return Posture.at_joints(q, FLANGE_TO_TIP, course)
+    return Posture.at_joints(q, FLANGE_TO_TIP, rates)
 
 
 def test_a_payload_weighs_and_resists_like_a_heavier_hand():
