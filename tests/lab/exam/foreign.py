@@ -2,7 +2,7 @@
 
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -159,8 +159,7 @@ def make_runs(folder: Path, name: str, hidden: Sequence[str], size: float, seed:
     shutil.copytree(folder / known["folder"], out, dirs_exist_ok=True)
     replace_file(out / "study.yaml", dump_yaml(_content(rig, known["file"])).encode())
     if "base_compliance" in hidden:
-        weight, rig = rig.weight, open_rig(folder, name, rocks=True)
-        rig.weight = weight
+        rig = replace(open_rig(folder, name, rocks=True), weight=rig.weight)
         _rock(rig, size, rng)
     for cause in hidden:
         if cause in FIELDS:

@@ -22,8 +22,8 @@ DRAG = (1.0, 0.1, 1.5, 0.0, 0.0)
 DRAG_UNIT = 1.2 * 2.0 * RADIUS * math.pi / 4.0  # kg/m^2 at the density of air
 Positive = Annotated[float, Field(gt=0)]
 BodyField = Literal["mass", "com", "inertia", "damping", "armature", "stiffness", "gain"]
-OWNERS = {"body": ("mass", "com", "inertia"), "joint": ("damping", "armature", "stiffness"),
-          "actuator": ("gain",)}  # fmt: skip
+OWNERS = {"mass": "body", "com": "body", "inertia": "body", "damping": "joint", "armature": "joint",
+          "stiffness": "joint", "gain": "actuator"}  # fmt: skip
 
 
 class SignalSpec(Settings):
@@ -82,9 +82,8 @@ class UncertainSpec(Settings):
 
     @model_validator(mode="after")
     def _owner(self) -> Self:
-        owner = next(kind for kind, fields in OWNERS.items() if self.field in fields)
-        named = [k for k in OWNERS if getattr(self, k) is not None]
-        if named != [owner]:
+        owner = OWNERS[self.field]
+        if [k for k in ("body", "joint", "actuator") if getattr(self, k) is not None] != [owner]:
             raise ValueError(f"field {self.field} belongs to a {owner}: name it, and nothing else")
         return self
 

@@ -10,7 +10,13 @@ import numpy as np
 
 from cell.gap.subject.mechanism.effects import check_effects, torques
 from cell.gap.subject.mechanism.fields import Fields, scale_gain
-from cell.gap.subject.mechanism.file import MechanismFile, PendulumFile, SignalSpec, UncertainSpec
+from cell.gap.subject.mechanism.file import (
+    OWNERS,
+    MechanismFile,
+    PendulumFile,
+    SignalSpec,
+    UncertainSpec,
+)
 from cell.gap.subject.mechanism.model import (
     LIGHT,
     Joint,
@@ -85,7 +91,7 @@ def stated_fields(base: Sequence[Base], mechanism: Mechanism) -> Collection[str]
 def _expand(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[Base]:
     """Base parameters of one entry of `uncertain`, one or more for each owner that `*` matches."""
     model = mechanism.model
-    kind = "body" if spec.body else "joint" if spec.joint else "actuator"
+    kind = OWNERS[spec.field]
     names: Sequence[str]
     if spec.owner != "*":
         names = [spec.owner]

@@ -80,9 +80,7 @@ def check_effects(accepted: NamedValues, mechanism: Mechanism, origin: str) -> N
             )
         parameters = {p.name: p for p in known[name].with_shape(mechanism)}
         needed = [p.name for p in known[name].parameters(mechanism)]
-        missing = [k for k in needed if k not in values]
-        unknown = [k for k in values if k not in parameters]
-        if missing or unknown:
+        if not set(needed) <= set(values) <= set(parameters):
             raise ConfigurationError(
                 f"{origin}: effects.{name}: needs {', '.join(needed)}; may have "
                 f"{', '.join(k for k in parameters if k not in needed) or 'no other'}"

@@ -30,11 +30,6 @@ def _payload_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     return single("mass", "kg", 0.01 * float(mechanism.model.body_mass[last]))
 
 
-def _edit_payload(mechanism: Mechanism, values: Array, fields: Fields) -> None:
-    last = mechanism.last_body
-    add_point(fields, last, values[0], tip(mechanism, last))
-
-
 def _com_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     size = 0.01 * max(float(np.abs(mechanism.model.body_ipos).max()), 0.01)
     return tuple(p for axis in "xyz" for p in single(axis, "m", size, signed=True))
@@ -78,7 +73,7 @@ PAYLOAD = Effect(
     of="model",
     source="point mass at the farthest site or geom of the last body",
     parameters=_payload_parameters,
-    edit=_edit_payload,
+    edit=lambda m, values, fields: add_point(fields, m.last_body, values[0], tip(m, m.last_body)),
     revealed_by="the same motion at several speeds",
 )
 COM_ERROR = Effect(

@@ -26,7 +26,8 @@ def _edit_constant(mechanism: Mechanism, values: Array, fields: Fields) -> None:
         scale_gain(fields, joint.actuator, 1.0 + error)
 
 
-def _bias_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+def bias_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    """Constant torque (m,) [N m] `p[at]` at angles `q` (m,), rates `v` and loads `load` (m,)."""
     return p[at] + 0.0 * q
 
 
@@ -83,7 +84,7 @@ TORQUE_BIAS = Effect(
     source="offset of a current sensor",
     parameters=lambda m: per_joint(m, "torque", "N m", 0.01 * m.torque, signed=True),
     keys=1,
-    law=_bias_law,
+    law=bias_law,
     revealed_by="hold still in several poses",
 )
 TORQUE_RIPPLE = Effect(

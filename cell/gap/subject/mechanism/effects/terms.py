@@ -4,12 +4,9 @@ from collections.abc import Callable
 from typing import Any
 
 from cell.gap.subject.mechanism.effect import MODES, Effect, per_joint
+from cell.gap.subject.mechanism.effects.drives import bias_law
 from cell.gap.subject.mechanism.model import Mechanism
 from drivers.types import Array
-
-
-def _constant(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    return p[at] + 0.0 * q
 
 
 def _cubic(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
@@ -37,7 +34,7 @@ def _term(name: str, sentence: str, law: Callable[..., Array],
 
 
 EFFECTS = (
-    _term("constant", "a steady torque", _constant, lambda m: m.torque, MODES),
+    _term("constant", "a steady torque", bias_law, lambda m: m.torque, MODES),
     _term("cubic", "rate^3", _cubic, lambda m: m.torque / m.rate**3, MODES),
     _term("cubic_spring", "angle^3", _cubic_spring, lambda m: m.torque, MODES),
     _term("bent_viscous", "|angle| rate", _bent_viscous, lambda m: m.torque / m.rate, MODES),
