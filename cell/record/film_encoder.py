@@ -77,8 +77,8 @@ class FilmEncoder:
 
 
 @dataclass(frozen=True, slots=True)
-class Ready:
-    """Answer of the encoder: the film is open, or the last image is in it."""
+class Done:
+    """Said by either side: no image follows; the film is open, or has the last image."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,11 +87,6 @@ class Add:
 
     stamp: float
     shape: tuple[int, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class End:
-    """Request to complete the film."""
 
 
 class FilmProcess:
@@ -130,7 +125,7 @@ class FilmProcess:
         """
         try:
             if error is None:
-                self._child.send(End())
+                self._child.send(Done())
                 self._await_answer()
         finally:
             self._close()
@@ -156,12 +151,12 @@ def encode(pipe: Connection, path: Path, encoder: str, image: SharedImage) -> No
     """Run in the process: encode each image handed over until the other end closes `pipe`."""
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     with FilmWriter(path, encoder) as film:
-        pipe.send(Ready())
+        pipe.send(Done())
         os.setpriority(os.PRIO_PROCESS, 0, POLITE)
         while (wanted := _next_image(pipe)) is not None:
             film.add(wanted.stamp, image.read(wanted.shape))
-            pipe.send(Ready())
-    pipe.send(Ready())
+            pipe.send(Done())
+    pipe.send(Done())
 
 
 def _next_image(pipe: Connection) -> Add | None:

@@ -49,7 +49,7 @@ LARGEST_TABLE = 64 * MEGABYTE
 NUMBER_TYPES = (pa.types.is_floating, pa.types.is_integer, pa.types.is_null)
 COMMENT = re.compile(r"^[ \t]*(?:#|%|//).*\n?", re.MULTILINE)
 SEPARATOR = re.compile(r"sep=(.)\r?\n")  # a spreadsheet's first line
-MARKS = ";\t|,"  # between columns, the likeliest first
+MARKS = ";\t|,"  # between columns, of equally many the likeliest first
 DECIMAL_COMMA = re.compile(r"(?m)(?:^|[;\t|]) *-?\d+,\d+(?:[eE][-+]?\d+)? *(?:$|[;\t|\r])")
 ISO = " or times as 2026-01-31T12:00:00.250"
 FILE = re.compile(r"[^/\\]+\.(csv|txt|tsv|parquet)")
@@ -221,8 +221,7 @@ def _csv(path: Path, table: Table[Any]) -> pa.Table:
     stated = SEPARATOR.match(content)
     rows = COMMENT.sub("", content[stated.end() if stated else 0 :])
     head = rows.partition("\n")[0]
-    found = next((mark for mark in MARKS if mark in head), ",")
-    delimiter = stated[1] if stated else table.delimiter or found
+    delimiter = stated[1] if stated else table.delimiter or max(MARKS, key=head.count)
     is_comma = delimiter != "," and DECIMAL_COMMA.search(rows) is not None
     decimal = table.decimal or ("," if is_comma else ".")
     if all(map(_is_number, head.replace(decimal, ".").split(delimiter))):

@@ -140,7 +140,7 @@ def test_paths_and_names_of_a_data_set_are_those_that_it_states(tmp_path: Path) 
     [
         ("sep=;\nt;x;z", "{:.3f};{:f};{:f}"),
         ("# two lines\n# t,x,z", "{:.3f},{:f},{:f}"),
-        ("t,x,z", "2026-01-31T12:00:{:06.3f}Z,{:f},{:f}"),
+        ("t,x,z,a|b", "2026-01-31T12:00:{:06.3f}Z,{:f},{:f},1"),
         ("% log\nt,x,z\n# in metres", "2026-01-31 12:00:{:06.3f},{:f},{:f}"),
     ],
 )
