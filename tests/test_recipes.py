@@ -25,20 +25,16 @@ from cell.orchestrator.monitors import Monitor, Rules, check_all
 from cell.orchestrator.snapshot import Hold, Snapshot
 from cell.orchestrator.states import State
 from drivers.errors import ConfigurationError, Fault
-from drivers.protocols import Camera, Clock
 from drivers.settings import parse
 from drivers.strip.describe import load_strip
 from drivers.strip.effects import check_effects, registry
-from drivers.types import Frame
 from policies.registry import entries, make_policy, policy_names
 from tests.cell.orchestrator.test_monitors import GOOD
-from tests.cell.orchestrator.test_orchestrator_stops import phases
 from tests.lab.exam.causes import cause_of, causes
 from tests.lab.exam.run import Quiet
 from tests.lab.studies import campaign, catalogue
 from tests.lab.studies.table import markdown
 from tests.support.mechanisms import PRESCRIBED, make_arm
-from tests.support.plain_cell import plain_bench
 
 STRIP = """
 schema: 1
@@ -315,26 +311,6 @@ def test_a_monitor_is_an_entry_of_the_list(monkeypatch: pytest.MonkeyPatch) -> N
         check_all(GOOD, Hold(), rules)
 
 
-class StuckCamera:
-    """A camera driver from outside: it delivers one image for ever, with new stamps."""
-
-    rate = 60.0
-
-    def __init__(self, clock: Clock) -> None:
-        self._clock = clock
-
-    def connect(self) -> None:
-        """Nothing to take hold of."""
-
-    def read(self, after: float, timeout: float) -> Frame | None:
-        now = self._clock.now()
-        image = np.zeros((2, 2, 3), np.uint8)
-        return Frame(now, now, "stuck", round(100 * now), image) if now > after else None
-
-    def close(self) -> None:
-        """Nothing to let go of."""
-
-
 CAMERA = '''
 """A camera whose images never change."""
 
@@ -364,16 +340,6 @@ def test_a_driver_is_a_package_of_one_file(installed: Path) -> None:
         check_calibrated(settings, DeviceSelection())
     devices = open_cell(settings, lying, DeviceSelection(), calibrating=True)
     assert devices.camera_identity == f"stuck in {settings.name}"
-
-
-def test_a_driver_is_a_class_behind_a_seam(monkeypatch: pytest.MonkeyPatch) -> None:
-    bench = plain_bench()
-    camera: Camera = StuckCamera(bench.clock)
-    monkeypatch.setattr(bench, "camera", camera)
-    monkeypatch.setattr("cell.orchestrator.run.phases_of", lambda _: phases())
-    outcome = bench.run()
-    assert outcome.name == "image_frozen"
-    assert bench.at_rest
 
 
 def test_study_is_one_file(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:

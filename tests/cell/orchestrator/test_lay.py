@@ -55,6 +55,8 @@ def test_lay_ends_slowly_and_turns_no_faster_than_an_arm_may(start: tuple[float,
     assert speeds[-1] ** 2 / (2 * BRAKING) < 1e-3  # m, in which it could stop
     assert max(abs(v.pitch_rate) for v in told) <= TURNING
     assert all(v.vz < 0.0 for v in told)
+    turned = math.pi / 2 + TICK * sum(v.pitch_rate for v in told)
+    assert turned == pytest.approx(math.pi, abs=0.1)
 
 
 def touched(displacement: float) -> SeenTouch:

@@ -36,6 +36,14 @@ def nearest(points: list[np.ndarray], solids: Solids = SOLIDS) -> float:
     return float(min(apart(whole).min(), solids.clearance(whole).min()))
 
 
+def test_desk_and_clamp_meet_where_the_strip_is_fixed_above_the_floor() -> None:
+    desk, clamp, floor = (np.array([box.low, box.high]) for box in SOLIDS.boxes)
+    assert all((low < high).all() for low, high in (desk, clamp, floor))
+    assert clamp[1, 0] == clamp[0, 2] == desk[1, 2] == 0.0
+    assert clamp[0, 0] == desk[0, 0] < 0.0
+    assert floor[1, 2] < 0.0
+
+
 def test_straight_way_is_taken_where_it_is_free() -> None:
     (way,) = clear_way(HOME, START, SOLIDS)
     assert np.array_equal(way, START)
@@ -67,6 +75,7 @@ def test_way_without_a_detour_is_refused_and_names_the_obstacle() -> None:
 def test_arm_that_begins_too_near_may_leave_but_not_dive() -> None:
     assert _keeps_clear(np.array([-0.01, 0.02, 0.05, 0.03, 0.01]))
     assert not _keeps_clear(np.array([0.02, 0.01, 0.05]))
+    assert not _keeps_clear(np.array([0.05, 0.02, 0.05]))
     assert not _keeps_clear(np.array([0.05, 0.01, 0.02]))
     assert not _keeps_clear(np.array([0.01, 0.02]))
 
