@@ -17,7 +17,7 @@ from cell.gap.verdict.accept import accept, sha256, undo
 from cell.record.tables import joint_table, write_parquet
 from drivers.errors import ConfigurationError
 from drivers.fci_server.dynamics import Dynamics, LaggingArm
-from drivers.fci_server.posture import Course, Posture
+from drivers.fci_server.posture import Posture, zero_rates
 from drivers.franka.kinematics import FLANGE_TO_TIP, HOME
 from drivers.franka.model import ArmPlant, arm_mjcf
 from drivers.yaml_text import dump_yaml
@@ -37,8 +37,7 @@ def record(folder: Path, plant: ArmPlant, phase: float) -> RunFolder:
     swing = 0.25 * np.sin(np.outer(t, np.linspace(1.5, 4.0, 7)) + phase)
     begin = np.minimum(t / 0.5, 1.0)
     commanded = HOME + swing * (begin**3 * (10.0 - 15.0 * begin + 6.0 * begin**2))[:, None]
-    course = Course(np.zeros(7), np.zeros(7))
-    begun = Posture.at_joints(commanded[0], FLANGE_TO_TIP, course)
+    begun = Posture.at_joints(commanded[0], FLANGE_TO_TIP, zero_rates(7))
     arm = LaggingArm(begun, FLANGE_TO_TIP, plant.delay, 0.0, sag)
     rows = []
     for k, q_d in enumerate(commanded):
