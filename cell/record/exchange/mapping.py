@@ -5,7 +5,7 @@ It names the foreign column for each quantity, with its unit.
 
 import io
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -144,15 +144,13 @@ class MappingFile(Settings):
 class Source:
     """Source of one run's tables: its file or folder, the run's name, and YAML files by name.
 
-    `names` are those of its tables. `table` returns the table that a mapping names; it raises
-    ConfigurationError without one.
+    `table` returns the table that a mapping names; it raises ConfigurationError without one.
     `images` yields the images of a film, with the row of `ticks` at which each was taken.
     """
 
     path: Path
     name: str
     documents: Mapping[str, bytes]
-    names: Sequence[str]
     table: Callable[[str, Table[Any]], pa.Table]
     images: Callable[[], Iterable[tuple[int, Frame]]] = tuple
 
@@ -175,10 +173,7 @@ def file_source(path: Path) -> Source:
     place = path.resolve()
     beside = place.parent / MAPPING
     documents = {MAPPING: read_bytes(beside, MEGABYTE)} if beside.is_file() else {}
-    if path.is_file():
-        return Source(path, place.stem, documents, [f"*{path.suffix}"], table)
-    names = [file.name for file in sorted(path.iterdir()) if FILE.fullmatch(file.name)]
-    return Source(path, place.name, documents, names, table)
+    return Source(path, place.name if path.is_dir() else place.stem, documents, table)
 
 
 def _file(place: Path, name: str) -> Path:
