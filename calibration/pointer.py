@@ -8,7 +8,7 @@ from drivers.types import Array, Image
 
 LIT_LEVELS = (170, 110)  # grey levels of the darkest channel of a lit disc, and of one in shadow
 CONTRAST = 90.0  # grey levels between disc and plate
-RADII = (3.0, 30.0)  # px, sizes that are looked for
+RADII = (3.0, 30.0)  # px, range of radii of the disc
 ROUND = 0.75  # share of its circumscribed circle that the disc fills
 WINDOW_REACH, PLATE_EDGE, INSIDE = 1.7, 1.25, 0.7  # over the disc's radius
 DARK_SHARE = 0.1  # of the contrast, brightness above the plate that carries no weight

@@ -23,7 +23,7 @@ else:
 
 
 DEPTH = 32  # of nested lists and mappings
-MOST_NODES = 10_000  # once every alias is written out
+MOST_NODES = 10_000  # with every alias expanded
 MOST_DIGITS = 64  # of a number
 FLOAT_TAG = "tag:yaml.org,2002:float"
 NUMBER_TAGS = ("tag:yaml.org,2002:int", FLOAT_TAG)

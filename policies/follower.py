@@ -9,7 +9,7 @@ from drivers.types import Array
 from policies.path import Path
 from policies.policy import Decision, Observation
 
-SEARCH_WINDOW = 0.03  # m of path ahead in which the nearest point is looked for
+SEARCH_WINDOW = 0.03  # m of path ahead in which the nearest point is searched
 LOOK_AHEAD = 0.01  # m over which a cross-track error is steered out
 LEAD = 0.04  # s of preview: half the time in which a gripper turns a corner
 END_TOLERANCE = 0.0005  # m before its end at which a path has been followed

@@ -27,7 +27,7 @@ ROWS_FILE = "told.jsonl"
 VERDICT_FILE = "verdict.yaml"
 IMAGES_FOLDER = "images"
 LATENCY_FILE, PICTURE_FILE = "latency.json", "picture.png"
-MAKE_ROOM = "make room"  # what an operator does whose disk is full
+MAKE_ROOM = "make room"  # remedy for a full disk
 FAST_PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 Kind = Literal["camera", "homography"]
 Side = Annotated[int, Field(gt=0, le=LARGEST_SIDE)]

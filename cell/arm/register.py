@@ -18,7 +18,7 @@ TOUCH_POINTS = (
     "a point of the desk beside the strip, at least 0.1 m from it",
 )
 MOST_TILT = np.radians(0.5)  # rad that the desk may be tilted
-STRETCH = 0.005  # m between the length touched and the strip's own
+STRETCH = 0.005  # m, allowed difference of the touched length from the strip's
 OFF_LINE = 0.1  # m, at least, of the third point from the line of the first two
 MOUNTING_LINE = re.compile(r"^(?P<indent>\s*)mounting:[ \t]*\{[^}]*\}[^\n]*$", re.MULTILINE)
 

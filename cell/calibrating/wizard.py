@@ -58,7 +58,7 @@ from drivers.readers import read_text
 from drivers.settings import Settings, load
 from drivers.types import Frame, Pose
 
-PERIOD = 0.1  # s between images that are looked at
+PERIOD = 0.1  # s between processed images
 STALL_TIMEOUT = 2.0  # s without an image after which the camera counts as stalled
 ROS, OPENCV = "camera_info.yaml", "opencv.yaml"
 CALIBRATION_FILE, POSES_FILE, LANDMARKS_FILE = "calibration.yaml", "poses.yaml", "landmarks.yaml"

@@ -10,7 +10,7 @@ from typing import Any
 from drivers.child import Child, end_with_parent
 from drivers.errors import CellError
 
-TERMINATION_TIMEOUT = 60.0  # s that a call may take to end once it was asked to stop
+TERMINATION_TIMEOUT = 60.0  # s for a call to end after a request to stop
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +97,7 @@ def work(pipe: Connection, dies_with_parent: bool) -> None:
     """Run in the process: carry out the calls that arrive through the pipe until it closes."""
     if dies_with_parent:
         end_with_parent(pipe)
-    with suppress(OSError):  # nobody waits for the result any more
+    with suppress(OSError):  # the parent is gone
         call = _next_call(pipe)
         gc.freeze()  # the libraries' half a million objects, which no collection has to look at
         while True:

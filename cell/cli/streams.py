@@ -8,7 +8,7 @@ import sys
 from contextlib import suppress
 from typing import Any, TextIO
 
-GONE_ERRNOS = {errno.EPIPE, errno.EBADF, errno.EIO}  # nobody reads any more: no news to anyone
+GONE_ERRNOS = {errno.EPIPE, errno.EBADF, errno.EIO}  # the reader is gone
 
 
 class Outlet(io.FileIO):

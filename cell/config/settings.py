@@ -96,7 +96,7 @@ class MonitorLimits(Settings):
     force: float = Field(20.0, gt=0, le=60.0)  # N on the gripper
     duration: float = Field(120.0, gt=0, le=900.0)  # s of a whole run
     state_duration: float = Field(60.0, gt=0, le=300.0)  # s in one state
-    turn: float = Field(300.0, gt=0, le=3600)  # s of one turn in lock-step; 1 s on the wall clock
+    turn: float = Field(300.0, gt=0, le=3600)  # s of a lock-step cycle; 1 s on the wall clock
     calibration: float = Field(1800.0, gt=0, le=14400.0)  # s of CALIBRATE, which waits for people
 
 
@@ -116,10 +116,10 @@ class LearningSettings(Settings):
     changed: float = Field(0.003, gt=0, le=0.02)  # of the cell after something moved
     repeat: float = Field(0.0003, gt=0, le=0.01)  # of a specimen's folds; 0.2 mm on the twin
     ruler: float = Field(0.0005, gt=0, le=0.01)  # of an edge offset read by eye
-    laid: float = Field(0.0006, gt=0, le=0.01)  # of laid edges as seen; laid.yaml has 0.44 mm
+    laid: float = Field(0.0006, gt=0, le=0.01)  # of laid edges by the camera; laid.yaml has 0.44 mm
     off: float = Field(0.2, gt=0, lt=1)  # share of cells and specimens with something off
     usual: float = Field(0.0004, gt=0, le=0.01)  # of specimens in a right cell; critic's left_out
-    misread: float = Field(0.00025, gt=0, le=0.01)  # of a specimen's touch as seen
+    misread: float = Field(0.00025, gt=0, le=0.01)  # of a specimen's touch by the camera
     limit: float = Field(0.008, gt=0, le=0.008)  # of the correction
 
 
@@ -129,7 +129,7 @@ class CellSettings(Settings):
     schema_: Literal[1] = Field(1, alias="schema")
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
     drivers: DriverChoice = DriverChoice()
-    calibration: str | None = None  # file, from this one; None: what `cell calibrate` keeps
+    calibration: str | None = None  # file, relative to this one; None: the one of `cell calibrate`
     camera: V4l2Settings | None = None  # the real one; None: this cell has none
     installation: Installation = Installation()
     fci: FciSettings = FciSettings()

@@ -16,7 +16,7 @@ from drivers.clock import WallClock
 from drivers.errors import CellError
 from drivers.files import write_file
 
-BEST_MODE = 1280, 720, 30.0  # px, px, Hz; more pixels or frames than these are not looked for
+BEST_MODE = 1280, 720, 30.0  # px, px, Hz; larger modes are not proposed
 RATE_MARGIN = 0.5  # Hz by which a camera's rate may miss a round number
 PREFERRED = ("YUYV", "GREY", "RGGB", "GRBG", "BA81", "GBRG", "MJPG")  # the less work the better
 WORTH_LOCKING = (

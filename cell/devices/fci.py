@@ -27,7 +27,7 @@ from drivers.twin.open import DEFAULT_PLANT, Desk, PlantOptions, open_desk
 from drivers.types import Array, Frame, frozen
 
 NO_FORCE = frozen([0.0, 0.0, 0.0])
-CATCHING_UP = 0.02  # s that a tick may spend on what strip and camera are behind a robot's time
+CATCHING_UP = 0.02  # s per tick for strip and camera to catch up with a robot's time
 
 
 @dataclass(slots=True)
@@ -180,7 +180,7 @@ def _start_robot(settings: CellFile, strip: StripFile, surroundings: Surrounding
         solids=floor_of(installation),
     )
     server.hand.width = settings.fci.hand.opening
-    tool = settings.fci.tool  # Desk says what the cell says
+    tool = settings.fci.tool  # as set in Desk
     server.robot.configuration = replace(
         server.robot.configuration, hand_mass=tool.mass, hand_centre=frozen(tool.centre)
     )

@@ -10,11 +10,11 @@ from drivers.installation import MotionLimits
 from drivers.types import Array
 from policies.path import Path, lift_pitch
 
-LAID_HEIGHT = 0.001  # m of the gripper once the edge lies on the desk
+LAID_HEIGHT = 0.001  # m, height of the gripper when the edge lies on the desk
 NEAR_EDGE = 0.05  # m beside and above the other edge, where a plain fold ends
 LEG_POINTS = 30  # points of either leg of a plain fold
 CORNER = 0.05  # m of a path over which an arm may round a corner: 9 mm inside a right angle
-TURNING = 2.4  # rad/s at which a fold turns the hand at most, a little below what an arm allows
+TURNING = 2.4  # rad/s, rotation of the hand in a fold, a little below an arm's limit
 LEAST_NEED = 1e-9  # of a derivative of the path, so that no limit is divided by 0
 
 

@@ -23,9 +23,9 @@ from policies.prediction import Predictor
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import Sensing
 
-SEGMENTS = 60  # of the model that draws the path; millimetres do not matter here
-ARM_REACH = 0.78  # m from its base that a Panda's hand reaches over a desk, pointing down
-PATH_ERROR = 0.005  # m that the path may be drawn wrong by
+SEGMENTS = 60  # of the rod; the path needs no millimetres
+ARM_REACH = 0.78  # m from its base, reach of a Panda's hand that points down over a desk
+PATH_ERROR = 0.005  # m, error of the simulated path
 # relative, where no spread is stated
 UNKNOWN_SPREADS = {"bending_length": 0.1, "retardation_time": 0.5}
 APPROACH_POINTS, RETREAT_POINTS = 3, 3  # of the gripper's path, before and after the fold
@@ -85,7 +85,7 @@ def path_problems(
     over = f"speed: the path at {speed:g} m/s is over the arm's limits of velocity, acceleration "
     over += "or jerk"
     try:
-        while speed > (fits := largest_speed(carry, limits)):  # a slower path is another path
+        while speed > (fits := largest_speed(carry, limits)):  # another speed gives another path
             speed = np.floor(1e4 * fits) / 1e4
             carry = carry_at(max(speed, LEAST_SPEED))
     except ConfigurationError as unknown:

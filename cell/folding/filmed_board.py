@@ -21,7 +21,7 @@ from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Image
 
 PERIOD = 0.09  # s between images that are searched for the board
-PATIENCE = 4.0  # s within which the board must be seen, and within which it is still after that
+PATIENCE = 4.0  # s within which the board must appear, and the scene be still after it
 SAME_PLACE = 1.0  # px by which a standing board may seem to move
 FEWEST_STANDING, FEWEST_TILTED = 4, 2  # views of the board
 STILL_LEVEL, STILL_SHARE = 14, 0.002  # grey levels, and share of pixels that may differ by more
@@ -111,7 +111,7 @@ def _by_board(
             f"{film}: the board gives the focal length within {1e2 * deviation:.1f} %, "
             f"{1e2 * boards.focal:g} % are needed; tilt it further as you take it away, slowly"
         )
-    upright, ideal = board[:, :2] * (1, -1), fit.lens.undistort(seen)  # its own y is down
+    upright, ideal = board[:, :2] * (1, -1), fit.lens.undistort(seen)  # the board's y is down
     plane, _ = fit_homography(ideal, upright)
     off = PLANE_ERROR + float(np.hypot(*(plane.to_plane(ideal) - upright).T).mean())
     facts = {"residual_mm": 1e3 * off, "date": "", "camera": f"film {film.name}"}

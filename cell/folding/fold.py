@@ -133,7 +133,7 @@ def _record_fold(
     with watching(folder, strip, live=live, hanging=hanging) as watch:
         trace = FoldTrace(strip)
         watchers = (trace, *observers, *watch)
-        blind = replace(devices, plant=None, aids=None)  # what controls has no way to the truth
+        blind = replace(devices, plant=None, aids=None)  # the controller cannot read the truth
         run = Run(blind, context, recorder, watchers, interrupted)
         outcome = conduct(run, devices, recorder, trace.review)
     truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)

@@ -23,8 +23,8 @@ from drivers.types import Array, Pose, Velocity
 
 HOVER_HEIGHT = 0.2  # m above the fold
 GAIN = 3.0  # 1/s, how fast the gripper returns to its path
-EASE = 1.5  # time that the path is given, of what it takes at its speeds without accelerating
-RAMP = 0.3  # s to take up speed and to let go of it: without, the gripper overshoots by 9 mm
+EASE = 1.5  # duration of the path over that at its speeds without acceleration
+RAMP = 0.3  # s to accelerate and to brake: without, the gripper overshoots by 9 mm
 CORNER = 0.7  # cosine of the angle by which the path turns, below which the gripper rests there
 OVER_POINT = 2  # first points of a fold: over the strip
 APPROACH_POINT = 3  # left out here; then to the grasp

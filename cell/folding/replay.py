@@ -27,7 +27,7 @@ from policies.profile import seen_profile
 from policies.registry import make_policy
 
 NO_PROFILE: Array = np.empty((0, 2))
-POSE_ROUNDING = 1e-9  # m, rad: what rounding may change, times being shifted by the run's origin
+POSE_ROUNDING = 1e-9  # m, rad: effect of rounding, as times are shifted by the run's origin
 
 
 @dataclass(frozen=True, slots=True)

@@ -210,7 +210,7 @@ def laid_offset(experiences: Sequence[Experience], rig: float, settings: Learnin
 
     seen = np.array([e.edges for e in known], dtype=float) + rig
     pieces = _specimens(known)
-    # covariances of the seen offsets: if nothing is off, and if something is
+    # covariances of the measured offsets: without and with a fault of the rig
     null = settings.laid**2 * (pieces[:, None] == pieces)
     null = null + settings.repeat**2 * np.eye(len(seen))
     off = null + settings.changed**2

@@ -14,7 +14,7 @@ from cell.learning.bias import Bias, bias
 from cell.learning.experience import Experience, Memory
 from policies.policy import Policy
 
-if TYPE_CHECKING:  # a request that is refused at once needs no compiled perception
+if TYPE_CHECKING:  # spares a refused request the compilation of perception
     from cell.orchestrator.outcome import Outcome
 
 WEIGHTS_FOLDER = Path(__file__).parents[2] / "policies" / "weights"

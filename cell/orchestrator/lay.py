@@ -15,7 +15,7 @@ from policies.path import Path
 HANGING = np.pi / 2
 TURN_GAIN = 10.0  # 1/s, how fast an error of pitch is taken out
 BRAKING = 0.5  # m/s^2, less than any arm's limit, towards the end of the path
-TURNING = 2.0  # rad/s, likewise: a short lay is a slow one
+TURNING = 2.0  # rad/s of the hand in a lay at most: a short lay is a slow one
 CREEP = 0.005  # m/s
 CLEARANCE = 0.0005  # m over the lower layer: an edge that presses on it drags it along
 PULL = 0.01  # m by which an upper layer that is too short is pulled along at most

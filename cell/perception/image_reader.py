@@ -27,7 +27,7 @@ from drivers.types import Frame, Pose
 START_TIMEOUT = 60.0  # s for the process to start, its libraries included
 ENDED = "the process for images has ended"
 NO_IMAGE = np.empty((0, 0, 3), np.uint8)  # of a frame in a message: its image is in shared memory
-# before what only records or shows, where this user may; never real-time, since it computes
+# above recording and display, where permitted; never real-time, since it computes all the time
 NICE = -10
 
 
@@ -199,7 +199,7 @@ class ProcessReader:
         """Answer to the last request, returned once; None until it is ready, or once `dead`."""
         if self.dead:
             return None
-        ends = self._child.ends  # looked at first: what it said before that is still heard
+        ends = self._child.ends  # read first, so that its last message is still received
         try:
             answer: Answer | None = self._child.receive(0.0)
         except ChildDied as died:

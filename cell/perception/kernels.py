@@ -25,8 +25,8 @@ def share(levels: Array | Image) -> Array:
 CELL_PX = 8  # px, side of a cell, by which change is detected
 PATCH_PX = 2 * CELL_PX  # px, side of a patch, by which light is read
 EVEN_LIGHT = 120  # level of light as bright as at preflight
-SHADE = 0.15  # share of brightness by which the strip's own colour changes as it turns
-# separation under which a colour cannot be distinguished from what is behind it
+SHADE = 0.15  # relative change of the strip's brightness as it bends
+# separation below which a colour cannot be distinguished from the background
 LEAST_SEPARATION = 2.0
 PEAK_REACH, MASS_REACH = 1.0, 3.0  # px about a band, within which its peak and its mass lie
 

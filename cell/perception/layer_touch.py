@@ -11,9 +11,9 @@ from drivers.strip.file import StripFile
 from drivers.types import Array, Pose
 
 LARGEST_RATIO = 4.0  # times `touch_agreement`, from where on the two signals show different events
-THINNEST = 0.001  # m, the distance at which layers of a thin strip are seen to touch
+THINNEST = 0.001  # m, distance at which layers of a thin strip count as touching
 FEWEST_FALLS = 6  # measurements of the fall, before which nothing is decided
-RECENT_FALLS = 3  # of them, the last, that must show closed layers
+RECENT_FALLS = 3  # last measurements that must show closed layers
 RISE_SHARE = 0.25  # of the fall between two images, by which a gap is still above that at rest
 RESTING_FALLS = 20  # in a row at one distance, of layers that rest
 UNEVEN = 0.5  # of the strip's length that the layers may differ by, where anyone speaks of a fold

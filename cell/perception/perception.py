@@ -27,7 +27,7 @@ from drivers.strip.shape import Gap, fold_tip, layer_gap
 from drivers.types import Array, Frame, Image, Pose
 
 NAN = float("nan")
-HAND_DEPTH = 0.015  # m around the hand's front in which its side may be seen
+HAND_DEPTH = 0.015  # m around the hand's front in which its side may be visible
 FEWEST_POINTS = 8  # of the lifted midline, from which it is a profile
 
 

@@ -32,17 +32,17 @@ from cell.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Image, frozen
 
-MOSTLY = 0.5  # share of the background from which what is taken for the strip is the background
-WIDTH_RANGE = (0.005, 0.20)  # m, both ends folded through images, seen within 1 mm of the truth
+MOSTLY = 0.5  # share of the background above which a match is the background, not the strip
+WIDTH_RANGE = (0.005, 0.20)  # m, both ends folded through images, within 1 mm of the truth
 THICKNESS_RANGE = (0.0, 0.004)  # m
 WHITE_LEVEL, BLACK_LEVEL = 252.0, 12.0  # grey levels from which a pixel has no colour
 BURNT = 0.1  # share of pixels that may be so
-SOLID = 0.5  # share of strip that every part of it shows
+SOLID = 0.5  # matte level that every part of the strip reaches
 ALIKE_SHARE = 0.04  # share of the background that may look like the strip
-SEPARATION = 3.0  # separation from what is behind it, standard deviations
-END_LENGTH = 0.01  # m at the free edge, which need not be seen
-PRESENT_SHARE = 0.9  # share of its place along which the strip is seen at least
-BLOT_SIZE = 61  # px over which what looks like the strip is counted
+SEPARATION = 3.0  # standard deviations, separation of the strip's colour from the background
+END_LENGTH = 0.01  # m at the free edge that may be hidden
+PRESENT_SHARE = 0.9  # share of its place along which the strip must be visible
+BLOT_SIZE = 61  # px, window in which pixels like the strip are counted
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from cell.perception.silhouette import Side
 from drivers.geometry import even_points
 from drivers.types import Array, Image
 
-PLATEAU = (0.55, 1.3)  # shares of strip between which its own brightness may put it
+PLATEAU = (0.55, 1.3)  # matte levels of the strip as its brightness varies
 OUTLINE_ERROR = 2  # px by which the outline may lie outside the border
 FAR_ROOM = 4.0  # px of a line beyond the widest band, where it falls off
 

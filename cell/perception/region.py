@@ -37,10 +37,10 @@ class Sizes:
     step: float = 0.5  # px between its samples
     speck: int = 12  # px of outline; shorter ones are noise
     smooth: int = 4  # px along the outline to either side of which directions are averaged
-    arm: int = 8  # px: an outline that comes as near to itself as `turn` so far from a tip
+    arm: int = 8  # px from a tip at which the outline is as near to itself as `turn`
     turn: float = 5.0  # px  turns there
     thin: tuple[float, float] = (2.5, 4.5)  # px: narrower bands are read by their centre of mass
-    agree: float = 2.5  # px by which a band may be narrower or wider than geometry says
+    agree: float = 2.5  # px by which a band's width may differ from the geometry
     close: tuple[float, float] = (0.6, 1.2)  # px: an inner border this near to its place is the
     # near edge
 
@@ -77,12 +77,12 @@ STRIP_START = 0.001  # m, right of the clamp that holds the fixed edge
 BELOW = 0.009  # m under the resting strip: desk, not yet its front
 BEYOND = 0.03  # m past the furthest that the strip can reach
 ABOVE_GRIPPER = 0.012  # m above the gripper point
-FOLD = 0.09  # m of height that is always looked at
+FOLD = 0.09  # m of height that is always searched
 FINGER_SIZE = (0.045, 0.020)  # m: length along the approach, half width
 LOW_HEIGHT = 0.012  # m of height: free of the resting strip
 HIGH_HEIGHT = 0.09  # below the waiting hand
 SWEPT = (0.3, 0.85, 1.02, 0.5)  # of its length: where a strip moves, from, free of hand, to, up to
-HAND_SIZE = (0.60, 0.100)  # m: hand and what carries it
+HAND_SIZE = (0.60, 0.100)  # m: hand and wrist
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +128,7 @@ def strip_region(calibration: Calibration, length: float, gripper: Pose, cell: i
     size = np.array([lens.width, lens.height])
     first = np.clip(pixels.min(axis=0), 0, size - 2).astype(int) // cell * cell
     last = np.clip(np.ceil(pixels.max(axis=0)) + 1, 2, size).astype(int)
-    right_bottom = np.minimum(-(-last // cell) * cell, size)  # rounded up to whole cells
+    right_bottom = np.minimum(-(-last // cell) * cell, size)  # rounded up to a multiple of cells
     return Region(*first.tolist(), *right_bottom.tolist())
 
 

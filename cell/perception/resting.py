@@ -14,11 +14,11 @@ from drivers.types import Array, Image
 FRONT_HEIGHTS = (-0.008, -0.003)  # m of height where the desk shows before a thin strip
 THIN = 0.002  # m of thickness up to which it does; before a thicker one it shows lower down
 BACKDROP_HEIGHTS = (0.06, 0.25)  # m of height where the backdrop shows
-SEARCH = 0.008  # m above and below rest in which the underside is looked for
+SEARCH = 0.008  # m above and below rest in which the underside is searched
 FACE = 0.7  # share of the strip's face, from the near edge on, that shows its colour
-INNER = (0.3, 0.6)  # shares of it that lie well within
+INNER = (0.3, 0.6)  # shares of the strip's length well inside it
 DEGREE = 3  # of the polynomial that the homography's remainder follows
-PAST_END = 0.06  # m past its stated length up to which the strip is looked for
+PAST_END = 0.06  # m past its stated length up to which the strip is searched
 NAN = float("nan")
 
 

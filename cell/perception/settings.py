@@ -18,7 +18,7 @@ class PerceptionSettings(Settings):
     level: float = Field(0.0015, gt=0, le=0.02)  # m, by which it may lie off z = 0
     length_tolerance: float = Field(0.006, gt=0, le=0.05)  # m, of the stated length
     faint: float = Field(0.12, gt=0, lt=0.5)  # share of strip that an edge-on strip still shows
-    shadow_height: float = Field(0.006, ge=0, le=0.05)  # m under which its shadow may be seen
+    shadow_height: float = Field(0.006, ge=0, le=0.05)  # m below which it casts a visible shadow
     outline_step: int = Field(3, ge=1, le=10)  # px between points along the outline
     spacing: float = Field(0.002, gt=0, le=0.01)  # m over which the midline is averaged
     profile_points: int = Field(150, ge=20, le=500)

@@ -38,7 +38,7 @@ def assemble(folder: Path) -> Tables:
     ticks = _from_time(begin, read_stream(folder / TICK_STREAM, TICK_ROWS), "t")
     sights = _from_time(begin, read_stream(folder / SIGHT_STREAM, SIGHT_ROWS), "stamp")
     _check_profiles(sights, folder / SIGHT_STREAM)
-    with np.errstate(all="ignore"):  # readers of the tables refuse what is not finite
+    with np.errstate(all="ignore"):  # readers of the tables refuse values that are not finite
         return Tables(
             ticks=tick_table(ticks, sights),
             profile=profile_table(sights),

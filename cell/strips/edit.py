@@ -47,8 +47,8 @@ def create(path: Path, content: Mapping[str, Any]) -> None:
 SOURCED = ("areal_density", "bending_length", "retardation_time", "thickness")
 ASSUMED_VALUES = {
     "areal_density": 0.2,  # kg/m^2, a shirting
-    "bending_length": 0.020,  # m, the middle of what fabrics have
-    "retardation_time": 0.05,  # s; nobody publishes it
+    "bending_length": 0.020,  # m, typical of fabrics
+    "retardation_time": 0.05,  # s; no source publishes it
     "thickness": 0.001,  # m
 }
 

@@ -14,11 +14,11 @@ from drivers.errors import ConfigurationError
 VISIBLE = 0.1  # widths by which a straight-born strip misses the midline
 DISAGREEMENT_LEVEL = 0.05  # probability below which photographs disagree
 LARGEST_UNCERTAINTY = 0.10  # half width of the interval over the value
-SHARP_WIDTHS, SHARP_RADIUS = 1.0, 0.002  # widths, or m; a bend of a smaller radius is hardly seen
+SHARP_WIDTHS, SHARP_RADIUS = 1.0, 0.002  # widths, or m; a sharper bend is hardly visible
 SMALLEST_WIDTH_RATIO = 1.5  # ratio of the strip's widths in two photographs
-OVERHANGS = (2, 5)  # bending lengths, between which a photograph says most
+OVERHANGS = (2, 5)  # bending lengths: range in which a photograph is most accurate
 KEPT_DIGITS = 4  # digits
-ASTRAY = 0.02  # of the overhang; what misses by more is no hanging strip
+ASTRAY = 0.02  # of the overhang; a larger misfit is no hanging strip
 # of the overhang; nor is what leaves the ledge so far from the picture's border
 LEDGE_TOLERANCE = 0.25
 HOPELESS = 0.5  # sigma of ln(bending length)

@@ -14,7 +14,7 @@ from drivers.protocols import Clock
 from drivers.types import ArmState, Array, Pose, Velocity, frozen
 
 SOURCE = "fci arm"
-TICK_ROUNDING = 1e-6  # of a tick, between the clock's time and whole ticks
+TICK_ROUNDING = 1e-6  # of a tick, between the clock's time and a multiple of ticks
 
 
 class FciArm:

@@ -85,10 +85,10 @@ class FciHand:
         self._number = 0
         self._motion: int | None = None
         self._next: list[Motion] = []  # those that wait for the end of the one under way
-        self._ended: int | None = None  # the state after which the last motion's end was heard
+        self._ended: int | None = None  # state after which the last motion's end was received
         self._stop_sent: float | None = None  # when, while a motion that was stopped goes on
         self._stops = 0
-        self._homed = True  # until the hand says otherwise
+        self._homed = True  # until the hand reports otherwise
         self._closed = False  # whether the last motion was a grasp, and came to its end
         self._flagged = False  # whether the hand itself has then reported a grasp
         self._fingers = Fingers(-1, settings.opening, settings.opening, grasped=False)

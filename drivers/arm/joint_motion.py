@@ -27,7 +27,7 @@ ROUNDING = 3e-7  # rad: more than the rounding of the state
 ACCELERATION_ROUNDING = 1e-6  # rad/s^2, likewise
 GOAL_TOLERANCE = 5e-5  # rad from the goal, below which the motion has arrived
 REST_RATE = 1e-3  # rad/s at which the robot may be commanded to stand
-APPROACH_GAIN = 3.0  # 1/s, speed over the distance that is left
+APPROACH_GAIN = 3.0  # 1/s, speed over the remaining distance
 RATE_GAIN = 12.0  # 1/s, gain from an error of a joint's rate to its acceleration
 ELBOW_GAIN = 20.0  # 1/s, bandwidth of the elbow's return to its angle
 

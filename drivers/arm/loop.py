@@ -19,7 +19,7 @@ from drivers.installation import Installation
 from drivers.motion import TICK, MotionProfile
 from drivers.types import Pose, Velocity
 
-MOST_UNHEARD_COMMANDS = 20  # commands at most until the robot has heard one
+MOST_UNHEARD_COMMANDS = 20  # commands at most until the robot follows one
 TICKS_BETWEEN_LOOKS = 10  # ticks between looks ahead
 VELOCITY_STATES = 8  # states over which the velocity is measured
 # m/s and rad/s of its setpoint at which a robot may be commanded to stand

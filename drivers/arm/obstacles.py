@@ -17,13 +17,13 @@ from drivers.types import Array, Pose
 # Behind the finger tips along the approach axis, and half the thickness there [m]: the palm of the
 # Franka Hand at its front and back, and the flange. Source: its data sheet, rounded up.
 HAND_BODY = ((0.037, 0.032), (0.07, 0.032), (0.103, 0.05), (0.2, 0.05))
-RISE = 0.06  # m that a desk must stand above what is beside it, for a hand that lies flat
+RISE = 0.06  # m of desk above its surroundings, for a hand that lies flat
 LEAVING = 1e-4  # m by which a hand that begins inside must not go deeper
-WAY_STEPS = 200  # poses on a straight way that are looked at: 5 mm apart at most in a workspace
+WAY_STEPS = 200  # poses checked on a straight path: 5 mm apart at most in a workspace
 
-# m that the arm keeps from everything, tracking and the shapes' own errors included
+# m of clearance of the arm, tracking errors and errors of the shapes included
 ARM_CLEARANCE = 0.03
-POSTURE_SPACING = 0.03  # rad at most between postures that are looked at
+POSTURE_SPACING = 0.03  # rad at most between postures that are checked
 CLEARANCE_TOLERANCE = 1e-3  # m by which a way may come nearer where it begins or ends too near
 LEG_RISE, RISES = 0.05, (0.1, 0.2, 0.3)  # m of one leg upward, and heights that are tried
 WAY_STEP = 0.005  # m

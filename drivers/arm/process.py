@@ -15,7 +15,7 @@ from drivers.clock import lock_memory, take_priority, wake_promptly
 from drivers.installation import Installation
 
 END_PATIENCE = 2.0  # s for the arm to come to rest and the process to end
-PRIORITY = 80  # of 1 to 99, above ordinary threads and below the kernel's own
+PRIORITY = 80  # of 1 to 99, above ordinary threads and below the kernel's
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from drivers.types import ZERO_VELOCITY, Array, Pose, Velocity, frozen
 POSE_STEP = 0.01  # m along the path at most between poses that are solved
 PITCH_PER_METRE = 5  # rad of pitch that count as one metre along the path
 SHORTEST_STEP = 1e-6  # m that a step counts at least, so that each takes some time
-RATE_FLOOR = 1e-9  # rad/s, so that no velocity is divided by 0 where a joint may not turn
+RATE_FLOOR = 1e-9  # rad/s, avoids a division by 0 where a joint may not move
 PATH_MARGIN = 0.05  # rad that every joint keeps from its ends
 SINGULAR = 0.02  # smallest singular value of the Jacobian that is allowed
 PATH_VELOCITY_SHARE = 0.9  # of a joint's allowed velocity
@@ -32,8 +32,8 @@ JOINT_MARGIN = 0.03  # rad that each joint keeps from its ends
 ITERATIONS, TOLERANCE = 3, 1e-3  # Newton steps for one pose, and rad that the last may have
 REACTION = 0.015  # s until a braking is under way
 VELOCITY_SHARE = 0.95  # of a joint's velocity; the rest is for the beginning of a braking
-ACCELERATION_SHARE = 0.9  # of a joint's in a motion; the rest is for what changes on the way
-CHANGE_SHARE = 1.6  # of a joint's acceleration, if all axes changed at once in the worst directions
+ACCELERATION_SHARE = 0.9  # of a joint's acceleration in a motion; the rest is for changes of it
+CHANGE_SHARE = 1.6  # of a joint's acceleration, for the worst simultaneous change of all axes
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,12 +255,12 @@ class ReachGuard:
         bending = (joint_rates(later, self._twists) @ speed - turning) / REACTION
         demand: Array = np.maximum.reduce(
             [
-                # the motion: velocity, acceleration; braking at once, and at its end
+                # the motion: velocity, acceleration; braking now, and at its end
                 self._rate_shares(turning),
                 np.abs(here @ change + bending) / limits.ACCELERATION / ACCELERATION_SHARE,
                 np.abs(here @ braking + bending) / limits.ACCELERATION,
                 np.abs(there @ braking) / limits.ACCELERATION,
-                # a change of all axes at once where the arm would rest
+                # a simultaneous change of all axes where the arm would rest
                 np.abs(there) @ self._most / limits.ACCELERATION / CHANGE_SHARE,
             ]
         )

@@ -32,7 +32,7 @@ CAUSES: tuple[tuple[type[Exception], Cause], ...] = (
     (franka.InvalidOperationException, Cause.COMMAND),
     (ValueError, Cause.COMMAND),
     (franka.FrankaException, Cause.LIBRARY),
-    (RuntimeError, Cause.NETWORK),  # what the library raises once its connection is gone
+    (RuntimeError, Cause.NETWORK),  # raised by the library when its connection is lost
 )
 IDENTITY = np.eye(4).ravel().tolist()
 ERROR_NAMES = tuple(name for name in dir(franka.Errors) if not name.startswith("_"))

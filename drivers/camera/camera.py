@@ -15,7 +15,7 @@ from drivers.camera.settings import V4l2Settings
 from drivers.errors import CellError, Fault
 from drivers.protocols import Clock
 
-FRAME_TIMEOUT = 0.04  # s without a frame until the device is asked whether it is still there
+FRAME_TIMEOUT = 0.04  # s without a frame until the device's presence is checked
 RETRY_INTERVAL = 0.1  # s between attempts to recover
 FIRST_FRAME = 3.0  # s that a camera may take for its first frame
 LEAST_STEP = 1e-6  # s by which stamps grow at least

@@ -21,7 +21,7 @@ from drivers.franka import hand_protocol
 from drivers.franka.hand_protocol import HandCommand
 from drivers.franka.model import arm_urdf
 
-BURST = 256  # datagrams read in one go, so that a flood of them keeps nobody else waiting
+BURST = 256  # datagrams read per cycle, so that a flood does not delay other clients
 
 
 class ArmPort(Port[Command]):

@@ -44,7 +44,7 @@ class Thresholds:
 
 
 def _start_thresholds() -> Thresholds:
-    # Assumed: what a robot has before its client sets any is not published.
+    # Assumed: the defaults of a robot are not published.
     torque, force = frozen(np.full((2, 7), 20.0)), frozen(np.full((2, 6), 20.0))
     return Thresholds(torque, torque, force, force)
 

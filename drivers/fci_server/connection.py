@@ -9,8 +9,8 @@ from typing import Generic
 from drivers.fci_server.wire import Framing, K, Malformed, Request
 
 RESET = struct.pack("ii", 1, 0)
-MOST_PENDING = 64 * 1024  # bytes of requests that nobody has read yet
-MOST_GUESTS = 8  # connections that have not yet said who they are
+MOST_PENDING = 64 * 1024  # bytes of unread requests
+MOST_GUESTS = 8  # connections that have not identified themselves
 CONNECT_REQUEST = struct.Struct("<HH")  # version, UDP port of the client
 INCOMPATIBLE = 1
 

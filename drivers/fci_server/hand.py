@@ -78,7 +78,7 @@ class Hand:
     def advance(self) -> None:
         """Advance the fingers by one millisecond."""
         if self.is_grasped and self._between() is None:
-            self.is_grasped, self.width = False, 0.0  # what it presses on is gone
+            self.is_grasped, self.width = False, 0.0  # the object is gone
         task = self._task
         if task is None:
             return

@@ -73,7 +73,7 @@ class BodyCheck:
         """Check the arm against `solids`, or against itself alone."""
         self._solids = solids
         self._seen: Array | None = None
-        self._room = 0.0  # m, at the joints that were seen
+        self._room = 0.0  # m, at the joints checked last
         self._gaps = [inf, inf]  # m, to itself and to the solids
 
     def check(self, q: Array) -> None:
@@ -92,7 +92,7 @@ class BodyCheck:
                 raise Violation(reflex)
 
 
-# What follows runs in every tick: for so few numbers plain floats are faster than arrays.
+# The checks below run in every tick: for few numbers floats are faster than arrays.
 
 
 def check_joint_rates(old: Rates, new: Rates, reflexes: RateReflexes) -> None:
@@ -155,4 +155,4 @@ _JOINT_VELOCITY = _slack(limits.VELOCITY)
 _JOINT_ACCELERATION = _slack(limits.ACCELERATION)
 _JOINT_JERK = _slack(limits.JERK, TICK)  # as change of the acceleration in one tick
 _JOINT_STANDSTILL = _slack(limits.ACCELERATION, TICK)
-_BRAKING = max(_JOINT_STANDSTILL)  # rad/s, what one tick of braking takes off
+_BRAKING = max(_JOINT_STANDSTILL)  # rad/s, reduction by one tick of braking

@@ -360,7 +360,7 @@ class RobotServer:
         The hand is handled before the arm, so that a command for it counts from the same tick.
         """
         if seconds is not None and 0 < seconds < OFFER_HAND:
-            select.select([self._poll], [], [], seconds)  # epoll itself counts whole milliseconds
+            select.select([self._poll], [], [], seconds)  # epoll counts in milliseconds
             seconds = 0
         events = {descriptor for descriptor, _ in self._poll.poll(seconds)}
         requests = events - {self._arm.datagram_fileno}

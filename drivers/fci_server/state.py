@@ -139,7 +139,7 @@ class Publisher:
         angle, rate, acceleration = posture.swing
         fields["delbow_c"][0], fields["ddelbow_c"][0] = rate, acceleration
         fields["elbow_d"][:] = fields["elbow_c"][:] = angle, posture.elbow_sign
-        self._put_matrix("O_T_EE", arm.reached)  # from here on what the arm itself does
+        self._put_matrix("O_T_EE", arm.reached)  # below: the measured arm
         fields["q"][:] = fields["theta"][:] = arm.q
         fields["dq"][:] = fields["dtheta"][:] = arm.joints.velocity
         fields["elbow"][:] = arm.q[ELBOW_JOINT], arm.elbow_sign

@@ -111,7 +111,7 @@ def _descend(pose: Array, start: Array, tool: Array, centre: float) -> Attempt:
         pull = centre * (MIDDLE - joints) * min(1.0, CENTRING_GAIN * size)
         step = _step(jac, error, pull, size)
         blocked = np.clip(joints + step, POSITION_LOW, POSITION_HIGH) != joints + step
-        if blocked.any():  # the other joints do what those at their limits cannot
+        if blocked.any():  # the other joints compensate for those at their limits
             step = _step(jac * ~blocked, error, pull * ~blocked, size)
         step *= min(1.0, LARGEST_STEP / max(float(np.abs(step).max()), LARGEST_STEP))
         joints = np.clip(joints + step, POSITION_LOW, POSITION_HIGH)

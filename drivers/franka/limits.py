@@ -17,7 +17,7 @@ ACCELERATION = frozen([10.0] * 7)  # rad/s^2
 JERK = frozen([5000.0] * 7)  # rad/s^3
 LARGEST_TORQUE = frozen([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # N m
 
-# Close to a joint's end its velocity is limited to what it can still brake.
+# Close to a joint's end its velocity is limited so that it can still brake.
 VELOCITY_OFFSET = frozen([0.30, 0.20, 0.20, 0.30, 0.35, 0.35, 0.35])  # rad/s
 DECELERATION = frozen([6.0, 2.585, 3.5, 4.0, 17.0, 5.5, 17.0])  # rad/s^2
 

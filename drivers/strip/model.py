@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 T = TypeVar("T", bound="DataclassInstance")
 CELLS = 600
 SOFTEST = 0.05  # of the rigidity that ageing or a law always leaves
-CONTACT_HEIGHT = 0.001  # m above rest at which the lifted strip leaves the desk
+CONTACT_HEIGHT = 0.001  # m above rest at which desk_contact is defined
 
 
 @dataclass(frozen=True, slots=True)

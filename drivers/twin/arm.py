@@ -16,7 +16,7 @@ from drivers.types import ArmState, Array, Pose, Velocity
 
 SOURCE = "twin arm"
 SETTLED_DISTANCE = 1e-5  # m or rad behind the command at which a motion has ended
-NOISE_BLOCK = 1024  # ticks of noise that are drawn at once
+NOISE_BLOCK = 1024  # ticks of noise drawn together
 FORCE_NOT_MEASURED = (float("nan"), float("nan"))
 
 
@@ -82,7 +82,7 @@ class TwinArm:
         self._actual = [start.x, start.z, start.pitch]
         self._rate = [0.0, 0.0, 0.0]
         self._delay = delay
-        wrench = settings.force  # of a generator of its own: nothing else changes with it
+        wrench = settings.force  # from a separate generator: other noise stays the same
         self._wrench = None if wrench is None else ExternalWrench(wrench, rng.spawn(1)[0])
         still = (*self._actual, *self._rate)
         self._past = deque([still] * (2 + int(max(delay, 0.0) / TICK)))

@@ -128,7 +128,7 @@ class Adaptive:
         target = self.rise + missing / prediction.slope
         target = np.where(self.blind, BLIND_RISE * self._length, target)
         target = np.clip(target, 0.0, self._steering.highest)
-        # the first decision, of no time before it, takes the target at once
+        # the first decision takes the target without smoothing
         elapsed = np.clip(np.nan_to_num(time - self._fold.time, nan=math.inf), 0.0, None)
         gain = 1.0 - np.exp(-elapsed / SMOOTHING_TIME)
         return np.asarray(self.rise + gain * (target - self.rise))

@@ -13,7 +13,7 @@ from rerun import bindings
 
 from drivers.files import open_emptied, write_all
 
-CHUNK_SIZE = 1 << 20  # bytes that are passed on at once
+CHUNK_SIZE = 1 << 20  # bytes per write
 
 
 @contextmanager

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 WAITING, IMAGES_WAITING = 1024, 16  # with 2.8 MB an image, at most 45 MB wait
 IMAGE_PERIOD = 0.1  # s
-CLOSING_TIMEOUT = 30.0  # s, for what still waits when the run is over
+CLOSING_TIMEOUT = 30.0  # s to draw the queue after the run
 
 
 class Viz:

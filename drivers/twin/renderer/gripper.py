@@ -15,7 +15,7 @@ from drivers.types import Array, Image
 FINGER_PROFILE = ((0.0, 0.003), (0.012, 0.005), (0.045, 0.010))
 FINGER_DEPTH = 0.018  # m in y
 HAND_SIZE = (0.045, 0.110, 0.080)  # m: from, to along the approach; half of it across
-WRIST_SIZE = (0.110, 0.60, 0.042)  # likewise, of the arm behind it
+WRIST_SIZE = (0.110, 0.60, 0.042)  # likewise, of the wrist behind it
 HAND_DEPTH = 0.040  # m in y
 PALE = 2.2  # brightness of the wrist over that of the hand
 PLATE, DISC = 0.014, 0.005  # m, radii of the pin's dark plate and bright disc

@@ -8,7 +8,7 @@ from drivers.types import Array, Image
 
 Indices = NDArray[np.int64]
 
-FULL = 0.96  # coverage from which a pixel counts as filled: what sampling may leave open
+FULL = 0.96  # coverage from which a pixel counts as filled, for gaps of the sampling
 PLANE_SEQUENCE = (0.7548776662466927, 0.5698402909980532)  # a plane sequence of low discrepancy
 
 

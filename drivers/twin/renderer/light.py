@@ -22,9 +22,9 @@ IMAGE_MARGIN = 50  # px beside the image, up to which desk counts for the rows o
 FADE_HEIGHT = 0.03  # m of height over which the shadow fades
 SOFT_BORDER = 0.004  # m, half of its soft border in y
 SHADOW_GRID = 4  # px: the grid on which a shadow is drawn
-FRACTION_BITS = 4  # of the corners that OpenCV takes as whole numbers
+FRACTION_BITS = 4  # of the corners, which OpenCV takes as integers
 FARTHEST = 2**20  # of such corners: an outline that reaches farther out is cut off there
-BELOW_LAMP = 0.05  # m by which what casts a shadow on the desk is lower than the lamp
+BELOW_LAMP = 0.05  # m below the lamp at least, to cast a shadow on the desk
 WALL_EDGE = -0.03  # m of height under which the desk hides the wall
 Gain = NDArray[np.float32]
 

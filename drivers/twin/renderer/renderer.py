@@ -142,7 +142,7 @@ class Renderer:
         self._gripper = bgr(settings.surroundings.gripper) * settings.gain
         self._contact_bias = contact_bias
         self._spacing = PITCH * settings.distance / settings.focal
-        self.render([_SPECK], 0)  # compiles what no control loop may wait for
+        self.render([_SPECK], 0)  # compiles now, outside the control loop
 
     def render(self, scenes: Sequence[Scene], sequence: int) -> Image:
         """Frame `sequence`, (height, width, 3) BGR, of `scenes`: moments of its exposure in order.

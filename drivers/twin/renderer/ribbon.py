@@ -19,7 +19,7 @@ EDGE_RADIUS = 0.001  # m of half a thickness by which the corners of a cut edge 
 LENS_PROBE = 0.001  # m, over which the lens counts as linear
 LIGHT_DIRECTION = np.array([-0.35, 0.94])  # where the light comes from, in the plane
 AMBIENT = 0.62
-CUT = 1.08  # brightness of the cut edge, seen from the front
+CUT = 1.08  # brightness of the cut edge from the front
 BACK_BRIGHTNESS = 0.93  # brightness of the side that lies on the desk
 
 
