@@ -19,7 +19,7 @@ PLATE_MM, DISC_MM = 14.0, 5.0  # mm, radii of the pointer's dark plate and brigh
 INCHES_PER_MM = 1 / 25.4  # inches
 
 
-def paper(settings: BoardSettings) -> tuple[str, tuple[float, float]]:
+def smallest_sheet(settings: BoardSettings) -> tuple[str, tuple[float, float]]:
     """Name, width and height [mm] of the smallest sheet for the board, or ConfigurationError."""
     square = 1e3 * settings.square
     wide = (settings.columns + 2 * QUIET_ZONE) * square
@@ -34,7 +34,7 @@ def paper(settings: BoardSettings) -> tuple[str, tuple[float, float]]:
 
 def board_figures(settings: BoardSettings) -> "tuple[Figure, Figure]":
     """Two matplotlib figures of true size: the page of the board and that of the pointer."""
-    name, (width, height) = paper(settings)
+    name, (width, height) = smallest_sheet(settings)
     page, axes = _blank_page(width, height)
     square = 1e3 * settings.square
     left, top = (width - settings.columns * square) / 2, height - QUIET_ZONE * square
@@ -61,7 +61,7 @@ def print_board(settings: BoardSettings, path: Path) -> str:
             pages.savefig(figure)
     with writing(path), _create(path) as file:
         write_all(file, content.getvalue())
-    return paper(settings)[0]
+    return smallest_sheet(settings)[0]
 
 
 def _create(path: Path) -> FileIO:

@@ -97,7 +97,7 @@ def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibr
     from calibration.wizard.touch_verdict import refusals
     from calibration.wizard.touched_points import TouchedPoints
     from cell.calibrating.keyboard import TwinOperator
-    from cell.calibrating.wizard import build_calibration, touch
+    from cell.calibrating.wizard import build_calibration, touch_all
 
     twin = DeviceSelection(arm="twin", camera="twin")
     devices = open_cell(settings, NO_STRIP, twin, calibrating=True)
@@ -107,7 +107,7 @@ def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibr
     points = TouchedPoints(lens, settings.touches)
     operator = TwinOperator(devices.aids, Unattended())
     context = CalibrationContext(settings.controller, points, operator)
-    found = touch(devices, context, interrupted), context.latency
+    found = touch_all(devices, context, interrupted), context.latency
     made = build_calibration(lens, *found, devices.camera_identity)
     if made is None:
         raise CellError("homography failed: " + "; ".join(refusals(*found)))

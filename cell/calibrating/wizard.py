@@ -91,7 +91,7 @@ class LensSession:
         return self.verdict.lines()
 
     def facts(self) -> dict[str, Any]:
-        """Result as JSON."""
+        """Plain values of the result, as `--json` prints them."""
         verdict, fit = self.verdict, self.verdict.fit
         return {
             "passed": verdict.passed,
@@ -140,7 +140,7 @@ class TouchSession:
         return map_lines(self.touches, self.latency, self.speed)
 
     def facts(self) -> dict[str, Any]:
-        """Result as JSON."""
+        """Plain values of the result, as `--json` prints them."""
         keys = ("residual_mm", "worst_mm", "halves_mm", "displacement_mm")
         late = self.latency.latency
         return {
@@ -253,7 +253,7 @@ def calibrate_homography(
     write_yaml(folder / POSES_FILE, {"poses": [[p.x, p.z, p.pitch] for p in points.plan]})
     restore(points, folder, session)
     context = CalibrationContext(settings.controller, points, operator, keep, remembers=True)
-    touches = touch(devices, context, interrupted)
+    touches = touch_all(devices, context, interrupted)
     # locks as read back
     facts: dict[str, Any] = {"locks": devices.camera_locks(), "landmarks": context.landmarks}
     found = lens, touches, context.latency, session.camera
@@ -343,7 +343,9 @@ def run_calibration(
         raise Fault(outcome.name, f"calibration was stopped: {outcome.reason}")
 
 
-def touch(devices: Devices, context: CalibrationContext, interrupted: Interruption) -> TouchVerdict:
+def touch_all(
+    devices: Devices, context: CalibrationContext, interrupted: Interruption
+) -> TouchVerdict:
     """Touch all points of `context`; returns the verdict on their map, raises as the run does."""
     run_calibration(devices, context, interrupted)
     if context.touches is None:

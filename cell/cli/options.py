@@ -214,9 +214,9 @@ def while_busy(text: str, items: "Iterable[T]") -> "Iterator[T]":
 
 
 def engine(jobs: int, address: str | None, limit: float | None) -> "Engine":
-    """Engine of a campaign over `jobs` processes or the cluster at `address`, `limit` [s] a part.
+    """Return the engine that runs work items: `jobs` local processes, or a cluster at `address`.
 
-    Raises ConfigurationError for both.
+    An item may take `limit` [s]. Raises ConfigurationError for an address with several jobs.
     """
     from cell.campaign.local import Local
     from drivers.errors import ConfigurationError

@@ -1,4 +1,4 @@
-"""Several folds: one after the other, side by side in processes, or until one lies well."""
+"""Several folds: in sequence, in parallel processes, or until one lies well."""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -57,10 +57,10 @@ def fold_all(
 ) -> Iterator[FoldResult | CellError]:
     """Make the folds, `jobs` at a time, and yield their results in order.
 
-    One that cannot begin yields its error, and the others go on. With `until` each is corrected by
-    those before it, and the first one whose edges lie as close [m] is the last, as is one that was
-    stopped. A real robot folds one after the other. The first Ctrl-C stops the folds under way
-    under control and begins no other; raises Interrupted or KeyboardInterrupt on the second.
+    A fold that cannot begin yields its error, and the others follow. With `until` each is corrected
+    by those before it, and the first one whose edges lie as close [m] is the last, as is one that
+    was stopped. A real robot folds in sequence. The first Ctrl-C brakes the running folds and
+    starts no other; raises Interrupted or KeyboardInterrupt on the second.
     """
     if until is not None:
         yield from _until(requests, until, attendance)
@@ -79,9 +79,9 @@ def fold_all(
 
 
 def agreed(requests: Sequence[Request], ask: Callable[[str], str]) -> tuple[Request, ...]:
-    """The requests with the operator's consent to the motion of a real robot, if there is one.
+    """Return `requests` with the operator's consent to the motion of a real robot, if there is one.
 
-    Raises PreflightRefused where that was not typed, or a check of real hardware failed.
+    Raises PreflightRefused where the consent is not typed, or a check of the hardware fails.
     """
     first = requests[0]
     if is_physical(first.cell, first.choice):

@@ -39,7 +39,7 @@ def check_feasible(
     limits: MotionLimits,
     desk: float = 0.0,
 ) -> tuple[float, float] | None:
-    """Displacement [m] that the model expects of a fold, and its standard deviation [m].
+    """Check a fold and return the displacement [m] that the model expects, with its deviation [m].
 
     None where the layers do not touch in the model. The policy is reset. Raises PreflightRefused
     for a strip that this cell cannot see, reach or fold with an arm that moves within `limits`,
@@ -75,10 +75,10 @@ def path_problems(
     limits: MotionLimits,
     carry_at: Callable[[float], Array],
 ) -> Iterator[str]:
-    """Reasons why an arm within `limits` cannot follow a fold, a line each; none where it can.
+    """Yield a line for each reason why an arm within `limits` cannot follow a fold.
 
-    The gripper comes to `places` (n, 2) [m], and carries the strip along `carry` (k, 2) [m];
-    `carry_at` another speed [m/s] is the path of that fold.
+    The gripper passes `places` (n, 2) [m], and carries the strip along `carry` (k, 2) [m];
+    `carry_at` gives the latter at another speed [m/s].
     """
     yield from _workspace_problems(places, settings.installation)
     speed = settings.fold.speed
@@ -120,7 +120,7 @@ def gripper_path(
 ) -> Array:
     """Gripper positions (n, 2) [m] of approach, the first of the model's `folds`, and retreat.
 
-    Where the model cannot follow the strip, the fold is the lift, which is known.
+    Where the simulation fails, the lift takes the place of the fold.
     """
     beyond, aside = strip.length + settings.fold.approach, settings.fold.approach
     before = [(beyond, settings.fold.clear_height), (beyond, 0.0), (strip.length, 0.0)]
@@ -134,7 +134,7 @@ def gripper_path(
 def _simulate(settings: CellSettings, strip: StripFile, policy: Policy) -> Folds | None:
     """Simulated folds of `strip` and, unless the policy predicts, of its parameters' corners.
 
-    None where the model cannot follow this strip.
+    None where the simulation fails.
     """
     rollout = Rollout(speed=settings.fold.speed, sensing=Sensing(delay=(0.03, 0.03)))
     rng = np.random.default_rng(0)
@@ -149,7 +149,7 @@ def _simulate(settings: CellSettings, strip: StripFile, policy: Policy) -> Folds
 def _expected(folds: Folds, repeats: float) -> tuple[float, float] | None:
     """Displacement [m] of the first of `folds`, and its standard deviation [m].
 
-    Over the corners of what is not known of the strip, and over `repeats` [m] of one fold. None
+    Of the strip's parameter corners and of repeated folds, `repeats` [m], together. None
     where a fold does not touch.
     """
     if not np.isfinite(folds.displacement).all():

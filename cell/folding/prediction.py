@@ -86,7 +86,7 @@ def predict(request: Request) -> Prediction:
 
 
 def _check_calibration(settings: CellFile, request: Request) -> None:
-    """Apply the fold's own checks to the calibration that the cell file names."""
+    """Check the calibration that the cell file names as a fold does."""
     if settings.calibration is None:
         return
     calibration = load_calibration(Path(settings.calibration))

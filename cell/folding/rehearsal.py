@@ -85,8 +85,8 @@ def rehearsal(
 ) -> Rehearsal:
     """Rehearsal of the fold along `path` (n, 3) at `speeds` (n,) [m/s], raised by HOVER_HEIGHT.
 
-    What only avoids a lying strip is left out: the way over it at the begin, the rise at the end.
-    With an `elbow` [rad] it must be followed by a Franka arm. Raises ConfigurationError where the
+    Without the parts that only avoid a lying strip: the way over it at first, the rise at the end.
+    With an `elbow` [rad] a Franka arm must reach the path. Raises ConfigurationError where the
     workspace or the arm ends below the fold.
     """
     raised, speeds = np.add(path, (0.0, HOVER_HEIGHT, 0.0))[OVER_POINT:-1], speeds[OVER_POINT:-1]
@@ -107,7 +107,7 @@ def rehearsal(
 
 
 def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) -> Outcome:
-    """Carry out the motion of `request` in the air: no strip is held, no grasp is checked."""
+    """Carry out the motion of `request` in the air, without a strip or a grasp."""
     settings, strip = request.settings, request.strip
     folds = simulate_policy(request, settings, [strip])
     path, speeds = fold_poses(settings, strip, folds.trace[:, 0], laid_at(folds))

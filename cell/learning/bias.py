@@ -198,10 +198,10 @@ def shrunk(
 
 
 def laid_offset(experiences: Sequence[Experience], rig: float, settings: LearningSettings) -> float:
-    """Offset [m] of laid edges in a cell whose camera shows them `rig` [m] too small.
+    """Posterior mean [m] of the offset of laid edges, from images corrected by `rig` [m]; else 0.
 
-    Either something is `off`, by about `changed`, or nothing is and the camera misreads each
-    specimen by about `laid`.
+    Weighs two models with prior odds `settings.off`: an offset of about `changed`, or none and an
+    error of the camera of about `laid` for each specimen.
     """
     known = [e for e in experiences if e.edges is not None and abs(e.edges) < settings.limit]
     if not known:

@@ -13,7 +13,7 @@ from policies.policy import Decision
 
 
 class Record:
-    """Interface of a run's record, times on the cell's clock [s]; this one discards everything."""
+    """Record of a run that stores nothing, base of those that do; times on the cell's clock [s]."""
 
     @property
     def origin(self) -> float:

@@ -195,11 +195,10 @@ class Drain:
 
 
 class V4l2Camera:
-    """V4L2 camera with the interface `drivers.protocols.Camera`.
+    """Camera driver for V4L2 devices that keeps the newest frame in a thread.
 
-    A thread keeps the newest frame; `read` decodes the frames that are used. Stamps are the middle
-    of the exposure in the time of `clock`, which must run at wall-clock speed. `kernel` makes the
-    system calls and can be replaced in tests.
+    `read` decodes the frames that are used. Stamps are the middle of the exposure in the time of
+    `clock`, which must run at wall-clock speed. `kernel` makes the system calls.
     """
 
     def __init__(self, settings: V4l2Settings, clock: Clock, kernel: Kernel | None = None) -> None:

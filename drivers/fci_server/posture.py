@@ -33,10 +33,9 @@ def zero_rates(axes: int) -> Rates:
 class Posture:
     """Joints, tool pose and commanded motion of the emulated arm at one tick.
 
-    The arm is at `q` (7,) [rad] with rates `joints`; there the tool's pose is `reached` (4, 4) in
-    the base, its Jacobian `jacobian` (6, 7). Commanded are the tool's `pose` (4, 4) with rates
-    `tool` (6,), and the elbow's `swing` (3,): angle, rate, acceleration [rad, s]. `reached` differs
-    from `pose` by the residual of one Newton step.
+    At `q` (7,) [rad] with rates `joints` the tool is at `reached` (4, 4), with `jacobian` (6, 7).
+    Commanded are the tool's `pose` (4, 4) with rates `tool` (6,), from which `reached` differs by
+    one Newton step's residual, and the elbow's `swing` (3,): angle, rate, acceleration [rad, s].
     """
 
     q: Array

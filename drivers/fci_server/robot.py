@@ -127,7 +127,7 @@ class Robot:
 
     @property
     def moving(self) -> bool:
-        """Whether a motion waits for commands."""
+        """Whether a motion accepts commands; False while the arm brakes."""
         return self.motion is not None and not self.motion.stopping
 
     @property
@@ -201,7 +201,7 @@ class Robot:
             self.mode = Mode.REFLEX if self.errors else Mode.IDLE
 
     def abandon(self) -> None:
-        """Brake after the client has disconnected, without replies."""
+        """Brake after the client has disconnected, and drop its pending replies."""
         self._finish(MoveStatus.ABORTED)
         self.late.clear()
         self.waiting.clear()

@@ -207,8 +207,8 @@ class Observation:
 class StripModel:
     """A strip in a cell: its mechanics, its boundary conditions and the cell's errors.
 
-    `stated_length` [m] is where the gripper takes the edge, x = L. A strip of another length starts
-    slack or taut. `index` is the number of runs that the specimen has already been through.
+    `stated_length` [m] is x = L, where the gripper grasps the edge; a strip of another length
+    starts slack or taut. `index` is the number of earlier runs of the specimen.
     """
 
     mechanics: Mechanics
@@ -220,7 +220,7 @@ class StripModel:
 
 
 def with_field(part: T, path: str, value: Any) -> T:
-    """Copy of `part`, a dataclass of a model, with `value` in the field at dotted `path`."""
+    """Copy `part`, a dataclass of a model, with `value` in the field at dotted `path`."""
     name, _, inner = path.partition(".")
     if inner:
         value = with_field(getattr(part, name), inner, value)

@@ -31,7 +31,7 @@ DESK_HEIGHT = rig_effect(
 
 
 def _tilt_desk(model: StripModel, values: Mapping[str, float]) -> StripModel:
-    """A slope along the strip turns gravity in the cell frame."""
+    """Rotate gravity in the cell frame by the desk's slope along the strip."""
     weight = math.hypot(*model.boundary.gravity)
     pull = (weight * math.sin(values["angle"]), -weight * math.cos(values["angle"]))
     return with_field(model, "boundary.gravity", pull)

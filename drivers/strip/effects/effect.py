@@ -49,11 +49,11 @@ PLACE_SPAN = Span(0.15, 0.95, of_length=True)  # along a strip, away from its fi
 class Parameter:
     """One parameter of an effect: its unit, the null value that switches it off, and its range.
 
-    The first parameter of an effect is its switch, and those after it that have a null; one
-    whose `null` is None is switched off by absence. Without a `default` it must be given.
+    The first parameter of an effect switches it, as do later ones that have a null; one
+    whose `null` is None is switched off by absence. Without a `default` it is required.
     `role` says what the number means: how much, where along the strip, over which width, within
     which time, a ratio of stiffnesses, or a shape of the law. A shape parameter stays at its
-    default until measurements of this effect ask for more; `guess` is the size of a first try.
+    default until measurements of this effect require more; `guess` is a first value to try.
     """
 
     name: str
@@ -67,12 +67,12 @@ class Parameter:
 
 
 def shape(name: str, unit: str, high: float, guess: float) -> Parameter:
-    """A parameter from 0, its default, to `high` that shapes the law of its effect."""
+    """Shape parameter of an effect's law, from 0, its default, to `high`."""
     return Parameter(name, unit, 0.0, high, null=None, default=0.0, role="shape", guess=guess)
 
 
 def sets(**fields: str) -> Apply:
-    """Function that writes the values of parameters into the model's fields at dotted paths."""
+    """Return a function that writes parameter values into the model's fields at dotted paths."""
 
     def apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
         for name, path in fields.items():
@@ -86,11 +86,11 @@ def sets(**fields: str) -> Apply:
 class Effect:
     """A physical or measurement phenomenon as a pure function from strip model to strip model.
 
-    `sentence` is for a technician; `revealed_by` is the motion that shows it best; `typical`
-    gives, for a strip, values of the switch from just visible in ten runs to as large as
-    laboratories report, one of the other sign among them where the two sides act unlike;
+    `sentence` describes it to a technician; `revealed_by` is the motion that shows it best;
+    `typical` gives, for a strip, values of the first parameter, from just visible in ten runs to as
+    large as laboratories report, with one of opposite sign where the signs act differently;
     `textile` are the spans of its parameters over textiles, in the order in which to draw them;
-    `looks_like` names effects that no run of a fold separates from this one.
+    `looks_like` names effects that folds cannot distinguish from this one.
     """
 
     name: str

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from calibration.board import BoardSettings, find_board
 from calibration.pointer import find_pointer
-from calibration.wizard.board_print import board_figures, paper, print_board
+from calibration.wizard.board_print import board_figures, print_board, smallest_sheet
 from drivers.errors import ConfigurationError
 from drivers.types import Image
 
@@ -41,13 +41,13 @@ def test_printed_squares_are_as_long_as_stated() -> None:
 
 def test_sheet_of_the_file_is_the_paper_that_is_named(tmp_path: Path) -> None:
     name = print_board(SETTINGS, tmp_path / "board.pdf")
-    assert (name, paper(SETTINGS)) == ("A3", ("A3", (420.0, 297.0)))
+    assert (name, smallest_sheet(SETTINGS)) == ("A3", ("A3", (420.0, 297.0)))
     content = (tmp_path / "board.pdf").read_bytes()
     boxes = re.findall(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", content)
     points = [(float(w) / 72 * 25.4, float(h) / 72 * 25.4) for w, h in boxes]
     assert points == [pytest.approx((420.0, 297.0)), pytest.approx((297.0, 210.0))]
     with pytest.raises(ConfigurationError, match="board: 2000 x 1616 mm"):
-        paper(BoardSettings(square=0.2, marker=0.1))
+        smallest_sheet(BoardSettings(square=0.2, marker=0.1))
 
 
 def test_printed_pointer_is_found_as_the_pointer() -> None:
