@@ -9,9 +9,11 @@ import typer
 
 from cell.cli.options import Configs, Json, busy, print_json, run_folder
 from cell.report.words import plural
+from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from cell.config.places import Configs as Found
+    from drivers.strip.file import StripFile
 
 
 def import_runs(
@@ -22,13 +24,21 @@ def import_runs(
             help="A table or a folder of a run's tables, an MCAP file, or a LeRobot data set.",
         ),
     ],
-    out: Annotated[Path, typer.Option(help="Folder in which the runs are written.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder in which the runs are written; of --guess, a file.")
+    ] = None,
     mapping: Annotated[
         Path | None,
         typer.Option(help="File that says which column holds what; exported runs have their own."),
     ] = None,
     model: Annotated[
         Path | None, typer.Option(help="File of the mechanism whose runs these are, not folds.")
+    ] = None,
+    guess: Annotated[
+        bool, typer.Option("--guess", help="Propose a mapping of folds, ./mapping.yaml, instead.")
+    ] = False,
+    strip: Annotated[
+        str | None, typer.Option(help="Strip of a guess: its length tells units and zeros.")
     ] = None,
     configs: Configs = None,
     as_json: Json = False,
@@ -37,6 +47,14 @@ def import_runs(
     from cell.config.places import find_configs
 
     found = find_configs(configs)
+    if guess and model is None:
+        _propose(places, out or Path("mapping.yaml"), None if strip is None else found.strip(strip))
+        return
+    if out is None or guess:
+        what = "--guess: proposes mappings of folds; leave --model out"
+        raise ConfigurationError(
+            what if guess else "--out: is missing; name the folder of the runs"
+        )
     with busy("reading the tables"):
         made = _convert(places, mapping, out, model, found)
     if as_json:
@@ -51,6 +69,18 @@ def import_runs(
 
         following = f"fit {out} --strip {read_run(made[0]).header.strip} --out {out}-fit"
     sys.stdout.write(f"next: cell gap {following}\n")
+
+
+def _propose(places: list[Path], out: Path, strip: "StripFile | None") -> None:
+    """Write a mapping for the person to read, and print it."""
+    from cell.record.exchange.guess import guess_mapping
+    from drivers.files import check_free, write_file
+
+    check_free(out)
+    text, of = guess_mapping(places, strip), " ".join(map(str, places))
+    write_file(out, text)
+    sys.stdout.write(f"{text}{out}: read it, and write what is open in place of null\n")
+    sys.stdout.write(f"next: cell import {of} --mapping {out} --out runs/own\n")
 
 
 def _convert(

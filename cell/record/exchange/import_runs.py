@@ -142,7 +142,7 @@ def sources_in(place: Path, mapping: Path | None = None) -> Iterator[Source]:
         from cell.record.exchange.mcap_file import McapFile
 
         file = McapFile(place)
-        yield Source(place, place.stem, file.documents, file.table)
+        yield Source(place, place.stem, file.documents, file.topics, file.table)
     elif (place / INFO).is_file():
         yield from episodes(place)
     elif place.is_dir():

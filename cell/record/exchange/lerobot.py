@@ -434,7 +434,9 @@ def _read(
         raise ValueError(f"cell/name: {name!r} is not the name of a folder")
     of_episode = frames.filter(pa.array(of_episode))
     found = Episode(path, of_episode, info["features"], film, begin, float(info["fps"]))
-    return Source(path, name, {**shared, **documents}, found.table, found.images)
+    points = [POINTS_TABLE] if POINTS_STAMP in frames.column_names else []
+    shared = {**shared, **documents}
+    return Source(path, name, shared, [EPISODE, *points], found.table, found.images)
 
 
 def _path(

@@ -5,7 +5,7 @@ It names the foreign column for each quantity, with its unit.
 
 import io
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -144,13 +144,15 @@ class MappingFile(Settings):
 class Source:
     """Source of one run's tables: its file or folder, the run's name, and YAML files by name.
 
-    `table` returns the table that a mapping names; it raises ConfigurationError without one.
+    `names` are those of its tables. `table` returns the table that a mapping names; it raises
+    ConfigurationError without one.
     `images` yields the images of a film, with the row of `ticks` at which each was taken.
     """
 
     path: Path
     name: str
     documents: Mapping[str, bytes]
+    names: Sequence[str]
     table: Callable[[str, Table[Any]], pa.Table]
     images: Callable[[], Iterable[tuple[int, Frame]]] = tuple
 
@@ -173,7 +175,10 @@ def file_source(path: Path) -> Source:
     place = path.resolve()
     beside = place.parent / MAPPING
     documents = {MAPPING: read_bytes(beside, MEGABYTE)} if beside.is_file() else {}
-    return Source(path, place.name if path.is_dir() else place.stem, documents, table)
+    if path.is_file():
+        return Source(path, place.stem, documents, [f"*{path.suffix}"], table)
+    names = [file.name for file in sorted(path.iterdir()) if FILE.fullmatch(file.name)]
+    return Source(path, place.name, documents, names, table)
 
 
 def _file(place: Path, name: str) -> Path:

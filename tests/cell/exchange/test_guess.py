@@ -1,0 +1,80 @@
+"""A proposed mapping of strange tables, once its errors are stated, brings the numbers back."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cell.cli.app import app
+from cell.record.run import read_run
+from drivers.types import Array
+from tests.cell.exchange.test_import_runs import LENGTH, STAMPS, T, X, Z
+
+PITCH = np.clip(T, 0.0, 1.0) * np.pi / 2
+ALONG = np.linspace(0.0, 1.0, 12)
+ISO = [f"2026-01-31T12:00:{t:06.3f}Z" for t in T]
+STRANGE = {  # head, columns, and what stands between them and in their numbers
+    "a robot's log": ("tMs,tcp_x_mm,tcp_y_mm,tcp_z_mm", [1e3 * T, 1e3 * X, T, 1e3 * Z], ","),
+    "a spreadsheet": ("Zeit;X [cm];Höhe [mm];Kraft Fz [N]", [T, 1e2 * X, 1e3 * Z, 0.2 * Z], ";"),
+    "the other way": ("t\tx\tz\tv", [1e9 * (T + 9), 1e3 * (1.2 - X), -1e2 * (Z + 0.5), T], "\t"),
+    "with a date": ("% log\nstamp,x,z", [ISO, X - LENGTH, Z + 0.2], ","),
+    "a planar camera": ("time|along|up|pitch_deg", [T, 1e3 * X, 1e3 * Z, -57.29578 * PITCH], "|"),
+    "commands beside": ("x_cmd;z_cmd;x;z;stamp", [X + 9, Z + 9, X, 1e3 * Z, 1e6 * T], ";"),
+}  # fmt: skip
+
+
+def tables(place: Path, head: str, columns: list[Array], mark: str) -> Path:
+    """A folder with the gripper's table, and a profile in metres that ends at the gripper."""
+    place.mkdir()
+    rows = zip(*(c if c is ISO else [f"{v:.9f}" for v in c] for c in columns), strict=True)
+    text = "\n".join(mark.join(row) for row in rows)
+    text = text.replace(".", ",") if mark == ";" else text
+    (place / "tip.csv").write_text(f"{head}\n{text}\n", encoding="utf-8")
+    lines = ["t,x,z"]
+    clock = {"the other way": 9.0, "with a date": 1769860800.0}.get(place.name, 0.0)
+    for stamp in STAMPS:
+        x, z = (np.interp(stamp, T, value) for value in (X, Z))
+        lines += [f"{stamp + clock},{0.3 + a * (x - 0.3)},{z * a**2}" for a in ALONG]
+    (place / "points.csv").write_text("\n".join(lines))
+    return place
+
+
+def proposed(place: Path, *words: str) -> tuple[str, str]:
+    """The proposed mapping, and what is said where it is imported as it is proposed."""
+    how = place.parent / "proposal.yaml"
+    done = CliRunner().invoke(app, ["import", "--guess", str(place), "--out", str(how), *words])
+    assert done.exit_code == 0, done.exception
+    assert how.read_text() in done.stdout
+    words = ("import", str(place), "--mapping", str(how), "--out", str(place.parent / "runs"))
+    return how.read_text(), str(CliRunner().invoke(app, words).exception)
+
+
+@pytest.mark.parametrize("name", STRANGE)
+def test_a_proposal_brings_the_numbers_back(tmp_path: Path, name: str) -> None:
+    place = tables(tmp_path / name, *STRANGE[name])
+    text, said = proposed(place, "--strip", "denim")
+    assert {*re.findall(r"(\w+): null", text)} - {"force"} == {*re.findall(r"sigma\.(\w+):", said)}
+    (tmp_path / "proposal.yaml").write_text(text.replace("null", "0.001"))
+    words = ("--mapping", str(tmp_path / "proposal.yaml"), "--out", str(tmp_path / "runs"))
+    done = CliRunner().invoke(app, ["import", str(place), *words])
+    assert done.exit_code == 0, (text, done.exception)
+    run = read_run(tmp_path / "runs" / name)
+    assert np.allclose([run.ticks.t, run.ticks.x, run.ticks.z], [T, X, Z], atol=1e-5)
+    assert np.allclose(run.profile.x[11::12], np.interp(STAMPS, T, X), atol=1e-3)
+    if "pitch:" in text:
+        assert np.allclose(run.ticks.pitch, PITCH, atol=1e-6)
+
+
+def test_what_cannot_be_told_is_open_and_refused_by_its_name(tmp_path: Path) -> None:
+    place = tables(tmp_path / "a", "t,x [m],z", [T, 1e3 * X, Z + 0.1], ",")
+    text, said = proposed(place)
+    for key in ("strip", "sigma.gripper", "ticks.columns.x.unit", "profile.columns.x.unit"):
+        assert f"proposal.yaml: {key}: input should be" in said
+    assert (
+        'z: {column: "z", unit: "m", offset: 0.1}  # likely, by its range, zero by the start'
+        in text
+    )
+    again = CliRunner().invoke(app, ["import", "--guess", str(place), "--out", str(place)])
+    assert "is there already" in str(again.exception)
