@@ -157,24 +157,37 @@ def _ticks(table: Columns, strip: StripFile | None) -> Told:
         values = table.of[role]
         moves = values - values[0] if role in "xz" else np.diff(values) if role == "t" else values
         size = float(np.median(moves) if role == "t" else np.nanmax(np.abs(moves)))
-        typical = TYPICAL[role] * (length if role in "xz" else 1.0)
-        keys, why = told[role] = _unit(table, role, size, typical)
-        if keys["unit"] is None or role not in {"pitch", "x", "z"}:
-            continue
-        si = values * FACTORS[keys["unit"]]
-        first, moved = float(si[0]), float((si - si[0])[np.argmax(np.abs(si - si[0]))])
-        hangs = abs(moved) < TURNED if role == "pitch" else hangs
-        turned = first < 0 if hangs and role == "pitch" else (moved > 0) == (role == "x")
-        target = length if role == "x" else np.pi / 2 if hangs and role == "pitch" else 0.0
-        offset: float | None = round(first + target if turned else first - target, 6)
-        if hangs and role != "pitch":  # anywhere within reach
-            offset = 0.0 if 0.0 < (-first if turned else first) < length else None
-        elif role == "x" and strip is None:
-            offset = None
-        if offset is None or abs(offset) > (NEAR_TURN if role == "pitch" else NEAR):
-            keys["offset"], why = offset, f"{why}, zero by the start"
-        told[role] = keys | ({"reversed": True} if turned else {}), why
+        keys, why = _unit(table, role, size, TYPICAL[role] * (length if role in "xz" else 1.0))
+        if keys["unit"] is not None and role in {"pitch", "x", "z"}:
+            si = values * FACTORS[keys["unit"]]
+            hangs = abs(_largest_move(si)) < TURNED if role == "pitch" else hangs
+            zero = _zero(role, si, strip, hangs=hangs)
+            keys, why = keys | zero, f"{why}, zero by the start" if "offset" in zero else why
+        told[role] = keys, why
     return told
+
+
+def _zero(role: str, si: Array, strip: StripFile | None, *, hangs: bool) -> Keys:
+    """Keys `offset` and `reversed` of a pose's column (n,) [SI], by where a fold begins and goes.
+
+    The offset is None where it cannot be told, and absent where the column begins as it must.
+    """
+    length, first = STRIP if strip is None else strip.length, float(si[0])
+    upright = hangs and role == "pitch"
+    turned = first < 0 if upright else (_largest_move(si) > 0) == (role == "x")
+    begin = length if role == "x" else np.pi / 2 if upright else 0.0
+    offset: float | None = round(first + begin if turned else first - begin, 6)
+    if hangs and role != "pitch":  # anywhere within reach
+        offset = 0.0 if 0.0 < (-first if turned else first) < length else None
+    elif role == "x" and strip is None:
+        offset = None
+    near = offset is not None and abs(offset) <= (NEAR_TURN if role == "pitch" else NEAR)
+    return ({} if near else {"offset": offset}) | ({"reversed": True} if turned else {})
+
+
+def _largest_move(values: Array) -> float:
+    """Farthest way, with its sign, of `values` (n,) from the first."""
+    return float((values - values[0])[np.argmax(np.abs(values - values[0]))])
 
 
 def _profile(table: Columns, ticks: Told, path: Mapping[str, Array]) -> Told:
