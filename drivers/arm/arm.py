@@ -18,11 +18,11 @@ TICK_ROUNDING = 1e-6  # of a tick, between the clock's time and a multiple of ti
 
 
 class FciArm:
-    """Franka arm with the interface `drivers.protocols.Arm`, driven by a process of its own.
+    """Driver of a Franka arm, whose 1 kHz loop runs in a separate process.
 
     In lock-step the robot makes one tick for each millisecond of the cell's clock whenever the cell
-    reads its state or sends a command, so runs repeat byte for byte. Against a robot on its own
-    clock, states are stamped on arrival.
+    reads its state or sends a command, so runs repeat byte for byte. States of a robot that follows
+    the wall clock are stamped on arrival.
     """
 
     def __init__(

@@ -58,14 +58,13 @@ class Fingers:
 
 
 class FciHand:
-    """Franka Hand with the interface `drivers.protocols.Hand`, over the hand's own protocol.
+    """Driver of a Franka Hand by its network protocol; no call waits for the fingers.
 
     Connects at first use, after `ready` was called: in lock-step the fingers move in the arm's
-    time. No call waits for the fingers: a motion under way is stopped, and the next one begins once
-    the hand says that it has ended. A stop that goes unanswered is repeated. A hand that has not
-    been homed is homed by `open`. Whether a strip is held is judged by the width at which the
-    fingers rest, because the hand itself may miss thin things (libfranka#111), and by its own flag
-    once that was set.
+    time. A new command stops the motion in progress and starts once the hand confirms its end; a
+    stop without an answer is repeated. `open` homes a hand that has not been homed. A strip counts
+    as held by the width at which the fingers rest, because the hand may miss thin objects
+    (libfranka#111), and by the hand's flag once that was set.
     """
 
     def __init__(
@@ -86,11 +85,11 @@ class FciHand:
         self._motion: int | None = None
         self._next: list[Motion] = []  # those that wait for the end of the one under way
         self._ended: int | None = None  # state after which the last motion's end was received
-        self._stop_sent: float | None = None  # when, while a motion that was stopped goes on
+        self._stop_sent: float | None = None  # time, until the stopped motion has ended
         self._stops = 0
         self._homed = True  # until the hand reports otherwise
-        self._closed = False  # whether the last motion was a grasp, and came to its end
-        self._flagged = False  # whether the hand itself has then reported a grasp
+        self._closed = False  # whether the last motion was a grasp that ended
+        self._flagged = False  # whether the hand has reported that grasp
         self._fingers = Fingers(-1, settings.opening, settings.opening, grasped=False)
         self._stamp = 0.0
 
@@ -138,12 +137,12 @@ class FciHand:
 
     @property
     def _moving(self) -> bool:
-        """Whether a motion is under way; only a state ends it, for replies come before states."""
+        """Whether a motion is in progress, up to the first state after its reply."""
         return self._motion is not None or self._fingers.number == self._ended
 
     @property
     def _holds(self) -> bool:
-        """Whether the fingers came to rest on something as thick as a strip, and still do."""
+        """Whether the fingers rest on an object as thick as a strip since their last grasp."""
         limits, fingers = self._settings, self._fingers
         kept = fingers.grasped or not self._flagged
         return self._closed and limits.thinnest <= fingers.width <= limits.thickest and kept
@@ -174,7 +173,7 @@ class FciHand:
             self._stop_sent, self._stops = self._clock.now(), self._stops + 1
 
     def _repeat_stop(self) -> None:
-        """Repeat a stop after which the motion has not ended; Fault where the hand answers none."""
+        """Repeat a stop that has not ended the motion; Fault where the hand answers none."""
         if self._stop_sent is None or self._clock.now() - self._stop_sent < UNSTOPPED:
             return
         self._stop_sent = None
@@ -182,8 +181,8 @@ class FciHand:
             self._stops = 0
             raise Fault(
                 "hand_not_stopped",
-                f"the hand at {self._address} goes on after {MOST_STOPS} stops; look at it and "
-                "at Desk",
+                f"the hand at {self._address} still moves after {MOST_STOPS} stops; check it and "
+                "Desk",
             )
         self._interrupt()
 
@@ -317,7 +316,7 @@ def _request(number: int, command: HandCommand, values: tuple[float, ...]) -> by
 def _take_replies(received: bytearray) -> list[Reply]:
     """Remove the complete replies from the front of `received` and return them.
 
-    Raises ConnectionError for a reply of a size that none has, after which no other can be read.
+    Raises ConnectionError for a reply of invalid size, after which no other can be read.
     """
     found: list[Reply] = []
     version_at = HEADER.size + NUMBER.size  # behind the status

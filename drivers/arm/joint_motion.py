@@ -240,7 +240,7 @@ class CartesianMotion:
     def __init__(self, robot: JointRobot, *, own_clock: bool = False) -> None:
         """Drive `robot`; on its `own_clock` each command is computed a tick ahead."""
         self._robot, self._own_clock = robot, own_clock
-        self._ahead = False  # whether `_here` is where the robot will be a tick after `_time`
+        self._ahead = False  # whether `_here` predicts the robot a tick after `_time`
         self._here: JointSetpoint | None = None
         self._sent: Numbers = []
         self._sent_pose: Array | None = None

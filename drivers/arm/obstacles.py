@@ -18,19 +18,19 @@ from drivers.types import Array, Pose
 # Franka Hand at its front and back, and the flange. Source: its data sheet, rounded up.
 HAND_BODY = ((0.037, 0.032), (0.07, 0.032), (0.103, 0.05), (0.2, 0.05))
 RISE = 0.06  # m of desk above its surroundings, for a hand that lies flat
-LEAVING = 1e-4  # m by which a hand that begins inside must not go deeper
+LEAVING = 1e-4  # m, tolerance for a hand that starts inside and must not go deeper
 WAY_STEPS = 200  # poses checked on a straight path: 5 mm apart at most in a workspace
 
 # m of clearance of the arm, tracking errors and errors of the shapes included
 ARM_CLEARANCE = 0.03
 POSTURE_SPACING = 0.03  # rad at most between postures that are checked
-CLEARANCE_TOLERANCE = 1e-3  # m by which a way may come nearer where it begins or ends too near
-LEG_RISE, RISES = 0.05, (0.1, 0.2, 0.3)  # m of one leg upward, and heights that are tried
+CLEARANCE_TOLERANCE = 1e-3  # m, allowed approach where a path starts or ends too near
+LEG_RISE, RISES = 0.05, (0.1, 0.2, 0.3)  # m of one upward leg, and total rises to try
 WAY_STEP = 0.005  # m
 JOINT_ROOM = 0.03  # rad from a joint's end
 
-# Of the cell, in its frame [m]: how wide the desk is; the clamp of the fixed edge stands no higher
-# than this. Both are to be checked by hand on the first day.
+# Of the cell, in its frame [m]: width of the desk, extent of the fixed edge's clamp. Both are to be
+# checked by hand on the first day.
 DESK_EDGE, CLAMP_LENGTH, CLAMP_HEIGHT, DESK_DEPTH, FLOOR_SIZE = 0.3, 0.08, 0.04, 1.0, 3.0
 UNDER = 0.1  # m under the desk: published shapes of the wrist reach 9 cm below a hand lying flat
 
@@ -38,8 +38,8 @@ UNDER = 0.1  # m under the desk: published shapes of the wrist reach 9 cm below 
 def desk_end(installation: Installation, length: float | None = None) -> float:
     """x [m] at which the desk ends along the strip: as configured, or the workspace's end.
 
-    A desk that nobody stated ends with a strip of known `length` [m]: no hand could grasp its edge
-    otherwise. No desk ends before it.
+    A desk without a configured end ends with a strip of known `length` [m]: otherwise no hand could
+    grasp the strip's edge. No desk ends before it.
     """
     stated = installation.desk
     if stated is None:
@@ -115,8 +115,8 @@ def clear_way(start: Array, goal: Array, solids: Solids) -> list[Array]:
     for points in _detours(start, goal, solids.frame[:3, 2]):
         if not _objection([start, *points, goal], solids):
             return [*points, goal]
-    words = f"{objection}, and neither a way above nor one over the upright posture is clear"
-    raise ArmFault(Cause.WAY, words)
+    reason = f"{objection}, and neither a way above nor one over the upright posture is clear"
+    raise ArmFault(Cause.WAY, reason)
 
 
 def _detours(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:

@@ -19,7 +19,7 @@ from drivers.types import Array
 
 AWAY = 0.03  # m at most
 PLACE_STEP = 0.001  # m between the places that are solved
-FORCE_RISE = 8.0  # N by which the force may rise meanwhile
+FORCE_RISE = 8.0  # N by which the force may rise during the retreat
 SPEED_SHARE = 0.05  # share of the joints' speed
 FREE = 0.3  # share of the allowed force at rest from which the arm counts as free
 JOINT_MARGIN = 0.03  # rad that each joint keeps from its ends
@@ -32,8 +32,8 @@ def retreat(
 ) -> None:
     """Move a `robot` at rest along the force on its gripper, if that is more than allowed.
 
-    The reflexes are loosened for it, as they would stop it at once, and set again by the caller.
-    Raises ArmFault where the force is no number or rises on the way, where the way leads towards
+    Raises the thresholds of the reflexes, which would stop it; the caller sets them again. Raises
+    ArmFault where the force is no number or rises during the motion, where the path leads towards
     one of the `solids`, or does not free the arm within AWAY.
     """
     state = robot.state()
@@ -42,8 +42,8 @@ def retreat(
     if size <= settings.rest:
         return
     if not isfinite(size):
-        words = "the robot reports a force that is no number; look at its log before it moves again"
-        raise ArmFault(Cause.PRESSED, words)
+        reason = "the robot reports a force that is no number; check its log before it moves again"
+        raise ArmFault(Cause.PRESSED, reason)
     way = _steps_away(np.array(state.q), force / size)
     _require_room(way, solids)
     robot.configure(_raise_thresholds(settings.collision, size))
@@ -55,11 +55,11 @@ def retreat(
     follow_joints(robot, way[-1].tolist(), SPEED_SHARE, guard, interrupted, free)
     after = float(np.linalg.norm(robot.state().O_F_ext_hat_K[:3]))
     if not after <= settings.rest:
-        words = (
+        reason = (
             f"the gripper still feels {after:.1f} N after a retreat of {1e3 * AWAY:.0f} mm from "
             f"{size:.1f} N, allowed {settings.rest:.1f} N"
         )
-        raise ArmFault(Cause.PRESSED, words)
+        raise ArmFault(Cause.PRESSED, reason)
 
 
 def _steps_away(joints: Array, direction: Array) -> Array:

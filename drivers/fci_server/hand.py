@@ -30,8 +30,8 @@ class Hand:
 
     `between` gives the thickness [m] of the object between the fingers now, None for nothing.
     Speeds above FASTEST_FINGER are limited to it; the real hand's answer in that case is not known.
-    A hand that `is_homed` not reports no width and refuses to move. What is thinner than `felt` [m]
-    it holds without saying so, and `deaf` counts stops that it will not hear: so users report
+    Without `is_homed` it reports no width and refuses to move. It holds objects thinner than `felt`
+    [m] without reporting a grasp, and ignores the next `deaf` stops, as users report
     (franka_ros#276, libfranka#111, #28).
     """
 

@@ -46,8 +46,8 @@ class ServerSettings(Settings):
 
     Without an `address` it takes a free one on the loopback, because the clients fix the ports. In
     `lock_step` a motion advances one control period for each command; otherwise it runs by the wall
-    clock, where a late command counts as missed. The arm stands `delay` and a first-order `lag` [s]
-    behind its setpoint, as a real one does. Without a `plant` it feels gravity alone.
+    clock, where a late command counts as missed. The arm follows its setpoint with a `delay` [s]
+    and a first-order `lag` [s]. Without a `plant` its only torques are those of gravity.
     """
 
     address: Annotated[str, AfterValidator(_address)] | None = None
@@ -68,16 +68,16 @@ class Pace:
         return self._deadline - time.monotonic()
 
     def begin_next(self) -> None:
-        """Go to the next period, which begins now.
+        """Start the next period now.
 
-        Where this machine was late, the robot's time falls behind the wall clock's: a robot never
-        is, and gives its client a whole period to answer each state.
+        Where this machine was late, the robot's time falls behind the wall clock, so that the
+        client always has a full period to answer a state, as with a real robot.
         """
         now = time.monotonic()
         self._deadline = max(self._deadline, now - LONGEST_CATCH_UP) + TICK
 
     def restart(self) -> None:
-        """Begin to count periods anew, from now."""
+        """Restart the periods from now."""
         self._deadline = time.monotonic() + TICK
 
 
@@ -89,7 +89,7 @@ class Stopwatch:
         self._since = time.monotonic()
 
     def reset(self) -> None:
-        """Start the duration anew, from now."""
+        """Restart the duration from now."""
         self._since = time.monotonic()
 
     def rang(self) -> bool:
@@ -101,7 +101,7 @@ class Stopwatch:
 
 
 class Punctuality:
-    """Counts of commands that came in time over the last COUNTED_TICKS ticks of a motion."""
+    """Counts commands received in time over the last COUNTED_TICKS ticks of a motion."""
 
     def __init__(self) -> None:
         self._came: deque[bool] = deque()
