@@ -202,9 +202,8 @@ def _import(source: Source, how: AnyMapping, index: int, target: Path, *, docume
     write_document(target / RUN, _header(source.name, how, index))
     write_parquet(target / TICKS, pa.table(ticks))
     write_parquet(target / PROFILE, pa.table(_profile(source, how, begin)))
-    if how.result is not None:
-        end = float(ticks["t"][-1])
-        write_document(target / RESULT, _result(source, how.result, begin, end))
+    end = float(ticks["t"][-1])
+    write_document(target / RESULT, _result(source, how.result, begin, end))
     for name in (RUN, RESULT) if documents else ():
         if name in source.documents:
             replace_file(target / name, source.documents[name])
@@ -267,10 +266,9 @@ def _profile(source: Source, how: MappingFile, begin: float) -> dict[str, Array]
     return points
 
 
-def _result(source: Source, how: Table[Any], begin: float, end: float) -> dict[str, object]:
+def _result(source: Source, how: Table[Any] | None, begin: float, end: float) -> dict[str, object]:
     """Content of result.yaml: the touch, at most SOON after `end` [s] of the ticks, if any."""
-    path = path_of(source, how)
-    if not path.exists():  # a run without touch
+    if how is None or not (path := path_of(source, how)).exists():  # a run without touch
         return {"outcome": "path_done"}
     values = read_columns(source, how)
     if not all(len(column) and np.isfinite(column).any() for column in values.values()):
