@@ -77,7 +77,7 @@ def edit_yaml(text: str, content: Mapping[str, Any]) -> str:
         editor.indent(mapping=2, sequence=4, offset=2)
     try:
         document = editor.load(text)
-        _change(document, content)
+        _update(document, content)
         sink = io.StringIO()
         editor.dump(document, sink)
         new = sink.getvalue()
@@ -168,24 +168,24 @@ def _place(error: yaml.YAMLError) -> str:
     return f"line {mark.line + 1}: {problem}" if mark is not None else str(problem)
 
 
-def _change(node: Any, value: Any) -> None:
+def _update(node: Any, value: Any) -> None:
     """Make the YAML mapping or list `node` equal `value` in place, changing only what differs."""
     if isinstance(value, Mapping):
-        _change_mapping(node, value)
+        _update_mapping(node, value)
     else:
-        _change_list(node, value)
+        _update_list(node, value)
 
 
-def _change_mapping(node: Any, value: Mapping[str, Any]) -> None:
-    _check(node, MutableMapping)
+def _update_mapping(node: Any, value: Mapping[str, Any]) -> None:
+    _require_type(node, MutableMapping)
     for key in [key for key in node if key not in value]:
         del node[key]
     for key, item in value.items():
         node[key] = _merge(node.get(key), item)
 
 
-def _change_list(node: Any, value: Sequence[Any]) -> None:
-    _check(node, MutableSequence)
+def _update_list(node: Any, value: Sequence[Any]) -> None:
+    _require_type(node, MutableSequence)
     added = len(value) - len(node)
     if added > 0 and _nearly_equal(node, value[:-added], besides=1):
         node.extend(value[-added:])
@@ -209,14 +209,14 @@ def _merge(old: Any, new: Any) -> Any:
     if old == new and isinstance(old, bool) == isinstance(new, bool):
         return old
     if isinstance(old, MutableMapping) and isinstance(new, Mapping):
-        _change(old, new)
+        _update(old, new)
         return old
     if isinstance(old, MutableSequence) and isinstance(new, list | tuple):
-        _change(old, new)
+        _update(old, new)
         return old
     return new
 
 
-def _check(node: Any, kind: type) -> None:
+def _require_type(node: Any, kind: type) -> None:
     if not isinstance(node, kind):
         raise TypeError(f"is {type(node).__name__}, not {kind.__name__}")

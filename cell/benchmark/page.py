@@ -16,8 +16,8 @@ from cell.benchmark.figures import (
 )
 from cell.benchmark.results import MissingPart, Results
 from cell.benchmark.summary import (
+    PAPER_POLICIES,
     PAPER_WORST,
-    THREE,
     Row,
     claims,
     misses_text,
@@ -105,7 +105,7 @@ def verdict_of(results: Results) -> Verdict:
 
 def _outside_sentence(results: Results) -> str:
     """Sentence on the number of strips outside the simulated range, policy by policy."""
-    strays = [(p, *outside(results, p)) for p in THREE if p in results.asked.policies]
+    strays = [(p, *outside(results, p)) for p in PAPER_POLICIES if p in results.asked.policies]
     return "; ".join(f"{p} {out} of {of}" for p, out, of in strays if of) or NO_VALUE
 
 

@@ -123,20 +123,20 @@ def misses_text(folds: EffectFolds) -> str:
 
 
 def _row(results: Results, policy: str) -> Row:
-    again = results.repeats(policy)
+    repeats = results.repeats(policy)
     return Row(
         policy=policy,
         strips=StripNumbers.of_folds(results.folds(policy), len(results.asked.strips)),
         rod=RangeNumbers.of_folds(results.over_range(policy, "rod")),
         chain=RangeNumbers.of_folds(results.over_range(policy, "chain")),
-        repeats=len(again),
-        spread=spread(again),
+        repeats=len(repeats),
+        spread=spread(repeats),
     )
 
 
 SPREAD_ROUNDING = 5e-5  # m, by which a spread may exceed a limit stated in whole millimetres
-THREE = ("triangular", "circular", "feedback")
-SIDES = {"triangular": ("negative", -1.0), "circular": ("positive", 1.0)}
+PAPER_POLICIES = ("triangular", "circular", "feedback")
+EXPECTED_SIGNS = {"triangular": ("negative", -1.0), "circular": ("positive", 1.0)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,20 +155,21 @@ def claims(results: Results) -> tuple[Claim, ...]:
 
 
 def _claims(folds: dict[str, tuple[ImageFold, ...]], results: Results) -> Iterator[Claim]:
+    """Yield the paper's claims on the policies in `folds`, the main claim first."""
     count = len(results.asked.strips)
     if "feedback" in folds:
         yield _limit_claim(folds["feedback"], count, "feedback", PAPER_WORST["feedback"])
-    for policy, (word, sign) in SIDES.items():
+    for policy, (word, sign) in EXPECTED_SIGNS.items():
         if policy in folds:
             yield _sign_claim(folds[policy], count, policy, word, sign)
-    if folds.keys() >= set(THREE):
+    if folds.keys() >= set(PAPER_POLICIES):
         yield _smallest_mean_claim(folds)
     if "planned" in folds:
         who, limit = "methods that know the properties", KNOWN_STRIP_BOUND
         yield _limit_claim(folds["planned"], count, who, limit)
-    again = {p: results.repeats(p) for p in THREE if p in folds}
-    if any(len(f) > 1 for f in again.values()):
-        yield _repeatability_claim(again)
+    repeats = {p: results.repeats(p) for p in PAPER_POLICIES if p in folds}
+    if any(len(f) > 1 for f in repeats.values()):
+        yield _repeatability_claim(repeats)
 
 
 def _limit_claim(folds: tuple[ImageFold, ...], count: int, who: str, limit: float) -> Claim:
@@ -206,7 +207,7 @@ def _sign_claim(
 def _smallest_mean_claim(folds: dict[str, tuple[ImageFold, ...]]) -> Claim:
     means = {
         p: float(np.mean(np.nan_to_num(np.abs(_displacements(folds[p])), nan=np.inf)))
-        for p in THREE
+        for p in PAPER_POLICIES
     }
     values = ", ".join(f"{p} {millimetres(mean)}" for p, mean in means.items())
     least = min(means.values())
@@ -214,13 +215,13 @@ def _smallest_mean_claim(folds: dict[str, tuple[ImageFold, ...]]) -> Claim:
     return Claim("feedback outperforms triangular and circular", f"mean |d| {values}", bool(held))
 
 
-def _repeatability_claim(again: dict[str, tuple[ImageFold, ...]]) -> Claim:
-    spreads = {policy: spread(folds) for policy, folds in again.items()}
+def _repeatability_claim(repeats: dict[str, tuple[ImageFold, ...]]) -> Claim:
+    spreads = {policy: spread(folds) for policy, folds in repeats.items()}
     values = ", ".join(f"{policy} {millimetres(value)}" for policy, value in spreads.items())
     limit = REPEATABILITY
     return Claim(
         f"five folds of one strip differ by at most {1e3 * limit:.0f} mm by each method",
-        f"{max(len(f) for f in again.values())} folds: {values}",
+        f"{max(len(f) for f in repeats.values())} folds: {values}",
         bool(np.all(np.array(list(spreads.values())) <= limit + SPREAD_ROUNDING)),
     )
 

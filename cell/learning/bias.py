@@ -19,7 +19,7 @@ from cell.config.settings import LearningSettings
 from cell.learning.experience import Experience
 from drivers.types import Array
 
-# sigmas of one fold that is set aside until the next one comes: 6e-5 by chance
+# sigmas of one fold that is ignored unless the next one confirms it: 6e-5 by chance
 OUTLIER_SIGMAS = 4.0
 # sigmas of two folds in a row, to the same side, that show a change: 8e-5 by chance
 CHANGE_SIGMAS = 2.5
@@ -31,11 +31,11 @@ Parts = tuple[float, float, float]  # m, of cell, strip and specimen
 
 @dataclass(frozen=True, slots=True)
 class Bias:
-    """Bias [m] of the next fold: mean and sigma `seen` by the camera, mean error of the `rig`.
+    """Bias [m] of the next fold: mean `seen` by the camera with `sigma`, mean error of the `rig`.
 
     `laid` is the offset [m] at which the cell lays edges. `parts` [m] are the means of
     cell, strip and specimen. `folds` counts the measured folds since the cell last changed, at the
-    run `since`; it is None while no change was seen.
+    run `since`; None without a detected change.
     """
 
     seen: float

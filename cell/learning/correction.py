@@ -49,10 +49,10 @@ class Subject:
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """Bias [m] by which a fold is corrected: `seen` by the camera, and `unseen` by it.
+    """Bias [m] by which a fold is corrected: a part `seen` by the camera, and one `unseen`.
 
-    `place` [m] is where the grasped edge is laid so that it ends at x = 0. `learned` is the bias
-    that it was taken from; None for a value that was given. A ruler measures laid edges but no
+    `place` [m] is where the grasped edge is laid so that it ends at x = 0. `learned` is the source
+    of the correction, None for a value that the user gave. A ruler measures laid edges but no
     touch, so that nothing `unseen` is learned.
     """
 

@@ -26,7 +26,7 @@ from drivers.errors import Fault
 
 LOG_PATIENCE = 20.0  # s for the log of the joints, which is sent once the arm rests
 TICKS_PER_ANSWER = 50  # in lock-step: many ticks take a busy machine longer than an answer may
-BETWEEN_LOOKS = 0.1  # s between looks, where no message comes, whether to end
+POLL_INTERVAL = 0.1  # s between checks for the end while no message arrives
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,7 +204,7 @@ def _run_in_lock_step(loop: ServoLoop, pipe: Connection, termination: Terminatio
 def _receive(pipe: Connection, termination: TerminationFlag) -> RunUntil | Close | None:
     """The cell's next message; None where the cell has gone or this process is to end."""
     try:
-        while not pipe.poll(BETWEEN_LOOKS):
+        while not pipe.poll(POLL_INTERVAL):
             if termination.is_set:
                 return None
         message: RunUntil | Close = pipe.recv()

@@ -19,8 +19,8 @@ from drivers.installation import Installation
 from drivers.motion import TICK, MotionProfile
 from drivers.types import Pose, Velocity
 
-MOST_UNHEARD_COMMANDS = 20  # commands at most until the robot follows one
-TICKS_BETWEEN_LOOKS = 10  # ticks between looks ahead
+MOST_MISSED_COMMANDS = 20  # commands at most until the robot follows one
+TICKS_BETWEEN_CHECKS = 10  # ticks between checks of the motion ahead
 VELOCITY_STATES = 8  # states over which the velocity is measured
 # m/s and rad/s of its setpoint at which a robot may be commanded to stand
 REST_SPEEDS = (1e-4, 3e-4)
@@ -61,8 +61,8 @@ class ServoLoop:
         self._touch = guard or ForceGuard(settings.guard, settings.guard_torque)
         self._drift = DriftMonitor(self._touch, settings.drift, TICK)
         self._taken = orders.read().number
-        self._beat, self._heard_at = 0, 0.0  # of the cell, and when, by the robot's time [s]
-        self._new = False  # whether a command has come since the last look ahead
+        self._beat, self._heard_at = 0, 0.0  # last heartbeat of the cell, and its robot time [s]
+        self._new = False  # whether a command has arrived since the last check ahead
         self._reason: ArmFault | None = None
         self.ticks = 0
         self.success = 0.0
@@ -80,14 +80,13 @@ class ServoLoop:
         start = Pose(*self._plane.to_cell(pose))
         self._profile = MotionProfile(limits, workspace, start)
         self._guard = ReachGuard(self._plane, limits, state.q)
-        # from here on the robot counts the commands that it misses
-        self._state = state = self._wait_until_followed(state)
+        self._state = state = self._wait_until_followed(state)  # missed commands count from here
         self._time = state.time.to_sec()
         self._publish(state)
 
     def _wait_until_followed(self, state: Any) -> Any:
         """Repeat the present pose until the robot follows commands, and return its state then."""
-        for _ in range(MOST_UNHEARD_COMMANDS):
+        for _ in range(MOST_MISSED_COMMANDS):
             self._robot.write_pose(self._motion, state.O_T_EE_c)
             state = self._robot.read(self._motion)
             if state.control_command_success_rate > 0:
@@ -97,8 +96,8 @@ class ServoLoop:
     def step(self) -> None:
         """Run one tick of the robot's time; raises ArmFault when the robot has stopped.
 
-        On the robot's clock the command goes out first, and the state that it answers is considered
-        while the next one is on its way; in lock-step it is the newest that is considered.
+        On the robot's clock the command is sent first, and the state that it answers is checked
+        while the next one is awaited; in lock-step the newest state is checked.
         """
         self._take_order(self._orders.read())
         x, z, pitch = self._profile.tick()
@@ -116,7 +115,7 @@ class ServoLoop:
         """Report the robot's state, and brake where the state or the motion ahead demands it."""
         self._publish(state)
         self._check_force(state)
-        if self._new or self.ticks % TICKS_BETWEEN_LOOKS == 0:
+        if self._new or self.ticks % TICKS_BETWEEN_CHECKS == 0:
             self._check_ahead()
 
     def end(self) -> None:
@@ -201,14 +200,14 @@ class ServoLoop:
             pose = self._profile.pose
             self._brake_for_good(Cause.REACH, f"{reason} beyond x {pose.x:.3f} m, z {pose.z:.3f} m")
 
-    def _brake_for_good(self, cause: Cause, words: str) -> None:
-        """Brake to a rest that no command ends, for `cause`; the first cause is kept."""
+    def _brake_for_good(self, cause: Cause, reason: str) -> None:
+        """Brake and ignore later commands, because of `cause`; the first cause is kept."""
         if self._reason is None:
-            self._reason = ArmFault(cause, words)
+            self._reason = ArmFault(cause, reason)
             self._profile.stop()
 
     def _publish(self, state: Any) -> None:
-        """Write the report of `state`; brake where its pose is no number or off the plane."""
+        """Write the report of `state`; brake where its pose is not finite or off the plane."""
         self.success = state.control_command_success_rate
         here, beside = self._checked_place(state.O_T_EE)
         self._path.append((*here, state.time.to_sec()))
@@ -235,7 +234,7 @@ class ServoLoop:
     def _checked_place(self, pose: list[float]) -> tuple[tuple[float, float, float], float]:
         """x, z [m] and pitch [rad] of the hand at `pose`, and its distance [m] from the plane.
 
-        Brakes where `pose` is no number, in place of which the last one counts, or off the plane.
+        Brakes where `pose` is off the plane or not finite; for the latter the last one is returned.
         """
         here = self._plane.to_cell(pose)
         if not isfinite(sum(here)):
@@ -270,7 +269,7 @@ def rehearse(installation: Installation) -> None:
     profile = MotionProfile(limits, space, Pose(x, z, pitch))
     guard = ReachGuard(plane, limits, HOME.tolist())
     profile.set_velocity(Velocity(SLOW_SPEED, SLOW_SPEED, SLOW_SPEED))
-    for _ in range(TICKS_BETWEEN_LOOKS):
+    for _ in range(TICKS_BETWEEN_CHECKS):
         x, z, pitch = profile.tick()
         plane.command(x, z, pitch, FadingOffset().tick())
         guard.objection(PredictedMotion(*profile.soon(REACTION)))
