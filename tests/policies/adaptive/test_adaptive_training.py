@@ -11,7 +11,7 @@ from policies.adaptive.critic import ARRAY_NAMES, Critic
 from policies.adaptive.train.shard import CriticSettings
 
 TINY = CriticSettings(
-    shards=(1,),
+    pieces=(1,),
     trials=1,
     folds=64,
     perturbation=(0.0,),
