@@ -64,7 +64,7 @@ def fit(
     """Refit, localise, name, and judge on held-out runs; says so when it cannot decide."""
     file = _single_file(strip, model, configs, subject)
     from cell.gap.fit import fit as judge
-    from cell.gap.opening import option_for
+    from cell.gap.open_subject import option_for
     from cell.gap.report.overlay import write_overlay
     from cell.gap.verdict.accept import LAW_PATCH
 

@@ -11,10 +11,10 @@ import numpy as np
 from pydantic import Field
 
 from cell.gap.fitting import normal_equations
+from cell.gap.fitting.base_fit import nominal
 from cell.gap.fitting.projection import Projection, projection
-from cell.gap.fitting.starts import nominal
 from cell.gap.fitting.tasks import run_all
-from cell.gap.opening import open_subject
+from cell.gap.open_subject import open_subject
 from cell.gap.selection.screening import ProbeResponses, probe
 from cell.gap.subject.run_folders import (
     TABLES,

@@ -14,7 +14,7 @@ from cell.gap.check import inputs_digest, refuse
 from cell.gap.fitting.tasks import SimulationCache
 from cell.gap.forward_selection import Progress
 from cell.gap.investigate import investigate
-from cell.gap.opening import open_subject
+from cell.gap.open_subject import open_subject
 from cell.gap.report.page import write_report
 from cell.gap.selection import hold_out as hold
 from cell.gap.subject.run_folders import RunFolder, counted_once, find_runs, note

@@ -12,11 +12,11 @@ import numpy as np
 from cell.gap.diagnosis import lack_of_fit
 from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.lack_of_fit import localise
+from cell.gap.fitting.base_fit import best, objective_of
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, refit
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.reml import Spread, clearly_differ, estimate_spreads, with_scatter
-from cell.gap.fitting.starts import best, objective_of
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.selection import search
 from cell.gap.selection.choice import choose, is_exhausted

@@ -9,12 +9,12 @@ from scipy import special
 from cell.gap.diagnosis import lack_of_fit
 from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.lack_of_fit import localise
+from cell.gap.fitting.base_fit import refit_base, refit_fine, weak_directions
 from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, evidence
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.reml import Spread, spreads, with_scatter, with_spreads
-from cell.gap.fitting.starts import refit_base, refit_fine, weak_directions
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.forward_selection import (
     ForwardSelection,
@@ -30,7 +30,7 @@ from cell.gap.selection.screening import ProbeResponses, Score, detectable, prob
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.decision import kind
 from cell.gap.verdict.findings import Advice, BaseFit, Findings, Screen
-from cell.gap.verdict.judge import advice, chosen, judge, refit_held_out
+from cell.gap.verdict.model_tests import advice, choose_and_refine, refit_held_out, run_model_tests
 from cell.gap.verdict.offered_law import offered_law
 
 
@@ -62,8 +62,8 @@ def investigate(
             fits = replace(fits, library=screen.library)
     progress("judge", 0.8)
     sets = posterior(fits, fits.likelihood)
-    choice = chosen(subject, simulate, fits, sets)
-    tests = judge(subject, choice, sets, simulate, evidence_of_fit, rng)
+    choice = choose_and_refine(subject, simulate, fits, sets)
+    tests = run_model_tests(subject, choice, sets, simulate, evidence_of_fit, rng)
     progress("show on held-out runs", 0.9)
     unseen = with_spreads(evidence(test), base_fit.scatter)
     held_out_fits = refit_held_out(subject, simulate, base_fit.base, choice.accepted, unseen, rng)

@@ -20,11 +20,11 @@ from cell.campaign.journal import Record
 from cell.campaign.run import Engine, Watcher, carry_out
 from cell.campaign.versions import verdicts
 from cell.gap.check import inputs_digest
+from cell.gap.effect_size import GapModel, draw_strengths, indistinguishable_from
 from cell.gap.fit import fit
+from cell.gap.fitting.base_fit import refit_base
 from cell.gap.fitting.model import Model, evidence
 from cell.gap.fitting.reml import spreads
-from cell.gap.fitting.starts import refit_base
-from cell.gap.strength import Ruler, draw_strengths, twins
 from cell.gap.subject.run_folders import RunFolder, counted_once, find_runs
 from cell.gap.subject.strip.runs import FoldMeasurement, MeasuredRun, read_runs
 from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
@@ -139,13 +139,13 @@ def sizes(
     plant: StripFile, runs: Sequence[MeasuredRun], excess: float
 ) -> tuple[list[Hidden], list[str]]:
     """Copies with each effect so large that it leaves the gap `excess`, and effects that cannot."""
-    ruler = Ruler.along(plant, [path_of_run(run) for run in runs], runs[0].measured.sigma)
+    gap_model = GapModel.along(plant, [path_of_run(run) for run in runs], runs[0].measured.sigma)
     copies, unseen = [], []
     for number, (name, effect) in enumerate(sorted(registry().items())):
         if name in plant.effects:
             continue
         strengths = draw_strengths(effect, plant, np.random.default_rng([number]))
-        share = ruler.share(strengths, excess)
+        share = gap_model.share(strengths, excess)
         if share is None:
             unseen.append(name)
         else:
@@ -227,7 +227,7 @@ def right(outcome: Mapping[str, Any]) -> bool:
     name = outcome["hidden"]
     if name == NO_EFFECT:
         return bool(outcome["verdict"] == "no_gap")
-    likes = {name, *twins(name)}
+    likes = {name, *indistinguishable_from(name)}
     within = {n for group in outcome["classes"] for n in group}
     return bool(outcome["named"] and set(outcome["named"]) <= likes) or bool(likes & within)
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cell.gap.fitting.base_fit import best
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.starts import best
 from cell.gap.selection.likelihood import LikelihoodScale, likelihood_scale, margin
 from cell.gap.selection.prior import immaterial
 from drivers.types import Array

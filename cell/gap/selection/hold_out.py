@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cell.gap.fitting.base_fit import nominal
 from cell.gap.fitting.crossvalidation import folds
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Model, request, response
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.starts import nominal
 from cell.gap.fitting.tasks import Simulate
 from cell.gap.subject.subject import Subject
 from drivers.errors import ConfigurationError

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from cell.gap.diagnosis.lack_of_fit import pure_error
+from cell.gap.fitting.base_fit import weak_directions
 from cell.gap.fitting.crossvalidation import folds
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Model, Point, evidence
-from cell.gap.fitting.starts import weak_directions
 from cell.gap.fitting.tasks import run_all, run_one
 from cell.gap.investigate import investigate
 from cell.gap.report.sentence import sentence

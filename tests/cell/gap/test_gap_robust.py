@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from cell.gap.diagnosis.drift import drift
+from cell.gap.fitting.base_fit import refit_fine
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, folds, validate
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.starts import refit_fine
 from cell.gap.fitting.tasks import run_one
 from cell.gap.subject.subject import Request, Run
 from cell.gap.verdict.decision import describe_left, kind, probability

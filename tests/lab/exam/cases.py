@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from cell.campaign import versions
 from cell.config.places import find_configs
-from cell.gap.strength import Ruler, draw_strengths
+from cell.gap.effect_size import GapModel, draw_strengths
 from cell.gap.subject.strip.synthetic import reported_path
 from cell.parallel import workers
 from cell.record.header import Sigma
@@ -199,8 +199,8 @@ def _visible_effect(
     for strip in [case.strip, *others]:
         for _ in range(PLACE_DRAWS):
             strengths = draw_strengths(effect, find_configs(None).strip(strip), rng)
-            ruler = ruler_of(case.model_copy(update={"strip": strip}))
-            share = ruler.share(strengths, target, JUMP * target)
+            gap_model = gap_model_of(case.model_copy(update={"strip": strip}))
+            share = gap_model.share(strengths, target, JUMP * target)
             if share is not None:
                 return strip, strengths.at(share)
     return None
@@ -209,10 +209,10 @@ def _visible_effect(
 def _with_two(case: Case, level: Strength, rng: np.random.Generator) -> Case:
     """Hide two effects in `case`, each of at least medium strength, alone and beside the other."""
     strong: Strength = "strong" if level == "strong" else "medium"
-    ruler = ruler_of(case)
+    gap_model = gap_model_of(case)
     for _ in range(TRIES):
         both = draw_effects(case, 2, strong, rng)
-        if ruler.of_each(both).min() >= STRENGTHS["medium"] * NEARLY:
+        if gap_model.excess_of_each(both).min() >= STRENGTHS["medium"] * NEARLY:
             return _with_effects(case, strong, both)
     raise Fault("exam", f"{case.name}: no two effects of {case.strip} show beside each other")
 
@@ -241,14 +241,14 @@ def draw_effects(
 
     Raises Fault where no effect of that strip can be that strong.
     """
-    strip, ruler = find_configs(None).strip(case.strip), ruler_of(case)
+    strip, gap_model = find_configs(None).strip(case.strip), gap_model_of(case)
     target = STRENGTHS[level]
     effects: dict[str, Values] = {}
     for _ in range(TRIES):
         effect = registry()[str(rng.choice(sorted(registry())))]
         strengths = draw_strengths(effect, strip, rng)
         is_new = effect.name not in effects
-        share = ruler.share(strengths, target, JUMP * target) if is_new else None
+        share = gap_model.share(strengths, target, JUMP * target) if is_new else None
         if share is not None:
             effects[effect.name] = strengths.at(share)
         if len(effects) == count:
@@ -256,12 +256,12 @@ def draw_effects(
     raise Fault("exam", f"{case.name}: no effect of {case.strip} is {level}")
 
 
-def ruler_of(case: Case) -> Ruler:
-    """Ruler, which measures gaps, for the case's plant without effects and the case's motions.
+def gap_model_of(case: Case) -> GapModel:
+    """Gap model of the case's plant without effects and the case's motions.
 
     A slip begins at a threshold: on a strip only a little softer than the plant none might show.
     """
-    return _cached_ruler(case.strip, case.stiffness, case.damping, case.tier, _hand_seed(case))
+    return _cached_gap_model(case.strip, case.stiffness, case.damping, case.tier, _hand_seed(case))
 
 
 def _hand_seed(case: Case) -> int | None:
@@ -270,27 +270,27 @@ def _hand_seed(case: Case) -> int | None:
 
 
 @lru_cache(maxsize=2)
-def _cached_ruler(
+def _cached_gap_model(
     name: str, stiffness: float, damping: float, tier: Tier, hand: int | None
-) -> Ruler:
-    """Make the ruler of the strip called `name` with scaled base parameters; cached."""
+) -> GapModel:
+    """Make the gap model of the strip called `name` with scaled base parameters; cached."""
     plant = scale_strip(find_configs(None).strip(name), stiffness, damping)
     if tier == "images":
-        return _ruler_of_cell(plant, hand)
+        return _gap_model_of_cell(plant, hand)
     sigma = Sigma.model_validate(BY.sigma())
     if hand is None:
-        return Ruler.standard(plant, MOTIONS, sigma)
-    return Ruler.along(plant, paths_by_hand(plant.length, hand, len(MOTIONS)), sigma)
+        return GapModel.standard(plant, MOTIONS, sigma)
+    return GapModel.along(plant, paths_by_hand(plant.length, hand, len(MOTIONS)), sigma)
 
 
-def _ruler_of_cell(plant: StripFile, hand: int | None) -> Ruler:
-    """Ruler for `plant` on the cell's standard motions, or on those by a hand with seed `hand`."""
+def _gap_model_of_cell(plant: StripFile, hand: int | None) -> GapModel:
+    """Gap model of `plant` on the cell's standard motions, or on those by a hand seeded `hand`."""
     sigma = Sigma.model_validate(find_configs(None).cell().sigma.model_dump())
     order = standard_order(np.random.default_rng(0))
     if hand is None:
-        return Ruler.standard(plant, order, sigma)
+        return GapModel.standard(plant, order, sigma)
     led = [reported_path(human_motion(plant.length, hand, i)) for i in range(len(order))]
-    return Ruler.along(plant, led, sigma)
+    return GapModel.along(plant, led, sigma)
 
 
 DRAWN_FILE = "drawn.json"

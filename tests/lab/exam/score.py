@@ -9,13 +9,13 @@ from typing import Literal
 import numpy as np
 
 from cell.gap.diagnosis import held_out_gap
+from cell.gap.effect_size import indistinguishable_from
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.reml import spreads, with_spreads
 from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.selection.screening import probe, ranking, table, with_effects
-from cell.gap.strength import twins
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.strip.subject import open_strip
 from cell.gap.subject.subject import Candidate, Subject
@@ -191,7 +191,7 @@ def _score_classes(classes: Iterable[Sequence[str]], answer: frozenset[str]) -> 
 
 def with_twins(answer: frozenset[str]) -> list[frozenset[str]]:
     """All variants of the answer with effects replaced by their twins, which look alike."""
-    choices = [sorted({name, *twins(name)}) for name in sorted(answer)]
+    choices = [sorted({name, *indistinguishable_from(name)}) for name in sorted(answer)]
     return [frozenset(choice) for choice in product(*choices)]
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cell.gap.strength import Ruler, draw_strengths
+from cell.gap.effect_size import GapModel, draw_strengths
 from cell.record.header import Sigma
 from drivers.strip.effects import registry
 from tests.lab.exam import cases as drawing
@@ -14,38 +14,38 @@ from tests.support.gap_strip_cases import denim
 
 
 @pytest.fixture(scope="module")
-def ruler() -> Ruler:
-    return Ruler.standard(denim(), MOTIONS, Sigma.model_validate(BY.sigma()))
+def model() -> GapModel:
+    return GapModel.standard(denim(), MOTIONS, Sigma.model_validate(BY.sigma()))
 
 
 @pytest.mark.slow
-def test_effects_that_cancel_each_leave_next_to_nothing(ruler: Ruler) -> None:
+def test_effects_that_cancel_each_leave_next_to_nothing(model: GapModel) -> None:
     twins = {"camera_latency": {"time": 0.03}, "control_delay": {"time": 0.03}}
-    assert ruler.excess([{k: v} for k, v in twins.items()]).min() > 1.0
-    assert ruler.of_each(twins).max() < 0.3
+    assert model.excess([{k: v} for k, v in twins.items()]).min() > 1.0
+    assert model.excess_of_each(twins).max() < 0.3
 
 
-def test_different_effects_keep_their_gaps(ruler: Ruler) -> None:
+def test_different_effects_keep_their_gaps(model: GapModel) -> None:
     both = {
         "homography_shift": {"x": 0.004, "z": 0.0},
         "hem_mass": {"mass": 0.001, "position": 0.5, "width": 0.02},
     }
-    each = ruler.of_each(both)
+    each = model.excess_of_each(both)
     assert each.min() > 1.0
-    assert (each <= 1.1 * ruler.excess([{k: v} for k, v in both.items()])).all()
+    assert (each <= 1.1 * model.excess([{k: v} for k, v in both.items()])).all()
 
 
 @pytest.mark.slow
-def test_a_slip_is_as_strong_as_asked_or_is_not_drawn(ruler: Ruler) -> None:
+def test_a_slip_is_as_strong_as_asked_or_is_not_drawn(model: GapModel) -> None:
     effect = registry()["grip_slip"]
     strengths = draw_strengths(effect, denim(), np.random.default_rng(0))
     found = {
-        s: ruler.share(strengths, target, drawing.JUMP * target) for s, target in STRENGTHS.items()
+        s: model.share(strengths, target, drawing.JUMP * target) for s, target in STRENGTHS.items()
     }
     drawn = {s: share for s, share in found.items() if share is not None}
     assert 1 <= len(drawn) < len(found)
     for strength, share in drawn.items():
-        excess = ruler.excess([{"grip_slip": strengths.at(share)}])[0]
+        excess = model.excess([{"grip_slip": strengths.at(share)}])[0]
         assert 1.0 <= excess / STRENGTHS[strength] <= drawing.JUMP
 
 
@@ -55,7 +55,7 @@ def test_a_single_effect_is_as_strong_as_asked_on_the_plant_that_hides_it() -> N
     sigma = Sigma.model_validate(BY.sigma())
     for case, target in ((weak, STRENGTHS["weak"]), (medium, STRENGTHS["medium"])):
         assert case.motions == "standard"
-        plant = Ruler.standard(plant_of(case), MOTIONS, sigma)
+        plant = GapModel.standard(plant_of(case), MOTIONS, sigma)
         assert plant.excess([case.effects])[0] == pytest.approx(target, rel=0.3)
 
 

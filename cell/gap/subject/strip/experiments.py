@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cell.gap.subject.strip.curves import Images
 from cell.gap.subject.strip.runs import FoldMeasurement, MeasuredRun
+from cell.gap.subject.strip.smooth_and_thin import Images
 from cell.gap.subject.strip.synthetic import Fold, reported_path, rod_folds
 from cell.record.header import Sigma
 from drivers.geometry import arc_lengths

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.gap.subject.run_folders import RunFolder, check_indices
-from cell.gap.subject.strip.curves import Images, images_of, smooth_path
+from cell.gap.subject.strip.smooth_and_thin import Images, images_of, smooth_path
 from cell.record.files import RESULT, RUN, TICKS, is_under_way
 from cell.record.header import NOT_FOLDED, Header, Result, Sigma, is_outcome
 from cell.record.run import Run, read_run

@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 from cell.config.places import find_configs
 from cell.gap.fit import quiet
 from cell.gap.investigate import investigate
-from cell.gap.opening import open_subject
+from cell.gap.open_subject import open_subject
 from cell.gap.selection import search
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.hold_out import held_out

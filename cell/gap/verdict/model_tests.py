@@ -8,11 +8,11 @@ from cell.gap.diagnosis import held_out_gap, lack_of_fit
 from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.lack_of_fit import Bin, matching_bins
 from cell.gap.diagnosis.next_experiment import advise, repeatability_gains
+from cell.gap.fitting.base_fit import refine, refit_fine
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import Estimate, final_fit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence
 from cell.gap.fitting.reml import estimate_spreads, with_own_scatter, with_spreads
-from cell.gap.fitting.starts import refine, refit_fine
 from cell.gap.fitting.tasks import Simulate, run_one
 from cell.gap.selection.choice import Choice, choose, classes, merged, rivals
 from cell.gap.selection.fits import Fits
@@ -23,7 +23,7 @@ from cell.gap.verdict.findings import Advice, HeldOutFits, ModelTests, Screen
 from drivers.types import Array
 
 
-def chosen(subject: Subject, simulate: Simulate, fits: Fits, sets: Posterior) -> Choice:
+def choose_and_refine(subject: Subject, simulate: Simulate, fits: Fits, sets: Posterior) -> Choice:
     """Choose among `fits`, and refit the accepted model against the finest simulation.
 
     The probabilities `sets` compare all models by one simulation, and so do not change with it.
@@ -37,7 +37,7 @@ def chosen(subject: Subject, simulate: Simulate, fits: Fits, sets: Posterior) ->
     return replace(choice, accepted=refined, fits=replace(fits, models=models))
 
 
-def judge(
+def run_model_tests(
     subject: Subject,
     choice: Choice,
     sets: Posterior,
@@ -104,31 +104,29 @@ def refit_held_out(
 
 
 def advice(
-    subject: Subject, screened: Screen, choice: Choice, judged: ModelTests, simulate: Simulate
+    subject: Subject, screened: Screen, choice: Choice, tests: ModelTests, simulate: Simulate
 ) -> Advice:
     """Experiments and better repeats that would separate the accepted model from a rival.
 
     Planned runs scatter in the quantities that scatter in the runs so far.
     """
-    second = _alternative(screened, choice, judged)
+    second = _alternative(screened, choice, tests)
     if second is None:
         return Advice()
     first = choice.accepted.estimate
     more = run_one(simulate, repeatability_gains(first, second, choice.likelihood))
     experiments = [
-        replace(e, run=with_spreads(evidence([e.run]), judged.scatter).runs[0])
+        replace(e, run=with_spreads(evidence([e.run]), tests.scatter).runs[0])
         for e in subject.experiments()
     ]
     planned = run_one(simulate, advise(first, second, experiments, choice.likelihood))
     return Advice(tuple(planned), tuple(more))
 
 
-def _alternative(
-    screened: Screen, choice: Choice, judged: ModelTests
-) -> tuple[Model, Array] | None:
+def _alternative(screened: Screen, choice: Choice, tests: ModelTests) -> tuple[Model, Array] | None:
     """Model to separate first from the accepted one, with its shared values (P,)."""
-    if judged.rivals:
-        other = judged.rivals[0].model
+    if tests.rivals:
+        other = tests.rivals[0].model
         return other.model, other.estimate.shared
     size = len(choice.accepted.model.effects) or 1
     others = [m for m in choice.fits.models

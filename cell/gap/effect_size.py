@@ -7,9 +7,9 @@ from typing import Self
 import numpy as np
 
 from cell.gap.diagnosis import held_out_gap
+from cell.gap.fitting.base_fit import nominal
 from cell.gap.fitting.model import response
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.starts import nominal
 from cell.gap.subject.strip.experiments import measured_along, planned_runs
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.scatter import SLACK_EFFECTS
@@ -82,13 +82,13 @@ def draw_strengths(effect: Effect, strip: StripFile, rng: np.random.Generator) -
     return Strengths.of(effect, strip, others, up=bool(rng.uniform() < 0.5))
 
 
-def twins(name: str) -> frozenset[str]:
+def indistinguishable_from(name: str) -> frozenset[str]:
     """Effects that look like `name` in every run of a fold; none for names outside the library."""
     return registry()[name].looks_like if name in registry() else frozenset()
 
 
-class Ruler:
-    """Measures, with the model, the gap that hidden effects leave on the simulated runs `made`."""
+class GapModel:
+    """Predicts the excess gap that hidden effects leave on the simulated runs `made`."""
 
     def __init__(self, plant: StripFile, made: Sequence[MeasuredRun]) -> None:
         runs = [
@@ -101,13 +101,13 @@ class Ruler:
 
     @classmethod
     def standard(cls, plant: StripFile, motions: Sequence[str], sigma: Sigma) -> Self:
-        """Ruler on the standard motions called `motions`."""
+        """Gap model on the standard motions called `motions`."""
         runs = {run.name: run for run in planned_runs(plant, sigma, 0)}
         return cls(plant, [runs[name] for name in motions])
 
     @classmethod
     def along(cls, plant: StripFile, paths: Sequence[GripperPath], sigma: Sigma) -> Self:
-        """Ruler on these gripper paths."""
+        """Gap model on these gripper paths."""
         folds = measured_along(paths, plant, sigma, 0)
         return cls(plant, [MeasuredRun("own", f"own-{i}", m, ()) for i, m in enumerate(folds)])
 
@@ -115,7 +115,7 @@ class Ruler:
         """Excess gap (k,) that each of k sets of effects leaves after the base is refitted."""
         return np.array([self._excess(response) for response in self._response_after_refit(hidden)])
 
-    def of_each(self, both: Hidden) -> Array:
+    def excess_of_each(self, both: Hidden) -> Array:
         """Excess gap (2,) of each of two effects after base and amount of the other are refitted.
 
         To first order: the part of the joint response that base and other effect do not span.
