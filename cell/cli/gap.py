@@ -62,7 +62,7 @@ def fit(
     as_json: Json = False,
 ) -> None:
     """Refit, localise, name, and judge on held-out runs; says so when it cannot decide."""
-    file = _single_file(strip, model, configs, subject)
+    file = _subject_file(strip, model, configs, subject)
     from cell.gap.fit import fit as judge
     from cell.gap.open_subject import option_for
     from cell.gap.report.overlay import write_overlay
@@ -104,7 +104,7 @@ def check(
     from drivers.errors import ConfigurationError
     from drivers.files import write_file
 
-    file, cores = _single_file(strip, model, configs, subject), os.cpu_count() or 1
+    file, cores = _subject_file(strip, model, configs, subject), os.cpu_count() or 1
     found = look(runs, file, min(jobs or cores, cores))
     write_file(out / "check.json", found.to_json())
     write_file(out / "check.html", check_page(found, file.stem))
@@ -137,7 +137,7 @@ def accept(
     """
     from cell.gap.verdict.accept import accept as put
 
-    file = _single_file(strip, model, configs, subject)
+    file = _subject_file(strip, model, configs, subject)
     cell_file = _cell_file(configs) if model is None else None
     accepted = put(fitted, file, cell_file, law=law, force=force)
     text = "\n  ".join([f"accepted: {', '.join(accepted.effects)}", *map(str, accepted.files)])
@@ -156,7 +156,7 @@ def undo(
     """Bring the files back as they were before the acceptance."""
     from cell.gap.verdict.accept import undo as take_back
 
-    file = _single_file(strip, model, configs, subject)
+    file = _subject_file(strip, model, configs, subject)
     cell_file = _cell_file(configs) if model is None else None
     undone = take_back(fitted, file, cell_file)
     text = "\n  ".join([f"undone: {', '.join(undone.effects)}", *map(str, undone.files)])
@@ -221,16 +221,16 @@ def _verdict_lines(verdict: "Verdict") -> Iterator[str]:
         yield f"  note: {note}"
 
 
-def _single_file(
+def _subject_file(
     strip: str | None, model: Path | None, configs: Path | None, subject: str | None
 ) -> Path:
-    """Path of the file to fit; ConfigurationError unless exactly one is given."""
+    """File that --strip, --model or --subject names; ConfigurationError unless one is given."""
     from drivers.errors import ConfigurationError
 
     if sum(given is not None for given in (strip, model, subject)) != 1:
         raise ConfigurationError(
-            "--strip, --model, --subject: give one: a strip file, a mechanism file with the "
-            "model's name, or the name of a mechanism of this cell"
+            "--strip, --model, --subject: give exactly one: a strip by name or file, the file of a "
+            "mechanism, or the name of a mechanism of the configuration"
         )
     if subject is not None:
         from cell.config.places import find_configs

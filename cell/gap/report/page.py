@@ -42,6 +42,7 @@ from drivers.strip.file import StripFile
 from drivers.types import Array
 from policies.planned import fold_by_plan
 
+LISTED_EXPERIMENTS = 5  # runs of which the page advises
 LISTED_SETS = 4  # sets of effects of which the page speaks
 EXCLUDED = 1e-4  # probability below which a set counts as excluded: its size says nothing
 TONES: dict[Kind, Tone] = {
@@ -304,13 +305,13 @@ def _next_commands(findings: Findings, verdict: Verdict, out: Path) -> list[str]
 
 
 def _experiments_table(verdict: Verdict) -> list[tuple[str, ...]] | None:
-    """Rows of the runs that would separate explanations best; None where none are left to."""
+    """Rows (run, models that it separates, by how many sigma, minutes); None where decided."""
     if verdict.verdict in ("named", "no_gap") and not verdict.ambiguous:
         return None
     return [
         (a.experiment, f"{a.separates[0]} from {a.separates[1]}",
          f"{a.expected_sigma:.1f}", f"{a.minutes:.1f}")
-        for a in verdict.advice[:5]
+        for a in verdict.advice[:LISTED_EXPERIMENTS]
     ]  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Screening: how much each candidate could explain, judged by probes from the refitted base."""
+"""Linear screening: predicts each candidate effect's gain from probes about the fitted base."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,13 +26,13 @@ LEAST_POWER = 1e-12  # squared norm of a whitened response; a smaller one is rou
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """Effects screened together: their gain [nats] at the values `start` by name.
+    """Predicted gain [nats] of effects added together, with values to start their fit from.
 
-    `linear`: found by the secants at null, which a fit from null follows by itself. `tried` are
-    the values of probes as they are: an effect with a threshold does nothing below it, so that a
-    share of a probe is no start. `mirrored` is a start of the other sign, of an
-    effect that has a place: elsewhere it may do with one sign what it does here with the other.
-    `after` is a fit from whose values and effects to start. `secants` (N, parameters) by name are
+    The gain is that at the values `start`, by effect. `linear`: they follow from the secants at
+    null, so that a fit from null finds them by itself. `probe_starts` are unscaled probes: below
+    its threshold an effect does nothing, so that a scaled probe may be no start. `opposite_sign`
+    is a start for an effect with a place: elsewhere the other sign may leave the same response.
+    `origin` is the fit to extend, the base if None. `secants` (N, parameters) by effect are
     whitened, at null.
     """
 
@@ -40,9 +40,9 @@ class Score:
     gain: float
     start: dict[str, Array]
     linear: bool = True
-    tried: tuple[dict[str, Array], ...] = ()
-    mirrored: dict[str, Array] | None = None
-    after: Estimate | None = None
+    probe_starts: tuple[dict[str, Array], ...] = ()
+    opposite_sign: dict[str, Array] | None = None
+    origin: Estimate | None = None
     secants: Mapping[str, Array] = field(default_factory=dict)
 
     @property
@@ -51,34 +51,34 @@ class Score:
         starts: list[dict[str, Array]] = [{}]
         if not self.linear:
             starts.append(self.start)
-        starts += self.tried
-        if self.mirrored is not None:
-            starts.append(self.mirrored)
+        starts += self.probe_starts
+        if self.opposite_sign is not None:
+            starts.append(self.opposite_sign)
         return [{**self._known, **values} for values in starts]
 
     def joined_to(self, fit: Estimate) -> "Score":
-        """Score of these effects and those of `fit`, to start from it."""
+        """Copy of this score that adds its effects to those of `fit` and starts from its values."""
         names = tuple(sorted({*fit.model.names, *self.names}))
-        return replace(self, names=names, after=fit)
+        return replace(self, names=names, origin=fit)
 
     @property
     def _known(self) -> dict[str, Array]:
-        if self.after is None:
+        if self.origin is None:
             return {}
-        _, effects = self.after.model.split(self.after.shared)
+        _, effects = self.origin.model.split(self.origin.shared)
         return {name: values for name, values in effects.items() if name in self.names}
 
 
 def starts(
     base: Estimate, score: Score, candidates: Sequence[Candidate]
 ) -> tuple[Model, list[Start]]:
-    """Model of `score` and the starts of its fits, the first with new effects at null.
+    """Model with the effects of `score`, and the starts of its fits: first, new effects at null.
 
-    The secants there are those of the fit that it starts from, and for new effects those of the
-    screen: a fit takes new ones where they do not predict its decrease.
+    Only that start has secants: those of the fit that it extends and, for new effects, those of the
+    screen. A fit computes new secants where these do not predict its decrease.
     """
     model = with_effects(base.model, score.names, candidates)
-    origin = score.after or base
+    origin = score.origin or base
     shared, _ = origin.model.split(origin.shared)
     origin_point, *others = (Point(model.join(shared, v), origin.point.local) for v in score.starts)
     secants = _secants(origin, model, score) if origin.evidence is base.evidence else None
@@ -91,7 +91,7 @@ def with_effects(model: Model, names: Sequence[str], candidates: Sequence[Candid
 
 
 def _secants(origin: Estimate, model: Model, score: Score) -> tuple[Array, ...] | None:
-    """Secants (n, shared + local) by run of `model` at `origin`, a fit with fewer effects.
+    """Secants (n, shared + local) of each run for `model`, at the fit `origin` with fewer effects.
 
     None where one of the effects was not screened there.
     """
@@ -114,18 +114,18 @@ def _secants(origin: Estimate, model: Model, score: Score) -> tuple[Array, ...] 
 
 
 def _is_complete(secants: Array | None, effect: Candidate) -> TypeGuard[Array]:
-    """Whether there is a secant for each of the effect's parameters."""
+    """Whether `secants` (N, k) has a column for each parameter of `effect`."""
     return secants is not None and secants.shape[1] == len(effect.parameters)
 
 
 @dataclass(frozen=True, slots=True)
-class Reach:
-    """Limits within which a screen trusts responses to probes. Source: set by hand.
+class ScreeningLimits:
+    """Limits of linear extrapolation from probes. Source: set by hand.
 
-    A response is extrapolated to `farthest` times its probe; an unscaled probe is a start where it
-    gains the `least_share` of the best mix. Two responses differ by at least the share `alike` of
-    their square. An effect whose response per amount near null is below the share `steep` of that
-    farther off has a threshold; one of a whitened response below `dead` changes nothing.
+    A stated probe is scaled by at most `farthest`; unscaled, it is a start if it gains more than
+    `least_share` of the best mix. A response is independent of others if more than `alike` of its
+    square is left beside them. An effect has a threshold if its response per amount near null is
+    below `steep` times that farther off; it changes nothing if all responses are below `dead`.
     """
 
     farthest: float = 3.0
@@ -135,15 +135,15 @@ class Reach:
     dead: float = 1e-6
 
 
-DEFAULT_REACH = Reach()
+LIMITS = ScreeningLimits()
 
 
 @dataclass(frozen=True, slots=True)
 class ProbeResponses:
-    """A candidate's groups of probes with the whitened responses (N, members) to each group.
+    """Whitened responses (N, probes) of all samples to each group of a candidate's probes.
 
-    The first group are steps from the null, one parameter at a time, the others the candidate's
-    own probes.
+    The first group holds steps from null, one parameter at a time; the others are the candidate's
+    stated probes.
     """
 
     candidate: Candidate
@@ -159,13 +159,13 @@ class ProbeResponses:
     @property
     def dead(self) -> bool:
         """Whether the candidate changes nothing in these runs."""
-        return all(np.abs(d).max(initial=0.0) < DEFAULT_REACH.dead for d in self.responses)
+        return all(np.abs(d).max(initial=0.0) < LIMITS.dead for d in self.responses)
 
 
 def probe(base: Estimate, candidate: Candidate, *, steps: bool = True) -> Task[ProbeResponses]:
-    """Simulate the probes of a candidate at the refitted base; yields simulations.
+    """Simulate a candidate's probes at the fit `base`; yields requests, returns the responses.
 
-    Without `steps` from the null, which a linear screen needs, only its own probes.
+    Without `steps` from null, which a linear screen needs, only its stated probes.
     """
     model = Model(base.model.base, (*base.model.effects, candidate))
     probes = tuple(tuple(candidate.complete(np.array(v)) for v in g) for g in candidate.probes)
@@ -202,28 +202,28 @@ def _steps_from_null(candidate: Candidate) -> tuple[Array, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Normal equations of the refitted objective in the amounts of all candidates' probes.
+    """Normal equations for the amounts of all candidates' probes, with the base refitted.
 
-    `form` is in the amounts of all columns; `columns` (candidate, group) are their positions.
-    `together` (G, G) is what two of these groups could gain at most [nats], in their order.
+    `columns` by candidate and group are the positions of its probes in `form`. `gain_bounds`
+    (G, G) [nats] is the most that two of the G groups can gain together, one alone on its diagonal.
     """
 
     probed: tuple[ProbeResponses, ...]
     form: normal_equations.Normal
     columns: dict[tuple[str, int], Columns]
-    together: Array
+    gain_bounds: Array
 
-    def most(self, members: Sequence[ProbeResponses]) -> Array:
-        """Largest gain [nats] of one candidate by group (groups,), of two (groups, groups)."""
+    def bounds_of(self, members: Sequence[ProbeResponses]) -> Array:
+        """Most [nats] that one candidate gains by group (groups,), two by both (groups, groups)."""
         order = list(self.columns)
         rows = [[order.index((p.candidate.name, g)) for g in range(len(p.groups))] for p in members]
         if len(rows) == 1:
-            return np.asarray(np.diag(self.together)[rows[0]])
-        return np.asarray(self.together[np.ix_(*rows)])
+            return np.asarray(np.diag(self.gain_bounds)[rows[0]])
+        return np.asarray(self.gain_bounds[np.ix_(*rows)])
 
 
 def table(projection: Projection, probed: Sequence[ProbeResponses]) -> Table:
-    """Table of the probes of every candidate that changes something."""
+    """Set up the normal equations of the probes of every candidate that changes something."""
     alive = tuple(p for p in probed if not p.dead)
     columns: dict[tuple[str, int], Columns] = {}
     column = 0
@@ -234,24 +234,24 @@ def table(projection: Projection, probed: Sequence[ProbeResponses]) -> Table:
     parts = [projection.weigh(response) for p in alive for response in p.responses]
     stacked = np.concatenate(parts, axis=1) if parts else np.zeros((len(projection.residual), 0))
     form = projection.form(stacked)
-    return Table(alive, form, columns, _most_together(form, list(columns.values())))
+    return Table(alive, form, columns, _gain_bounds(form, list(columns.values())))
 
 
 def ranking(equations: Table) -> list[Score]:
-    """Scores of all candidates that change something, the largest gain first."""
+    """Score each candidate that changes something, alone; the largest gain first."""
     scores = [_score(equations, (p,)) for p in equations.probed]
     return sorted(scores, key=lambda s: (-s.gain, s.names))
 
 
 def ranked_pairs(equations: Table, among: int, least: float = 0.0) -> list[Score]:
-    """Scores of the best `among` pairs of candidates that gain over `least` [nats], best first.
+    """Score the best `among` pairs of candidates that gain over `least` [nats], best first.
 
-    Two effects whose responses nearly cancel gain nothing alone and much together, so that pairs
-    are screened over all candidates, not over the best single ones. Pairs are looked at closely
-    in the order of what they could gain without bounds, until no other can be among the best.
+    Two effects whose responses nearly cancel gain little alone and much together, so that all
+    pairs compete, not those of the best single ones. Pairs are scored in the order of their upper
+    bounds, which ignore limits of the amounts, until no other can be among the best.
     """
     pairs = combinations(equations.probed, 2)
-    bounds = [(float(equations.most(pair).max()), pair) for pair in pairs]
+    bounds = [(float(equations.bounds_of(pair).max()), pair) for pair in pairs]
     scores: list[Score] = []
     for most, pair in sorted(bounds, key=lambda each: -each[0]):
         if most <= least or (len(scores) >= among and most < scores[among - 1].gain):
@@ -260,10 +260,10 @@ def ranked_pairs(equations: Table, among: int, least: float = 0.0) -> list[Score
     return [s for s in scores[:among] if s.gain > least]
 
 
-def _most_together(form: normal_equations.Normal, groups: Sequence[Columns]) -> Array:
-    """Gain (G, G) [nats] without bounds of each two groups of columns, of one on the diagonal.
+def _gain_bounds(form: normal_equations.Normal, groups: Sequence[Columns]) -> Array:
+    """Gain (G, G) [nats] of each two groups of columns with unlimited amounts; diagonal: of one.
 
-    A second group gains by the Schur complement of the first: what that one does not explain.
+    A second group adds its gain by the Schur complement: in what the first does not explain.
     """
     gradient, curvature = form.gradient, form.curvature
     first = np.array([columns[0] for columns in groups], dtype=np.int64)
@@ -274,7 +274,7 @@ def _most_together(form: normal_equations.Normal, groups: Sequence[Columns]) -> 
         across = curvature[:, columns] @ inverse
         slope = gradient - across @ gradient[columns]
         spare = np.diag(curvature) - (across * curvature[:, columns]).sum(axis=1)
-        is_independent = spare > DEFAULT_REACH.alike * np.diag(curvature)
+        is_independent = spare > LIMITS.alike * np.diag(curvature)
         single = 0.5 * slope**2 * is_independent / np.where(is_independent, spare, 1.0)
         most[a] = single[first]  # right for groups of one column; wider ones follow
         for b in (b for b in wide if b > a):
@@ -295,30 +295,29 @@ def _inverse(matrix: Array) -> Array:
 
 
 def _score(equations: Table, members: Sequence[ProbeResponses]) -> Score:
-    """Score of the best mix of probes of one or more candidates, over all choices of groups.
+    """Score the best mix of probes of the candidates `members`, over all choices of one group each.
 
-    The amounts solve the bounded quadratic programme of the refitted objective: one-sided where
-    physics fixes the sign. Groups are tried in the order of what they could gain, until no other
-    can be better.
+    The amounts solve a quadratic programme, one-sided where physics fixes the sign. Groups are
+    tried in the order of their upper bounds, until no other can be better.
     """
     best, values_at_best = Score(tuple(p.candidate.name for p in members), 0.0, {}), {}
     probe_gain, best_probe = 0.0, dict[str, Array]()  # of probes as they are, unscaled
-    bounds = equations.most(members)
+    bounds = equations.bounds_of(members)
     for bound, choice in sorted(zip(-bounds.ravel(), np.ndindex(bounds.shape), strict=True)):
-        worthwhile = DEFAULT_REACH.least_share * best.gain
-        if -bound <= min(best.gain, max(probe_gain, worthwhile)):
+        least_probe_gain = LIMITS.least_share * best.gain
+        if -bound <= min(best.gain, max(probe_gain, least_probe_gain)):
             break
         mix, gain, values = _best_mix(equations, members, choice)
         if mix.gain > best.gain:
             best, values_at_best = mix, values
         if gain > probe_gain and all(choice):  # group 0 holds steps, which are no probes
             probe_gain, best_probe = gain, values
-    if probe_gain <= DEFAULT_REACH.least_share * best.gain:
+    if probe_gain <= LIMITS.least_share * best.gain:
         best_probe = values_at_best if any(_has_threshold(p) for p in members) else {}
     return replace(
         best,
-        tried=_probes_to_fit(members, best_probe),
-        mirrored=_other_sign(equations, members[0], best) if len(members) == 1 else None,
+        probe_starts=_probes_to_fit(members, best_probe),
+        opposite_sign=_opposite_sign(equations, members[0], best) if len(members) == 1 else None,
         secants={p.candidate.name: p.secants for p in members},
     )
 
@@ -326,10 +325,10 @@ def _score(equations: Table, members: Sequence[ProbeResponses]) -> Score:
 def _probes_to_fit(
     members: Sequence[ProbeResponses], unscaled: dict[str, Array]
 ) -> tuple[dict[str, Array], ...]:
-    """Values of the probes to fit from: `unscaled` or, of one effect with a threshold, every probe.
+    """Starts at probes: the mix `unscaled` or, for a single effect with a threshold, each probe.
 
-    Beyond its threshold, the response to one probe says little of that to another: from the probe
-    that the linear screen prefers, no step may lead to the best value.
+    Beyond a threshold the response is not linear: from the probe that the screen prefers, no step
+    of a fit may lead to the best value.
     """
     if len(members) == 1 and _has_threshold(members[0]):
         name, (_, *probes) = members[0].candidate.name, members[0].groups
@@ -342,23 +341,23 @@ def _has_threshold(p: ProbeResponses) -> bool:
 
     False for a two-sided effect with a place: its response may be larger at another place.
     """
-    if p.candidate.two_sided and _shapes(p.candidate).any():
+    if p.candidate.two_sided and _shape_mask(p.candidate).any():
         return False
     amounts = [abs(float(group[0][0] - p.candidate.null[0])) for group in p.groups]
     smallest, *larger = (
         float(np.linalg.norm(response[:, 0])) / amount if amount else 0.0
         for amount, response in zip(amounts, p.responses, strict=True)
     )
-    return smallest < DEFAULT_REACH.steep * max(larger, default=0.0)
+    return smallest < LIMITS.steep * max(larger, default=0.0)
 
 
-def _other_sign(equations: Table, p: ProbeResponses, best: Score) -> dict[str, Array] | None:
-    """Values of an effect at the place where it gains most with the sign opposite to `best`.
+def _opposite_sign(equations: Table, p: ProbeResponses, best: Score) -> dict[str, Array] | None:
+    """Values at which an effect with the sign opposite to `best` gains most, at any place.
 
-    None where it has no place, or gains with one sign alone.
+    None where it has no place, or gains with one sign only.
     """
     name, null = p.candidate.name, p.candidate.null[0]
-    if name not in best.start or not _shapes(p.candidate).any():
+    if name not in best.start or not _shape_mask(p.candidate).any():
         return None
     mixes = [_best_mix(equations, (p,), (group,))[0] for group in range(1, len(p.groups))]
     sign = np.sign(best.start[name][0] - null)
@@ -369,16 +368,16 @@ def _other_sign(equations: Table, p: ProbeResponses, best: Score) -> dict[str, A
 def _best_mix(
     equations: Table, members: Sequence[ProbeResponses], choice: tuple[int, ...]
 ) -> tuple[Score, float, dict[str, Array]]:
-    """Score of the best mix of the groups `choice`; gain and values of their unscaled probes."""
+    """Score of the best mix of the groups `choice`; gain and values with amounts of 1 or -1."""
     names = tuple(p.candidate.name for p in members)
     chosen = list(zip(members, choice, strict=True))
     columns = np.concatenate([equations.columns[p.candidate.name, group] for p, group in chosen])
     reach = [
-        _reach(p.candidate, vector) if group == 0 else DEFAULT_REACH.farthest
+        _largest_multiple(p.candidate, vector) if group == 0 else LIMITS.farthest
         for p, group in chosen
         for vector in p.groups[group]
     ]
-    signed = [_has_mirror(p.candidate, v) for p, group in chosen for v in p.groups[group]]
+    signed = [_allows_both_signs(p.candidate, v) for p, group in chosen for v in p.groups[group]]
     high, zero = np.array(reach), np.zeros(len(columns))
     gradient, curvature = equations.form.gradient, equations.form.curvature
     form = normal_equations.Normal(gradient[columns], curvature[np.ix_(columns, columns)])
@@ -387,50 +386,50 @@ def _best_mix(
     gain = normal_equations.decrease(form, amounts)
     unscaled = np.where(amounts < 0.0, -1.0, 1.0)
     return (
-        Score(names, gain, _values(chosen, amounts), not any(choice)),
+        Score(names, gain, _mixed_values(chosen, amounts), not any(choice)),
         normal_equations.decrease(form, unscaled),
-        _values(chosen, unscaled),
+        _mixed_values(chosen, unscaled),
     )
 
 
-def _reach(candidate: Candidate, vector: Array) -> float:
-    """Largest multiple of a step from null that stays within the bounds."""
+def _largest_multiple(candidate: Candidate, vector: Array) -> float:
+    """Largest multiple of the step from null to `vector` (k,) that stays within the bounds."""
     moved = vector - candidate.null
     ends = [
         abs((p.high if d > 0 else p.low) - p.start) / abs(d)
         for p, d in zip(candidate.parameters, moved, strict=True)
         if d != 0.0
     ]
-    return min(ends, default=DEFAULT_REACH.farthest)
+    return min(ends, default=LIMITS.farthest)
 
 
-def _has_mirror(candidate: Candidate, vector: Array) -> bool:
-    """Whether the mirrored probe is within bounds, so that both signs are possible."""
-    mirrored = np.where(_shapes(candidate), vector, 2.0 * candidate.null - vector)
-    low, high = _ends(candidate)
+def _allows_both_signs(candidate: Candidate, vector: Array) -> bool:
+    """Whether the probe `vector` (k,) with its sign reversed is within the parameters' bounds."""
+    mirrored = np.where(_shape_mask(candidate), vector, 2.0 * candidate.null - vector)
+    low, high = _bounds(candidate)
     return bool(((mirrored >= low) & (mirrored <= high)).all())
 
 
-def _shapes(candidate: Candidate) -> NDArray[np.bool_]:
-    """Mask (k,) of the shape parameters, which are no amounts."""
+def _shape_mask(candidate: Candidate) -> NDArray[np.bool_]:
+    """Mask (k,) of the parameters of shape, such as a place or a width, that no amount scales."""
     return np.array([p.shape for p in candidate.parameters])
 
 
-def _ends(candidate: Candidate) -> tuple[Array, Array]:
+def _bounds(candidate: Candidate) -> tuple[Array, Array]:
     parameters = candidate.parameters
     return np.array([p.low for p in parameters]), np.array([p.high for p in parameters])
 
 
-def _values(chosen: Sequence[tuple[ProbeResponses, int]], amounts: Array) -> dict[str, Array]:
-    """Parameter values (k,) by effect of the probes mixed in `amounts` (probes,)."""
+def _mixed_values(chosen: Sequence[tuple[ProbeResponses, int]], amounts: Array) -> dict[str, Array]:
+    """Parameter values (k,) by effect for the probes `chosen`, mixed in `amounts` (probes,)."""
     values, k = {}, 0
     for p, group in chosen:
-        value, shapes = p.candidate.null, _shapes(p.candidate)
+        value, shapes = p.candidate.null, _shape_mask(p.candidate)
         for vector in p.groups[group]:
             scaled = value + amounts[k] * (vector - p.candidate.null)
             value = np.where(shapes, vector, scaled)
             k += 1
-        values[p.candidate.name] = np.clip(value, *_ends(p.candidate))
+        values[p.candidate.name] = np.clip(value, *_bounds(p.candidate))
     return values
 
 
@@ -439,19 +438,18 @@ def detectable(
 ) -> dict[str, float | None]:
     """Smallest detectable value of each effect's main parameter; None where none would show.
 
-    The probe whose response, less what `projection` may absorb, is nearest to DETECTED_SIGMA is
-    scaled to it. An effect that changes nothing, or whose size would lie beyond its bounds, shows
-    at no size.
+    The probe whose response, less what a refit of the base absorbs, is nearest to DETECTED_SIGMA
+    is scaled to it. None also where the value would lie beyond the parameter's bounds.
     """
     return {
-        p.candidate.name: None if p.dead else _smallest(projection, p, likelihood) for p in probed
+        p.candidate.name: None if p.dead else _detectable(projection, p, likelihood) for p in probed
     }
 
 
-def _smallest(
+def _detectable(
     projection: Projection, probed: ProbeResponses, likelihood: LikelihoodScale
 ) -> float | None:
-    """Detectable value of an effect's main parameter, by the probe that shows nearest to it."""
+    """Detectable value of an effect's main parameter, by the probe nearest to DETECTED_SIGMA."""
     sizes: list[tuple[float, float | None]] = []
     for group, responses in zip(probed.groups, probed.responses, strict=True):
         curvature = projection.form(projection.weigh(responses)).curvature
@@ -460,12 +458,12 @@ def _smallest(
             if square > LEAST_POWER:
                 sigma = float(np.sqrt(square))
                 factor = DETECTED_SIGMA / sigma
-                sizes.append((abs(np.log(factor)), _value_at(probed.candidate, vector, factor)))
+                sizes.append((abs(np.log(factor)), _scaled_value(probed.candidate, vector, factor)))
     return min(sizes, key=lambda each: each[0])[1] if sizes else None
 
 
-def _value_at(candidate: Candidate, probe: Array, factor: float) -> float | None:
-    """Main value of a probe moved `factor` times as far from null; None out of bounds."""
+def _scaled_value(candidate: Candidate, probe: Array, factor: float) -> float | None:
+    """Main parameter of `probe` at `factor` times its distance from null; None beyond bounds."""
     k, p = next((k, p) for k, p in enumerate(candidate.parameters) if probe[k] != p.start)
     value = float(p.start + (probe[k] - p.start) * factor)
     return p.stated_value(value) if p.low <= value <= p.high else None

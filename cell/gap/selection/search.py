@@ -94,7 +94,7 @@ def shortlist(
     estimates = [best(tried) for tried in run_all(simulate, tasks)]
     dispersion = min((e.scale for e in estimates), default=1.0)
     order = sorted(range(len(estimates)), key=lambda i: objective_of(estimates[i], dispersion))
-    return [Score(scores[i].names, scores[i].gain, {}, after=estimates[i]) for i in order[:most]]
+    return [Score(scores[i].names, scores[i].gain, {}, origin=estimates[i]) for i in order[:most]]
 
 
 def _few_steps(model: Model, evidence: Evidence, points: Sequence[Start]) -> Task[list[Estimate]]:
@@ -211,7 +211,7 @@ def _screen_further(
         for c in candidates
         if c.name in promising
     ]
-    return [replace(s, tried=()) for s in ranking(table(beside, run_all(simulate, tasks)))]
+    return [replace(s, probe_starts=()) for s in ranking(table(beside, run_all(simulate, tasks)))]
 
 
 def _most_promising(
@@ -231,7 +231,7 @@ def without_each(accepted: CrossValidatedFit) -> list[Score]:
     """
     names = accepted.model.names
     subsets = [tuple(sorted(names - {gone})) for gone in sorted(names)]
-    return [Score(subset, 0.0, {}, after=accepted.estimate) for subset in subsets]
+    return [Score(subset, 0.0, {}, origin=accepted.estimate) for subset in subsets]
 
 
 def other_signs(simulate: Simulate, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:
@@ -260,7 +260,7 @@ def _with_other_sign(fit: Estimate, effect: Candidate, beside: Estimate) -> Task
     shared, others = beside.model.split(beside.shared)
     fitted = fit.model.split(fit.shared)[1][effect.name]
     starts: list[Start] = []
-    for start in (score.start, score.mirrored) if score else ():
+    for start in (score.start, score.opposite_sign) if score else ():
         values = (start or {}).get(effect.name, effect.null)
         if (values[0] - effect.null[0]) * (fitted[0] - effect.null[0]) < 0.0:
             joint = fit.model.join(shared, {**others, effect.name: values})
