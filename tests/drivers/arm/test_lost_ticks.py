@@ -2,13 +2,14 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from drivers.arm.failure import ArmFault
 from drivers.arm.force import ForceGuard
 from drivers.arm.joint_motion import CartesianMotion, follow_joints
 from drivers.arm.orders import Kind
-from drivers.arm.plane import StripPlane
+from drivers.arm.plane import FADE_TICKS, FadingOffset, StripPlane
 from drivers.franka.kinematics import HOME
 from drivers.motion import TICK
 from drivers.types import Pose
@@ -156,3 +157,17 @@ def test_contact_on_the_way_home_ends_in_a_quick_stop_that_the_cell_commands(
     assert not robot.robot.errors
     assert robot.robot.time - met[0] < (100 if share == 0.0 else 400)
     assert robot.robot.posture.q[0] < goal[0] - 0.05
+
+
+def test_offset_continues_what_it_found_and_comes_to_rest_in_the_plane() -> None:
+    offset = FadingOffset()
+    assert offset.tick() == (0.0, 0.0, 0.0)
+    offset.begin([1e-5, 0.0, 0.0], [2e-4, 0.0, 0.0], [0.03, 0.0, 0.0])
+    way = [1e-5, *(offset.tick()[0] for _ in range(FADE_TICKS + 3))]
+    velocity = np.diff(way) / TICK
+    acceleration = np.diff(velocity) / TICK
+    assert velocity[0] == pytest.approx(2e-4, rel=0.1)
+    assert acceleration[0] == pytest.approx(0.03, rel=0.2)
+    assert np.abs(np.diff(acceleration)).max() / TICK < 5.0
+    assert way[-3:] == [0.0, 0.0, 0.0]
+    assert abs(velocity[-4]) < 1e-6
