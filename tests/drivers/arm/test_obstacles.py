@@ -31,8 +31,7 @@ START = np.array(home_joints(find_configs(None).cell(), find_configs(None).strip
 
 def nearest(points: list[np.ndarray], solids: Solids = SOLIDS) -> float:
     """The smallest distance [m] from anything along straight ways between `points`."""
-    ways = [np.linspace(a, b, 200) for a, b in pairwise(points)]
-    whole = np.concatenate(ways)
+    whole = np.concatenate([np.linspace(a, b, 200) for a, b in pairwise(points)])
     return float(min(apart(whole).min(), solids.clearance(whole).min()))
 
 
@@ -53,15 +52,16 @@ def test_straight_way_is_taken_where_it_is_free() -> None:
 def wall() -> Solids:
     """What stands on the straight way from the parked posture to home, no higher than needed."""
     middle = forward((HOME + START) / 2)[:3, 3]
-    low, high = middle - 0.04, middle + 0.04
-    post = Box("post", (low[0], low[1], low[2] - 0.3), tuple(high))
+    post = Box("post", tuple(middle - (0.04, 0.04, 0.34)), tuple(middle + 0.04))
     return Solids(np.eye(4), (post,))
 
 
 def test_blocked_way_is_gone_around() -> None:
     assert nearest([HOME, START], wall()) < 0
-    way = clear_way(HOME, START, wall())
-    assert nearest([HOME, *way, START], wall()) > ARM_CLEARANCE - 0.002
+    *detour, end = clear_way(HOME, START, wall())
+    assert detour
+    assert np.array_equal(end, START)
+    assert nearest([HOME, *detour, end], wall()) > ARM_CLEARANCE - 0.002
 
 
 def test_way_without_a_detour_is_refused_and_names_the_obstacle() -> None:
