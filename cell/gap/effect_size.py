@@ -1,4 +1,4 @@
-"""Finds how large a hidden effect must be to leave a given gap, after the base is refitted."""
+"""Effect sizes: how large a hidden effect must be to leave a given gap that no refit closes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -36,7 +36,7 @@ Hidden = dict[str, dict[str, float]]
 
 @dataclass(frozen=True, slots=True)
 class Strengths:
-    """Strengths of an effect: its first parameter from null to `largest`, the `others` fixed."""
+    """Sizes of an effect: its first parameter goes from null to `largest`, `others` are fixed."""
 
     effect: Effect
     others: dict[str, float]
@@ -66,7 +66,7 @@ class Strengths:
 
 
 def draw_strengths(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Strengths:
-    """Draw the shape parameters of an effect and the sign of its growth."""
+    """Draw an effect's parameters of shape (place, width, time, ratio) and its sign."""
     others: dict[str, float] = {}
     for p in effect.parameters[1:]:
         if p.role == "place":
@@ -101,13 +101,13 @@ class GapModel:
 
     @classmethod
     def standard(cls, plant: StripFile, motions: Sequence[str], sigma: Sigma) -> Self:
-        """Gap model on the standard motions called `motions`."""
+        """Gap model for the standard motions called `motions`."""
         runs = {run.name: run for run in planned_runs(plant, sigma, 0)}
         return cls(plant, [runs[name] for name in motions])
 
     @classmethod
     def along(cls, plant: StripFile, paths: Sequence[GripperPath], sigma: Sigma) -> Self:
-        """Gap model on these gripper paths."""
+        """Gap model for runs along the gripper `paths`."""
         folds = measured_along(paths, plant, sigma, 0)
         return cls(plant, [MeasuredRun("own", f"own-{i}", m, ()) for i, m in enumerate(folds)])
 

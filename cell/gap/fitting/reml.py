@@ -35,15 +35,15 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class SpreadSearch:
-    """Search for the spreads of runs, in units of the usual ones.
+    """Settings of the estimation of spreads. Source: set by hand, and tried on true spreads.
 
-    A spread is sought from `begin`, between `smallest` and `largest`. The part of a quantity that
-    all runs share has a prior `shared` times as wide as the usual spread. Any fit leaves at least
-    the share `least_noise` of the stated variance. A common quantity scatters with probability
-    `common`; another must gain `least_gain` [nats], and beat those that scatter more commonly,
-    named first, by `tie`. The curvature of the loss in a spread's logarithm is taken over
-    `log_step`, and is at least `least_curvature`. Two spreads differ clearly whose ratio is below
-    `differ`. Source: set by hand, and tried on true spreads.
+    Spreads are in units of each quantity's usual one: sought from `begin` between `smallest` and
+    `largest`. The constant part of a quantity, the same in all runs, has a prior `shared` times as
+    wide. The noise has at least the share `least_noise` of its stated variance. A common quantity
+    scatters with the prior probability `common`; another must gain `least_gain` [nats], and of
+    those within `tie` of the best the first is added. The loss is differentiated over `log_step` of
+    a spread's logarithm, its curvature is at least `least_curvature`. Spreads clearly differ whose
+    ratio is below `differ`.
     """
 
     smallest: float = 0.03
@@ -61,7 +61,7 @@ class SpreadSearch:
 
 SEARCH = SpreadSearch()
 SPREAD_GRID = np.geomspace(SEARCH.smallest, SEARCH.largest, 41)
-"""Shares of the usual spread that are averaged over."""
+"""Shares of the usual spread at which its posterior is evaluated."""
 CENTRAL_95 = 1.96  # standard deviations of a normal, within which 95 % lie
 
 
@@ -82,18 +82,18 @@ class Spread:
 
 
 def spreads(estimate: Estimate) -> tuple[Spread, ...]:
-    """Spreads of the quantities that differ from run to run in `estimate`, common ones first.
+    """Estimate by REML the spreads of the random unknowns of `estimate`, common ones first.
 
-    Common ones scatter in most laboratories: each has its posterior mean, in which no scatter
-    counts too, and is left out where that is below `SEARCH.smallest`. Others are taken in one by
-    one while each gains enough beside those: scatter of the slack and of the grip look alike.
+    Common ones scatter in most laboratories: each takes its posterior mean, which allows for no
+    scatter, and is left out where that is below `SEARCH.smallest`. The others are added one by one
+    while each gains enough beside those: scatter of the slack and of the grip look alike.
     """
     varying = {p.name: p for run in estimate.evidence.runs for p in run.local if p.random}
     if not varying or len(estimate.evidence.runs) < 2:
         return ()
     likelihood, parameters = Likelihood.of(estimate, varying), list(varying.values())
     fit = SpreadFit.of(likelihood, [k for k, p in enumerate(parameters) if p.common])
-    fit = _add_others(fit, len(varying))
+    fit = _add_uncommon(fit, len(varying))
     chosen = [parameters[k] for k in fit.active]
     shares = np.array([fit.mean_share(i, common=p.common) for i, p in enumerate(chosen)])
     errors = likelihood.errors(fit.active, np.maximum(shares, SEARCH.smallest))
@@ -110,29 +110,30 @@ def _spread(p: Parameter, share: float, error: float) -> Spread:
 
 @dataclass(frozen=True, slots=True)
 class Likelihood:
-    """Restricted likelihood of the spreads: C and g of the module's equation.
+    """Restricted likelihood of the spreads of q quantities, each a random unknown of many runs.
 
-    `curvature` (u, u) and `pull` (u,), which is g, are in units of the `usual` (q,) spread of each
-    quantity; `owner` (u,) numbers the quantity of an unknown.
+    `curvature` (u, u) and minus the gradient, `descent` (u,), of the u random unknowns are C and g
+    of the module's equation, in units of the `usual` (q,) spreads; `owner` (u,) is the index of an
+    unknown's quantity.
     """
 
     curvature: Array
-    pull: Array
+    descent: Array
     owner: Array
     usual: Array
 
     @classmethod
     def of(cls, estimate: Estimate, varying: dict[str, Parameter]) -> Self:
-        """Integrate all unknowns but `varying`, by name, out of the linearised fit.
+        """Integrate all unknowns but the random ones, `varying` by name, out of the linearised fit.
 
-        The common part of a quantity counts as an unknown of its own: a constant error of the rig
-        is no scatter.
+        The constant part of a quantity is integrated out as an unknown of its own: a constant
+        error of the rig is no scatter.
         """
         parameters = unknowns(estimate.model, estimate.evidence)
         order = list(varying)
         owner = np.array([order.index(p.name) if p.random else -1 for p in parameters])
         usual = np.array([varying[name].spread for name in order])
-        curvature, pull = _equations(estimate, parameters, owner, usual)
+        curvature, descent = _equations(estimate, parameters, owner, usual)
         random = np.flatnonzero(owner >= 0)
         fixed = np.setdiff1d(np.arange(len(curvature)), random)
         unit = usual[owner[random]]
@@ -140,16 +141,16 @@ class Likelihood:
         left = curvature[np.ix_(random, random)] - curvature[np.ix_(random, fixed)] @ across
         return cls(
             0.5 * (left + left.T) * unit[:, None] * unit,
-            (pull[random] - across.T @ pull[fixed]) * unit,
+            (descent[random] - across.T @ descent[fixed]) * unit,
             owner[random],
             usual,
         )
 
     def loss(self, shares: Array, active: Sequence[int]) -> tuple[float, Array]:
-        """Minus log posterior [nats] of the spreads of the quantities `active`, up to a constant.
+        """Negative log posterior [nats] of `shares` (k,), up to a constant, and its gradient (k,).
 
-        And its gradient (k,) in the logarithms of their `shares` (k,) of the usual spreads; the
-        other quantities do not scatter.
+        `shares` are the spreads of the quantities `active` over the usual ones, the gradient is in
+        their logarithms; the other quantities do not scatter.
         """
         position = np.full(len(self.usual), -1)
         position[list(active)] = np.arange(len(active))
@@ -161,15 +162,15 @@ class Likelihood:
         unit = 1.0 / np.sqrt(np.diag(posterior))  # scales the diagonal to one
         lower = np.linalg.cholesky(posterior * unit[:, None] * unit + 1e-10 * np.eye(len(unit)))
         inverse = cho_solve((lower, True), np.eye(len(unit)))
-        scaled = inverse @ (unit * self.pull[kept])
+        scaled = inverse @ (unit * self.descent[kept])
         mean, variance = unit * scaled, unit**2 * np.diag(inverse)  # of u, given the shares
         half_logdet = float(np.log(np.diag(lower) / unit * shares[owner]).sum())
-        loss = half_logdet - 0.5 * float(self.pull[kept] @ mean) + 0.5 * float(shares @ shares)
+        loss = half_logdet - 0.5 * float(self.descent[kept] @ mean) + 0.5 * float(shares @ shares)
         each = 1.0 - precision * (variance + mean**2)
         return loss, np.bincount(owner, each, len(active)) + shares**2
 
     def errors(self, active: Sequence[int], shares: Array) -> Array:
-        """Standard errors (k,) of the logarithms of the shares, by the curvature of the loss."""
+        """Standard errors (k,) of the logarithms of `shares` (k,), by the curvature of the loss."""
         logs, curvature = np.log(shares), np.zeros(len(shares))
         for i in range(len(shares)):
             step = SEARCH.log_step * np.eye(len(shares))[i]
@@ -183,9 +184,9 @@ class Likelihood:
 def _equations(
     estimate: Estimate, parameters: Sequence[Parameter], owner: Array, usual_spreads: Array
 ) -> tuple[Array, Array]:
-    """Curvature (u + q, u + q) and pull (u + q,) of data and priors, but those of scatter.
+    """Curvature (m, m) and minus the gradient (m,) of the fit without the priors of scatter.
 
-    In all u unknowns and in the common part of each of the q random quantities.
+    The m unknowns are all those of the fit, then the constant part of each random quantity.
     """
     r = np.concatenate(estimate.residuals)
     variance = robust.long_run_variance(estimate.evidence.runs, estimate.residuals)
@@ -208,7 +209,7 @@ def _equations(
 
 @dataclass(frozen=True, slots=True)
 class SpreadFit:
-    """Quantities `active` that scatter, their `shares` (k,) of the usual, and the `loss` [nats]."""
+    """Most likely spreads: quantities `active`, their `shares` (k,) of the usual, `loss` [nats]."""
 
     likelihood: Likelihood
     active: tuple[int, ...]
@@ -233,11 +234,10 @@ class SpreadFit:
         return cls(likelihood, tuple(active), np.exp(optimum.x), float(optimum.fun))
 
     def mean_share(self, i: int, *, common: bool) -> float:
-        """Posterior mean of the share of active quantity `i`, with the others at their most likely.
+        """Posterior mean of the share of active quantity `i`, the others at their most likely.
 
-        Of few runs the likelihood of a spread has a long tail to the large ones, so its peak is too
-        small in most laboratories. For a `common` quantity the mean also counts the possibility
-        that it does not differ at all.
+        With few runs the likelihood of a spread has a long tail to large values, so that its peak
+        is mostly too small. For a `common` quantity the mean allows for no scatter at all, too.
         """
         trials = np.tile(self.shares, (len(SPREAD_GRID), 1))
         trials[:, i] = SPREAD_GRID
@@ -250,7 +250,7 @@ class SpreadFit:
         return mean * (odds / (1.0 + odds))
 
     def _bayes_factor(self, i: int, losses: Array) -> float:
-        """Bayes factor for a spread of active quantity `i`, by its `losses` (41,), against none."""
+        """Bayes factor of scatter of active quantity `i` by its `losses` (41,) on SPREAD_GRID."""
         others = [k for j, k in enumerate(self.active) if j != i]
         none, _ = self.likelihood.loss(np.delete(self.shares, i), others)
         likelihood = np.exp(np.clip(none + 0.5 * SPREAD_GRID**2 - losses, -50.0, 50.0))
@@ -258,8 +258,8 @@ class SpreadFit:
         return float(prior @ likelihood / prior.sum())
 
 
-def _add_others(fit: SpreadFit, count: int) -> SpreadFit:
-    """Add to `fit` each of `count` quantities that gains enough; of near equals the first."""
+def _add_uncommon(fit: SpreadFit, count: int) -> SpreadFit:
+    """Select forward which others of `count` quantities scatter; of near equals the first."""
     while len(fit.active) < count:
         absent = [k for k in range(count) if k not in fit.active]
         trials = [SpreadFit.of(fit.likelihood, [*fit.active, k], fit.shares) for k in absent]
@@ -272,7 +272,7 @@ def _add_others(fit: SpreadFit, count: int) -> SpreadFit:
 
 
 def clearly_differ(before: Mapping[str, float], now: Mapping[str, float]) -> bool:
-    """Whether two sets of spreads by name differ in their quantities, or clearly in size."""
+    """Whether spreads by name differ in their names, or one by a factor beyond SEARCH.differ."""
     return bool(set(before) ^ set(now)) or any(
         not SEARCH.differ < now[name] / value < 1.0 / SEARCH.differ
         for name, value in before.items()
@@ -282,9 +282,9 @@ def clearly_differ(before: Mapping[str, float], now: Mapping[str, float]) -> boo
 def with_own_scatter(
     simulate: Simulate, estimate: Estimate, spreads: Sequence[Spread], complete: Evidence
 ) -> Estimate:
-    """Refit `estimate` with `spreads`, if they clearly differ from those it has.
+    """Refit `estimate` with `spreads`; returned as it is where they hardly differ from its own.
 
-    Returns it unchanged otherwise; `complete` are the runs with every random unknown.
+    `complete` are the runs with every random unknown.
     """
     current = {p.name: p.spread for run in estimate.evidence.runs for p in run.local if p.random}
     if not clearly_differ(current, {s.name: s.value for s in spreads}):
@@ -294,7 +294,7 @@ def with_own_scatter(
 
 
 def with_spreads(evidence: Evidence, spreads: Sequence[Spread]) -> Evidence:
-    """Copy of `evidence` that keeps only the random unknowns of `spreads`, with their spreads."""
+    """Copy of `evidence` with no other random unknowns than `spreads` names, and these spreads."""
     spread_of = {s.name: s.value for s in spreads}
     runs = []
     for run in evidence.runs:
@@ -308,7 +308,7 @@ def with_spreads(evidence: Evidence, spreads: Sequence[Spread]) -> Evidence:
 
 
 def with_scatter(estimate: Estimate, spreads: Sequence[Spread], complete: Evidence) -> Estimate:
-    """Copy of `estimate` with only the random unknowns of `spreads` in the runs `complete`.
+    """Copy of `estimate` on the runs `complete`, whose random unknowns are those of `spreads`.
 
     Only its model, evidence and point are valid: residuals are those of the old fit.
     """
@@ -332,7 +332,7 @@ def estimate_spreads(
 
 
 def _with_unknowns(estimate: Estimate, complete: Evidence) -> Estimate:
-    """Copy of `estimate` with the unknowns of the runs `complete`, new ones at their start."""
+    """Copy of `estimate` with all unknowns of the runs `complete`, new ones at their start."""
     unknowns_of = {run.name: run.local for run in complete.runs}
     runs, local = [], []
     for run, local_values in zip(estimate.evidence.runs, estimate.point.local, strict=True):
@@ -347,8 +347,8 @@ def _with_unknowns(estimate: Estimate, complete: Evidence) -> Estimate:
 class Freedom:
     """Settings for the degrees of freedom of a variance. Source: set by hand.
 
-    The logarithm of a spread is changed by `step`; its prior holds as much information as six runs,
-    so that there are at least `least`; `most` are as good as infinitely many.
+    The variance is differentiated over `step` of a spread's logarithm. A spread's prior holds as
+    much information as six runs, hence at least `least`; `most` stands for infinitely many.
     """
 
     step: float = 0.1
@@ -360,7 +360,7 @@ FREEDOM = Freedom()
 
 
 def covariance(estimate: Estimate, inefficiency: float) -> Array:
-    """Covariance (size, size) of all unknowns; `inefficiency` samples count as one independent."""
+    """Covariance (k, k) of all k unknowns; `inefficiency` samples count as one independent."""
     inverse = normal_equations.covariance(estimate.normal().curvature)
     errors = _common_error_responses(estimate)
     if not errors.shape[1]:
@@ -385,10 +385,10 @@ def _common_error_responses(estimate: Estimate) -> Array:
 
 
 def degrees_of_freedom(estimate: Estimate, inefficiency: float, scatter: Sequence[Spread]) -> Array:
-    """Degrees of freedom (size,) of the variance of each unknown, `FREEDOM.least` or more.
+    """Degrees of freedom (k,) of the variance of each of the k unknowns, for Student's t.
 
-    2 V^2 / var V, by how the variance V goes with the logarithm of each spread and how well that
-    is known (Satterthwaite 1946, An approximate distribution of estimates of variance components).
+    2 V^2 / var V, where var V follows from the errors of the logarithms of the spreads `scatter`
+    (Satterthwaite 1946, An approximate distribution of estimates of variance components).
     """
     variance = _variance(estimate, inefficiency, {})
     uncertainty = np.zeros_like(variance)
@@ -402,7 +402,7 @@ def degrees_of_freedom(estimate: Estimate, inefficiency: float, scatter: Sequenc
 
 
 def _variance(estimate: Estimate, inefficiency: float, factors: dict[str, float]) -> Array:
-    """Variance (size,) of all unknowns, with spreads multiplied by `factors` by name."""
+    """Variance (k,) of all k unknowns, with spreads multiplied by `factors` by name."""
 
     def with_factor(p: Parameter) -> Parameter:
         return replace(p, spread=p.spread * factors.get(p.name, 1.0)) if p.random else p

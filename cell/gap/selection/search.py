@@ -53,11 +53,11 @@ def within_reach(gain: float, most: float) -> bool:
 def fit_scores(
     simulate: Simulate, fits: Fits, scores: Sequence[Score], candidates: Sequence[Candidate]
 ) -> Fits:
-    """Fit the screened models of `scores`, with the base free, and add them to `fits`.
+    """Fit the models of `scores` together with the base, and add them to `fits`.
 
-    From null and from the values of the screen; a model that is among `fits` is kept unless it
-    comes farther. Models that gain far less than others are left where a few steps brought them:
-    they are listed, and nothing is built on them.
+    Each fit starts at null and at the values of the screen; it replaces a fit of the same model in
+    `fits` only if it gains more. Models that gain far less than the best after a few steps are not
+    refined: the verdict may list them, but no model extends them.
     """
     tasks, base = [], fits.base.estimate
     candidates = with_shape_parameters(candidates, fits)
@@ -83,9 +83,9 @@ def shortlist(
     candidates: Sequence[Candidate],
     most: int,
 ) -> list[Score]:
-    """The `most` scores whose models gain most in a few steps, with these fits to start from.
+    """Select the `most` scores whose models gain most in a few steps, with these fits as origin.
 
-    Responses are far from linear where one effect of a pair changes the response to the other.
+    The linear screen misjudges a pair where one effect changes the response to the other.
     """
     tasks = []
     for score in scores:
