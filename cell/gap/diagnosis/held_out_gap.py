@@ -89,7 +89,7 @@ def excess_of(estimate: Estimate) -> float:
 
 
 def bounded_excess(estimate: Estimate) -> float:
-    """The excess gap that a fit leaves, wild samples bounded at its own dispersion."""
+    """The excess gap that a fit leaves, outliers bounded at its own dispersion."""
     scale = robust.scale(np.concatenate(estimate.residuals))
     clipped = tuple(clip_wild(estimate.residuals, scale))
     return excess_of(replace(estimate, residuals=clipped))
@@ -103,7 +103,7 @@ def sizes(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, f
 def rms_by_run(estimate: Estimate, quantities: Mapping[str, Quantity]) -> list[float]:
     """Root mean square residual of each run in units of noise, floor and tolerance.
 
-    What a true model leaves has about the scale 1, so that this is where samples count as wild.
+    What a true model leaves has about the scale 1, so that this is where samples count as outliers.
     """
     evidence = estimate.evidence
     scaled = []

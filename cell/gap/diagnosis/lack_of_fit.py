@@ -102,7 +102,7 @@ def lack_of_fit(estimate: Estimate, noise: Array, allowed: Array) -> float:
     """p-value, under noise, of the largest standardised mean square over channels and conditions.
 
     `noise` (N, draws) are residuals that noise alone would leave (`noise_left`); `allowed` (N,)
-    divides the residuals first (`slack`); a wild one counts as much as the fit lets it count.
+    divides the residuals first (`slack`); an outlier counts as much as the fit lets it count.
     """
     r = robust.clip_residuals(np.concatenate(estimate.residuals) / allowed)
     by_channel = _rows_by(
@@ -155,7 +155,7 @@ def localise(estimate: Estimate, noise: Array, allowed: Array) -> list[Bin]:
     """Test all bins together against `noise` (N, draws); returns them, the strongest first.
 
     `allowed` (N,) divides the residuals first, for noise beyond the stated one; in probabilities
-    a wild one counts as much as the fit lets it count.
+    an outlier counts as much as the fit lets it count.
     Signed mean and energy of each bin, the latter as sqrt(2 chi^2), which is nearly normal
     (Fisher 1925), both standardised by the noise draws; the probability is that of the largest
     statistic over all bins (Westfall and Young 1993, single-step max-T).

@@ -79,7 +79,7 @@ def likelihood_ratio_p(
 
 
 def clip_wild(residuals: Sequence[Array], scale: float) -> list[Array]:
-    """Residuals (n,) clipped at OFF_TRACK times `scale`, so that no wild sample decides."""
+    """Residuals (n,) clipped at OFF_TRACK times `scale`, so that no outlier decides."""
     return [np.clip(r, -robust.OFF_TRACK * scale, robust.OFF_TRACK * scale) for r in residuals]
 
 

@@ -75,7 +75,7 @@ def gap_is_there(findings: Findings) -> bool:
 
 
 def unseen_gap(findings: Findings) -> float:
-    """Excess gap of the base on held-out runs, wild samples bounded."""
+    """Excess gap of the base on held-out runs, outliers bounded."""
     return held_out_gap.bounded_excess(findings.unseen.before)
 
 
@@ -116,7 +116,7 @@ def deciding_numbers(findings: Findings) -> Numbers:
 
 
 def _gains(findings: Findings) -> tuple[list[float], list[float]]:
-    """Predictive gain [nats] over the base by run and by quantity, wild samples bounded.
+    """Predictive gain [nats] over the base by run and by quantity, outliers bounded.
 
     Of runs left out in turn as predicted from the others, and of held-out ones.
     """

@@ -24,9 +24,9 @@ from drivers.types import Array
 
 
 def choose_and_refine(subject: Subject, simulate: Simulate, fits: Fits, sets: Posterior) -> Choice:
-    """Choose among `fits`, and refit the accepted model against the finest simulation.
+    """Choose the accepted model among `fits`, and refit it against the finest simulation.
 
-    The probabilities `sets` compare all models by one simulation, and so do not change with it.
+    Its probability in `sets` stays: those compare all models by the same, coarser simulation.
     """
     choice = choose(fits, sets)
     rough = choice.accepted
@@ -45,10 +45,10 @@ def run_model_tests(
     complete: Evidence,
     rng: np.random.Generator,
 ) -> ModelTests:
-    """Test the accepted model of `choice` for lack of fit, and for what else may be in its place.
+    """Test the accepted model of `choice` for lack of fit, and against its rivals.
 
-    `sets` are the probabilities of what was fitted; `complete` are the runs with every
-    random unknown that they may have.
+    `sets` are the probabilities of all fitted models; `complete` are the fitted runs with every
+    random unknown.
     """
     best = choice.accepted.estimate
     repeats, noise = Repeats.of(best), lack_of_fit.noise_left(best, rng)
