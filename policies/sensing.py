@@ -52,7 +52,7 @@ class Sensing:
 
     @property
     def biases(self) -> Array:
-        """Biases (STATE_SIZE,) [m] of contact, tip x and tip z, one standard deviation."""
+        """Standard deviations (STATE_SIZE,) [m] of a fold's constant errors of contact and tip."""
         return np.array([self.contact_bias, self.tip_bias, self.tip_bias])
 
 

@@ -128,7 +128,7 @@ class RangeFolds(Settings):
 
     @property
     def d(self) -> Array:
-        """Displacements (side, side) [m], NaN without a touch."""
+        """Displacements (side, side) [m] over stiffness and damping, NaN without a touch."""
         return np.array(self.displacement, dtype=np.float64).reshape(self.side, self.side)
 
 

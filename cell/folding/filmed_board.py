@@ -188,7 +188,8 @@ def _ends(
     x = np.linspace(0.06, 0.94, 120) * length
     down = np.arange(PROBE, -PROBE, -FINE)
     points = np.stack(np.broadcast_arrays(x[:, None], down), axis=-1)
-    changes = _changes(sample_plane(image, calibration, points), np.tile(colour, (len(x), 1)))
+    rows = sample_plane(image, calibration, points)
+    changes = _colour_changes(rows, np.tile(colour, (len(x), 1)))
     slope, start = theilslopes(PROBE - FINE * changes, x)[:2]
     top = strip.thickness + face_height(calibration, strip) / 2
     heights, view = np.linspace(strip.thickness / 2, top, ROWS), calibration.viewpoint
@@ -200,17 +201,17 @@ def _ends(
             np.broadcast_arrays(along, start + slope * along + heights[:, None]), axis=-1
         )
         rows = sample_plane(image, calibration, points)
-        changes = _changes(rows, np.median(rows[:, : rows.shape[1] // 4], axis=1))
+        changes = _colour_changes(rows, np.median(rows[:, : rows.shape[1] // 4], axis=1))
         places = end + outward * (FINE * changes - WITHIN)
         place = float(np.median((places - back * view.x) / (1 - back)))
         ends.append(np.array([place, start + slope * place + strip.thickness / 2]))
     return ends[0], ends[1]
 
 
-def _changes(rows: Array, firsts: Array) -> Array:
-    """Places (n,) [samples] at which `rows` (n, m, 3) turn from `firsts` (n, 3) to another colour.
+def _colour_changes(rows: Array, firsts: Array) -> Array:
+    """Places (n,) [samples] at which `rows` (n, m, 3) leave their first colours `firsts` (n, 3).
 
-    The last sample where a row does not.
+    For good: the SURE metres that follow are of another. The last sample where a row does not.
     """
     sure, found = round(SURE / FINE), np.full(len(rows), rows.shape[1] - 1.0)
     for number, (row, first) in enumerate(zip(rows, firsts, strict=True)):
@@ -221,5 +222,5 @@ def _changes(rows: Array, firsts: Array) -> Array:
             reached = begin + others[0] + sure
             way = np.median(row[reached - sure // 2 : reached], axis=0) - first
             share = (row[begin:reached] - first) @ way / (way @ way)
-            found[number] = begin + np.flatnonzero(share < 0.5)[-1] + 0.5
+            found[number] = begin + np.max(np.flatnonzero(share < 0.5), initial=0) + 0.5
     return found

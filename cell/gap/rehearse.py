@@ -105,7 +105,7 @@ def _new_plan(
     base = refit_base(subject.simulate, model, known_runs)
     values = {p.name: float(v) for p, v in zip(model.base, base.shared, strict=True)}
     plant = as_fitted(strip, values)
-    copies, unseen = sizes(plant, [run for run in measured if run.usable], excess)
+    copies, unseen = copies_with_each_effect(plant, [run for run in measured if run.usable], excess)
     copies += [
         Hidden(key=f"{NO_EFFECT}-{i}", effect=NO_EFFECT, values={}, seed=i) for i in range(empty)
     ]
@@ -135,7 +135,7 @@ def path_of_run(run: MeasuredRun) -> GripperPath:
     return GripperPath(frozen(times), frozen(np.vstack([poses, still])), run.measured.hanging)
 
 
-def sizes(
+def copies_with_each_effect(
     plant: StripFile, runs: Sequence[MeasuredRun], excess: float
 ) -> tuple[list[Hidden], list[str]]:
     """Copies with each effect so large that it leaves the gap `excess`, and effects that cannot."""

@@ -71,7 +71,7 @@ class Correction:
         return self if correct(policy, self.seen, self.unseen) else None
 
     def facts(self) -> dict[str, Any]:
-        """The correction as run.yaml records it [m]."""
+        """Entry `learning` of run.yaml: the amounts [m] of this correction and its bias."""
         return asdict(self)
 
     def sentence(self) -> str | None:

@@ -83,7 +83,7 @@ class Done:
 
 @dataclass(frozen=True, slots=True)
 class Add:
-    """Request to add the shared image, of this `shape` (h, w, 3), taken at `stamp` [s]."""
+    """Message to the encoder: append the shared image, `shape` (h, w, 3), taken at `stamp` [s]."""
 
     stamp: float
     shape: tuple[int, ...]

@@ -60,7 +60,7 @@ def _duration(run: Run) -> float | None:
     return float(run.ticks.t[-1]) if run.ticks.t.size else None
 
 
-def facts(run: Run) -> Rows:
+def settings_rows(run: Run) -> Rows:
     """Rows of the run's settings: nested keys joined by dots; long lists are counted."""
     content = run.header.model_dump(by_alias=True, exclude_none=True)
     rows = [(key, _text(key, value)) for key, value in _flatten(content)]

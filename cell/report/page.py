@@ -22,7 +22,7 @@ from cell.record.files import (
 )
 from cell.record.run import Run, read_broken_run
 from cell.record.truth import read_truth
-from cell.report.facts import advice, checks, facts, left_files, listed_events, measures
+from cell.report.facts import advice, checks, left_files, listed_events, measures, settings_rows
 from cell.report.figures import (
     outlook_figure,
     predictions,
@@ -86,7 +86,7 @@ def report(run: Run) -> str:
         checks=checks(run),
         events=listed_events(run),
         files=_files(run),
-        facts=facts(run),
+        facts=settings_rows(run),
         **_figures(run),
     )
 

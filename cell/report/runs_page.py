@@ -13,7 +13,7 @@ from cell.record.frames import read_index
 from cell.record.listing import RunRow, read_row
 from cell.record.run import Run, read_broken_run
 from cell.report.drawing import MUTED, as_svg, canvas
-from cell.report.facts import LEFT_OUT, facts
+from cell.report.facts import LEFT_OUT, settings_rows
 from cell.report.kit import Link, jpeg_text, page
 from cell.report.page import film_of, truth_of
 from cell.report.verdict import Verdict
@@ -159,7 +159,7 @@ def _differences(runs: Sequence[Run], truths: Sequence[Mapping[str, Any]]) -> li
     """
     settings = []
     for run, truth in zip(runs, truths, strict=True):
-        stated = dict(facts(run)) | dict(_flatten(run.header.config or {}, "cell"))
+        stated = dict(settings_rows(run)) | dict(_flatten(run.header.config or {}, "cell"))
         stated |= dict(_flatten(truth.get("plant", {}), "plant"))
         settings.append(stated)
     keys = dict.fromkeys(key for each in settings for key in each if key not in PER_RUN_KEYS)

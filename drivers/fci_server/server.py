@@ -189,7 +189,7 @@ class RobotServer:
         self._pace, self._silence = Pace(), Stopwatch(OFFER_ARM)
         self._heard = False  # by the wall clock, whether this tick's command has come
         self._punctuality = Punctuality()
-        self._strict, self._begun = False, 0  # in lock-step, robot time at the first command
+        self._awaits_command, self._begun = False, 0  # in lock-step; robot time [ms] of the first
         self._thread: Thread | None = None
         self._stopping = False
 
@@ -225,7 +225,7 @@ class RobotServer:
         """Serve clients until `close` is called from outside."""
         try:
             while not self._stopping:
-                self._turn()
+                self._run_once()
         finally:
             self._disconnect()
 
@@ -245,9 +245,9 @@ class RobotServer:
             self._waker.close()
             self._poll.close()
 
-    def _turn(self) -> None:
-        self._strict = self._strict and self._lock_step and self.robot.moving
-        if self._strict:
+    def _run_once(self) -> None:
+        self._awaits_command = self._awaits_command and self._lock_step and self.robot.moving
+        if self._awaits_command:
             self._wait_for_command()
         elif self._idle():
             self._apply_due_faults()
@@ -282,7 +282,7 @@ class RobotServer:
         command = self._next_command()
         if command is not None and self._lock_step:
             # The client has begun: from here on its commands are the clock.
-            self._strict, self._begun = True, self.robot.time
+            self._awaits_command, self._begun = True, self.robot.time
             if command.message_id == self.robot.time:
                 self._follow(command)
             return

@@ -49,7 +49,7 @@ _FREE = SPHERE_LINKS >= FIRST_FREE_LINK
 
 
 def spheres(q: Array) -> Array:
-    """Centres (..., m, 3) [m] in the base of the spheres RADII (m,) for joints (..., 7) [rad]."""
+    """Centres (..., m, 3) [m] of the collision spheres of arm and hand at joints (..., 7) [rad]."""
     joints = frames(q)
     shape = joints.shape[:-3]
     flange = np.eye(4)

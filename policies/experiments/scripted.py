@@ -10,7 +10,7 @@ from policies.experiments.motion import Motion
 from policies.path import Path
 from policies.policy import Decision, Observation
 
-LEAD = 0.03  # s of preview: about the time in which a gripper takes up a new velocity
+HALF_SPAN = 0.03  # s to either side over which the velocity of the motion is averaged
 GAIN = 4.0  # 1/s, of the feedback of the position error
 FASTEST_COMMAND = 0.19  # m/s, limit of the commanded speed
 SEARCH_SAMPLES = 2001  # points of a path among which the nearest is searched
@@ -47,9 +47,9 @@ class Scripted:
             self._begun = observation.time - np.array(passed)
         now = observation.time - self._begun
         place = motion.at(np.clip(now, 0.0, motion.duration))
-        before = motion.at(np.clip(now - LEAD, 0.0, motion.duration))
-        after = motion.at(np.clip(now + LEAD, 0.0, motion.duration))
-        velocity = (after - before) / (2 * LEAD) + GAIN * (place - here)
+        before = motion.at(np.clip(now - HALF_SPAN, 0.0, motion.duration))
+        after = motion.at(np.clip(now + HALF_SPAN, 0.0, motion.duration))
+        velocity = (after - before) / (2 * HALF_SPAN) + GAIN * (place - here)
         done = now >= motion.duration
         speed = np.where(done, 0.0, np.minimum(np.hypot(*velocity.T), FASTEST_COMMAND))
         direction = np.arctan2(velocity[:, 1], velocity[:, 0]) % (2 * np.pi)

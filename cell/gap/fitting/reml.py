@@ -294,7 +294,7 @@ def with_own_scatter(
 
 
 def with_spreads(evidence: Evidence, spreads: Sequence[Spread]) -> Evidence:
-    """Copy of `evidence` with no other random unknowns than `spreads` names, and these spreads."""
+    """Copy of `evidence` with the random unknowns that `spreads` names, and these prior widths."""
     spread_of = {s.name: s.value for s in spreads}
     runs = []
     for run in evidence.runs:

@@ -95,7 +95,7 @@ class SimulationCache:
         return answers
 
     def erase(self) -> None:
-        """Delete the cache once the fit is complete."""
+        """Delete the cache now, with the folder that holds it."""
         shutil.rmtree(self._folder.parent, ignore_errors=True)
 
 

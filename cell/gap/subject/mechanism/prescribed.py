@@ -207,16 +207,17 @@ class Prescribed(Engine):
         if np.any(model.actuator_delay > 0.0) or np.any(model.actuator_dyntype > 0):
             self.notes += (DELAYED,)
         if self._loop is not None and len(given) == model.nv:
-            self.notes += self._open_loops(self._loop)
+            self.notes += self._notes_on_loop_closure(self._loop)
 
-    def _open_loops(self, loop: Loop) -> tuple[str, ...]:
-        """Remark on the encoders of joints that loops lead, where they leave the loops open."""
+    def _notes_on_loop_closure(self, loop: Loop) -> tuple[str, ...]:
+        """Note for the report where measured joints leave the kinematic loop open; else none."""
         names = [j.name for j in self._mechanism.joints]
-        gaps = [loop.gap(np.column_stack([r.columns[n] for n in names])[::THINNED])
-                for r in self._opened.recordings]  # fmt: skip
-        if max(gaps) < OPEN:
+        rows = [np.column_stack([r.columns[n] for n in names]) for r in self._opened.recordings]
+        known = [q[np.isfinite(q).all(axis=1)][::THINNED] for q in rows]
+        gap = max((loop.gap(q) for q in known if len(q)), default=0.0)
+        if gap < OPEN:
             return ()
-        return (f"the loop does not close by {1e3 * max(gaps):.2g} mm at the measured joints: an "
+        return (f"the loop does not close by {1e3 * gap:.2g} mm or mrad at the measured joints: an "
                 "encoder's zero or the geometry is off; driven joints alone are used",)  # fmt: skip
 
     def not_honoured(self) -> Iterator[str]:
