@@ -130,8 +130,7 @@ def calibrate_camera(
         print_verdict(found.lines)
         sys.stdout.write(f"  {page or folder}\n")
         if found.folder is not None and found.passed:
-            lens = "" if folder.parent == SESSIONS else f" --lens {folder / ROS}"
-            sys.stdout.write(f"next: cell calibrate homography{lens}\n")
+            sys.stdout.write(f"next: cell calibrate homography --lens {folder / ROS}\n")
     sys.exit(0 if found.passed else 1)
 
 

@@ -188,8 +188,7 @@ def _ends(
     x = np.linspace(0.06, 0.94, 120) * length
     down = np.arange(PROBE, -PROBE, -FINE)
     points = np.stack(np.broadcast_arrays(x[:, None], down), axis=-1)
-    rows = sample_plane(image, calibration, points)
-    changes = _colour_changes(rows, np.tile(colour, (len(x), 1)))
+    changes = _colour_edges(sample_plane(image, calibration, points), np.tile(colour, (len(x), 1)))
     slope, start = theilslopes(PROBE - FINE * changes, x)[:2]
     top = strip.thickness + face_height(calibration, strip) / 2
     heights, view = np.linspace(strip.thickness / 2, top, ROWS), calibration.viewpoint
@@ -201,14 +200,14 @@ def _ends(
             np.broadcast_arrays(along, start + slope * along + heights[:, None]), axis=-1
         )
         rows = sample_plane(image, calibration, points)
-        changes = _colour_changes(rows, np.median(rows[:, : rows.shape[1] // 4], axis=1))
+        changes = _colour_edges(rows, np.median(rows[:, : rows.shape[1] // 4], axis=1))
         places = end + outward * (FINE * changes - WITHIN)
         place = float(np.median((places - back * view.x) / (1 - back)))
         ends.append(np.array([place, start + slope * place + strip.thickness / 2]))
     return ends[0], ends[1]
 
 
-def _colour_changes(rows: Array, firsts: Array) -> Array:
+def _colour_edges(rows: Array, firsts: Array) -> Array:
     """Places (n,) [samples] at which `rows` (n, m, 3) leave their first colours `firsts` (n, 3).
 
     For good: the SURE metres that follow are of another. The last sample where a row does not.

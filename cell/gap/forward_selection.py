@@ -181,7 +181,7 @@ class ForwardSelection:
     def _refit_alternatives(self, fits: Fits) -> Fits:
         """Fit an accepted pair or triple without each effect, and with others in its place.
 
-        Again where one of these is accepted then: its effects have alternatives of their own.
+        Repeats while that changes the accepted model, since each has alternatives of its own.
         """
         tried: set[frozenset[str]] = set()
         while len(names := self._accept(fits).model.names) > 1 and names not in tried:

@@ -28,7 +28,7 @@ from cell.gap.selection.posterior import posterior
 from cell.gap.selection.prior import filling_floor, immaterial
 from cell.gap.selection.screening import ProbeResponses, Score, detectable, probe, ranking, table
 from cell.gap.subject.subject import Subject
-from cell.gap.verdict.decision import kind
+from cell.gap.verdict.decision import decide
 from cell.gap.verdict.findings import Advice, BaseFit, Findings, Screen
 from cell.gap.verdict.model_tests import advice, choose_and_refine, refit_held_out, run_model_tests
 from cell.gap.verdict.offered_law import offered_law
@@ -78,7 +78,7 @@ def investigate(
 
 def _with_law(findings: Findings, simulate: Simulate, rng: np.random.Generator) -> Findings:
     """Findings with a law, where one is offered for a gap without a name."""
-    if kind(findings) != "unexplained":
+    if decide(findings) != "unexplained":
         return findings
     law = offered_law(findings.subject, simulate, findings.choice, findings.unseen.before, rng)
     return replace(findings, law=law)

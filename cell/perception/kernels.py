@@ -156,10 +156,10 @@ def _load_cell(
     cell: tuple[int, int],
     pixels: Floats,
 ) -> None:
-    """Load the pixels of one `cell`, row and column, into `pixels` (7, CELL_PX^2).
+    """Write seven features of each pixel of one `cell`, row and column, to `pixels` (7, CELL_PX^2).
 
-    Rows: the difference of B, G, R, in even light, from the background's, these themselves, their
-    shade; `light` (n + 2, m + 2) of cells with a border is interpolated.
+    0 to 2: B, G, R at even light minus the background's; 3 to 5: the background's; 6: its shade.
+    `light` (n + 2, m + 2) of the cells, with a border, is interpolated bilinearly.
     """
     (left, top), (i, j) = corner, cell
     half = np.float32(0.5) / np.float32(CELL_PX) + np.float32(0.5)

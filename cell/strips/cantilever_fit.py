@@ -208,7 +208,7 @@ class Fit:
 
     @property
     def bending_length(self) -> float:
-        """Bending length c [m]."""
+        """Bending length [m]: the cube root of rigidity over weight per length (Peirce 1930)."""
         return self.hanging.bending_length
 
     @property

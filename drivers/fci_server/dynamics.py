@@ -20,7 +20,7 @@ Sag = Callable[[Posture], Array]
 
 
 class Dynamics:
-    """Inverse dynamics of the arm's published model, with the additional mechanics of a `plant`."""
+    """Joint torques by the arm's published model, with friction, load and errors of a `plant`."""
 
     def __init__(self, plant: ArmPlant) -> None:
         """Build the model with mass errors and tilt of `plant`; the hand keeps the model's mass."""

@@ -235,7 +235,7 @@ def without_each(accepted: CrossValidatedFit) -> list[Score]:
 
 
 def other_signs(simulate: Simulate, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:
-    """Refit `models` from the opposite sign, too, of each effect with a place.
+    """Add fits of `models` that start from the opposite sign of an effect that has a place.
 
     A stiff seam here resembles a soft one next to it, on another base or beside another effect.
     """

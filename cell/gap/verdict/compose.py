@@ -15,9 +15,9 @@ from cell.gap.selection.likelihood import family_wise, likelihood_ratio_p, margi
 from cell.gap.subject.subject import Candidate, Parameter
 from cell.gap.verdict.decision import (
     GAP,
+    decide,
     deciding_numbers,
     describe_left,
-    kind,
     named_effects,
     probability,
     unseen_gap,
@@ -63,7 +63,7 @@ HUGE = 1e12  # stands for an infinite value, which JSON cannot hold
 
 def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
     """Verdict document of an investigation, from its findings."""
-    verdict_kind = kind(findings)
+    verdict_kind = decide(findings)
     tests = findings.model_tests
     values = intervals(tests.sized, findings.likelihood.inefficiency, tests.scatter)
     named = [e.name for e in named_effects(findings)]

@@ -37,7 +37,7 @@ ASTRAY = 2.0  # times the median run's residual, above which a run is an outlier
 ALIKE = 0.9  # cosine of two responses above which one cannot be told from the other
 
 
-def kind(findings: Findings) -> Kind:
+def decide(findings: Findings) -> Kind:
     """Kind of verdict that the findings support."""
     if not credible_effects(findings):
         return "unexplained" if gap_is_there(findings) else "no_gap"

@@ -272,8 +272,8 @@ def _values(
     if known is TIMES and (seconds := seconds_of(raw)) is not None:
         return seconds
     if (numbers := numbers_of(raw)) is None:
-        words = ((row, word) for row, word in enumerate(raw.to_pylist(), 1) if not _is_number(word))
-        where = next((f" ({word!r} in row {row})" for row, word in words), "")
+        words = enumerate(raw.to_pylist(), 1)
+        where = next((f" ({w!r} in row {row})" for row, w in words if w and not _is_number(w)), "")
         raise ConfigurationError(
             f"{path}: column {column.column!r} for {name} holds {raw.type}{where}, must hold "
             f"numbers{ISO if known is TIMES else ''}; state the file's `decimal` in "

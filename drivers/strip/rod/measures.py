@@ -9,7 +9,7 @@ from drivers.strip.shape import LYING_LENGTH
 
 @kernel
 def desk_contact(x: Any, z: Any, tip: int, height: float) -> Any:
-    """x [m] where the midline leaves the desk for the fold, whose rightmost node is `tip`."""
+    """x [m] where nodes x, z (n,) [m] rise over `height` [m] to the fold, rightmost at `tip`."""
     last = len(x) - 1
     j = tip
     if z[tip] <= height:

@@ -12,7 +12,7 @@ from cell.gap.fitting.crossvalidation import CrossValidatedFit, folds, validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.tasks import run_one
 from cell.gap.subject.subject import Request, Run
-from cell.gap.verdict.decision import describe_left, kind, probability
+from cell.gap.verdict.decision import decide, describe_left, probability
 from drivers.types import Array
 from tests.cell.gap.test_gap_engine import Curves, T, fitted, hidden, judged, nothing, wave
 
@@ -113,5 +113,5 @@ def test_a_model_that_leaves_more_of_unseen_runs_is_the_less_probable() -> None:
     shown = replace(found.unseen, before=found.unseen.after, after=found.unseen.before)
     worse = replace(found, unseen=shown)
     assert probability(worse, "wave") < verdict.effects[0].confidence
-    assert kind(worse) == "unexplained"
+    assert decide(worse) == "unexplained"
     assert "has not seen is predicted worse" in describe_left(worse)

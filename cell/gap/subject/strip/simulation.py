@@ -178,7 +178,7 @@ class Simulation:
     def _simulate_together(self, jobs: Sequence[Job]) -> list[SimulatedMotion | None]:
         resolution = jobs[0].resolution
         rod = Rod(resolution.segments, strict=False, tolerance=resolution.tolerance)
-        models, paths, dt = [d.model for d in jobs], [d.path for d in jobs], resolution.dt
+        models, paths, dt = [job.model for job in jobs], [job.path for job in jobs], resolution.dt
         every = max(1, round(SHAPE_PERIOD / dt))
         motions = simulate_all(rod, models, paths, dt=dt, every=every, precision=np.float32)
         return [
