@@ -30,7 +30,7 @@ def workers(jobs: int) -> Iterator[Executor]:
             yield pool
         except BrokenProcessPool:
             raise WorkersLost("a worker process died") from None
-        except BaseException:
+        except BaseException:  # Ctrl-C too: the pool's own exit would wait for all queued work
             pool.shutdown(wait=False, cancel_futures=True)
             raise
 

@@ -74,7 +74,7 @@ class Bridge:
         self._reports.close()
         try:
             self._receive(task.settings.start)
-        except BaseException:
+        except BaseException:  # Ctrl-C too: nobody would end the robot's process later
             self._child.close(END_PATIENCE)
             raise
 

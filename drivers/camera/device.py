@@ -190,7 +190,7 @@ class Device:
             raise translate_error(error, path, "opening it", users_of(path)) from None
         try:
             return cls(kernel, path, fd, _identity(kernel, path, fd))
-        except BaseException:
+        except BaseException:  # Ctrl-C too: an open device stays busy for others
             kernel.close(fd)
             raise
 

@@ -62,7 +62,7 @@ class Stream:
         stream = cls(device)
         try:
             stream._begin(buffers)
-        except BaseException:
+        except BaseException:  # Ctrl-C too: a camera that streams refuses the next user
             stream.stop()
             raise
         return stream
@@ -165,7 +165,7 @@ class Session:
         try:
             setup = set_up(device, settings)
             return cls(device, settings, setup, Stream.start(device, settings.buffers))
-        except BaseException:
+        except BaseException:  # Ctrl-C too: an open device stays busy for others
             device.close()
             raise
 

@@ -44,24 +44,20 @@ LONG = ("robot: user stop", "robot: silent 0.7 s", "robot: silent 1.5 s")
 STATES = ("PREFLIGHT", "GRASP", "LIFT", "FOLD", "LAY")  # in which the arm follows commands
 
 
-def check(fault: str, state: str, folder: Path) -> None:
-    came = strike(Blow(fault, state, 3), folder, cached_calibration())
+BLOWS = [
+    pytest.param(fault, state, marks=pytest.mark.slow if is_short else pytest.mark.long)
+    for fault in OUTCOMES
+    for state in STATES
+    for is_short in (state == "PREFLIGHT" and fault not in LONG,)
+]
+
+
+@pytest.mark.parametrize(("fault", "state"), BLOWS)
+def test_fault_is_named_the_arm_rests_and_the_record_is_whole(fault, state, tmp_path) -> None:
+    came = strike(Blow(fault, state, 3), tmp_path, cached_calibration())
     assert came["outcome"] in OUTCOMES[fault]
     assert came["resting"]
     assert came["whole"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("fault", [fault for fault in OUTCOMES if fault not in LONG])
-def test_fault_is_named_the_arm_rests_and_the_record_is_whole(fault, tmp_path) -> None:
-    check(fault, "PREFLIGHT", tmp_path)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("state", STATES)
-@pytest.mark.parametrize("fault", OUTCOMES)
-def test_every_fault_in_every_state_likewise(fault, state, tmp_path) -> None:
-    check(fault, state, tmp_path)
 
 
 def server(settings) -> RobotServer:

@@ -102,7 +102,7 @@ def _move_all(made: Sequence[Path], out: Path) -> tuple[Path, ...]:
         for run in made:
             move_folder(run, out / run.name)
             moved.append(out / run.name)
-    except BaseException:
+    except BaseException:  # Ctrl-C too: all runs are imported, or none
         for run in moved:
             shutil.rmtree(run, ignore_errors=True)
         raise

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from calibration.pointer import find_pointer
-from cell.perception.perception import Perception
 from cell.perception.preflight import Preflight, inspect
 from cell.perception.settings import PerceptionSettings
 from drivers.strip.describe import load_strip
@@ -33,10 +32,8 @@ def _strip(name: str) -> StripFile:
 
 
 @lru_cache
-def _fold(strip: str, thickness: float | None = None) -> TwinFold:
+def _fold(strip: str) -> TwinFold:
     stated = _strip(strip)
-    if thickness is not None:
-        stated = stated.model_copy(update={"thickness": thickness, "bending_length": 0.03})
     return simulate_fold(stated, triangular(stated.length), 0.1)
 
 
@@ -45,28 +42,8 @@ def _judged(look: Look, strip: StripFile, settings: CameraSettings = CAMERA) -> 
     return inspect(flat, twin_calibration(CAMERA), SETTINGS, strip)
 
 
-@lru_cache
-def _reader(
-    look: str, strip: str, thickness: float | None = None
-) -> tuple[Perception, FoldCamera, TwinFold]:
-    fold = _fold(strip, thickness)
-    camera = FoldCamera(fold.strip, CAMERA, look=LOOKS[look])
-    return perception_of(camera, fold.strip, twin_calibration(CAMERA)), camera, fold
-
-
 def _refusals(judged: Preflight) -> dict[str, str]:
     return {check.name: check.reason for check in judged.checks if not check.passed}
-
-
-def _agrees(look: str, strip: str, thickness: float | None = None) -> None:
-    perception, camera, fold = _reader(look, strip, thickness)
-    for sequence in FRAMES:
-        stamp = sequence / CAMERA.rate
-        seen = perception.look(camera.frame(fold, sequence), fold.pose(stamp))
-        assert seen.contact_x == pytest.approx(fold.contact_x(stamp), abs=0.003)
-        assert seen.confidence > 0.6
-        off = distances(seen.profile, fold.shape(stamp))
-        assert np.sqrt(np.mean(off**2)) < 0.0006
 
 
 @pytest.mark.parametrize(
@@ -82,7 +59,16 @@ def _agrees(look: str, strip: str, thickness: float | None = None) -> None:
     ],
 )
 def test_strip_that_preflight_admits_is_read_as_it_is(look: str, strip: str) -> None:
-    _agrees(look, strip)
+    fold = _fold(strip)
+    camera = FoldCamera(fold.strip, CAMERA, look=LOOKS[look])
+    perception = perception_of(camera, fold.strip, twin_calibration(CAMERA))
+    for sequence in FRAMES:
+        stamp = sequence / CAMERA.rate
+        seen = perception.look(camera.frame(fold, sequence), fold.pose(stamp))
+        assert seen.contact_x == pytest.approx(fold.contact_x(stamp), abs=0.003)
+        assert seen.confidence > 0.6
+        off = distances(seen.profile, fold.shape(stamp))
+        assert np.sqrt(np.mean(off**2)) < 0.0006
 
 
 @pytest.mark.parametrize(

@@ -75,17 +75,6 @@ def values_of(name: str) -> list[Values]:
     return VALUES.get(name) or levels(SIMULATED[name])[1::3]
 
 
-CASES = [(name, v) for name in sorted(SIMULATED.keys() - OUTSIDE) for v in values_of(name)]
-QUICK = [
-    ("bending_hysteresis", VALUES["bending_hysteresis"][1]),
-    ("relaxation", VALUES["relaxation"][0]),
-    ("stretch", VALUES["stretch"][1]),
-    ("air_drag", VALUES["air_drag"][0]),
-    ("length_error", VALUES["length_error"][0]),
-    ("end_slip", VALUES["end_slip"][0]),
-]
-
-
 def fold(model: StripModel, engine: Rod | Chain, path: str) -> StripMotion:
     poses = way(PATHS[path])
     return simulate(engine, model, poses.t, poses.poses, shapes=True)
@@ -107,7 +96,29 @@ def apart(rod: StripMotion, chain: StripMotion) -> Array:
     return np.concatenate(found)
 
 
-def agree(name: str, values: Values, path: str) -> None:
+CASES = [(name, v) for name in sorted(SIMULATED.keys() - OUTSIDE) for v in values_of(name)]
+QUICK = [
+    ("bending_hysteresis", 1),
+    ("relaxation", 0),
+    ("stretch", 1),
+    ("air_drag", 0),
+    ("length_error", 0),
+    ("end_slip", 0),
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "path"),
+    [
+        *((name, VALUES[name][number], "triangular") for name, number in QUICK),
+        *(
+            pytest.param(name, values, path, marks=pytest.mark.long)
+            for name, values in CASES
+            for path in ("triangular", "circular")
+        ),
+    ],
+)
+def test_engines_agree_on_an_effect(name: str, values: Values, path: str) -> None:
     model = affected(name, **values)
     rod, chain = (fold(model, engine, path) for engine in (Rod(SEGMENTS), Chain(LINKS)))
     assert rod.touch is not None
@@ -117,18 +128,6 @@ def agree(name: str, values: Values, path: str) -> None:
     size = min(len(chain.contact_x), len(plain(path).contact_x))
     shown = np.abs(chain.contact_x[:size] - plain(path).contact_x[:size]).max()
     assert shown > 1e-5 or name in UNSEEN
-
-
-@pytest.mark.parametrize(("name", "values"), QUICK)
-def test_engines_agree_on_an_effect(name: str, values: Values) -> None:
-    agree(name, values, "triangular")
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("path", ["triangular", "circular"])
-@pytest.mark.parametrize(("name", "values"), CASES)
-def test_engines_agree_on_every_effect(name: str, values: Values, path: str) -> None:
-    agree(name, values, path)
 
 
 @pytest.mark.long
