@@ -10,7 +10,7 @@ from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting.base_fit import nominal
 from cell.gap.fitting.model import response
 from cell.gap.fitting.projection import projection
-from cell.gap.subject.strip.experiments import measured_along, planned_runs
+from cell.gap.subject.strip.experiments import measured_along
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.scatter import SLACK_EFFECTS
 from cell.gap.subject.strip.subject import Strip
@@ -100,12 +100,6 @@ class GapModel:
         self._about = projection(self._estimate)
 
     @classmethod
-    def standard(cls, plant: StripFile, motions: Sequence[str], sigma: Sigma) -> Self:
-        """Gap model for the standard motions called `motions`."""
-        runs = {run.name: run for run in planned_runs(plant, sigma, 0)}
-        return cls(plant, [runs[name] for name in motions])
-
-    @classmethod
     def along(cls, plant: StripFile, paths: Sequence[GripperPath], sigma: Sigma) -> Self:
         """Gap model for runs along the gripper `paths`."""
         folds = measured_along(paths, plant, sigma, 0)
@@ -113,19 +107,9 @@ class GapModel:
 
     def excess(self, hidden: Sequence[Hidden]) -> Array:
         """Excess gap (k,) that each of k sets of effects leaves after the base is refitted."""
-        return np.array([self._excess(response) for response in self._response_after_refit(hidden)])
+        return np.array([self.excess_of(response) for response in self.responses(hidden)])
 
-    def excess_of_each(self, both: Hidden) -> Array:
-        """Excess gap (2,) of each of two effects after base and amount of the other are refitted.
-
-        To first order: the part of the joint response that base and other effect do not span.
-        """
-        alone = [{name: values} for name, values in both.items()]
-        joint, *single = self._response_after_refit([both, *alone])
-        others = [response / np.linalg.norm(response) for response in reversed(single)]
-        return np.array([self._excess(joint - other * (other @ joint)) for other in others])
-
-    def _response_after_refit(self, hidden: Sequence[Hidden]) -> list[Array]:
+    def responses(self, hidden: Sequence[Hidden]) -> list[Array]:
         """Whitened response (N,) to each set of effects, less what a refit of the base removes."""
         estimate = self._estimate
         base, local = estimate.shared, estimate.point.local
@@ -143,7 +127,7 @@ class GapModel:
         moved = [response(result, base, scale) for result, base, scale in runs]
         return self._about.left(np.concatenate(moved))
 
-    def _excess(self, response: Array) -> float:
+    def excess_of(self, response: Array) -> float:
         """Excess gap of a whitened response (N,) under the noise of the runs."""
         evidence = self._estimate.evidence
         by_run = np.split(response, np.cumsum([len(r) for r in self._estimate.residuals])[:-1])

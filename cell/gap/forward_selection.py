@@ -9,12 +9,9 @@ from itertools import takewhile
 
 import numpy as np
 
-from cell.gap.diagnosis import lack_of_fit
-from cell.gap.diagnosis.drift import Repeats
-from cell.gap.diagnosis.lack_of_fit import localise
-from cell.gap.fitting.base_fit import best, objective_of
+from cell.gap.diagnosis.lack_of_fit import ResidualTest
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
-from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, refit
+from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, best, refit
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.reml import Spread, clearly_differ, estimate_spreads, with_scatter
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
@@ -82,9 +79,8 @@ def better_base(
         return None
     refitted = run_one(simulate, refit(base.model, base.evidence, started.point, started.jacobians))
     scale = min(base.scale, refitted.scale)
-    return (
-        refitted if objective_of(refitted, scale) < objective_of(base, scale) - MIN_GAIN else None
-    )
+    is_better = refitted.objective_at(scale) < base.objective_at(scale) - MIN_GAIN
+    return refitted if is_better else None
 
 
 def refit_on_base(
@@ -209,8 +205,5 @@ def _leaves_more(fits: Fits) -> bool:
     if is_exhausted(fits):
         return False
     best = min(fits.models, key=lambda m: (m.estimate.scale, m.estimate.objective)).estimate
-    noise = lack_of_fit.noise_left(best, np.random.default_rng(1))
-    allowed = lack_of_fit.slack(best.evidence, Repeats.of(best).inflation)
-    if lack_of_fit.lack_of_fit(best, noise, allowed) < ALPHA:
-        return True
-    return any(place.p < ALPHA for place in localise(best, noise, allowed))
+    test = ResidualTest.of(best, np.random.default_rng(1))
+    return test.misfit() < ALPHA or any(place.p < ALPHA for place in test.localise())

@@ -6,9 +6,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import special
 
-from cell.gap.diagnosis import lack_of_fit
-from cell.gap.diagnosis.drift import Repeats
-from cell.gap.diagnosis.lack_of_fit import localise
+from cell.gap.diagnosis.lack_of_fit import ResidualTest
 from cell.gap.fitting.base_fit import refit_base, refit_fine, weak_directions
 from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.gauss_newton import Estimate
@@ -102,13 +100,12 @@ def _judge_base(
 ) -> BaseFit:
     """Refit the base finely from `rough`, and test what it leaves beyond noise and scatter."""
     base = refit_fine(subject, simulate, rough)
-    repeats, noise = Repeats.of(base), lack_of_fit.noise_left(base, rng)
-    allowed = lack_of_fit.slack(base.evidence, repeats.inflation)
+    test = ResidualTest.of(base, rng)
     return BaseFit(
         base=run_one(simulate, validate(base)),
-        repeats=repeats,
-        misfit=lack_of_fit.lack_of_fit(base, noise, allowed),
-        places=tuple(localise(base, noise, allowed)),
+        repeats=test.repeats,
+        misfit=test.misfit(),
+        places=tuple(test.localise()),
         weak=tuple(weak_directions(base)),
         scatter=tuple(scatter),
         strained=_is_strained(subject, base),

@@ -10,7 +10,6 @@ from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.tasks import Simulate, run_all
-from cell.gap.selection.likelihood import clip_wild
 from cell.gap.subject.subject import Quantity, Words
 from drivers.types import Array
 
@@ -91,7 +90,7 @@ def excess_of(estimate: Estimate) -> float:
 def bounded_excess(estimate: Estimate) -> float:
     """The excess gap that a fit leaves, outliers bounded at its own dispersion."""
     scale = robust.scale(np.concatenate(estimate.residuals))
-    clipped = tuple(clip_wild(estimate.residuals, scale))
+    clipped = tuple(robust.bound(r, scale) for r in estimate.residuals)
     return excess_of(replace(estimate, residuals=clipped))
 
 
@@ -106,11 +105,12 @@ def rms_by_run(estimate: Estimate, quantities: Mapping[str, Quantity]) -> list[f
     What a true model leaves has about the scale 1, so that this is where samples count as outliers.
     """
     evidence = estimate.evidence
-    scaled = []
+    found = []
     for run, r, scale in zip(evidence.runs, estimate.residuals, evidence.scales, strict=True):
         tolerance = np.array([quantities[str(name)].tolerance for name in run.samples.quantity])
-        scaled.append(r * scale / np.hypot(scale, tolerance))
-    return [float(np.sqrt(np.mean(np.square(r)))) for r in clip_wild(scaled, scale=1.0)]
+        bounded = robust.bound(r * scale / np.hypot(scale, tolerance))
+        found.append(float(np.sqrt(np.mean(np.square(bounded)))))
+    return found
 
 
 def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrink:

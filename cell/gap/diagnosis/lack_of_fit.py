@@ -1,139 +1,142 @@
-"""Lack of fit: whether a model leaves more than noise, overall and in which places."""
+"""Lack of fit: whether a model leaves more than noise, between repeats, overall, in which places.
+
+N is the number of samples of all runs, stacked run by run.
+"""
 
 from collections import defaultdict
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Self, TypeVar
 
 import numpy as np
 from scipy import special
 
-from cell.gap.fitting import robust
+from cell.gap.fitting import normal_equations, robust
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.model import Evidence
-from cell.gap.fitting.projection import projection
+from cell.gap.fitting.projection import projection, stacked_jacobian
+from cell.gap.selection.likelihood import ALPHA
 from cell.gap.subject.subject import Run
 from drivers.types import Array
 
 K = TypeVar("K", bound=Hashable)
+Place = tuple[str, str, str, str]
+"""Channel, phase, zone and condition of a sample."""
 FEWEST_SAMPLES = 4  # samples that make a bin; set by hand
+UNSTEADY = 3.0  # times the stated noise by which repeats may differ; set by hand
+BIN_TIME = 0.3  # s of a bin in which repeats are compared: as long as the samples of a strip
+DRAWS = 400  # of the noise; set by hand
 
 
 @dataclass(frozen=True, slots=True)
-class Testing:
-    """Settings of the lack-of-fit test. Source: set by hand.
+class Repeats:
+    """Differences of the repeats in a fit, by channel in units of the stated noise.
 
-    Repeats are compared in bins of `bin_time` [s], as long as the samples of a strip; noise is
-    drawn `draws` times.
+    `scatter` between repeats, and `inflation` of the noise once a drift of the base with the index
+    of the run is taken out. `drift` says in words which parameter drifts most surely, `p` is the
+    p-value of no drift; empty and 1 where no condition was repeated.
     """
 
-    bin_time: float = 0.3
-    draws: int = 400
+    scatter: dict[str, float]
+    inflation: dict[str, float]
+    drift: str = ""
+    p: float = 1.0
+
+    @classmethod
+    def of(cls, estimate: Estimate) -> Self:
+        """Compare the repeats in a fit.
+
+        Likelihood ratio (Wilks 1938) of each parameter linear in the index, all at once, in units
+        of the scatter between repeats that is left then. Only repeats are held against each other:
+        what the model gets wrong of a condition is the same in all of them.
+        """
+        runs, scatter = estimate.evidence.runs, pure_error(estimate, estimate.residuals)
+        later = _relative_index(runs)
+        if not later.any():
+            return cls(scatter, scatter)
+        about, count = projection(estimate), len(estimate.shared)
+        owner = np.repeat(np.arange(len(runs)), [len(r) for r in estimate.residuals])
+        columns = about.weigh(stacked_jacobian(estimate)[:, :count] * later[owner][:, None])
+        form = about.form(columns)
+        nothing, free = np.zeros(count), np.full(count, np.inf)
+        limits = normal_equations.Bounds(-free, free, nothing, nothing)
+        rates = normal_equations.bounded_step(form, nothing, limits)
+        corrected = (about.residual + about.left(columns) @ rates) / about.weight
+        parts = np.split(corrected, np.cumsum([len(r) for r in estimate.residuals])[:-1])
+        inflation = pure_error(estimate, parts, spent=count)
+        unit = max([1.0, *(v / estimate.scale for v in inflation.values())]) ** 2
+        p = float(special.chdtrc(count, 2.0 * normal_equations.decrease(form, rates) / unit))
+        return cls(scatter, inflation, _drift_words(estimate, form), p)
+
+    @property
+    def differ(self) -> bool:
+        """Whether repeats differ, drift aside, by more than UNSTEADY times the stated noise."""
+        return max(self.inflation.values(), default=1.0) > UNSTEADY
+
+    @property
+    def drifts(self) -> bool:
+        """Whether repeats differ by more than noise, and by a drift."""
+        return self.p < ALPHA and max(self.scatter.values(), default=1.0) > 1.0
 
 
-TESTING = Testing()
-SIGNIFICANT = 0.01  # probability below which repeats scatter by more than the noise; customary
-
-
-def pure_error(
-    estimate: Estimate, residuals: Sequence[Array] | None = None, spent: int = 0
-) -> dict[str, float]:
+def pure_error(estimate: Estimate, residuals: Sequence[Array], spent: int = 0) -> dict[str, float]:
     """Factor (>= 1) by channel on the stated noise that the scatter between repeats demands.
 
-    `residuals` stand in for the estimate's own, `spent` degrees of freedom went into them.
+    `residuals` (n,) by run of the runs of `estimate`; `spent` degrees of freedom went into them.
     Variance of bin means between runs of one condition over what the noise explains, accepted
-    where its chi-square probability is below 1 % (Draper and Smith, Applied Regression
+    where its chi-square probability is below ALPHA (Draper and Smith, Applied Regression
     Analysis, lack of fit and pure error).
     """
+    bins: dict[tuple[Place, int], list[tuple[float, int]]] = defaultdict(list)
+    for run, r in zip(estimate.evidence.runs, residuals, strict=True):
+        times = (run.samples.t / BIN_TIME).astype(int)
+        for key, rows in _rows_by(zip(_places(run), times, strict=True)).items():
+            bins[key].append((float(r[rows].mean()), len(rows)))
     squares: dict[str, float] = defaultdict(float)
     freedom: dict[str, int] = defaultdict(int)
-    for bins in _repeat_bins(estimate, residuals or estimate.residuals).values():
-        for channel, mean, count in bins:
-            centre = np.average(mean, weights=count)
-            squares[channel] += float((count * (mean - centre) ** 2).sum())
-            freedom[channel] += len(mean) - 1
+    for ((channel, *_), _), runs in bins.items():
+        if len(runs) < 2:
+            continue
+        mean, count = np.array(runs).T
+        squares[channel] += float((count * (mean - np.average(mean, weights=count)) ** 2).sum())
+        freedom[channel] += len(mean) - 1
     factors = {}
     for channel, dof in freedom.items():
         left = max(1, dof - spent)
-        excess = special.chdtrc(left, squares[channel]) < SIGNIFICANT
+        excess = special.chdtrc(left, squares[channel]) < ALPHA
         factors[channel] = max(1.0, float(np.sqrt(squares[channel] / left))) if excess else 1.0
     return factors
 
 
-def _repeat_bins(
-    estimate: Estimate, residuals: Sequence[Array]
-) -> dict[str, list[tuple[str, Array, Array]]]:
-    """Channel, means and counts (runs,) of each bin that repeats share, by condition."""
-    bins: dict[tuple[str, str, str, str, int], list[tuple[float, int]]] = defaultdict(list)
-    for run, r in zip(estimate.evidence.runs, residuals, strict=True):
-        for key, rows in _rows_by([run], _place_and_time).items():
-            bins[(run.condition, *key)].append((float(r[rows].mean()), len(rows)))
-    repeats: dict[str, list[tuple[str, Array, Array]]] = defaultdict(list)
-    for (condition, channel, *_), values in bins.items():
-        if len(values) > 1:
-            mean, count = np.array(values).T
-            repeats[condition].append((channel, mean, count))
-    return repeats
+def _relative_index(runs: Sequence[Run]) -> Array:
+    """Index (R,) of each run less the mean index of the runs of its condition."""
+    index = np.array([run.index for run in runs], dtype=float)
+    condition = np.array([run.condition for run in runs])
+    return np.asarray(index - np.array([index[condition == own].mean() for own in condition]))
 
 
-def _place_and_time(run: Run, i: int) -> tuple[str, str, str, int]:
-    """Channel, phase, zone and time bin of sample number `i` of a run."""
-    return (*_place(run, i), int(run.samples.t[i] / TESTING.bin_time))
+def _drift_words(estimate: Estimate, form: normal_equations.Normal) -> str:
+    """Words for the parameter whose drift alone explains most, and its change per run."""
+    information = np.maximum(np.diag(form.curvature), 1e-300)
+    i = int(np.argmax(form.gradient**2 / information))
+    rate = -form.gradient[i] / information[i]
+    p, value = estimate.model.parameters[i], float(estimate.shared[i])
+    if value == 0.0:
+        return f"{p.name} changes by {rate:+.2g} {p.unit} a run"
+    return f"{p.name} changes by {100 * rate / value:+.2g} % a run"
 
 
-def _rows_by(runs: Sequence[Run], key: Callable[[Run, int], K]) -> dict[K, list[int]]:
-    """Row numbers in the stacked samples of `runs`, by the `key` of each sample of a run."""
-    rows: dict[K, list[int]] = defaultdict(list)
-    first = 0
-    for run in runs:
-        for i in range(len(run.samples)):
-            rows[key(run, i)].append(first + i)
-        first += len(run.samples)
-    return rows
-
-
-def _place(run: Run, i: int) -> tuple[str, str, str]:
-    """Channel, phase and zone of sample number `i` of a run."""
+def _places(run: Run) -> Iterator[Place]:
     s = run.samples
-    return str(s.channel[i]), str(s.phase[i]), str(s.zone[i])
+    for channel, phase, zone in zip(s.channel, s.phase, s.zone, strict=True):
+        yield str(channel), str(phase), str(zone), run.condition
 
 
-def lack_of_fit(estimate: Estimate, noise: Array, allowed: Array) -> float:
-    """p-value, under noise, of the largest standardised mean square over channels and conditions.
-
-    `noise` (N, draws) are residuals that noise alone would leave (`noise_left`); `allowed` (N,)
-    divides the residuals first (`slack`); an outlier counts as much as the fit lets it count.
-    """
-    r = robust.clip_residuals(np.concatenate(estimate.residuals) / allowed)
-    by_channel = _rows_by(
-        estimate.evidence.runs, lambda run, i: (run.samples.channel[i], run.condition)
-    )
-    rows = list(by_channel.values())
-    observed = np.array([np.mean(r[i] ** 2) for i in rows])
-    drawn = np.array([np.mean(noise[i] ** 2, axis=0) for i in rows])
-    mean, spread = drawn.mean(axis=1, keepdims=True), drawn.std(axis=1, keepdims=True) + 1e-12
-    worst = float(((observed[:, None] - mean) / spread).max())
-    null = ((drawn - mean) / spread).max(axis=0)
-    return (1.0 + float((null >= worst).sum())) / (1.0 + len(null))
-
-
-def noise_left(estimate: Estimate, rng: np.random.Generator) -> Array:
-    """Draws of the residuals (N, draws) that noise and run-to-run scatter leave after a fit.
-
-    Parametric bootstrap of the linearised model (Davison and Hinkley 1997, section 6.3).
-    """
-    about = projection(estimate, robustly=False)
-    noise = rng.standard_normal((len(about.residual), TESTING.draws))
-    if about.scatter.shape[1]:
-        noise += about.scatter @ rng.standard_normal((about.scatter.shape[1], TESTING.draws))
-    return about.left(noise)
-
-
-def slack(evidence: Evidence, inflation: Mapping[str, float]) -> Array:
-    """Factor (N,) that widens the scale of each sample: the `inflation` of its channel's noise."""
-    return np.array(
-        [inflation.get(str(c), 1.0) for run in evidence.runs for c in run.samples.channel]
-    )
+def _rows_by(keys: Iterable[K]) -> dict[K, list[int]]:
+    """Positions of each key in `keys`."""
+    rows: dict[K, list[int]] = defaultdict(list)
+    for i, key in enumerate(keys):
+        rows[key].append(i)
+    return rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,26 +153,102 @@ class Bin:
     z: float
     p: float
 
+    @property
+    def place(self) -> Place:
+        """Channel, phase, zone and condition of its samples."""
+        return self.channel, self.phase, self.zone, self.condition
 
-def localise(estimate: Estimate, noise: Array, allowed: Array) -> list[Bin]:
-    """Test all bins together against `noise` (N, draws); returns them, the strongest first.
 
-    `allowed` (N,) divides the residuals first, for noise beyond the stated one; in probabilities
+@dataclass(frozen=True, slots=True)
+class ResidualTest:
+    """Test of the residuals of a fit against those that noise and run-to-run scatter would leave.
+
+    `noise` (N, draws) are draws of these; the residuals are divided by what is `allowed` (N,)
+    first, the factor on the noise of a sample's channel that its `repeats` demand. In probabilities
     an outlier counts as much as the fit lets it count.
-    Signed mean and energy of each bin, the latter as sqrt(2 chi^2), which is nearly normal
-    (Fisher 1925), both standardised by the noise draws; the probability is that of the largest
-    statistic over all bins (Westfall and Young 1993, single-step max-T).
     """
-    r = np.concatenate(estimate.residuals) / allowed
-    bins = _rows_by_bin(estimate)
-    rows = list(bins.values())
-    statistics, drawn = _statistics(r, rows, noise)
-    bounded, _ = _statistics(robust.clip_residuals(r), rows, noise)
-    places = []
-    for key, z, bounded_z in zip(bins, statistics, np.abs(bounded), strict=True):
-        p = (1.0 + float((drawn >= bounded_z).sum())) / (1.0 + len(drawn))
-        places.append(Bin(*key, float(z), p))
-    return sorted(places, key=lambda place: -abs(place.z))
+
+    estimate: Estimate
+    repeats: Repeats
+    noise: Array
+    allowed: Array
+
+    @classmethod
+    def of(cls, estimate: Estimate, rng: np.random.Generator) -> Self:
+        """Test of `estimate` against draws of `rng`."""
+        repeats = Repeats.of(estimate)
+        channels = [str(c) for run in estimate.evidence.runs for c in run.samples.channel]
+        allowed = np.array([repeats.inflation.get(channel, 1.0) for channel in channels])
+        return cls(estimate, repeats, draw_residuals(estimate, rng), allowed)
+
+    @property
+    def bins(self) -> dict[Place, list[int]]:
+        """Row numbers of each bin with enough samples, by its place."""
+        rows = _rows_by(place for run in self.estimate.evidence.runs for place in _places(run))
+        return {place: at for place, at in rows.items() if len(at) >= FEWEST_SAMPLES}
+
+    def misfit(self) -> float:
+        """p-value of the largest standardised mean square over channels and conditions."""
+        r = robust.clip_residuals(np.concatenate(self.estimate.residuals) / self.allowed)
+        places = (place for run in self.estimate.evidence.runs for place in _places(run))
+        rows = _rows_by((channel, condition) for channel, _, _, condition in places).values()
+        observed = np.array([np.mean(r[i] ** 2) for i in rows])
+        drawn = np.array([np.mean(self.noise[i] ** 2, axis=0) for i in rows])
+        found, null = _standardise(observed, drawn)
+        return _tail(null.max(axis=0), float(found.max()))
+
+    def localise(self) -> list[Bin]:
+        """Test all bins together; returns them, the strongest first.
+
+        Signed mean and energy of each bin, the latter as sqrt(2 chi^2), which is nearly normal
+        (Fisher 1925), both standardised by the noise draws; the probability is that of the largest
+        statistic over all bins (Westfall and Young 1993, single-step max-T).
+        """
+        r, bins = np.concatenate(self.estimate.residuals) / self.allowed, self.bins
+        statistics, largest = _statistics(r, list(bins.values()), self.noise)
+        bounded, _ = _statistics(robust.clip_residuals(r), list(bins.values()), self.noise)
+        rows = zip(bins, statistics, np.abs(bounded), strict=True)
+        found = [Bin(*place, float(z), _tail(largest, clipped)) for place, z, clipped in rows]
+        return sorted(found, key=lambda each: -abs(each.z))
+
+    def matching(self, fitted: Estimate, others: Sequence[Estimate]) -> list[Bin]:
+        """Test, in each bin, how well the residuals match what the model `fitted` adds.
+
+        Returns the bins, the surest first. Each sample counts by what that model predicts otherwise
+        than this one (matched filter). It was chosen in sight of the residuals, so that a draw
+        counts by its strongest bin under the response of any of the models tried, it and `others`,
+        with either sign (Westfall and Young 1993).
+        """
+        r, bins = np.concatenate(self.estimate.residuals), self.bins
+        clipped, rows = robust.clip_residuals(r / self.allowed), list(bins.values())
+        responses = [
+            (r - np.concatenate(model.residuals)) / self.allowed for model in (fitted, *others)
+        ]
+        sums = [_match_sums(clipped, response, rows, self.noise) for response in responses]
+        largest = np.max([np.abs(drawn).max(axis=0) for _, drawn in sums], axis=0)
+        found = []
+        for (place, at), z in zip(bins.items(), sums[0][0], strict=True):
+            side = 1.0 if responses[0][at].sum() >= 0.0 else -1.0
+            found.append(Bin(*place, side * float(z), _tail(largest, z)))
+        return sorted(found, key=lambda each: (each.p, -abs(each.z)))
+
+
+def draw_residuals(estimate: Estimate, rng: np.random.Generator) -> Array:
+    """Random whitened residuals (N, DRAWS) that would be left by a fit if its model were right.
+
+    Noise and run-to-run scatter, less what the fit absorbs of them: parametric bootstrap of the
+    linearised model (Davison and Hinkley 1997, section 6.3).
+    """
+    linearised = projection(estimate, robustly=False)
+    noise = rng.standard_normal((len(linearised.residual), DRAWS))
+    if linearised.scatter.shape[1]:
+        noise += linearised.scatter @ rng.standard_normal((linearised.scatter.shape[1], DRAWS))
+    return linearised.left(noise)
+
+
+def _tail(drawn: Array, observed: float) -> float:
+    """Probability of a statistic as large as `observed` by the draws (draws,) of it under noise."""
+    return (1.0 + float((drawn >= observed).sum())) / (1.0 + len(drawn))
 
 
 def _statistics(r: Array, rows: Sequence[list[int]], noise: Array) -> tuple[Array, Array]:
@@ -185,60 +264,6 @@ def _statistics(r: Array, rows: Sequence[list[int]], noise: Array) -> tuple[Arra
     return np.where(np.abs(signed) >= energy, signed, energy), largest
 
 
-def _standardise(found: Array, drawn: Array) -> tuple[Array, Array]:
-    """Statistics (k,) and draws of them (k, draws), both in standard deviations of the draws."""
-    mean, spread = drawn.mean(axis=1), drawn.std(axis=1) + 1e-12
-    return (found - mean) / spread, (drawn - mean[:, None]) / spread[:, None]
-
-
-def _rows_by_bin(estimate: Estimate) -> dict[tuple[str, str, str, str], list[int]]:
-    """Row numbers of each bin with enough samples, by channel, phase, zone and condition."""
-    bins = _rows_by(estimate.evidence.runs, lambda run, i: (*_place(run, i), run.condition))
-    return {key: rows for key, rows in bins.items() if len(rows) >= FEWEST_SAMPLES}
-
-
-def matching_bins(
-    base: Estimate, fitted: Estimate, others: Sequence[Estimate], noise: Array, allowed: Array
-) -> list[Bin]:
-    """Test, in each bin, how well residuals of `base` match what the model `fitted` adds.
-
-    Returns the bins, the surest first. Each sample counts by what the model predicts otherwise than
-    the base (matched filter), against `noise` (N, draws), divided by what is `allowed` (N,) beyond
-    it. The model was chosen in sight of the residuals, so that a draw counts by its strongest bin
-    under the response of any of the models tried, this one and `others`, with either sign (Westfall
-    and Young 1993).
-    """
-    r = np.concatenate(base.residuals)
-    weight = (r - np.concatenate(fitted.residuals)) / allowed
-    bins = _rows_by_bin(base)
-    rows = list(bins.values())
-    found, drawn = _match_sums(robust.clip_residuals(r / allowed), weight, rows, noise)
-    largest = np.abs(drawn).max(axis=0)
-    for other in others:
-        tried = (r - np.concatenate(other.residuals)) / allowed
-        largest = np.maximum(largest, np.abs(_match_sums(r, tried, rows, noise)[1]).max(axis=0))
-    places = []
-    for (key, at), z in zip(bins.items(), found, strict=True):
-        p = (1.0 + float((largest >= z).sum())) / (1.0 + len(largest))
-        side = 1.0 if weight[at].sum() >= 0.0 else -1.0
-        places.append(Bin(*key, side * float(z), p))
-    return sorted(places, key=lambda place: (place.p, -abs(place.z)))
-
-
-def stronger_of_two(by_itself: Sequence[Bin], by_effect: Sequence[Bin]) -> list[Bin]:
-    """Bins with the smaller p-value of two tests, doubled for that choice; strongest first."""
-    if not by_effect:
-        return list(by_itself)
-    other = {_key(b): b for b in by_effect}
-    surer = [min(b, other[_key(b)], key=lambda one: one.p) for b in by_itself]
-    corrected = [replace(b, p=min(1.0, 2.0 * b.p)) for b in surer]
-    return sorted(corrected, key=lambda place: -abs(place.z))
-
-
-def _key(b: Bin) -> tuple[str, str, str, str]:
-    return b.channel, b.phase, b.zone, b.condition
-
-
 def _match_sums(
     r: Array, weight: Array, rows: Sequence[list[int]], noise: Array
 ) -> tuple[Array, Array]:
@@ -246,3 +271,19 @@ def _match_sums(
     return _standardise(
         np.array([r[i] @ weight[i] for i in rows]), np.array([weight[i] @ noise[i] for i in rows])
     )
+
+
+def _standardise(observed: Array, drawn: Array) -> tuple[Array, Array]:
+    """Statistics (k,) and draws of them (k, draws), both in standard deviations of the draws."""
+    mean, spread = drawn.mean(axis=1), drawn.std(axis=1) + 1e-12
+    return (observed - mean) / spread, (drawn - mean[:, None]) / spread[:, None]
+
+
+def stronger_of_two(by_itself: Sequence[Bin], by_effect: Sequence[Bin]) -> list[Bin]:
+    """Bins with the smaller p-value of two tests, doubled for that choice; strongest first."""
+    if not by_effect:
+        return list(by_itself)
+    other = {b.place: b for b in by_effect}
+    surer = [min(b, other[b.place], key=lambda one: one.p) for b in by_itself]
+    corrected = [replace(b, p=min(1.0, 2.0 * b.p)) for b in surer]
+    return sorted(corrected, key=lambda each: -abs(each.z))

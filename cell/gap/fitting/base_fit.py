@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from cell.gap.fitting import normal_equations
 from cell.gap.fitting.gauss_newton import Estimate, linearise, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests
 from cell.gap.fitting.projection import stacked_jacobian
@@ -17,17 +16,6 @@ def refit_base(simulate: Simulate, model: Model, evidence: Evidence) -> Estimate
     """Fit of the base from its stated values."""
     stated = Point(np.array([p.start for p in model.parameters]), evidence.start())
     return run_one(simulate, refit(model, evidence, stated))
-
-
-def best(estimates: list[Estimate]) -> Estimate:
-    """Estimate with the smallest objective, compared at the smallest of the dispersions."""
-    scale = min(e.scale for e in estimates)
-    return min(estimates, key=lambda e: objective_of(e, scale))
-
-
-def objective_of(estimate: Estimate, scale: float) -> float:
-    """Objective [nats] of an estimate at the dispersion `scale`."""
-    return normal_equations.objective(estimate.residuals, estimate.z, estimate.limits, scale)
 
 
 def _prior_width(p: Parameter) -> float:

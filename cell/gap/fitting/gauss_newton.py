@@ -8,7 +8,7 @@ would stop the fit and make its intervals too narrow. So the final fit uses two-
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Self, TypeVar
 
 import numpy as np
 
@@ -114,30 +114,18 @@ def _step_one(values: Array, i: int, h: float) -> Array:
     return moved
 
 
-@dataclass(frozen=True, slots=True)
-class StepControl:
-    """Step control of a Gauss-Newton fit, in shares of the decrease that a step predicted.
-
-    A fit ends after `steps`. A Jacobian is kept where the decrease is in the range `trusted`; in
-    the range `mendable` Broyden's update corrects it, once. Less than `stalled` with fresh
-    Jacobians, twice, ends the fit: the objective is not smooth. A step too long is tried at
-    the shares `parabola` of its length, bent by a term of relative `damping`. Source: set by hand.
-    """
-
-    steps: int = 20
-    trusted: tuple[float, float] = (0.7, 1.4)
-    mendable: tuple[float, float] = (0.3, 2.5)
-    stalled: float = 0.1
-    parabola: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1, 0.02)
-    damping: float = 1e-3
-
-
-STEP_CONTROL = StepControl()
+MOST_STEPS = 20  # of a fit
+# Shares of the decrease that a step predicted, set by hand. In TRUSTED a Jacobian is kept; in
+# MENDABLE Broyden's update corrects it, once. Less than STALLED with fresh Jacobians, twice, ends
+# the fit: the objective is not smooth.
+TRUSTED, MENDABLE, STALLED = (0.7, 1.4), (0.3, 2.5), 0.1
+PARABOLA = (1.0, 0.5, 0.25, 0.1, 0.02)  # shares of a step too long that are tried; set by hand
+DAMPING = 1e-3  # of the bend of that parabola, relative to the curvature; set by hand
 
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A fitted model: its values, residuals and Jacobians.
+    """A model at a point: its residuals and Jacobians there.
 
     Per run: `residuals` (n,) whitened, `raw` in physical units, `jacobians` (n, shared + local)
     of the whitened residuals. `scale` is the dispersion, `objective` the loss at it [nats].
@@ -151,6 +139,21 @@ class Estimate:
     jacobians: tuple[Array, ...]
     scale: float
     objective: float
+
+    @classmethod
+    def at(
+        cls,
+        model: Model,
+        evidence: Evidence,
+        point: Point,
+        raw: Sequence[Residuals],
+        jacobians: tuple[Array, ...],
+    ) -> Self:
+        """Estimate at `point` from residuals `raw` and whitened `jacobians` (n, size) by run."""
+        r = residuals(raw, evidence)
+        scale = robust.scale(np.concatenate(r))
+        found = cls(model, evidence, point, r, tuple(raw), jacobians, scale, 0.0)
+        return replace(found, objective=found.objective_at(scale))
 
     @property
     def shared(self) -> Array:
@@ -172,13 +175,18 @@ class Estimate:
         """Bounds and priors of all unknowns."""
         return normal_equations.bounds(self.model, self.evidence)
 
+    def objective_at(self, scale: float) -> float:
+        """Robust loss of the residuals at the dispersion `scale` plus that of the priors [nats]."""
+        return normal_equations.objective(self.residuals, self.z, self.limits, scale)
+
     def normal(self, scale: float | None = None) -> normal_equations.Normal:
         """Normal equations of data and priors at dispersion `scale` (default: its own)."""
         dispersion = self.scale if scale is None else scale
-        data = normal_equations.normal(self.place, self.residuals, self.jacobians, dispersion)
-        return normal_equations.with_prior(data, self.z, self.limits)
+        return normal_equations.normal(
+            self.place, self.limits, self.z, self.residuals, self.jacobians, dispersion
+        )
 
-    def on(self, indices: Sequence[int]) -> "Estimate":
+    def on(self, indices: Sequence[int]) -> Self:
         """The same estimate, restricted to the runs with the numbers `indices`."""
 
         def pick(by_run: Sequence[T]) -> tuple[T, ...]:
@@ -194,13 +202,19 @@ class Estimate:
         )
 
 
+def best(estimates: Sequence[Estimate]) -> Estimate:
+    """Estimate with the smallest objective, compared at the smallest of the dispersions."""
+    scale = min(e.scale for e in estimates)
+    return min(estimates, key=lambda e: e.objective_at(scale))
+
+
 def refit(
     model: Model,
     evidence: Evidence,
     start: Point,
     jacobians: tuple[Array, ...] | None = None,
     enough: float = FINAL_GAIN,
-    steps: int = STEP_CONTROL.steps,
+    steps: int = MOST_STEPS,
     *,
     both_ways: bool = False,
 ) -> Task[Estimate]:
@@ -213,63 +227,36 @@ def refit(
     slopes = linearise_both_ways if both_ways else linearise
     place = normal_equations.layout(model, evidence)
     limits = normal_equations.bounds(model, evidence)
-    z = np.clip(place.pack(start), limits.low, limits.high)
+    point = place.unpack(np.clip(place.pack(start), limits.low, limits.high))
     fresh, mended, stalled = jacobians is None, False, 0
     if jacobians is None:
-        raw, jacobians = yield from slopes(model, evidence, place.unpack(z))
+        raw, jacobians = yield from slopes(model, evidence, point)
     else:
-        raw = yield requests(model, evidence.runs, place.unpack(z))
+        raw = yield requests(model, evidence.runs, point)
+    fit = Estimate.at(model, evidence, point, raw, jacobians)
     for _ in range(steps):
-        r = residuals(raw, evidence)
-        scale = robust.scale(np.concatenate(r))
-        data = normal_equations.normal(place, r, jacobians, scale)
-        equations = normal_equations.with_prior(data, z, limits)
-        step = normal_equations.bounded_step(equations, z, limits)
+        equations = fit.normal()
+        step = normal_equations.bounded_step(equations, fit.z, limits)
         promised = normal_equations.decrease(equations, step)
         if promised < enough:
             break
-        start_value = normal_equations.objective(r, z, limits, scale)
-        search = _Search(
-            model, evidence, place, limits, jacobians, equations.curvature, scale, start_value
-        )
-        trial = yield from _line_search(search, z, step, r)
-        gain = start_value - trial.objective
+        trial = yield from _line_search(fit, equations.curvature, step)
+        gain = fit.objective - trial.objective_at(fit.scale)
         share = gain / promised
         if gain <= 0.0 and fresh:
             break
-        stalled = stalled + 1 if fresh and share < STEP_CONTROL.stalled else 0
-        trusted = STEP_CONTROL.trusted[0] < share < STEP_CONTROL.trusted[1]
-        mended = (
-            not trusted
-            and not mended
-            and STEP_CONTROL.mendable[0] < share < STEP_CONTROL.mendable[1]
-        )
+        stalled = stalled + 1 if fresh and share < STALLED else 0
+        trusted = TRUSTED[0] < share < TRUSTED[1]
+        mended = not trusted and not mended and MENDABLE[0] < share < MENDABLE[1]
         fresh = not trusted and not mended
-        if mended:
-            jacobians = _broyden_update(search, trial.z - z, raw, trial.raw)
-        if gain > 0.0:
-            z, raw = trial.z, trial.raw
+        jacobians = _broyden_update(fit, trial, equations.curvature) if mended else fit.jacobians
+        fit = replace(trial if gain > 0.0 else fit, jacobians=jacobians)
         if stalled > 1:
             break
         if fresh:
-            raw, jacobians = yield from slopes(model, evidence, place.unpack(z))
-    return estimate_at(model, evidence, place.unpack(z), raw, jacobians)
-
-
-def estimate_at(
-    model: Model,
-    evidence: Evidence,
-    point: Point,
-    raw: Sequence[Residuals],
-    jacobians: tuple[Array, ...],
-) -> Estimate:
-    """Estimate at `point` from residuals `raw` and whitened `jacobians` (n, size) by run."""
-    limits = normal_equations.bounds(model, evidence)
-    z = normal_equations.layout(model, evidence).pack(point)
-    r = residuals(raw, evidence)
-    scale = robust.scale(np.concatenate(r))
-    total = normal_equations.objective(r, z, limits, scale)
-    return Estimate(model, evidence, point, r, tuple(raw), jacobians, scale, total)
+            raw, jacobians = yield from slopes(model, evidence, fit.point)
+            fit = Estimate.at(model, evidence, fit.point, raw, jacobians)
+    return fit
 
 
 def residuals(raw: Sequence[Residuals], evidence: Evidence) -> tuple[Array, ...]:
@@ -277,71 +264,46 @@ def residuals(raw: Sequence[Residuals], evidence: Evidence) -> tuple[Array, ...]
     return tuple(whiten(a, s) for a, s in zip(raw, evidence.scales, strict=True))
 
 
-@dataclass(frozen=True, slots=True)
-class _Search:
-    """What a line search depends on; `start_value` is the objective [nats] at its start."""
-
-    model: Model
-    evidence: Evidence
-    place: normal_equations.Layout
-    limits: normal_equations.Bounds
-    jacobians: tuple[Array, ...]
-    curvature: Array
-    scale: float
-    start_value: float
-
-
-@dataclass(frozen=True, slots=True)
-class _Trial:
-    z: Array
-    raw: Sequence[Residuals]
-    objective: float
-
-
-def _line_search(search: _Search, z: Array, step: Array, r: Sequence[Array]) -> Task[_Trial]:
-    """Trial of the full step or, where that gains nothing, the best along a parabola."""
-    full = (yield from _evaluate(search, [z + step]))[0]
-    if full.objective < search.start_value:
+def _line_search(fit: Estimate, curvature: Array, step: Array) -> Task[Estimate]:
+    """Trial of the full step from `fit` or, where that gains nothing, the best along a parabola."""
+    full = (yield from _evaluate(fit, [fit.z + step]))[0]
+    if full.objective_at(fit.scale) < fit.objective:
         return full
-    bend = _second_order_step(search, z, step, r, residuals(full.raw, search.evidence))
-    points = [z + f * step + f * f * bend for f in STEP_CONTROL.parabola]
-    trials = yield from _evaluate(search, [*points, z + STEP_CONTROL.parabola[-1] * step])
-    return min(trials, key=lambda trial: trial.objective)
+    bend = _second_order_step(fit, full, curvature, step)
+    points = [fit.z + f * step + f * f * bend for f in PARABOLA]
+    trials = yield from _evaluate(fit, [*points, fit.z + PARABOLA[-1] * step])
+    return min(trials, key=lambda trial: trial.objective_at(fit.scale))
 
 
-def _second_order_step(
-    search: _Search, z: Array, step: Array, before: Sequence[Array], after: Sequence[Array]
-) -> Array:
+def _second_order_step(fit: Estimate, full: Estimate, curvature: Array, step: Array) -> Array:
     """Second-order part (size,) of the path to the minimum (geodesic acceleration, Transtrum 2012).
 
-    What the residuals did beyond the linear promise is answered by the same linear model; weak
-    directions, along which the full step was too bold, are damped.
+    What the residuals did beyond the linear promise in the `full` step is answered by the same
+    linear model; weak directions, along which that was too bold, are damped.
     """
-    place, limits = search.place, search.limits
-    beyond = [
-        b - a - jacobian @ step[place.columns(i)]
-        for i, (a, b, jacobian) in enumerate(zip(before, after, search.jacobians, strict=True))
-    ]
-    gradient = np.zeros_like(z)
-    for i, (d, jacobian) in enumerate(zip(beyond, search.jacobians, strict=True)):
-        gradient[place.columns(i)] += jacobian.T @ d / search.scale**2
-    damped = search.curvature + STEP_CONTROL.damping * np.diag(np.diag(search.curvature))
-    inside = np.clip(z + step, limits.low, limits.high)
-    return normal_equations.bounded_step(normal_equations.Normal(gradient, damped), inside, limits)
+    place, gradient = fit.place, np.zeros_like(step)
+    rows = zip(fit.residuals, full.residuals, fit.jacobians, strict=True)
+    for i, (before, after, jacobian) in enumerate(rows):
+        at = place.columns(i)
+        beyond = after - before - jacobian @ step[at]
+        gradient[at] += jacobian.T @ beyond / fit.scale**2
+    damped = curvature + DAMPING * np.diag(np.diag(curvature))
+    return normal_equations.bounded_step(
+        normal_equations.Normal(gradient, damped), full.z, fit.limits
+    )
 
 
-def _broyden_update(
-    search: _Search, change: Array, before: Sequence[Residuals], after: Sequence[Residuals]
-) -> tuple[Array, ...]:
-    """Jacobians by run after the step `change` (size,), by Broyden's update (1965).
+def _broyden_update(fit: Estimate, trial: Estimate, curvature: Array) -> tuple[Array, ...]:
+    """Jacobians by run after the step from `fit` to `trial`, by Broyden's update (1965).
 
     They give the change of the residuals that was seen, at least change in units of what each
     unknown does; samples that either side lost change nothing.
     """
-    updated, units = [], np.diag(search.curvature)
-    rows = zip(before, after, search.evidence.scales, search.jacobians, strict=True)
+    place, change = fit.place, trial.z - fit.z
+    updated, units = [], np.diag(curvature)
+    rows = zip(fit.raw, trial.raw, fit.evidence.scales, fit.jacobians, strict=True)
     for i, (a, b, scale, jacobian) in enumerate(rows):
-        columns = search.place.columns(i)
+        columns = place.columns(i)
         step, along = change[columns], units[columns] * change[columns]
         beyond = np.nan_to_num((b.mean - a.mean) / scale - jacobian @ step)
         updated.append(
@@ -350,18 +312,17 @@ def _broyden_update(
     return tuple(updated)
 
 
-def _evaluate(search: _Search, points: Sequence[Array]) -> Task[list[_Trial]]:
-    """Trials at `points` (size,), each clipped to the bounds; yields simulations."""
-    model, evidence = search.model, search.evidence
-    place, limits = search.place, search.limits
-    inside = [np.clip(p, limits.low, limits.high) for p in points]
-    answers = yield [q for p in inside for q in requests(model, evidence.runs, place.unpack(p))]
-    trials, runs = [], len(evidence.runs)
-    for i, p in enumerate(inside):
-        raw = answers[i * runs : (i + 1) * runs]
-        value = normal_equations.objective(residuals(raw, evidence), p, limits, search.scale)
-        trials.append(_Trial(p, raw, value))
-    return trials
+def _evaluate(fit: Estimate, points: Sequence[Array]) -> Task[list[Estimate]]:
+    """Trials at `points` (size,), clipped to the bounds, with the Jacobians of `fit`; simulates."""
+    model, evidence, place, limits = fit.model, fit.evidence, fit.place, fit.limits
+    inside = [place.unpack(np.clip(p, limits.low, limits.high)) for p in points]
+    answers = yield [q for p in inside for q in requests(model, evidence.runs, p)]
+    runs = len(evidence.runs)
+    by_point = [answers[i * runs : (i + 1) * runs] for i in range(len(inside))]
+    return [
+        Estimate.at(model, evidence, p, raw, fit.jacobians)
+        for p, raw in zip(inside, by_point, strict=True)
+    ]
 
 
 def final_fit(estimate: Estimate) -> Task[Estimate]:
@@ -394,4 +355,4 @@ def _with_slope_errors(estimate: Estimate) -> Task[Estimate]:
         wider = np.sqrt(1.0 + error @ effective_size)
         scales.append(scale * wider)
         slopes.append(slope / wider[:, None])
-    return estimate_at(model, replace(known, scales=tuple(scales)), point, raw, tuple(slopes))
+    return Estimate.at(model, replace(known, scales=tuple(scales)), point, raw, tuple(slopes))

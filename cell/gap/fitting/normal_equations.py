@@ -84,9 +84,14 @@ class Normal:
 
 
 def normal(
-    place: Layout, residuals: Sequence[Array], jacobians: Sequence[Array], scale: float
+    place: Layout,
+    limits: Bounds,
+    z: Array,
+    residuals: Sequence[Array],
+    jacobians: Sequence[Array],
+    scale: float,
 ) -> Normal:
-    """Weighted normal equations of the data alone, summed over runs.
+    """Weighted normal equations of the data, summed over runs, and of the priors at `z` (size,).
 
     By run: whitened `residuals` (n,) and `jacobians` (n, shared + local).
     """
@@ -96,14 +101,8 @@ def normal(
         at = place.columns(i)
         gradient[at] += weighted.T @ r
         curvature[np.ix_(at, at)] += weighted.T @ jacobian
-    return Normal(gradient, curvature)
-
-
-def with_prior(data: Normal, z: Array, limits: Bounds) -> Normal:
-    """Normal equations `data` with the priors at `z` (size,) added."""
     return Normal(
-        data.gradient + limits.precision * (z - limits.mean),
-        data.curvature + np.diag(limits.precision),
+        gradient + limits.precision * (z - limits.mean), curvature + np.diag(limits.precision)
     )
 
 

@@ -28,7 +28,12 @@ def bounded_loss(r: Array) -> Array:
 
     In comparisons no single sample may decide (Hampel et al. 1986, redescending estimators).
     """
-    return loss(np.clip(r, -OFF_TRACK, OFF_TRACK))
+    return loss(bound(r))
+
+
+def bound(r: Array, scale: float = 1.0) -> Array:
+    """Residuals (n,) clipped at OFF_TRACK times `scale`, so that no outlier decides."""
+    return np.clip(r, -OFF_TRACK * scale, OFF_TRACK * scale)
 
 
 def weights(r: Array) -> Array:
@@ -82,9 +87,7 @@ def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
 
 def correlation(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
     """Lag-one autocorrelation of the residuals (n,) of runs, clipped at OFF_TRACK."""
-    power, products = _autocovariance(
-        runs, [np.clip(r, -OFF_TRACK, OFF_TRACK) for r in residuals], lags=1
-    )
+    power, products = _autocovariance(runs, list(map(bound, residuals)), lags=1)
     return float(products[0]) / power if power > 0.0 else 0.0
 
 

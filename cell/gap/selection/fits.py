@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cell.gap.fitting.base_fit import best
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
+from cell.gap.fitting.gauss_newton import best
 from cell.gap.fitting.projection import projection
 from cell.gap.selection.likelihood import LikelihoodScale, likelihood_scale, margin
 from cell.gap.selection.prior import immaterial

@@ -78,11 +78,6 @@ def likelihood_ratio_p(
     return float(special.chdtrc(freedom, max(0.0, 2.0 * (nested - loss) / likelihood.inefficiency)))
 
 
-def clip_wild(residuals: Sequence[Array], scale: float) -> list[Array]:
-    """Residuals (n,) clipped at OFF_TRACK times `scale`, so that no outlier decides."""
-    return [np.clip(r, -robust.OFF_TRACK * scale, robust.OFF_TRACK * scale) for r in residuals]
-
-
 def family_wise(p: Mapping[str, float], names: Sequence[str]) -> dict[str, float]:
     """Family-wise p-values of all `names`; a name without a test counts as p = 1."""
     return dict(zip(names, holm([p.get(name, 1.0) for name in names]), strict=True))

@@ -6,9 +6,8 @@ from operator import itemgetter
 
 import numpy as np
 
-from cell.gap.fitting.base_fit import best, objective_of
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
-from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, refit
+from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, best, refit
 from cell.gap.fitting.model import Evidence, Model, Point
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import Simulate, Task, run_all, side_by_side
@@ -93,7 +92,7 @@ def shortlist(
         tasks.append(_few_steps(model, base.evidence, points[1:] or points))
     estimates = [best(tried) for tried in run_all(simulate, tasks)]
     dispersion = min((e.scale for e in estimates), default=1.0)
-    order = sorted(range(len(estimates)), key=lambda i: objective_of(estimates[i], dispersion))
+    order = sorted(range(len(estimates)), key=lambda i: estimates[i].objective_at(dispersion))
     return [Score(scores[i].names, scores[i].gain, {}, origin=estimates[i]) for i in order[:most]]
 
 
@@ -109,7 +108,7 @@ def _few_steps(model: Model, evidence: Evidence, points: Sequence[Start]) -> Tas
 
 def _gain(base: Estimate, estimate: Estimate, scale: float) -> float:
     """Gain [nats] of `estimate` over `base` at the dispersion `scale`."""
-    return objective_of(base, scale) - objective_of(estimate, scale)
+    return base.objective_at(scale) - estimate.objective_at(scale)
 
 
 def _finish(first: Estimate, *, promising: bool) -> Task[Estimate]:
@@ -175,7 +174,7 @@ def extend(
     likelihood, free = fits.likelihood, with_shape_parameters(candidates, fits)
     expected: dict[tuple[str, ...], tuple[float, Score]] = {}
     for fit in (m.estimate for m in models):
-        before, unit = objective_of(fit, likelihood.scale), (fit.scale / likelihood.scale) ** 2
+        before, unit = fit.objective_at(likelihood.scale), (fit.scale / likelihood.scale) ** 2
         for score in _screen_further(simulate, fit, free, probed, fits.immaterial):
             joint, after = score.joined_to(fit), before - unit * score.gain
             is_new = fits.of(frozenset(joint.names)) is None

@@ -191,8 +191,8 @@ def reasons(findings: Findings) -> list[str]:
     rms, run = max(zip(by_run, (r.name for r in fit.evidence.runs), strict=True))
     if rms > ASTRAY * float(np.median(by_run)):
         words.append(f"run {run} differs from all others")
-    if repeats.drifts and repeats.drift is not None:
-        words.append(f"the specimen changes from run to run: {repeats.drift.words}")
+    if repeats.drifts:
+        words.append(f"the specimen changes from run to run: {repeats.drift}")
     if repeats.differ:
         factor = max(repeats.inflation.values())
         words.append(f"repeats of one condition differ by {factor:.1f} times the stated noise")

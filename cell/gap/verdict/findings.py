@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 
 from cell.gap.diagnosis import held_out_gap
-from cell.gap.diagnosis.drift import Repeats
-from cell.gap.diagnosis.lack_of_fit import Bin, stronger_of_two
+from cell.gap.diagnosis.lack_of_fit import Bin, Repeats, stronger_of_two
 from cell.gap.diagnosis.next_experiment import RatedExperiment, RepeatabilityGain
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.gauss_newton import Estimate

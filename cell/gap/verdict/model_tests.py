@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from cell.gap.diagnosis import held_out_gap, lack_of_fit
-from cell.gap.diagnosis.drift import Repeats
-from cell.gap.diagnosis.lack_of_fit import Bin, matching_bins
+from cell.gap.diagnosis import held_out_gap
+from cell.gap.diagnosis.lack_of_fit import Bin, ResidualTest
 from cell.gap.diagnosis.next_experiment import advise, repeatability_gains
 from cell.gap.fitting.base_fit import refine, refit_fine
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
@@ -51,14 +50,13 @@ def run_model_tests(
     random unknown.
     """
     best = choice.accepted.estimate
-    repeats, noise = Repeats.of(best), lack_of_fit.noise_left(best, rng)
-    allowed = lack_of_fit.slack(best.evidence, repeats.inflation)
+    residual_test = ResidualTest.of(best, rng)
     close = rivals(choice.accepted, choice.fits, sets) if best.model.effects else []
     alike = merged([*classes(choice.accepted, close), *refuted_values(best, subject)])
     scatter = estimate_spreads(simulate, best, complete)
     return ModelTests(
-        misfit=lack_of_fit.lack_of_fit(best, noise, allowed),
-        repeats=repeats,
+        misfit=residual_test.misfit(),
+        repeats=residual_test.repeats,
         rivals=tuple(close),
         classes=tuple(map(tuple, alike)),
         sized=run_one(simulate, final_fit(with_own_scatter(simulate, best, scatter, complete))),
@@ -72,10 +70,8 @@ def _matching_places(choice: Choice, rng: np.random.Generator) -> tuple[Bin, ...
     fitted, base = choice.accepted, choice.fits.base.estimate
     if not fitted.model.effects:
         return ()
-    noise = lack_of_fit.noise_left(base, rng)
-    allowed = lack_of_fit.slack(base.evidence, Repeats.of(base).inflation)
     others = [m.estimate for m in choice.fits.models if m.model.effects and m is not fitted]
-    return tuple(matching_bins(base, fitted.estimate, others, noise, allowed))
+    return tuple(ResidualTest.of(base, rng).matching(fitted.estimate, others))
 
 
 def refit_held_out(

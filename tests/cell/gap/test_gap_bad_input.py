@@ -263,3 +263,17 @@ def test_check_of_a_file_that_is_missing_or_a_folder_is_one_line(
     for file in (bench.root, bench.root / "nope.yaml"):
         words = ("gap", "check", bench.runs("strip"), "--strip", file, "--out", bench.root / "out")
         assert refused(monkeypatch, capsys, *words).startswith(f"{file}: cannot be read: ")
+
+
+def test_missing_runs_are_refused_and_leave_nothing_of_an_earlier_fit(
+    monkeypatch, capsys, tmp_path
+) -> None:
+    strip, out = Path("configs/strips/denim.yaml").resolve(), tmp_path / "out"
+    out.mkdir()
+    for name in ("verdict.json", "report.html", "fit.json", "overlay.rrd"):
+        (out / name).write_text("earlier")
+    line = refused(
+        monkeypatch, capsys, "gap", "fit", tmp_path / "none", "--strip", strip, "--out", out
+    )
+    assert str(tmp_path / "none") in line
+    assert not list(out.iterdir())

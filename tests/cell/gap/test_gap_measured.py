@@ -1,10 +1,12 @@
 """Pendulums that were really measured, by people who never heard of this workflow."""
 
+import json
 from pathlib import Path
 
 import pytest
 
 from cell.gap.fit import fit
+from tests.support.commands import run
 
 DATA = Path(__file__).parents[4] / "shared" / "data" / "pendulum"
 real = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measured pendulums in {DATA}")
@@ -38,3 +40,15 @@ def test_single_pendulum_is_fitted_by_coulomb_and_quadratic_losses_and_names_no_
     pairs = {c.name: c.p for c in verdict.candidates if c.name.count(" + ") == 1}
     best = min(pairs, key=lambda name: pairs[name])
     assert best in ("air_drag + dry_friction", "dry_friction + quadratic_damping")
+
+
+@real
+@pytest.mark.slow
+def test_a_fit_prints_the_verdict_that_it_wrote(monkeypatch, capsys, tmp_path) -> None:
+    single = DATA / "single"
+    runs = [single / "runs" / f"{k:02d}" for k in range(4)]
+    words = ["gap", "fit", *runs, "--strip", single / "pendulum.yaml"]
+    assert run(monkeypatch, *words, "--out", tmp_path, "--json") == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads((tmp_path / "verdict.json").read_text())
+    assert {"report.html", "overlay.rrd"} <= {path.name for path in tmp_path.iterdir()}

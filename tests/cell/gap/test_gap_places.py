@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cell.gap.diagnosis.lack_of_fit import localise, matching_bins, stronger_of_two
+from cell.gap.diagnosis.lack_of_fit import Repeats, ResidualTest, stronger_of_two
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, Point
 from cell.gap.subject.subject import Run, Samples
@@ -20,9 +20,10 @@ def test_an_effect_is_told_in_its_places_where_none_stands_out_alone() -> None:
     base = _estimate(effect + rng.standard_normal(SIZE))
     fitted = _estimate(np.concatenate(base.residuals) - effect)
     noise = rng.standard_normal((SIZE, DRAWS))
-    alone = localise(base, noise, FLAT)
+    test = ResidualTest(base, Repeats({}, {}), noise, FLAT)
+    alone = test.localise()
     assert all(place.p > 0.05 for place in alone)
-    told = matching_bins(base, fitted, [], noise, FLAT)
+    told = test.matching(fitted, [])
     seen = {place.zone for place in stronger_of_two(alone, told) if place.p < 0.05}
     assert seen == {"zone 0", "zone 1"}
 
@@ -35,7 +36,7 @@ def test_the_best_of_many_models_of_noise_is_told_nowhere() -> None:
         r = rng.standard_normal(SIZE)
         tried = [_fitted(r, rng.standard_normal(SIZE)) for _ in range(12)]
         best, *others = sorted(tried, key=lambda e: float(np.sum(e.residuals[0] ** 2)))
-        told = matching_bins(_estimate(r), best, others, noise, FLAT)
+        told = ResidualTest(_estimate(r), Repeats({}, {}), noise, FLAT).matching(best, others)
         false += any(place.p < 0.05 for place in told)
     assert false <= 7
 

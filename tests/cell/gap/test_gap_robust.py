@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.gap.diagnosis.drift import drift
+from cell.gap.diagnosis.lack_of_fit import Repeats
 from cell.gap.fitting.base_fit import refit_fine
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, folds, validate
 from cell.gap.fitting.gauss_newton import Estimate
@@ -33,17 +33,16 @@ def test_misfit_of_one_condition_is_no_drift() -> None:
     def late(t: Array, speed: float, _: int) -> Array:
         return np.where((t > 0.6) & (speed > 2.5), 0.2, 0.0)
 
-    change = drift(fitted(Curves(late)))
-    assert change is not None
-    assert not change.real
+    repeats = Repeats.of(fitted(Curves(late)))
+    assert repeats.drift
+    assert not repeats.drifts
 
 
 def test_drift_between_repeats_is_real_and_named() -> None:
-    change = drift(fitted(Curves(lambda t, _s, i: 0.03 * i * t)))
-    assert change is not None
-    assert change.real
-    assert change.words.startswith("slope changes by +")
-    assert max(change.inflation.values()) < max(change.scatter.values())
+    repeats = Repeats.of(fitted(Curves(lambda t, _s, i: 0.03 * i * t)))
+    assert repeats.drifts
+    assert repeats.drift.startswith("slope changes by +")
+    assert max(repeats.inflation.values()) < max(repeats.scatter.values())
 
 
 def test_repeats_that_scatter_for_no_reason_leave_the_cause_open() -> None:

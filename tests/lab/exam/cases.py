@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from cell.campaign import versions
 from cell.config.places import find_configs
 from cell.gap.effect_size import GapModel, draw_strengths
+from cell.gap.subject.strip.experiments import planned_runs
 from cell.gap.subject.strip.synthetic import reported_path
 from cell.parallel import workers
 from cell.record.header import Sigma
@@ -21,6 +22,7 @@ from drivers.files import replace_file, writing
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect
 from drivers.strip.file import StripFile
+from drivers.types import Array
 from policies.experiments.human_motion import human_motion
 from policies.experiments.standard import REFERENCE_RUN, REPEATED_RUN, STANDARD, standard_order
 from tests.lab.exam.case import STRENGTHS, Case, Kind, ScatterLevel, Strength, Tier, Values
@@ -212,9 +214,20 @@ def _with_two(case: Case, level: Strength, rng: np.random.Generator) -> Case:
     gap_model = gap_model_of(case)
     for _ in range(TRIES):
         both = draw_effects(case, 2, strong, rng)
-        if gap_model.excess_of_each(both).min() >= STRENGTHS["medium"] * NEARLY:
+        if excess_of_each(gap_model, both).min() >= STRENGTHS["medium"] * NEARLY:
             return _with_effects(case, strong, both)
     raise Fault("exam", f"{case.name}: no two effects of {case.strip} show beside each other")
+
+
+def excess_of_each(gap_model: GapModel, both: dict[str, Values]) -> Array:
+    """Excess gap (2,) of each of two effects after base and amount of the other are refitted.
+
+    To first order: the part of the joint response that base and other effect do not span.
+    """
+    alone = [{name: values} for name, values in both.items()]
+    joint, *single = gap_model.responses([both, *alone])
+    others = [response / np.linalg.norm(response) for response in reversed(single)]
+    return np.array([gap_model.excess_of(joint - other * (other @ joint)) for other in others])
 
 
 def _with_foreign(case: Case, number: int, seed: int) -> Case:
@@ -256,6 +269,12 @@ def draw_effects(
     raise Fault("exam", f"{case.name}: no effect of {case.strip} is {level}")
 
 
+def standard_gap_model(plant: StripFile, motions: Sequence[str], sigma: Sigma) -> GapModel:
+    """Gap model for the standard motions called `motions`."""
+    runs = {run.name: run for run in planned_runs(plant, sigma, 0)}
+    return GapModel(plant, [runs[name] for name in motions])
+
+
 def gap_model_of(case: Case) -> GapModel:
     """Gap model of the case's plant without effects and the case's motions.
 
@@ -279,7 +298,7 @@ def _cached_gap_model(
         return _gap_model_of_cell(plant, hand)
     sigma = Sigma.model_validate(BY.sigma())
     if hand is None:
-        return GapModel.standard(plant, MOTIONS, sigma)
+        return standard_gap_model(plant, MOTIONS, sigma)
     return GapModel.along(plant, paths_by_hand(plant.length, hand, len(MOTIONS)), sigma)
 
 
@@ -288,7 +307,7 @@ def _gap_model_of_cell(plant: StripFile, hand: int | None) -> GapModel:
     sigma = Sigma.model_validate(find_configs(None).cell().sigma.model_dump())
     order = standard_order(np.random.default_rng(0))
     if hand is None:
-        return GapModel.standard(plant, order, sigma)
+        return standard_gap_model(plant, order, sigma)
     led = [reported_path(human_motion(plant.length, hand, i)) for i in range(len(order))]
     return GapModel.along(plant, led, sigma)
 

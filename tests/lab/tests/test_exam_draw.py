@@ -8,21 +8,21 @@ from cell.record.header import Sigma
 from drivers.strip.effects import registry
 from tests.lab.exam import cases as drawing
 from tests.lab.exam.case import STRENGTHS
-from tests.lab.exam.cases import Draw, cases
+from tests.lab.exam.cases import Draw, cases, excess_of_each, standard_gap_model
 from tests.lab.exam.from_state import BY, MOTIONS, plant_of
 from tests.support.gap_strip_cases import denim
 
 
 @pytest.fixture(scope="module")
 def model() -> GapModel:
-    return GapModel.standard(denim(), MOTIONS, Sigma.model_validate(BY.sigma()))
+    return standard_gap_model(denim(), MOTIONS, Sigma.model_validate(BY.sigma()))
 
 
 @pytest.mark.slow
 def test_effects_that_cancel_each_leave_next_to_nothing(model: GapModel) -> None:
     twins = {"camera_latency": {"time": 0.03}, "control_delay": {"time": 0.03}}
     assert model.excess([{k: v} for k, v in twins.items()]).min() > 1.0
-    assert model.excess_of_each(twins).max() < 0.3
+    assert excess_of_each(model, twins).max() < 0.3
 
 
 def test_different_effects_keep_their_gaps(model: GapModel) -> None:
@@ -30,7 +30,7 @@ def test_different_effects_keep_their_gaps(model: GapModel) -> None:
         "homography_shift": {"x": 0.004, "z": 0.0},
         "hem_mass": {"mass": 0.001, "position": 0.5, "width": 0.02},
     }
-    each = model.excess_of_each(both)
+    each = excess_of_each(model, both)
     assert each.min() > 1.0
     assert (each <= 1.1 * model.excess([{k: v} for k, v in both.items()])).all()
 
@@ -55,7 +55,7 @@ def test_a_single_effect_is_as_strong_as_asked_on_the_plant_that_hides_it() -> N
     sigma = Sigma.model_validate(BY.sigma())
     for case, target in ((weak, STRENGTHS["weak"]), (medium, STRENGTHS["medium"])):
         assert case.motions == "standard"
-        plant = GapModel.standard(plant_of(case), MOTIONS, sigma)
+        plant = standard_gap_model(plant_of(case), MOTIONS, sigma)
         assert plant.excess([case.effects])[0] == pytest.approx(target, rel=0.3)
 
 
