@@ -28,7 +28,7 @@ from tests.lab.studies.catalogue.confidence import (
     reliable,
     shares,
 )
-from tests.lab.studies.catalogue.mechanisms import accepted
+from tests.lab.studies.catalogue.foreign import accepted
 from tests.lab.studies.study import Case, Outcome
 
 SIGNS = {field.name for field in fields(Numbers)}
@@ -93,7 +93,7 @@ def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
              for line in path.read_text(encoding="utf-8").splitlines()]  # fmt: skip
     found: list[Outcome] = []
     for path, line in lines:
-        if "values" in line:  # of the study of mechanisms
+        if "values" in line:  # of a study of mechanisms
             known = accepted(line["case"], line["values"])
             number = len(found)
             found.append(Outcome(Case(number, 0, {}), {**known, "case": f"{path.stem}/{number}"}))

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from cell.gap.subject.mechanism.fields import Fields
-from cell.gap.subject.mechanism.model import Joint, Mechanism
+from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.subject import Candidate, Parameter
 from drivers.types import Array
 
@@ -47,7 +47,8 @@ class Effect:
     `edit` does. It is screened at `probes`, in typical sizes, for each of a `grid` of values of its
     last parameter. `holds` is the largest torque by which a law holds a joint that stands, of the
     law's arguments. `error_of` is a field of the base that the effect is an error of: where the
-    file says how well that field is known, the effect is no candidate.
+    file says how well that field is known, the effect is no candidate. `of_drives`: the law acts at
+    joints that a motor drives alone, and its parameters are theirs.
     """
 
     name: str
@@ -68,6 +69,7 @@ class Effect:
     grid: Sequence[float] = ()
     error_of: str = ""
     holds: Callable[..., Array] | None = None
+    of_drives: bool = False
 
     def applies(self, mechanism: Mechanism) -> bool:
         """Whether the effect is possible in this mechanism and its mode of simulation."""
@@ -100,7 +102,11 @@ class Effect:
     def table(self, mechanism: Mechanism, values: Array) -> Array:
         """Table (keys, joints) of the first `values` (k,), with the start values of the others."""
         missing = _null(self.with_shape(mechanism)[len(values) :])
-        return np.concatenate([values, missing]).reshape(-1, len(mechanism.joints))
+        acts = [j.actuator >= 0 or not self.of_drives for j in mechanism.joints]
+        rows = np.concatenate([values, missing]).reshape(-1, sum(acts))
+        table = np.zeros((len(rows), len(acts)))
+        table[:, acts] = rows
+        return table
 
 
 def _null(parameters: Sequence[Parameter]) -> Array:
@@ -151,11 +157,6 @@ def put_by_encoder(key: str) -> Callable[[Mechanism, Array, Readings], None]:
         getattr(readings, key).update(zip(mechanism.encoders, map(float, values), strict=True))
 
     return read
-
-
-def driven_joints(mechanism: Mechanism) -> list[Joint]:
-    """Joints of the mechanism that a motor drives."""
-    return [j for j in mechanism.joints if j.actuator >= 0]
 
 
 def has_gears(mechanism: Mechanism) -> bool:

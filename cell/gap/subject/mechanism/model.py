@@ -5,9 +5,9 @@ import os
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 from xml.parsers import expat
 
 import mujoco
@@ -87,6 +87,11 @@ class Mechanism:
     torques: tuple[Signal, ...]
     native: bool
     trackings: tuple[tuple[str, int], ...] = ()
+
+    @property
+    def driven(self) -> Self:
+        """This mechanism with those of its joints that a motor drives."""
+        return replace(self, joints=tuple(j for j in self.joints if j.actuator >= 0))
 
     @property
     def last_body(self) -> int:

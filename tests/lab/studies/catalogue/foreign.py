@@ -15,6 +15,7 @@ import numpy as np
 from cell.gap.fit import fit
 from cell.gap.verdict.schema import Verdict
 from tests.lab.exam.foreign import LISTS, make_runs
+from tests.lab.exam.score import signs
 from tests.lab.studies.catalogue.confidence import reliable
 from tests.lab.studies.study import Ledger, Outcome, Quantity, Statistic, Study, Values
 
@@ -54,6 +55,7 @@ def measure(case: Values) -> Values:
     return {**scored, case["kind"]: scored["by_class"], "cpu": cpu, "verdict": verdict.verdict,
             "ambiguous": verdict.ambiguous,
             "stated": [[e.name, e.confidence, e.name in right] for e in verdict.effects],
+            "signs": signs(verdict),
             "deviates": [d.parameter for d in verdict.deviates],
             "suspected": [e.name for e in verdict.suspected]}  # fmt: skip
 
@@ -80,6 +82,25 @@ def score(kind: str, hidden: Sequence[str], verdict: Verdict) -> dict[str, bool 
         false = false or verdict.verdict == "ambiguous"
     base = told if kind == "wrong base" else None
     return {"by_class": by_class, "false": false, "base": base}
+
+
+def accepted(case: Values, values: Values) -> Values:
+    """Facts on what a verdict on a mechanism accepted, as the study of confidence has them."""
+    hidden = [str(h) for h in np.atleast_1d(case["hidden"]) if h != "nothing"]
+    lacks = case["kind"] in ("outside", "wrong base")
+    false = values["false"] if "false" in values else values["wrong"]
+    suspected = values["suspected"] or None
+    return {
+        "is_named": values["verdict"] == "named",
+        "is_right": not false,
+        "suspect_right": suspected and suspected == hidden,
+        "hidden": hidden,
+        "answer": [] if lacks else hidden,
+        "signs": values["signs"],
+        "result": "wrong_name" if false else "right_class",
+        **{"without": case.get("without", []), "strength": None, "offered": False},
+        **{"confidence": None, "base": [], "parameters": []},
+    }
 
 
 def fail(case: Values) -> Values:

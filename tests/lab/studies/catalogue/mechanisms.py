@@ -63,23 +63,6 @@ def score(hidden: str, verdict: Verdict) -> dict[str, bool | None]:
     return {"right": right, "by_class": found["by_class"], "wrong": found["false"]}
 
 
-def accepted(case: Values, values: Values) -> Values:
-    """Facts on what a verdict accepted, as the study of confidence has them."""
-    hidden = [] if case["hidden"] == "nothing" else [case["hidden"]]
-    suspected = values["suspected"] or None
-    return {
-        "is_named": values["verdict"] == "named",
-        "is_right": values["by_class"],
-        "suspect_right": suspected and suspected == hidden,
-        "hidden": hidden,
-        "answer": [] if case["kind"] == "outside" else hidden,
-        "signs": values["signs"],
-        "result": "right_class" if values["by_class"] else "wrong_name",
-        **{"without": [], "strength": None, "offered": False, "confidence": None},
-        **{"base": [], "parameters": []},
-    }
-
-
 def coverage(hidden: str, truth: Mapping[str, float], verdict: Verdict) -> list[bool]:
     """Whether the interval of each known size of a `hidden` effect contains the `truth`."""
     found = next((e.parameters for e in verdict.effects if e.name == hidden), {})

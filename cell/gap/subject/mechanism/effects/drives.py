@@ -7,7 +7,6 @@ import numpy as np
 from cell.gap.subject.mechanism.effect import (
     MODES,
     Effect,
-    driven_joints,
     per_encoder,
     per_joint,
     put_by_encoder,
@@ -22,7 +21,7 @@ ORDER = 6.0  # periods of a torque ripple in a turn, where nothing says otherwis
 
 
 def _edit_constant(mechanism: Mechanism, values: Array, fields: Fields) -> None:
-    for joint, error in zip(driven_joints(mechanism), values, strict=True):
+    for joint, error in zip(mechanism.driven.joints, values, strict=True):
         scale_gain(fields, joint.actuator, 1.0 + error)
 
 
@@ -33,9 +32,9 @@ def bias_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 def _ripple_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     orders = [Parameter(f"order_{j.name}", "1", ORDER, 1.0, 200.0, step=0.01, spread=ORDER,
-                        shape=True) for j in mechanism.joints]  # fmt: skip
-    size = 0.04 * np.ones(len(mechanism.joints))
-    phases = per_joint(mechanism, "phase", "rad", size, signed=True, shape=True, high=100.0)
+                        shape=True) for j in mechanism.driven.joints]  # fmt: skip
+    size = 0.04 * np.ones(len(orders))
+    phases = per_joint(mechanism.driven, "phase", "rad", size, signed=True, shape=True, high=100.0)
     return (*orders, *phases)
 
 
@@ -47,12 +46,12 @@ def _saturation_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     return tuple(
         Parameter(f"torque_{j.name}", "N m", 0.0, 0.0, 20.0 / j.torque, step=1e-3 / j.torque,
                   spread=1.0 / j.torque, inverse=True)
-        for j in driven_joints(mechanism)
+        for j in mechanism.driven.joints
     )  # fmt: skip
 
 
 def _edit_saturation(mechanism: Mechanism, values: Array, fields: Fields) -> None:
-    for joint, inverse in zip(driven_joints(mechanism), values, strict=True):
+    for joint, inverse in zip(mechanism.driven.joints, values, strict=True):
         if inverse != 0.0:
             most = 1.0 / inverse
             low, high = fields["actuator_forcerange"][joint.actuator]
@@ -71,7 +70,7 @@ TORQUE_CONSTANT = Effect(
     source="torque = (1 + error) k i",
     parameters=lambda m: tuple(
         Parameter(f"error_{j.name}", "1", 0.0, -0.9, 3.0, step=1e-5, spread=0.25)
-        for j in driven_joints(m)
+        for j in m.driven.joints
     ),
     edit=_edit_constant,
     revealed_by="a known weight on the tip",
@@ -82,9 +81,10 @@ TORQUE_BIAS = Effect(
     sentence="a drive adds a constant torque, or its sensor reads one",
     of="rig",
     source="offset of a current sensor",
-    parameters=lambda m: per_joint(m, "torque", "N m", 0.01 * m.torque, signed=True),
+    parameters=lambda m: per_joint(m.driven, "torque", "N m", 0.01 * m.driven.torque, signed=True),
     keys=1,
     law=bias_law,
+    of_drives=True,
     revealed_by="hold still in several poses",
 )
 TORQUE_RIPPLE = Effect(
@@ -92,10 +92,11 @@ TORQUE_RIPPLE = Effect(
     sentence="a drive's torque ripples with its angle",
     of="model",
     source="cogging: Holtz and Springob 1996, IEEE Trans. Ind. Electron. 43",
-    parameters=lambda m: per_joint(m, "amplitude", "N m", 0.01 * m.torque),
+    parameters=lambda m: per_joint(m.driven, "amplitude", "N m", 0.01 * m.driven.torque),
     shape=_ripple_shape,
     keys=3,
     law=_ripple_law,
+    of_drives=True,
     revealed_by="slow turns at a constant rate",
 )
 SATURATION = Effect(
