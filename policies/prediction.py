@@ -16,11 +16,6 @@ class Estimate:
     low: float
     high: float
 
-    def text(self, scale: float, digits: int) -> str:
-        """Value and interval as text, times `scale`."""
-        value, low, high = (f"{scale * v:.{digits}f}" for v in (self.value, self.low, self.high))
-        return f"{value} ({low} to {high})"
-
 
 @dataclass(frozen=True, slots=True)
 class FoldPrediction:
@@ -39,12 +34,7 @@ class FoldPrediction:
 
     def sentence(self) -> str:
         """The prediction as text for the operator."""
-        return (
-            f"predicted {1e3 * self.displacement:+.1f} mm, sigma {1e3 * self.sigma:.1f} mm, "
-            f"by rods with bending length {self.bending_length.text(1e3, 1)} mm, retardation time "
-            f"{self.retardation_time.text(1e3, 0)} ms, yarn friction "
-            f"{self.yield_curvature.text(1.0, 0)} 1/m"
-        )
+        return f"predicted {1e3 * self.displacement:+.1f} mm, sigma {1e3 * self.sigma:.1f} mm"
 
 
 @runtime_checkable
