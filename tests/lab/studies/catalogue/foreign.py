@@ -87,20 +87,13 @@ def score(kind: str, hidden: Sequence[str], verdict: Verdict) -> dict[str, bool 
 def accepted(case: Values, values: Values) -> Values:
     """Facts on what a verdict on a mechanism accepted, as the study of confidence has them."""
     hidden = [str(h) for h in np.atleast_1d(case["hidden"]) if h != "nothing"]
-    lacks = case["kind"] in ("outside", "wrong base")
-    false = values["false"] if "false" in values else values["wrong"]
-    suspected = values["suspected"] or None
-    return {
-        "is_named": values["verdict"] == "named",
-        "is_right": not false,
-        "suspect_right": suspected and suspected == hidden,
-        "hidden": hidden,
-        "answer": [] if lacks else hidden,
-        "signs": values["signs"],
-        "result": "wrong_name" if false else "right_class",
-        **{"without": case.get("without", []), "strength": None, "offered": False},
-        **{"confidence": None, "base": [], "parameters": []},
-    }
+    false, suspected = values.get("false", values.get("wrong")), values["suspected"] or None
+    return {"is_named": values["verdict"] == "named", "is_right": not false, "hidden": hidden,
+            "answer": [] if case["kind"] in ("outside", "wrong base") else hidden,
+            "suspect_right": suspected and suspected == hidden, "signs": values["signs"],
+            "result": "wrong_name" if false else "right_class", "strength": None,
+            "without": case.get("without", []), "offered": False, "confidence": None,
+            "base": [], "parameters": []}  # fmt: skip
 
 
 def fail(case: Values) -> Values:
