@@ -98,13 +98,14 @@ def learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> Stri
     friction = predicted.yield_curvature
     source = f"fold {run}, as the policy judged it at the touch"
     notes = {
-        "bending_length": length.text(1.0, 4) + " m",
-        "retardation_time": time.text(1.0, 3) + " s",
+        "bending_length": f"{length.low:.4f} to {length.high:.4f} m",
+        "retardation_time": f"{time.low:.3f} to {time.high:.3f} s",
     }
     effects = dict(strip.effects)
     if friction.value >= NOTABLE_YIELD:
         effects["bending_hysteresis"] = {"yield_curvature": round(friction.value, 1)}
-        notes["effects.bending_hysteresis.yield_curvature"] = friction.text(1.0, 0) + " 1/m"
+        interval = f"{friction.low:.0f} to {friction.high:.0f} 1/m"
+        notes["effects.bending_hysteresis.yield_curvature"] = interval
     kept = [entry for entry in strip.provenance if entry.key not in notes]
     new = [
         Provenance(key=key, source=source, note=f"of its rods 68 %: {text}")
