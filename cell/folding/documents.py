@@ -104,13 +104,11 @@ def learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> Stri
     effects = dict(strip.effects)
     if friction.value >= NOTABLE_YIELD:
         effects["bending_hysteresis"] = {"yield_curvature": round(friction.value, 1)}
-        interval = f"{friction.low:.0f} to {friction.high:.0f} 1/m"
-        notes["effects.bending_hysteresis.yield_curvature"] = interval
+        key = "effects.bending_hysteresis.yield_curvature"
+        notes[key] = f"{friction.low:.0f} to {friction.high:.0f} 1/m"
     kept = [entry for entry in strip.provenance if entry.key not in notes]
-    new = [
-        Provenance(key=key, source=source, note=f"of its rods 68 %: {text}")
-        for key, text in notes.items()
-    ]
+    new = [Provenance(key=key, source=source, note=f"of its rods, 68 %: {interval}")
+           for key, interval in notes.items()]  # fmt: skip
     intervals = {"bending_length": (length.low, length.high)}
     intervals |= {"retardation_time": (time.low, time.high)}
     return strip.model_copy(
