@@ -25,8 +25,8 @@ from drivers.installation import Installation
 from drivers.settings import parse
 from drivers.types import Array
 from policies.registry import make_policy
-from tests.lab.faults.failing import PERIOD, Failing
-from tests.lab.faults.faults import FAULTS, FailingPolicy, Scene
+from tests.lab.faults.failing import PERIOD, Failing, FailingPolicy
+from tests.lab.faults.faults import FAULTS, Scene
 
 FAULT_STATES = ("FOLD", "LAY", "TOUCHED", "RELEASE", "STOPPING", "LIFT", "GRASP", "PREFLIGHT")
 FAULT_DELAY = 0.25  # s in the state before the fault strikes

@@ -1,10 +1,11 @@
-"""Wrappers of devices that inject faults, for the campaign of faults."""
+"""Wrappers of devices and policy that inject faults, for the campaign of faults."""
 
 import os
 import signal
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -15,130 +16,123 @@ from drivers.camera.formats import JPEG_END, Picture
 from drivers.errors import ConfigurationError, Fault, SimulationNotFinite
 from drivers.fci_server.faults import FaultScript
 from drivers.fci_server.server import RobotServer
-from drivers.protocols import Arm, Camera, Clock, Hand
+from drivers.protocols import Arm, Hand
 from drivers.settings import parse
 from drivers.twin.clock import Rank
 from drivers.types import ArmState, Frame, HandState, Pose, Velocity
+from policies.policy import Decision, Observation, Policy
 
 PERIOD = 0.002  # s between two looks at the gripper
 Spoil = Callable[[Frame, Frame], Frame | None]
 """Function from a frame and the last good one to the frame delivered, None if it is lost."""
 
 
-class FailingCamera:
+class Delegate:
+    """Wrapper of a device or policy, which does everything that a subclass does not alter."""
+
+    def __init__(self, device: Any) -> None:
+        self._device = device
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._device, name)
+
+
+class FailingCamera(Delegate):
     """A camera whose frames pass through the fault `spoil` once that is set."""
 
-    def __init__(self, camera: Camera) -> None:
-        self._camera = camera
-        self._kept: Frame | None = None
-        self.spoil: Spoil | None = None
-
-    @property
-    def rate(self) -> float:
-        """Frames per second [Hz]."""
-        return self._camera.rate
-
-    def connect(self) -> None:
-        """Start delivering frames."""
-        self._camera.connect()
+    spoil: Spoil | None = None
+    _kept: Frame | None = None
 
     def read(self, after: float, timeout: float) -> Frame | None:
         """The newest frame as the fault alters it, or None."""
-        frame = self._camera.read(after, timeout)
+        frame: Frame | None = self._device.read(after, timeout)
         if frame is None or self.spoil is None:
             self._kept = frame or self._kept
             return frame
         spoilt = self.spoil(frame, self._kept or frame)
         return None if spoilt is None or spoilt.stamp <= after else spoilt
 
-    def close(self) -> None:
-        """Stop delivering frames."""
-        self._camera.close()
 
+class FailingArm(Delegate):
+    """An arm whose states `reports` alters, and whose commands `follows` alters or it refuses.
 
-class FailingArm:
-    """An arm whose states `reports` alters, and whose commands `follows` alters or it refuses."""
+    No fault of the campaign prevents its stop.
+    """
 
     def __init__(self, arm: Arm) -> None:
-        self._arm = arm
+        super().__init__(arm)
         self.reports: Callable[[ArmState], ArmState] = lambda state: state
         self.follows: Callable[[Velocity], Velocity | None] = lambda velocity: velocity
         self.refusal: Fault | None = None
 
-    def connect(self) -> None:
-        """Connect and hold the arm at rest."""
-        self._arm.connect()
-
     def state(self) -> ArmState:
         """The newest state as the fault alters it."""
-        return self.reports(self._arm.state())
+        return self.reports(self._device.state())
 
     def move_to(self, pose: Pose) -> None:
         """Start a motion, unless commands are refused."""
         self._refuse_if_failing()
-        self._arm.move_to(pose)
+        self._device.move_to(pose)
 
     def set_velocity(self, velocity: Velocity) -> None:
         """Follow `velocity` as the fault alters it."""
         self._refuse_if_failing()
         kept = self.follows(velocity)
         if kept is not None:
-            self._arm.set_velocity(kept)
-
-    def stop(self) -> None:
-        """Brake the arm; no fault of the campaign prevents it."""
-        self._arm.stop()
-
-    def close(self) -> None:
-        """Brake and disconnect."""
-        self._arm.close()
+            self._device.set_velocity(kept)
 
     def _refuse_if_failing(self) -> None:
         if self.refusal is not None:
             raise self.refusal
 
 
-class FailingHand:
+class FailingHand(Delegate):
     """A hand whose states are altered by `reports`, or which is `deaf` to commands."""
 
     def __init__(self, hand: Hand) -> None:
-        self._hand = hand
+        super().__init__(hand)
         self.reports: Callable[[HandState], HandState] = lambda state: state
         self.deaf = False
 
     def open(self) -> None:
         """Start to open the fingers, unless the hand is deaf."""
         if not self.deaf:
-            self._hand.open()
+            self._device.open()
 
     def grasp(self) -> None:
         """Start to close the fingers, unless the hand is deaf."""
         if not self.deaf:
-            self._hand.grasp()
+            self._device.grasp()
 
     def state(self) -> HandState:
         """The newest state as the fault alters it."""
-        return self.reports(self._hand.state())
-
-    def stop(self) -> None:
-        """Hold the fingers where they are."""
-        self._hand.stop()
+        return self.reports(self._device.state())
 
 
-class FailingClock:
+class FailingClock(Delegate):
     """A clock that is `jump` [s] ahead of the devices' clock."""
 
-    def __init__(self, clock: Clock) -> None:
-        self._clock = clock
-        self.jump = 0.0
+    jump = 0.0
 
     def now(self) -> float:
         """Seconds since the run began, plus the jump."""
-        return self._clock.now() + self.jump
+        return float(self._device.now()) + self.jump
 
     def wait_until(self, time: float) -> None:
         """Return when `time` has come by this clock."""
-        self._clock.wait_until(time - self.jump)
+        self._device.wait_until(time - self.jump)
+
+
+class FailingPolicy(Delegate):
+    """A policy whose decisions pass through `otherwise` once that is set."""
+
+    def __init__(self, policy: Policy) -> None:
+        super().__init__(policy)
+        self.otherwise: Callable[[Decision], Decision] = lambda decision: decision
+
+    def decide(self, observation: Observation) -> Decision:
+        """Decision of the policy as the fault alters it."""
+        return self.otherwise(self._device.decide(observation))
 
 
 class Failing:
@@ -159,9 +153,9 @@ class Failing:
         self.clock = FailingClock(devices.clock)
         self.motion: list[tuple[float, float, float, float]] = []
         self._twin.clock.every(PERIOD, self._record_pose, Rank.JOB)
-        self.devices = replace(
-            devices, camera=self.camera, arm=self.arm, hand=self.hand, clock=self.clock
-        )
+        wrapped: dict[str, Any] = {"camera": self.camera, "arm": self.arm, "hand": self.hand,
+                                   "clock": self.clock}  # fmt: skip
+        self.devices = replace(devices, **wrapped)
 
     @property
     def now(self) -> float:

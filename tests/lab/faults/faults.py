@@ -7,42 +7,21 @@ import signal
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from functools import partial
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
 from drivers.errors import Fault
-from drivers.strip.file import StripFile
-from drivers.types import ArmState, HandState, Pose, Velocity
-from policies.path import Path
-from policies.policy import Decision, Observation, Policy
+from drivers.types import ArmState, Pose, Velocity
+from policies.policy import Decision
 from tests.lab.faults import failing
-from tests.lab.faults.failing import Failing, Spoil
+from tests.lab.faults.failing import Failing, FailingPolicy
 
 HOLLOW = 60.0  # N of a false reading
 DISK_ROOM = 4096  # bytes that a full disk still takes in a file
 LONGEST_TICK = 0.02  # s between two velocities, of which a lagging arm takes account
-T = TypeVar("T")
-
-
-class FailingPolicy:
-    """A policy whose decisions pass through `otherwise` once that is set."""
-
-    def __init__(self, policy: Policy) -> None:
-        self._policy, self.name = policy, policy.name
-        self.otherwise: Callable[[Decision], Decision] = lambda decision: decision
-
-    def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Prepare to fold."""
-        self._policy.reset(strip, speed, count)
-
-    def lift(self) -> Path:
-        """Path of the policy, whose first section lifts the edge."""
-        return self._policy.lift()
-
-    def decide(self, observation: Observation) -> Decision:
-        """Decision of the policy as the fault alters it."""
-        return self.otherwise(self._policy.decide(observation))
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,11 +45,24 @@ class Injection:
     spares: bool = True
 
 
-def camera(spoil: Spoil) -> Injection:
-    """Fault of the camera: its frames pass through `spoil`."""
+def switch(path: str, value: Any) -> Injection:
+    """Fault that sets the switch at `path` of the scene, as `cell.camera.spoil`, to `value`."""
+    owner, _, name = path.rpartition(".")
+    return Injection(lambda scene: setattr(attrgetter(owner)(scene), name, value))
+
+
+camera = partial(switch, "cell.camera.spoil")
+arm = partial(switch, "cell.arm.reports")
+hand = partial(switch, "cell.hand.reports")
+policy = partial(switch, "policy.otherwise")
+
+
+def repeats(path: str) -> Injection:
+    """Fault of a device whose states pass through `path`: it repeats its next state for ever."""
 
     def strike(scene: Scene) -> None:
-        scene.cell.camera.spoil = spoil
+        first: dict[str, Any] = {}
+        switch(path, lambda state: first.setdefault("state", state)).strike(scene)
 
     return Injection(strike)
 
@@ -80,29 +72,9 @@ def moved_camera(scene: Scene) -> None:
     scene.cell.camera.spoil = failing.shift(scene.moved)
 
 
-def reports(change: Callable[[ArmState], ArmState]) -> Injection:
-    """Fault of the arm: its states pass through `change`."""
-
-    def strike(scene: Scene) -> None:
-        scene.cell.arm.reports = change
-
-    return Injection(strike)
-
-
-def stale(scene: Scene) -> None:
-    """Fault of the arm: it repeats its first state from now on."""
-    scene.cell.arm.reports = _repeat_first(ArmState)
-
-
-def _repeat_first(_: type[T]) -> Callable[[T], T]:
-    """Make a function that returns the argument of its first call on every call."""
-    states: list[T] = []
-
-    def repeat(state: T) -> T:
-        states.append(state)
-        return states[0]
-
-    return repeat
+def late_camera(scene: Scene) -> None:
+    """Fault of the camera: its images are 0.4 s late."""
+    scene.cell.camera.spoil = failing.delay(0.4)
 
 
 @dataclass(slots=True)
@@ -133,49 +105,16 @@ def lagging(scene: Scene) -> None:
     scene.cell.arm.follows, scene.cell.arm.reports = lag.follow, lag.report
 
 
-def refusing(scene: Scene) -> None:
-    """Fault of the arm: it refuses every command."""
-    scene.cell.arm.refusal = Fault("motion_refused", "the robot refuses the command")
-
-
-def deaf(scene: Scene) -> None:
-    """Fault of the arm: it ignores velocity commands."""
-    scene.cell.arm.follows = lambda _: None
-
-
 def beside(state: ArmState) -> ArmState:
     """Fault of the arm: it reports a pose outside the workspace, measured and commanded."""
     place = Pose(state.pose.x, -0.05, state.pose.pitch)
     return replace(state, pose=place, commanded=place)
 
 
-def hand(change: Callable[[HandState], HandState]) -> Injection:
-    """Fault of the hand: its states pass through `change`."""
-
-    def strike(scene: Scene) -> None:
-        scene.cell.hand.reports = change
-
-    return Injection(strike)
-
-
-def silent_hand(scene: Scene) -> None:
-    """Fault of the hand: it repeats its first state from now on."""
-    scene.cell.hand.reports = _repeat_first(HandState)
-
-
 def stuck_hand(scene: Scene) -> None:
     """Fault of the hand: the fingers stand still, but are reported as moving."""
     scene.cell.hand.deaf = True
     scene.cell.hand.reports = lambda state: replace(state, moving=True)
-
-
-def decides(otherwise: Callable[[Decision], Decision]) -> Injection:
-    """Fault of the policy: its decisions pass through `otherwise`."""
-
-    def strike(scene: Scene) -> None:
-        scene.policy.otherwise = otherwise
-
-    return Injection(strike)
 
 
 def without_number(decision: Decision) -> Decision:
@@ -205,15 +144,6 @@ def dying_viewer(_: Scene) -> None:
     raise RuntimeError("the viewer died")
 
 
-def jump(by: float) -> Injection:
-    """Fault of the cell's clock: it jumps `by` [s] against the devices' clock."""
-
-    def strike(scene: Scene) -> None:
-        scene.cell.clock.jump = by
-
-    return Injection(strike)
-
-
 def send(number: signal.Signals) -> Injection:
     """Fault of the machine: this process receives the signal `number`."""
     return Injection(lambda _: os.kill(os.getpid(), number))
@@ -228,7 +158,7 @@ FAULTS: Mapping[str, Injection] = {
     "camera: frozen": camera(failing.freeze),
     "camera: silent": camera(failing.lose_all),
     "camera: nine of ten lost": camera(failing.lose_most),
-    "camera: 0.4 s late": Injection(lambda s: _make_devices_late(s, 0.4)),
+    "camera: 0.4 s late": Injection(late_camera),
     "camera: moved by 2 mm": Injection(moved_camera),
     "camera: a quarter of the light": camera(failing.darken),
     "camera: four times the light": camera(failing.overexpose),
@@ -236,14 +166,16 @@ FAULTS: Mapping[str, Injection] = {
     "camera: half of it noise": camera(failing.corrupt),
     "camera: JPEG with padding": camera(failing.jpeg(holes=False)),
     "camera: JPEG with holes": camera(failing.jpeg(holes=True)),
-    "arm: stale state": Injection(stale),
-    "arm: no number": reports(lambda s: replace(s, pose=Pose(math.nan, math.nan, math.nan))),
+    "arm: stale state": repeats("cell.arm.reports"),
+    "arm: no number": arm(lambda s: replace(s, pose=Pose(math.nan, math.nan, math.nan))),
     "arm: lags": Injection(lagging),
-    "arm: refuses": Injection(refusing),
-    "arm: setpoints lost": Injection(deaf),
-    "arm: overspeed": reports(lambda s: replace(s, velocity=Velocity(0.5, 0.0, 0.0))),
-    "arm: out of the box": reports(beside),
-    "arm: force offset": reports(lambda s: replace(s, force=(HOLLOW, 0.0))),
+    "arm: refuses": switch(
+        "cell.arm.refusal", Fault("motion_refused", "the robot refuses the command")
+    ),
+    "arm: setpoints lost": switch("cell.arm.follows", lambda _: None),
+    "arm: overspeed": arm(lambda s: replace(s, velocity=Velocity(0.5, 0.0, 0.0))),
+    "arm: out of the box": arm(beside),
+    "arm: force offset": arm(lambda s: replace(s, force=(HOLLOW, 0.0))),
     "robot: reflex": suffers(kind="reflex"),
     "robot: user stop": suffers(kind="user_stop"),
     "robot: link lost": suffers(kind="tcp_drop"),
@@ -256,21 +188,17 @@ FAULTS: Mapping[str, Injection] = {
     "robot: driver killed": Injection(lambda s: s.cell.kill_driver(), "fci"),
     "hand: strip slips out": Injection(lambda s: s.cell.drop_strip()),
     "hand: width 0": hand(lambda s: replace(s, width=0.0, grasped=False)),
-    "hand: silent": Injection(silent_hand),
+    "hand: silent": repeats("cell.hand.reports"),
     "hand: stuck": Injection(stuck_hand),
-    "policy: no number": decides(without_number),
-    "policy: hangs": decides(hanging),
+    "policy: no number": policy(without_number),
+    "policy: hangs": policy(hanging),
     "record: disk full": Injection(full_disk, spares=False),
     "record: 0.2 s slow": Injection(lambda s: pause(s, 0.2)),
     "viewer: dies": Injection(dying_viewer),
-    "clock: 1 s ahead": jump(1.0),
-    "clock: 1 s back": jump(-1.0),
+    "clock: 1 s ahead": switch("cell.clock.jump", 1.0),
+    "clock: 1 s back": switch("cell.clock.jump", -1.0),
     "twin: diverges": Injection(lambda s: s.cell.diverge()),
     "signal: interrupt": send(signal.SIGINT),
     "signal: terminate": send(signal.SIGTERM),
     "signal: hang up": send(signal.SIGHUP),
 }
-
-
-def _make_devices_late(scene: Scene, by: float) -> None:
-    scene.cell.camera.spoil = failing.delay(by)
