@@ -1,7 +1,6 @@
 """The door of the laboratory: `python -m tests.lab COMMAND`, with `--help` for each."""
 
 import ast
-import inspect
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -43,13 +42,9 @@ def faults(given: typer.Context) -> None:
 def script(given: typer.Context) -> None:
     """Run the `main` of the module of this name with the arguments that follow it."""
     module = import_module(SCRIPTS[str(given.info_name)])
-    if inspect.signature(module.main).parameters:
-        command = typer.Typer(add_completion=False, rich_markup_mode=None)
-        command.command()(module.main)
-        path = given.command_path
-        sys.exit(command(given.args, standalone_mode=False, prog_name=path) or 0)
-    sys.argv = [given.command_path, *given.args]
-    sys.exit(module.main())
+    command = typer.Typer(add_completion=False, rich_markup_mode=None)
+    command.command()(module.main)
+    sys.exit(command(given.args, standalone_mode=False, prog_name=given.command_path) or 0)
 
 
 def _sentence(module: str) -> str:

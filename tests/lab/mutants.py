@@ -9,7 +9,6 @@ tests have changed. Prints the score of each file and the survivors; the exit co
 than the least share killed, 2 for a mutant that does not apply or tests that fail without one.
 """
 
-import argparse
 import hashlib
 import json
 import os
@@ -25,12 +24,15 @@ from importlib import import_module
 from importlib.util import find_spec
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Annotated
 
 import pytest
+import typer
 import yaml
 
 ROOT = Path(__file__).parents[2]
 LIST = Path(__file__).with_suffix(".yaml")
+WORK = Path(tempfile.gettempdir()) / "folding-cell-mutants"
 LONGEST = 600  # s for the tests of one mutant; longer is a hang, which somebody notices
 LIBRARIES = (
     *("numpy", "cv2", "yaml", "pydantic", "ruckig", "scipy.optimize", "scipy.spatial.transform"),
@@ -198,22 +200,24 @@ def judge_all(mutants: tuple[Mutant, ...], work: Path) -> dict[str, str]:
     return outcomes
 
 
-def main() -> int:
+def main(
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Only mutants whose name contains one of these.")
+    ] = None,
+    work: Path = WORK,
+    least: Annotated[float, typer.Option(help="Percent that must be killed.")] = 95.0,
+    draw: Annotated[
+        int | None, typer.Option("--drawn", help="Draw as many, in place of the list.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the draw.")] = 1,
+) -> int:
     """Judge the mutants that are asked for; the exit code."""
     from tests.lab.mutant_draw import drawn
 
-    reader = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    reader.add_argument("names", nargs="*", help="only mutants whose name contains one of these")
-    place = Path(tempfile.gettempdir()) / "folding-cell-mutants"
-    reader.add_argument("--work", type=Path, default=place)
-    reader.add_argument("--least", type=float, default=95.0, help="percent that must be killed")
-    reader.add_argument("--drawn", type=int, help="draw as many, in place of the list")
-    reader.add_argument("--seed", type=int, default=1, help="of the draw")
-    asked = reader.parse_args()
-    every = drawn(asked.drawn, asked.seed) if asked.drawn else listed()
-    mutants = tuple(m for m in every if not asked.names or any(n in m.name for n in asked.names))
+    every = drawn(draw, seed) if draw else listed()
+    mutants = tuple(m for m in every if not names or any(n in m.name for n in names))
     try:
-        outcomes = judge_all(mutants, asked.work)
+        outcomes = judge_all(mutants, work)
     except Unusable as error:
         print(error, file=sys.stderr)
         return 2
@@ -225,4 +229,4 @@ def main() -> int:
     print(f"{len(outcomes) - len(survivors)} of {len(outcomes)} killed, {killed:.1f} %")
     for name in survivors:
         print(f"survived: {name}")
-    return int(killed < asked.least)
+    return int(killed < least)

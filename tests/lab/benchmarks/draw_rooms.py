@@ -8,6 +8,9 @@ import ast
 import sys
 from html import escape
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from tests.support.rooms import ROOT, Edges, edges, house_room, ladder
 
@@ -92,8 +95,7 @@ def _wrapped(text: str, width: int) -> list[str]:
     return lines
 
 
-def main() -> None:
+def main(out: Annotated[Path, typer.Argument()] = OUT) -> None:
     """Write the drawing."""
-    out = Path(sys.argv[1]) if len(sys.argv) > 1 else OUT
     out.write_text(drawing(edges(house_room)), encoding="utf-8")
     sys.stdout.write(f"{out}\n")

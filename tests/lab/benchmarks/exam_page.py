@@ -8,7 +8,6 @@ the bars and that by kind of plant, among the cases all tables and the figures. 
 and the sections of other tiers stay.
 """
 
-import argparse
 import re
 import sys
 from pathlib import Path
@@ -19,27 +18,30 @@ from tests.lab.exam.ledger import Ledger
 from tests.lab.exam.page import TIERS, by_tier, write_report
 
 
-def main() -> int:
+def main(
+    ledgers: list[Path],
+    page: Path = Path("tests/lab/notes/exam.md"),
+    cases: Path = Path("tests/lab/ledgers/cases.md"),
+) -> int:
     """Write the page; 1 where it has no section of a tier that a ledger holds."""
-    asked = _arguments()
-    entries = [entry for ledger in asked.ledgers for entry in Ledger(ledger).entries]
+    entries = [entry for ledger in ledgers for entry in Ledger(ledger).entries]
     entries.sort(key=lambda entry: entry.case.name)
-    pages = {path: path.read_text(encoding="utf-8") for path in (asked.page, asked.cases)}
+    pages = {path: path.read_text(encoding="utf-8") for path in (page, cases)}
     with TemporaryDirectory() as name:
-        made, *figures = write_report(entries, Path(name) / asked.cases.name)
+        made, *figures = write_report(entries, Path(name) / cases.name)
         new = made.read_text(encoding="utf-8")
         for tier, mine in by_tier(entries):
             section = _section(TIERS[tier])
             whole = section.search(new)[0].rstrip()
             brief = "\n### ".join(whole.split("\n### ")[:2])
-            for path, text in {asked.cases: whole, asked.page: brief}.items():
+            for path, text in {cases: whole, page: brief}.items():
                 if not section.search(pages[path]):
                     sys.stderr.write(f"{path}: has no section '{TIERS[tier]}'; add its heading\n")
                     return 1
                 pages[path] = section.sub(lambda _, text=text: text.rstrip() + "\n\n", pages[path])
             sys.stdout.write(f"{TIERS[tier]}: {len(mine)} cases\n")
         for figure in figures:
-            replace_file(asked.cases.with_name(figure.name), figure.read_bytes())
+            replace_file(cases.with_name(figure.name), figure.read_bytes())
     for path, text in pages.items():
         replace_file(path, (text.rstrip() + "\n").encode())
     return 0
@@ -48,11 +50,3 @@ def main() -> int:
 def _section(heading: str) -> re.Pattern[str]:
     """A section with its heading, up to the next one of its level or the end."""
     return re.compile(rf"^## {re.escape(heading)}\n.*?(?=^## |\Z)", re.DOTALL | re.MULTILINE)
-
-
-def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("ledgers", nargs="+", type=Path)
-    parser.add_argument("--page", type=Path, default=Path("tests/lab/notes/exam.md"))
-    parser.add_argument("--cases", type=Path, default=Path("tests/lab/ledgers/cases.md"))
-    return parser.parse_args()

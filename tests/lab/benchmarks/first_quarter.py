@@ -7,7 +7,6 @@ command is carried out there as a newcomer types it. Other loads stretch process
 compare rows of one table.
 """
 
-import argparse
 import os
 import resource
 import subprocess
@@ -23,7 +22,6 @@ FOLD = ("-m", "cell", "fold", "--strip", "denim")
 
 def main() -> None:
     """Install and fold in a temporary folder, and print a row for each part."""
-    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     print("processor s   wall s  to the line  kernels compiled")
     with tempfile.TemporaryDirectory() as place:
         home, first, second = (Path(place) / name for name in ("home", "first", "second"))

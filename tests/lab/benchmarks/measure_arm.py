@@ -1,21 +1,21 @@
 """Faults hidden in the cell's arm, found from the paths of folds through the robot's library.
 
-`python -m tests.lab measure-arm OUT [--faults NAME ...]` hides each fault in turn in a
+`python -m tests.lab measure-arm OUT [--faults NAME]...` hides each fault in turn in a
 served robot, drives it in lock-step along FOLDS paths of a fold, in the air, by the client
 library, fits what `cell fold --arm fci` would have kept of its joints, and appends a line of JSON
 a fault to OUT/faults.jsonl. Links are 1 % heavier or lighter than the model, by chance.
 `... model` writes the arm's MJCF into configs/mechanisms/arm.
 """
 
-import argparse
 import json
 import time
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 import yaml
 
 from cell.config.places import find_configs
@@ -109,27 +109,24 @@ def score(name: str, verdict: Any) -> str:
     return "wrong" if others else "open"
 
 
-def main() -> None:
+def main(
+    out: Path,
+    faults: Annotated[list[str], typer.Option()] = list(FAULTS),  # noqa: B006  not changed
+    seed: int = 1,
+    jobs: int = 1,
+) -> None:
     """Hide, drive, fit, score, append."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("out")
-    parser.add_argument("--faults", nargs="*", default=list(FAULTS))
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--jobs", type=int, default=1)
-    given = parser.parse_args()
-    if given.out == "model":
+    if str(out) == "model":
         root = ET.fromstring(arm_mjcf())  # noqa: S314  our own text
         ET.indent(root)
         (ARM / "model.xml").write_text(ET.tostring(root, encoding="unicode") + "\n")
         return
-    out = Path(given.out)
-    for number, name in enumerate(given.faults):
+    for number, name in enumerate(faults):
         folder, began = out / name, time.process_time()
         if not (folder / "runs").is_dir():
-            make(folder / "runs", name, 10 * given.seed + number)
+            make(folder / "runs", name, 10 * seed + number)
         drove = time.process_time() - began
-        verdict = fit([folder / "runs"], ARM / "mechanism.yaml", folder / "verdict",
-                      jobs=given.jobs)  # fmt: skip
+        verdict = fit([folder / "runs"], ARM / "mechanism.yaml", folder / "verdict", jobs=jobs)
         row = {
             "hidden": name, "verdict": verdict.verdict, "score": score(name, verdict),
             "effects": {e.name: {k: [p.value, p.low, p.high] for k, p in e.parameters.items()}

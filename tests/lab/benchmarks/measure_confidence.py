@@ -1,6 +1,6 @@
 """Whether names came true as often as stated, in ledgers of exams and of the study.
 
-python -m tests.lab measure-confidence LEDGER... [--fresh LEDGER...] [--fit FILE]
+python -m tests.lab measure-confidence LEDGER... [--fresh LEDGER]... [--fit FILE]
 
 Prints how many verdicts are right, and three reliability tables: what each verdict stated, what
 this version states of its signs, and what a calibration of all other cases states. With --fresh the
@@ -9,12 +9,14 @@ states of them. With --fit that calibration is written to FILE, as
 cell/gap/verdict/confidence.yaml holds it.
 """
 
-import argparse
 import json
 import sys
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from cell.gap.verdict.confidence import Calibration, Numbers, calibration
 from drivers.files import replace_file
@@ -34,10 +36,13 @@ from tests.lab.studies.study import Case, Outcome
 SIGNS = {field.name for field in fields(Numbers)}
 
 
-def main() -> int:
+Ledgers = Annotated[list[Path], typer.Argument(exists=True, dir_okay=False)]
+Fresh = Annotated[list[Path] | None, typer.Option(exists=True, dir_okay=False)]
+
+
+def main(ledgers: Ledgers, fresh: Fresh = None, fit: Path | None = None) -> int:
     """Print the tables; 1 where no verdict names."""
-    asked = _arguments()
-    outcomes = verdicts_in(asked.ledgers)
+    outcomes = verdicts_in(ledgers)
     found, outside = names(outcomes)
     if not found:
         sys.stderr.write(
@@ -54,33 +59,21 @@ def main() -> int:
         "Left out one by one": (leave_each_out(found, counts), counts),
     }
     content = dict(calibrate(outcomes))
-    if asked.fresh:
-        outcomes = verdicts_in(asked.fresh)
+    if fresh:
+        outcomes = verdicts_in(fresh)
         fitted, (others, outside) = Calibration.model_validate(content), names(outcomes)
-        fresh = [(fitted.probability(n.signs), n.right) for n in others]
-        tables["Of fresh cases"] = fresh, shares(others, outside)
+        claims = [(fitted.probability(n.signs), n.right) for n in others]
+        tables["Of fresh cases"] = claims, shares(others, outside)
     sys.stdout.write(f"{count_verdicts(outcomes)}\n\n")
     for title, (claims, counts) in tables.items():
         sys.stdout.write(f"{title}:\n\n{reliable(claims, counts)}\n\n")
     sys.stdout.write(f"{content['source']}\n")
-    if asked.fit:
-        names_of = ", ".join(path.name for path in asked.ledgers)
+    if fit:
+        names_of = ", ".join(path.name for path in ledgers)
         content["source"] += f" From {names_of}."
         content.pop("belongs_to")
-        replace_file(asked.fit, dump_yaml(content).encode())
+        replace_file(fit, dump_yaml(content).encode())
     return 0
-
-
-def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("ledgers", type=Path, nargs="+")
-    parser.add_argument("--fresh", type=Path, nargs="+", default=[])
-    parser.add_argument("--fit", type=Path)
-    asked = parser.parse_args()
-    for path in [*asked.ledgers, *asked.fresh]:
-        if not path.is_file():
-            parser.error(f"{path}: no such file; give ledgers, lines of JSON")
-    return asked
 
 
 def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:

@@ -109,7 +109,8 @@ class Specimen:
     def __init__(
         self, links: int, causes: Sequence[Cause], seed: int, scatter: ScatterLevel = "none"
     ) -> None:
-        self._links, self._causes, self._seed = links, tuple(causes), seed
+        self._links, self._seed = links, seed
+        self._causes = tuple(cause for cause in causes if cause.acts)
         self._level: ScatterLevel = scatter
         self._scatter = RunScatter.draw(scatter, seed, 0)
         self._time = 0.0

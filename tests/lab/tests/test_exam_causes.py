@@ -18,7 +18,6 @@ from tests.lab.exam.from_state import Specimen
 from tests.support.effect_cases import LENGTH, denim, way
 
 LINKS, STEP = 40, 0.005
-ONES = {"soft_seam", "broken_in"}  # factors, which change nothing at 1
 LATE = 6  # runs that a specimen has been through before
 ALIKE: dict[str, dict[str, float]] = {
     "dahl": {"yield_curvature": 3.0, "stiffness_ratio": 8.0},
@@ -35,10 +34,6 @@ LOADED: Effects = {
     "relaxation": {"ratio": 0.2, "time": 0.5},
     "air_drag": {"coefficient": 1.5},
 }
-
-
-def null(name: str) -> Cause:
-    return cause_of(name, {causes()[name].amount: 1.0 if name in ONES else 0.0})
 
 
 def described(effects: Effects | None = None, index: int = LATE) -> StripModel:
@@ -65,7 +60,8 @@ def bare() -> StripMotion:
 def test_causes_at_null_leave_the_chain_bit_for_bit(effects: Effects) -> None:
     model = described(effects)
     expected = moved(Chain(LINKS), model, seconds=1.5)
-    found = moved(Specimen(LINKS, [null(name) for name in causes()], 1), model, seconds=1.5)
+    null = [cause_of(name, {cause.amount: cause.null}) for name, cause in causes().items()]
+    found = moved(Specimen(LINKS, null, 1), model, seconds=1.5)
     assert np.array_equal(found.shapes, expected.shapes)
 
 

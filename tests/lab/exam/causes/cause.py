@@ -22,13 +22,19 @@ class Cause(Settings):
     the library that it resembles, whose own amount then has the same name and meaning; None where
     there is none, and the right verdict is to abstain. `sizes` are values by strength that leave
     a gap of about 2.5 (medium) and 6 (strong) on denim, for causes that the exam draws. Values
-    are SI; at its null a cause changes nothing. All chance comes from the generators that it is
+    are SI; of the amount `null` there is no cause. All chance comes from the generators that it is
     given.
     """
 
     amount: ClassVar[str]
+    null: ClassVar[float] = 0.0
     answers: ClassVar[str | None] = None
     sizes: ClassVar[Sizes] = {}
+
+    @property
+    def acts(self) -> bool:
+        """Whether the cause changes anything."""
+        return bool(getattr(self, self.amount) != self.null)
 
     def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:
         """Strip model as altered by the cause in run `model.index`; `rng` is the run's own."""

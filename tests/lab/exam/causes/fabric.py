@@ -28,10 +28,8 @@ class Dahl(Cause):
     ratio: float = Field(8.0, ge=1, le=50)  # of pre-sliding over bending stiffness
     exponent: float = Field(1.5, ge=1.0, le=3.0)
 
-    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:
-        """Friction moment of every hinge, zero at the start; None without friction."""
-        if self.yield_curvature == 0:
-            return None
+    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction:
+        """Friction moment of every hinge, zero at the start."""
         stiffness = parts.lumps.stiffness
         element = DahlFriction(
             stiffness * self.yield_curvature * parts.lumps.reach,
@@ -57,10 +55,8 @@ class SinhBending(Cause):
 
     cubic: float = Field(ge=-1e-3, le=1e-3)  # m^2
 
-    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:
-        """Moment added to the elastic one at every hinge; None where it is zero."""
-        if self.cubic == 0:
-            return None
+    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction:
+        """Moment added to the elastic one at every hinge."""
         hard = self.cubic > 0
         bend = np.sqrt(1.0 / ((6.0 if hard else 3.0) * abs(self.cubic)))
         return resistance(parts, Excess(parts.lumps.stiffness, bend * parts.lumps.reach, hard=hard))
@@ -98,10 +94,8 @@ class LogCreep(Cause):
     quick: float = Field(0.1, gt=0, le=10)  # s
     slow: float = Field(5.0, gt=0, le=1000)  # s
 
-    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:
-        """Moment that every hinge loses by creep; None without creep."""
-        if self.ratio == 0:
-            return None
+    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction:
+        """Moment that every hinge loses by creep."""
         times = np.geomspace(self.quick, self.slow, ELEMENTS)
         share = self.ratio / ELEMENTS * parts.lumps.stiffness
         return resistance(parts, Fading(share, parts.lumps.rest, times))
@@ -140,10 +134,8 @@ class PowerDamping(Cause):
     exponent: float = Field(1.7, ge=1.2, le=3.0)
     rate: float = Field(60.0, gt=0, le=1000)  # 1/(m s), r
 
-    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:
-        """Nonlinear damping of every hinge; None without damping."""
-        if self.coefficient == 0:
-            return None
+    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction:
+        """Nonlinear damping of every hinge."""
         hinges = parts.joints.hinges
         span = parts.lumps.reach
         # moment = K span c r^2 (|w| / (span r))^p = [K c r (|w| / (span r))^(p - 1)] w
@@ -169,8 +161,6 @@ class SmoothGradient(Cause):
 
     def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:
         """Strip model with the S-shaped profile of rigidity."""
-        if self.slope == 0:
-            return model
         mechanics = model.mechanics
         share = mechanics.cells / mechanics.length - 0.5
         factor = 1.0 + 0.5 * self.slope * np.sin(np.pi * share)
@@ -185,6 +175,7 @@ class SoftSeam(Cause):
     """
 
     amount: ClassVar[str] = "factor"
+    null: ClassVar[float] = 1.0
     answers: ClassVar[str | None] = "seam"
 
     factor: float = Field(ge=0.1, le=50)
@@ -193,8 +184,6 @@ class SoftSeam(Cause):
 
     def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:
         """Strip model with the rigidity of the seam."""
-        if self.factor == 1:
-            return model
         mechanics = model.mechanics
         away = (mechanics.cells - self.position) / self.width
         factor = 1.0 + (self.factor - 1.0) * np.exp(-np.pi * away**2)
@@ -214,8 +203,6 @@ class Softening(Cause):
 
     def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:
         """Strip model with the damping that is left after its earlier runs."""
-        if self.loss == 0:
-            return model
         factor = 1.0 - self.loss * (1.0 - np.exp(-model.index / self.runs))
         viscosity = frozen(model.mechanics.viscosity * factor)
         return replace(model, mechanics=replace(model.mechanics, viscosity=viscosity))
@@ -228,6 +215,7 @@ class BrokenIn(Cause):
     """
 
     amount: ClassVar[str] = "factor"
+    null: ClassVar[float] = 1.0
     sizes: ClassVar[Sizes] = {"medium": {"factor": 0.45}, "strong": {"factor": 0.3}}
 
     factor: float = Field(gt=0.05, le=5)
@@ -235,7 +223,7 @@ class BrokenIn(Cause):
 
     def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:
         """Strip model of this run, its rigidity multiplied by `factor` from run `first` on."""
-        if self.factor == 1 or model.index < self.first:
+        if model.index < self.first:
             return model
         same = np.full(len(model.mechanics.rigidity), self.factor)
         return replace(model, mechanics=model.mechanics.scale_rigidity(same))
@@ -256,8 +244,6 @@ class Humidity(Cause):
 
     def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:
         """Strip model with the rigidity and retardation time of this run's humidity."""
-        if self.spread == 0:
-            return model
         factor = float(np.exp(self.spread * rng.standard_normal()))
         mechanics = model.mechanics.scale_rigidity(np.full(len(model.mechanics.rigidity), factor))
         viscosity = mechanics.viscosity / np.sqrt(factor)

@@ -22,8 +22,6 @@ class CreepingGrip(Cause):
 
     def true_pose(self, pose: Array, time: float) -> Array:
         """True pose (3,) of the edge at `time` [s] after the grasp, reported as `pose` (3,)."""
-        if self.rate == 0:
-            return pose
         slid = self.rate * time
         return np.asarray(pose - slid * np.array([np.cos(pose[2]), np.sin(pose[2]), 0.0]))
 
@@ -46,8 +44,6 @@ class Wobble(Cause):
 
     def true_pose(self, pose: Array, time: float) -> Array:
         """True pose (3,) of the edge at `time` [s] after the grasp, reported as `pose` (3,)."""
-        if self.amplitude == 0:
-            return pose
         swing = self.amplitude * min(time / GROWTH, 1.0)
         swing *= np.sin(2 * np.pi * self.frequency * time)
         return np.asarray(pose + np.array([self.sideways * swing, swing, 0.0]))

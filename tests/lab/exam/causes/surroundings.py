@@ -56,10 +56,8 @@ class Draught(Cause):
     memory: float = Field(0.8, gt=0, le=60)  # s
     drag: float = Field(1.2, ge=0, le=10)  # C_d
 
-    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:
-        """Drag of the wind on every link; None without wind."""
-        if self.speed == 0:
-            return None
+    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction:
+        """Drag of the wind on every link."""
         lumps = parts.lumps
         size = (
             0.5 * AIR_DENSITY * self.drag * parts.model.mechanics.width * lumps.spans * lumps.scale
@@ -110,10 +108,8 @@ class ObliqueDrag(Cause):
     exponent: float = Field(1.85, ge=1.2, le=2.2)
     speed: float = Field(0.3, gt=0, le=5)  # m/s, v_0
 
-    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:
-        """Drag on every link; None without drag."""
-        if self.coefficient == 0:
-            return None
+    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction:
+        """Drag on every link."""
         lumps = parts.lumps
         size = 0.5 * AIR_DENSITY * self.coefficient * parts.model.mechanics.width
         size *= lumps.scale * self.speed**2
@@ -142,10 +138,8 @@ class StaticCling(Cause):
     pressure: float = Field(ge=0, le=50)
     reach: float = Field(0.010, gt=0, le=0.1)  # m
 
-    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:
-        """Downward pull on every link; None without pressure."""
-        if self.pressure == 0:
-            return None
+    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction:
+        """Downward pull on every link."""
         lumps, joints = parts.lumps, parts.joints
         size = self.pressure * parts.model.mechanics.width * lumps.spans * lumps.scale
 
@@ -173,10 +167,8 @@ class StickyPatch(Cause):
     size: float = Field(0.1, gt=0, le=0.5)
     reach: float = Field(0.004, gt=0, le=0.02)  # m
 
-    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:
-        """Downward pull on the links above the patch; None without pressure."""
-        if self.pressure == 0:
-            return None
+    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction:
+        """Downward pull on the links above the patch."""
         lumps, joints = parts.lumps, parts.joints
         force = self.pressure * parts.model.mechanics.width * lumps.spans * lumps.scale
         middle = self.position * float(lumps.spans.sum())
@@ -206,10 +198,8 @@ class CaughtThread(Cause):
     length: float = Field(0.03, ge=0, le=0.3)  # m
     stiffness: float = Field(0.5, gt=0, le=5)  # N/m
 
-    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:
-        """Pull of the thread on the link that it is tied to; None without strength."""
-        if self.strength == 0:
-            return None
+    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction:
+        """Pull of the thread on the link that it is tied to."""
         ends = np.cumsum(parts.lumps.spans)
         place = self.position * ends[-1]
         return _Thread(self, parts, int(np.searchsorted(ends, place)), np.array([place, 0.0]))
