@@ -3,15 +3,14 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from math import sqrt
 from statistics import median
+
+from scipy.stats import binomtest
 
 from tests.lab.exam.case import Kind, Tier
 from tests.lab.exam.from_state import LEVELS
 from tests.lab.exam.ledger import Entry
 from tests.lab.exam.score import RIGHT_RESULTS, Comparison, Outcome
-
-NORMAL = 1.959963984540054  # two-sided 95 %
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,25 +27,17 @@ class Rate:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The 95 % interval of the rate."""
-        return wilson(self.hits, self.count)
+        """Score interval of 95 %, 0 to 1 of no case (Wilson 1927, J. Am. Stat. Assoc. 22, 209)."""
+        if not self.count:
+            return 0.0, 1.0
+        low, high = binomtest(self.hits, self.count).proportion_ci(method="wilson")
+        return float(low), float(high)
 
 
 def rate(found: Iterable[bool]) -> Rate:
     """Rate of the true values in `found`."""
     every = list(found)
     return Rate(sum(every), len(every))
-
-
-def wilson(hits: int, count: int, z: float = NORMAL) -> tuple[float, float]:
-    """Score interval of a proportion, 0 to 1 of none (Wilson 1927, J. Am. Stat. Assoc. 22, 209)."""
-    if count == 0:
-        return 0.0, 1.0
-    p, spread = hits / count, z * z / count
-    middle = (p + spread / 2) / (1 + spread)
-    half = z / (1 + spread) * sqrt(p * (1 - p) / count + spread / (4 * count))
-    low = 0.0 if hits == 0 else middle - half
-    return low, 1.0 if hits == count else middle + half
 
 
 @dataclass(frozen=True, slots=True)

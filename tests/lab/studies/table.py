@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cell.campaign.progress import clock
+from cell.gap.rehearse import table
 from cell.record.documents import write_document
 from drivers.files import replace_file
 from tests.lab.studies.campaign import StudyRecord, cost
@@ -69,25 +70,13 @@ def keeps_bars(found: Sequence[Row]) -> bool:
     return bool(found) and all(f.held is not False for f in found[-1].figures)
 
 
-def head(kept: StudyRecord) -> tuple[str, ...]:
-    """Column heads of a study's table."""
-    study = kept.asked.study
-    return (", ".join(study.by) or "cases", "n", *(q.title for q in study.quantities))
-
-
-def cells(row: Row) -> tuple[str, ...]:
-    """Cells of one row of the table as text."""
-    return (row.group, str(row.count), *(f.text() for f in row.figures))
-
-
 def markdown(kept: StudyRecord) -> str:
     """Format the table in Markdown, with the share of cases measured and the command for it."""
-    titles = head(kept)
-    lines = [titles, ("---",) * len(titles), *(cells(row) for row in rows(kept))]
-    escaped = ([cell.replace("|", "\\|") for cell in line] for line in lines)
-    return "\n".join(
-        ["| " + " | ".join(line) + " |" for line in escaped] + ["", progress(kept), ""]
-    )
+    study = kept.asked.study
+    titles = (", ".join(study.by) or "cases", "n", *(q.title for q in study.quantities))
+    every = ((r.group, str(r.count), *(f.text() for f in r.figures)) for r in rows(kept))
+    head, *others = ([cell.replace("|", "\\|") for cell in line] for line in (titles, *every))
+    return f"{table(head, others)}\n\n{progress(kept)}\n"
 
 
 def progress(kept: StudyRecord) -> str:

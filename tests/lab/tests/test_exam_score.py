@@ -11,7 +11,7 @@ from cell.gap.verdict.schema import Verdict
 from tests.lab.exam.case import Case
 from tests.lab.exam.ledger import Entry, Ledger
 from tests.lab.exam.score import Outcome, oracle, result, score
-from tests.lab.exam.targets import wilson
+from tests.lab.exam.targets import Rate
 from tests.support.exam_cases import case, few_runs, named, verdict
 from tests.support.gap_strip_cases import STRIP, denim
 
@@ -90,10 +90,10 @@ def test_the_base_is_held_against_its_factors() -> None:
 
 def test_wilson_agrees_with_its_published_values() -> None:
     """Newcombe 1998, Stat. Med. 17, table I, method 3."""
-    assert wilson(81, 263) == pytest.approx((0.2553, 0.3662), abs=5e-5)
-    assert wilson(15, 148) == pytest.approx((0.0624, 0.1605), abs=5e-5)
-    assert wilson(0, 20) == pytest.approx((0.0, 0.1611), abs=5e-5)
-    assert wilson(1, 29) == pytest.approx((0.0061, 0.1718), abs=5e-5)
+    assert Rate(81, 263).interval == pytest.approx((0.2553, 0.3662), abs=5e-5)
+    assert Rate(15, 148).interval == pytest.approx((0.0624, 0.1605), abs=5e-5)
+    assert Rate(0, 20).interval == pytest.approx((0.0, 0.1611), abs=5e-5)
+    assert Rate(1, 29).interval == pytest.approx((0.0061, 0.1718), abs=5e-5)
 
 
 def entry(name: str, of: str = "1", **changes: Any) -> Entry:

@@ -6,6 +6,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from cell.gap.rehearse import table
 from tests.lab.faults.blow import FAULT_STATES, Blow, strike
 from tests.lab.faults.faults import FAULTS
 from tests.lab.studies.kit.folds import cached_calibration
@@ -35,18 +36,18 @@ def measure(case: Values) -> Values:
 
 def page(outcomes: Sequence[Outcome]) -> str:
     """Format the ledger: every fault's worst cases."""
-    lines = [PAGE_HEAD, "| fault | ended | noticed by | stop | rest | way |"]
-    lines.append("|---|---|---|---|---|---|")
+    rows = []
     for fault in FAULTS:
         cases = [o for o in outcomes if o.case.values["fault"] == fault]
-        lines += [_fault_row(fault, cases)] if cases else []
+        rows += [_fault_row(fault, cases)] if cases else []
+    text = table(["fault", "ended", "noticed by", "stop", "rest", "way"], rows)
     states = {o.case.values["state"] for o in outcomes}
     if missing := [state for state in FAULT_STATES if state not in states]:
-        lines += ["", f"{len(outcomes)} cases; not measured yet: {', '.join(missing)}."]
-    return "\n".join([*lines, ""])
+        text += f"\n\n{len(outcomes)} cases; not measured yet: {', '.join(missing)}."
+    return f"{PAGE_HEAD}\n{text}\n"
 
 
-def _fault_row(fault: str, cases: Sequence[Outcome]) -> str:
+def _fault_row(fault: str, cases: Sequence[Outcome]) -> tuple[str, ...]:
     """Table row of one fault: verdicts, outcomes, worst times and distance."""
 
     def states(verdict: str) -> str:
@@ -58,11 +59,9 @@ def _fault_row(fault: str, cases: Sequence[Outcome]) -> str:
     verdicts = ", ".join(states(v) for v in dict.fromkeys(str(o.values["verdict"]) for o in cases))
     outcomes = dict.fromkeys(str(o.values["outcome"]) for o in stopped)
     named = ", ".join(f"`{name}`" for name in outcomes) or "-"
-    worst = [
-        _worst_text(stopped, key, scale)
-        for key, scale in (("stop", 1), ("rest", 1), ("distance", 1e3))
-    ]
-    return f"| {fault} | {verdicts} | {named} | {' | '.join(worst)} |"
+    scales = {"stop": 1.0, "rest": 1.0, "distance": 1e3}
+    worst = [_worst_text(stopped, key, scale) for key, scale in scales.items()]
+    return fault, verdicts, named, *worst
 
 
 def _worst_text(cases: Sequence[Outcome], key: str, scale: float) -> str:
