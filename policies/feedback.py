@@ -1,18 +1,33 @@
-"""The paper's feedback policy: heading phi from gripper x, z and desk_contact x."""
+"""The paper's feedback policy: heading phi from gripper x, z and desk_contact x by a network."""
 
+import json
 import math
 from pathlib import Path as FilePath
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import ConfigDict, Field
 
+from drivers.errors import ConfigurationError
+from drivers.files import write_file
+from drivers.readers import MEGABYTE, read_json
+from drivers.settings import Settings, parse
 from drivers.strip.file import StripFile
 from drivers.types import Array
-from policies.checkpoint import load_checkpoint
-from policies.network import HeadingNetwork
 from policies.path import Path, triangular
 from policies.policy import Decision, Observation
 
 COMMITTED = FilePath(__file__).with_name("weights") / "feedback.json"
+
+INPUTS = 3
+HIDDEN_UNITS = 20
+WEIGHT_COUNT = (INPUTS + 1) * HIDDEN_UNITS + HIDDEN_UNITS + 1
+
+# Over the strip's length: a typical state, and the directions in which states spread around it,
+# so that a unit change of any weight means about as much as one of another.
+INPUT_CENTRE = (0.57, 0.40, 0.56)
+INPUT_SPREAD = ((0.16, 0.0, 0.0), (0.0, 0.11, 0.0), (0.04, -0.08, 0.02))
+WHITEN = np.linalg.inv(np.array(INPUT_SPREAD)).T
 
 # Over the strip's length. Below LOWEST_HEIGHT the gripper does not go down, above LOFT not up, and
 # farther than NEARLY_TAUT from the fixed edge not outward. Beyond PAST the fold has ended.
@@ -20,6 +35,29 @@ LOWEST_HEIGHT = 0.05
 LOFT = 0.75
 NEARLY_TAUT = 0.95
 PAST = -0.20
+
+
+class HeadingNetwork:
+    """One hidden layer of 20 tanh units for each of p candidates, evaluated side by side.
+
+    `weights` (p, WEIGHT_COUNT): per unit three input weights, then the hidden biases, the output
+    weights and the output bias.
+    """
+
+    def __init__(self, weights: Array) -> None:
+        cut = np.cumsum([INPUTS * HIDDEN_UNITS, HIDDEN_UNITS, HIDDEN_UNITS])
+        first, self._first_bias, self._last, self._last_bias = np.split(
+            np.atleast_2d(weights), cut, axis=1
+        )
+        self._first = first.reshape(-1, HIDDEN_UNITS, INPUTS)
+
+    def __call__(self, state: Array) -> Array:
+        """Directions (p, m) [rad] for states (p, m, 3), lengths over the strip's length."""
+        whitened = np.einsum("pmi,ij->pmj", state - INPUT_CENTRE, WHITEN)
+        # einsum, because rounding by BLAS depends on its threads and on the size of the batch
+        drive = np.einsum("pmj,phj->pmh", whitened, self._first) + self._first_bias[:, None]
+        turn = np.einsum("pmh,ph->pm", np.tanh(drive), self._last) + self._last_bias
+        return np.asarray(math.pi + 0.5 * math.pi * turn)
 
 
 class Feedback:
@@ -74,6 +112,41 @@ def limit_directions(direction: Array, x: Array, z: Array) -> Array:
     low = np.where(z > LOFT, np.maximum(low, math.pi), low)
     high = np.where(z < LOWEST_HEIGHT, math.pi, 1.5 * math.pi)
     return np.asarray(np.clip(direction, np.minimum(low, high), high))
+
+
+class Training(Settings):
+    """Origin of the weights: settings and results of their training."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    seed: int
+    generations: int = Field(ge=0)
+    folds: int = Field(ge=0)
+
+
+class Checkpoint(Settings):
+    """Weights of the feedback network, in the order of `HeadingNetwork`, as JSON."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    schema_: Literal[1] = Field(1, alias="schema")
+    policy: Literal["feedback"]
+    weights: Annotated[tuple[float, ...], Field(min_length=WEIGHT_COUNT, max_length=WEIGHT_COUNT)]
+    training: Training
+
+
+def load_checkpoint(path: FilePath) -> Checkpoint:
+    """The checkpoint at `path`; one line of ConfigurationError when it is missing or broken."""
+    try:
+        return parse(read_json(path, MEGABYTE), Checkpoint, str(path))
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{error}; name another checkpoint or train one") from None
+
+
+def save_checkpoint(path: FilePath, checkpoint: Checkpoint) -> None:
+    """Write `checkpoint` to `path` atomically; ConfigurationError where that fails."""
+    content = checkpoint.model_dump(by_alias=True)
+    write_file(path, (json.dumps(content, indent=1) + "\n"), "make room or name another folder")
 
 
 def load_feedback(path: FilePath | None = None) -> Feedback:

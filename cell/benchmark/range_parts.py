@@ -14,13 +14,12 @@ from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
-from policies.adaptive.fabrics import EFFECTS, effect, friction, plain_strip
-from policies.domain import grid
 from policies.path import TAKEOVER_HEIGHT
 from policies.planned import Planned
 from policies.registry import make_policy
 from policies.rollout import Folds, MultiStepper, Rollout, roll_out
 from policies.sensing import IMAGE_SENSING
+from policies.strips import EFFECTS, effect, friction, grid, plain_strip
 
 
 class RecordingEngine:

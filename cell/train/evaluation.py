@@ -16,10 +16,9 @@ from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
-from policies.adaptive.fabrics import CONDITIONS, STRIP_LENGTH, strip_under_condition
-from policies.domain import grid
 from policies.policy import Policy
 from policies.rollout import Rollout, roll_out
+from policies.strips import CONDITIONS, STRIP_LENGTH, grid, strip_under_condition
 from policies.train.objective import JUDGING_SEGMENTS
 
 Key = TypeVar("Key")

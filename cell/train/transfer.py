@@ -23,8 +23,8 @@ from cell.record.run import read_run
 from drivers.errors import ConfigurationError
 from policies.adaptive.bias import Bias
 from policies.adaptive.checkpoint import THROUGH_IMAGES, about, load_critic, save_critic
-from policies.adaptive.fabrics import random_strip
 from policies.adaptive.train.transfer import FitQuality, FoldedBatch, fit_transfer
+from policies.strips import random_strip
 
 UNTRANSFERRED, JOURNAL = "untransferred.npz", "transfer"
 SECONDS = 10.0  # of processor, a fold

@@ -13,10 +13,10 @@ from drivers.strip.describe import describe
 from drivers.strip.file import GRAVITY, StripFile
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
-from policies.domain import grid, sample
 from policies.feedback import Feedback
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import Sensing
+from policies.strips import grid, sample
 
 PIECE = 12  # candidates a piece; fixed, so that no result depends on the number of workers
 JUDGING_SEGMENTS = 100  # segments of the rod in a validation

@@ -12,9 +12,16 @@ from threadpoolctl import ThreadpoolController
 
 from drivers.errors import ConfigurationError
 from drivers.types import Array
-from policies.checkpoint import Checkpoint, Training, save_checkpoint
-from policies.feedback import Feedback
-from policies.network import HIDDEN_UNITS, INPUT_CENTRE, INPUT_SPREAD, INPUTS
+from policies.feedback import (
+    HIDDEN_UNITS,
+    INPUT_CENTRE,
+    INPUT_SPREAD,
+    INPUTS,
+    Checkpoint,
+    Feedback,
+    Training,
+    save_checkpoint,
+)
 from policies.train.journal import Journal, Line, Progress
 from policies.train.objective import TrainingSettings, evaluate, validate
 

@@ -19,8 +19,7 @@ from cell.record.files import CALIBRATION, EVENTS, RECORDING, TRUTH
 from cell.report.overlay import silhouettes
 from cell.report.page import report
 from drivers.errors import ConfigurationError
-from policies.checkpoint import load_checkpoint, save_checkpoint
-from policies.feedback import COMMITTED
+from policies.feedback import COMMITTED, load_checkpoint, save_checkpoint
 from tests.end_to_end.folded import Folded, fold_and_keep
 from tests.support.requests import request_for
 from tests.support.seen_folds import distances

@@ -43,7 +43,7 @@ from cell.report.viz.recording import viz_from_run
 from drivers.errors import CellError
 from drivers.settings import load
 from drivers.strip.describe import load_plant, load_strip
-from policies.checkpoint import load_checkpoint
+from policies.feedback import load_checkpoint
 from tests.cell.conftest import HEADER, RESULT, MadeFold, straight_camera
 from tests.support.hostile_files import Spoiled, copied, documents, spoilers
 

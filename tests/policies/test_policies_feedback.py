@@ -9,9 +9,14 @@ import pytest
 from drivers.errors import ConfigurationError
 from drivers.strip.file import paper_strip
 from drivers.types import Array
-from policies.checkpoint import Checkpoint, Training, load_checkpoint, save_checkpoint
-from policies.feedback import Feedback
-from policies.network import WEIGHT_COUNT
+from policies.feedback import (
+    WEIGHT_COUNT,
+    Checkpoint,
+    Feedback,
+    Training,
+    load_checkpoint,
+    save_checkpoint,
+)
 from policies.policy import Observation
 from policies.registry import make_policy
 

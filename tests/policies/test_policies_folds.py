@@ -11,11 +11,10 @@ from drivers.strip.engine import Stepper
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
-from policies.checkpoint import load_checkpoint
-from policies.domain import grid
-from policies.feedback import COMMITTED
+from policies.feedback import COMMITTED, load_checkpoint
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
+from policies.strips import grid
 from policies.train.objective import TrainingSettings
 
 pytestmark = pytest.mark.slow

@@ -9,9 +9,9 @@ from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
-from policies.domain import grid, strip_at
 from policies.planned import Planned, plan
 from policies.rollout import Rollout, roll_out
+from policies.strips import grid, strip_at
 
 pytestmark = pytest.mark.slow
 

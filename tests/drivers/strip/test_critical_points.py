@@ -8,8 +8,8 @@ import pytest
 from drivers.strip.describe import describe
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
-from policies.domain import strip_at
 from policies.path import Path
+from policies.strips import strip_at
 
 pytestmark = pytest.mark.slow
 

@@ -10,11 +10,11 @@ from drivers.strip.rod.engine import Rod
 from drivers.types import Array
 from policies.adaptive.adaptive import BLIND_RISE, Adaptive
 from policies.adaptive.checkpoint import load_critic
-from policies.adaptive.fabrics import friction, plain_strip
 from policies.policy import Observation
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import IMAGE_SENSING, Sensing
+from policies.strips import friction, plain_strip
 
 pytestmark = pytest.mark.slow
 

@@ -5,12 +5,12 @@ import numpy as np
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from policies.adaptive.checkpoint import load_critic
-from policies.adaptive.fabrics import EFFECTS, STRIP_LENGTH, effect, plain_strip
 from policies.adaptive.train.shard import truth
 from policies.policy import Policy
 from policies.prediction import Estimate, FoldPrediction
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
+from policies.strips import EFFECTS, STRIP_LENGTH, effect, plain_strip
 from tests.lab.studies.kit.folds import SIGMAS_95
 from tests.lab.studies.kit.rollouts import Kept, rough, sensing_of, stepper, stretchy
 from tests.lab.studies.study import Quantity, Statistic, Study, Values

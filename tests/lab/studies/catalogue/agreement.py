@@ -15,8 +15,8 @@ from drivers.strip.file import StripFile
 from drivers.twin.chain.engine import Chain
 from drivers.twin.chain.forces import ForceFunction, Parts
 from policies.adaptive.checkpoint import load_critic
-from policies.adaptive.fabrics import STRIP_LENGTH, effect, plain_strip, random_strip
 from policies.rollout import Rollout, roll_out
+from policies.strips import STRIP_LENGTH, effect, plain_strip, random_strip
 from tests.lab.exam.causes import cause_of
 from tests.lab.studies.kit.rollouts import Kept, Traced, rough, sensing_of, stretchy
 from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values

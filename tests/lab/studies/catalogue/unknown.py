@@ -14,9 +14,9 @@ from cell.record.run import read_run
 from drivers.strip.file import StripFile
 from drivers.types import Array
 from policies.adaptive.bias import untrained_spread
-from policies.adaptive.fabrics import EFFECTS, STRIP_LENGTH, effect, friction, plain_strip
 from policies.adaptive.train.shard import truth
 from policies.adaptive.train.transfer import COVERAGE
+from policies.strips import EFFECTS, STRIP_LENGTH, effect, friction, plain_strip
 from tests.lab.studies.kit.folds import QUANTITIES, SIGMAS_95, cell_with_twin, compare, fold_unknown
 from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
 

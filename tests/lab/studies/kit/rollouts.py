@@ -13,10 +13,10 @@ from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from policies.adaptive.adaptive import Adaptive
-from policies.adaptive.fabrics import STRIP_LENGTH, friction, plain_strip
 from policies.policy import Decision, Observation
 from policies.prediction import FoldPrediction
 from policies.sensing import IMAGE_SENSING, Sensing
+from policies.strips import STRIP_LENGTH, friction, plain_strip
 
 LINKS, SEGMENTS = 80, 100
 LOUD = replace(IMAGE_SENSING, contact_sigma=0.003, tip_sigma=0.003, profile_sigma=0.003)

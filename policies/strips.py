@@ -1,4 +1,4 @@
-"""Random strips for training: the paper's range, yarn friction, and other effects of fabrics."""
+"""Strips that policies are trained and judged on: the paper's range, and effects of fabrics."""
 
 from collections.abc import Mapping
 
@@ -6,16 +6,17 @@ import numpy as np
 
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Span
-from drivers.strip.file import StripFile
-from policies.domain import strip_at
+from drivers.strip.file import StripFile, paper_damping_minimum, paper_strip
+from drivers.types import Array
 
+STIFFNESS_RANGE = (0.02, 0.3)  # N m/rad (paper, appendix)
+DAMPING_RATIO = 50.0  # largest damping over the smallest at the same stiffness (paper, appendix)
 STRIP_LENGTH = 0.6  # m
 THICKNESS_RANGE = (0.0003, 0.002)  # m, log-uniform
 DENSITY_RANGE = (0.1, 0.5)  # kg/m^2, log-uniform: light shirting to heavy denim
 FRICTION_SHARE = 0.43  # share of strips with yarn friction
 FRICTION_EFFECT = "bending_hysteresis"
 OTHER_SHARE = 0.5  # share of strips with one further effect
-
 
 EFFECTS = {
     "seam": 3.0,
@@ -34,6 +35,27 @@ EFFECTS = {
 textiles are in their own files.
 """
 CONDITIONS = ("nothing", "friction", *EFFECTS)  # one effect at a time
+
+
+def strip_at(u: float, v: float) -> StripFile:
+    """The strip at (u, v) of the unit square, on which log stiffness and log damping are linear."""
+    low, high = STIFFNESS_RANGE
+    k = low * (high / low) ** u
+    return paper_strip(k, paper_damping_minimum(k) * DAMPING_RATIO**v)
+
+
+def grid(n: int) -> list[StripFile]:
+    """n x n strips on a logarithmic grid with corners, stiffness outermost."""
+    places = np.linspace(0.0, 1.0, n)
+    return [strip_at(u, v) for u in places for v in places]
+
+
+def sample(n: int, rng: np.random.Generator) -> list[StripFile]:
+    """n x n strips, one at random in each cell of the unit square (stratified sampling)."""
+    shift: Array = rng.uniform(size=(n, n, 2))
+    cells = np.stack(np.meshgrid(np.arange(n), np.arange(n), indexing="ij"), axis=-1)
+    places = ((cells + shift) / n).reshape(-1, 2)
+    return [strip_at(u, v) for u, v in places]
 
 
 def friction(rng: np.random.Generator, low: float, high: float) -> dict[str, float]:
