@@ -32,44 +32,6 @@ def raise_path(length: float, rise: float) -> Path:
     return Path.through(np.array([(length, 0.0), (length - bend, bend), apex, (0.0, rise)]))
 
 
-class Planned:
-    """Follows the raised triangle on which the simulated strip folds with displacement 0.
-
-    Plans once for a strip and a speed. `strips` are the known strips of a batch; without them all
-    equal the strip given at `reset`.
-    """
-
-    name = "planned"
-
-    def __init__(self, strips: Sequence[StripFile] = ()) -> None:
-        self.rises: Array = np.zeros(0)
-        self._strips = tuple(strips)
-        self._aim = 0.0
-        self._known: tuple[tuple[StripFile, ...], float, float] | None = None
-        self._paths = Paths([])
-
-    def correct(self, seen: float, unseen: float) -> None:
-        """Cancel biases [m]: `seen`, measured minus simulated, `unseen`, true minus measured."""
-        self._aim = -seen - unseen
-
-    def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Plan for `strip` at `speed` [m/s], unless already planned; errors are those of `plan`."""
-        asked = (self._strips or (strip,), speed, self._aim)
-        if asked != self._known:
-            self.rises, self._known = plan(*asked), asked
-        rises = self.rises if self._strips else np.repeat(self.rises, count)
-        self._paths = Paths([raise_path(strip.length, float(rise)) for rise in rises])
-        self._paths.reset(strip, speed, count)
-
-    def lift(self) -> Path:
-        """Path of the lift: the first planned path of a batch."""
-        return self._paths.lift()
-
-    def decide(self, observation: Observation) -> Decision:
-        """Headings along the planned paths; images are not used."""
-        return self._paths.decide(observation)
-
-
 class Paths:
     """Policy for a batch of strips in which each gripper follows a different path."""
 
@@ -101,6 +63,36 @@ class Paths:
             pitch_rate=np.concatenate([one.pitch_rate for one in each]),
             done=np.concatenate([one.done for one in each]),
         )
+
+
+class Planned(Paths):
+    """Follows the raised triangle on which the simulated strip folds with displacement 0.
+
+    Plans once for a strip and a speed. `strips` are the known strips of a batch; without them all
+    equal the strip given at `reset`.
+    """
+
+    name = "planned"
+
+    def __init__(self, strips: Sequence[StripFile] = ()) -> None:
+        super().__init__(())
+        self.rises: Array = np.zeros(0)
+        self._strips = tuple(strips)
+        self._aim = 0.0
+        self._known: tuple[tuple[StripFile, ...], float, float] | None = None
+
+    def correct(self, seen: float, unseen: float) -> None:
+        """Cancel biases [m]: `seen`, measured minus simulated, `unseen`, true minus measured."""
+        self._aim = -seen - unseen
+
+    def reset(self, strip: StripFile, speed: float, count: int) -> None:
+        """Plan for `strip` at `speed` [m/s], unless already planned; errors are those of `plan`."""
+        asked = (self._strips or (strip,), speed, self._aim)
+        if asked != self._known:
+            self.rises, self._known = plan(*asked), asked
+        rises = self.rises if self._strips else np.repeat(self.rises, count)
+        self._each = tuple(raise_path(strip.length, float(rise)) for rise in rises)
+        super().reset(strip, speed, count)
 
 
 def plan(strips: Sequence[StripFile], speed: float, aim: float = 0.0) -> Array:

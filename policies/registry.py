@@ -48,25 +48,16 @@ class Entry:
     look: Look = PLAIN
 
 
-def _triangular(_: FilePath | None) -> "Policy":
-    from policies.follower import PathPolicy
-    from policies.path import triangular
+def _path_policy(name: str) -> "Factory":
+    """Factory of the policy that follows the path of this `name` in `policies.path`."""
 
-    return PathPolicy("triangular", triangular)
+    def make(_: FilePath | None) -> "Policy":
+        from policies import path
+        from policies.follower import PathPolicy
 
+        return PathPolicy(name, getattr(path, name))
 
-def _circular(_: FilePath | None) -> "Policy":
-    from policies.follower import PathPolicy
-    from policies.path import circular
-
-    return PathPolicy("circular", circular)
-
-
-def _shifted(_: FilePath | None) -> "Policy":
-    from policies.follower import PathPolicy
-    from policies.path import shifted
-
-    return PathPolicy("shifted", shifted)
+    return make
 
 
 def _planned(_: FilePath | None) -> "Policy":
@@ -96,9 +87,9 @@ def _adaptive_in_rod(checkpoint: FilePath | None) -> "Policy":
 
 
 OWN_POLICIES: Mapping[str, Entry] = {
-    "triangular": Entry(1, _triangular, look=Look("#2f6db5", "<")),
-    "circular": Entry(2, _circular, look=Look("#cf6a1f", ">")),
-    "shifted": Entry(3, _shifted, look=Look("#6b7280", "D", 4.2)),
+    "triangular": Entry(1, _path_policy("triangular"), look=Look("#2f6db5", "<")),
+    "circular": Entry(2, _path_policy("circular"), look=Look("#cf6a1f", ">")),
+    "shifted": Entry(3, _path_policy("shifted"), look=Look("#6b7280", "D", 4.2)),
     "planned": Entry(4, _planned, look=Look("#8a5fb0", "s", 4.2)),
     "feedback": Entry(5, _feedback, learned=True, look=Look("#3a8a5c", size=7.0)),
     "adaptive": Entry(

@@ -54,13 +54,15 @@ class Rollout:
 
 @dataclass(frozen=True, slots=True)
 class Folds:
-    """Results of n folds: `displacement` (n,) [m], NaN without a touch; `touch` of each; mean
-    horizontal `holding_force` (n,) [N] until then; gripper `trace` (k, n, 2) [m] from take-over.
+    """Results of n folds: `displacement` (n,) [m], NaN without a touch; `touch` of each; mean size
+    (n,) [N] of the horizontal force on the fixed edge until the touch: `holding_force` of the whole
+    fold, `pull` from the take-over on, as in the paper; gripper `trace` (k, n, 2) [m].
     """
 
     displacement: Array
     touch: tuple[Touch | None, ...]
     holding_force: Array
+    pull: Array
     trace: Array
 
     @property
@@ -115,8 +117,9 @@ class _Loop:
         self._settings = settings
         self._dt = settings.period / settings.substeps
         self._velocity: Array = np.zeros((0, 2))
-        self._force: Array = np.zeros(0)
-        self._folding_periods: Array = np.zeros(0)
+        self._lifted: NDArray[np.bool_] = np.zeros(0, dtype=bool)
+        self._force: Array = np.zeros((2, 0))  # sums over the whole fold, and from the take-over on
+        self._periods: Array = np.zeros((2, 0))
         self._trace: list[Array] = []
         self._touch: tuple[Touch | None, ...] = ()
         self._folding: NDArray[np.bool_] = np.zeros(0, dtype=bool)
@@ -125,7 +128,8 @@ class _Loop:
     def lift(self, path: Path, count: int) -> None:
         """Move along `path` from rest until the grippers stand at the take-over height."""
         height = min(TAKEOVER_HEIGHT, LIFT_SHARE * float(path.points[:, 1].max()))
-        self._force, self._folding_periods = np.zeros(count), np.zeros(count)
+        self._force, self._periods = np.zeros((2, count)), np.zeros((2, count))
+        self._lifted = np.zeros(count, dtype=bool)
         travel, speed = 0.0, 0.0
         while path.at(travel)[1] < height:
             travels = []
@@ -167,8 +171,8 @@ class _Loop:
     def folds(self) -> Folds:
         """The results of the folds."""
         displacements = [np.nan if touch is None else touch.displacement for touch in self._touch]
-        force = self._force / np.maximum(self._folding_periods, 1)
-        return Folds(np.array(displacements), self._touch, force, np.array(self._trace))
+        whole, pull = self._force / np.maximum(self._periods, 1)
+        return Folds(np.array(displacements), self._touch, whole, pull, np.array(self._trace))
 
     def _has_ended(self, decision: Decision) -> bool:
         return not np.any(self._folding & ~decision.done)
@@ -179,8 +183,10 @@ class _Loop:
         if seen.touch is not self._touch:
             self._touch = seen.touch
             self._folding = np.array([touch is None for touch in seen.touch])
-        self._force += np.where(self._folding, np.abs(seen.holding_force), 0.0)
-        self._folding_periods += self._folding
+        self._lifted |= poses[-1, :, 1] >= TAKEOVER_HEIGHT
+        counted = self._folding & np.stack([np.ones_like(self._lifted), self._lifted])
+        self._force += np.where(counted, np.abs(seen.holding_force), 0.0)
+        self._periods += counted
         self.time += self._settings.period
         self.poses = poses[-1]
         shapes, arc = NO_SHAPES

@@ -5,70 +5,17 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cell.benchmark.results import EffectFolds, RangeFolds, finite_or_none
 from drivers.strip.describe import describe
-from drivers.strip.engine import Observables, Stepper
+from drivers.strip.engine import Stepper
 from drivers.strip.file import StripFile
-from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod
-from drivers.types import Array
-from policies.path import TAKEOVER_HEIGHT
 from policies.planned import Planned
 from policies.registry import make_policy
-from policies.rollout import Folds, MultiStepper, Rollout, roll_out
+from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import IMAGE_SENSING
 from policies.strips import EFFECTS, effect, friction, grid, plain_strip
-
-
-class RecordingEngine:
-    """Engine wrapper that records the force at the fixed edge and the gripper's height."""
-
-    def __init__(self, engine: Stepper) -> None:
-        self._engine = engine
-        self._forces: list[Array] = []
-        self._heights: list[Array] = []
-        self._going: list[NDArray[np.bool_]] = []
-
-    def reset(self, models: Sequence[StripModel]) -> None:
-        """Reset the wrapped engine."""
-        self._engine.reset(models)
-
-    def step(self, poses: Array, dt: float) -> Observables:
-        """Step the wrapped engine to `poses` (n, 3) and record the step."""
-        return self.advance(poses[None], dt)
-
-    def advance(self, poses: Array, dt: float) -> Observables:
-        """Advance the wrapped engine through `poses` (steps, n, 3) and record the last step."""
-        if isinstance(self._engine, MultiStepper):
-            seen = self._engine.advance(poses, dt)
-        else:
-            seen = [self._engine.step(pose, dt) for pose in poses][-1]
-        self._forces.append(np.abs(seen.holding_force))
-        self._heights.append(poses[-1, :, 1].copy())
-        self._going.append(np.array([touch is None for touch in seen.touch]))
-        return seen
-
-    def shapes(self) -> Array:
-        """Midlines (n, nodes, 2) [m] of the wrapped engine."""
-        return self._engine.shapes()
-
-    def arc(self) -> Array:
-        """Arc lengths (n, nodes) [m] of the wrapped engine."""
-        return self._engine.arc()
-
-    @property
-    def holding_force(self) -> Array:
-        """Mean magnitude of the force (n,) [N] from the take-over to the touch.
-
-        As in the paper; the lift before is not the policy's.
-        """
-        lifted = np.maximum.accumulate(np.array(self._heights), axis=0) >= TAKEOVER_HEIGHT
-        counted = np.array(self._going) & lifted
-        total = np.where(counted, np.array(self._forces), 0.0).sum(axis=0)
-        return np.asarray(total / np.maximum(counted.sum(axis=0), 1))
-
 
 SEGMENTS, LINKS = 100, 80
 STRIP_COST = {"rod": 0.03, "chain": 0.3}  # s of a strip
@@ -102,14 +49,13 @@ class RangePart:
     def measure(self) -> RangeFolds:
         """Fold all strips of the grid."""
         strips = grid(self.side)
-        recording = RecordingEngine(_engine(self.engine))
-        folds = fold_all(self.policy, strips, recording, Rollout(speed=self.speed))
+        folds = fold_all(self.policy, strips, _engine(self.engine), Rollout(speed=self.speed))
         return RangeFolds(
             policy=self.policy,
             engine=self.engine,
             side=self.side,
             displacement=finite_or_none(folds.displacement),
-            force=tuple(recording.holding_force.tolist()),
+            force=tuple(folds.pull.tolist()),
         )
 
 

@@ -86,7 +86,8 @@ def test_search_goes_down_and_keeps_what_validated_best(tmp_path: Path) -> None:
 
 def test_cost_is_the_papers_reward_and_no_touch_is_the_worst() -> None:
     trace = np.array([[[0.1, 0.1], [0.1, 0.1], [0.05, 0.1]]])
-    folds = Folds(np.array([-0.02, np.nan, np.nan]), (None,) * 3, np.full(3, 3.0), trace)
+    force = np.full(3, 3.0)
+    folds = Folds(np.array([-0.02, np.nan, np.nan]), (None,) * 3, force, force, trace)
     cost = fold_cost(folds, weight=np.full(3, 10.0), length=0.6, force_weight=0.01)
     assert cost[0] == pytest.approx(0.02 + 0.01 * 0.3)
     assert cost[1] > cost[2] > 0.6
