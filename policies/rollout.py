@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +69,27 @@ class Folds:
     def touched(self) -> NDArray[np.bool_]:
         """Mask (n,) of the folds that ended in a touch."""
         return np.isfinite(self.displacement)
+
+
+@dataclass(frozen=True, slots=True)
+class Misses:
+    """Sizes of displacements [m]: mean, 95 % quantile and largest |d|, NaN of none; the number of
+    folds that ended without a touch.
+    """
+
+    mean: float
+    quantile_95: float
+    worst: float
+    untouched: int
+
+    @classmethod
+    def of(cls, displacement: Array) -> Self:
+        """Sizes of `displacement` (..., n) [m], NaN without a touch; those are left out."""
+        d = np.abs(displacement[np.isfinite(displacement)])
+        lost = displacement.size - d.size
+        if d.size == 0:
+            return cls(np.nan, np.nan, np.nan, lost)
+        return cls(float(d.mean()), float(np.quantile(d, 0.95)), float(d.max()), lost)
 
 
 def roll_out(

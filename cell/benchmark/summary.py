@@ -1,13 +1,14 @@
 """Summary of a benchmark: a row for each policy, and the paper's claims beside its numbers."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from cell.benchmark.results import EffectFolds, ImageFold, RangeFolds, Results
-from cell.report.words import NO_VALUE, millimetres
+from cell.benchmark.results import EffectFolds, ImageFold, MissingPart, RangeFolds, Results
+from cell.report.words import NO_VALUE, millimetres, plural
 from drivers.types import Array
+from policies.rollout import Misses
 
 
 def numeral(value: float, *, signed: bool = False) -> str:
@@ -20,6 +21,7 @@ def newtons(value: float) -> str:
     return f"{value:.2f}" if abs(value) < float("inf") else NO_VALUE
 
 
+Table = tuple[Sequence[str], Sequence[Sequence[str]], str]
 PAPER_MEANS = {"triangular": -0.0368, "circular": 0.0627}  # m, over ten materials
 PAPER_WORST = {"feedback": 0.020}  # m, on every material
 KNOWN_STRIP_BOUND = 0.010  # m, methods that know the strip stay under it on the same materials
@@ -68,24 +70,17 @@ class StripNumbers:
 
 
 @dataclass(frozen=True, slots=True)
-class RangeNumbers:
-    """Statistics of |d| over the paper's range [m]; `untouched` folds, mean holding force [N]."""
+class RangeNumbers(Misses):
+    """Statistics of |d| over the paper's range [m], with the mean pull on the fixed edge [N]."""
 
-    mean: float
-    quantile_95: float
-    worst: float
-    untouched: int
     force: float
 
     @classmethod
     def of_folds(cls, folds: RangeFolds | None) -> "RangeNumbers":
         """Statistics of `folds` over the paper's range."""
-        d = np.abs(folds.d[np.isfinite(folds.d)]) if folds is not None else np.zeros(0)
-        if folds is None or d.size == 0:
+        if folds is None:
             return cls(NAN, NAN, NAN, 0, NAN)
-        missing = int(np.count_nonzero(~np.isfinite(folds.d)))
-        spread = float(np.quantile(d, 0.95))
-        return cls(float(d.mean()), spread, float(d.max()), missing, float(np.mean(folds.force)))
+        return cls(**asdict(Misses.of(folds.d)), force=float(np.mean(folds.force)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,13 +108,11 @@ def spread(folds: tuple[ImageFold, ...]) -> float:
 
 def misses_text(folds: EffectFolds) -> str:
     """|d| of `folds` as text [mm]: mean, 95 % and worst, and the number without a touch."""
-    d = np.abs([value for value in folds.displacement if value is not None])
-    if d.size == 0:
+    found = Misses.of(np.array(folds.displacement, dtype=np.float64))
+    if np.isnan(found.mean):
         return NO_VALUE
-    numbers = (float(np.mean(d)), float(np.quantile(d, 0.95)), float(np.max(d)))
-    lost = len(folds.displacement) - d.size
-    text = " / ".join(numeral(number) for number in numbers)
-    return f"{text}, {lost} without a touch" if lost else text
+    text = " / ".join(map(numeral, (found.mean, found.quantile_95, found.worst)))
+    return f"{text}, {found.untouched} without a touch" if found.untouched else text
 
 
 def _row(results: Results, policy: str) -> Row:
@@ -228,3 +221,45 @@ def _repeatability_claim(repeats: dict[str, tuple[ImageFold, ...]]) -> Claim:
 
 def _displacements(folds: tuple[ImageFold, ...]) -> Array:
     return np.array([f.displacement for f in folds], dtype=np.float64)
+
+
+def claim_lines(results: Results) -> Iterator[str]:
+    """Lines on the paper's claims, and on parts that are missing."""
+    for claim in claims(results):
+        yield f"{'held' if claim.held else 'not held':9}{claim.says}\n           {claim.here}"
+    for refused in (r for r in results.results if isinstance(r, MissingPart)):
+        yield f"missing  {refused.part}: {refused.reason}"
+
+
+def tables(results: Results) -> Iterator[Table]:
+    """Columns, rows and title of the strips' table, and of that of the paper's range."""
+    summary, count = rows(results), len(results.asked.strips)
+    strips = [
+        (row.policy, f"{s.folded}/{s.of}", numeral(s.mean, signed=True),
+         numeral(s.low, signed=True), numeral(s.high, signed=True), numeral(s.worst),
+         s.worst_strip, numeral(s.misread), numeral(row.spread))
+        for row in summary for s in (row.strips,)
+    ]  # fmt: skip
+    columns = ("policy", "folds", "mean", "from", "to", "worst", "on", "error", "differ")
+    yield (
+        columns,
+        strips,
+        (
+            f"{plural(count, 'strip')}, folded through images: displacement in mm "
+            "(error: seen − true, at most; differ: folds of one strip, most among them)"
+        ),
+    )
+    side, chain = results.asked.extent.grid, results.asked.extent.chain
+    grid = [
+        (row.policy, numeral(rod.mean), numeral(rod.quantile_95), numeral(rod.worst),
+         str(rod.untouched), numeral(other.mean), numeral(other.worst), newtons(rod.force))
+        for row in summary for rod, other in ((row.rod, row.chain),)
+    ]  # fmt: skip
+    yield (
+        ("policy", "mean", "95 %", "worst", "no touch", "chain", "its worst", "force N"),
+        grid,
+        (
+            f"The paper's range, state-based: |d| in mm, {side} x {side} in the rod, "
+            f"{chain} x {chain} on the chain"
+        ),
+    )

@@ -49,7 +49,7 @@ def benchmark(
     from cell.benchmark.results import BenchmarkSpec, split
     from cell.benchmark.run import benchmark as measure
     from cell.benchmark.run import summarise
-    from cell.benchmark.screen import claim_lines, tables
+    from cell.benchmark.summary import claim_lines, tables
     from cell.campaign.progress import Meter
     from cell.config.places import find_configs
 

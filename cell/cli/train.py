@@ -68,7 +68,7 @@ def train(
         print_json(trained.line() | corrected)
         return
     from cell.cli.table import print_table
-    from cell.train.screen import tables
+    from cell.train.evaluation import tables
 
     for table in tables(trained.evaluations, trained.effects):
         print_table(*table)

@@ -1,8 +1,8 @@
 """Evaluation of a trained policy on other strips than its training's, in rod and chain."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from functools import partial
 from typing import TypeVar
@@ -17,11 +17,12 @@ from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from policies.policy import Policy
-from policies.rollout import Rollout, roll_out
+from policies.rollout import Misses, Rollout, roll_out
 from policies.strips import CONDITIONS, STRIP_LENGTH, grid, strip_under_condition
 from policies.train.objective import JUDGING_SEGMENTS
 
 Key = TypeVar("Key")
+Table = tuple[Sequence[str], Sequence[Sequence[str]], str]
 Watch = Callable[[int, int], None]  # number of pieces done, and of all
 LINKS = 80  # of the chain that plays the plant; 60 are 3 mm off for the softest strips
 STRIPS_PER_EFFECT = 64  # folded for each effect
@@ -35,31 +36,18 @@ class Engine(StrEnum):
     CHAIN = "chain"
 
 
+ENGINE_NAMES = {Engine.ROD: "rod (the model)", Engine.CHAIN: "chain (the plant)"}
+
+
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """Displacements (side, side) [m] over a logarithmic grid of strips on one engine.
-
-    They are NaN without a touch; `miss` (side, side) is |d| [m], half a strip without a touch.
+    """Displacements (side, side) [m] over a logarithmic grid of strips on one engine, NaN without a
+    touch; in `misses` a fold without a touch counts as off by half the strip's length.
     """
 
     engine: Engine
     displacement: Array
-    miss: Array
-
-    @property
-    def mean(self) -> float:
-        """Mean |d| [m]."""
-        return float(self.miss.mean())
-
-    @property
-    def most(self) -> float:
-        """95 % quantile of |d| [m]."""
-        return float(np.quantile(self.miss, 0.95))
-
-    @property
-    def worst(self) -> float:
-        """Largest |d| [m]."""
-        return float(self.miss.max())
+    misses: Misses
 
     @property
     def untouched(self) -> int:
@@ -72,9 +60,7 @@ class Evaluation:
         return {
             "engine": self.engine.value,
             "side": len(self.displacement),
-            "mean": self.mean,
-            "p95": self.most,
-            "worst": self.worst,
+            **numbers(self.misses),
             "untouched": self.untouched,
             "displacement": gone,
         }
@@ -89,15 +75,14 @@ class EffectErrors:
 
     def facts(self) -> dict[str, float | int]:
         """Bias, mean, 95 % quantile and largest |d| [m], and how many folds did not touch."""
-        d, miss = self.displacement, np.abs(self.displacement)
-        return {
-            "strips": len(d),
-            "bias": float(np.nanmean(d)),
-            "mean": float(np.nanmean(miss)),
-            "p95": float(np.nanquantile(miss, 0.95)),
-            "worst": float(np.nanmax(miss)),
-            "untouched": int(np.isnan(d).sum()),
-        }
+        d = self.displacement
+        return {"strips": len(d), "bias": float(np.nanmean(d)), **numbers(Misses.of(d))}
+
+
+def numbers(misses: Misses) -> dict[str, float | int]:
+    """Content of `misses` as a record in JSON names it."""
+    found = asdict(misses)
+    return {"p95" if name == "quantile_95" else name: found[name] for name in found}
 
 
 def evaluate(
@@ -117,7 +102,7 @@ def evaluate(
     found = {engine: np.array([rows[engine, row] for row in range(side)]) for engine in Engine}
     half = 0.5 * grid(side)[0].length
     return tuple(
-        Evaluation(engine, displacement=d, miss=np.where(np.isnan(d), half, np.abs(d)))
+        Evaluation(engine, d, Misses.of(np.where(np.isnan(d), half, d)))
         for engine, d in found.items()
     )
 
@@ -178,3 +163,22 @@ def _displacements(
     with threadpool_limits(1, user_api="blas"):
         folds = roll_out(policy, engine, strips[0], models, settings=rollout, rng=rng)
     return folds.displacement
+
+
+def tables(evaluations: Sequence[Evaluation], errors: Sequence[EffectErrors]) -> Iterator[Table]:
+    """Columns, rows and title of the final evaluation, and of the errors by hidden effect."""
+    side = len(evaluations[0].displacement)
+    rows = [
+        (ENGINE_NAMES[e.engine], *(f"{1e3 * v:.1f}" for v in (m.mean, m.quantile_95, m.worst)),
+         str(e.untouched))
+        for e in evaluations for m in (e.misses,)
+    ]  # fmt: skip
+    columns = ("mean mm", "95 % mm", "worst mm", "without a touch")
+    yield ("folded on", *columns), rows, f"|d| over {side} x {side} strips of the paper's range"
+    rows = [
+        (e.effect, *(f"{1e3 * f[key]:.2f}" for key in ("bias", "mean", "p95", "worst")),
+         str(f["untouched"]))
+        for e in errors for f in (e.facts(),)
+    ]  # fmt: skip
+    if rows:
+        yield ("hidden", "mean d mm", *columns), rows, "d in the rod, by hidden effect"

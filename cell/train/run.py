@@ -8,12 +8,13 @@ from concurrent.futures import Executor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 from rich.console import Console
+from rich.progress import BarColumn, TaskID, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as Bar
 
 from cell.train.evaluation import EffectErrors, Evaluation, evaluate, evaluate_effects
-from cell.train.screen import Meter
 from drivers.errors import ConfigurationError
 from drivers.files import write_file, writing
 from policies.adaptive.train.shard import CriticSettings
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from policies.train.search import Search
 
 EVALUATION = "evaluation.json"
+LINES = 20  # printed of a training, and of its evaluation, where there is no terminal
 SUBSTEPS = 4  # between decisions of the evaluation: 4.2 ms, which the chain takes in one part
 
 
@@ -51,6 +53,49 @@ class Trained:
             "evaluations": [evaluation.line() for evaluation in self.evaluations],
             **({"effects": {e.effect: e.facts() for e in self.effects}} if self.effects else {}),
         }
+
+
+class Meter:
+    """Progress bar of a training of `total` steps, `known` done before; lines off a terminal."""
+
+    def __init__(self, console: Console, total: int, known: int) -> None:
+        self._console, self._total = console, total
+        self._bar = Bar(
+            BarColumn(bar_width=28),
+            TextColumn("{task.description}"),
+            TimeRemainingColumn(compact=True),
+            console=console,
+            disable=not console.is_terminal,
+        )
+        self._task: TaskID = self._bar.add_task("begins", total=total, completed=known)
+        if known:
+            console.print(f"goes on after {known} of {total}", highlight=False)
+
+    def __enter__(self) -> Self:
+        """Show the bar."""
+        self._bar.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Remove the bar; after Ctrl-C, print how to resume."""
+        self._bar.stop()
+        if kind is KeyboardInterrupt:
+            self._console.print("interrupted; the same command goes on", highlight=False)
+
+    def show(self, done: int, text: str) -> None:
+        """Show the number of steps `done`, and `text` on the last one."""
+        self._advance(done, self._total, text)
+
+    def show_evaluation(self, done: int, pieces: int) -> None:
+        """Show that `done` of `pieces` of the final evaluation are done."""
+        text = f"folds strips that training never folded: {done} of {pieces} pieces"
+        self._advance(done, pieces, text)
+
+    def _advance(self, done: int, total: int, text: str) -> None:
+        self._bar.update(self._task, total=total, completed=done, description=text)
+        due = done % max(1, total // LINES) == 0 or done == total
+        if due and not self._console.is_terminal:
+            self._console.print(text, highlight=False, soft_wrap=True)
 
 
 def train_feedback(

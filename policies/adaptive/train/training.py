@@ -18,6 +18,7 @@ from policies.adaptive.checkpoint import load_critic, save_critic
 from policies.adaptive.critic import Critic, Prediction
 from policies.adaptive.train.regression import fit
 from policies.adaptive.train.shard import CriticSettings, Shard, concatenate, simulate
+from policies.rollout import Misses
 from policies.train.journal import Journal, Progress
 
 SETTINGS, CHECKPOINT = "adaptive.json", "adaptive.npz"
@@ -141,13 +142,13 @@ def calibrate_sigmas(critic: Critic, shard: Shard) -> tuple[Critic, Trial]:
     ratios = error_ratios(critic, shard)
     critic = critic.with_stretch(np.array([_stretch(each) for each in ratios]))
     at_touch = error_ratios(critic, shard, last=1)[0]
-    miss = np.abs(shard.displacement)
+    missed = Misses.of(shard.displacement)
     return critic, Trial(
-        folds=len(miss),
-        untouched=int(np.isnan(miss).sum()),
-        mean=float(np.nanmean(miss)),
-        most=float(np.nanquantile(miss, 0.95)),
-        worst=float(np.nanmax(miss)),
+        folds=len(shard.displacement),
+        untouched=missed.untouched,
+        mean=missed.mean,
+        most=missed.quantile_95,
+        worst=missed.worst,
         within=(float(np.mean(at_touch < ONE)), float(np.mean(at_touch < TWO))),
     )
 
