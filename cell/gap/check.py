@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Literal
@@ -40,26 +40,13 @@ IDENTIFIABLE = "identifiable"
 Level = Literal["bad", "fair", "good"]
 
 
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """Thresholds of complaints about a recording; pairs are (worth a remark, not to be fitted).
-
-    Shares of the rows that were `lost` or hold no number, and of the `images`; a reading that
-    stands still for `stuck` [s] while its command changes by `moved` [m or rad]; a largest or
-    smallest value that readings keep for `clipped` [s], more than once; steps of the clock whose
-    middle half differs by a share `uneven`. Assumed: no fault was measured; runs of the twin and
-    recordings of real pendulums stay within.
-    """
-
-    lost: tuple[float, float] = (0.02, 0.3)
-    images: tuple[float, float] = (0.1, 0.6)
-    stuck: float = 0.2
-    moved: float = 0.01
-    clipped: float = 0.05
-    uneven: float = 0.5
-
-
-DEFAULT_LIMITS = Limits()
+# Thresholds of complaints about a recording. Assumed: no fault was measured; runs of the twin and
+# recordings of real pendulums stay within. Pairs are (worth a remark, not to be fitted).
+LOST_ROWS, LOST_IMAGES = (0.02, 0.3), (0.1, 0.6)  # shares that are missing or hold no number
+STUCK = 0.2  # s that a reading stands still while its command changes by MOVED
+MOVED = 0.01  # m or rad
+CLIPPED = 0.05  # s that readings keep a largest or smallest value, more than once
+UNEVEN = 0.5  # share of the median step of the clock by which the middle half of the steps differ
 
 
 class Finding(Entry):
@@ -80,24 +67,22 @@ def _finding(what: str, words: str, remedy: str, level: Level = "fair", run: str
     return Finding(level=level, what=what, run=run, words=words, remedy=remedy)
 
 
-def clock(t: Array, limits: Limits = DEFAULT_LIMITS) -> Iterator[Finding]:
+def clock(t: Array) -> Iterator[Finding]:
     """Findings on row times (n,) [s]: missing rows and uneven steps."""
     steps = np.diff(t)
-    step = float(np.median(steps))
     if not (steps > 0.0).all():  # the reader refuses rows out of order
         return
-    missing = np.round(np.maximum(steps / step - 1.0, 0.0))
-    lost = float(missing.sum() / (missing.sum() + len(t)))
-    if lost > limits.lost[0]:
+    lost = _missing(t)
+    if lost > LOST_ROWS[0]:
         worst = int(np.argmax(steps))
         yield _finding(
             "lost samples",
             f"{100 * lost:.0f} % of the rows are missing, the longest gap {steps[worst]:.2g} s at "
             f"{t[worst]:.2f} s", "record on a machine that keeps up, or leave the run out",
-            _level(lost, limits.lost),
+            _level(lost, LOST_ROWS),
         )  # fmt: skip
     low, high = np.quantile(steps, [0.25, 0.75])
-    if high - low > limits.uneven * step:
+    if high - low > UNEVEN * float(np.median(steps)):
         yield _finding(
             "clock",
             f"half of the steps between rows lie between {1e3 * low:.2g} and {1e3 * high:.2g} ms, "
@@ -105,7 +90,7 @@ def clock(t: Array, limits: Limits = DEFAULT_LIMITS) -> Iterator[Finding]:
         )  # fmt: skip
 
 
-def images(t: Array, limits: Limits = DEFAULT_LIMITS) -> Iterator[Finding]:
+def images(t: Array) -> Iterator[Finding]:
     """Complain where images are missing, judged by gaps in the stamps `t` (n,) [s] of images.
 
     A stamp may repeat: each point of a profile bears that of its image.
@@ -113,45 +98,48 @@ def images(t: Array, limits: Limits = DEFAULT_LIMITS) -> Iterator[Finding]:
     stamps = np.unique(t)
     if len(stamps) < 3:
         return
-    steps = np.diff(stamps)
-    missing = np.round(np.maximum(steps / np.median(steps) - 1.0, 0.0)).sum()
-    lost = float(missing / (missing + len(stamps)))
-    if lost > limits.images[0]:
+    lost = _missing(stamps)
+    if lost > LOST_IMAGES[0]:
         yield _finding(
             "lost images", f"{100 * lost:.0f} % of the images are missing",
             "look at light and segmentation where they are, or leave the run out",
-            _level(lost, limits.images),
+            _level(lost, LOST_IMAGES),
         )  # fmt: skip
 
 
-def values(
-    name: str, t: Array, value: Array, command: Array | None = None, limits: Limits = DEFAULT_LIMITS
-) -> Iterator[Finding]:
+def _missing(t: Array) -> float:
+    """Share of rows that are missing between times (n,), where a step is several median steps."""
+    steps = np.diff(t)
+    missing = np.round(np.maximum(steps / np.median(steps) - 1.0, 0.0)).sum()
+    return float(missing / (missing + len(t)))
+
+
+def values(name: str, t: Array, value: Array, command: Array | None = None) -> Iterator[Finding]:
     """Findings on a column (n,) over times `t` (n,) [s]: gaps, stuck and clipped readings.
 
     A reading is stuck that stands still while its `command` (n,) changes.
     """
     is_number = np.isfinite(value)
     lost = 1.0 - float(is_number.mean())
-    if lost > limits.lost[0]:
+    if lost > LOST_ROWS[0]:
         yield _finding(
             "lost samples", f"{name} holds no number in {100 * lost:.0f} % of the rows",
             "mend the reading, or leave the run out",
         )  # fmt: skip
     if is_number.sum() < 2:
         return
-    stuck = None if command is None else _stall(name, t, value, command, limits)
+    stuck = None if command is None else _stall(name, t, value, command)
     if stuck is not None:
         yield stuck
         return
-    yield from _saturation(name, t, value, limits)
+    yield from _saturation(name, t, value)
 
 
-def _stall(name: str, t: Array, value: Array, command: Array, limits: Limits) -> Finding | None:
+def _stall(name: str, t: Array, value: Array, command: Array) -> Finding | None:
     """Finding on a reading that stands still while its command changes, None if none does."""
     for first, last in _still(value):
         change = float(np.ptp(command[first : last + 1]))
-        if t[last] - t[first] > limits.stuck and change > limits.moved:
+        if t[last] - t[first] > STUCK and change > MOVED:
             return _finding(
                 "stuck reading",
                 f"{name} stands still at {value[first]:.4g} from {t[first]:.2f} to {t[last]:.2f} s "
@@ -161,11 +149,11 @@ def _stall(name: str, t: Array, value: Array, command: Array, limits: Limits) ->
     return None
 
 
-def _saturation(name: str, t: Array, value: Array, limits: Limits) -> Iterator[Finding]:
+def _saturation(name: str, t: Array, value: Array) -> Iterator[Finding]:
     """Findings on a reading that stands repeatedly at its largest or smallest value."""
     for limit, word in ((np.nanmax(value), "largest"), (np.nanmin(value), "smallest")):
         ends = [(a, b) for a, b in _still(value) if value[a] == limit and a > 0 and b < len(t) - 1]
-        long = [t[b] - t[a] for a, b in ends if t[b] - t[a] > limits.clipped]
+        long = [t[b] - t[a] for a, b in ends if t[b] - t[a] > CLIPPED]
         if len(long) > 1:
             yield _finding(
                 "saturation",
@@ -186,22 +174,20 @@ def _level(lost: float, limits: tuple[float, float]) -> Level:
     return "bad" if lost > limits[1] else "fair"
 
 
-def complaints(
-    tables: Mapping[str, Mapping[str, Array]], limits: Limits = DEFAULT_LIMITS
-) -> Iterator[Finding]:
+def complaints(tables: Mapping[str, Mapping[str, Array]]) -> Iterator[Finding]:
     """Findings on a run's `tables`: by file name, columns (n,) by name."""
     for file, columns in tables.items():
         t = columns.get("t")
         if t is None or len(t) < 3:
             continue
         if file == "profile.parquet":
-            yield from images(t, limits)
+            yield from images(t)
             continue
-        yield from clock(t, limits)
+        yield from clock(t)
         for name, value in columns.items():
             if name not in SPARSE_COLUMNS and not name.endswith("_cmd"):
                 command = columns.get(f"{name}_cmd")
-                yield from values(name, t, value, command, limits)
+                yield from values(name, t, value, command)
 
 
 class Check(Entry):

@@ -7,7 +7,7 @@ import numpy as np
 from scipy import special
 
 from cell.gap.diagnosis.lack_of_fit import ResidualTest
-from cell.gap.fitting.base_fit import refit_base, refit_fine, weak_directions
+from cell.gap.fitting.base_fit import refit_base, refit_fine, strains, weak_directions
 from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, evidence
@@ -114,9 +114,7 @@ def _judge_base(
 
 def _is_strained(subject: Subject, base: Estimate) -> bool:
     """Whether the fitted values of the base contradict their priors, jointly or one of them."""
-    squares = np.square([(v - p.start) / p.spread
-                         for p, v in zip(base.model.base, base.shared, strict=False)
-                         if np.isfinite(p.spread)])  # fmt: skip
+    squares = np.square(list(strains(base).values()))
     if not subject.scope.believed or not len(squares):
         return False
     any_one = len(squares) * float(special.chdtrc(1, squares.max()))  # Bonferroni

@@ -52,6 +52,12 @@ def _direction_words(names: list[str], direction: Array) -> str:
     return " ".join(parts).removeprefix("+ ")
 
 
+def strains(estimate: Estimate) -> dict[str, float]:
+    """Deviation of each base value from what the file states, in prior standard deviations."""
+    pairs = zip(estimate.model.base, estimate.shared, strict=False)
+    return {p.name: (float(v) - p.start) / p.spread for p, v in pairs if np.isfinite(p.spread)}
+
+
 def refit_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimate:
     """Refit `rough` to runs corrected for its coarse simulation, with scales to match."""
     runs = refine(subject, rough.model, rough.point, rough.evidence)

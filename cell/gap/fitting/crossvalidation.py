@@ -19,6 +19,10 @@ from cell.gap.subject.subject import Run
 from drivers.types import Array
 
 REWEIGHTED = 3  # times that robust weights are renewed; set by hand
+MOST_FOLDS = 8  # set by hand
+SILENT = 10.0
+"""Times its variance under all runs, beyond which that under some of them says that they do not
+determine a value: they hold a tenth of the information. Set by hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,21 +55,6 @@ class NormalDensity:
         loss += 0.5 * float(moved @ self.precision @ moved)
         loss += 0.5 * float(np.linalg.slogdet(curvature)[1] - np.linalg.slogdet(self.precision)[1])
         return type(self)(mean, curvature), loss
-
-
-@dataclass(frozen=True, slots=True)
-class CrossValidation:
-    """Settings of cross-validation: the number of folds, and when runs do not determine a value.
-
-    At most `most` folds. Runs do not determine a value whose variance under them alone is over
-    `silent` times that under all runs: they hold a tenth of the information. Source: set by hand.
-    """
-
-    most: int = 8
-    silent: float = 10.0
-
-
-CROSS_VALIDATION = CrossValidation()
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +91,7 @@ class CrossValidatedFit:
         return losses
 
 
-def folds(runs: Sequence[Run], most: int = CROSS_VALIDATION.most) -> list[list[int]]:
+def folds(runs: Sequence[Run], most: int = MOST_FOLDS) -> list[list[int]]:
     """Run numbers by fold: conditions are dealt in turn, single runs where all share one."""
     conditions = list(dict.fromkeys(run.condition for run in runs))
     label = [conditions.index(run.condition) for run in runs]
@@ -171,7 +160,7 @@ def _undetermined_values(estimate: Estimate, keep: Sequence[int]) -> normal_equa
         np.diag(normal_equations.covariance(e.normal().curvature))[:count]
         for e in (estimate, estimate.on(keep))
     )
-    return np.asarray((of_kept > CROSS_VALIDATION.silent * of_all) & (np.arange(count) >= base))
+    return np.asarray((of_kept > SILENT * of_all) & (np.arange(count) >= base))
 
 
 def _newton_step(estimate: Estimate, held: normal_equations.Mask) -> Array:

@@ -13,7 +13,7 @@ from typing import Self, TypeVar
 import numpy as np
 
 from cell.gap.fitting import normal_equations, robust
-from cell.gap.fitting.model import Evidence, Model, Point, request, requests, whiten
+from cell.gap.fitting.model import Evidence, Model, Point, request, requests, response, whiten
 from cell.gap.fitting.tasks import Task, side_by_side
 from cell.gap.subject.subject import Parameter, Request, Residuals, Run
 from drivers.types import Array
@@ -200,6 +200,24 @@ class Estimate:
             raw=pick(self.raw),
             jacobians=pick(self.jacobians),
         )
+
+
+def responses_to(
+    at: Estimate, models: Sequence[tuple[Model, Array]]
+) -> Task[list[tuple[Array, ...]]]:
+    """Whitened changes (n,) of each run from the first of `models` to each other.
+
+    Each model comes with its shared values (P,); the runs' own unknowns are those of the fit `at`.
+    Yields simulations.
+    """
+    runs, scales = at.evidence.runs, at.evidence.scales
+    answers = yield [
+        replace(request(model, run, shared, unknowns), response=True)
+        for model, shared in models
+        for run, unknowns in zip(runs, at.point.local, strict=True)
+    ]
+    first, *others = (answers[k : k + len(runs)] for k in range(0, len(answers), len(runs)))
+    return [tuple(map(response, other, first, scales)) for other in others]
 
 
 def best(estimates: Sequence[Estimate]) -> Estimate:

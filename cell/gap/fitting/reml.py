@@ -32,35 +32,20 @@ from cell.gap.fitting.tasks import Simulate, run_one
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
-
-@dataclass(frozen=True, slots=True)
-class SpreadSearch:
-    """Settings of the estimation of spreads. Source: set by hand, and tried on true spreads.
-
-    Spreads are in units of each quantity's usual one: sought from `begin` between `smallest` and
-    `largest`. The constant part of a quantity, the same in all runs, has a prior `shared` times as
-    wide. The noise has at least the share `least_noise` of its stated variance. A common quantity
-    scatters with the prior probability `common`; another must gain `least_gain` [nats], and of
-    those within `tie` of the best the first is added. The loss is differentiated over `log_step` of
-    a spread's logarithm, its curvature is at least `least_curvature`. Spreads clearly differ whose
-    ratio is below `differ`.
-    """
-
-    smallest: float = 0.03
-    largest: float = 5.0
-    begin: float = 0.5
-    shared: float = 10.0
-    least_noise: float = 0.1
-    common: float = 0.9
-    least_gain: float = 3.0
-    tie: float = 2.0
-    log_step: float = 0.1
-    least_curvature: float = 0.1
-    differ: float = 0.7
-
-
-SEARCH = SpreadSearch()
-SPREAD_GRID = np.geomspace(SEARCH.smallest, SEARCH.largest, 41)
+# Set by hand, and tried on true spreads. Spreads are in units of each quantity's usual one.
+SMALLEST, LARGEST, FIRST = 0.03, 5.0, 0.5  # between which they are sought, and from where
+SHARED = 10.0  # times as wide is the prior of the constant part of a quantity, the same in all runs
+LEAST_NOISE = 0.1  # share of its stated variance that noise has at least
+COMMON = 0.9  # prior probability with which a common quantity scatters
+LEAST_GAIN = 3.0  # nats that another quantity must gain
+TIE = 2.0  # nats from the best within which the first quantity is added
+LOG_STEP = 0.1  # of a spread's logarithm, over which the loss or a variance is differentiated
+LEAST_CURVATURE = 0.1  # of the loss
+DIFFER = 0.7  # ratio of two spreads below which they clearly differ
+# Degrees of freedom of a variance, set by hand: a spread's prior holds as much information as six
+# runs, and the most stand for infinitely many.
+LEAST_FREEDOM, MOST_FREEDOM = 5.0, 1e6
+SPREAD_GRID = np.geomspace(SMALLEST, LARGEST, 41)
 """Shares of the usual spread at which its posterior is evaluated."""
 CENTRAL_95 = 1.96  # standard deviations of a normal, within which 95 % lie
 
@@ -85,7 +70,7 @@ def spreads(estimate: Estimate) -> tuple[Spread, ...]:
     """Estimate by REML the spreads of the random unknowns of `estimate`, common ones first.
 
     Common ones scatter in most laboratories: each takes its posterior mean, which allows for no
-    scatter, and is left out where that is below `SEARCH.smallest`. The others are added one by one
+    scatter, and is left out where that is below `SMALLEST`. The others are added one by one
     while each gains enough beside those: scatter of the slack and of the grip look alike.
     """
     varying = {p.name: p for run in estimate.evidence.runs for p in run.local if p.random}
@@ -96,9 +81,9 @@ def spreads(estimate: Estimate) -> tuple[Spread, ...]:
     fit = _add_uncommon(fit, len(varying))
     chosen = [parameters[k] for k in fit.active]
     shares = np.array([fit.mean_share(i, common=p.common) for i, p in enumerate(chosen)])
-    errors = likelihood.errors(fit.active, np.maximum(shares, SEARCH.smallest))
+    errors = likelihood.errors(fit.active, np.maximum(shares, SMALLEST))
     rows = zip(chosen, shares, errors, strict=True)
-    return tuple(_spread(p, s, error) for p, s, error in rows if s >= SEARCH.smallest)
+    return tuple(_spread(p, s, error) for p, s, error in rows if s >= SMALLEST)
 
 
 def _spread(p: Parameter, share: float, error: float) -> Spread:
@@ -173,11 +158,11 @@ class Likelihood:
         """Standard errors (k,) of the logarithms of `shares` (k,), by the curvature of the loss."""
         logs, curvature = np.log(shares), np.zeros(len(shares))
         for i in range(len(shares)):
-            step = SEARCH.log_step * np.eye(len(shares))[i]
+            step = LOG_STEP * np.eye(len(shares))[i]
             low, high = (self.loss(np.exp(logs + side * step), active)[0] for side in (-1.0, 1.0))
             middle = self.loss(shares, active)[0]
-            second = (low + high - 2.0 * middle) / SEARCH.log_step**2
-            curvature[i] = max(second, SEARCH.least_curvature)
+            second = (low + high - 2.0 * middle) / LOG_STEP**2
+            curvature[i] = max(second, LEAST_CURVATURE)
         return np.asarray(1.0 / np.sqrt(curvature))
 
 
@@ -190,7 +175,7 @@ def _equations(
     """
     r = np.concatenate(estimate.residuals)
     variance = robust.long_run_variance(estimate.evidence.runs, estimate.residuals)
-    variance = max(SEARCH.least_noise, variance)
+    variance = max(LEAST_NOISE, variance)
     weight = np.sqrt(robust.weights(r / estimate.scale) / variance) / estimate.scale
     columns = stacked_jacobian(estimate)
     prior = np.array([0.0 if p.random else p.spread**-2 for p in parameters])
@@ -199,7 +184,7 @@ def _equations(
     prior_pull = prior * (estimate.z - start)
     owners = range(len(usual_spreads))
     common = np.stack([columns[:, owner == k].sum(axis=1) for k in owners], axis=1)
-    common_prior = (SEARCH.shared * usual_spreads) ** -2
+    common_prior = (SHARED * usual_spreads) ** -2
     weighted = np.concatenate([columns, common], axis=1) * weight[:, None]
     curvature = weighted.T @ weighted + np.diag(np.concatenate([prior, common_prior]))
     curvature += np.diag(1e-9 * np.diag(curvature) + 1e-12)  # keeps it positive definite
@@ -222,8 +207,8 @@ class SpreadFit:
         if not len(active):
             return cls(likelihood, (), np.zeros(0), likelihood.loss(np.zeros(0), [])[0])
         start_shares = list(start)
-        start_logs = np.log([*start_shares, *[SEARCH.begin] * (len(active) - len(start_shares))])
-        limits = [(np.log(SEARCH.smallest), np.log(SEARCH.largest))] * len(active)
+        start_logs = np.log([*start_shares, *[FIRST] * (len(active) - len(start_shares))])
+        limits = [(np.log(SMALLEST), np.log(LARGEST))] * len(active)
         optimum = optimize.minimize(
             lambda x: likelihood.loss(np.exp(x), active),
             start_logs,
@@ -246,7 +231,7 @@ class SpreadFit:
         mean = float(likely @ SPREAD_GRID / likely.sum())
         if not common:
             return mean
-        odds = SEARCH.common / (1.0 - SEARCH.common) * self._bayes_factor(i, losses)
+        odds = COMMON / (1.0 - COMMON) * self._bayes_factor(i, losses)
         return mean * (odds / (1.0 + odds))
 
     def _bayes_factor(self, i: int, losses: Array) -> float:
@@ -264,18 +249,17 @@ def _add_uncommon(fit: SpreadFit, count: int) -> SpreadFit:
         absent = [k for k in range(count) if k not in fit.active]
         trials = [SpreadFit.of(fit.likelihood, [*fit.active, k], fit.shares) for k in absent]
         lowest = min(trial.loss for trial in trials)
-        best = next(trial for trial in trials if trial.loss < lowest + SEARCH.tie)
-        if fit.loss - best.loss < SEARCH.least_gain:
+        best = next(trial for trial in trials if trial.loss < lowest + TIE)
+        if fit.loss - best.loss < LEAST_GAIN:
             break
         fit = best
     return fit
 
 
 def clearly_differ(before: Mapping[str, float], now: Mapping[str, float]) -> bool:
-    """Whether spreads by name differ in their names, or one by a factor beyond SEARCH.differ."""
+    """Whether spreads by name differ in their names, or one by a factor beyond DIFFER."""
     return bool(set(before) ^ set(now)) or any(
-        not SEARCH.differ < now[name] / value < 1.0 / SEARCH.differ
-        for name, value in before.items()
+        not DIFFER < now[name] / value < 1.0 / DIFFER for name, value in before.items()
     )
 
 
@@ -343,22 +327,6 @@ def _with_unknowns(estimate: Estimate, complete: Evidence) -> Estimate:
     return replace(estimate, evidence=evidence, point=Point(estimate.shared, tuple(local)))
 
 
-@dataclass(frozen=True, slots=True)
-class Freedom:
-    """Settings for the degrees of freedom of a variance. Source: set by hand.
-
-    The variance is differentiated over `step` of a spread's logarithm. A spread's prior holds as
-    much information as six runs, hence at least `least`; `most` stands for infinitely many.
-    """
-
-    step: float = 0.1
-    least: float = 5.0
-    most: float = 1e6
-
-
-FREEDOM = Freedom()
-
-
 def covariance(estimate: Estimate, inefficiency: float) -> Array:
     """Covariance (k, k) of all k unknowns; `inefficiency` samples count as one independent."""
     inverse = normal_equations.covariance(estimate.normal().curvature)
@@ -394,11 +362,11 @@ def degrees_of_freedom(estimate: Estimate, inefficiency: float, scatter: Sequenc
     uncertainty = np.zeros_like(variance)
     for spread in scatter:
         more, less = (
-            _variance(estimate, inefficiency, {spread.name: float(np.exp(side * FREEDOM.step))})
+            _variance(estimate, inefficiency, {spread.name: float(np.exp(side * LOG_STEP))})
             for side in (1.0, -1.0)
         )
-        uncertainty += ((more - less) / (2.0 * FREEDOM.step) * spread.error) ** 2
-    return np.clip(2.0 * variance**2 / np.maximum(uncertainty, 1e-300), FREEDOM.least, FREEDOM.most)
+        uncertainty += ((more - less) / (2.0 * LOG_STEP) * spread.error) ** 2
+    return np.clip(2.0 * variance**2 / np.maximum(uncertainty, 1e-300), LEAST_FREEDOM, MOST_FREEDOM)
 
 
 def _variance(estimate: Estimate, inefficiency: float, factors: dict[str, float]) -> Array:

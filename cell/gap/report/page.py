@@ -28,7 +28,7 @@ from cell.gap.report.sentence import (
 )
 from cell.gap.selection.likelihood import MIN_GAIN
 from cell.gap.subject.subject import Parameter, Run
-from cell.gap.verdict.compose import LISTED
+from cell.gap.verdict.compose import SIGNIFICANT
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import CandidateEntry, Interval, Kind, Verdict
 from cell.report.kit import Tone
@@ -56,7 +56,7 @@ TONES: dict[Kind, Tone] = {
 def where(findings: Findings) -> dict[str, str]:
     """A sentence and a map of the places where the refitted base deviates beyond noise."""
     places = findings.places
-    strong = [place for place in places if place.p < LISTED.significance]
+    strong = [place for place in places if place.p < SIGNIFICANT]
     if not strong:
         return {"words": "Nowhere beyond what noise does.", "map": figures.heat_map(places)}
     first = strong[0]
@@ -150,11 +150,12 @@ def compare_held_out(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     was = _excess_by_run(before)
     now = None if after is None else _excess_by_run(after)
     typical = int(np.argsort(was)[len(was) // 2])
-    quantities = dict(findings.subject.scope.quantities)
     return {
         "typical": names[typical],
         "midlines": _midline_figure(findings, before.evidence.runs[typical].name),
-        "traces": figures.residual_traces(before, after, typical, quantities),
+        "traces": figures.residual_traces(
+            before, after, typical, findings.subject.scope.quantities
+        ),
         "head": ("rms", *(("gap",) if after is None else ("before", "after")), "noise"),
         "rows": [
             (words.get(key, "excess [noise]"), *(f"{side[key]:.3g}" for side in sides))

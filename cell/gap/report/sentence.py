@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from cell.gap.fitting.reml import Spread
 from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
 from cell.gap.subject.subject import Quantity
 from cell.gap.verdict.findings import Findings
@@ -17,13 +16,7 @@ TITLES = {
     "unexplained": "Something is missing that the library does not explain",
 }
 SMALLEST_GAIN = 1.0  # sigma that a smaller spread must add to be worth a word
-SHOWN_UNITS = {
-    "m": (1e3, "mm"),
-    "rad": (1e3, "mrad"),
-    "s": (1e3, "ms"),
-    "1": (100.0, "%"),
-    "N": (1e3, "mN"),
-}
+SPREAD_UNITS = {**SMALL_UNITS, "1": (100.0, "%"), "N": (1e3, "mN")}
 
 
 def in_small_unit(value: float, of: str) -> float:
@@ -205,10 +198,22 @@ def capital(text: str) -> str:
 
 
 def repeats(findings: Findings) -> list[tuple[str, ...]] | None:
-    """Rows on each quantity that differs from run to run, with its remedy; None if unknown."""
+    """Rows on each quantity that differs from run to run; None if none may.
+
+    What differs, its spread with interval, the gain in separation if it were halved, its remedy.
+    """
     if not any(p.random for run in findings.subject.runs for p in run.local):
         return None
-    return list(_rows(findings))
+    known = {e.name: e for e in findings.subject.scope.scatter}
+    more = {s.name: f"{s.sigma:.1f} sigma more" for s in findings.advice.steadier}
+    rows: list[tuple[str, ...]] = []
+    for s in findings.model_tests.scatter:
+        factor, shown = SPREAD_UNITS.get(s.unit, (1.0, s.unit))
+        value, low, high = (number(factor * v, 2) for v in (s.value, s.low, s.high))
+        of = known[s.name]
+        rows.append((of.sentence, f"{value} {shown}", f"{low} to {high} {shown}",
+                     more.get(s.name, ""), of.remedy))  # fmt: skip
+    return rows
 
 
 def remedies(
@@ -220,11 +225,9 @@ def remedies(
     two explanations by `steadier` [sigma] more, by name; the best motion separates by `planned`.
     """
     known = {e.name: e for e in KNOWN_EFFECTS}
-    for name, (value, unit) in spreads.items():
-        effect = known.get(name)
-        if effect is None:
-            continue
-        factor, shown = SHOWN_UNITS.get(unit, (1.0, unit))
+    for name in filter(known.get, spreads):
+        (value, unit), effect = spreads[name], known[name]
+        factor, shown = SPREAD_UNITS.get(unit, (1.0, unit))
         line = f"{effect.sentence} differs by {number(factor * value, 2)} {shown} from run to run"
         more = steadier.get(name, 0.0)
         if more < SMALLEST_GAIN:
@@ -235,20 +238,3 @@ def remedies(
                 f"{line}: halving it would separate them by {more:.1f} sigma more, {than} than any "
                 f"motion ({planned:.1f}): {effect.remedy}, or each motion made four times"
             )
-
-
-def _rows(findings: Findings) -> Iterator[tuple[str, ...]]:
-    """Sentence, spread, its interval, gain if halved, and remedy of each quantity."""
-    known = {e.name: e for e in findings.subject.scope.scatter}
-    more = {s.name: f"{s.sigma:.1f} sigma more" for s in findings.advice.steadier}
-    for s in findings.model_tests.scatter:
-        factor, unit = SHOWN_UNITS.get(s.unit, (1.0, s.unit))
-        ends = f"{number(factor * s.low, 2)} to {number(factor * s.high, 2)}"
-        sentence, remedy = known[s.name].sentence, known[s.name].remedy
-        yield sentence, spread(s), f"{ends} {unit}", more.get(s.name, ""), remedy
-
-
-def spread(s: Spread) -> str:
-    """Text of a spread with its unit, as pages show it."""
-    factor, unit = SHOWN_UNITS.get(s.unit, (1.0, s.unit))
-    return f"{number(factor * s.value, 2)} {unit}"

@@ -83,35 +83,26 @@ def _beyond_model_error(
     return float(np.sum(nats - np.clip(nats, 0.0, wrong)))
 
 
-@dataclass(frozen=True, slots=True)
-class Alternative:
-    """A rival of the accepted model, and the nats by which it is `behind`."""
-
-    model: CrossValidatedFit
-    behind: float
-
-
-def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[Alternative]:
+def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[CrossValidatedFit]:
     """Models of as many effects as the accepted one that the posterior does not exclude.
 
-    Excluded is what is less than ALPHA times as probable.
+    Excluded is what is less than ALPHA times as probable. The most probable comes first.
     """
-    names = accepted.model.names
-    others = [m for m in fits.of_size(len(names)) if m is not accepted]
-    behind = [sets.lead(names) - sets.lead(m.model.names) for m in others]
-    alternatives = [
-        Alternative(m, b) for m, b in zip(others, behind, strict=True) if b < -np.log(ALPHA)
-    ]
-    return sorted(alternatives, key=lambda r: r.behind)
+
+    def behind(model: CrossValidatedFit) -> float:
+        return sets.lead(accepted.model.names) - sets.lead(model.model.names)
+
+    others = [m for m in fits.of_size(len(accepted.model.names)) if m is not accepted]
+    return sorted((m for m in others if behind(m) < -np.log(ALPHA)), key=behind)
 
 
-def classes(accepted: CrossValidatedFit, rivals: Sequence[Alternative]) -> list[list[str]]:
+def classes(accepted: CrossValidatedFit, rivals: Sequence[CrossValidatedFit]) -> list[list[str]]:
     """Classes of effects, by name, that the runs cannot separate from one another.
 
     Rivals that differ in one effect give the class of the two effects; those that share none
     give one class of all.
     """
-    return merged([sorted(accepted.model.names ^ rival.model.model.names) for rival in rivals])
+    return merged([sorted(accepted.model.names ^ rival.model.names) for rival in rivals])
 
 
 def merged(groups: Sequence[Sequence[str]]) -> list[list[str]]:

@@ -1,37 +1,24 @@
 """Choice of the held-out runs: one condition in four, and repeats of indispensable ones."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cell.gap.fitting.base_fit import nominal
 from cell.gap.fitting.crossvalidation import folds
-from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.model import Model, request, response
+from cell.gap.fitting.gauss_newton import Estimate, responses_to
+from cell.gap.fitting.model import Model
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.tasks import Simulate
+from cell.gap.fitting.tasks import Simulate, run_one
 from cell.gap.subject.subject import Subject
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 
-
-@dataclass(frozen=True, slots=True)
-class HoldOutLimits:
-    """Thresholds by which runs are held out. Source: set by hand.
-
-    One condition in `every`, unless without it the share `needed` of the information on an effect
-    is lost; a repeat of a condition with the share `alone` of it. Effects on which all runs hold
-    less than `shown` [nats] do not count.
-    """
-
-    every: int = 4
-    needed: float = 0.5
-    alone: float = 0.9
-    shown: float = 1.0
-
-
-LIMITS = HoldOutLimits()
+# Thresholds by which runs are held out, set by hand.
+PERIOD = 4  # one condition in so many, unless the others cannot spare it
+NEEDED = 0.5  # share of the information on an effect that is lost without a condition they need
+ALONE = 0.9  # the same share, of a condition that alone shows an effect
+LEAST_INFORMATION = 1.0  # nats in all runs, of an effect that counts
 
 
 def held_out(subject: Subject, simulate: Simulate, requested: Sequence[str] = ()) -> list[str]:
@@ -50,7 +37,7 @@ def held_out(subject: Subject, simulate: Simulate, requested: Sequence[str] = ()
     indices = _dispensable_runs(conditions, information)
     for condition in conditions:
         is_free = len(condition) > 1 and not set(condition) & set(indices)
-        if is_free and information.largest_loss(condition) >= LIMITS.alone:
+        if is_free and information.largest_loss(condition) >= ALONE:
             indices += condition[-1:]
     if not indices and len(conditions) > 1:
         indices = conditions[1]
@@ -58,12 +45,12 @@ def held_out(subject: Subject, simulate: Simulate, requested: Sequence[str] = ()
 
 
 def _dispensable_runs(conditions: Sequence[list[int]], information: "Informativeness") -> list[int]:
-    """Numbers of the runs to hold out: one condition in `LIMITS.every` that others can spare."""
+    """Numbers of the runs to hold out: one condition in PERIOD that others can spare."""
     indices: list[int] = []
-    for first in range(1, len(conditions), LIMITS.every):
+    for first in range(1, len(conditions), PERIOD):
         for condition in (*conditions[first:], *conditions[:first]):
             is_free = not set(condition) & set(indices)
-            if is_free and information.largest_loss([*indices, *condition]) < LIMITS.needed:
+            if is_free and information.largest_loss([*indices, *condition]) < NEEDED:
                 indices += condition
                 break
     return indices
@@ -95,7 +82,7 @@ class Informativeness:
     def largest_loss(self, without: Sequence[int]) -> float:
         """Largest share of the information on any effect that is lost without these runs."""
         remaining = [i for i in range(len(self._responses)) if i not in without]
-        counts = self._all > LIMITS.shown
+        counts = self._all > LEAST_INFORMATION
         if not remaining or not counts.any():
             return float(not remaining)
         return float((1.0 - self._information(remaining)[counts] / self._all[counts]).max())
@@ -109,21 +96,10 @@ class Informativeness:
 
 def _responses(subject: Subject, simulate: Simulate, base: Estimate) -> list[Array]:
     """Whitened response (n, candidates) of each run to each candidate's middle probe."""
-    runs, candidates = base.evidence.runs, subject.scope.candidates
     models = [(base.model, base.shared)]
-    for c in candidates:
+    for c in subject.scope.candidates:
         (vector, *_) = c.probes[len(c.probes) // 2]
-        shared = np.concatenate([base.shared, np.array(vector)])
-        models.append((Model(base.model.base, (c,)), shared))
-    answers = simulate([
-        replace(request(model, run, shared, unknowns), response=True)
-        for model, shared in models
-        for run, unknowns in zip(runs, base.point.local, strict=True)
-    ])  # fmt: skip
-    return [
-        np.array([
-            response(answers[k * len(runs) + i], answers[i], base.evidence.scales[i])
-            for k in range(1, len(models))
-        ]).T
-        for i in range(len(runs))
-    ]  # fmt: skip
+        models.append((Model(base.model.base, (c,)), np.append(base.shared, vector)))
+    by_candidate = run_one(simulate, responses_to(base, models))
+    runs = range(len(base.evidence.runs))
+    return [np.array([by_run[i] for by_run in by_candidate]).T for i in runs]

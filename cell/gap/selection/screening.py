@@ -2,15 +2,15 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import combinations
+from itertools import combinations, islice
 from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cell.gap.fitting import normal_equations
-from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.model import Model, Point, request, response
+from cell.gap.fitting.gauss_newton import Estimate, responses_to
+from cell.gap.fitting.model import Model, Point
 from cell.gap.fitting.projection import Projection
 from cell.gap.fitting.tasks import Task
 from cell.gap.selection.likelihood import LikelihoodScale
@@ -22,6 +22,12 @@ Start = tuple[Point, tuple[Array, ...] | None]
 Columns = NDArray[np.int64]
 DETECTED_SIGMA = 8.0  # at which cross-validation, too, accepts an effect; set by hand
 LEAST_POWER = 1e-12  # squared norm of a whitened response; a smaller one is rounding
+DEAD = 1e-6  # largest whitened response of an effect that changes nothing
+# Limits of linear extrapolation from probes, set by hand.
+FARTHEST = 3.0  # times a stated probe, to which it is scaled
+LEAST_SHARE = 0.3  # of the gain of the best mix, of an unscaled probe that is a start
+ALIKE = 1e-10  # share of a squared response that is left beside others, below which it is theirs
+STEEP = 0.3  # times the response per amount farther off, below which an effect has a threshold
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,26 +125,6 @@ def _is_complete(secants: Array | None, effect: Candidate) -> TypeGuard[Array]:
 
 
 @dataclass(frozen=True, slots=True)
-class ScreeningLimits:
-    """Limits of linear extrapolation from probes. Source: set by hand.
-
-    A stated probe is scaled by at most `farthest`; unscaled, it is a start if it gains more than
-    `least_share` of the best mix. A response is independent of others if more than `alike` of its
-    square is left beside them. An effect has a threshold if its response per amount near null is
-    below `steep` times that farther off; it changes nothing if all responses are below `dead`.
-    """
-
-    farthest: float = 3.0
-    least_share: float = 0.3
-    alike: float = 1e-10
-    steep: float = 0.3
-    dead: float = 1e-6
-
-
-LIMITS = ScreeningLimits()
-
-
-@dataclass(frozen=True, slots=True)
 class ProbeResponses:
     """Whitened responses (N, probes) of all samples to each group of a candidate's probes.
 
@@ -159,7 +145,7 @@ class ProbeResponses:
     @property
     def dead(self) -> bool:
         """Whether the candidate changes nothing in these runs."""
-        return all(np.abs(d).max(initial=0.0) < LIMITS.dead for d in self.responses)
+        return all(np.abs(d).max(initial=0.0) < DEAD for d in self.responses)
 
 
 def probe(base: Estimate, candidate: Candidate, *, steps: bool = True) -> Task[ProbeResponses]:
@@ -170,24 +156,11 @@ def probe(base: Estimate, candidate: Candidate, *, steps: bool = True) -> Task[P
     model = Model(base.model.base, (*base.model.effects, candidate))
     probes = tuple(tuple(candidate.complete(np.array(v)) for v in g) for g in candidate.probes)
     groups = (_steps_from_null(candidate), *probes) if steps else probes
-    vectors = [v for group in groups for v in group]
-    runs, local = base.evidence.runs, base.point.local
-    requests = [
-        replace(request(model, run, np.concatenate([base.shared, v]), unknowns), response=True)
-        for v in (candidate.null, *vectors)
-        for run, unknowns in zip(runs, local, strict=True)
-    ]
-    answers = yield requests
-    at_null, columns = answers[: len(runs)], []
-    for k in range(1, len(vectors) + 1):
-        at_probe = answers[k * len(runs) : (k + 1) * len(runs)]
-        rows = zip(at_probe, at_null, base.evidence.scales, strict=True)
-        columns.append(np.concatenate([response(*row) for row in rows]))
-    responses, offset = [], 0
-    for group in groups:
-        responses.append(np.array(columns[offset : offset + len(group)]).T)
-        offset += len(group)
-    return ProbeResponses(candidate, groups, tuple(responses))
+    vectors = [candidate.null, *(v for group in groups for v in group)]
+    by_run = yield from responses_to(base, [(model, np.append(base.shared, v)) for v in vectors])
+    columns = iter([np.concatenate(each) for each in by_run])
+    stacked = [np.array(list(islice(columns, len(group)))).T for group in groups]
+    return ProbeResponses(candidate, groups, tuple(stacked))
 
 
 def _steps_from_null(candidate: Candidate) -> tuple[Array, ...]:
@@ -274,7 +247,7 @@ def _gain_bounds(form: normal_equations.Normal, groups: Sequence[Columns]) -> Ar
         across = curvature[:, columns] @ inverse
         slope = gradient - across @ gradient[columns]
         spare = np.diag(curvature) - (across * curvature[:, columns]).sum(axis=1)
-        is_independent = spare > LIMITS.alike * np.diag(curvature)
+        is_independent = spare > ALIKE * np.diag(curvature)
         single = 0.5 * slope**2 * is_independent / np.where(is_independent, spare, 1.0)
         most[a] = single[first]  # right for groups of one column; wider ones follow
         for b in (b for b in wide if b > a):
@@ -304,7 +277,7 @@ def _score(equations: Table, members: Sequence[ProbeResponses]) -> Score:
     probe_gain, best_probe = 0.0, dict[str, Array]()  # of probes as they are, unscaled
     bounds = equations.bounds_of(members)
     for bound, choice in sorted(zip(-bounds.ravel(), np.ndindex(bounds.shape), strict=True)):
-        least_probe_gain = LIMITS.least_share * best.gain
+        least_probe_gain = LEAST_SHARE * best.gain
         if -bound <= min(best.gain, max(probe_gain, least_probe_gain)):
             break
         mix, gain, values = _best_mix(equations, members, choice)
@@ -312,7 +285,7 @@ def _score(equations: Table, members: Sequence[ProbeResponses]) -> Score:
             best, values_at_best = mix, values
         if gain > probe_gain and all(choice):  # group 0 holds steps, which are no probes
             probe_gain, best_probe = gain, values
-    if probe_gain <= LIMITS.least_share * best.gain:
+    if probe_gain <= LEAST_SHARE * best.gain:
         best_probe = values_at_best if any(_has_threshold(p) for p in members) else {}
     return replace(
         best,
@@ -348,7 +321,7 @@ def _has_threshold(p: ProbeResponses) -> bool:
         float(np.linalg.norm(response[:, 0])) / amount if amount else 0.0
         for amount, response in zip(amounts, p.responses, strict=True)
     )
-    return smallest < LIMITS.steep * max(larger, default=0.0)
+    return smallest < STEEP * max(larger, default=0.0)
 
 
 def _opposite_sign(equations: Table, p: ProbeResponses, best: Score) -> dict[str, Array] | None:
@@ -373,7 +346,7 @@ def _best_mix(
     chosen = list(zip(members, choice, strict=True))
     columns = np.concatenate([equations.columns[p.candidate.name, group] for p, group in chosen])
     reach = [
-        _largest_multiple(p.candidate, vector) if group == 0 else LIMITS.farthest
+        _largest_multiple(p.candidate, vector) if group == 0 else FARTHEST
         for p, group in chosen
         for vector in p.groups[group]
     ]
@@ -400,7 +373,7 @@ def _largest_multiple(candidate: Candidate, vector: Array) -> float:
         for p, d in zip(candidate.parameters, moved, strict=True)
         if d != 0.0
     ]
-    return min(ends, default=LIMITS.farthest)
+    return min(ends, default=FARTHEST)
 
 
 def _allows_both_signs(candidate: Candidate, vector: Array) -> bool:

@@ -1,7 +1,7 @@
 """Composes the verdict document from the findings of an investigation."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from itertools import islice
 
 import numpy as np
@@ -39,25 +39,11 @@ from cell.gap.verdict.schema import (
     WhereBin,
 )
 
-
-@dataclass(frozen=True, slots=True)
-class Listed:
-    """Limits of what a verdict lists. Source: set by hand, but for the customary `significance`.
-
-    At most `places` bins of a smaller family-wise p-value than `significance`; the most probable
-    `sets` of effects; experiments that separate by `separation` [sigma] or more; values that differ
-    from the stated ones by more than `tolerated` prior standard deviations, 95 %, where no range is
-    stated.
-    """
-
-    significance: float = 0.05
-    places: int = 24
-    sets: int = 20
-    separation: float = 1.0
-    tolerated: float = 2.0
-
-
-LISTED = Listed()
+# Limits of what a verdict lists, set by hand.
+SIGNIFICANT = 0.05  # family-wise p-value below which a place is listed; customary
+MOST_PLACES, MOST_SETS = 24, 20
+LEAST_SEPARATION = 1.0  # sigma, of an experiment
+TOLERATED = 2.0  # prior standard deviations from a value without a stated range, 95 %
 HUGE = 1e12  # stands for an infinite value, which JSON cannot hold
 
 
@@ -136,8 +122,8 @@ def _values_by_parameter(
 
 
 def _where(findings: Findings) -> list[WhereBin]:
-    significant = (place for place in findings.places if place.p < LISTED.significance)
-    return [WhereBin(**asdict(place)) for place in islice(significant, LISTED.places)]
+    significant = (place for place in findings.places if place.p < SIGNIFICANT)
+    return [WhereBin(**asdict(place)) for place in islice(significant, MOST_PLACES)]
 
 
 def _gap(findings: Findings) -> Gap:
@@ -167,8 +153,7 @@ def _posterior(findings: Findings) -> Probable:
     deciding = deciding_numbers(findings)
     return Probable(
         models=[
-            ProbableSet(names=sorted(m.names), p=m.p)
-            for m in findings.posterior.models[: LISTED.sets]
+            ProbableSet(names=sorted(m.names), p=m.p) for m in findings.posterior.models[:MOST_SETS]
         ],
         inclusion=findings.posterior.inclusion,
         left=deciding.left,
@@ -257,7 +242,7 @@ def _advice(findings: Findings) -> list[Recommendation]:
             minutes=a.experiment.minutes,
         )
         for a in findings.advice.experiments
-        if a.sigma >= LISTED.separation
+        if a.sigma >= LEAST_SEPARATION
     ]
 
 
@@ -298,6 +283,6 @@ def _range_of(p: Parameter) -> tuple[float, float]:
     """Range of a parameter that the file tolerates, as files state the value."""
     if p.tolerated is not None:
         return p.tolerated
-    reach = LISTED.tolerated * p.spread
+    reach = TOLERATED * p.spread
     ends = p.stated_value(max(p.start - reach, p.low)), p.stated_value(p.start + reach)
     return min(ends), max(ends)

@@ -22,6 +22,7 @@ import numpy as np
 
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting import robust
+from cell.gap.fitting.base_fit import strains
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.selection.likelihood import ALPHA, MIN_GAIN
@@ -98,7 +99,7 @@ def numbers(findings: Findings, effect: str | None) -> Numbers:
             _correlation(fit, [rms <= ASTRAY * typical_rms for rms in of_fit])
             for fit, of_fit in zip(fits, by_run, strict=True)
         ),
-        strain=max(map(abs, _strains(findings.accepted.estimate).values()), default=0.0),
+        strain=max(map(abs, strains(findings.accepted.estimate).values()), default=0.0),
     )
 
 
@@ -141,19 +142,13 @@ def _gains(findings: Findings) -> tuple[list[float], list[float]]:
     return by_run, list(by_quantity.values())
 
 
-def _strains(fit: Estimate) -> dict[str, float]:
-    """Deviation of each base value from what the file states, in prior standard deviations."""
-    pairs = zip(fit.model.base, fit.shared, strict=False)
-    return {p.name: (float(v) - p.start) / p.spread for p, v in pairs if np.isfinite(p.spread)}
-
-
 def refuted_values(fit: Estimate, subject: Subject) -> list[list[str]]:
     """Classes of an effect of `fit` and values of the file, either of which may be wrong.
 
     Beside the effect those values lie STRAINED standard deviations off or more, and what that
     changes is what the effect changes.
     """
-    strained_names = [name for name, strain in _strains(fit).items() if abs(strain) > STRAINED]
+    strained_names = [name for name, strain in strains(fit).items() if abs(strain) > STRAINED]
     if not strained_names or not subject.scope.believed:
         return []
     moved = fit.shared - np.array([p.start for p in fit.model.parameters])

@@ -8,7 +8,7 @@ from cell.gap.diagnosis.next_experiment import RatedExperiment, RepeatabilityGai
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.reml import Spread
-from cell.gap.selection.choice import Alternative, Choice
+from cell.gap.selection.choice import Choice
 from cell.gap.selection.likelihood import ALPHA, LikelihoodScale
 from cell.gap.selection.posterior import Posterior
 from cell.gap.selection.screening import ProbeResponses, Score, Table
@@ -74,7 +74,7 @@ class ModelTests:
 
     misfit: float
     repeats: Repeats
-    rivals: tuple[Alternative, ...]
+    rivals: tuple[CrossValidatedFit, ...]
     classes: tuple[tuple[str, ...], ...]
     sized: Estimate
     scatter: tuple[Spread, ...] = ()

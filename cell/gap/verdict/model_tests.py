@@ -14,7 +14,7 @@ from cell.gap.fitting.model import Evidence, Model, Point, evidence
 from cell.gap.fitting.reml import estimate_spreads, with_own_scatter, with_spreads
 from cell.gap.fitting.tasks import Simulate, run_one
 from cell.gap.selection.choice import Choice, choose, classes, merged, rivals
-from cell.gap.selection.fits import Fits
+from cell.gap.selection.fits import Fits, by_loss
 from cell.gap.selection.posterior import Posterior
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.decision import refuted_values
@@ -121,15 +121,12 @@ def advice(
 
 def _alternative(screened: Screen, choice: Choice, tests: ModelTests) -> tuple[Model, Array] | None:
     """Model to separate first from the accepted one, with its shared values (P,)."""
-    if tests.rivals:
-        other = tests.rivals[0].model
-        return other.model, other.estimate.shared
     size = len(choice.accepted.model.effects) or 1
     others = [m for m in choice.fits.models
               if len(m.model.effects) == size and m is not choice.accepted]  # fmt: skip
-    if others:
-        best = min(others, key=lambda m: float(m.losses(choice.likelihood.scale).sum()))
-        return best.model, best.estimate.shared
+    closest = next(iter(tests.rivals or by_loss(others, choice.likelihood)), None)
+    if closest is not None:
+        return closest.model, closest.estimate.shared
     accepted = choice.accepted.estimate
     known = {effect.name for effect in accepted.model.effects}
     alive = [p.candidate for p in screened.probed

@@ -17,25 +17,12 @@ from cell.gap.selection.posterior import posterior
 from cell.gap.selection.screening import probe, ranked_pairs, ranking, table
 from cell.gap.subject.subject import Subject
 
-
-@dataclass(frozen=True, slots=True)
-class Offer:
-    """Thresholds by which a law is offered. Source: set by hand on withheld effects.
-
-    It closes the share `least` of the excess gap on held-out runs, where that is over `nothing`, by
-    at most `longest` terms, each of which keeps its sign in the share `often` of halves of the
-    runs; so many laws of one term (`singles`) and of two (`pairs`) are refitted.
-    """
-
-    least: float = 0.3
-    nothing: float = 0.3
-    longest: int = 3
-    singles: int = 5
-    pairs: int = 3
-    often: float = 0.7
-
-
-OFFER = Offer()
+# Thresholds by which a law is offered, set by hand on withheld effects.
+LEAST_EXCESS = 0.3  # gap on held-out runs that is worth a law
+LEAST_CLOSED = 0.3  # share of it that a law closes
+MOST_TERMS = 3
+SINGLES, PAIRS = 5, 3  # laws of one term and of two that are refitted
+STEADY = 0.7  # share of halves of the runs on which each term keeps its sign
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,14 +51,14 @@ def offered_law(
     `before` is the base on runs that were held out. None where no term is clearly more probable
     than none, no law is stable, or none closes a gap on those runs.
     """
-    if held_out_gap.excess_of(before) < OFFER.nothing:
+    if held_out_gap.excess_of(before) < LEAST_EXCESS:
         return None
     laws = _fit_laws(subject, simulate, replace(choice.fits, models=(choice.fits.base,)))
     for law in needed_models(laws, posterior(laws, choice.likelihood)):
         if _stable(law.estimate):
             after = held_out_gap.unseen(simulate, law.estimate, before.evidence)
             closed = held_out_gap.shrink(before, after, rng).value
-            if closed >= OFFER.least:
+            if closed >= LEAST_CLOSED:
                 return _offer(law.estimate, closed)
     return None
 
@@ -82,9 +69,9 @@ def _fit_laws(subject: Subject, simulate: Simulate, fits: Fits) -> Fits:
     terms = [t for t in subject.scope.terms if len(t.parameters) == 1]
     probed = run_all(simulate, [probe(fit, t) for t in terms])
     known, plain = table(projection(fit), probed), [replace(t, probes=()) for t in terms]
-    scores = [*ranking(known)[: OFFER.singles], *ranked_pairs(known, OFFER.pairs)]
+    scores = [*ranking(known)[:SINGLES], *ranked_pairs(known, PAIRS)]
     fits = search.fit_scores(simulate, fits, scores, terms)
-    for size in range(1, OFFER.longest):
+    for size in range(1, MOST_TERMS):
         if fits.of_size(size) and not is_exhausted(fits):
             fits = search.extend(simulate, fits, fits.near_best(size)[:1], plain, probed)
     return fits
@@ -96,7 +83,7 @@ def _stable(estimate: Estimate) -> bool:
     signs = np.sign(estimate.shared[first:])
     halves = list(combinations(range(runs), max(1, runs // 2)))
     again = [np.sign(on_runs(estimate, half)[0][first:]) for half in halves]
-    return bool((np.mean(np.array(again) == signs, axis=0) >= OFFER.often).all())
+    return bool((np.mean(np.array(again) == signs, axis=0) >= STEADY).all())
 
 
 def _offer(fit: Estimate, shrink: float) -> OfferedLaw:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.gap.fitting.reml import SEARCH, covariance, spreads
+from cell.gap.fitting.reml import SMALLEST, covariance, spreads
 from cell.gap.subject.subject import Parameter, Request, Residuals
 from cell.gap.verdict.compose import intervals
 from tests.cell.gap.test_gap_engine import Curves, Law, T, bump, fitted, hidden, judged, nothing
@@ -54,7 +54,7 @@ def test_what_the_runs_refute_is_switched_off() -> None:
 
 def test_a_spread_that_coarse_runs_cannot_exclude_is_kept_small() -> None:
     (found,) = spreads(fitted(Scattering(nothing, 0.0, seed=2, noise=2.0 * USUAL)))
-    assert SEARCH.smallest * USUAL <= found.value < 0.2 * USUAL
+    assert SMALLEST * USUAL <= found.value < 0.2 * USUAL
 
 
 def test_a_constant_error_of_all_runs_is_no_scatter() -> None:
