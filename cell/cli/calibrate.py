@@ -15,9 +15,10 @@ from cell.cli.options import (
     VizOption,
     ask,
     length_parser,
-    print_json,
     writable,
 )
+from cell.cli.output import print_json
+from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from calibration.lens import Lens
@@ -247,7 +248,6 @@ def _settings(configs: Path | None) -> "CellFile":
 
 def _ask_length(text: str) -> float:
     """Read the length [m] typed at a prompt; BadParameter for other text, so that it asks again."""
-    from drivers.errors import ConfigurationError
 
     try:
         return MEASURED_LENGTH(text)
@@ -260,7 +260,6 @@ def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str)
     from datetime import UTC, datetime
 
     from calibration.wizard.session import SESSION_FILE
-    from drivers.errors import ConfigurationError
 
     if resume is not None and out is not None:
         raise ConfigurationError("--resume: goes on in its own folder; remove --out")
@@ -311,7 +310,6 @@ def _use_calibration(
     from calibration.calibration import load_calibration
     from cell.calibrating.calibration_in_use import use_calibration
     from cell.config.places import find_configs
-    from drivers.errors import ConfigurationError
 
     if found.calibration is None:
         return None
