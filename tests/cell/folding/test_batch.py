@@ -131,7 +131,6 @@ class Fake:
 
     def __init__(self, *_) -> None:
         self.pipe, self._theirs = Pipe()
-        self._told = False
 
     def send(self, message: Call | Stop) -> None:
         if isinstance(message, Stop):
