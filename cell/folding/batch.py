@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from calibration.calibration import Calibration
 from cell.arm.run_settings import confirm
-from cell.calibrating.calibrate import calibration_of
+from cell.calibrating.calibration_in_use import calibration_of
 from cell.campaign.processes import ProcessPool, StopSignal
 from cell.devices.open import is_physical, is_real
 from cell.doctor.doctor import BRIEF, hardware_checks, refuse_red
