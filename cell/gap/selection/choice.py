@@ -71,29 +71,36 @@ def is_exhausted(fits: Fits) -> bool:
 def _beyond_model_error(
     nats: Array, model: CrossValidatedFit, fits: Fits, likelihood: LikelihoodScale
 ) -> float:
-    """Sum of the `nats` (R,) of the runs, less what errors of the laws of `model` may explain.
+    """Sum of the `nats` (R,) of the runs, less what errors of the laws of `model` may explain."""
+    return float(np.sum(nats - np.clip(nats, 0.0, _model_error(model, fits, likelihood))))
+
+
+def _model_error(model: CrossValidatedFit, fits: Fits, likelihood: LikelihoodScale) -> Array:
+    """Nats (R,) of each run that errors of the laws of `model` may cost.
 
     What a law gets wrong of what it explains in a run, another effect would absorb there.
     """
-    wrong = np.zeros(len(nats))
+    wrong = np.zeros(len(model.left_out))
     for effect in model.model.effects:
         without = fits.of(model.model.names - {effect.name}) or fits.base
         explained = np.maximum(margin(model, without, likelihood).each, 0.0)
         wrong += effect.model_error**2 * explained
-    return float(np.sum(nats - np.clip(nats, 0.0, wrong)))
+    return wrong
 
 
 def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[CrossValidatedFit]:
-    """Models of as many effects as the accepted one that the posterior does not exclude.
+    """Models of as many effects as the accepted one that these runs do not exclude.
 
-    Excluded is what is less than ALPHA times as probable. The most probable comes first.
+    Excluded is what is less than ALPHA times as probable, even if the laws of the accepted model
+    were without their errors. The most probable comes first.
     """
+    least = np.log(ALPHA) - float(_model_error(accepted, fits, fits.likelihood).sum())
 
-    def behind(model: CrossValidatedFit) -> float:
-        return sets.lead(accepted.model.names) - sets.lead(model.model.names)
+    def lead(model: CrossValidatedFit) -> float:
+        return sets.lead(model.model.names) - sets.lead(accepted.model.names)
 
     others = [m for m in fits.of_size(len(accepted.model.names)) if m is not accepted]
-    return sorted((m for m in others if behind(m) < -np.log(ALPHA)), key=behind)
+    return sorted((m for m in others if lead(m) > least), key=lead, reverse=True)
 
 
 def classes(accepted: CrossValidatedFit, rivals: Sequence[CrossValidatedFit]) -> list[list[str]]:
