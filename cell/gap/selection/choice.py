@@ -18,16 +18,15 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """The accepted model (the base where none is), all fits, and the scale of their comparison."""
+    """The accepted model, the base where none is, and all fits."""
 
     accepted: CrossValidatedFit
     fits: Fits
-    likelihood: LikelihoodScale
 
 
 def choose(fits: Fits, sets: Posterior) -> Choice:
     """Accept the most probable model of which each effect is needed; else the base."""
-    return Choice(next(needed_models(fits, sets), fits.base), fits, fits.likelihood)
+    return Choice(next(needed_models(fits, sets), fits.base), fits)
 
 
 def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
@@ -42,8 +41,8 @@ def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
     def leads(model: CrossValidatedFit, part: CrossValidatedFit) -> bool:
         lead = sets.lead(model.model.names) - sets.lead(part.model.names)
         gain = margin(model, part, likelihood).each
-        least = MIN_GAIN if part.model.effects else 0.0
-        return lead > MIN_GAIN and _beyond_model_error(gain, part, fits, likelihood) > least
+        beyond = gain - np.clip(gain, 0.0, _model_error(part, fits, likelihood))
+        return lead > MIN_GAIN and beyond.sum() > (MIN_GAIN if part.model.effects else 0.0)
 
     for names in (m.names for m in sets.models if m.names):
         model = fits.of(names)
@@ -65,14 +64,8 @@ def is_exhausted(fits: Fits) -> bool:
     ideal = replace(fits.likelihood, scale=1.0, inefficiency=1.0)
     noise = [0.5 * len(r) * robust.spread(r) ** 2 for r in model.left_out]
     left = model.losses(ideal.scale) - np.array(noise)
-    return _beyond_model_error(left, model, fits, ideal) < fits.unresolved + MIN_GAIN
-
-
-def _beyond_model_error(
-    nats: Array, model: CrossValidatedFit, fits: Fits, likelihood: LikelihoodScale
-) -> float:
-    """Sum of the `nats` (R,) of the runs, less what errors of the laws of `model` may explain."""
-    return float(np.sum(nats - np.clip(nats, 0.0, _model_error(model, fits, likelihood))))
+    beyond = left - np.clip(left, 0.0, _model_error(model, fits, ideal))
+    return bool(beyond.sum() < fits.unresolved + MIN_GAIN)
 
 
 def _model_error(model: CrossValidatedFit, fits: Fits, likelihood: LikelihoodScale) -> Array:

@@ -110,12 +110,12 @@ def advice(
     if second is None:
         return Advice()
     first = choice.accepted.estimate
-    more = run_one(simulate, repeatability_gains(first, second, choice.likelihood))
+    more = run_one(simulate, repeatability_gains(first, second, choice.fits.likelihood))
     experiments = [
         replace(e, run=with_spreads(evidence([e.run]), tests.scatter).runs[0])
         for e in subject.experiments()
     ]
-    planned = run_one(simulate, advise(first, second, experiments, choice.likelihood))
+    planned = run_one(simulate, advise(first, second, experiments, choice.fits.likelihood))
     return Advice(tuple(planned), tuple(more))
 
 
@@ -124,7 +124,7 @@ def _alternative(screened: Screen, choice: Choice, tests: ModelTests) -> tuple[M
     size = len(choice.accepted.model.effects) or 1
     others = [m for m in choice.fits.models
               if len(m.model.effects) == size and m is not choice.accepted]  # fmt: skip
-    closest = next(iter(tests.rivals or by_loss(others, choice.likelihood)), None)
+    closest = next(iter(tests.rivals or by_loss(others, choice.fits.likelihood)), None)
     if closest is not None:
         return closest.model, closest.estimate.shared
     accepted = choice.accepted.estimate

@@ -54,7 +54,7 @@ def offered_law(
     if held_out_gap.excess_of(before) < LEAST_EXCESS:
         return None
     laws = _fit_laws(subject, simulate, replace(choice.fits, models=(choice.fits.base,)))
-    for law in needed_models(laws, posterior(laws, choice.likelihood)):
+    for law in needed_models(laws, posterior(laws, choice.fits.likelihood)):
         if _stable(law.estimate):
             after = held_out_gap.unseen(simulate, law.estimate, before.evidence)
             closed = held_out_gap.shrink(before, after, rng).value
