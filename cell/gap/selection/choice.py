@@ -36,12 +36,11 @@ def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
     what a fit gains in its own runs, others may not confirm. Beside other effects it predicts them
     clearly better than errors of their laws allow.
     """
-    likelihood = fits.likelihood
 
     def leads(model: CrossValidatedFit, part: CrossValidatedFit) -> bool:
         lead = sets.lead(model.model.names) - sets.lead(part.model.names)
-        gain = margin(model, part, likelihood).each
-        beyond = gain - np.clip(gain, 0.0, _model_error(part, fits, likelihood))
+        gain = margin(model, part, fits.likelihood).each
+        beyond = gain - np.clip(gain, 0.0, _model_error(part, fits, fits.likelihood))
         return lead > MIN_GAIN and beyond.sum() > (MIN_GAIN if part.model.effects else 0.0)
 
     for names in (m.names for m in sets.models if m.names):
