@@ -215,7 +215,6 @@ def _compare_with_base(
 
 def _compare_by_screen(findings: Findings, name: str, gain: float) -> CandidateEntry:
     """Row of a candidate that was not refitted, with its gain in the linear screen."""
-    likelihood = findings.likelihood
     score = next((s for s in findings.screen.singles if s.names == (name,)), None)
     candidate = next(c for c in findings.subject.scope.candidates if c.name == name)
     values = score.start.get(name, candidate.null) if score is not None else candidate.null
@@ -226,7 +225,7 @@ def _compare_by_screen(findings: Findings, name: str, gain: float) -> CandidateE
             parameters[p.name] = ValueWithUnit(value=value, low=None, high=None, unit=p.unit)
     return CandidateEntry(
         name=name,
-        elpd_gain=gain / likelihood.inefficiency,
+        elpd_gain=gain / findings.likelihood.inefficiency,
         se=0.0,
         p=findings.screen.p.get(name, 1.0),
         parameters=parameters,
