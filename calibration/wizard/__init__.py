@@ -1,1 +1,1 @@
-"""Tasks of the calibration wizard by ask and tell: each requests images and judges them."""
+"""Calibration wizards: each requests views or touches, explains why, and judges the result."""

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from cell.cli.options import Cluster, Json, engine, resumable
-from cell.cli.output import print_json
+from cell.cli.options import Cluster, Json, engine, print_json, resumable
 
 if TYPE_CHECKING:
     from tests.lab.exam.ledger import Entry
