@@ -1,6 +1,7 @@
 """The policy `planned`, an upper bound for feedback: plans by simulating the known strip."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ SEGMENTS = 100
 BENT = 0.18  # of the length, height up to which all paths climb as the triangle does
 FIRST_RISES = np.linspace(-0.06, 0.22, 8)  # rises tried first, over the length
 FINE_STEPS = np.arange(-3.0, 5.0)  # steps around the zero between those, tried then
-RISE_STEP = 1 / 600  # of the length; rises tried are multiples, so that strips share paths
+RISE_STEP = 1 / 600  # of the length; rises tried are multiples, so that strips share motions
 
 
 def raise_path(length: float, rise: float) -> Path:
@@ -103,15 +104,15 @@ def plan(strips: Sequence[StripFile], speed: float, aim: float = 0.0) -> Array:
     in a fold, with its lift and its limited acceleration. Raises ConfigurationError where no path
     reaches d = `aim`.
     """
-    motions = Motions(strips[0], speed)
     first_steps = np.round(FIRST_RISES / RISE_STEP).astype(int)
     coarse = np.tile(first_steps, (len(strips), 1))
-    coarse_misses = _displacements(strips, motions, coarse) - aim
+    displacements = partial(_displacements, strips, speed)
+    coarse_misses = displacements(coarse) - aim
     for strip, misses in zip(strips, coarse_misses, strict=True):
         _check_reachable(strip, misses)
     rough = _interpolate_zeros(coarse, coarse_misses)
     fine = (np.round(rough)[:, None] + FINE_STEPS).astype(int)
-    fine_misses = _displacements(strips, motions, fine) - aim
+    fine_misses = displacements(fine) - aim
     refined = _interpolate_zeros(fine, fine_misses)
     steps = np.where(_brackets_zero(fine_misses), refined, rough)
     return steps * RISE_STEP * strips[0].length
@@ -127,37 +128,17 @@ def fold_by_plan(known: StripFile, lying: StripFile) -> tuple[float, Array]:
     return float(folds.displacement[0]), np.asarray(rod.shapes()[0])
 
 
-class Motions:
-    """Gripper motions along raised triangles, each computed once."""
-
-    def __init__(self, strip: StripFile, speed: float) -> None:
-        self.dt = 0.0
-        self._strip = strip
-        self._settings = Rollout(speed=speed, sensing=EXACT_SENSING, profile=False)
-        self._known: dict[int, Array] = {}
-
-    def poses(self, steps: Array) -> Array:
-        """Poses (k, n, 3) along the paths whose rises are `steps` (n,) times RISE_STEP."""
-        new = sorted(set(steps.tolist()) - set(self._known))
-        if new:
-            self._simulate_motions(new)
-        last = max(len(motion) for motion in self._known.values())
-        motions = [self._known[step] for step in steps.tolist()]
-        return np.stack([np.pad(m, ((0, last - len(m)), (0, 0)), "edge") for m in motions], axis=1)
-
-    def _simulate_motions(self, steps: list[int]) -> None:
-        length = self._strip.length
-        recorder = _PoseRecorder()
-        roll_out(
-            Paths([raise_path(length, step * RISE_STEP * length) for step in steps]),
-            recorder,
-            self._strip,
-            [describe(self._strip)] * len(steps),
-            settings=self._settings,
-            rng=np.random.default_rng(0),
-        )
-        self.dt = recorder.dt
-        self._known |= {step: recorder.poses[:, i] for i, step in enumerate(steps)}
+def _gripper_poses(strip: StripFile, speed: float, steps: Array) -> tuple[Array, float]:
+    """Poses (k, n, 3) of grippers at `speed` [m/s] along the triangles raised by `steps` (n,) times
+    RISE_STEP, and the time [s] between them.
+    """
+    different, numbers = np.unique(steps, return_inverse=True)
+    paths = [raise_path(strip.length, step * RISE_STEP * strip.length) for step in different]
+    recorder, models = _PoseRecorder(), [describe(strip)] * len(paths)
+    settings = Rollout(speed=speed, sensing=EXACT_SENSING, profile=False)
+    rng = np.random.default_rng(0)
+    roll_out(Paths(paths), recorder, strip, models, settings=settings, rng=rng)
+    return recorder.poses[:, numbers], recorder.dt
 
 
 class _PoseRecorder:
@@ -189,11 +170,11 @@ class _PoseRecorder:
         return np.zeros((self._count, 0))
 
 
-def _displacements(strips: Sequence[StripFile], motions: Motions, steps: Array) -> Array:
+def _displacements(strips: Sequence[StripFile], speed: float, steps: Array) -> Array:
     """Displacements (n, m) [m] of n strips on triangles raised by `steps`; NaN without a touch."""
     rod = Rod(SEGMENTS, strict=False)
     rod.reset([model for model in map(describe, strips) for _ in range(steps.shape[1])])
-    touches = rod.advance(motions.poses(steps.ravel()), motions.dt).touch
+    touches = rod.advance(*_gripper_poses(strips[0], speed, steps.ravel())).touch
     d = [np.nan if touch is None else touch.displacement for touch in touches]
     return np.array(d).reshape(steps.shape)
 
