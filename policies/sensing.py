@@ -45,14 +45,14 @@ class Sensing:
     factor: Range = (1.0, 1.0)
 
     @property
-    def sigmas(self) -> Array:
+    def noise_sigmas(self) -> Array:
         """Noise (STATE_SIZE,) [m] of contact, tip x and tip z, one standard deviation."""
         tip_z = self.tip_sigma if self.tip_z_sigma is None else self.tip_z_sigma
         return np.array([self.contact_sigma, self.tip_sigma, tip_z])
 
     @property
-    def biases(self) -> Array:
-        """Standard deviations (STATE_SIZE,) [m] of a fold's constant errors of contact and tip."""
+    def bias_sigmas(self) -> Array:
+        """Standard deviations (STATE_SIZE,) [m] from which a fold's constant errors are drawn."""
         return np.array([self.contact_bias, self.tip_bias, self.tip_bias])
 
 
@@ -150,7 +150,7 @@ class SimulatedCamera:
         draws = Draws(groups, count // groups, rng)
         self._sensing, self._draws = sensing, draws
         self._delay = draws.uniform(*sensing.delay)
-        self._bias = draws.normal(STATE_SIZE) * sensing.biases
+        self._bias = draws.normal(STATE_SIZE) * sensing.bias_sigmas
         late = self._delay / period
         if sensing.delay_error > 0:
             late = np.maximum(late + draws.normal() * sensing.delay_error / period, 0.0)
@@ -207,7 +207,7 @@ class SimulatedCamera:
         before = (after + 1) % len(self._recent)
         true = (1 - self._part_late) * self._recent[after, self._strips]
         true += self._part_late * self._recent[before, self._strips]
-        noise = self._draws.normal(STATE_SIZE) * self._sensing.sigmas * self._factor[:, None]
+        noise = self._draws.normal(STATE_SIZE) * self._sensing.noise_sigmas * self._factor[:, None]
         state = true[:, :STATE_SIZE] + self._bias + noise
         profile = true[:, STATE_SIZE:].reshape(len(true), self._points, 2)
         if self._points:

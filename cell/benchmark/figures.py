@@ -118,9 +118,9 @@ def outside(results: Results, policy: str) -> tuple[int, int]:
     """Number of strips outside the simulated range of `policy`, and of all strips."""
     folds, over = _displacements(results.folds(policy)), results.over_range(policy, "rod")
     folds = folds[np.isfinite(folds)]
-    if over is None or folds.size == 0 or not np.isfinite(over.d).any():
+    if over is None or folds.size == 0 or not np.isfinite(over.displacement_grid).any():
         return 0, 0
-    low, high = 1e3 * np.nanmin(over.d), 1e3 * np.nanmax(over.d)
+    low, high = 1e3 * np.nanmin(over.displacement_grid), 1e3 * np.nanmax(over.displacement_grid)
     return int(np.sum((folds < low) | (folds > high))), folds.size
 
 
@@ -184,8 +184,8 @@ def _draw_paper_numbers(axes: Any) -> None:
 def _draw_policy_range(axes: Any, results: Results, policy: str, row: int) -> None:
     """Draw the simulated range of d as bars, and folds through images as squares."""
     over = results.over_range(policy, "rod")
-    if over is not None and np.isfinite(over.d).any():
-        d = 1e3 * over.d[np.isfinite(over.d)]
+    if over is not None and np.isfinite(over.displacement_grid).any():
+        d = 1e3 * over.displacement_grid[np.isfinite(over.displacement_grid)]
         low, high = np.quantile(d, [0.05, 0.95])
         shade = {"color": colour(policy), "lw": 0}
         axes.barh(row, np.ptp(d), left=d.min(), height=0.56, alpha=0.20, **shade)
@@ -271,7 +271,7 @@ def _draw_map(axes: Any, folds: RangeFolds) -> Any:
     norm = AsinhNorm(LINEAR, vmin=-COLOUR_RANGE, vmax=COLOUR_RANGE)
     k = _cell_borders(STIFFNESS_RANGE[0], STIFFNESS_RANGE[1], folds.side)  # stiffness
     b = _cell_borders(1.0, DAMPING_RATIO, folds.side)  # damping over the least
-    colours = axes.pcolormesh(k, b, 1e3 * folds.d.T, cmap="RdBu_r", norm=norm, lw=0)
+    colours = axes.pcolormesh(k, b, 1e3 * folds.displacement_grid.T, cmap="RdBu_r", norm=norm, lw=0)
     axes.set(xscale="log", yscale="log", xlim=(k[0], k[-1]), ylim=(b[0], b[-1]))
     axes.set_xticks([0.02, 0.06, 0.2], ["0.02", "0.06", "0.2"])
     axes.set_yticks([1, 7, 50], ["1", "7", "50"])
@@ -279,7 +279,7 @@ def _draw_map(axes: Any, folds: RangeFolds) -> Any:
     axes.grid(visible=False)
     for spine in axes.spines.values():
         spine.set_visible(False)
-    size = np.abs(folds.d[np.isfinite(folds.d)])
+    size = np.abs(folds.displacement_grid[np.isfinite(folds.displacement_grid)])
     mean, worst = (size.mean(), size.max()) if size.size else (np.nan, np.nan)
     axes.set_title(folds.policy, fontsize=9.5, color=colour(folds.policy), loc="left", pad=25)
     caption = f"mean {numeral(float(mean))}\nworst {numeral(float(worst))}"

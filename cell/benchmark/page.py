@@ -18,10 +18,8 @@ from cell.benchmark.results import MissingPart, Results
 from cell.benchmark.summary import (
     PAPER_POLICIES,
     PAPER_WORST,
-    Row,
     claims,
     misses_text,
-    newtons,
     numeral,
     rows,
 )
@@ -74,14 +72,15 @@ def page_of(results: Results) -> str:
         said=verdict_of(results),
         claims=[("held" if c.held else "not held", c.says, c.here) for c in claims(results)],
         asked=results.asked,
-        strips=[_strip_cells(row) for row in summary],
-        ranges=[_range_cells(row) for row in summary],
+        strips=[(*row.strip_cells(), numeral(row.strips.offset), numeral(row.strips.worst_offset))
+                for row in summary],
+        ranges=[row.range_cells() for row in summary],
         outside=_outside_sentence(results),
         hidden=_hidden_effects(results),
         figures={name: draw(results) for name, draw in FIGURES.items()},
         refused=[(r.part, r.reason) for r in results.results if isinstance(r, MissingPart)],
         made_with=_made_with(results),
-    )
+    )  # fmt: skip
 
 
 def verdict_of(results: Results) -> Verdict:
@@ -121,22 +120,6 @@ def _hidden_effects(results: Results) -> dict[str, Any]:
         for effect in effects
     ]
     return {"head": ("hidden", *policies), "rows": misses}
-
-
-def _strip_cells(row: Row) -> tuple[str, ...]:
-    s = row.strips
-    numbers = [numeral(value, signed=True) for value in (s.mean, s.low, s.high)]
-    tail = [numeral(s.worst), s.worst_strip, numeral(s.misread), numeral(row.spread)]
-    tail += [numeral(s.offset), numeral(s.worst_offset)]
-    return row.policy, f"{s.folded} of {s.of}", *numbers, *tail
-
-
-def _range_cells(row: Row) -> tuple[str, ...]:
-    """Cells of one policy's row in the table of the paper's range."""
-    rod, chain = row.rod, row.chain
-    numbers = [numeral(value) for value in (rod.mean, rod.quantile_95, rod.worst)]
-    other = [numeral(chain.mean), numeral(chain.worst), newtons(rod.force)]
-    return row.policy, *numbers, str(rod.untouched), *other
 
 
 def _made_with(results: Results) -> list[tuple[str, str]]:

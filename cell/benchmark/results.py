@@ -127,8 +127,8 @@ class RangeFolds(Settings):
     force: tuple[float, ...]
 
     @property
-    def d(self) -> Array:
-        """Displacements (side, side) [m] over stiffness and damping, NaN without a touch."""
+    def displacement_grid(self) -> Array:
+        """Displacements (side, side) [m], a row a stiffness, a column a damping; NaN: no touch."""
         return np.array(self.displacement, dtype=np.float64).reshape(self.side, self.side)
 
 

@@ -42,21 +42,10 @@ class ImagePart:
     def measure(self) -> ImageFold:
         """Fold the strip and return the result, without a page: `cell report` makes that later."""
         done, strip = fold(self.request, calibration_of(self.request.cell)), self.request.strip
-        return ImageFold(
-            strip=done.strip,
-            bending_length=strip.bending_length,
-            retardation_time=strip.retardation_time,
-            policy=done.policy,
-            seed=done.seed,
-            outcome=done.outcome,
-            reason=done.reason,
-            displacement=done.displacement,
-            displacement_true=done.displacement_true,
-            edge_offset_true=done.edge_offset_true,
-            duration=done.duration,
-            wall=done.wall,
-            run=done.run,
-        )
+        stated = {name: getattr(strip, name) for name in ("bending_length", "retardation_time")}
+        result = {name: getattr(done, name) for name in ImageFold.model_fields if name not in stated
+                  and name != "kind"}  # fmt: skip
+        return ImageFold(**stated, **result)
 
 
 def order(spec: BenchmarkSpec, configs: Configs, runs: Path) -> tuple[Part, ...]:

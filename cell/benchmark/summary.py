@@ -80,7 +80,7 @@ class RangeNumbers(Misses):
         """Statistics of `folds` over the paper's range."""
         if folds is None:
             return cls(NAN, NAN, NAN, 0, NAN)
-        return cls(**asdict(Misses.of(folds.d)), force=float(np.mean(folds.force)))
+        return cls(**asdict(Misses.of(folds.displacement_grid)), force=float(np.mean(folds.force)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +93,20 @@ class Row:
     chain: RangeNumbers
     repeats: int
     spread: float
+
+    def strip_cells(self) -> tuple[str, ...]:
+        """Cells of the table of strips: policy, folds, mean, from, to, worst, on, error, differ."""
+        s = self.strips
+        numbers = [numeral(value, signed=True) for value in (s.mean, s.low, s.high)]
+        tail = numeral(s.worst), s.worst_strip, numeral(s.misread), numeral(self.spread)
+        return self.policy, f"{s.folded} of {s.of}", *numbers, *tail
+
+    def range_cells(self) -> tuple[str, ...]:
+        """Cells of the table of the paper's range: |d| in the rod and on the chain, the pull."""
+        rod, chain = self.rod, self.chain
+        numbers = [numeral(value) for value in (rod.mean, rod.quantile_95, rod.worst)]
+        other = numeral(chain.mean), numeral(chain.worst), newtons(rod.force)
+        return self.policy, *numbers, str(rod.untouched), *other
 
 
 def rows(results: Results) -> tuple[Row, ...]:
@@ -233,33 +247,17 @@ def claim_lines(results: Results) -> Iterator[str]:
 
 def tables(results: Results) -> Iterator[Table]:
     """Columns, rows and title of the strips' table, and of that of the paper's range."""
-    summary, count = rows(results), len(results.asked.strips)
-    strips = [
-        (row.policy, f"{s.folded}/{s.of}", numeral(s.mean, signed=True),
-         numeral(s.low, signed=True), numeral(s.high, signed=True), numeral(s.worst),
-         s.worst_strip, numeral(s.misread), numeral(row.spread))
-        for row in summary for s in (row.strips,)
-    ]  # fmt: skip
-    columns = ("policy", "folds", "mean", "from", "to", "worst", "on", "error", "differ")
+    summary, strips = rows(results), plural(len(results.asked.strips), "strip")
     yield (
-        columns,
-        strips,
-        (
-            f"{plural(count, 'strip')}, folded through images: displacement in mm "
-            "(error: seen − true, at most; differ: folds of one strip, most among them)"
-        ),
+        ("policy", "folds", "mean", "from", "to", "worst", "on", "error", "differ"),
+        [row.strip_cells() for row in summary],
+        f"{strips}, folded through images: displacement in mm "
+        "(error: seen − true, at most; differ: folds of one strip, most among them)",
     )
     side, chain = results.asked.extent.grid, results.asked.extent.chain
-    grid = [
-        (row.policy, numeral(rod.mean), numeral(rod.quantile_95), numeral(rod.worst),
-         str(rod.untouched), numeral(other.mean), numeral(other.worst), newtons(rod.force))
-        for row in summary for rod, other in ((row.rod, row.chain),)
-    ]  # fmt: skip
     yield (
         ("policy", "mean", "95 %", "worst", "no touch", "chain", "its worst", "force N"),
-        grid,
-        (
-            f"The paper's range, state-based: |d| in mm, {side} x {side} in the rod, "
-            f"{chain} x {chain} on the chain"
-        ),
+        [row.range_cells() for row in summary],
+        f"The paper's range, state-based: |d| in mm, {side} x {side} in the rod, "
+        f"{chain} x {chain} on the chain",
     )

@@ -94,15 +94,13 @@ def _train(
     from cell.extras import require_library
 
     require_library("torch" if policy == "adaptive" else "cmaes")
-    from cell.train.run import train_adaptive, train_feedback
+    from cell.train.run import train
     from policies.adaptive.train.shard import CriticSettings
     from policies.train.objective import TrainingSettings
 
-    console = Console(stderr=True)
-    if policy == "adaptive":
-        return train_adaptive(CriticSettings(seed=seed), folder, workers, grid, console)
-    settings = TrainingSettings(seed=seed, **size)
-    return train_feedback(settings, folder, workers, grid, console)
+    adaptive = policy == "adaptive"
+    settings = CriticSettings(seed=seed) if adaptive else TrainingSettings(seed=seed, **size)
+    return train(settings, folder, workers, grid, Console(stderr=True))
 
 
 def _only_adaptive(policy: Learned) -> None:

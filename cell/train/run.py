@@ -98,65 +98,47 @@ class Meter:
             self._console.print(text, highlight=False, soft_wrap=True)
 
 
-def train_feedback(
-    settings: TrainingSettings,
+def train(
+    settings: TrainingSettings | CriticSettings,
     folder: Path,
     workers: AbstractContextManager[Executor],
     side: int,
     console: Console,
 ) -> Trained:
-    """Train `feedback` in `folder`; an interrupted training of the same settings is resumed.
+    """Train the policy of these `settings` in `folder`; an interrupted training is resumed.
 
-    The weights are evaluated on a grid of `side` x `side` strips. Raises ConfigurationError for a
-    folder that cannot be used, WorkersLost when the workers are gone.
+    The weights are evaluated on a grid of `side` x `side` strips, those of `adaptive` also with
+    each effect hidden. Raises ConfigurationError for a folder that cannot be used or holds a
+    training of other settings, WorkersLost when the workers are gone.
     """
-    from policies.train.search import Search
-
     with alone_in(folder):
-        search = Search(settings, folder)
-        with _run(search, workers, console) as (executor, meter):
-            rollout, seed = replace(settings.rollout, substeps=SUBSTEPS), (settings.seed, 3)
-            watch = meter.show_evaluation
-            found = evaluate(search.policy, rollout, seed, side, executor, watch)
-        return keep(Trained(search.checkpoint, settings, found), folder)
+        training = _open_training(settings, folder)
+        with workers as executor, Meter(console, training.total, training.known) as meter:
+            for step in training.run(executor):
+                meter.show(step.done, step.text)
+            policy, watch = training.policy, meter.show_evaluation
+            errors: tuple[EffectErrors, ...] = ()
+            if isinstance(settings, TrainingSettings):
+                rollout, seed = settings.rollout, [settings.seed, 3]
+            else:
+                rollout = Rollout(speed=settings.speed, sensing=IMAGE_SENSING)
+                seed = [settings.seed]
+                errors = evaluate_effects(policy, rollout, settings.segments, executor, watch)
+            finer = replace(rollout, substeps=SUBSTEPS)
+            found = evaluate(policy, finer, seed, side, executor, watch)
+        return keep(Trained(training.checkpoint, settings, found, training.trial, errors), folder)
 
 
-def train_adaptive(
-    settings: CriticSettings,
-    folder: Path,
-    workers: AbstractContextManager[Executor],
-    side: int,
-    console: Console,
-) -> Trained:
-    """Train the critic of `adaptive` in `folder` as `train_feedback` does.
+def _open_training(
+    settings: TrainingSettings | CriticSettings, folder: Path
+) -> "Search | CriticTraining":
+    if isinstance(settings, TrainingSettings):
+        from policies.train.search import Search
 
-    The weights are also evaluated with each effect hidden.
-    """
+        return Search(settings, folder)
     from policies.adaptive.train.training import CriticTraining
 
-    with alone_in(folder):
-        training = CriticTraining(settings, folder)
-        with _run(training, workers, console) as (executor, meter):
-            policy, watch = training.policy, meter.show_evaluation
-            rollout = Rollout(speed=settings.speed, sensing=IMAGE_SENSING)
-            finer = replace(rollout, substeps=SUBSTEPS)
-            found = evaluate(policy, finer, (settings.seed,), side, executor, watch)
-            errors = evaluate_effects(policy, rollout, settings.segments, executor, watch)
-        trained = Trained(training.checkpoint, settings, found, training.trial, errors)
-        return keep(trained, folder)
-
-
-@contextmanager
-def _run(
-    training: "Search | CriticTraining",
-    workers: AbstractContextManager[Executor],
-    console: Console,
-) -> Iterator[tuple[Executor, Meter]]:
-    """Context of a `training` that has run to its end, with its workers and its display."""
-    with workers as executor, Meter(console, training.total, training.known) as meter:
-        for step in training.run(executor):
-            meter.show(step.done, step.text)
-        yield executor, meter
+    return CriticTraining(settings, folder)
 
 
 def keep(trained: Trained, folder: Path) -> Trained:

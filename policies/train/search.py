@@ -58,6 +58,8 @@ class Search:
     be written or holds something else.
     """
 
+    trial = None  # of left-out folds; its validations stand in the journal
+
     def __init__(self, settings: TrainingSettings, folder: FilePath) -> None:
         self.settings = settings
         self.checkpoint = folder / CHECKPOINT
