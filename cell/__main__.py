@@ -14,7 +14,7 @@ def main(app: "Typer | None" = None) -> None:
 
     An error is printed in one line and sets the exit code.
     """
-    from cell.cli.streams import guard_streams, why_lost
+    from cell.cli.output import guard_streams, why_lost
 
     out = guard_streams()
     code = _run(app)

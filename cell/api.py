@@ -12,7 +12,7 @@ from typing import Literal
 import pyarrow as pa
 
 from calibration.calibration import Calibration, load_calibration
-from cell.calibrating.calibrate import calibration_of
+from cell.calibrating.calibration_in_use import calibration_of
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold as run_fold

@@ -1,1 +1,1 @@
-"""Calibration wizards: each requests views or touches, explains why, and judges the result."""
+"""Tasks of the calibration wizard by ask and tell: each requests images and judges them."""

@@ -3,6 +3,7 @@ reasons for failure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import cv2
 import numpy as np
@@ -138,6 +139,16 @@ class LensVerdict(Verdict):
             ]  # fmt: skip
         last = self.last_line("the lens may be used", "mend what is said above and go on")
         return (*lines, *self.bad_lines(), last)
+
+    def facts(self) -> dict[str, Any]:
+        """Plain values of the verdict, as `--json` prints them."""
+        return {
+            "passed": self.passed,
+            "views": self.views,
+            "rms_px": None if self.fit is None else self.fit.rms,
+            "halves_mm": None if self.fit is None else self.bend_mm,
+            "reasons": list(self.reasons),
+        }
 
     @property
     def title(self) -> tuple[str, ...]:

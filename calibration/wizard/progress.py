@@ -36,10 +36,14 @@ class Row(Settings):
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """Result of one image: its `row` in the session's folder, and whether it was accepted."""
+    """Result of one image: its `row` in the session's folder, and whether it was accepted.
+
+    `given_up` tells that no further image of this pose is wanted, though none was accepted.
+    """
 
     row: Row
     taken: bool = False
+    given_up: bool = False
 
     @property
     def refused(self) -> str | None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol
 
 import cv2
+import numpy as np
 from pydantic import ConfigDict, Field
 
 from calibration.board import BoardSettings
@@ -17,7 +18,7 @@ from drivers.errors import ConfigurationError
 from drivers.files import append_line, write_file, writing
 from drivers.readers import MEGABYTE, read_json, read_picture, read_text
 from drivers.settings import Settings, load, parse
-from drivers.types import Frame, Image
+from drivers.types import Array, Frame, Image
 from drivers.yaml_text import dump_yaml
 
 LARGEST_LOG = 32 * MEGABYTE  # of told.jsonl and latency.json; a session writes less than one
@@ -194,15 +195,6 @@ def _read_image(folder: Path, row: Row, size: tuple[int, int]) -> Image:
     return image
 
 
-class StepsFile(Settings):
-    """Contents of latency.json: `arm` [[t, x, z]] and `seen` [[t, u, v]] during the arm's steps."""
-
-    model_config = ConfigDict(extra="ignore")  # a program writes it
-
-    arm: tuple[tuple[float, float, float], ...] = ()
-    seen: tuple[tuple[float, float, float], ...] = ()
-
-
 class Task(Protocol):
     """Protocol of a calibration by ask and tell that a session can restore."""
 
@@ -226,12 +218,24 @@ def restore(task: Task, folder: Path, session: Session, without: Collection[int]
         )
 
 
-def read_latency(folder: Path) -> StepsFile:
-    """Contents of latency.json in `folder`, empty without the file, or ConfigurationError."""
+class StepsFile(Settings):
+    """Contents of latency.json: `arm` [[t, x, z]] and `seen` [[t, u, v]] during the arm's steps."""
+
+    model_config = ConfigDict(extra="ignore")  # a program writes it
+
+    arm: tuple[tuple[float, float, float], ...] = ()
+    seen: tuple[tuple[float, float, float], ...] = ()
+
+
+def read_latency(folder: Path) -> tuple[Array, Array]:
+    """Arm measurements (n, 3) and images of the pointer (m, 3), as `latency_verdict` takes them.
+
+    Empty where `folder` has no latency.json; raises ConfigurationError for a broken one.
+    """
     path = folder / LATENCY_FILE
-    if not path.exists():
-        return StepsFile()
-    return parse(read_json(path, LARGEST_LOG), StepsFile, str(path))
+    content = read_json(path, LARGEST_LOG) if path.exists() else {}
+    steps = parse(content, StepsFile, str(path))
+    return np.reshape(steps.arm, (-1, 3)), np.reshape(steps.seen, (-1, 3))
 
 
 def write_image(path: Path, image: Image) -> None:

@@ -1,18 +1,20 @@
 """Verdicts on touched points: on the map fitted to them, and on a calibration already in use."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from math import isnan
+from typing import Any
 
 import cv2
 import numpy as np
 
-from calibration.calibration import Calibration
+from calibration.calibration import Calibration, make_calibration
 from calibration.homography import Homography
 from calibration.lens import Lens
 from calibration.wizard.latency import LatencyVerdict
 from calibration.wizard.progress import ENLARGED
 from calibration.wizard.touches import (
-    RejectedTouch,
     Touch,
     TouchFit,
     TouchSettings,
@@ -41,7 +43,8 @@ class TouchVerdict(Verdict):
     `residual_mm` is their rms; `halves_mm` the largest difference over the work area between two
     maps from independent halves of the points; `displacement_mm` the rms effect of the errors along
     x on the displacement. `errors_mm` is the distance of the point with that number, held out or
-    not; `rejected` names points that are left out, `wild` first touches that a second one replaced.
+    not; `rejected` are the points that are left out, by number and as text, `wild` likewise first
+    touches that a second one replaced.
     """
 
     homography: Homography | None = None
@@ -53,8 +56,8 @@ class TouchVerdict(Verdict):
     used: int = 0
     held_out: int = 0
     errors_mm: dict[int, float] = field(default_factory=dict)
-    rejected: tuple[RejectedTouch, ...] = ()
-    wild: tuple[RejectedTouch, ...] = ()
+    rejected: Mapping[int, str] = field(default_factory=dict)
+    wild: Mapping[int, str] = field(default_factory=dict)
     clean: bool = False  # no point is left out, and there is nothing to improve
 
     def lines(self) -> list[Line]:
@@ -71,8 +74,9 @@ class TouchVerdict(Verdict):
                 grade_line(self.displacement_mm, *DISPLACEMENT_GRADES,
                        f"this moves the displacement by {self.displacement_mm:.2f} mm (rms)"),
             ]  # fmt: skip
-        lines += [Line(Level.FAIR, f"{p}; touched again, where it agrees") for p in self.wild]
-        lines += [Line(Level.FAIR, f"{point}; left out") for point in self.rejected]
+        replaced, left_out = self.wild.values(), self.rejected.values()
+        lines += [Line(Level.FAIR, f"{text}; touched again, where it agrees") for text in replaced]
+        lines += [Line(Level.FAIR, f"{text}; left out") for text in left_out]
         return [*lines, *self.bad_lines()]
 
     @property
@@ -83,6 +87,9 @@ class TouchVerdict(Verdict):
             f"held out: {self.residual_mm:.2f} mm rms, {self.worst_mm:.2f} mm at worst; "
             f"halves agree within {self.halves_mm:.2f} mm",
         )
+
+
+NOT_TOUCHED = TouchVerdict(reasons=("no points were touched",))
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +138,7 @@ def check_verdict(
     if len(values) < FEWEST_POINTS:
         few = f"{len(values)} points were touched, at least {FEWEST_POINTS} must decide; touch more"
         return CheckVerdict(errors, median, worst, reasons=(few,))
-    causes = tuple(_common_shift(off_mm, settings)) or reasons(
+    causes = _common_shift(off_mm, settings) or reasons(
         (worst > settings.worst_mm,
          f"a point is {worst:.2f} mm off, allowed {settings.worst_mm:.2f}: the camera or the arm's "
          f"base has moved, or the pointer is loose; {ANEW}"),
@@ -142,30 +149,91 @@ def check_verdict(
     return CheckVerdict(errors, median, worst, reasons=causes)
 
 
-def map_lines(touches: TouchVerdict, latency: LatencyVerdict, speed: float) -> tuple[Line, ...]:
-    """Lines for the operator on touches and latency; `speed` [m/s] is that of a fold."""
-    lines = [*touches.lines(), *latency.lines(speed)]
-    if touches.passed and latency.passed:
-        level, word = (Level.GOOD, "good") if touches.clean else (Level.FAIR, "usable")
+@dataclass(frozen=True, slots=True)
+class MapVerdict:
+    """Verdict on map and latency together, and the `calibration` made of them.
+
+    `calibration` is None where it was not accepted. `speed` [m/s] is that of a fold, to state what
+    the latency amounts to.
+    """
+
+    touches: TouchVerdict
+    latency: LatencyVerdict
+    calibration: Calibration | None
+    speed: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether a calibration was accepted, in spite of reasons perhaps."""
+        return self.calibration is not None
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Every reason to refuse a calibration from these parts."""
+        return (*self.touches.reasons, *self.latency.reasons)
+
+    def lines(self) -> tuple[Line, ...]:
+        """Lines for the operator, the next step last."""
+        lines = [*self.touches.lines(), *self.latency.lines(self.speed)]
+        if self.reasons:
+            return (*lines, Line(Level.BAD, "refused: mend what is said above and touch again"))
+        level, word = (Level.GOOD, "good") if self.touches.clean else (Level.FAIR, "usable")
         return (*lines, Line(level, f"{word}: this calibration may be used"))
-    return (*lines, Line(Level.BAD, "refused: mend what is said above and touch again"))
+
+    def facts(self) -> dict[str, Any]:
+        """Plain values of the verdict, as `--json` prints them."""
+        keys = ("residual_mm", "worst_mm", "halves_mm", "displacement_mm")
+        late = self.latency.latency
+        return {
+            "accepted": self.passed,
+            "calibration": None if self.calibration is None else self.calibration.id,
+            **{key: getattr(self.touches, key) for key in keys},
+            "latency": None if isnan(late) else late,
+            "reasons": list(self.reasons),
+        }
 
 
-def refusals(touches: TouchVerdict, latency: LatencyVerdict) -> tuple[str, ...]:
-    """Every reason to refuse a calibration from these parts."""
-    return (*touches.reasons, *latency.reasons)
+def judge_map(
+    lens: Lens,
+    touches: TouchVerdict,
+    latency: LatencyVerdict,
+    camera: str,
+    speed: float,
+    *,
+    accept_anyway: bool = False,
+    **facts: Any,
+) -> MapVerdict:
+    """Verdict on these parts, with a calibration of `camera` and `facts` where it is accepted.
+
+    `facts` are further values of `make_calibration`, `speed` [m/s] is that of a fold. Reasons for
+    refusal are overridden by `accept_anyway`, but no calibration is made without a map.
+    """
+    verdict = MapVerdict(touches, latency, None, speed)
+    if touches.homography is None or (verdict.reasons and not accept_anyway):
+        return verdict
+    made = make_calibration(
+        lens,
+        touches.homography,
+        residual_mm=touches.residual_mm,
+        latency=0.0 if isnan(latency.latency) else latency.latency,
+        date=datetime.now(UTC).isoformat(timespec="seconds"),
+        camera=camera,
+        accepted_anyway=verdict.reasons,
+        **facts,
+    )
+    return replace(verdict, calibration=made)
 
 
-def _common_shift(off: Array, settings: TouchSettings) -> Iterator[str]:
+def _common_shift(off: Array, settings: TouchSettings) -> tuple[str, ...]:
     """Reason for refusal where all errors `off` (n, 2) [mm] share a shift: a moved camera."""
     shared = np.median(off, axis=0)
     apart = float(np.hypot(*(off - shared).T).max())
     size = float(np.hypot(*shared))
-    if size > max(settings.good_mm, 2.0 * apart):
-        yield (
-            f"all points are seen {size:.1f} mm off in the same direction: the camera or the arm's "
-            f"base has moved since the calibration; fasten it, {ANEW}"
-        )
+    return reasons(
+        (size > max(settings.good_mm, 2.0 * apart),
+         f"all points are seen {size:.1f} mm off in the same direction: the camera or the arm's "
+         f"base has moved since the calibration; fasten it, {ANEW}")
+    )  # fmt: skip
 
 
 def _causes(touches: Sequence[Touch], fit: TouchFit, settings: TouchSettings) -> tuple[str, ...]:
@@ -205,8 +273,8 @@ def _compose(fit: TouchFit, settings: TouchSettings) -> TouchVerdict:
         used=len(fit.used),
         held_out=len(fit.validation),
         errors_mm={p.number: 1e3 * float(np.hypot(*fit.error(p))) for p in points},
-        rejected=fit.rejections(rejected),
-        wild=fit.rejections(fit.replaced),
+        rejected=fit.describe(rejected),
+        wild=fit.describe(fit.replaced),
         clean=not rejected and _rms(errors) <= settings.good_mm,
     )
     found = (*_map_reasons(verdict, settings), *_point_reasons(fit, settings))
@@ -235,7 +303,7 @@ def _halves_mm(points: Sequence[Touch], lens: Lens, settings: TouchSettings) -> 
 
 def _map_reasons(verdict: TouchVerdict, settings: TouchSettings) -> tuple[str, ...]:
     """Reasons for refusal: defects of the map's numbers."""
-    rejected = "; ".join(str(point) for point in verdict.rejected)
+    rejected = "; ".join(verdict.rejected.values())
     return reasons(
         (verdict.held_out < FEWEST_POINTS,
          f"{verdict.held_out} held-out points, at least {FEWEST_POINTS} must decide; touch more"),

@@ -1,7 +1,6 @@
 """Map to the plane by touching, by ask and tell: requests gripper poses, judges images."""
 
 from collections.abc import Iterable, Sequence
-from enum import StrEnum
 
 import numpy as np
 
@@ -19,15 +18,6 @@ from calibration.wizard.touches import (
 )
 from drivers.errors import ConfigurationError
 from drivers.types import Array, Frame, Image, Pose
-
-
-class Stage(StrEnum):
-    """Stages of the calibration by touches, in order."""
-
-    TOUCH = "touch"
-    AGAIN = "touch again"
-    LATENCY = "latency"
-    REMEMBER = "remember"
 
 
 class TouchedPoints:
@@ -104,9 +94,10 @@ class TouchedPoints:
         )
         if centre is not None and taken:
             self._touches.append(self._touched(row, centre))
-        if taken or self._tries >= self._settings.patience:
+        given_up = not taken and self._tries >= self._settings.patience
+        if taken or given_up:
             self.skip()
-        return Result(row, taken)
+        return Result(row, taken, given_up)
 
     def restore(self, rows: Iterable[tuple[Row, Image]]) -> Row | None:
         """Accept the points in a session's images (h, w, 3); returns a row without one, or None.
@@ -154,8 +145,11 @@ class TouchedPoints:
         part = "held out for the verdict" if held else "fitted"
         return f"point {self.number} ({part}): {done}" if self.fitted else done
 
-    def progress(self, wanted: Pose | None, why: str, stage: Stage = Stage.TOUCH) -> Progress:
-        """Message to observers: the arm's next pose, the reason `why`, all planned points."""
+    def progress(self, wanted: Pose | None, why: str, stage: str) -> Progress:
+        """Message to observers: the arm's next pose, the reason `why`, all planned points.
+
+        `stage` names what the calibration does now, for the operator.
+        """
         touched = {point.number: point for point in self._touches}
         return Progress(
             f"the map to the plane: {stage}",
@@ -170,18 +164,16 @@ class TouchedPoints:
             ),
         )
 
-    def answer(self, result: Result, pose: Pose, stage: Stage) -> str:
+    def answer(self, result: Result, pose: Pose) -> str:
         """Text about the `result` of an image taken at `pose`; empty while the next is awaited."""
-        again = " again" if stage is Stage.AGAIN else ""
+        again = " again" if result.row.again else ""
         return result.text("point", f"touched{again} at {_place(pose)}")
 
     def marks(self, verdict: TouchVerdict) -> tuple[Mark, ...]:
         """All points with their errors by the map of `verdict`, outliers marked as wild."""
-        off = {point.number for point in verdict.rejected}
-        replaced = {point.number for point in verdict.wild}
         return tuple(
             Mark(p.pixel, MarkKind.WILD, str(p.number))
-            if p.number in off or (p.number in replaced and not p.again)
+            if p.number in verdict.rejected or (p.number in verdict.wild and not p.again)
             else Mark(p.pixel, _kind(p), str(p.number), self._error(p, verdict))
             for p in self._touches
         )

@@ -94,19 +94,6 @@ class Touch:
 
 
 @dataclass(frozen=True, slots=True)
-class RejectedTouch:
-    """A touched point rejected by the fit: number, place [m], and residual `error` [px]."""
-
-    number: int
-    x: float
-    z: float
-    error: float
-
-    def __str__(self) -> str:
-        return f"point {self.number} at x {self.x:.3f}, z {self.z:.3f} m is {self.error:.1f} px off"
-
-
-@dataclass(frozen=True, slots=True)
 class TouchFit:
     """The map fitted to the touches `used`, and the other touches sorted into groups.
 
@@ -127,15 +114,15 @@ class TouchFit:
         mapped = self.homography.to_plane(self.lens.undistort(touched.pixel))[0]
         return np.asarray(mapped - touched.place)
 
-    def rejections(self, points: Sequence[Touch]) -> tuple[RejectedTouch, ...]:
-        """Descriptions of rejected `points`, by number."""
-        return tuple(map(self._rejection, sorted(points, key=lambda p: p.number)))
-
-    def _rejection(self, touched: Touch) -> RejectedTouch:
-        mapped = self.homography.to_image(touched.place)[0]
-        residual = float(np.hypot(*(mapped - self.lens.undistort(touched.pixel)[0])))
-        x, z = map(float, touched.place)
-        return RejectedTouch(touched.number, x, z, residual)
+    def describe(self, points: Sequence[Touch]) -> dict[int, str]:
+        """Place [m] and residual [px] of each of `points` as text, by number."""
+        texts = {}
+        for point in sorted(points, key=lambda p: p.number):
+            mapped = self.homography.to_image(point.place)[0]
+            off, (x, z) = mapped - self.lens.undistort(point.pixel)[0], point.place
+            place = f"point {point.number} at x {x:.3f}, z {z:.3f} m"
+            texts[point.number] = f"{place} is {np.hypot(*off):.1f} px off"
+        return texts
 
 
 def fit_touches(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -> TouchFit:

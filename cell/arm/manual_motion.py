@@ -3,10 +3,9 @@
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from cell.calibrating.calibrate import NO_STRIP
 from cell.config.cell import CellFile
 from cell.devices.devices import DeviceSelection
-from cell.devices.open import check_drivers, open_cell
+from cell.devices.open import NO_STRIP, check_drivers, open_cell
 from cell.orchestrator.context import ManualContext
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Record

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 import policies
 from cell.benchmark.range_parts import HIDDEN_EFFECTS, EffectPart, RangePart
 from cell.benchmark.results import AnyResult, BenchmarkSpec, ImageFold, MissingPart, Result, Results
-from cell.calibrating.calibrate import calibration_of
+from cell.calibrating.calibration_in_use import calibration_of
 from cell.campaign.journal import Record, digest
 from cell.campaign.run import Engine, Part, Watcher, carry_out
 from cell.campaign.versions import code

@@ -1,21 +1,90 @@
-"""Validity of a calibration, and its entry in the record."""
+"""The calibration that a cell uses: its file, made first where the twin has none; its validity."""
 
+import fcntl
+import hashlib
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from calibration.calibration import Calibration
+from calibration.calibration import Calibration, load_calibration, save_calibration
+from cell.config.cell import CellFile
+from cell.config.places import CHECKOUT_CONFIGS, PACKAGED, cache_folder
 from cell.devices.devices import Devices
 from drivers.errors import ConfigurationError, PreflightRefused
-from drivers.files import change_file
+from drivers.files import change_file, check_writable
 from drivers.yaml_text import edit_yaml, parse_yaml
 
+SHIPPED = (PACKAGED if PACKAGED.exists() else CHECKOUT_CONFIGS) / "calibration"
+RENDERING = 1  # raised with a renderer by which calibrations come out otherwise; a test says when
 DAY = 86400.0  # s
 CLOCK_TOLERANCE = 1.0  # days by which two clocks, or their time zones, may differ
 LATENCY_RANGE, RESIDUAL_RANGE = (-1.0, 1.0), (0.0, 20.0)  # s, mm
 BIAS_RANGE = (-0.05, 0.05)  # m
 DISTANCE_RANGE = (0.05, 20.0)  # of contact_x and of the camera from its plane
 ANEW = "run `cell calibrate camera` and `cell calibrate homography --use`"
+
+
+def calibration_of(
+    settings: CellFile,
+    report: Callable[[str], None] = lambda _: None,
+    interrupted: Callable[[], bool] = lambda: False,
+) -> Calibration:
+    """Load the calibration that the cell uses, or make one on the twin.
+
+    That of the cell file if it names one; else, on the twin, one made with boards and touched
+    points before: for the next run, or for the shipped settings, with which it comes. `report` is
+    called with a message when one is made, and when it cannot be kept. Raises Interrupted when
+    `interrupted` while it is made.
+    """
+    if settings.calibration is not None:
+        return load_calibration(Path(settings.calibration))
+    from cell.calibrating.wizard import calibrate_now
+
+    path = kept_calibration(settings)
+    with _file_lock(path):
+        for known in (path, SHIPPED / path.name):
+            with suppress(ConfigurationError):
+                return load_calibration(known)
+        report("this twin has no calibration yet: its camera is calibrated first")
+        made = calibrate_now(settings, interrupted)
+        try:
+            save_calibration(made, path)
+        except ConfigurationError as error:
+            report(f"{error}; this calibration serves once, the next run calibrates again")
+    return made
+
+
+def calibrate_anew(
+    settings: CellFile, interrupted: Callable[[], bool] = lambda: False
+) -> tuple[Calibration, Path]:
+    """Calibrate the twin and keep the result for later runs; returns it and its file's path."""
+    from cell.calibrating.wizard import calibrate_now
+
+    path = kept_calibration(settings)
+    made = calibrate_now(settings, interrupted)
+    save_calibration(made, path)
+    return made, path
+
+
+@contextmanager
+def _file_lock(path: Path) -> Iterator[None]:
+    """Within the block, lock the file at `path` against other processes, where locks exist."""
+    with ExitStack() as held:
+        with suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            lock = path.with_suffix(".lock")
+            check_writable(lock)
+            fcntl.flock(held.enter_context(lock.open("rb")), fcntl.LOCK_EX)
+        yield
+
+
+def kept_calibration(settings: CellFile) -> Path:
+    """Path at which the twin's calibration is kept, unique to its settings and its renderer."""
+    facts = settings.model_dump_json(include={"twin", "touches", "boards", "latency"})
+    identity = hashlib.sha256(f"{facts}{RENDERING}".encode()).hexdigest()[:12]
+    return cache_folder() / "calibration" / f"twin-{identity}.yaml"
 
 
 def age_days(calibration: Calibration, now: datetime) -> float:

@@ -2,15 +2,14 @@
 
 import os
 import select
-import sys
 import termios
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TextIO
 
-from cell.devices.devices import CalibrationAids, Devices
-from cell.orchestrator.operator import Answer, Ask, Interrupted, Operator, Question, Unattended
+from cell.devices.devices import CalibrationAids
+from cell.orchestrator.operator import Answer, Ask, Interrupted, Operator, Question
 
 CTRL_D = "\x04"  # Ctrl-D, which a terminal that sends single keys passes on as a character
 ENTER = "\n"
@@ -131,18 +130,3 @@ class Keyboard:
             if key is not None:
                 self._prompt(f"{question.words}  [{key!r} is no key here; {KEY_HELP}]")
         return None
-
-
-def operator_of(
-    devices: Devices,
-    prompt: Callable[[str], None],
-    interrupted: Callable[[], bool],
-    *,
-    interactive: bool,
-) -> Operator:
-    """Make a run's operator: a person at a real cell, or on the twin on request; else nobody."""
-    aids = devices.aids
-    person = Keyboard(Keys(sys.stdin), prompt, waits=aids is not None, interrupted=interrupted)
-    if aids is None:
-        return person
-    return TwinOperator(aids, person if interactive else Unattended())

@@ -1,4 +1,4 @@
-"""Wizards `camera` and `homography` and the `check`: sessions over tasks by ask and tell.
+"""Calibration of a cell's camera by one wizard over two tasks, lens and homography, and its check.
 
 A session is a folder: what was measured is written at once, it can go on after an interruption, and
 it can be solved again from its images.
@@ -7,21 +7,19 @@ it can be solved again from its images.
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from math import isnan
 from pathlib import Path
 from typing import Any
 
 import cv2
-import numpy as np
 
-from calibration.calibration import Calibration, make_calibration, save_calibration
+from calibration.calibration import Calibration, save_calibration
 from calibration.landmarks import Landmarks
 from calibration.lens import CameraFile, Lens, write_camera_info, write_opencv
 from calibration.wizard.board_views import BoardViews
 from calibration.wizard.coverage import WantedView
-from calibration.wizard.latency import NOT_MEASURED, LatencyVerdict, latency_verdict
+from calibration.wizard.latency import NOT_MEASURED, latency_verdict
 from calibration.wizard.lens_verdict import LensVerdict
-from calibration.wizard.progress import Observer, draw_picture
+from calibration.wizard.progress import Mark, Observer, draw_picture, ignore
 from calibration.wizard.session import (
     PICTURE_FILE,
     SESSION_FILE,
@@ -36,24 +34,18 @@ from calibration.wizard.session import (
     write_image,
     write_yaml,
 )
-from calibration.wizard.touch_verdict import (
-    CheckVerdict,
-    TouchVerdict,
-    check_verdict,
-    map_lines,
-    refusals,
-)
+from calibration.wizard.touch_verdict import CheckVerdict, MapVerdict, check_verdict, judge_map
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import check_plan
-from calibration.wizard.verdict import Line
+from cell.calibrating.keyboard import TwinOperator
 from cell.config.cell import CellFile
-from cell.devices.devices import Devices
+from cell.devices.devices import CalibrationAids, Devices, DeviceSelection
+from cell.devices.open import NO_STRIP, open_cell
 from cell.orchestrator.context import CalibrationContext
-from cell.orchestrator.operator import Answer, Ask, Interrupted, Operator, Question
+from cell.orchestrator.operator import Answer, Ask, Interrupted, Operator, Question, Unattended
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.run import Run
-from drivers.errors import ConfigurationError, Fault
-from drivers.files import writing
+from drivers.errors import CellError, ConfigurationError, Fault
 from drivers.readers import read_text
 from drivers.settings import Settings, load
 from drivers.types import Frame, Pose
@@ -67,142 +59,126 @@ Source = Callable[[WantedView], Frame]
 Interruption = Callable[[], bool]
 
 
-class PosesFile(Settings):
-    """Contents of poses.yaml: x, z [m] and pitch [rad] of every touch, for editing and replay."""
-
-    poses: tuple[tuple[float, float, float], ...]
-
-
 @dataclass(frozen=True, slots=True)
-class LensSession:
-    """Result of a session with the board; `folder` is None where it was solved again in memory."""
+class Wizard:
+    """Calibrates the camera among the `devices` of a cell with an `operator`.
 
-    folder: Path | None
-    verdict: LensVerdict
-
-    @property
-    def passed(self) -> bool:
-        """Whether the lens may be used."""
-        return self.verdict.passed
-
-    @property
-    def lines(self) -> tuple[Line, ...]:
-        """Lines of the verdict on the lens, for the operator."""
-        return self.verdict.lines()
-
-    def facts(self) -> dict[str, Any]:
-        """Plain values of the result, as `--json` prints them."""
-        verdict, fit = self.verdict, self.verdict.fit
-        return {
-            "passed": verdict.passed,
-            "views": verdict.views,
-            "rms_px": None if fit is None else fit.rms,
-            "halves_mm": None if fit is None else verdict.bend_mm,
-            "reasons": list(verdict.reasons),
-        }
-
-    def keep(self, folder: Path, camera: str) -> None:
-        """Write the verdict to `folder`, and the lens in ROS and OpenCV formats if it passed."""
-        fit = self.verdict.fit
-        content = {
-            "passed": self.passed,
-            "lines": [line.text for line in self.lines],
-            "rms_px": None if fit is None else fit.rms,
-            "per_view_px": {str(number): rms for number, rms in self.verdict.per_view.items()},
-        }
-        write_yaml(folder / VERDICT_FILE, content)
-        if fit is not None and self.passed:
-            write_camera_info(fit.lens, camera, folder / ROS)
-            write_opencv(fit.lens, folder / OPENCV)
-
-
-@dataclass(frozen=True, slots=True)
-class TouchSession:
-    """Result of a session of touches; `calibration` is None where it was not accepted.
-
-    `speed` [m/s] is that of a fold, to state what a latency amounts to.
+    `watch` is told the progress. Every method raises Interrupted when the operator stops it, and
+    Fault where a monitor stops the arm or the camera delivers nothing; what was measured until then
+    stays in the session's folder, from which another call goes on.
     """
 
-    folder: Path | None
-    touches: TouchVerdict
-    latency: LatencyVerdict
-    calibration: Calibration | None
-    speed: float
+    settings: CellFile
+    devices: Devices
+    operator: Operator
+    watch: Observer = ignore
+    interrupted: Interruption = lambda: False
 
-    @property
-    def passed(self) -> bool:
-        """Whether a calibration was accepted."""
-        return self.calibration is not None
+    def calibrate_lens(self, folder: Path, length: float | None) -> LensVerdict:
+        """Ask for views of the board until they suffice; session and lens are kept in `folder`.
 
-    @property
-    def lines(self) -> tuple[Line, ...]:
-        """Lines of the verdict on map and latency, for the operator."""
-        return map_lines(self.touches, self.latency, self.speed)
+        `length` [m] is the ruler's length of the board's squares; on the twin it is measured there,
+        and a session that goes on knows it.
+        """
+        devices, boards, aids = self.devices, self.settings.boards, self.devices.aids
+        devices.camera.connect()
+        try:
+            source = aids.show_board if aids is not None else _live_images(devices)
+            first = source(WantedView(0.5, 0.5, boards.sizes[1]))
+            if length is None and aids is not None:
+                length = aids.measure_board()
+            size = (first.image.shape[1], first.image.shape[0])
+            session = self._begin("camera", folder, size, length=length, boards=boards)
+            views = BoardViews(boards, patient=aids is None, size=size)
+            keep = SessionFolder(folder, session, self.watch)
+            restore(views, folder, session)
+            show_board(views, source, self.operator, keep, self.interrupted)
+        finally:
+            devices.camera.close()
+        verdict = views.verdict(session.length)
+        _keep_lens(folder, verdict, devices.camera_identity)
+        _draw(folder, keep.newest or first, views.marks, verdict.title)
+        return verdict
 
-    def facts(self) -> dict[str, Any]:
-        """Plain values of the result, as `--json` prints them."""
-        keys = ("residual_mm", "worst_mm", "halves_mm", "displacement_mm")
-        late = self.latency.latency
-        return {
-            "accepted": self.passed,
-            "calibration": None if self.calibration is None else self.calibration.id,
-            **{key: getattr(self.touches, key) for key in keys},
-            "latency": None if isnan(late) else late,
-            "reasons": list(refusals(self.touches, self.latency)),
-        }
+    def calibrate_homography(
+        self,
+        lens: Lens,
+        folder: Path,
+        plan: Sequence[Pose] | None = None,
+        *,
+        accept_anyway: bool = False,
+    ) -> MapVerdict:
+        """Calibrate homography and latency with the arm; the session is kept in `folder`.
 
-    def keep(self, folder: Path) -> None:
-        """Write the verdict to `folder`, and the calibration where accepted."""
-        content = {
-            "accepted": self.passed,
-            "calibration": None if self.calibration is None else self.calibration.id,
-            "lines": [line.text for line in self.lines],
-            "errors_mm": {str(n): error for n, error in self.touches.errors_mm.items()},
-        }
-        write_yaml(folder / VERDICT_FILE, content)
-        if self.calibration is not None:
-            save_calibration(self.calibration, folder / CALIBRATION_FILE)
+        The grid of the settings is touched, or the poses of a `plan`.
+        """
+        settings, devices = self.settings, self.devices
+        if (folder / SESSION_FILE).exists():
+            plan = read_poses(folder / POSES_FILE)
+        session = self._begin(
+            "homography",
+            folder,
+            (lens.width, lens.height),
+            lens=CameraFile.of(lens, devices.camera_identity),
+            touches=settings.touches,
+            latency=settings.latency,
+        )
+        points = TouchedPoints(lens, settings.touches, plan)
+        keep = SessionFolder(folder, session, self.watch)
+        write_yaml(folder / POSES_FILE, {"poses": [[p.x, p.z, p.pitch] for p in points.plan]})
+        restore(points, folder, session)
+        context = CalibrationContext(
+            settings.controller, points, self.operator, keep, remembers=True
+        )
+        run_calibration(devices, context, self.interrupted)
+        verdict = judge_map(
+            lens,
+            context.touches,
+            context.latency,
+            session.camera,
+            settings.fold.speed,
+            accept_anyway=accept_anyway,
+            locks=devices.camera_locks(),  # as read back
+            landmarks=context.landmarks,
+        )
+        _keep_map(folder, verdict)
+        if context.landmarks is not None:
+            write_yaml(folder / LANDMARKS_FILE, context.landmarks.model_dump(mode="json"))
+        if keep.newest is not None:
+            _draw(folder, keep.newest, points.marks(verdict.touches), verdict.touches.title)
+        return verdict
+
+    def check(self, calibration: Calibration) -> CheckVerdict:
+        """Touch each pose of the check's plan and return the verdict on `calibration`.
+
+        Raises ConfigurationError for one of another camera.
+        """
+        if calibration.camera != self.devices.camera_identity:
+            raise ConfigurationError(
+                f"calibration: {calibration.id} belongs to camera {calibration.camera}, this one "
+                f"is {self.devices.camera_identity}; name its own"
+            )
+        touches = self.settings.touches
+        points = TouchedPoints(calibration.lens, touches, check_plan(touches), fitted=False)
+        context = CalibrationContext(self.settings.controller, points, self.operator, self.watch)
+        run_calibration(self.devices, context, self.interrupted)
+        return check_verdict(points.touches, calibration, touches)
+
+    def _begin(self, kind: Kind, folder: Path, size: tuple[int, int], **facts: Any) -> Session:
+        """Session of images of width and height `size` [px]: that of `folder`, or a new one."""
+        session = Session(
+            schema=1,
+            kind=kind,
+            date=datetime.now(UTC).isoformat(timespec="seconds"),
+            camera=self.devices.camera_identity,
+            image=size,
+            locks=dict(self.devices.camera_locks()),
+            **facts,
+        )
+        return begin_or_resume(folder, session)
 
 
-def calibrate_lens(
-    settings: CellFile,
-    devices: Devices,
-    folder: Path,
-    operator: Operator,
-    watch: Observer,
-    length: float | None,
-    interrupted: Interruption = lambda: False,
-) -> LensSession:
-    """Ask for views of the board until they suffice, and keep session and lens in `folder`.
-
-    A session that was interrupted there goes on. `length` [m] is the ruler's length of the board's
-    squares; on the twin it is measured there, and a session that goes on knows it.
-    Raises Interrupted, and Fault where the camera delivers nothing.
-    """
-    aids = devices.aids
-    devices.camera.connect()
-    try:
-        source = aids.show_board if aids is not None else _live_images(devices)
-        first = source(WantedView(0.5, 0.5, settings.boards.sizes[1]))
-        if length is None and aids is not None:
-            length = aids.measure_board()
-        size = (first.image.shape[1], first.image.shape[0])
-        facts = {"length": length, "boards": settings.boards}
-        session = begin_or_resume(folder, _new_session("camera", devices, size, **facts))
-        views = BoardViews(settings.boards, patient=aids is None, size=size)
-        keep = SessionFolder(folder, session, watch)
-        restore(views, folder, session)
-        show_board(views, source, operator, keep, interrupted)
-    finally:
-        devices.camera.close()
-    result = LensSession(folder, views.verdict(session.length))
-    result.keep(folder, devices.camera_identity)
-    drawn = draw_picture((keep.newest or first).image, views.marks, result.verdict.title)
-    write_image(folder / PICTURE_FILE, drawn)
-    return result
-
-
-def refit_lens(folder: Path, without: Collection[int], out: Path | None) -> LensSession:
+def refit_lens(folder: Path, without: Collection[int], out: Path | None) -> LensVerdict:
     """Fit the lens of the session in `folder` again, `without` some images, into `out` if given.
 
     Boards are detected anew in the saved images. Raises ConfigurationError for broken files.
@@ -211,61 +187,10 @@ def refit_lens(folder: Path, without: Collection[int], out: Path | None) -> Lens
     session = read_session(folder, "camera")
     views = BoardViews(session.boards, size=session.image)
     restore(views, folder, session, without)
-    result = LensSession(out, views.verdict(session.length))
+    verdict = views.verdict(session.length)
     if out is not None:
-        with writing(f"--out: {out}"):
-            out.mkdir(parents=True, exist_ok=True)
-        result.keep(out, session.camera)
-    return result
-
-
-def calibrate_homography(
-    settings: CellFile,
-    devices: Devices,
-    lens: Lens,
-    folder: Path,
-    operator: Operator,
-    watch: Observer,
-    *,
-    plan: Sequence[Pose] | None = None,
-    accept_anyway: bool = False,
-    interrupted: Interruption = lambda: False,
-) -> TouchSession:
-    """Calibrate homography and latency with the arm, and keep the session in `folder`.
-
-    A session that was interrupted there goes on with the points that it lacks.
-    Raises Fault when a monitor stopped the arm and Interrupted when the operator did; the data
-    until then stay in `folder`.
-    """
-    if (folder / SESSION_FILE).exists():
-        plan = read_poses(folder / POSES_FILE)
-    now = _new_session(
-        "homography",
-        devices,
-        (lens.width, lens.height),
-        lens=CameraFile.of(lens, devices.camera_identity),
-        touches=settings.touches,
-        latency=settings.latency,
-    )
-    session = begin_or_resume(folder, now)
-    points = TouchedPoints(lens, settings.touches, plan)
-    keep = SessionFolder(folder, session, watch)
-    write_yaml(folder / POSES_FILE, {"poses": [[p.x, p.z, p.pitch] for p in points.plan]})
-    restore(points, folder, session)
-    context = CalibrationContext(settings.controller, points, operator, keep, remembers=True)
-    touches = touch_all(devices, context, interrupted)
-    # locks as read back
-    facts: dict[str, Any] = {"locks": devices.camera_locks(), "landmarks": context.landmarks}
-    found = lens, touches, context.latency, session.camera
-    made = build_calibration(*found, accept_anyway=accept_anyway, **facts)
-    result = TouchSession(folder, touches, context.latency, made, settings.fold.speed)
-    result.keep(folder)
-    if context.landmarks is not None:
-        write_yaml(folder / LANDMARKS_FILE, context.landmarks.model_dump(mode="json"))
-    if keep.newest is not None:
-        drawn = draw_picture(keep.newest.image, points.marks(touches), touches.title)
-        write_image(folder / PICTURE_FILE, drawn)
-    return result
+        _keep_lens(out, verdict, session.camera)
+    return verdict
 
 
 def refit_homography(
@@ -275,57 +200,67 @@ def refit_homography(
     speed: float,
     *,
     accept_anyway: bool = False,
-) -> TouchSession:
+) -> MapVerdict:
     """Fit homography and latency of the session in `folder` again, `without` some points.
 
     The pointer is detected anew in the saved images; verdict and accepted calibration are written
-    to `out`, if given. Raises ConfigurationError for broken files or a session without a lens.
+    to `out`, if given. `speed` [m/s] is that of a fold. Raises ConfigurationError for broken files
+    or a session without a lens.
     """
     cv2.setNumThreads(1)  # in several threads the last digits differ from time to time
     session, lens = read_session(folder, "homography"), lens_of(folder)
     points = TouchedPoints(lens, session.touches, (), fitted=False)
     restore(points, folder, session, without)
-    touches, latency, steps = points.verdict(), NOT_MEASURED, read_latency(folder)
-    if steps.arm and touches.homography is not None:
-        arm, seen = np.array(steps.arm), np.reshape(steps.seen, (-1, 3))
+    touches, latency = points.verdict(), NOT_MEASURED
+    arm, seen = read_latency(folder)
+    if len(arm) > 0 and touches.homography is not None:
         latency = latency_verdict(arm, seen, lens, touches.homography, session.latency)
     path = folder / LANDMARKS_FILE
-    marks = load(path, Landmarks) if path.exists() else None
-    found = lens, touches, latency, session.camera
-    facts: dict[str, Any] = {"locks": session.locks, "landmarks": marks}
-    made = build_calibration(*found, accept_anyway=accept_anyway, **facts)
-    result = TouchSession(out, touches, latency, made, speed)
+    verdict = judge_map(
+        lens,
+        touches,
+        latency,
+        session.camera,
+        speed,
+        accept_anyway=accept_anyway,
+        locks=session.locks,
+        landmarks=load(path, Landmarks) if path.exists() else None,
+    )
     if out is not None:
-        with writing(f"--out: {out}"):
-            out.mkdir(parents=True, exist_ok=True)
-        result.keep(out)
-    return result
+        _keep_map(out, verdict)
+    return verdict
 
 
-def check_calibration(
-    settings: CellFile,
-    devices: Devices,
-    calibration: Calibration,
-    operator: Operator,
-    watch: Observer,
-    interrupted: Interruption = lambda: False,
-) -> CheckVerdict:
-    """Touch each pose of the check's plan and return the verdict on `calibration`.
+def calibrate_now(settings: CellFile, interrupted: Interruption) -> Calibration:
+    """Calibrate lens and homography of the twin's camera without an operator or a session.
 
-    Raises ConfigurationError for one of another camera, Fault when a monitor stopped the arm, and
+    Raises CellError when they are not good enough, Fault when a monitor stopped the arm, and
     Interrupted when the operator did.
     """
-    if calibration.camera != devices.camera_identity:
-        raise ConfigurationError(
-            f"calibration: {calibration.id} belongs to camera {calibration.camera}, this one is "
-            f"{devices.camera_identity}; name its own"
-        )
-    plan = check_plan(settings.touches)
-    points = TouchedPoints(calibration.lens, settings.touches, plan, fitted=False)
-    run_calibration(
-        devices, CalibrationContext(settings.controller, points, operator, watch), interrupted
-    )
-    return check_verdict(points.touches, calibration, settings.touches)
+    twin = DeviceSelection(arm="twin", camera="twin")
+    devices = open_cell(settings, NO_STRIP, twin, calibrating=True)
+    if devices.aids is None:
+        raise ConfigurationError("calibrate: nobody holds the board; use the wizard")
+    lens = lens_from_boards(settings, devices.aids)
+    points = TouchedPoints(lens, settings.touches)
+    operator = TwinOperator(devices.aids, Unattended())
+    context = CalibrationContext(settings.controller, points, operator)
+    run_calibration(devices, context, interrupted)
+    camera, speed = devices.camera_identity, settings.fold.speed
+    verdict = judge_map(lens, context.touches, context.latency, camera, speed)
+    if verdict.calibration is None:
+        raise CellError("homography failed: " + "; ".join(verdict.reasons))
+    return verdict.calibration
+
+
+def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
+    """Fit the lens to as many board views as it takes; raises CellError for a poor result."""
+    views = BoardViews(settings.boards)
+    show_board(views, aids.show_board, Unattended(), ignore)
+    verdict = views.verdict(aids.measure_board())
+    if verdict.fit is None or not verdict.passed:
+        raise CellError("lens calibration failed: " + "; ".join(verdict.reasons))
+    return verdict.fit.lens
 
 
 def run_calibration(
@@ -341,78 +276,6 @@ def run_calibration(
         raise Interrupted(f"calibration was {outcome.name}: {outcome.reason}")
     if outcome.exit_code != 0:
         raise Fault(outcome.name, f"calibration was stopped: {outcome.reason}")
-
-
-def touch_all(
-    devices: Devices, context: CalibrationContext, interrupted: Interruption
-) -> TouchVerdict:
-    """Touch all points of `context`; returns the verdict on their map, raises as the run does."""
-    run_calibration(devices, context, interrupted)
-    if context.touches is None:
-        raise Fault("illegal_event", "the calibration ended without a verdict")
-    return context.touches
-
-
-def build_calibration(
-    lens: Lens,
-    touches: TouchVerdict,
-    latency: LatencyVerdict,
-    camera: str,
-    *,
-    accept_anyway: bool = False,
-    **facts: Any,
-) -> Calibration | None:
-    """Calibration of these parts and other `facts`; None where it is refused or has no map."""
-    reasons = refusals(touches, latency)
-    if touches.homography is None or (reasons and not accept_anyway):
-        return None
-    return make_calibration(
-        lens,
-        touches.homography,
-        residual_mm=touches.residual_mm,
-        latency=0.0 if isnan(latency.latency) else latency.latency,
-        date=datetime.now(UTC).isoformat(timespec="seconds"),
-        camera=camera,
-        accepted_anyway=reasons,
-        **facts,
-    )
-
-
-def lens_of(folder: Path) -> Lens:
-    """Lens of the touch session in `folder`; raises ConfigurationError where it has none."""
-    session = read_session(folder, "homography")
-    if session.lens is None:
-        raise ConfigurationError(f"{folder}: session.yaml: lens: is missing; add it")
-    return session.lens.lens(f"{folder}: lens")
-
-
-def newest_lens(folder: Path, camera: str) -> Path:
-    """Newest lens file of `camera` under `folder`; raises ConfigurationError without one."""
-    for path in sorted(folder.glob(f"*/{ROS}"), reverse=True):
-        if f"camera_name: {camera}\n" in read_text(path):
-            return path
-    raise ConfigurationError(
-        f"--lens: {folder} holds no lens of camera {camera}; run `cell calibrate camera` first, "
-        "or name a file of ROS or OpenCV"
-    )
-
-
-def read_poses(path: Path) -> tuple[Pose, ...]:
-    """Pose of every touch (x, z, pitch) in a poses.yaml; ConfigurationError for a broken file."""
-    return tuple(Pose(x, z, pitch) for x, z, pitch in load(path, PosesFile).poses)
-
-
-def _new_session(kind: Kind, devices: Devices, size: tuple[int, int], **facts: Any) -> Session:
-    """A session that begins now, of images of width and height `size` [px]."""
-    return Session(
-        schema=1,
-        kind=kind,
-        date=datetime.now(UTC).isoformat(timespec="seconds"),
-        camera=devices.camera_identity,
-        image=size,
-        locks=dict(devices.camera_locks()),
-        **facts,
-    )
 
 
 def show_board(
@@ -468,3 +331,66 @@ def _live_images(devices: Devices) -> Source:
         )
 
     return look
+
+
+class PosesFile(Settings):
+    """Contents of poses.yaml: x, z [m] and pitch [rad] of every touch, for editing and replay."""
+
+    poses: tuple[tuple[float, float, float], ...]
+
+
+def read_poses(path: Path) -> tuple[Pose, ...]:
+    """Pose of every touch (x, z, pitch) in a poses.yaml; ConfigurationError for a broken file."""
+    return tuple(Pose(x, z, pitch) for x, z, pitch in load(path, PosesFile).poses)
+
+
+def lens_of(folder: Path) -> Lens:
+    """Lens of the touch session in `folder`; raises ConfigurationError where it has none."""
+    session = read_session(folder, "homography")
+    if session.lens is None:
+        raise ConfigurationError(f"{folder}: session.yaml: lens: is missing; add it")
+    return session.lens.lens(f"{folder}: lens")
+
+
+def newest_lens(folder: Path, camera: str) -> Path:
+    """Newest lens file of `camera` under `folder`; raises ConfigurationError without one."""
+    for path in sorted(folder.glob(f"*/{ROS}"), reverse=True):
+        if f"camera_name: {camera}\n" in read_text(path):
+            return path
+    raise ConfigurationError(
+        f"--lens: {folder} holds no lens of camera {camera}; run `cell calibrate camera` first, "
+        "or name a file of ROS or OpenCV"
+    )
+
+
+def _keep_lens(folder: Path, verdict: LensVerdict, camera: str) -> None:
+    """Write `verdict` to `folder`, and the lens in ROS and OpenCV formats if it passed."""
+    fit = verdict.fit
+    content = {
+        "passed": verdict.passed,
+        "lines": [line.text for line in verdict.lines()],
+        "rms_px": None if fit is None else fit.rms,
+        "per_view_px": {str(number): rms for number, rms in verdict.per_view.items()},
+    }
+    write_yaml(folder / VERDICT_FILE, content)
+    if fit is not None and verdict.passed:
+        write_camera_info(fit.lens, camera, folder / ROS)
+        write_opencv(fit.lens, folder / OPENCV)
+
+
+def _keep_map(folder: Path, verdict: MapVerdict) -> None:
+    """Write `verdict` to `folder`, and the calibration where it was accepted."""
+    content = {
+        "accepted": verdict.passed,
+        "calibration": None if verdict.calibration is None else verdict.calibration.id,
+        "lines": [line.text for line in verdict.lines()],
+        "errors_mm": {str(n): error for n, error in verdict.touches.errors_mm.items()},
+    }
+    write_yaml(folder / VERDICT_FILE, content)
+    if verdict.calibration is not None:
+        save_calibration(verdict.calibration, folder / CALIBRATION_FILE)
+
+
+def _draw(folder: Path, frame: Frame, marks: Sequence[Mark], title: Sequence[str]) -> None:
+    """Write the picture of a session: its newest `frame` with all `marks` and a `title`."""
+    write_image(folder / PICTURE_FILE, draw_picture(frame.image, marks, title))

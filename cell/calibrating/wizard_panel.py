@@ -20,9 +20,11 @@ from calibration.wizard.coverage import Gate, Sketch
 from calibration.wizard.progress import Observer, PlannedPoint, Progress
 from calibration.wizard.session import ROWS_FILE, read_rows
 from calibration.wizard.verdict import Level, Line
-from cell.calibrating.keyboard import operator_of, single_keys
+from cell.calibrating.keyboard import Keyboard, Keys, TwinOperator, single_keys
+from cell.calibrating.wizard import Wizard
+from cell.config.cell import CellFile
 from cell.devices.devices import Devices
-from cell.orchestrator.operator import Interrupt, Interrupted, Operator
+from cell.orchestrator.operator import Interrupt, Interrupted, Operator, Unattended
 from cell.report.words import plural
 from drivers.types import Array
 
@@ -188,9 +190,16 @@ class TerminalSession:
     interrupted: Callable[[], bool]
     record: Callable[[Iterable[Line]], None] = lambda _: None
 
-    def operator(self, devices: Devices, *, interactive: bool) -> Operator:
-        """Operator of `devices` who answers at this terminal."""
-        return operator_of(devices, self.panel.ask, self.interrupted, interactive=interactive)
+    def wizard(self, settings: CellFile, devices: Devices, *, interactive: bool) -> Wizard:
+        """Wizard for `devices` whose operator answers at this terminal; on the twin if asked to."""
+        aids, stop = devices.aids, self.interrupted
+        keyboard = Keyboard(
+            Keys(sys.stdin), self.panel.ask, waits=aids is not None, interrupted=stop
+        )
+        operator: Operator = keyboard
+        if aids is not None:
+            operator = TwinOperator(aids, keyboard if interactive else Unattended())
+        return Wizard(settings, devices, operator, self.watch, stop)
 
 
 @contextmanager

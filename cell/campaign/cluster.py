@@ -22,8 +22,8 @@ from tempfile import mkdtemp
 from typing import TYPE_CHECKING
 
 from cell.campaign.journal import Journal, Record
-from cell.campaign.local import Crew
-from cell.campaign.run import Part, set_aside
+from cell.campaign.processes import ProcessPool
+from cell.campaign.run import Part, compile_rod, measure_in, set_aside
 from cell.campaign.versions import versions
 from cell.extras import require_library
 from drivers.errors import ConfigurationError, WorkersLost
@@ -213,22 +213,22 @@ def remote(part: Part, folder: str, there: Mapping[str, str], limit: float | Non
     difference = _different_versions(there, versions())
     if difference:
         raise ConfigurationError(f"--cluster: a worker {difference}; install the same there")
-    place = Path(folder) if Path(folder).is_dir() else _own_folder()
-    crews = _idle_crews()
-    crew = Crew(1) if crews.empty() else crews.get()
-    [record] = crew.records([part], place, there, limit)
-    crews.put(crew)
+    place = Path(folder) if Path(folder).is_dir() else _local_folder()
+    pools = _idle_pools()
+    pool = ProcessPool(1, compile_rod) if pools.empty() else pools.get()
+    [record] = measure_in(pool, [part], place, there, limit)
+    pools.put(pool)
     return record.model_dump_json(by_alias=True)
 
 
 @cache
-def _idle_crews() -> "SimpleQueue[Crew]":
-    """Idle processes of this worker, kept for its next parts."""
+def _idle_pools() -> "SimpleQueue[ProcessPool]":
+    """Pools of one idle process each, kept on this worker for its next parts."""
     return SimpleQueue()
 
 
 @cache
-def _own_folder() -> Path:
+def _local_folder() -> Path:
     """Journal folder of this worker alone, used where the client's folder is not reachable."""
     return Path(mkdtemp(prefix="campaign-"))
 

@@ -4,7 +4,9 @@ import json
 import os
 import resource
 import time
+from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -13,10 +15,14 @@ from pydantic import BaseModel
 from pydantic_core import to_json
 
 from cell.campaign.journal import Cost, Journal, Record
+from cell.campaign.processes import ProcessPool
 from cell.campaign.versions import versions
-from cell.campaign.worker import StopSignal
+from drivers.child import ChildDied
 from drivers.errors import CellError, Unexpected
 from drivers.files import writing
+
+POLL_INTERVAL = 0.2  # s between looks at the time that parts take
+TRIES = 2  # of a part that kills its process: the first may have been the machine's fault
 
 
 class Part(Protocol):
@@ -38,9 +44,7 @@ class Part(Protocol):
         """Measure the part: an outcome that JSON can hold; raises CellError where there is none."""
 
 
-def measure(
-    part: Part, folder: Path, versions: Mapping[str, str], _stop: StopSignal | None = None
-) -> Record:
+def measure(part: Part, folder: Path, versions: Mapping[str, str]) -> Record:
     """Measure `part` and store its record in the journal at `folder`; reuses a finished record.
 
     A part that raises is `failed`, with the reason. Raises ConfigurationError where the journal
@@ -87,8 +91,8 @@ def set_aside(part: Part, reason: str, folder: Path, versions: Mapping[str, str]
     return record
 
 
-def prepare(_stop: StopSignal | None = None) -> None:
-    """Compile the rod before work begins."""
+def compile_rod() -> None:
+    """Compile the rod, or read what was compiled before, so that no part is charged for it."""
     from drivers.strip.describe import describe
     from drivers.strip.file import paper_strip
     from drivers.strip.rod.engine import Rod
@@ -111,6 +115,57 @@ class Engine(Protocol):
         self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str]
     ) -> Iterator[Record]:
         """Yield the records of `parts` as they finish, each stored in the journal at `folder`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Local:
+    """Engine of `jobs` processes; a part may take `limit` [s] of wall time, any time where None."""
+
+    jobs: int = 1
+    limit: float | None = None
+
+    def measure(
+        self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str]
+    ) -> Iterator[Record]:
+        """Yield the records of `parts` as they finish; raises CellError if one cannot be stored."""
+        pool = ProcessPool(min(self.jobs, len(parts)), compile_rod)
+        try:
+            yield from measure_in(pool, parts, folder, versions, self.limit)
+        finally:
+            pool.kill()
+
+
+def measure_in(
+    pool: ProcessPool,
+    parts: Sequence[Part],
+    folder: Path,
+    versions: Mapping[str, str],
+    limit: float | None,
+) -> Iterator[Record]:
+    """Measure `parts` in the processes of `pool`, and yield their records as they finish.
+
+    A part that outlives its `limit` [s], or kills its process twice, is set aside. Raises CellError
+    where a record cannot be stored.
+    """
+    waiting, deaths = deque(parts), Counter[str]()
+    while waiting or pool.is_busy:
+        while waiting and pool.has_room:
+            part = waiting.popleft()
+            pool.begin(part, measure, part, folder, dict(versions))
+        for part, result in pool.ended(POLL_INTERVAL, limit):
+            if isinstance(result, CellError):
+                raise result
+            if isinstance(result, ChildDied):
+                deaths[part.key] += 1
+                if deaths[part.key] < TRIES:
+                    waiting.append(part)
+                else:
+                    reason = f"its process died {TRIES} times: {result}"
+                    yield set_aside(part, reason, folder, versions)
+            elif isinstance(result, TimeoutError):
+                yield set_aside(part, str(result), folder, versions)
+            else:
+                yield result
 
 
 class Watcher(Protocol):

@@ -1,1 +1,1 @@
-"""Command line of the cell, one file for each command."""
+"""Command line of the cell: a file for the commands on one thing."""

@@ -7,20 +7,15 @@ import typer
 from typer.core import TyperGroup
 
 from cell.cli.arm import home, jog, open_hand, park, register
-from cell.cli.benchmark import benchmark
 from cell.cli.calibrate import calibrate
-from cell.cli.camera import camera
-from cell.cli.doctor import doctor
+from cell.cli.devices import camera, doctor
+from cell.cli.exchange import export_runs, import_runs, observe
 from cell.cli.fold import fold
 from cell.cli.gap import gap
-from cell.cli.import_runs import export_runs, import_runs
 from cell.cli.learn import learn
-from cell.cli.observe import observe
-from cell.cli.record import note, replay, report, viz
-from cell.cli.runs import runs
+from cell.cli.policies import benchmark, train, twin
+from cell.cli.records import note, replay, report, runs, viz
 from cell.cli.strips import strips
-from cell.cli.train import train
-from cell.cli.twin import twin
 
 COMMANDS: dict[str, dict[str, Any]] = {
     "Folds": {"fold": fold, "runs": runs, "report": report, "note": note, "viz": viz},

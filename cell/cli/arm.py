@@ -60,8 +60,8 @@ def park(
 ) -> None:
     """Fold the robot upright, out of the way; a twin of the cell's own just goes home."""
     from cell.arm import manual_motion
-    from cell.calibrating.calibrate import NO_STRIP
     from cell.config.places import find_configs
+    from cell.devices.open import NO_STRIP
     from drivers.franka.kinematics import HOME
 
     found = find_configs(configs).cell()

@@ -15,13 +15,16 @@ from cell.cli.options import (
     VizOption,
     ask,
     length_parser,
-    print_json,
     writable,
 )
+from cell.cli.output import print_json
+from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from calibration.calibration import Calibration
     from calibration.lens import Lens
-    from cell.calibrating.wizard import TouchSession
+    from calibration.wizard.lens_verdict import LensVerdict
+    from calibration.wizard.touch_verdict import MapVerdict
     from cell.config.cell import CellFile
     from cell.devices.devices import Devices
 
@@ -65,7 +68,7 @@ def twin(
     if context.invoked_subcommand is not None:
         return
     from calibration.calibration import save_calibration
-    from cell.calibrating.calibrate import calibrate_anew
+    from cell.calibrating.calibration_in_use import calibrate_anew
     from cell.orchestrator.operator import Interrupt
 
     with Interrupt() as interrupted:
@@ -101,16 +104,15 @@ def calibrate_camera(
     as_json: Json = False,
 ) -> None:
     """Find the lens from views of a ChArUco board; says which view is wanted next, and why."""
-    from cell.calibrating.wizard import ROS, calibrate_lens, refit_lens
-    from cell.calibrating.wizard_panel import print_verdict, wizard_session
-    from cell.report.calibration_page import write_session_page
+    from cell.calibrating.wizard import ROS, refit_lens
+    from cell.calibrating.wizard_panel import wizard_session
 
     settings = _settings(configs)
     if print_to is not None:
         _print_board(settings, print_to)
         return
     if again is not None:
-        found, folder = refit_lens(again, without or (), out), out or again
+        folder, verdict = out, refit_lens(again, without or (), out)
     else:
         folder = _session_folder(out, resume, settings.name, "camera")
         settings, devices = _open_devices(settings, "twin", camera)  # no arm is needed
@@ -118,20 +120,13 @@ def calibrate_camera(
             words = f"length of {settings.boards.columns} squares by a ruler [mm]"
             measured = typer.prompt(words, value_proc=_ask_length)
         with wizard_session(folder, "camera", viz) as session:
-            operator = session.operator(devices, interactive=interactive)
-            found = calibrate_lens(
-                settings, devices, folder, operator, session.watch, measured, session.interrupted
-            )
-            session.record(found.lines)
-    page = None if found.folder is None else write_session_page(found.folder)
-    if as_json:
-        print_json(found.facts() | {"folder": str(folder)})
-    else:
-        print_verdict(found.lines)
-        sys.stdout.write(f"  {page or folder}\n")
-        if found.folder is not None and found.passed:
-            sys.stdout.write(f"next: cell calibrate homography --lens {folder / ROS}\n")
-    sys.exit(0 if found.passed else 1)
+            wizard = session.wizard(settings, devices, interactive=interactive)
+            verdict = wizard.calibrate_lens(folder, measured)
+            session.record(verdict.lines())
+    _print_session(verdict, folder, as_json=as_json)
+    if folder is not None and verdict.passed and not as_json:
+        sys.stdout.write(f"next: cell calibrate homography --lens {folder / ROS}\n")
+    sys.exit(0 if verdict.passed else 1)
 
 
 @calibrate.command(name="homography")
@@ -161,44 +156,36 @@ def calibrate_homography(
     as_json: Json = False,
 ) -> None:
     """Find the map to the plane and the latency from touches of the gripper's tip."""
-    from cell.calibrating import wizard
-    from cell.calibrating.wizard_panel import print_verdict, wizard_session
-    from cell.report.calibration_page import write_session_page
+    from cell.calibrating.wizard import read_poses, refit_homography
+    from cell.calibrating.wizard_panel import wizard_session
 
     settings = _settings(configs)
     if use:
         writable(configs)
     if again is not None:
-        found = wizard.refit_homography(
-            again, without or (), out, settings.fold.speed, accept_anyway=accept_anyway
+        folder, verdict = (
+            out,
+            refit_homography(
+                again, without or (), out, settings.fold.speed, accept_anyway=accept_anyway
+            ),
         )
     else:
         folder = _session_folder(out, resume, settings.name, "homography")
         settings, devices = _open_devices(settings, arm, camera, full_speed=full_speed)
         seen_through = _find_lens(lens, resume, devices.camera_identity)
-        plan = None if poses is None else wizard.read_poses(poses)
+        plan = None if poses is None else read_poses(poses)
         with wizard_session(folder, "homography", viz) as session:
-            found = wizard.calibrate_homography(
-                settings,
-                devices,
-                seen_through,
-                folder,
-                session.operator(devices, interactive=interactive),
-                session.watch,
-                plan=plan,
-                accept_anyway=accept_anyway,
-                interrupted=session.interrupted,
+            wizard = session.wizard(settings, devices, interactive=interactive)
+            verdict = wizard.calibrate_homography(
+                seen_through, folder, plan, accept_anyway=accept_anyway
             )
-            session.record(found.lines)
-    page = None if found.folder is None else write_session_page(found.folder)
-    in_use = _use_calibration(configs, found, again) if use else None
-    if as_json:
-        print_json(found.facts() | {"folder": None if found.folder is None else str(found.folder)})
-    else:
-        print_verdict(found.lines)
-        _print_use(found, in_use)
-        sys.stdout.write("" if page is None else f"  {page}\n")
-    sys.exit(0 if found.passed else 1)
+            session.record(verdict.lines())
+    made = verdict.calibration
+    in_use = _use_calibration(configs, made, folder or again) if use and made is not None else None
+    _print_session(verdict, folder, as_json=as_json)
+    if not as_json:
+        _print_use(made, folder, in_use)
+    sys.exit(0 if verdict.passed else 1)
 
 
 @calibrate.command(name="check")
@@ -216,8 +203,7 @@ def calibrate_check(
 ) -> None:
     """Touch a few points again: does the calibration still hold?"""
     from calibration.calibration import load_calibration
-    from cell.calibrating.calibrate import calibration_of
-    from cell.calibrating.wizard import check_calibration
+    from cell.calibrating.calibration_in_use import calibration_of
     from cell.calibrating.wizard_panel import print_verdict, terminal_session
 
     settings, devices = _open_devices(_settings(configs), arm, camera, full_speed=full_speed)
@@ -225,10 +211,7 @@ def calibrate_check(
         calibration = (
             load_calibration(file) if file else calibration_of(settings, session.panel.ask)
         )
-        operator = session.operator(devices, interactive=interactive)
-        verdict = check_calibration(
-            settings, devices, calibration, operator, session.watch, session.interrupted
-        )
+        verdict = session.wizard(settings, devices, interactive=interactive).check(calibration)
     if as_json:
         errors = {str(number): error for number, error in verdict.errors_mm.items()}
         facts = {"calibration": calibration.id, "passed": verdict.passed, "errors_mm": errors}
@@ -247,7 +230,6 @@ def _settings(configs: Path | None) -> "CellFile":
 
 def _ask_length(text: str) -> float:
     """Read the length [m] typed at a prompt; BadParameter for other text, so that it asks again."""
-    from drivers.errors import ConfigurationError
 
     try:
         return MEASURED_LENGTH(text)
@@ -260,7 +242,6 @@ def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str)
     from datetime import UTC, datetime
 
     from calibration.wizard.session import SESSION_FILE
-    from drivers.errors import ConfigurationError
 
     if resume is not None and out is not None:
         raise ConfigurationError("--resume: goes on in its own folder; remove --out")
@@ -283,9 +264,8 @@ def _open_devices(
     The doctor looks at a real robot first, and the operator has to agree to its motion.
     """
     from cell.arm.run_settings import agree
-    from cell.calibrating.calibrate import NO_STRIP
     from cell.devices.devices import DeviceSelection
-    from cell.devices.open import open_cell
+    from cell.devices.open import NO_STRIP, open_cell
     from cell.doctor.doctor import check_motion
 
     choice = DeviceSelection(arm, camera)
@@ -304,23 +284,21 @@ def _find_lens(file: Path | None, resume: Path | None, camera: str) -> "Lens":
     return read_lens(file or newest_lens(SESSIONS, camera))
 
 
-def _use_calibration(
-    configs: Path | None, found: "TouchSession", again: Path | None
-) -> Path | None:
-    """Name the session's calibration in cell.yaml; returns that file, None without calibration."""
+def _use_calibration(configs: Path | None, made: "Calibration", place: Path | None) -> Path:
+    """Name the calibration `made` in the session's folder `place` in cell.yaml; returns its path.
+
+    Raises ConfigurationError where it is not kept there.
+    """
     from calibration.calibration import load_calibration
     from cell.calibrating.calibration_in_use import use_calibration
     from cell.config.places import find_configs
-    from drivers.errors import ConfigurationError
 
-    if found.calibration is None:
-        return None
-    folder, place = find_configs(configs).folder, found.folder or again
     file = Path() if place is None else place / "calibration.yaml"
-    if not file.is_file() or load_calibration(file).id != found.calibration.id:
+    if not file.is_file() or load_calibration(file).id != made.id:
         raise ConfigurationError("--use: keep this calibration in a folder first, by --out")
-    use_calibration(folder / "cell.yaml", file)
-    return folder / "cell.yaml"
+    cell_file = find_configs(configs).folder / "cell.yaml"
+    use_calibration(cell_file, file)
+    return cell_file
 
 
 def _print_board(settings: "CellFile", path: Path) -> None:
@@ -333,16 +311,31 @@ def _print_board(settings: "CellFile", path: Path) -> None:
     )
 
 
-def _print_use(found: "TouchSession", in_use: Path | None) -> None:
-    """Print how to use the calibration of a session, or that it is `in_use` already."""
-    if found.calibration is None:
+def _print_session(
+    verdict: "LensVerdict | MapVerdict", folder: Path | None, *, as_json: bool
+) -> None:
+    """Print the verdict of a session, and the page that is written into its `folder`, if any."""
+    from cell.calibrating.wizard_panel import print_verdict
+    from cell.report.calibration_page import write_session_page
+
+    page = None if folder is None else write_session_page(folder)
+    if as_json:
+        print_json(verdict.facts() | {"folder": None if folder is None else str(folder)})
+        return
+    print_verdict(verdict.lines())
+    sys.stdout.write("" if page is None else f"  {page}\n")
+
+
+def _print_use(made: "Calibration | None", folder: Path | None, in_use: Path | None) -> None:
+    """Print how to use the calibration `made` in `folder`, or that the file `in_use` names it."""
+    if made is None:
         sys.stdout.write("not accepted; --accept-anyway takes it, and every run will say so\n")
     elif in_use is not None:
         sys.stdout.write(f"in use: {in_use} names it\n")
-    elif found.folder is None:
+    elif folder is None:
         sys.stdout.write("name a folder with --out to keep it\n")
     else:
-        if found.calibration.accepted_anyway:
+        if made.accepted_anyway:
             sys.stdout.write("accepted in spite of this; every run will say so\n")
-        path = (found.folder / "calibration.yaml").resolve()
+        path = (folder / "calibration.yaml").resolve()
         sys.stdout.write(f"to use it: --use, or in cell.yaml\n  calibration: {path}\n")

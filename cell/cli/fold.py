@@ -1,6 +1,5 @@
 """The command `cell fold`: folds a strip and reports the result."""
 
-import json
 import math
 import sys
 from contextlib import contextmanager
@@ -20,15 +19,14 @@ from cell.cli.options import (
     Runs,
     VizOption,
     ask,
-    busy,
     check_names,
     check_readable,
     length_option,
     policy_names,
-    print_json,
     strip_names,
 )
-from drivers.errors import CellError
+from cell.cli.output import busy, notice, print_json, say
+from drivers.errors import CellError, ConfigurationError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -160,7 +158,7 @@ def fold(
     requests = repetitions(base, [load_plant(path) for path in plant or []], repeat)
     check_request(base)
     for doubt in doubts_about(requests):
-        _print_remark(doubt)
+        notice(doubt)
     if dry_run:
         _predict(base, as_json=as_json)
     elif rehearse:
@@ -171,7 +169,6 @@ def fold(
 
 def _check_until(close: float | None, learning: object, *, rehearse: bool) -> None:
     """Refuse options that say the contrary of `--until`, which folds and learns."""
-    from drivers.errors import ConfigurationError
 
     if close is not None and rehearse:
         raise ConfigurationError("--until: folds on the desk; leave it or --rehearse out")
@@ -181,7 +178,6 @@ def _check_until(close: float | None, learning: object, *, rehearse: bool) -> No
 
 def _strip_name(strip: str, length: float | None, thickness: float | None) -> str:
     """Name of the strip for requests; one without a file is named by length and thickness."""
-    from drivers.errors import ConfigurationError
 
     if (strip == "unknown") != (length is not None):
         raise ConfigurationError(
@@ -213,46 +209,48 @@ def _fold_all(
     from cell.folding.result import FoldResult
 
     requests = agreed(requests, ask)
-    remark, code = emulation(requests[0].cell, requests[0].choice), 0
-    if remark and as_json:
-        _print_remark(remark)
-    attendance = Attendance(report=_print_remark, lay_again=lambda: await_strip(ask))
+    robot, code = emulation(requests[0].cell, requests[0].choice), 0
+    if robot and as_json:
+        notice(robot)
+    attendance = Attendance(report=notice, lay_again=lambda: await_strip(ask))
     if not as_json:
-        tell = partial(_print_result, remark=remark, as_json=False)
+        tell = partial(_print_result, robot=robot)
         attendance = replace(attendance, observe=_progress, tell=tell)
     try:
         results = fold_all(requests, jobs, until, attendance)
         for request, made in zip(requests, results, strict=False):  # an interrupt ends the folds
             result = made if isinstance(made, FoldResult) else FoldResult.refusal(request, made)
-            if as_json or result is not made:
-                _print_result(result, remark, as_json=as_json)
+            if as_json:
+                _print_line(result)
+            elif result is not made:
+                _print_result(result, robot)
             code = max(code, result.exit_code)
             if until is not None:
                 if result.ends(until):
                     return result.exit_code
                 following = with_correction(request, "on").learning.correction.total
-                _print_remark(f"the next fold would aim {-1e3 * following:+.1f} mm")
+                notice(f"the next fold would aim {-1e3 * following:+.1f} mm")
     except CellError as error:
-        _print_remark(str(error))
+        notice(str(error))
         code = max(code, error.exit_code)
     return code if until is None else max(code, 1)
 
 
-def _print_result(result: "FoldResult", remark: str, *, as_json: bool) -> None:
-    if as_json:
-        print_json(result.line())
-        if result.exit_code != 0:
-            _print_remark(": ".join(filter(None, (result.run, result.outcome, result.reason))))
-    elif result.run:
-        lines = (result.sentence(), remark, f"record: {result.run}")
-        sys.stdout.write("\n  ".join(filter(None, lines)) + "\n")
-    else:
-        _print_remark(result.reason)
+def _print_line(result: "FoldResult") -> None:
+    print_json(result.line())
     sys.stdout.flush()
+    if result.exit_code != 0:
+        notice(": ".join(filter(None, (result.run, result.outcome, result.reason))))
 
 
-def _print_remark(text: str) -> None:
-    sys.stderr.write(f"cell: {text}\n")
+def _print_result(result: "FoldResult", robot: str) -> None:
+    """Print the result for the operator, with a remark on an emulated `robot`."""
+    if not result.run:
+        notice(result.reason)
+        return
+    lines = (result.sentence(), robot, f"record: {result.run}")
+    sys.stdout.write("\n  ".join(filter(None, lines)) + "\n")
+    sys.stdout.flush()
 
 
 def _rehearse(request: "Request", *, as_json: bool) -> int:
@@ -265,11 +263,9 @@ def _rehearse(request: "Request", *, as_json: bool) -> int:
     (request,) = agreed([request], ask)
     with Interrupt() as interrupted:
         outcome = rehearse(request, interrupted)
-    line = {"outcome": outcome.name, "reason": outcome.reason, "exit_code": outcome.exit_code}
-    remark = emulation(request.cell, request.choice)
-    words = filter(None, (f"{outcome.name}: {outcome.reason}", remark))
-    text = json.dumps(line) if as_json else "\n  ".join(words)
-    sys.stdout.write(text + "\n")
+    facts = {"outcome": outcome.name, "reason": outcome.reason, "exit_code": outcome.exit_code}
+    lines = (f"{outcome.name}: {outcome.reason}", emulation(request.cell, request.choice))
+    say(facts, "\n  ".join(filter(None, lines)), as_json=as_json)
     return outcome.exit_code
 
 
@@ -278,8 +274,7 @@ def _predict(request: "Request", *, as_json: bool) -> None:
         from cell.folding.prediction import predict
 
         prediction = predict(request)
-    text = json.dumps(prediction.line(), allow_nan=False) if as_json else prediction.text()
-    sys.stdout.write(text + "\n")
+    say(prediction.line(), prediction.text(), as_json=as_json)
 
 
 class _ProgressLine:

@@ -10,21 +10,37 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.gap_plan import near, plan, strip_file
-from cell.cli.gap_rehearse import rehearse
-from cell.cli.options import Configs, Json, RunFolders, say
+from cell.cli.options import (
+    Cluster,
+    Configs,
+    Json,
+    RunFolders,
+    Strip,
+    ask,
+    check_names,
+    check_readable,
+    engine,
+    resumable,
+)
+from cell.cli.output import print_json, say, while_busy
+from drivers.errors import CellError, ConfigurationError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from cell.folding.request import Request
+    from cell.folding.result import FoldResult
+    from cell.gap.verdict.accept import AcceptResult
     from cell.gap.verdict.schema import Verdict
+
+COPY_TIMEOUT = 3600.0  # s of a copy in which an effect is hidden
 
 gap = typer.Typer(
     help="Find where simulation and measured data disagree, name the missing effect, add it.",
     no_args_is_help=True,
 )
-gap.command()(plan)
-gap.command()(rehearse)
 
-Strip = Annotated[
+StripFileName = Annotated[
     str | None,
     typer.Option("--strip", help="Strip by name, or a path to its file (or a pendulum's)."),
 ]
@@ -42,10 +58,128 @@ Fitted = Annotated[Path, typer.Argument(metavar="DIR", help="The folder that a f
 
 
 @gap.command()
+def plan(
+    strip: Strip,
+    plant: Annotated[
+        Path | None, typer.Option(help="Strip file that lies on the twin's desk.")
+    ] = None,
+    runs: Annotated[
+        Path | None, typer.Option("--runs", help="New folder of these runs [runs/NAME-plan].")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of run 0; run i uses seed + i.")] = 0,
+    jobs: Annotated[int, typer.Option(min=1, help="Runs side by side.")] = 1,
+    configs: Configs = None,
+    no_truth: Annotated[
+        bool, typer.Option("--no-truth", help="Keep the twin's truth out of the records.")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Say which runs would be made; move nothing.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Fold the standard runs: speeds, heights, a hold, there and back, shakes, repeats."""
+    check_names(configs, strip)
+    from cell.config.places import check_recordable, find_configs
+    from cell.record.files import check_empty
+
+    folder = runs or Path("runs") / f"{Path(strip).stem}-plan"
+    check_empty(folder)
+    if not dry_run:
+        check_recordable(folder)
+    if plant is not None:
+        check_readable(plant)
+    from cell.devices.devices import DeviceSelection
+    from cell.folding.request import Recording, Request
+    from cell.folding.standard_runs import standard_requests, standard_run
+    from drivers.strip.describe import load_plant
+
+    found, desk = find_configs(configs), None if plant is None else load_plant(plant)
+    choice, record = DeviceSelection(plant=desk, seed=seed), Recording(truth=not no_truth)
+    base = Request(found.cell(), found.strip(strip), "", folder, choice, record=record)
+    requests = standard_requests(base)
+    if dry_run:
+        for i, request in enumerate(requests):
+            name, reveals = standard_run(request)
+            sys.stdout.write(f"{i:2d}  {name:15s} {request.speed:.2f} m/s  shows {reveals}\n")
+        return
+    code = _fold_all(requests, jobs, as_json=as_json)
+    if not as_json:
+        fitted = folder.with_name(f"{folder.name}-fit")
+        file = _strip_file(strip, configs)
+        sys.stdout.write(f"next: cell gap fit {folder} --strip {file} --out {fitted}\n")
+    sys.exit(code)
+
+
+def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int:
+    """Make the runs and report each; returns the largest exit code of those that went wrong."""
+    from cell.arm.run_settings import await_strip
+    from cell.folding.batch import Attendance, agreed, fold_all
+    from cell.folding.standard_runs import went_as_planned
+
+    requests, code = agreed(requests, ask), 0
+    attendance = Attendance(lay_again=lambda: await_strip(ask))
+    results = while_busy("folding", fold_all(requests, jobs, attendance=attendance))
+    for i, (request, result) in enumerate(zip(requests, results, strict=False), start=1):
+        if isinstance(result, CellError):
+            raise result
+        if as_json:
+            print_json(result.line())
+        else:
+            sys.stdout.write(f"{i}/{len(requests)}  {_run_line(request, result)}\n")
+        sys.stdout.flush()
+        code = max(code, 0 if went_as_planned(result) else result.exit_code)
+    return code
+
+
+def _run_line(request: "Request", result: "FoldResult") -> str:
+    from cell.folding.standard_runs import standard_run
+
+    name, reveals = standard_run(request)
+    d = result.displacement
+    gave = f"{result.outcome}" + ("" if d is None else f", displacement {1e3 * d:.1f} mm")
+    return f"{name:15s} {gave:32s} shows {reveals}  {result.run}"
+
+
+@gap.command()
+def rehearse(
+    runs: RunFolders,
+    strip: Strip,
+    out: Annotated[Path, typer.Option("--out", help="Folder of plan, outcomes and page.")],
+    excess: Annotated[
+        float, typer.Option(min=0.3, max=20.0, help="Gap that a hidden effect leaves, in noise.")
+    ] = 2.5,
+    empty: Annotated[int, typer.Option(min=0, help="Copies with nothing hidden.")] = 5,
+    jobs: Annotated[int, typer.Option(min=1, help="Copies side by side.")] = 1,
+    cluster: Cluster = None,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """Hide each effect in turn in simulated copies of these runs: which would have been named?
+
+    What is finished is kept in OUT: the same command goes on where it stopped.
+    """
+    from rich.console import Console
+
+    from cell.campaign.progress import Meter
+    from cell.gap import rehearse as rehearsal
+
+    threads = _threads(jobs)
+    chosen = engine(threads, cluster, COPY_TIMEOUT)
+    made = rehearsal.plan(runs, _strip_file(strip, configs), out, excess, empty, threads)
+    with resumable(out), Meter(Console(stderr=True), rehearsal.line, quiet=as_json) as meter:
+        records = rehearsal.rehearse(made, out, chosen, meter)
+    page = rehearsal.write_page(made, records, out)
+    if as_json:
+        sys.stdout.write((out / "rehearsal.json").read_text(encoding="utf-8") + "\n")
+    else:
+        sys.stdout.write(page.read_text(encoding="utf-8"))
+
+
+@gap.command()
 def fit(
     runs: RunFolders,
     out: Annotated[Path, typer.Option("--out", help="Folder for verdict, report and patches.")],
-    strip: Strip = None,
+    strip: StripFileName = None,
     model: Model = None,
     subject: Subject = None,
     hold_out: Annotated[
@@ -68,11 +202,9 @@ def fit(
     from cell.gap.report.overlay import write_overlay
     from cell.gap.verdict.accept import LAW_PATCH
 
-    cores = os.cpu_count() or 1
-    threads = min(jobs or cores, cores)
     with _progress(quiet=as_json) as shown:
         verdict = judge(
-            runs, file, out, hold_out or (), shown, threads, write_overlay, without or (),
+            runs, file, out, hold_out or (), shown, _threads(jobs), write_overlay, without or (),
             unchecked=unchecked,
         )  # fmt: skip
     if as_json:
@@ -88,7 +220,7 @@ def fit(
 def check(
     runs: RunFolders,
     out: Annotated[Path, typer.Option("--out", help="Folder for check.json and check.html.")],
-    strip: Strip = None,
+    strip: StripFileName = None,
     model: Model = None,
     subject: Subject = None,
     jobs: Jobs = None,
@@ -101,11 +233,10 @@ def check(
     """
     from cell.gap.check import check as look
     from cell.gap.report.check_page import check_page
-    from drivers.errors import ConfigurationError
     from drivers.files import write_file
 
-    file, cores = _subject_file(strip, model, configs, subject), os.cpu_count() or 1
-    found = look(runs, file, min(jobs or cores, cores))
+    file = _subject_file(strip, model, configs, subject)
+    found = look(runs, file, _threads(jobs))
     write_file(out / "check.json", found.to_json())
     write_file(out / "check.html", check_page(found, file.stem))
     if as_json:
@@ -119,7 +250,7 @@ def check(
 @gap.command()
 def accept(
     fitted: Fitted,
-    strip: Strip = None,
+    strip: StripFileName = None,
     model: Model = None,
     subject: Subject = None,
     law: Annotated[
@@ -139,15 +270,14 @@ def accept(
 
     file = _subject_file(strip, model, configs, subject)
     cell_file = _cell_file(configs) if model is None else None
-    accepted = put(fitted, file, cell_file, law=law, force=force)
-    text = "\n  ".join([f"accepted: {', '.join(accepted.effects)}", *map(str, accepted.files)])
-    say({"accepted": accepted.effects, "files": accepted.files}, text, as_json=as_json)
+    changed = put(fitted, file, cell_file, law=law, force=force)
+    _print_changed("accepted", changed, as_json=as_json)
 
 
 @gap.command()
 def undo(
     fitted: Fitted,
-    strip: Strip = None,
+    strip: StripFileName = None,
     model: Model = None,
     subject: Subject = None,
     configs: Configs = None,
@@ -158,9 +288,12 @@ def undo(
 
     file = _subject_file(strip, model, configs, subject)
     cell_file = _cell_file(configs) if model is None else None
-    undone = take_back(fitted, file, cell_file)
-    text = "\n  ".join([f"undone: {', '.join(undone.effects)}", *map(str, undone.files)])
-    say({"undone": undone.effects, "files": undone.files}, text, as_json=as_json)
+    _print_changed("undone", take_back(fitted, file, cell_file), as_json=as_json)
+
+
+def _print_changed(what: str, changed: "AcceptResult", *, as_json: bool) -> None:
+    text = "\n  ".join([f"{what}: {', '.join(changed.effects)}", *map(str, changed.files)])
+    say({what: changed.effects, "files": changed.files}, text, as_json=as_json)
 
 
 @gap.command()
@@ -225,18 +358,38 @@ def _subject_file(
     strip: str | None, model: Path | None, configs: Path | None, subject: str | None
 ) -> Path:
     """File that --strip, --model or --subject names; ConfigurationError unless one is given."""
-    from drivers.errors import ConfigurationError
-
     if sum(given is not None for given in (strip, model, subject)) != 1:
         raise ConfigurationError(
             "--strip, --model, --subject: give exactly one: a strip by name or file, the file of a "
             "mechanism, or the name of a mechanism of the configuration"
         )
-    if subject is not None:
-        from cell.config.places import find_configs
+    if strip is not None:
+        return _strip_file(strip, configs)
+    if model is not None:
+        return model
+    from cell.config.places import find_configs
 
-        return near(find_configs(configs).mechanism_path(subject))
-    return model or strip_file(strip or "", configs)
+    return _relative(find_configs(configs).mechanism_path(str(subject)))
+
+
+def _strip_file(strip: str, configs: Path | None) -> Path:
+    """Path of the file of `strip`, named by a path or by its name in the configuration."""
+    from cell.config.places import find_configs
+
+    if Path(strip).exists() or "/" in strip or Path(strip).suffix:
+        return Path(strip)
+    return _relative(find_configs(configs).strip_path(strip))
+
+
+def _relative(file: Path) -> Path:
+    """Path of `file` relative to the working directory, where it lies below."""
+    return file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file
+
+
+def _threads(jobs: int | None) -> int:
+    """Number of simulations side by side: `jobs`, at most one a core."""
+    cores = os.cpu_count() or 1
+    return min(jobs or cores, cores)
 
 
 def _next_command(verdict: "Verdict", out: Path, option: str, *, law: bool) -> str:

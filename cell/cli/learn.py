@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json, print_json
+from cell.cli.options import Configs, Json
+from cell.cli.output import print_json
 from drivers.errors import ConfigurationError, suggestion
 
 if TYPE_CHECKING:

@@ -1,25 +1,24 @@
 """Options that several commands share."""
 
-import json
 import os
 import sys
 from contextlib import contextmanager
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from cell.config.drivers import arm_names, camera_names
+from drivers.errors import ConfigurationError, suggestion
 from drivers.plugins import plugin_names
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterator
 
     from cell.campaign.run import Engine
     from cell.config.places import Configs as Found
 
-T = TypeVar("T")
 INTERRUPTED_CODE = 130  # exit code
 
 
@@ -52,7 +51,6 @@ def strip_names(context: typer.Context) -> list[str]:
     Empty where that folder is no configuration: a shell shows no errors.
     """
     from cell.config.places import find_configs
-    from drivers.errors import ConfigurationError
 
     try:
         return list(find_configs(context.params.get("configs")).strip_names())
@@ -66,7 +64,6 @@ def check_names(configs: Path | None, strip: str, policy: str | None = None) -> 
     Reads no file and imports nothing heavy, so that a misspelt name is answered at once.
     """
     from cell.config.places import find_configs
-    from drivers.errors import ConfigurationError, suggestion
 
     if strip.partition(":")[0] != "unknown":
         find_configs(configs).strip_path(strip)
@@ -93,7 +90,6 @@ def run_folder(text: str) -> Path:
 def writable(configs: Path | None) -> "Found":
     """Folder of configuration, unless it is the package's own, which updates replace."""
     from cell.config.places import PACKAGED, find_configs
-    from drivers.errors import ConfigurationError
 
     found = find_configs(configs)
     if found.folder == PACKAGED:
@@ -105,7 +101,6 @@ def writable(configs: Path | None) -> "Found":
 
 def check_readable(path: Path, remedy: str = "") -> None:
     """Raise ConfigurationError for a file that cannot be opened; `remedy` says what to do."""
-    from drivers.errors import ConfigurationError
 
     try:
         os.close(os.open(path, os.O_RDONLY | os.O_NONBLOCK))  # a pipe is not waited for
@@ -162,21 +157,6 @@ def ask(question: str) -> str:
     return sys.stdin.readline()
 
 
-def print_json(facts: "Mapping[str, Any]") -> None:
-    """Print one line of JSON, in which a number that is not finite is null."""
-    from cell.record.documents import plain
-
-    sys.stdout.write(json.dumps(plain(facts)) + "\n")
-
-
-def say(facts: "Mapping[str, Any]", text: str, *, as_json: bool) -> None:
-    """Print `facts` as one line of JSON, or else the `text`."""
-    if as_json:
-        print_json(facts)
-    else:
-        sys.stdout.write(f"{text}\n")
-
-
 @contextmanager
 def resumable(folder: Path) -> "Iterator[None]":
     """On Ctrl-C, print what the command leaves in `folder`, and exit with code 130."""
@@ -189,37 +169,12 @@ def resumable(folder: Path) -> "Iterator[None]":
         sys.exit(INTERRUPTED_CODE)
 
 
-@contextmanager
-def busy(text: str) -> "Iterator[Callable[[str], None]]":
-    """Show on a terminal that a command is at work; call the yielded function with its progress."""
-    if not sys.stderr.isatty():
-        yield lambda _text: None
-        return
-    from rich.console import Console
-
-    with Console(stderr=True).status(text) as status:
-        yield status.update
-
-
-def while_busy(text: str, items: "Iterable[T]") -> "Iterator[T]":
-    """Yield the `items`, with `text` on a terminal while waiting for the next one."""
-    source = iter(items)
-    while True:
-        with busy(text):
-            try:
-                item = next(source)
-            except StopIteration:
-                return
-        yield item
-
-
 def engine(jobs: int, address: str | None, limit: float | None) -> "Engine":
     """Return the engine that runs work items: `jobs` local processes, or a cluster at `address`.
 
     An item may take `limit` [s]. Raises ConfigurationError for an address with several jobs.
     """
-    from cell.campaign.local import Local
-    from drivers.errors import ConfigurationError
+    from cell.campaign.run import Local
 
     if address is None:
         return Local(jobs, limit)

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json, length_option, print_json, say, strip_names, writable
+from cell.cli.options import Configs, Json, length_option, strip_names, writable
+from cell.cli.output import notice, print_json, print_table, say
+from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from drivers.strip.file import StripFile
 
 NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
@@ -29,27 +29,20 @@ def list_strips(context: typer.Context, configs: Configs = None, as_json: Json =
     if context.invoked_subcommand is not None:
         return
     from cell.config.places import find_configs
-    from drivers.errors import ConfigurationError
 
     found, all_strips = find_configs(configs), list["StripFile"]()
     for name in found.strip_names():
         try:
             all_strips.append(found.strip(name))
         except ConfigurationError as error:  # the others are listed all the same
-            sys.stderr.write(f"cell: {error}\n")
+            notice(str(error))
     if as_json:
         for strip in all_strips:
             print_json(strip.model_dump(mode="json", by_alias=True))
         return
-    _print_table(f"Strips in {found.folder / 'strips'}", all_strips)
-
-
-def _print_table(title: str, known_strips: "Sequence[StripFile]") -> None:
-    from cell.cli.table import print_table
-
     columns = ("strip", "length mm", "width mm", "g/m²", "bending mm", "retardation ms")
-    rows = [(strip.name, *(f"{1e3 * n:.4g}" for n in _numbers(strip))) for strip in known_strips]
-    print_table(columns, rows, title)
+    rows = [(strip.name, *(f"{1e3 * n:.4g}" for n in _numbers(strip))) for strip in all_strips]
+    print_table(columns, rows, f"Strips in {found.folder / 'strips'}")
 
 
 def _numbers(strip: "StripFile") -> tuple[float, ...]:
@@ -145,7 +138,6 @@ def new(
 
 
 def _check_name(strip: str) -> None:
-    from drivers.errors import ConfigurationError
 
     if NAME_PATTERN.fullmatch(strip) is None:
         raise ConfigurationError(

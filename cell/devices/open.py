@@ -69,6 +69,17 @@ def is_physical(settings: CellFile, choice: DeviceSelection) -> bool:
     return is_real(settings, choice) or real_camera(settings, choice)
 
 
+NO_STRIP = StripFile(
+    schema=1,
+    name="none",
+    length=0.6,
+    width=0.05,
+    areal_density=0.2,
+    bending_length=0.02,
+    retardation_time=0.03,
+)  # the desk is bare while the camera is calibrated
+
+
 def open_cell(
     settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
 ) -> Devices:

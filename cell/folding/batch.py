@@ -4,12 +4,11 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
-from multiprocessing.connection import wait
 
 from calibration.calibration import Calibration
 from cell.arm.run_settings import confirm
-from cell.calibrating.calibrate import calibration_of
-from cell.campaign.worker import StopSignal, Worker
+from cell.calibrating.calibration_in_use import calibration_of
+from cell.campaign.processes import ProcessPool, StopSignal
 from cell.devices.open import is_physical, is_real
 from cell.doctor.doctor import BRIEF, hardware_checks, refuse_red
 from cell.doctor.machine import versions
@@ -66,14 +65,14 @@ def fold_all(
         yield from _until(requests, until, attendance)
     elif jobs > 1 and len(requests) > 1 and not requests[0].choice.agreed:
         with attendance.interrupt() as interrupted:
-            crew = FoldCrew(requests, jobs, attendance.report)
+            folds = ParallelFolds(requests, jobs, attendance.report)
             try:
-                for result in map(_unless_interrupted, crew.results(interrupted)):
+                for result in map(_unless_interrupted, folds.results(interrupted)):
                     if isinstance(result, FoldResult):
                         attendance.tell(result)
                     yield result
             finally:
-                crew.close()
+                folds.close()
     else:
         yield from _in_turn(requests, attendance)
 
@@ -131,8 +130,8 @@ def _unless_interrupted(result: FoldResult | CellError) -> FoldResult | CellErro
     return result
 
 
-class FoldCrew:
-    """Worker processes that share a list of folds."""
+class ParallelFolds:
+    """Folds that share a pool of processes, and their results in order."""
 
     def __init__(
         self, requests: Sequence[Request], jobs: int, report: Callable[[str], None]
@@ -140,8 +139,7 @@ class FoldCrew:
         self._report = report
         self._count = len(requests)
         self._waiting = deque(enumerate(requests))
-        self._idle = [Worker() for _ in range(min(jobs, len(requests)))]
-        self._busy: dict[Worker, int] = {}
+        self._pool = ProcessPool(jobs, dies_with_parent=False)
         self._done: dict[int, FoldResult | CellError] = {}
         self._stops = 0
 
@@ -157,7 +155,7 @@ class FoldCrew:
                     if interrupted() and not self._stops:
                         self._stop()
                     self._begin(interrupted)
-                    if not self._busy and number not in self._done:
+                    if not self._pool.is_busy and number not in self._done:
                         return
                     self._collect()
                 except KeyboardInterrupt:
@@ -167,19 +165,15 @@ class FoldCrew:
             yield self._done.pop(number)
 
     def close(self) -> None:
-        """Release all workers and wait for them."""
-        workers = [*self._idle, *self._busy]
-        for worker in workers:
-            worker.release()
-        for worker in workers:
-            worker.join()
+        """End all processes, folds under way under control."""
+        self._pool.close()
 
     def _begin(self, interrupted: Callable[[], bool]) -> None:
-        """Start waiting folds on idle workers; one without a calibration is done with its error.
+        """Start folds while there is room; one without a calibration is done with its error.
 
         A fold leaves the queue after its calibration, so that Ctrl-C meanwhile does not lose it.
         """
-        while self._idle and self._waiting:
+        while self._waiting and self._pool.has_room:
             number, request = self._waiting[0]
             try:
                 calibration = calibration_of(request.cell, self._report, interrupted)
@@ -188,31 +182,22 @@ class FoldCrew:
                 self._done[number] = error
                 continue
             self._waiting.popleft()
-            worker = self._idle.pop(0)
-            self._busy[worker] = number
-            worker.begin(_fold_in_worker, request, calibration)
+            self._pool.begin(number, _fold_in_process, request, calibration, stoppable=True)
 
     def _collect(self) -> None:
-        """Collect finished results, waiting briefly for them; a dead worker is replaced."""
-        ready = wait([worker.pipe for worker in self._busy], POLL_INTERVAL)
-        for worker in [worker for worker in self._busy if worker.pipe in ready]:
-            number = self._busy.pop(worker)
-            try:
-                self._done[number] = worker.result()
-                self._idle.append(worker)
-            except ChildDied as died:
-                worker.kill()
-                self._done[number] = Fault("process_died", f"the process of a fold: {died}")
-                self._idle.append(Worker())
+        """Collect finished results, waiting briefly for them."""
+        for number, result in self._pool.ended(POLL_INTERVAL):
+            if isinstance(result, ChildDied):
+                result = Fault("process_died", f"the process of a fold: {result}")  # noqa: PLW2901
+            self._done[number] = result
 
     def _stop(self) -> None:
         self._stops += 1
         self._waiting.clear()
-        for worker in self._busy:
-            worker.stop()
+        self._pool.stop()
 
 
-def _fold_in_worker(
+def _fold_in_process(
     request: Request, calibration: Calibration, stop: StopSignal
 ) -> FoldResult | CellError:
     try:

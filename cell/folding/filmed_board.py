@@ -188,8 +188,9 @@ def _ends(
     x = np.linspace(0.06, 0.94, 120) * length
     down = np.arange(PROBE, -PROBE, -FINE)
     points = np.stack(np.broadcast_arrays(x[:, None], down), axis=-1)
-    changes = _colour_edges(sample_plane(image, calibration, points), np.tile(colour, (len(x), 1)))
-    slope, start = theilslopes(PROBE - FINE * changes, x)[:2]
+    rows = sample_plane(image, calibration, points)
+    edges = np.array([_colour_edge(row, colour) for row in rows])
+    slope, start = theilslopes(PROBE - FINE * edges, x)[:2]
     top = strip.thickness + face_height(calibration, strip) / 2
     heights, view = np.linspace(strip.thickness / 2, top, ROWS), calibration.viewpoint
     back = np.maximum(heights - strip.thickness, 0.0) / view.z
@@ -200,26 +201,26 @@ def _ends(
             np.broadcast_arrays(along, start + slope * along + heights[:, None]), axis=-1
         )
         rows = sample_plane(image, calibration, points)
-        changes = _colour_edges(rows, np.median(rows[:, : rows.shape[1] // 4], axis=1))
-        places = end + outward * (FINE * changes - WITHIN)
+        starts = np.median(rows[:, : rows.shape[1] // 4], axis=1)
+        edges = np.array([_colour_edge(*pair) for pair in zip(rows, starts, strict=True)])
+        places = end + outward * (FINE * edges - WITHIN)
         place = float(np.median((places - back * view.x) / (1 - back)))
         ends.append(np.array([place, start + slope * place + strip.thickness / 2]))
     return ends[0], ends[1]
 
 
-def _colour_edges(rows: Array, firsts: Array) -> Array:
-    """Places (n,) [samples] at which `rows` (n, m, 3) leave their first colours `firsts` (n, 3).
+def _colour_edge(row: Array, colour: Array) -> float:
+    """Index of the sample at which `row` (m, 3) turns from `colour` (3,) to another one.
 
-    For good: the SURE metres that follow are of another. The last sample where a row does not.
+    The other lasts for SURE; the edge lies at half the change. The last sample without an edge.
     """
-    sure, found = round(SURE / FINE), np.full(len(rows), rows.shape[1] - 1.0)
-    for number, (row, first) in enumerate(zip(rows, firsts, strict=True)):
-        other = colour_distances(row, first[None])[:, 0] > UNLIKE
-        begin = int(np.argmin(other))
-        others = np.flatnonzero(np.convolve(other[begin:], np.ones(sure), "valid") == sure)
-        if not other[begin] and len(others):
-            reached = begin + others[0] + sure
-            way = np.median(row[reached - sure // 2 : reached], axis=0) - first
-            share = (row[begin:reached] - first) @ way / (way @ way)
-            found[number] = begin + np.max(np.flatnonzero(share < 0.5), initial=0) + 0.5
-    return found
+    length = round(SURE / FINE)
+    foreign = colour_distances(row, colour[None])[:, 0] > UNLIKE
+    start = int(np.argmin(foreign))  # a row may begin in a shadow
+    runs = np.flatnonzero(np.convolve(foreign[start:], np.ones(length), "valid") == length)
+    if foreign[start] or len(runs) == 0:
+        return len(row) - 1.0
+    end = start + runs[0] + length
+    change = np.median(row[end - length // 2 : end], axis=0) - colour
+    progress = (row[start:end] - colour) @ change / (change @ change)
+    return start + float(np.max(np.flatnonzero(progress < 0.5), initial=0)) + 0.5

@@ -30,6 +30,12 @@ def standard_requests(base: Request) -> tuple[Request, ...]:
     )
 
 
+def standard_run(request: Request) -> tuple[str, str]:
+    """Name of the standard run that `request` asks for, and the effects that it reveals."""
+    name = request.policy.removeprefix(MOTION)
+    return name, STANDARD[name].reveals
+
+
 def went_as_planned(result: FoldResult) -> bool:
     """Whether a standard run ended so that all of it can be used for a fit."""
     return result.outcome in AS_PLANNED

@@ -9,7 +9,7 @@ from calibration.calibration import Calibration
 from calibration.landmarks import Landmarks
 from calibration.wizard.latency import NOT_MEASURED, LatencyVerdict
 from calibration.wizard.progress import Observer, ignore
-from calibration.wizard.touch_verdict import TouchVerdict
+from calibration.wizard.touch_verdict import NOT_TOUCHED, TouchVerdict
 from calibration.wizard.touched_points import TouchedPoints
 from cell.config.settings import CellSettings
 from cell.orchestrator.operator import Operator, Unattended
@@ -106,8 +106,8 @@ class CalibrationContext(Context):
     """Context of a homography calibration: settings, points to touch, operator, and the results.
 
     The `operator` is asked before the arm moves, `watch` receives its progress. Only a run that
-    `remembers` leaves `landmarks`. Where `points` only check a calibration, nothing is fitted and
-    `touches` stays None. No strip is read.
+    `remembers` leaves `landmarks`. Where `points` only check a calibration, nothing is fitted.
+    No strip is read.
     """
 
     settings: CellSettings
@@ -115,7 +115,7 @@ class CalibrationContext(Context):
     operator: Operator = field(default_factory=Unattended)
     watch: Observer = ignore
     remembers: bool = False
-    touches: TouchVerdict | None = None
+    touches: TouchVerdict = NOT_TOUCHED
     latency: LatencyVerdict = NOT_MEASURED
     landmarks: Landmarks | None = None
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from calibration.landmarks import camera_shift
-from cell.orchestrator.calibrating import calibrate, go_calibrate
+from cell.orchestrator.calibration_phase import calibrate, go_calibrate
 from cell.orchestrator.context import CalibrationContext, Context, FoldContext, ManualContext
 from cell.orchestrator.hanging import hang_still
 from cell.orchestrator.lay import CLEARANCE, HANGING, TURN_GAIN, edge_place, follow_lay, lay_path

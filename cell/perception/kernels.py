@@ -28,69 +28,43 @@ EVEN_LIGHT = 120  # level of light as bright as at preflight
 SHADE = 0.15  # relative change of the strip's brightness as it bends
 # separation below which a colour cannot be distinguished from the background
 LEAST_SEPARATION = 2.0
-PEAK_REACH, MASS_REACH = 1.0, 3.0  # px about a band, within which its peak and its mass lie
 
 Floats = NDArray[np.float32]
 Offsets = NDArray[np.int64]
-Columns = NDArray[np.int64]
 
 
-@kernel
 def _fisher(
-    mixed: Any, of_own: Any, of_scene: Any, shade: Any, variance: Any
+    mixed: Any, of_strip: Any, of_scene: Any, shade: Any, variance: Any
 ) -> tuple[Any, Any, Any]:
     """Fisher's linear discriminant of strip and scene: factors a and b of the two colours.
 
-    Its direction is (a own + b scene) / det, where det, returned too, is the scatter's determinant.
-    The products of colours are `mixed` (own by scene), `of_own` and `of_scene`; the scatter is the
-    sensor's `variance`, SHADE of the strip's brightness and `shade` of the scene's.
+    Its direction is (a strip + b scene) / det; det, returned too, is the scatter's determinant.
+    The products of colours are `mixed` (strip by scene), `of_strip` and `of_scene`; the scatter is
+    the sensor's `variance`, SHADE of the strip's brightness and `shade` of the scene's.
     """
-    own = np.float32(SHADE * SHADE)
-    p, q = variance + own * of_own, variance + shade * shade * of_scene
+    bending = np.float32(SHADE * SHADE)
+    p, q = variance + bending * of_strip, variance + shade * shade * of_scene
     cross = np.float32(SHADE) * shade * mixed
-    return q + own * mixed, -(p + shade * shade * mixed), p * q - cross * cross
+    return q + bending * mixed, -(p + shade * shade * mixed), p * q - cross * cross
 
 
-@entry
-def discriminants(colour: Floats, scene: Floats, shade: Floats, variance: float) -> Floats:
-    """Fisher's linear discriminants (n, 4) of `colour` (3,) and each background `scene` (n, 3).
+_compiled_fisher = kernel(_fisher)
 
-    The columns are a and b of the direction a colour + b scene, the squared separation, and the
-    direction's length. `shade` (n,) is the share of brightness by which the background may differ,
-    `variance` the sensor's [grey levels squared].
+
+def discriminants(
+    colour: Floats, scene: Floats, shade: Floats, variance: float
+) -> tuple[Floats, Floats]:
+    """Squared separation (n,) of `colour` (3,) from each background `scene` (n, 3) [sigma^2].
+
+    Also returns the length (n,) of Fisher's linear discriminant. `shade` (n,) is the share of
+    brightness by which the background may differ, `variance` the sensor's [grey levels squared].
     """
-    found = np.empty((len(scene), 4), np.float32)
-    c0, c1, c2 = colour
-    of_own = c0 * c0 + c1 * c1 + c2 * c2
-    for i in range(len(scene)):
-        s0, s1, s2 = scene[i]
-        mixed, of_scene = s0 * c0 + s1 * c1 + s2 * c2, s0 * s0 + s1 * s1 + s2 * s2
-        a, b, det = _fisher(mixed, of_own, of_scene, shade[i], np.float32(variance))
-        f, g = a / det, b / det
-        d0, d1, d2 = f * c0 + g * s0, f * c1 + g * s1, f * c2 + g * s2
-        found[i, 0], found[i, 1] = f, g
-        found[i, 3] = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
-        found[i, 2] = max((a * (of_own - mixed) + b * (mixed - of_scene)) / det, np.float32(0))
-    return found
-
-
-@entry
-def bridge(image: Image, columns: Columns, top: Columns, bottom: Columns, edge: int) -> None:
-    """Fill `columns` (n,) of `image` (h, w, 3) in place from rows `top` to `bottom` (n,).
-
-    By linear interpolation between the means of `edge` rows above and below.
-    """
-    for k in range(len(columns)):
-        u, first, last = columns[k], top[k], bottom[k]
-        for c in range(3 if first < last else 0):
-            above, below = 0.0, 0.0
-            for v in range(edge):
-                above += image[first - edge + v, u, c]
-                below += image[last + 1 + v, u, c]
-            above, below = above / edge, below / edge
-            for v in range(first, last + 1):
-                share = (v - first + 1) / (last - first + 2)
-                image[v, u, c] = np.uint8(np.rint(above + share * (below - above)))
+    mixed, of_strip = (scene * colour).sum(axis=1), (colour * colour).sum()
+    of_scene = (scene * scene).sum(axis=1)
+    a, b, det = _fisher(mixed, of_strip, of_scene, shade, np.float32(variance))
+    separation = (a * (of_strip - mixed) + b * (mixed - of_scene)) / det
+    direction = (a / det)[:, None] * colour + (b / det)[:, None] * scene
+    return np.maximum(separation, 0), np.sqrt((direction * direction).sum(axis=1))
 
 
 @entry
@@ -116,7 +90,7 @@ def brightness(image: Image, left: int, top: int, rows: int, columns: int) -> Fl
 
 @entry
 def changed_cells(
-    seen: Image, behind: Image, light: Image, left: int, top: int, limit: float
+    image: Image, background: Image, light: Image, left: int, top: int, limit: float
 ) -> Image:
     """Mask (n, m), 1 where a cell differs by more than `limit` [grey levels] per channel, else 0.
 
@@ -126,12 +100,12 @@ def changed_cells(
     """
     rows, columns = light.shape
     found = np.zeros((rows, columns), np.uint8)
-    inside = min(columns, (seen.shape[1] // 3 - left) // CELL_PX)
+    inside = min(columns, (image.shape[1] // 3 - left) // CELL_PX)
     for i in range(rows):
         away = np.zeros(columns, np.int32)
         lines = 0
-        for v in range(top + CELL_PX * i + 1, min(top + CELL_PX * (i + 1), seen.shape[0]), 4):
-            now, then = seen[v], behind[v]
+        for v in range(top + CELL_PX * i + 1, min(top + CELL_PX * (i + 1), image.shape[0]), 4):
+            now, then = image[v], background[v]
             lines += 1
             for j in range(inside):
                 first, bright, total = left + CELL_PX * j, np.int32(light[i, j]), np.int32(0)
@@ -147,9 +121,23 @@ def changed_cells(
 
 
 @kernel
+def _light_at(light: Floats, v: int, u: int) -> Any:
+    """Light at row `v`, column `u` [px] of all cells, bilinear between the centres of cells.
+
+    `light` (n + 2, m + 2) is that of the cells and a border of one.
+    """
+    y, x = (v + 0.5) / CELL_PX + 0.5, (u + 0.5) / CELL_PX + 0.5
+    i, j = int(y), int(x)
+    down, right = np.float32(y - i), np.float32(x - j)
+    above = light[i, j] + right * (light[i, j + 1] - light[i, j])
+    below = light[i + 1, j] + right * (light[i + 1, j + 1] - light[i + 1, j])
+    return above + down * (below - above)
+
+
+@kernel
 def _load_cell(
-    seen: Image,
-    behind: Image,
+    image: Image,
+    background: Image,
     shade: Floats,
     light: Floats,
     corner: tuple[int, int],
@@ -159,28 +147,17 @@ def _load_cell(
     """Write seven features of each pixel of one `cell`, row and column, to `pixels` (7, CELL_PX^2).
 
     0 to 2: B, G, R at even light minus the background's; 3 to 5: the background's; 6: its shade.
-    `light` (n + 2, m + 2) of the cells, with a border, is interpolated bilinearly.
+    `corner` is the column and row [px] of the first cell; pixels past the image repeat its border.
     """
-    (left, top), (i, j) = corner, cell
-    half = np.float32(0.5) / np.float32(CELL_PX) + np.float32(0.5)
-    for v in range(CELL_PX):
-        y = min(top + CELL_PX * i + v, seen.shape[0] - 1)
-        low = (v + CELL_PX // 2) // CELL_PX
-        down = np.float32(v) / np.float32(CELL_PX) + half - np.float32(low)
-        for u in range(CELL_PX):
-            x = min(left + CELL_PX * j + u, seen.shape[1] - 1)
-            far = (u + CELL_PX // 2) // CELL_PX
-            right = np.float32(u) / np.float32(CELL_PX) + half - np.float32(far)
-            above, below = light[i + low, j + far], light[i + low + 1, j + far]
-            above += right * (light[i + low, j + far + 1] - above)
-            below += right * (light[i + low + 1, j + far + 1] - below)
-            gain = np.float32(EVEN_LIGHT) / (above + down * (below - above))
-            n = CELL_PX * v + u
-            for c in range(3):
-                scene = np.float32(behind[y, x, c])
-                pixels[c, n] = np.float32(seen[y, x, c]) * gain - scene
-                pixels[3 + c, n] = scene
-            pixels[6, n] = shade[y, x]
+    for n in range(CELL_PX * CELL_PX):
+        v, u = CELL_PX * cell[0] + n // CELL_PX, CELL_PX * cell[1] + n % CELL_PX
+        y, x = min(corner[1] + v, image.shape[0] - 1), min(corner[0] + u, image.shape[1] - 1)
+        gain = np.float32(EVEN_LIGHT) / _light_at(light, v, u)
+        for c in range(3):
+            scene = np.float32(background[y, x, c])
+            pixels[c, n] = np.float32(image[y, x, c]) * gain - scene
+            pixels[3 + c, n] = scene
+        pixels[6, n] = shade[y, x]
 
 
 @kernel
@@ -195,13 +172,13 @@ def _shares(pixels: Floats, colours: Floats, variance: Any, shares: Floats) -> N
     shares[:] = 0
     for k in range(len(colours)):
         c0, c1, c2 = colours[k, 0], colours[k, 1], colours[k, 2]
-        own = c0 * c0 + c1 * c1 + c2 * c2
+        of_strip = c0 * c0 + c1 * c1 + c2 * c2
         for n in range(CELL_PX * CELL_PX):
             of_scene = s0[n] * s0[n] + s1[n] * s1[n] + s2[n] * s2[n]
             along = d0[n] * s0[n] + d1[n] * s1[n] + d2[n] * s2[n]
             mixed = s0[n] * c0 + s1[n] * c1 + s2[n] * c2
-            a, b, det = _fisher(mixed, own, of_scene, shade[n], variance)
-            reach = a * (own - mixed) + b * (mixed - of_scene)
+            a, b, det = _compiled_fisher(mixed, of_strip, of_scene, shade[n], variance)
+            reach = a * (of_strip - mixed) + b * (mixed - of_scene)
             found = (a * (d0[n] * c0 + d1[n] * c1 + d2[n] * c2) + b * along) / reach
             distinct = reach > np.float32(LEAST_SEPARATION * LEAST_SEPARATION) * det
             shares[n] = found if distinct & (found > shares[n]) else shares[n]
@@ -209,8 +186,8 @@ def _shares(pixels: Floats, colours: Floats, variance: Any, shares: Floats) -> N
 
 @entry
 def segment(
-    seen: Image,
-    behind: Image,
+    image: Image,
+    background: Image,
     shade: Floats,
     light: Floats,
     cells: Image,
@@ -233,7 +210,7 @@ def segment(
         for j in range(columns):
             if cells[i, j] == 0:
                 continue
-            _load_cell(seen, behind, shade, light, corner, (i, j), pixels)
+            _load_cell(image, background, shade, light, corner, (i, j), pixels)
             _shares(pixels, colours, np.float32(variance), shares)
             for n in range(CELL_PX * CELL_PX):
                 level = np.float32(ZERO_LEVEL) + np.float32(LEVEL_SPAN) * shares[n]
@@ -274,62 +251,3 @@ def silhouette_of(
                         mask[v, u] = 255
                         break
     return mask
-
-
-@kernel
-def _crossing(line: Array, offsets: Array, left: int, level: float) -> Any:
-    """Offset [px] at which `line` (m,) crosses `level` between the sample `left` and the next."""
-    right = min(left + 1, len(line) - 1)
-    change = line[right] - line[left]
-    part = (level - line[left]) / (change if abs(change) >= 1e-6 else 1e-6)
-    return offsets[left] + (offsets[1] - offsets[0]) * min(max(part, 0.0), 1.0)
-
-
-@kernel
-def _find_peak(line: Array, offsets: Array, width: float) -> Any:
-    """Sample and share of the strongest point of `line` (m,) within a band of `width` [px]."""
-    peak, most = 0, -1.0
-    for j in range(len(line)):
-        if -PEAK_REACH <= offsets[j] <= width + PEAK_REACH and line[j] > most:
-            most, peak = line[j], j
-    return peak, most
-
-
-@kernel
-def _find_flanks(line: Array, peak: int, latest: int, level: float) -> Any:
-    """Nearest samples of `line` (m,) below `level` on both sides of its `peak`, 0 and m if none."""
-    rise = 0
-    for j in range(min(max(peak, 1), latest)):
-        rise = rise if line[j] > level else j
-    fall = max(peak, rise + 1) + 1
-    while fall < len(line) and line[fall] > level:
-        fall += 1
-    return rise, fall
-
-
-@entry
-def borders(
-    across: Array, offsets: Array, widths: Array, latest: Columns, plateau: tuple[float, float]
-) -> tuple[Array, Array]:
-    """Outer and inner border [px] and strength, (n, 3), of a band crossed by n sampled lines.
-
-    Also returns the shares (n, m) of the band alone out of those `across` (n, m) it. `offsets` (m,)
-    [px] are those of the samples. The outer border comes before the sample `latest` (n,) and lies
-    where the share passes half of the strongest one within the band's `widths` (n,) [px], kept
-    within the `plateau`; the inner one, NaN where there is none, where it falls below that again.
-    """
-    n, m = across.shape
-    found, mass = np.full((n, 3), np.nan), np.zeros((n, m))
-    for i in range(n):
-        line = across[i]
-        peak, most = _find_peak(line, offsets, widths[i])
-        strength = max(most, 0.0)
-        level = 0.5 * min(max(strength, plateau[0]), plateau[1])
-        rise, fall = _find_flanks(line, peak, latest[i], level)
-        found[i, 0], found[i, 2] = _crossing(line, offsets, rise, level), strength
-        if fall < m:
-            found[i, 1] = _crossing(line, offsets, fall - 1, level)
-        for j in range(m):
-            if -MASS_REACH <= offsets[j] <= widths[i] + MASS_REACH:
-                mass[i, j] = max(line[j], 0.0)
-    return found, mass

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
-from cell.perception.kernels import ZERO_LEVEL, borders, share
+from cell.perception.kernels import ZERO_LEVEL, share
 from cell.perception.region import Sizes
 from cell.perception.silhouette import Side
 from drivers.geometry import even_points
@@ -16,6 +16,7 @@ from drivers.types import Array, Image
 PLATEAU = (0.55, 1.3)  # matte levels of the strip as its brightness varies
 OUTLINE_ERROR = 2  # px by which the outline may lie outside the border
 FAR_ROOM = 4.0  # px of a line beyond the widest band, where it falls off
+PEAK_REACH, MASS_REACH = 1.0, 3.0  # px about a band, within which its peak and its mass lie
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +37,8 @@ class Crossings:
 def crossings(levels: Image, side: Side, band: Array, sizes: Sizes) -> Crossings:
     """Find the strip's borders on a line across each point of `side` in matte `levels` (h, w).
 
-    `band` (n,) [px] is how wide geometry says the band is there.
+    `band` (n,) [px] is how wide geometry says the band is there. A border lies where the share
+    passes half of the strongest one within the band, kept within PLATEAU.
     """
     step = sizes.step
     offsets = np.arange(-sizes.outside, sizes.deep + step / 2, step)
@@ -47,10 +49,35 @@ def crossings(levels: Image, side: Side, band: Array, sizes: Sizes) -> Crossings
     width = np.clip(band, 1.0, sizes.deep - FAR_ROOM)
     first = int(sizes.outside / step) + OUTLINE_ERROR * int(1 / step)  # sample
     latest = first + np.round(width).astype(np.int64)
-    found, mass = borders(across, offsets, width, latest, PLATEAU)
-    outer, inner, strength = found.T
+    strength, peak = _peaks(across, _within(offsets, width, PEAK_REACH))
+    level = 0.5 * np.clip(strength, *PLATEAU)
+    j, low = np.arange(len(offsets)), across <= level[:, None]
+    rise = np.where(low & (j < np.minimum(np.maximum(peak, 1), latest)[:, None]), j, 0).max(axis=1)
+    fall = np.where(low & (j > np.maximum(peak, rise + 1)[:, None]), j, len(j)).min(axis=1)
+    inner = np.where(fall < len(j), _crossing(across, offsets, fall - 1, level), np.nan)
+    mass = np.where(_within(offsets, width, MASS_REACH), np.maximum(across, 0.0), 0.0)
     middle = (mass * offsets).sum(axis=1) / np.maximum(mass.sum(axis=1), 1e-6)
-    return Crossings(outer, inner, middle, strength)
+    return Crossings(_crossing(across, offsets, rise, level), inner, middle, strength)
+
+
+def _within(offsets: Array, width: Array, reach: float) -> NDArray[np.bool_]:
+    """Mask (n, m) of the samples at `offsets` (m,) within `reach` of a band of `width` (n,)."""
+    return (offsets >= -reach) & (offsets <= width[:, None] + reach)
+
+
+def _peaks(across: Array, within: NDArray[np.bool_]) -> tuple[Array, NDArray[np.intp]]:
+    """Largest share (n,), 0 or more, on each line `across` (n, m) `within` a mask; its sample."""
+    shares = np.where(within, across, -1.0)
+    return np.maximum(shares.max(axis=1), 0.0), shares.argmax(axis=1)
+
+
+def _crossing(across: Array, offsets: Array, left: NDArray[np.int64], level: Array) -> Array:
+    """Offsets (n,) at which lines cross `level` (n,) between samples `left` (n,) and the next."""
+    rows = np.arange(len(across))
+    at, following = across[rows, left], across[rows, np.minimum(left + 1, len(offsets) - 1)]
+    change = following - at
+    part = (level - at) / np.where(np.abs(change) >= 1e-6, change, 1e-6)
+    return np.asarray(offsets[left] + (offsets[1] - offsets[0]) * np.clip(part, 0.0, 1.0))
 
 
 KERNEL = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35  # parabola through five points

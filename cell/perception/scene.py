@@ -15,7 +15,6 @@ from cell.perception.kernels import (
     PATCH_PX,
     ZERO_LEVEL,
     Floats,
-    bridge,
     brightness,
     changed_cells,
     discriminants,
@@ -165,7 +164,14 @@ def learn_background(
     empty = image.copy()
     first = np.maximum(np.floor(top).astype(int), EDGE)
     last = np.minimum(np.ceil(bottom).astype(int), image.shape[0] - EDGE - 1)
-    bridge(empty, columns, first, last, EDGE)
+    for u, v, end in zip(columns.tolist(), first.tolist(), (last + 1).tolist(), strict=True):
+        if v + 1 < end:
+            above, below = (
+                empty[v - EDGE : v, u].mean(axis=0),
+                empty[end : end + EDGE, u].mean(axis=0),
+            )
+            share = np.arange(1, end - v + 1)[:, None] / (end - v + 1)
+            empty[v:end, u] = np.rint(above + share * (below - above))
     edge = np.interp(np.arange(image.shape[1]), columns, top) - EDGE
     lying = np.arange(image.shape[0])[:, None] >= edge[None]
     shade = np.where(lying, DESK_SHADE, LIFTED_SHADE).astype(np.float32)
@@ -250,8 +256,7 @@ class Segmenter:
 
 def separation(colour: Array, scene: Array | Image, shade: Floats, sensor: float) -> Floats:
     """Separation (n,) of `colour` (3,) from scene colours (n, 3), in standard deviations."""
-    found = discriminants(_floats(colour), _floats(scene), shade, sensor**2)
-    return np.sqrt(found[:, 2])
+    return np.sqrt(discriminants(_floats(colour), _floats(scene), shade, sensor**2)[0])
 
 
 def learn(
@@ -306,7 +311,7 @@ def _share_noise(colours: Array, behind: Image, smooth: float) -> float:
     scene, worst = _floats(behind), 0.0
     shade = np.full(len(scene), LIFTED_SHADE, dtype=np.float32)
     for colour in _floats(colours):
-        _, _, reach, size = discriminants(colour, scene, shade, smooth**2).T
+        reach, size = discriminants(colour, scene, shade, smooth**2)
         distinct = reach > LEAST_SEPARATION**2
         if distinct.any():
             worst = max(worst, float(np.median(size[distinct] / reach[distinct])))

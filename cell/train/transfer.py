@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cell.calibrating.calibrate import calibration_of
+from cell.calibrating.calibration_in_use import calibration_of
 from cell.campaign.journal import digest
 from cell.campaign.run import Engine, Watcher, carry_out
 from cell.campaign.versions import code

@@ -86,8 +86,8 @@ def test_slipped_touch_is_repeated_and_named() -> None:
     verdict = _touched({5: SLIP, 6: 3 * SLIP})
     assert verdict.passed
     assert verdict.clean
-    assert [point.number for point in verdict.wild] == [5, 6]
-    assert "point 5 at x 0.600, z 0.015 m is 8.5 px off" in str(verdict.wild[0])
+    assert list(verdict.wild) == [5, 6]
+    assert "point 5 at x 0.600, z 0.015 m is 8.5 px off" in verdict.wild[5]
     assert verdict.used + verdict.held_out == 24
     assert verdict.worst_mm < 0.1
 
@@ -96,7 +96,7 @@ def test_point_that_is_wild_twice_is_left_out_and_named() -> None:
     verdict = _touched({5: SLIP}, {5: -2 * SLIP})
     assert verdict.passed
     assert not verdict.clean
-    assert [point.number for point in verdict.rejected] == [5]
+    assert list(verdict.rejected) == [5]
     assert verdict.residual_mm < 0.1
 
 
@@ -104,7 +104,7 @@ def test_held_out_point_that_is_wild_twice_does_not_decide() -> None:
     verdict = _touched({6: SLIP}, {6: -2 * SLIP})
     assert verdict.passed
     assert not verdict.clean
-    assert [point.number for point in verdict.rejected] == [6]
+    assert list(verdict.rejected) == [6]
     assert verdict.held_out == 5
 
 

@@ -10,7 +10,6 @@ than the least share killed, 2 for a mutant that does not apply or tests that fa
 """
 
 import hashlib
-import json
 import os
 import shutil
 import signal
@@ -29,6 +28,10 @@ from typing import Annotated
 import pytest
 import typer
 import yaml
+
+from cell.record.documents import json_line
+from drivers.files import append_line
+from drivers.readers import read_json_lines
 
 ROOT = Path(__file__).parents[2]
 LIST = Path(__file__).with_suffix(".yaml")
@@ -152,48 +155,36 @@ def judged(mutant: Mutant, tree: Path) -> str:
         os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
 
 
-@dataclass(frozen=True, slots=True)
-class Journal:
-    """Outcomes by key, a line each, so that an interrupted run goes on where it was."""
-
-    path: Path
-
-    def read(self) -> dict[str, str]:
-        """All outcomes so far."""
-        if not self.path.exists():
-            return {}
-        lines = map(json.loads, self.path.read_text("utf-8").splitlines())
-        return {line["key"]: line["outcome"] for line in lines}
-
-    def add(self, key: str, name: str, outcome: str) -> None:
-        """Keep one more."""
-        with self.path.open("a", encoding="utf-8") as stream:
-            stream.write(json.dumps({"key": key, "name": name, "outcome": outcome}) + "\n")
-
-
 def judge_all(mutants: tuple[Mutant, ...], work: Path) -> dict[str, str]:
-    """Outcome of each mutant by its name; Unusable where tests fail without any bug."""
+    """Outcome of each mutant by its name; Unusable where tests fail without any bug.
+
+    A line of the journal in `work` keeps each, so that an interrupted run goes on where it was.
+    """
     work.mkdir(parents=True, exist_ok=True)
     preload()
-    tree, journal = copied(work), Journal(work / "journal.jsonl")
+    tree, journal = copied(work), work / "journal.jsonl"
     for mutant in mutants:
         mutant.apply_to((tree / mutant.file).read_text("utf-8"))
-    known, outcomes = journal.read(), dict[str, str]()
+    known = {line["key"]: line["outcome"] for line in read_json_lines(journal)}
+    outcomes: dict[str, str] = {}
+
+    def keep(key: str, name: str, outcome: str) -> None:
+        known[key] = outcome
+        append_line(journal, json_line({"key": key, "name": name, "outcome": outcome}))
+
     new = [m for m in mutants if m.key(tree) not in known]
     sources = sorted({(tree / mutant.file).read_text("utf-8") for mutant in mutants})
     for test in sorted({test for mutant in new for test in mutant.tests}):
         content = (tree / test.partition("::")[0]).read_text("utf-8")
         key = hashlib.sha256("\0".join([test, content, *sources]).encode()).hexdigest()
         if key not in known:
-            known[key] = tested(tree, [test])
-            journal.add(key, test, known[key])
+            keep(key, test, tested(tree, [test]))
         if known[key] != "survived":
             raise Unusable(f"{test} is {known[key]} without any bug; mend it, or remove its line")
     for mutant in mutants:
         key, begun = mutant.key(tree), time.perf_counter()
         if key not in known:
-            known[key] = judged(mutant, tree)
-            journal.add(key, mutant.name, known[key])
+            keep(key, mutant.name, judged(mutant, tree))
         outcomes[mutant.name] = known[key]
         took = time.perf_counter() - begun
         print(f"{known[key]:15s} {took:6.1f} s  {mutant.name}", flush=True)

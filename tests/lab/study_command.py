@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Cluster, Json, engine, print_json, resumable
+from cell.cli.options import Cluster, Json, engine, resumable
+from cell.cli.output import print_json
 
 if TYPE_CHECKING:
     from cell.campaign.run import Engine

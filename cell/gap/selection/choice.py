@@ -4,27 +4,29 @@ Accepted is the most probable set of effects of which each is needed.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cell.gap.fitting import robust
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
-from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, LikelihoodScale, margin
+from cell.gap.selection.fits import Fits
+from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, margin
 from cell.gap.selection.posterior import Posterior
+from drivers.types import Array
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """The accepted model (the base where none is), all fits, and the scale of their comparison."""
+    """The accepted model, the base where none is, and all fits."""
 
     accepted: CrossValidatedFit
     fits: Fits
-    likelihood: LikelihoodScale
 
 
 def choose(fits: Fits, sets: Posterior) -> Choice:
     """Accept the most probable model of which each effect is needed; else the base."""
-    return Choice(next(needed_models(fits, sets), fits.base), fits, fits.likelihood)
+    return Choice(next(needed_models(fits, sets), fits.base), fits)
 
 
 def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
@@ -34,12 +36,12 @@ def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
     what a fit gains in its own runs, others may not confirm. Beside other effects it predicts them
     clearly better than errors of their laws allow.
     """
-    likelihood = fits.likelihood
 
     def leads(model: CrossValidatedFit, part: CrossValidatedFit) -> bool:
         lead = sets.lead(model.model.names) - sets.lead(part.model.names)
-        least = MIN_GAIN if part.model.effects else 0.0
-        return lead > MIN_GAIN and _gain_beyond_model_error(model, part, fits, likelihood) > least
+        gain = margin(model, part, fits.likelihood).each
+        beyond = gain - np.clip(gain, 0.0, _model_error(part, fits, fits.likelihood))
+        return lead > MIN_GAIN and beyond.sum() > (MIN_GAIN if part.model.effects else 0.0)
 
     for names in (m.names for m in sets.models if m.names):
         model = fits.of(names)
@@ -48,33 +50,49 @@ def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
             yield model
 
 
-def _gain_beyond_model_error(
-    model: CrossValidatedFit, part: CrossValidatedFit, fits: Fits, likelihood: LikelihoodScale
-) -> float:
-    """Predictive gain [nats] of `model` over a `part` of it, beyond errors of the laws of the part.
+def is_exhausted(fits: Fits) -> bool:
+    """Whether effects of the best model leave less on runs left out than one more has to gain.
+
+    Beyond what immaterial amounts of all effects leave there. On the likelihood scale of a model
+    that leaves nothing but noise, as most samples show it: a generous floor leaves less than it
+    states.
+    """
+    model = fits.best
+    if not model.model.effects:
+        return False
+    ideal = replace(fits.likelihood, scale=1.0, inefficiency=1.0)
+    noise = [0.5 * len(r) * robust.spread(r) ** 2 for r in model.left_out]
+    left = model.losses(ideal.scale) - np.array(noise)
+    beyond = left - np.clip(left, 0.0, _model_error(model, fits, ideal))
+    return bool(beyond.sum() < fits.unresolved + MIN_GAIN)
+
+
+def _model_error(model: CrossValidatedFit, fits: Fits, likelihood: LikelihoodScale) -> Array:
+    """Nats (R,) of each run that errors of the laws of `model` may cost.
 
     What a law gets wrong of what it explains in a run, another effect would absorb there.
     """
-    gain = margin(model, part, likelihood).each
-    wrong = np.zeros(len(gain))
-    for effect in part.model.effects:
-        without = fits.of(part.model.names - {effect.name}) or fits.base
-        explained = np.maximum(margin(part, without, likelihood).each, 0.0)
+    wrong = np.zeros(len(model.left_out))
+    for effect in model.model.effects:
+        without = fits.of(model.model.names - {effect.name}) or fits.base
+        explained = np.maximum(margin(model, without, likelihood).each, 0.0)
         wrong += effect.model_error**2 * explained
-    return float(np.sum(gain - np.clip(gain, 0.0, wrong)))
+    return wrong
 
 
 def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[CrossValidatedFit]:
-    """Models of as many effects as the accepted one that the posterior does not exclude.
+    """Models of as many effects as the accepted one that these runs do not exclude.
 
-    Excluded is what is less than ALPHA times as probable. The most probable comes first.
+    Excluded is what is less than ALPHA times as probable, even if the laws of the accepted model
+    were without their errors. The most probable comes first.
     """
+    least = np.log(ALPHA) - float(_model_error(accepted, fits, fits.likelihood).sum())
 
-    def behind(model: CrossValidatedFit) -> float:
-        return sets.lead(accepted.model.names) - sets.lead(model.model.names)
+    def lead(model: CrossValidatedFit) -> float:
+        return sets.lead(model.model.names) - sets.lead(accepted.model.names)
 
     others = [m for m in fits.of_size(len(accepted.model.names)) if m is not accepted]
-    return sorted((m for m in others if behind(m) < -np.log(ALPHA)), key=behind)
+    return sorted((m for m in others if lead(m) > least), key=lead, reverse=True)
 
 
 def classes(accepted: CrossValidatedFit, rivals: Sequence[CrossValidatedFit]) -> list[list[str]]:

@@ -141,7 +141,7 @@ class Findings:
     @property
     def likelihood(self) -> LikelihoodScale:
         """The scale on which models were compared."""
-        return self.choice.likelihood
+        return self.choice.fits.likelihood
 
     @property
     def separable(self) -> tuple[Candidate, ...]:

@@ -9,7 +9,7 @@ from cell.arm.manual_motion import jog, move_manually
 from cell.arm.run_settings import slow_down
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
-from cell.orchestrator.calibrating import calibrate
+from cell.orchestrator.calibration_phase import calibrate
 from cell.orchestrator.context import CalibrationContext
 from cell.orchestrator.monitors import Rules
 from cell.orchestrator.recorder import Record

@@ -6,12 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import cell.calibrating.calibrate
-from calibration.calibration import (
-    Calibration,
-    load_calibration,
-)
-from cell.calibrating.calibrate import calibrate_anew, calibration_of, kept_calibration
+from calibration.calibration import Calibration, load_calibration
+from cell.calibrating import calibration_in_use, wizard
+from cell.calibrating.calibration_in_use import calibrate_anew, calibration_of, kept_calibration
 from cell.config.cell import CellFile
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.folding.fold import fold
@@ -32,7 +29,7 @@ def made(camera: str = SETTINGS.twin.camera.identity) -> Calibration:
 def cache(monkeypatch, tmp_path) -> Path:
     """Where a calibration is kept; none is shipped."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(cell.calibrating.calibrate, "SHIPPED", tmp_path / "nowhere")
+    monkeypatch.setattr(calibration_in_use, "SHIPPED", tmp_path / "nowhere")
     return tmp_path / "cache"
 
 
@@ -45,13 +42,13 @@ def count(monkeypatch) -> list[CellFile]:
         calls.append(settings)
         return made()
 
-    monkeypatch.setattr(cell.calibrating.calibrate, "calibrate_now", make)
+    monkeypatch.setattr(wizard, "calibrate_now", make)
     return calls
 
 
 def test_the_shipped_one_serves_the_shipped_settings(cache, count, monkeypatch) -> None:
     """Where this fails, write it anew: `python -m tests.support.twin_calibration`."""
-    monkeypatch.setattr(cell.calibrating.calibrate, "SHIPPED", SHIPPED)
+    monkeypatch.setattr(calibration_in_use, "SHIPPED", SHIPPED)
     (shipped,) = SHIPPED.iterdir()
     assert shipped.name == kept_calibration(SETTINGS).name
     assert calibration_of(SETTINGS).id == load_calibration(shipped).id
@@ -69,16 +66,14 @@ def test_the_shipped_one_is_what_calibrating_gives(cache) -> None:
 
 @pytest.mark.parametrize("change", ["camera", "renderer"])
 def test_another_camera_or_renderer_is_calibrated_anew(cache, count, monkeypatch, change) -> None:
-    monkeypatch.setattr(cell.calibrating.calibrate, "SHIPPED", SHIPPED)
+    monkeypatch.setattr(calibration_in_use, "SHIPPED", SHIPPED)
     settings = SETTINGS
     if change == "camera":
         camera = settings.twin.camera.model_copy(update={"yaw": 0.01})
         twin = settings.twin.model_copy(update={"camera": camera})
         settings = settings.model_copy(update={"twin": twin})
     else:
-        monkeypatch.setattr(
-            cell.calibrating.calibrate, "RENDERING", cell.calibrating.calibrate.RENDERING + 1
-        )
+        monkeypatch.setattr(calibration_in_use, "RENDERING", calibration_in_use.RENDERING + 1)
     calibration_of(settings)
     assert len(count) == 1
 
@@ -104,7 +99,7 @@ def test_while_one_process_makes_it_others_wait(cache, monkeypatch) -> None:
             fcntl.flock(another, fcntl.LOCK_EX | fcntl.LOCK_NB)
         return made()
 
-    monkeypatch.setattr(cell.calibrating.calibrate, "calibrate_now", make)
+    monkeypatch.setattr(wizard, "calibrate_now", make)
     assert calibration_of(SETTINGS).id == made().id
     with kept_calibration(SETTINGS).with_suffix(".lock").open("wb") as another:
         fcntl.flock(another, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -118,9 +113,7 @@ def test_one_of_another_camera_is_refused_before_anything_is_recorded(tmp_path) 
 
 
 def test_ctrl_c_stops_a_calibration_under_control(cache, monkeypatch) -> None:
-    monkeypatch.setattr(
-        cell.calibrating.calibrate, "lens_from_boards", lambda settings, aids: made().lens
-    )
+    monkeypatch.setattr(wizard, "lens_from_boards", lambda settings, aids: made().lens)
     with pytest.raises(Interrupted, match="interrupted") as stopped:
         calibration_of(SETTINGS, interrupted=lambda: True)
     assert stopped.value.exit_code == 130
@@ -129,9 +122,7 @@ def test_ctrl_c_stops_a_calibration_under_control(cache, monkeypatch) -> None:
 
 def test_a_monitor_that_stops_a_calibration_is_a_fault(cache, monkeypatch) -> None:
     limits = SETTINGS.monitors.model_copy(update={"tracking_error": 1e-9})
-    monkeypatch.setattr(
-        cell.calibrating.calibrate, "lens_from_boards", lambda settings, aids: made().lens
-    )
+    monkeypatch.setattr(wizard, "lens_from_boards", lambda settings, aids: made().lens)
     with pytest.raises(Fault, match="tracking_error") as stopped:
         calibration_of(SETTINGS.model_copy(update={"monitors": limits}))
     assert stopped.value.exit_code == 4

@@ -7,16 +7,16 @@ from pathlib import Path
 import pytest
 
 from calibration.calibration import save_calibration
+from calibration.wizard.lens_verdict import LensVerdict
 from calibration.wizard.progress import Progress, Row
 from calibration.wizard.session import read_rows
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
-from cell.calibrating.calibrate import NO_STRIP
 from cell.calibrating.calibration_in_use import use_calibration
-from cell.calibrating.wizard import LensSession, calibrate_lens
+from cell.calibrating.wizard import Wizard
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import Devices, DeviceSelection
-from cell.devices.open import open_cell
+from cell.devices.open import NO_STRIP, open_cell
 from cell.orchestrator.operator import Answer, Interrupted, Question, Unattended
 from drivers.errors import ConfigurationError
 from drivers.twin.renderer.renderer import Renderer
@@ -50,28 +50,29 @@ class Hesitant:
 
 
 @pytest.fixture(scope="module")
-def gone_on(tmp_path_factory: pytest.TempPathFactory) -> tuple[LensSession, int, list[Progress]]:
-    """A session that was interrupted, its images until then, and the progress since."""
+def gone_on(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> tuple[LensVerdict, Path, int, list[Progress]]:
+    """A session that was interrupted, its folder, its images until then, the progress since."""
     folder, person = tmp_path_factory.mktemp("sessions") / "lens", Hesitant()
-    arguments = (folder, person, lambda _: None, None, person.stops)
     with pytest.raises(Interrupted):
-        calibrate_lens(SETTINGS, _devices(), *arguments)
+        Wizard(SETTINGS, _devices(), person, interrupted=person.stops).calibrate_lens(folder, None)
     with (folder / "told.jsonl").open("a") as file:
         file.write('{"number": 99, "ima')  # the process died while it wrote
     before = len([*(folder / "images").iterdir()])
     progress: list[Progress] = []
-    made = calibrate_lens(SETTINGS, _devices(), folder, Unattended(), progress.append, None)
-    return made, before, progress
+    wizard = Wizard(SETTINGS, _devices(), Unattended(), progress.append)
+    return wizard.calibrate_lens(folder, None), folder, before, progress
 
 
 def test_interrupted_session_goes_on_with_the_views_it_has(gone_on) -> None:
-    made, before, progress = gone_on
-    assert made.verdict.passed, made.verdict.reasons
+    verdict, folder, before, progress = gone_on
+    assert verdict.passed, verdict.reasons
     assert before == 6
     views = next(gate for gate in progress[0].coverage if gate.name == "views")
     assert views.have == before - 1  # one was taken back
-    assert len([*(made.folder / "images").iterdir()]) == made.verdict.views + 1
-    assert all(row.number != 99 for row in read_rows(made.folder))
+    assert len([*(folder / "images").iterdir()]) == verdict.views + 1
+    assert all(row.number != 99 for row in read_rows(folder))
 
 
 def test_session_of_another_camera_does_not_go_on(gone_on) -> None:
@@ -79,7 +80,7 @@ def test_session_of_another_camera_does_not_go_on(gone_on) -> None:
     with pytest.raises(
         ConfigurationError, match=r"--resume: .*camera: is .*, here it is other camera; set it back"
     ):
-        calibrate_lens(SETTINGS, other, gone_on[0].folder, Unattended(), lambda _: None, None)
+        Wizard(SETTINGS, other, Unattended()).calibrate_lens(gone_on[1], None)
 
 
 def test_touches_go_on_with_the_points_that_are_missing() -> None:

@@ -10,23 +10,15 @@ import yaml
 from calibration.calibration import load_calibration
 from calibration.homography import Homography
 from calibration.lens import read_lens
+from calibration.wizard.lens_verdict import LensVerdict
 from calibration.wizard.progress import Progress
 from calibration.wizard.session import read_rows
-from cell.calibrating.calibrate import NO_STRIP
+from calibration.wizard.touch_verdict import MapVerdict
 from cell.calibrating.keyboard import TwinOperator
-from cell.calibrating.wizard import (
-    LensSession,
-    TouchSession,
-    calibrate_homography,
-    calibrate_lens,
-    check_calibration,
-    newest_lens,
-    refit_homography,
-    refit_lens,
-)
+from cell.calibrating.wizard import Wizard, newest_lens, refit_homography, refit_lens
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import Devices, DeviceSelection
-from cell.devices.open import open_cell
+from cell.devices.open import NO_STRIP, open_cell
 from cell.folding.fold import fold
 from cell.folding.request import Recording
 from cell.orchestrator.operator import Answer, Ask, Question, Unattended
@@ -61,23 +53,20 @@ class Person:
 
 
 @pytest.fixture(scope="module")
-def touched(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> tuple[TouchSession, list[Progress], Person]:
-    devices, told, person = _devices(), [], Person()
+def touched(tmp_path_factory: pytest.TempPathFactory) -> tuple[MapVerdict, Path, Person]:
+    devices, person = _devices(), Person()
     assert devices.aids is not None
     folder = tmp_path_factory.mktemp("sessions") / "homography"
-    operator = TwinOperator(devices.aids, person)
-    made = calibrate_homography(SETTINGS, devices, true_lens(CAMERA), folder, operator, told.append)
-    return made, told, person
+    wizard = Wizard(SETTINGS, devices, TwinOperator(devices.aids, person))
+    return wizard.calibrate_homography(true_lens(CAMERA), folder), folder, person
 
 
 @pytest.fixture(scope="module")
-def shown(tmp_path_factory: pytest.TempPathFactory) -> tuple[LensSession, list[Progress]]:
+def shown(tmp_path_factory: pytest.TempPathFactory) -> tuple[LensVerdict, Path, list[Progress]]:
     told: list[Progress] = []
     folder = tmp_path_factory.mktemp("sessions") / "camera"
-    session = calibrate_lens(SETTINGS, _devices(), folder, Unattended(), told.append, None)
-    return session, told
+    wizard = Wizard(SETTINGS, _devices(), Unattended(), told.append)
+    return wizard.calibrate_lens(folder, None), folder, told
 
 
 def _without(folder: Path, left_out: str, place: Path) -> Path:
@@ -95,67 +84,65 @@ def _change(folder: Path, again: Path, **facts: object) -> None:
 
 
 def test_homography_wizard_makes_a_calibration_of_this_camera(touched) -> None:
-    session, _, _ = touched
-    made = session.calibration
+    verdict, folder, _ = touched
+    made = verdict.calibration
     assert made is not None
     assert made.camera == CAMERA.identity
     assert made.residual_mm < 0.1
     assert made.latency == pytest.approx(0.0, abs=0.001)
     assert made.landmarks is not None
     assert made.accepted_anyway == ()
-    assert load_calibration(session.folder / "calibration.yaml").id == made.id
+    assert load_calibration(folder / "calibration.yaml").id == made.id
 
 
 def test_person_is_asked_before_every_motion_and_obeyed(touched) -> None:
-    session, _, person = touched
+    verdict, folder, person = touched
     asks = [question.ask for question in person.asked]
     assert asks[0] is Ask.POINTER_IN
     assert asks[-2:] == [Ask.STEPS, Ask.POINTER_OUT]
     assert not any("disagrees" in question.words for question in person.asked)
-    assert session.touches is not None
-    assert 3 not in session.touches.errors_mm
+    assert 3 not in verdict.touches.errors_mm
     assert sum(q.words.startswith("point 5 ") for q in person.asked) == 2
     rows = [
         (row.number, row.image is not None)
-        for row in read_rows(session.folder)
+        for row in read_rows(folder)
         if row.image is not None or row.dropped
     ]
     assert rows[4:7] == [(5, True), (5, False), (5, True)], "taken, taken back, taken anew"
 
 
 def test_touches_solved_again_from_their_folder_are_the_same_to_the_last_bit(touched) -> None:
-    session, _, _ = touched
-    solved = refit_homography(session.folder, (), None, 0.1)
+    verdict, folder, _ = touched
+    solved = refit_homography(folder, (), None, 0.1)
     made = solved.calibration
     assert made is not None
-    assert session.calibration is not None
-    assert made.id == session.calibration.id
-    assert solved.latency == session.latency
+    assert verdict.calibration is not None
+    assert made.id == verdict.calibration.id
+    assert solved.latency == verdict.latency
 
 
 def test_point_is_left_out_by_its_number_and_what_comes_of_it_is_kept(touched, tmp_path) -> None:
-    session, _, _ = touched
-    solved = refit_homography(session.folder, (7,), tmp_path / "again", 0.1)
+    verdict, folder, _ = touched
+    solved = refit_homography(folder, (7,), tmp_path / "again", 0.1)
     made = solved.calibration
     assert made is not None
-    assert session.touches is not None
     assert 7 not in solved.touches.errors_mm
-    assert len(solved.touches.errors_mm) == len(session.touches.errors_mm) - 1
+    assert len(solved.touches.errors_mm) == len(verdict.touches.errors_mm) - 1
     assert load_calibration(tmp_path / "again" / "calibration.yaml").id == made.id
 
 
 def test_too_few_points_are_refused_even_with_the_override(touched) -> None:
-    session, _, _ = touched
+    _, folder, _ = touched
     many = tuple(range(6, 24))
-    assert refit_homography(session.folder, many, None, 0.1).calibration is None
-    with_all = refit_homography(session.folder, many, None, 0.1, accept_anyway=True)
+    assert refit_homography(folder, many, None, 0.1).calibration is None
+    with_all = refit_homography(folder, many, None, 0.1, accept_anyway=True)
     assert with_all.calibration is None
     assert "at least 12 are needed" in with_all.touches.reasons[0]
 
 
 def test_override_names_the_reasons_in_the_calibration(touched, tmp_path) -> None:
-    session, _, _ = touched
-    again = _without(session.folder, "latency.json", tmp_path)
+    _, folder, _ = touched
+    again = _without(folder, "latency.json", tmp_path)
     assert refit_homography(again, (), None, 0.1).calibration is None
     made = refit_homography(again, (), None, 0.1, accept_anyway=True).calibration
     assert made is not None
@@ -163,50 +150,50 @@ def test_override_names_the_reasons_in_the_calibration(touched, tmp_path) -> Non
 
 
 def test_image_of_a_swapped_size_is_refused(touched, tmp_path) -> None:
-    session, _, _ = touched
-    again = _without(session.folder, "session.yaml", tmp_path)
-    _change(session.folder, again, image=[720, 1280])
+    _, folder, _ = touched
+    again = _without(folder, "session.yaml", tmp_path)
+    _change(folder, again, image=[720, 1280])
     with pytest.raises(ConfigurationError, match=r"is 1280 x 720 px, .* says image: \[720, 1280\]"):
         refit_homography(again, (), None, 0.1)
 
 
 def test_camera_wizard_keeps_a_lens_for_ros_and_for_opencv(shown) -> None:
-    session, told = shown
-    assert session.verdict.passed, session.verdict.reasons
+    verdict, folder, told = shown
+    assert verdict.passed, verdict.reasons
     assert all(one.sketch.seen is not None for one in told if one.result and one.result.taken)
-    assert session.verdict.fit is not None
+    assert verdict.fit is not None
     for name in ("camera_info.yaml", "opencv.yaml"):
-        lens = read_lens(session.folder / name)
-        assert np.array_equal(lens.matrix, session.verdict.fit.lens.matrix)
-    assert newest_lens(session.folder.parent, CAMERA.identity).parent == session.folder
+        lens = read_lens(folder / name)
+        assert np.array_equal(lens.matrix, verdict.fit.lens.matrix)
+    assert newest_lens(folder.parent, CAMERA.identity).parent == folder
     with pytest.raises(ConfigurationError, match="holds no lens of camera other"):
-        newest_lens(session.folder.parent, "other")
+        newest_lens(folder.parent, "other")
 
 
 def test_views_solved_again_from_their_folder_are_the_same_to_the_last_bit(shown) -> None:
-    session, _ = shown
-    verdict = refit_lens(session.folder, (), None).verdict
-    assert session.verdict.fit is not None
+    verdict, folder, _ = shown
+    solved = refit_lens(folder, (), None)
     assert verdict.fit is not None
-    assert np.array_equal(verdict.fit.lens.matrix, session.verdict.fit.lens.matrix)
-    assert verdict.per_view == session.verdict.per_view
+    assert solved.fit is not None
+    assert np.array_equal(solved.fit.lens.matrix, verdict.fit.lens.matrix)
+    assert solved.per_view == verdict.per_view
 
 
 def test_fold_with_a_camera_that_moved_since_is_refused_before_the_strip_is_touched(
     touched, tmp_path
 ) -> None:
-    session, _, _ = touched
+    verdict = touched[0]
     shift = {"homography_shift": {"x": 0.005, "z": 0.0}}
     plant = Configs(CHECKOUT_CONFIGS).strip("denim").model_copy(update={"effects": shift})
     choice, record = DeviceSelection(plant=plant), Recording("none", truth=False)
     request = request_for(
         "denim", "triangular", tmp_path / "runs", CHECKOUT_CONFIGS, choice=choice, record=record
     )
-    result = fold(request, session.calibration)
+    result = fold(request, verdict.calibration)
     assert (result.outcome, result.exit_code) == ("preflight_refused", 3)
     assert "the gripper appears moved by x +5.0" in result.reason
     header = yaml.safe_load((Path(result.run) / "run.yaml").read_text())
-    assert header["calibration"]["id"] == session.calibration.id
+    assert header["calibration"]["id"] == verdict.calibration.id
     assert header["preflight"][0]["name"] == "camera stands where it was calibrated"
 
 
@@ -219,7 +206,7 @@ def test_calibration_is_checked_by_touching_five_points(touched, shift: float, h
     devices = _devices()
     assert devices.aids is not None
     operator = TwinOperator(devices.aids, Unattended())
-    verdict = check_calibration(SETTINGS, devices, old, operator, told.append)
+    verdict = Wizard(SETTINGS, devices, operator, told.append).check(old)
     assert verdict.passed is holds
     assert sorted(verdict.errors_mm) == [0, 1, 2, 3, 4]
     assert verdict.median_mm == pytest.approx(1e3 * shift, abs=0.15)
@@ -228,9 +215,9 @@ def test_calibration_is_checked_by_touching_five_points(touched, shift: float, h
 
 
 def test_misprinted_board_is_refused_by_the_ruler(shown, tmp_path) -> None:
-    session, _ = shown
-    again = _without(session.folder, "session.yaml", tmp_path)
-    _change(session.folder, again, length=0.98 * SETTINGS.boards.width)
-    verdict = refit_lens(again, (), None).verdict
+    _, folder, _ = shown
+    again = _without(folder, "session.yaml", tmp_path)
+    _change(folder, again, length=0.98 * SETTINGS.boards.width)
+    verdict = refit_lens(again, (), None)
     assert not verdict.passed
     assert "9 squares measure 247.0 mm, configured are 252.0 mm, +2.0 %" in verdict.reasons[0]

@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from cell.campaign.journal import Journal, Record, share
-from cell.campaign.local import Local
-from cell.campaign.run import carry_out
+from cell.campaign.run import Local, carry_out
 from drivers.errors import ConfigurationError
 from tests.support.campaign_parts import Broken, Deadly, Endless, Fine, Impossible, Noted
 
@@ -79,8 +78,7 @@ def test_a_folder_that_cannot_be_written_is_refused_in_one_line(tmp_path: Path) 
 KILLED = """
 import sys
 from pathlib import Path
-from cell.campaign.local import Local
-from cell.campaign.run import carry_out
+from cell.campaign.run import Local, carry_out
 from tests.support.campaign_parts import Fine, Noted
 marks = Path(sys.argv[1])
 parts = [Fine(f"part {n}", marks, seconds=0.05) for n in range(40)]

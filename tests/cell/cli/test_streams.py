@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cell.cli.streams import Outlet
+from cell.cli.output import Outlet
 
 CELL = [sys.executable, "-m", "cell"]
 FOLD = """
@@ -86,7 +86,7 @@ def test_names_that_are_not_utf8_are_reported_in_one_line(tmp_path) -> None:
 
 def test_what_is_printed_never_lands_in_a_file_that_was_opened_later(tmp_path) -> None:
     script = (
-        "from cell.cli.streams import guard_streams\n"
+        "from cell.cli.output import guard_streams\n"
         "guard_streams()\n"
         "record = open('record', 'w')\n"
         "print('to the terminal', flush=True)\n"

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from cell.cli.table import print_table, printable
+from cell.cli.output import print_table, printable
 
 NAMES = ["20261121T041512Z-jacket-knit-fold-7f3a", "20261121T041530Z-trouser-twill-fold-11c2"]
 COLUMNS = ("run", "strip", "policy", "outcome", "d mm", "s", "MB")

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from cell.campaign.worker import Stop, StopSignal
+from cell.campaign import processes
+from cell.campaign.processes import Call, Result, Stop, StopSignal
 from cell.devices.devices import DeviceSelection
 from cell.folding import batch
 from cell.folding.batch import Attendance, fold_all
@@ -69,7 +70,7 @@ def test_a_fold_without_a_calibration_yields_its_error_and_the_others_go_on(
     monkeypatch.setattr(batch, "calibration_of", calibrate)
     monkeypatch.setattr(batch, "fold", lambda *_: DONE)
     monkeypatch.setattr(batch, "write_pages", lambda _, result: result)
-    monkeypatch.setattr(batch, "_fold_in_worker", done)
+    monkeypatch.setattr(batch, "_fold_in_process", done)
     first, *others = fold_all(repeated(tmp_path, 3), jobs=jobs)
     assert str(first) == "calibration: refused"
     assert others == [DONE, DONE]
@@ -86,7 +87,7 @@ def test_an_error_of_a_process_is_that_fold_s_alone_and_a_process_that_dies_is_a
     short, dies = (
         replace(r, policy=name) for r, name in zip(repeated(tmp_path, 2), "xy", strict=True)
     )
-    monkeypatch.setattr(batch, "_fold_in_worker", die_or_refuse)
+    monkeypatch.setattr(batch, "_fold_in_process", die_or_refuse)
     refused, died, again = fold_all([short, dies, short], jobs=2)
     assert [type(refused), str(refused)] == [ConfigurationError, "x: refused"]
     assert type(again) is ConfigurationError
@@ -122,18 +123,20 @@ def test_a_fold_whose_master_died_stops() -> None:
 
 
 class Fake:
-    """A worker whose folds end when they are looked for, in the order in which `ends` has them."""
+    """A process whose folds end when they are looked for, in the order in which `ends` has them."""
 
     ends: list[int]
     log: list[tuple[str, object]]
     made: dict[int, FoldResult | CellError]
 
-    def __init__(self) -> None:
+    def __init__(self, *_) -> None:
         self.pipe, self._theirs = Pipe()
-        self._told = False
 
-    def begin(self, _function, request: Request, _calibration) -> None:
-        self._number, self._told = request.choice.seed, False
+    def send(self, message: Call | Stop) -> None:
+        if isinstance(message, Stop):
+            self.stop()
+            return
+        self._number, self._told = message.arguments[0].choice.seed, False
         self.log.append(("begin", self._number))
         if self.ends is None or self.ends[:1] == [self._number]:
             self._end()
@@ -141,9 +144,10 @@ class Fake:
     def _end(self) -> None:
         self._theirs.send(self._number)
 
-    def result(self) -> FoldResult | CellError:
+    def receive(self) -> Result:
         number = self.pipe.recv()
-        return STOPPED if self._told else self.made.get(number, replace(DONE, seed=number))
+        made = self.made.get(number, replace(DONE, seed=number))
+        return Result(STOPPED if self._told else made)
 
     def stop(self) -> None:
         self.log.append(("stop", self._number))
@@ -151,10 +155,7 @@ class Fake:
             self._told = True
             self._end()
 
-    def release(self) -> None:
-        self.log.append(("release", None))
-
-    def join(self) -> None:
+    def close(self, _patience: float) -> None:
         """Nothing to wait for."""
 
 
@@ -163,7 +164,7 @@ def fake(monkeypatch) -> type[Fake]:
     class Fresh(Fake):
         ends, log, made = None, [], {}
 
-    monkeypatch.setattr(batch, "Worker", Fresh)
+    monkeypatch.setattr(processes, "Child", Fresh)
     monkeypatch.setattr(batch, "calibration_of", lambda *_: None)
     return Fresh
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.parallel import workers
+from cell.campaign.processes import workers
 from cell.train.evaluation import Engine, evaluate
 from cell.train.run import SUBSTEPS
 from drivers.errors import WorkersLost
@@ -84,7 +84,7 @@ def test_worker_that_dies_ends_the_training_in_one_line() -> None:
 def test_workers_end_with_the_process_that_leads_them() -> None:
     script = (
         "import os, signal\n"
-        "from cell.parallel import workers\n"
+        "from cell.campaign.processes import workers\n"
         "if __name__ == '__main__':\n"
         "    with workers(2) as pool:\n"
         "        print(pool.submit(os.getpid).result(), flush=True)\n"

@@ -9,7 +9,6 @@ states of them. With --fit that calibration is written to FILE, as
 cell/gap/verdict/confidence.yaml holds it.
 """
 
-import json
 import sys
 from collections.abc import Sequence
 from dataclasses import fields
@@ -20,7 +19,9 @@ import typer
 
 from cell.gap.verdict.confidence import Calibration, Numbers, calibration
 from drivers.files import replace_file
+from drivers.readers import read_json_lines
 from drivers.yaml_text import dump_yaml
+from tests.lab.exam.ledger import LARGEST_LEDGER
 from tests.lab.exam.score import RIGHT_RESULTS
 from tests.lab.studies.catalogue.confidence import (
     calibrate,
@@ -82,10 +83,8 @@ def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
     A case is named after its ledger too: seeds of one number may have drawn others there. Verdicts
     from before one of today's signs was kept have none.
     """
-    lines = [(path, json.loads(line)) for path in ledgers
-             for line in path.read_text(encoding="utf-8").splitlines()]  # fmt: skip
     found: list[Outcome] = []
-    for path, line in lines:
+    for path, line in ((p, each) for p in ledgers for each in read_json_lines(p, LARGEST_LEDGER)):
         if "values" in line:  # of a study of mechanisms
             known = accepted(line["case"], line["values"])
             number = len(found)

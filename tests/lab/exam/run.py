@@ -11,8 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 from cell.campaign.journal import Journal, Record
-from cell.campaign.local import Local
-from cell.campaign.run import Engine, Part, Watcher, carry_out
+from cell.campaign.run import Engine, Local, Part, Watcher, carry_out
 from cell.config.places import find_configs
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.verdict.schema import Verdict, read_verdict

@@ -114,11 +114,6 @@ class Outcome(Settings):
         """Whether the hidden effects were named, strictly or by their class."""
         return self.result in RIGHT_RESULTS
 
-    @property
-    def claimed(self) -> bool:
-        """Whether the verdict claims a gap, with a name or without."""
-        return self.verdict != "no_gap"
-
 
 def score(verdict: Verdict, case: Case, strip: StripFile) -> Outcome:
     """Score a verdict on the runs of `case`, whose strip file is `strip`."""

@@ -101,10 +101,9 @@ def confusion(found: Iterable[tuple[str, str]]) -> Confusion:
     return Confusion(rows, tuple(columns), dict(counts))
 
 
-Judge = Callable[[Rate], bool]
 SHRINK_TARGET = 0.9  # of the shrink that knowing the truth would give
 ERROR_TARGET = 0.25  # of a parameter
-RARE, RARE_END = 0.02, 0.08  # most that the rate of false names and its interval may reach
+RARE_END = 0.08  # most that the interval of a rare rate may reach
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,9 +124,7 @@ def targets(entries: Sequence[Entry], tier: Tier) -> list[Target]:
     """Lines of the table of targets for a tier."""
     through = tier == "images"
     return [
-        *_false_alarms(entries, through),
-        *_names(entries, through),
-        *_abstentions(entries, through),
+        *_rates(entries, through),
         _coverage(entries, through),
         _shrink(entries, through),
         _errors(entries, through),
@@ -152,58 +149,51 @@ def rate_text(found: Rate) -> str:
     )
 
 
-def _line(
-    words: str, found: Rate, wanted: str = "", judge: Judge | None = None, room: float = 0.0
-) -> Target:
-    """Line for a rate, whose target allows failures in the share `room` of the cases."""
-    met = judge(found) if judge is not None and found.count else None
-    return Target(words, rate_text(found), wanted, met, met is False and found.count * room < 1.0)
+CLEAR, WEAK = ("medium", "strong"), ("weak",)
+Bars = tuple[float | None, float | None]  # from the state, through images
+RATES: tuple[tuple[str, str, tuple[str, ...], tuple[str, ...], str, Bars], ...] = (
+    ("`no_gap` where nothing is hidden", "nothing", (), ("correct_no_gap",), "least", (0.97, 0.95)),
+    ("an effect named where nothing is hidden", "nothing", (), ("false_alarm",), "most",
+     (0.02, 0.03)),
+    ("a gap claimed where nothing is hidden, named or not", "nothing", (),
+     ("false_alarm", "gap_claimed"), "most", (None, None)),
+    ("the right name strictly, medium strength and above", "single", CLEAR, ("right_strict",),
+     "least", (0.90, 0.88)),
+    ("the right name by its class, medium and above", "single", CLEAR, RIGHT_RESULTS, "least",
+     (0.96, 0.93)),
+    ("of a pair at least one, and no false one", "pair", (), (*RIGHT_RESULTS, "partly"), "least",
+     (0.95, 0.95)),
+    ("of a pair both", "pair", (), RIGHT_RESULTS, "least", (0.80, 0.75)),
+    ("laws that only resemble the library's, by class", "another law", CLEAR, RIGHT_RESULTS,
+     "least", (0.90, 0.90)),
+    ("a wrong name at weak strength", "single", WEAK, ("wrong_name",), "most", (0.05, 0.05)),
+    ("abstained on causes outside the library", "outside", (), ("correct_abstention",), "least",
+     (None, 0.95)),
+)  # fmt: skip
+"""Rates by their words: kind and strengths of cases, good results, the least or most wanted.
+
+Cases without a verdict count as not right, but say nothing of false alarms.
+"""
 
 
-def _false_alarms(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
-    """Lines on cases without a hidden effect: no gap, a false name, a claimed gap."""
-    nothing = outcomes(entries, "nothing")
-    least, most = (0.95, 0.03) if through else (0.97, 0.02)
-    quiet = rate(o.result == "correct_no_gap" for o in nothing)
-    yield _at_least("`no_gap` where nothing is hidden", quiet, least)
-    named = rate(o.result == "false_alarm" for o in nothing)
-    words = "an effect named where nothing is hidden"
-    if through:
-        yield _at_most(words, named, most)
-    else:
-        yield _line(words, named, "at most 2 %, upper end at most 8 %", _is_rare, RARE)
-    claimed = rate(o.claimed for o in nothing)
-    yield _line("a gap claimed where nothing is hidden, named or not", claimed)
-
-
-def _is_rare(found: Rate) -> bool:
-    return found.value <= RARE and found.interval[1] <= RARE_END
-
-
-def _names(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
-    """Lines on the names of hidden effects; failed cases count as not right."""
-    single = [e for e in entries if e.case.kind == "single"]
-    clear = [e for e in single if e.case.strength != "weak"]
-    weak = [e for e in single if e.case.strength == "weak"]
-    pairs = [e for e in entries if e.case.kind == "pair"]
-    strictly, by_class, both = (0.88, 0.93, 0.75) if through else (0.90, 0.96, 0.80)
-    rows = [
-        ("the right name strictly, medium strength and above", clear, ("right_strict",), strictly),
-        ("the right name by its class, medium and above", clear, RIGHT_RESULTS, by_class),
-        ("of a pair at least one, and no false one", pairs, (*RIGHT_RESULTS, "partly"), 0.95),
-        ("of a pair both", pairs, RIGHT_RESULTS, both),
-    ]
-    for words, cases, good, least in rows:
-        yield _at_least(words, rate(_result(e) in good for e in cases), least)
-    foreign = rate(_result(e) in RIGHT_RESULTS for e in clear if e.case.causes)
-    if foreign.count:
-        yield _at_least("laws that only resemble the library's, by class", foreign, 0.90)
-    false = rate(_result(e) == "wrong_name" for e in weak)
-    yield _at_most("a wrong name at weak strength", false, 0.05)
-
-
-def _at_most(words: str, found: Rate, most: float) -> Target:
-    return _line(words, found, f"at most {100 * most:.0f} %", lambda r: r.value <= most, most)
+def _rates(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
+    for words, kind, strengths, good, sense, bars in RATES:
+        cases, bar = _chosen(entries, kind, strengths), bars[through]
+        if kind == "nothing":
+            cases = [e for e in cases if e.outcome is not None]
+        if not cases and (kind == "another law" or (kind == "outside" and not through)):
+            continue
+        found = rate(_result(e) in good for e in cases)
+        if bar is None:
+            yield Target(words, rate_text(found))
+            continue
+        met = found.value >= bar if sense == "least" else found.value <= bar
+        wanted, room = f"at {sense} {100 * bar:.0f} %", 1.0 - bar if sense == "least" else bar
+        if good == ("false_alarm",) and not through:
+            wanted += f", upper end at most {100 * RARE_END:.0f} %"
+            met = met and found.interval[1] <= RARE_END
+        few = not met and found.count * room < 1.0
+        yield Target(words, rate_text(found), wanted, met if cases else None, bool(cases) and few)
 
 
 def by_group(groups: Sequence[Sequence[Entry]]) -> list[tuple[str, list[str]]]:
@@ -211,27 +201,25 @@ def by_group(groups: Sequence[Sequence[Entry]]) -> list[tuple[str, list[str]]]:
     rows = [
         ("nothing hidden: `no_gap`", "nothing", (), ("correct_no_gap",)),
         ("nothing hidden: a name", "nothing", (), ("false_alarm",)),
-        ("medium and above: by class", "single", ("medium", "strong"), RIGHT_RESULTS),
-        ("medium and above: strictly", "single", ("medium", "strong"), ("right_strict",)),
-        ("weak: a wrong name", "single", ("weak",), ("wrong_name",)),
+        ("medium and above: by class", "single", CLEAR, RIGHT_RESULTS),
+        ("medium and above: strictly", "single", CLEAR, ("right_strict",)),
+        ("weak: a wrong name", "single", WEAK, ("wrong_name",)),
         ("pairs: both", "pair", (), RIGHT_RESULTS),
         ("outside the library: left open", "outside", (), ("correct_abstention",)),
     ]
     lines = [
-        (words, [_group_rate(group, kind, strengths, good) for group in groups])
+        (words, [rate_text(rate(_result(e) in good for e in _chosen(group, kind, strengths)))
+                 for group in groups])
         for words, kind, strengths, good in rows
-    ]
+    ]  # fmt: skip
     held = [rate_text(rate(c.covered for c in comparisons(group))) for group in groups]
     return [*lines, ("intervals that hold the truth", held)]
 
 
-def _group_rate(
-    group: Iterable[Entry], kind: str, strengths: Sequence[str], good: Sequence[str]
-) -> str:
-    """Rate of `good` results among entries of `kind`, of these `strengths` or of all."""
-    mine = [e for e in group if e.case.kind == kind]
-    mine = [e for e in mine if not strengths or e.case.strength in strengths]
-    return rate_text(rate(_result(e) in good for e in mine))
+def _chosen(entries: Iterable[Entry], kind: str, strengths: Sequence[str]) -> list[Entry]:
+    """Entries of a kind of cases or plants, of these `strengths` or of all."""
+    mine = [e for e in entries if kind in (e.case.kind, e.case.plant)]
+    return [e for e in mine if not strengths or e.case.strength in strengths]
 
 
 def spread_errors(entries: Iterable[Entry]) -> dict[str, list[float]]:
@@ -243,22 +231,8 @@ def spread_errors(entries: Iterable[Entry]) -> dict[str, list[float]]:
     return {name: [e.spreads.get(name, 0.0) / true for e in mine] for name, true in truth.items()}
 
 
-def _at_least(words: str, found: Rate, least: float | None) -> Target:
-    if least is None:
-        return _line(words, found)
-    wanted = f"at least {100 * least:.0f} %"
-    return _line(words, found, wanted, lambda r: r.value >= least, 1.0 - least)
-
-
 def _result(entry: Entry) -> str:
     return entry.outcome.result if entry.outcome is not None else "failed"
-
-
-def _abstentions(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
-    outside = [e for e in entries if e.case.kind == "outside"]
-    if outside or through:
-        found = rate(_result(e) == "correct_abstention" for e in outside)
-        yield _at_least("abstained on causes outside the library", found, 0.95 if through else None)
 
 
 def comparisons(entries: Iterable[Entry]) -> list[Comparison]:
@@ -270,8 +244,9 @@ def _coverage(entries: Sequence[Entry], through: bool) -> Target:
     found = rate(c.covered for c in comparisons(entries))
     words = "95 % intervals that hold the truth, where the laws agree"
     least = 0.90 if through else 0.92
-    wanted = f"{100 * least:.0f} to 98 %"
-    return _line(words, found, wanted, lambda r: least <= r.value <= 0.98, 0.02)
+    met = least <= found.value <= 0.98 if found.count else None
+    few = met is False and found.count * 0.02 < 1.0
+    return Target(words, rate_text(found), f"{100 * least:.0f} to 98 %", met, few)
 
 
 def shares(entries: Iterable[Entry]) -> list[float]:

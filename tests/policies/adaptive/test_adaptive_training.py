@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.parallel import workers
+from cell.campaign.processes import workers
 from drivers.errors import ConfigurationError
 from policies.adaptive.critic import ARRAY_NAMES, Critic
 from policies.adaptive.train.shard import CriticSettings

@@ -13,6 +13,7 @@ from drivers.types import Array
 
 Of = Literal["model", "rig"]
 MODES = ("forward", "prescribed", "planar")
+UNTRUE, EXACT = 0.2, 0.02  # relative errors of laws of friction and springs, and of all others
 SIZES_PER_SPREAD = 25.0  # typical sizes of a parameter in its prior spread
 STEPS_PER_SIZE = 1000.0  # steps of finite differences in a typical size
 Parameters = Callable[[Mechanism], tuple[Parameter, ...]]
@@ -92,8 +93,9 @@ class Effect:
             for last in self.grid or null[-1:] for factor in self.probes
         )  # fmt: skip
         of = "strip" if mechanism.mode == "planar" else self.of  # as verdicts on pendulums state it
+        error = UNTRUE if self.law is not None and self.of == "model" else EXACT
         return Candidate(self.name, self.sentence, of, parameters, groups, self.revealed_by,
-                         shape_parameters=self.shape(mechanism))  # fmt: skip
+                         error, self.shape(mechanism))  # fmt: skip
 
     def with_shape(self, mechanism: Mechanism) -> tuple[Parameter, ...]:
         """The effect's parameters, followed by those of its shape."""

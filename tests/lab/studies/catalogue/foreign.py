@@ -21,7 +21,7 @@ from tests.lab.studies.study import Ledger, Outcome, Quantity, Statistic, Study,
 
 KINDS = ("nothing", "one effect", "two effects", "outside", "wrong base")
 FOLDER = "FOREIGN_MODELS"  # variable of the environment that a study's processes share
-RIGHT = {"wrong_mass": {"link_inertia"}}  # names that are right for a wrong base
+RIGHT = {"wrong_mass": {"link_inertia"}, "wrong_com": {"com_error"}}  # of a wrong base
 WITHHELD = 0.5  # of causes outside the library, those that are withheld from it
 
 
@@ -89,7 +89,7 @@ def accepted(case: Values, values: Values) -> Values:
     hidden = [str(h) for h in np.atleast_1d(case["hidden"]) if h != "nothing"]
     false, suspected = values.get("false", values.get("wrong")), values["suspected"] or None
     return {"is_named": values["verdict"] == "named", "is_right": not false, "hidden": hidden,
-            "answer": [] if case["kind"] in ("outside", "wrong base") else hidden,
+            "answer": [] if case["kind"] == "outside" or "wrong_geometry" in hidden else hidden,
             "suspect_right": suspected and suspected == hidden, "signs": values["signs"],
             "result": "wrong_name" if false else "right_class", "strength": None,
             "without": case.get("without", []), "offered": False, "confidence": None,

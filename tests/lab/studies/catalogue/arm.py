@@ -1,24 +1,20 @@
-"""Faults hidden in the cell's arm, found from the paths of folds through the robot's library.
+"""Study of faults hidden in the cell's arm, found from the paths of folds through its library.
 
-`python -m tests.lab measure-arm OUT [--faults NAME]...` hides each fault in turn in a
-served robot, drives it in lock-step along FOLDS paths of a fold, in the air, by the client
-library, fits what `cell fold --arm fci` would have kept of its joints, and appends a line of JSON
-a fault to OUT/faults.jsonl. Links are 1 % heavier or lighter than the model, by chance.
-`... model` writes the arm's MJCF into configs/mechanisms/arm.
+Each fault in turn is hidden in a served robot, which the client library drives in lock-step along
+FOLDS paths of a fold, in the air; what `cell fold --arm fci` would have kept of its joints is
+fitted. Links are 1 % heavier or lighter than the model, by chance.
 """
 
-import json
 import time
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
-import typer
 import yaml
 
-from cell.config.places import find_configs
+from cell.config.places import CHECKOUT_CONFIGS, find_configs
 from cell.devices.fci import fci_arm, start_joints
 from cell.devices.fold_path import triangle, whole_path
 from cell.gap.fit import fit
@@ -26,11 +22,13 @@ from cell.record.files import JOINTS, RUN
 from cell.record.tables import joint_table, write_parquet
 from drivers.arm.reach import dense
 from drivers.fci_server.server import RobotServer, ServerSettings
-from drivers.franka.model import ArmPlant, arm_mjcf
+from drivers.franka.model import ArmPlant
 from drivers.twin.clock import TwinClock
 from drivers.types import Array, Velocity, frozen
+from tests.lab.studies.catalogue import foreign
+from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
-ARM = Path(__file__).parents[3] / "configs" / "mechanisms" / "arm"
+ARM = CHECKOUT_CONFIGS / "mechanisms" / "arm" / "mechanism.yaml"
 FOLDS = ((0.60, 0.16), (0.45, 0.12), (0.52, 0.19))
 STEP, GAIN, RAISED = 0.02, 3.0, 0.1  # s, 1/s, m
 FAULTS: Mapping[str, Mapping[str, Any]] = {
@@ -96,45 +94,39 @@ def make(folder: Path, name: str, seed: int) -> None:
         (run / RUN).write_text(yaml.safe_dump(head, sort_keys=False))
 
 
-def score(name: str, verdict: Any) -> str:
-    """`right`, `class`, `open` or `wrong`: how a verdict answers what was hidden."""
-    named = [e.name for e in verdict.effects]
-    if name == "nothing":
-        return "right" if verdict.verdict == "no_gap" else "wrong" if named else "open"
-    if named == [name]:
-        return "right"
-    others = [n for n in named if n != name]
-    if not others and any(name in group for group in verdict.ambiguous):
-        return "class"
-    return "wrong" if others else "open"
+def draw(number: int, _rng: np.random.Generator) -> Values:
+    """Draw case `number`; cases go through all faults, then through arms."""
+    arm, fault = divmod(number, len(FAULTS))
+    return {"hidden": list(FAULTS)[fault], "noise": arm}
 
 
-def main(
-    out: Path,
-    faults: Annotated[list[str], typer.Option()] = list(FAULTS),  # noqa: B006  not changed
-    seed: int = 1,
-    jobs: int = 1,
-) -> None:
-    """Hide, drive, fit, score, append."""
-    if str(out) == "model":
-        root = ET.fromstring(arm_mjcf())  # noqa: S314  our own text
-        ET.indent(root)
-        (ARM / "model.xml").write_text(ET.tostring(root, encoding="unicode") + "\n")
-        return
-    for number, name in enumerate(faults):
-        folder, began = out / name, time.process_time()
-        if not (folder / "runs").is_dir():
-            make(folder / "runs", name, 10 * seed + number)
-        drove = time.process_time() - began
-        verdict = fit([folder / "runs"], ARM / "mechanism.yaml", folder / "verdict", jobs=jobs)
-        row = {
-            "hidden": name, "verdict": verdict.verdict, "score": score(name, verdict),
-            "effects": {e.name: {k: [p.value, p.low, p.high] for k, p in e.parameters.items()}
-                        for e in verdict.effects},
-            "ambiguous": verdict.ambiguous, "notes": verdict.notes,
-            "simulations": verdict.simulations, "drove": round(drove, 1),
-            "processor": round(time.process_time() - began - drove, 1),
-        }  # fmt: skip
-        with (out / "faults.jsonl").open("a", encoding="utf-8") as ledger:
-            ledger.write(json.dumps(row) + "\n")
-        print(json.dumps(row), flush=True)
+def measure(case: Values) -> Values:
+    """Score the verdict on a case, beside the effects that it names and its processor time [s]."""
+    hidden = case["hidden"]
+    with TemporaryDirectory() as place:
+        make(Path(place) / "runs", hidden, 10 * case["noise"] + list(FAULTS).index(hidden))
+        began = time.process_time()
+        verdict = fit([Path(place) / "runs"], ARM, Path(place) / "verdict")
+        cpu = time.process_time() - began
+    kind, causes = ("nothing", []) if hidden == "nothing" else ("one effect", [hidden])
+    effects = {e.name: {k: [p.value, p.low, p.high] for k, p in e.parameters.items()}
+               for e in verdict.effects}  # fmt: skip
+    return {**foreign.score(kind, causes, verdict), "cpu": cpu, "verdict": verdict.verdict,
+            "effects": effects, "ambiguous": verdict.ambiguous, "notes": verdict.notes}  # fmt: skip
+
+
+STUDY = Study(
+    name="arm",
+    question="Which faults hidden in the cell's arm does `cell gap` name?",
+    draw=draw,
+    measure=measure,
+    by=("hidden",),
+    quantities=(
+        Quantity("by_class", Statistic.SHARE, "%", 100.0, label="right by class", digits=0),
+        Quantity("false", Statistic.SHARE, "%", 100.0, label="named falsely", digits=0),
+        Quantity("cpu", Statistic.MEDIAN, "s", 1.0, label="fit, median", digits=0),
+    ),
+    usual=len(FAULTS),
+    quick=0,
+    seconds=300.0,
+)

@@ -1,4 +1,4 @@
-"""Commands `cell import` and `cell export`: convert runs from and to other formats."""
+"""Commands `cell import` and `export`: runs in formats of other programs; `observe`: films."""
 
 import sys
 from functools import partial
@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from cell.cli.options import Configs, Json, busy, print_json, run_folder
+from cell.cli.options import Configs, Json, Strip, check_names, run_folder
+from cell.cli.output import busy, print_json
 from cell.report.words import plural
 from drivers.errors import ConfigurationError
 
@@ -145,3 +146,47 @@ def export_runs(
             print_json({"file": path} | ({"not_said": unsaid} if unsaid else {}))
         else:
             sys.stdout.writelines([f"{path}\n", *(f"  not said: {each}\n" for each in unsaid)])
+
+
+def observe(
+    film: Annotated[
+        Path, typer.Argument(metavar="FILM", help="Film of a fold by a camera that stands still.")
+    ],
+    strip: Strip,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(help="Calibration of that camera at that place, from `cell calibrate`."),
+    ] = None,
+    board: Annotated[
+        bool, typer.Option("--board", help="The film begins with the printed board instead.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option(help="New run folder [default: runs/NAME of the film].")
+    ] = None,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """Read a film into a run folder: profile, contact, tip, confidence, and an overlay to look at.
+
+    The film begins with the strip lying flat and still. No arm need be in the picture.
+    """
+    check_names(configs, strip)
+    if board == (calibration is not None):
+        raise ConfigurationError("observe: give either --board or --calibration FILE")
+    from cell.folding.observe import observe as read
+    from cell.record.files import OVERLAY
+
+    folder = out or Path("runs") / film.stem
+    with busy("reading the film") as say:
+        found = read(
+            film, calibration, strip, folder, configs,
+            lambda time: say(f"reading the film: {time:.1f} s"),
+        )  # fmt: skip
+    d = None if found.touch is None else found.touch.displacement
+    if as_json:
+        line = {"run": folder, "images": found.images, "read": found.read}
+        print_json({**line, "displacement": None if d is None else round(d, 6)})
+        return
+    text = "no touch of the layers was seen" if d is None else f"displacement {1e3 * d:+.1f} mm"
+    sys.stdout.write(f"{film}: {found.read} of {found.images} images read; {text}\n")
+    sys.stdout.write(f"  {folder}\n  {folder / OVERLAY}\n")

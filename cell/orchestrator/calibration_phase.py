@@ -6,7 +6,6 @@ from dataclasses import replace
 from calibration.homography import Homography
 from calibration.landmarks import remember
 from calibration.wizard.latency import LatencySteps, latency_verdict
-from calibration.wizard.touched_points import Stage
 from cell.orchestrator.context import CalibrationContext
 from cell.orchestrator.operator import Answer, Ask, Question
 from cell.orchestrator.recorder import Record
@@ -67,30 +66,35 @@ def _touch_all(cell: CalibrationContext, record: Record) -> Doing:
     """Touch every requested pose, and once more each point that disagrees with the others."""
     points = cell.points
     while (pose := points.ask()) is not None:
-        stage = Stage.AGAIN if points.again else Stage.TOUCH
-        news = points.progress(pose, points.why, stage)
-        cell.watch(news)
-        answer = yield from _wait_for_answer(cell, Question(Ask.TOUCH, news.why))
+        why, stage = points.why, "touch again" if points.again else "touch"
+        progress = points.progress(pose, why, stage)
+        cell.watch(progress)
+        answer = yield from _wait_for_answer(cell, Question(Ask.TOUCH, why))
         if answer is Answer.SKIP:
             points.skip()
         elif answer is Answer.AGAIN:
-            cell.watch(replace(news, taken_back=points.take_back()))
+            cell.watch(replace(progress, taken_back=points.take_back()))
         else:
             yield from move(pose)
-            yield from _touch(cell, record, pose, news.why, stage)
+            yield from _measure_point(cell, record, pose, why, stage)
 
 
-def _touch(cell: CalibrationContext, record: Record, pose: Pose, why: str, stage: Stage) -> Doing:
-    """Take images at rest at `pose` until the point is accepted or given up."""
-    points = cell.points
-    touch, settle = (points.number, points.again), True
-    while (points.number, points.again) == touch:
+def _measure_point(
+    cell: CalibrationContext, record: Record, pose: Pose, why: str, stage: str
+) -> Doing:
+    """Take images at rest at `pose` until its point is accepted or given up.
+
+    Each result goes to the observers, with the reason `why` for the pose and the `stage` of the
+    calibration, and a refusal into the record.
+    """
+    points, result = cell.points, None
+    while result is None or not (result.taken or result.given_up):
+        settle = result is None or result.refused is not None
         picture = yield from still_picture(settle=settle)
         result = points.tell(picture.frame, picture.gripper)
-        settle = result.refused is not None
-        answer = points.answer(result, picture.gripper, stage)
-        news = points.progress(pose, why, stage)
-        cell.watch(replace(news, frame=picture.frame, result=result, answer=answer))
+        answer = points.answer(result, picture.gripper)
+        progress = points.progress(pose, why, stage)
+        cell.watch(replace(progress, frame=picture.frame, result=result, answer=answer))
         if result.refused is not None:
             record.event(picture.time, "touch_refused", reason=result.refused)
 
@@ -101,10 +105,10 @@ def _measure_latency(cell: CalibrationContext, homography: Homography) -> Doing:
     steps = LatencySteps(cell.settings.latency)
     while (pose := steps.ask()) is not None:
         why = f"{steps.left} steps are left, to see how late the images are"
-        cell.watch(cell.points.progress(pose, why, Stage.LATENCY))
+        cell.watch(cell.points.progress(pose, why, "latency"))
         yield from _step(steps, pose)
         steps.record_arrival()
-    cell.watch(replace(cell.points.progress(None, "seen", Stage.LATENCY), steps=steps))
+    cell.watch(replace(cell.points.progress(None, "seen", "latency"), steps=steps))
     cell.latency = latency_verdict(
         steps.arm, steps.seen, cell.points.lens, homography, cell.settings.latency
     )
@@ -129,13 +133,13 @@ def _take_landmarks(cell: CalibrationContext, homography: Homography) -> Doing:
     yield from _wait_for_answer(cell, POINTER_OUT)
     pose = cell.settings.landmarks.pose
     why = "the empty hand here shows later whether the camera moved"
-    cell.watch(cell.points.progress(pose, why, Stage.REMEMBER))
+    cell.watch(cell.points.progress(pose, why, "remember"))
     yield from move(pose)
     picture = yield from still_picture()
     try:
         cell.landmarks = remember(picture.frame, picture.gripper, cell.points.lens, homography)
     except CellError as error:
-        cell.watch(cell.points.progress(pose, str(error), Stage.REMEMBER))
+        cell.watch(cell.points.progress(pose, str(error), "remember"))
 
 
 def _wait_for_answer(cell: CalibrationContext, question: Question) -> Answering:

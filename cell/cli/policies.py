@@ -1,13 +1,16 @@
-"""The command `cell train`: trains a policy in the simulation of the strip as a rod."""
+"""Commands `cell train`, `cell benchmark` (of policies), and `cell twin serve` (of the arm)."""
 
 import sys
 from dataclasses import asdict
+from ipaddress import ip_address
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from cell.cli.options import Json, engine, print_json
+from cell.cli.options import Cluster, Configs, Json, engine, resumable
+from cell.cli.output import print_json, print_table, say
+from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -15,7 +18,7 @@ if TYPE_CHECKING:
 
     from cell.train.run import Trained
 
-
+PART_TIMEOUT = 7200.0  # s of a part of the benchmark
 Learned = Literal["feedback", "adaptive"]
 
 
@@ -67,7 +70,6 @@ def train(
     if as_json:
         print_json(trained.line() | corrected)
         return
-    from cell.cli.table import print_table
     from cell.train.evaluation import tables
 
     for table in tables(trained.evaluations, trained.effects):
@@ -104,7 +106,6 @@ def _train(
 
 
 def _only_adaptive(policy: Learned) -> None:
-    from drivers.errors import ConfigurationError
 
     if policy != "adaptive":
         raise ConfigurationError("--checkpoint: is for --policy adaptive; leave it out")
@@ -116,8 +117,8 @@ def _transfer(
     """Correct the weights by `folds` folds through images; returns facts on the new checkpoint."""
     from rich.console import Console
 
+    from cell.campaign.processes import cores
     from cell.campaign.progress import Meter
-    from cell.parallel import cores
     from cell.train.transfer import TIME_LIMIT, transfer
     from policies.adaptive.train.training import CHECKPOINT
 
@@ -141,11 +142,124 @@ def _print_transfer(facts: dict[str, Any], *, as_json: bool) -> None:
 
 def _workers(jobs: int | None, address: str | None) -> "AbstractContextManager[Executor]":
     from cell.campaign.cluster import executor
-    from cell.parallel import cores, workers
-    from drivers.errors import ConfigurationError
+    from cell.campaign.processes import cores, workers
 
     if address is None:
         return workers(jobs or cores())
     if jobs is not None:
         raise ConfigurationError("--jobs: a cluster has its own workers; leave --jobs out")
     return executor(address)
+
+
+def benchmark(
+    policies: Annotated[str | None, typer.Option(help="Policies, with commas [default: all].")] = (
+        None
+    ),
+    strips: Annotated[str | None, typer.Option(help="Strips, with commas [default: all].")] = None,
+    repeat: Annotated[
+        int | None, typer.Option(min=1, help="Folds of one strip by each policy [default: 5].")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise; repeats use the next.")] = 0,
+    jobs: Annotated[int, typer.Option(min=1, help="Parts measured side by side.")] = 1,
+    cluster: Cluster = None,
+    out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/benchmark"),
+    runs: Annotated[
+        Path | None, typer.Option(help="Folder in which folds are recorded [default: OUT/runs].")
+    ] = None,
+    configs: Configs = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Three strips, two repeats, coarse grids.")
+    ] = False,
+    again: Annotated[
+        bool, typer.Option("--again", help="Measure anew what OUT already holds.")
+    ] = False,
+    picture: Annotated[
+        Path | None, typer.Option(help="Write the main picture there too, as PNG.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Fold all strips by all policies, and show it beside the paper's numbers.
+
+    What is finished is kept in OUT: a benchmark that was interrupted goes on where it stopped.
+    """
+    from rich.console import Console
+
+    from cell.benchmark.page import lines, write_main_picture, write_results
+    from cell.benchmark.results import BenchmarkSpec, split
+    from cell.benchmark.run import benchmark as measure
+    from cell.benchmark.run import summarise
+    from cell.benchmark.summary import claim_lines, tables
+    from cell.campaign.progress import Meter
+    from cell.config.places import find_configs
+
+    found = find_configs(configs)
+    spec = BenchmarkSpec.build(found, split(policies), split(strips), repeat, seed, quick=quick)
+    by = engine(jobs, cluster, PART_TIMEOUT)
+    place = runs or out / "runs"
+    with resumable(out), Meter(Console(stderr=True), summarise) as meter:
+        results = measure(spec, found, out, place, engine=by, again=again, watcher=meter)
+    page = write_results(results, out)
+    if picture is not None:
+        write_main_picture(results, picture)
+    if as_json:
+        for line in lines(results):
+            print_json(line)
+        return
+    for table in tables(results):
+        print_table(*table)
+    sys.stdout.writelines(f"  {line}\n" for line in (*claim_lines(results), page))
+
+
+twin = typer.Typer(
+    help="The digital twin of the arm, for unmodified clients of the real one.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+
+@twin.callback()
+def the_twin() -> None:
+    """The digital twin of the arm, for unmodified clients of the real one."""
+
+
+@twin.command()
+def serve(
+    address: Annotated[
+        str | None,
+        typer.Option(help="IPv4 address to listen at [default: a free one on the loopback]."),
+    ] = None,
+    lock_step: Annotated[
+        bool,
+        typer.Option(
+            "--lock-step/--wall-clock",
+            help="A motion advances with its client's commands, or by the clock at 1 kHz.",
+        ),
+    ] = True,
+    faults: Annotated[
+        Path | None, typer.Option(help="File with faults that strike at scripted ticks.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Serve arm (port 1337) and hand (port 1338) until interrupted; the robot alone, no strip."""
+    from drivers.fci_server.faults import load_faults
+    from drivers.fci_server.server import RobotServer, ServerSettings
+    from drivers.settings import parse
+
+    asked = {"lock_step": lock_step} | ({} if address is None else {"address": address})
+    settings = parse(asked, ServerSettings, "cell twin serve")
+    script = () if faults is None else load_faults(faults)
+    server = RobotServer(settings, faults=script)
+    _print_address(server.address, lock_step, as_json)
+    try:
+        server.serve()
+    except KeyboardInterrupt:
+        sys.stderr.write("stopped\n")
+
+
+def _print_address(address: str, lock_step: bool, as_json: bool) -> None:
+    clock = "lock-step" if lock_step else "wall clock"
+    facts = {"address": address, "arm": 1337, "hand": 1338, "clock": clock}
+    say(facts, f"arm at {address}:1337, hand at {address}:1338, {clock}", as_json=as_json)
+    if not ip_address(address).is_loopback:
+        sys.stderr.write(f"{address} is no loopback address: others on the network can connect\n")
+    sys.stdout.flush()

@@ -1,19 +1,47 @@
-"""The command `cell camera`: lists cameras, or takes a picture with one."""
+"""Commands `cell doctor`: checks machine, files and devices; `cell camera`: lists cameras."""
 
 import json
 import sys
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cell.cli.options import Configs, Json, print_json
+from cell.cli.options import Configs, Json, Runs
+from cell.cli.output import notice, print_json, while_busy
+from drivers.errors import ConfigurationError, PreflightRefused
 
 if TYPE_CHECKING:
     from cell.devices.camera_check import Grab
     from drivers.camera.camera import CameraReport, UnusableDevice
     from drivers.camera.settings import V4l2Settings
+
+
+def doctor(
+    runs: Runs = Path("runs"),
+    configs: Configs = None,
+    seconds: Annotated[
+        float, typer.Option(min=1, max=3600, help="How long the network to the robot is tested.")
+    ] = 60.0,
+    as_json: Json = False,
+) -> None:
+    """Check machine, files, robot and camera; says what was found, why it matters, what to do."""
+    from cell.config.places import find_configs
+    from cell.devices.devices import DeviceSelection
+    from cell.doctor.check import State
+    from cell.doctor.doctor import checks
+
+    red = False
+    found = checks(find_configs(configs), DeviceSelection(), runs, seconds)
+    for number, check in enumerate(while_busy("checking", found), start=1):
+        red = red or check.state is State.FAIL
+        line = json.dumps(check.line(number)) if as_json else check.text(number)
+        sys.stdout.write(f"{line}\n")
+        sys.stdout.flush()
+    if red:
+        sys.exit(PreflightRefused.exit_code)
 
 
 def camera(
@@ -42,7 +70,6 @@ def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
     from cell.devices.camera_check import suggest_settings
     from drivers.camera.camera import report
     from drivers.camera.device import Kernel
-    from drivers.errors import ConfigurationError
 
     own = find_configs(configs).cell().camera
     if own is not None and device in {None, own.device}:
@@ -79,8 +106,6 @@ def _grab(settings: "V4l2Settings", path: Path, *, as_json: bool) -> None:
 
 
 def _grab_line(taken: "Grab") -> dict[str, Any]:
-    from dataclasses import asdict
-
     return {
         **asdict(taken.setup.picture),
         "measured_rate": taken.rate,
@@ -104,12 +129,10 @@ def _print_cameras(found: "Iterator[CameraReport | UnusableDevice]", *, as_json:
         else:
             sys.stdout.write("\n".join(_camera_lines(entry)) + "\n")
     if not count:
-        sys.stderr.write("cell: no camera has a link under /dev/v4l; plug one in\n")
+        notice("no camera has a link under /dev/v4l; plug one in")
 
 
 def _camera_facts(entry: "CameraReport | UnusableDevice") -> dict[str, Any]:
-    from dataclasses import asdict
-
     from drivers.camera.camera import UnusableDevice
 
     if isinstance(entry, UnusableDevice):

@@ -1,0 +1,251 @@
+"""Pools of worker processes on this machine: calls that end, die, stop or take too long.
+
+Processes, not threads: a third of the work holds the GIL.
+"""
+
+import gc
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from multiprocessing import get_context, parent_process
+from multiprocessing.connection import Connection, wait
+from threading import Thread
+from typing import Any
+
+from drivers.child import Child, ChildDied, end_with_parent
+from drivers.errors import CellError, WorkersLost
+
+TERMINATION_TIMEOUT = 60.0  # s for a call to end once its pool is closed
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """Message to a process: call `function(*arguments)`; a `stoppable` one gets a StopSignal, too.
+
+    The signal is its last argument.
+    """
+
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...]
+    stoppable: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Message to a process: stop the stoppable call under way; a second one, stop it at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """Message of a process that has prepared itself for its first call."""
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """Message of a process whose call has ended: what it returned, or the CellError it raised."""
+
+    value: Any
+
+
+class StopSignal:
+    """Signal that a call must stop: requested through `pipe`, or because the parent is gone."""
+
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe = pipe
+        self._requests = 0
+
+    def __call__(self) -> bool:
+        """Whether a stop was requested; raises KeyboardInterrupt from the second request on."""
+        while self._pipe.poll():
+            try:
+                self._pipe.recv()
+            except EOFError:
+                return True
+            self._requests += 1
+            if self._requests > 1:
+                raise KeyboardInterrupt
+        return self._requests > 0
+
+
+def work(pipe: Connection, prepare: Callable[[], None] | None, dies_with_parent: bool) -> None:
+    """Run in the process: prepare, then carry out the calls that arrive until the pipe closes."""
+    if dies_with_parent:
+        end_with_parent(pipe)
+    if prepare is not None:
+        prepare()
+    with suppress(OSError):  # the parent is gone
+        pipe.send(Ready())
+        call = _next_call(pipe)
+        gc.freeze()  # the libraries' half a million objects, which no collection has to look at
+        while True:
+            pipe.send(Result(_carry_out(call, pipe)))
+            call = _next_call(pipe)
+
+
+def _carry_out(call: Call, pipe: Connection) -> Any:
+    stop = (StopSignal(pipe),) if call.stoppable else ()
+    try:
+        return call.function(*call.arguments, *stop)
+    except CellError as error:
+        return error
+
+
+def _next_call(pipe: Connection) -> Call:
+    """Wait for the next call; stop requests between calls are ignored."""
+    while not isinstance(request := pipe.recv(), Call):
+        pass
+    return request
+
+
+@dataclass(slots=True)
+class _Running:
+    """Call with its `key` in a process, since `started_at` [s], None while the process starts."""
+
+    key: Any
+    process: Child
+    started_at: float | None
+
+
+class ProcessPool:
+    """Pool of up to `size` processes, started when they are needed and kept for later calls.
+
+    Each runs `prepare`, a function known by its name, before its first call. Processes that do not
+    die with their parent leave it to a stoppable call to see its end.
+    """
+
+    def __init__(
+        self,
+        size: int,
+        prepare: Callable[[], None] | None = None,
+        *,
+        dies_with_parent: bool = True,
+    ) -> None:
+        self._size, self._start = size, (prepare, dies_with_parent)
+        self._idle: list[Child] = []
+        self._running: list[_Running] = []
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a call is under way."""
+        return bool(self._running)
+
+    @property
+    def has_room(self) -> bool:
+        """Whether another call can begin."""
+        return len(self._running) < self._size
+
+    def begin(
+        self, key: object, function: Callable[..., Any], *arguments: Any, stoppable: bool = False
+    ) -> None:
+        """Start a Call in an idle process, or in a new one; `ended` names it by its `key`."""
+        if self._idle:
+            running = _Running(key, self._idle.pop(), time.monotonic())
+        else:
+            running = _Running(key, Child(work, *self._start), None)
+        self._running.append(running)
+        running.process.send(Call(function, arguments, stoppable))
+
+    def ended(self, timeout: float, limit: float | None = None) -> Iterator[tuple[Any, Any]]:
+        """Wait up to `timeout` [s] and yield (key, result) of the calls that have ended.
+
+        The result is what was returned, the CellError that was raised, ChildDied of a process that
+        died, or TimeoutError of a call that took longer than `limit` [s] and was killed.
+        """
+        ready = wait([running.process.pipe for running in self._running], timeout)
+        for running in list(self._running):
+            if running.process.pipe in ready:
+                yield from self._receive(running)
+            elif limit is not None and _age(running) > limit:
+                self._remove(running)
+                reason = f"no outcome after {limit:g} s; its process was ended"
+                yield running.key, TimeoutError(reason)
+
+    def stop(self) -> None:
+        """Ask the stoppable calls under way to stop; a second time, to stop at once."""
+        for running in self._running:
+            running.process.send(Stop())
+
+    def close(self) -> None:
+        """Let all processes end; stoppable calls stop under control, others are ended in time."""
+        processes = self._forget_all()
+        for process in processes:
+            process.pipe.close()
+        for process in processes:
+            process.close(TERMINATION_TIMEOUT)
+
+    def kill(self) -> None:
+        """End all processes at once."""
+        for process in self._forget_all():
+            process.kill()
+
+    def _receive(self, running: _Running) -> Iterator[tuple[Any, Any]]:
+        try:
+            message = running.process.receive()
+        except ChildDied as died:
+            self._remove(running)
+            yield running.key, died
+            return
+        if isinstance(message, Ready):
+            running.started_at = time.monotonic()
+            return
+        self._running.remove(running)
+        self._idle.append(running.process)
+        yield running.key, message.value
+
+    def _remove(self, running: _Running) -> None:
+        self._running.remove(running)
+        running.process.kill()
+
+    def _forget_all(self) -> list[Child]:
+        processes = [*self._idle, *(running.process for running in self._running)]
+        self._idle, self._running = [], []
+        return processes
+
+
+def _age(running: _Running) -> float:
+    """Time [s] that the call has taken; 0 while its process starts."""
+    return 0.0 if running.started_at is None else time.monotonic() - running.started_at
+
+
+@contextmanager
+def workers(jobs: int) -> Iterator[Executor]:
+    """Open an executor over `jobs` processes, or over one thread of this process for a single job.
+
+    For work that keeps its own journal: raises WorkersLost when a process dies.
+    """
+    if jobs == 1:
+        with ThreadPoolExecutor(1) as one:
+            yield one
+        return
+    with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_prepare_worker) as pool:
+        try:
+            yield pool
+        except BrokenProcessPool:
+            raise WorkersLost("a worker process died") from None
+        except BaseException:  # Ctrl-C too: the pool's own exit would wait for all queued work
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _prepare_worker() -> None:
+    """Make this worker ignore SIGINT, which the main process handles, and end with its parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    Thread(target=_exit_with_parent, daemon=True).start()
+
+
+def _exit_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def cores() -> int:
+    """Number of cores that this process may use."""
+    allowed = getattr(os, "sched_getaffinity", None)
+    return len(allowed(0)) if allowed is not None else os.cpu_count() or 1

@@ -1,0 +1,169 @@
+"""Output of the commands: streams that never fail a command, JSON lines, tables, progress."""
+
+import errno
+import io
+import json
+import os
+import select
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from typing import Any, TextIO, TypeVar
+
+T = TypeVar("T")
+
+WIDEST = 1000  # columns, in which every table is measured
+GONE_ERRNOS = {errno.EPIPE, errno.EBADF, errno.EIO}  # the reader is gone
+
+
+class Outlet(io.FileIO):
+    """File that accepts every byte; `failure` is the system's error for the first one refused.
+
+    A fold does not end, and its exit code does not change, because the reader of its output has
+    gone.
+    """
+
+    failure: OSError | None = None
+
+    def write(self, content: Any) -> int:
+        """Write what the system accepts, drop the rest after an error; always claims every byte."""
+        block = memoryview(content)
+        rest = block.cast("B")
+        while self.failure is None and rest.nbytes:
+            try:
+                written = super().write(rest)
+                if written is None:  # the pipe would block: wait until its reader makes room
+                    select.select([], [self], [])
+                    continue
+                rest = rest[written:]
+            except OSError as error:
+                self.failure = error
+        return block.nbytes
+
+
+def guard_streams() -> Outlet | None:
+    """Replace sys.stdout and sys.stderr by streams that never fail; returns that of stdout.
+
+    None where a calling program has replaced them already.
+
+    Text that the encoding does not hold is escaped. A descriptor that was closed leads to
+    nowhere from now on: else the next file to be opened, a record, would get what is printed.
+    """
+    if sys.stdout is not sys.__stdout__ or sys.stderr is not sys.__stderr__:
+        return None
+    for descriptor in (0, 1, 2):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # the lowest one free, which is this
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            print(end="", file=stream, flush=True)
+    out, err = Outlet(1, "w", closefd=False), Outlet(2, "w", closefd=False)
+    sys.stdout, sys.stderr = _text_stream(out, sys.stdout), _text_stream(err, sys.stderr)
+    return out
+
+
+def _text_stream(outlet: Outlet, before: TextIO | None) -> io.TextIOWrapper:
+    """A stream like `before` that escapes what it cannot encode."""
+    encoding = getattr(before, "encoding", None) or "utf-8"
+    at_once = outlet.isatty() or outlet.fileno() == 2
+    return io.TextIOWrapper(
+        io.BufferedWriter(outlet), encoding, "backslashreplace", line_buffering=at_once
+    )
+
+
+def why_lost(outlet: Outlet | None) -> str:
+    """Reason why the printed text did not arrive; empty where it did or nobody was reading."""
+    if outlet is None or outlet.failure is None or outlet.failure.errno in GONE_ERRNOS:
+        return ""
+    return outlet.failure.strerror or "no reason given"
+
+
+def print_json(facts: Mapping[str, Any]) -> None:
+    """Print one line of JSON, in which a number that is not finite is null."""
+    from cell.record.documents import plain
+
+    sys.stdout.write(json.dumps(plain(facts)) + "\n")
+
+
+def say(facts: Mapping[str, Any], text: str, *, as_json: bool) -> None:
+    """Print `facts` as one line of JSON, or else the `text`."""
+    if as_json:
+        print_json(facts)
+    else:
+        sys.stdout.write(f"{text}\n")
+
+
+def notice(text: str) -> None:
+    """Print a line on standard error, beside the results."""
+    sys.stderr.write(f"cell: {text}\n")
+
+
+@contextmanager
+def busy(text: str) -> Iterator[Callable[[str], None]]:
+    """Show on a terminal that a command is at work; call the yielded function with its progress."""
+    if not sys.stderr.isatty():
+        yield lambda _text: None
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status(text) as status:
+        yield status.update
+
+
+def while_busy(text: str, items: Iterable[T]) -> Iterator[T]:
+    """Yield the `items`, with `text` on a terminal while waiting for the next one."""
+    source = iter(items)
+    while True:
+        with busy(text):
+            try:
+                item = next(source)
+            except StopIteration:
+                return
+        yield item
+
+
+def print_table(
+    columns: Sequence[str], rows: Sequence[Sequence[str]], title: str = "", text: int = 1
+) -> None:
+    """Print `rows` under `columns`, the first `text` of them words, the others numbers.
+
+    Where the terminal is too narrow for the table each row becomes lines of its own: the first
+    column, then the others with their names, as many a line as go in.
+    """
+    from rich.box import HORIZONTALS
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    shown = [[printable(cell) for cell in row] for row in rows]
+    table = Table(box=HORIZONTALS, show_edge=False, pad_edge=False, collapse_padding=True)
+    for number, column in enumerate(columns):
+        table.add_column(column, justify="left" if number < text else "right", no_wrap=True)
+    for row in shown:
+        table.add_row(*map(Text, row))
+    console = Console(file=sys.stdout, highlight=False, soft_wrap=False)
+    sys.stdout.write(f"{title}\n" if title else "")
+    if console.measure(table, options=console.options.update(width=WIDEST)).maximum > console.width:
+        lines = (line for row in shown for line in _lines(columns, row, console.width))
+        sys.stdout.writelines(f"{line}\n" for line in lines)
+    else:
+        console.print(table)
+
+
+def printable(text: str) -> str:
+    """Escape the terminal control characters in `text`."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def _lines(columns: Sequence[str], row: Sequence[str], width: int) -> list[str]:
+    """Lines for one row on a narrow terminal: the first cell, then named cells as they fit."""
+    named = (f"{name} {cell}" for name, cell in zip(columns[1:], row[1:], strict=True) if cell)
+    lines, current = [row[0]], ""
+    for fact in named:
+        if current and len(f"  {current}, {fact}") > width:
+            lines.append(f"  {current}")
+            current = ""
+        current = f"{current}, {fact}" if current else fact
+    return [*lines, f"  {current}"] if current else lines
