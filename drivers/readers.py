@@ -6,6 +6,7 @@ The libraries behind them are imported when they are used, for commands that go 
 import json
 import os
 import stat
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,10 +29,7 @@ MOST_LINES = 200_000
 LINE_DEPTH = 16  # of nested lists and mappings in a line of JSON
 LINE_DIGITS = 18  # of a whole number that fits 64 bits
 LARGEST_SIDE = 16_384  # px, of any camera or phone; a few bytes can declare gigabytes
-PNG_SIGNATURE, JPEG_SIGNATURE = b"\x89PNG\r\n\x1a\n", b"\xff\xd8"
-CHUNK_FRAME = 12  # bytes of a PNG chunk around its data: length, type, checksum
-# second bytes of the JPEG markers that begin a frame, whose header holds height and width
-FRAME_MARKERS = (*range(0xC0, 0xC4), *range(0xC5, 0xC8), *range(0xC9, 0xCC), *range(0xCD, 0xD0))
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 SPECIAL_FILES = {
     stat.S_IFIFO: "a pipe",
     stat.S_IFCHR: "a device",
@@ -152,13 +150,20 @@ def read_picture(path: Path, side: int = LARGEST_SIDE) -> "Image":
 def picture_sides(content: bytes) -> tuple[int, int]:
     """Width and height [px] that the header of a PNG or JPEG declares; zeros for other content.
 
-    Zeros too for a PNG that ends within a chunk: OpenCV allocates what the chunk declares.
+    Zeros too for a PNG whose chunks are broken: OpenCV would allocate what they declare.
     """
-    if content.startswith(PNG_SIGNATURE) and content[12:16] == b"IHDR":
-        if not _holds_its_chunks(content):
-            return 0, 0
-        return int.from_bytes(content[16:20]), int.from_bytes(content[20:24])
-    return _jpeg_sides(content) if content.startswith(JPEG_SIGNATURE) else (0, 0)
+    from PIL import JpegImagePlugin, PngImagePlugin
+
+    is_png = content.startswith(PNG_SIGNATURE)
+    reader: Any = PngImagePlugin.PngImageFile if is_png else JpegImagePlugin.JpegImageFile
+    try:
+        with reader(BytesIO(content)) as picture:  # not Image.open, which has a bound of its own
+            width, height = picture.size
+            if max(width, height) <= LARGEST_SIDE:
+                picture.verify()
+    except (OSError, SyntaxError, ValueError):
+        return 0, 0
+    return width, height
 
 
 def _open_nonblocking(path: str, flags: int) -> int:
@@ -204,29 +209,6 @@ def _parquet_table(content: bytes) -> "pa.Table":
     table.validate(full=True)
     _ = table.schema.names  # raises ValueError where they are no text
     return table
-
-
-def _jpeg_sides(jpeg: bytes) -> tuple[int, int]:
-    """Width and height [px] in the first frame header of a JPEG; zeros where there is none."""
-    at = len(JPEG_SIGNATURE)
-    while at + 9 <= len(jpeg) and jpeg[at] == 0xFF:
-        if jpeg[at + 1] in FRAME_MARKERS:
-            height, width = jpeg[at + 5 : at + 7], jpeg[at + 7 : at + 9]
-            return int.from_bytes(width), int.from_bytes(height)
-        is_fill = jpeg[at + 1] == 0xFF
-        at += 1 if is_fill else 2 + int.from_bytes(jpeg[at + 2 : at + 4])
-    return 0, 0
-
-
-def _holds_its_chunks(png: bytes) -> bool:
-    """Whether a PNG contains the whole data of each of its chunks."""
-    at = len(PNG_SIGNATURE)
-    while at + CHUNK_FRAME <= len(png):
-        ends = png[at + 4 : at + 8] == b"IEND"
-        at += CHUNK_FRAME + int.from_bytes(png[at : at + 4])
-        if ends:
-            break
-    return at <= len(png)
 
 
 def _decode(content: bytes) -> "Image | None":

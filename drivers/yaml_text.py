@@ -77,7 +77,8 @@ def edit_yaml(text: str, content: Mapping[str, Any]) -> str:
         editor.indent(mapping=2, sequence=4, offset=2)
     try:
         document = editor.load(text)
-        _update(document, content)
+        if _edited(document, content) is not document:
+            return dump_yaml(content)
         sink = io.StringIO()
         editor.dump(document, sink)
         new = sink.getvalue()
@@ -168,55 +169,37 @@ def _place(error: yaml.YAMLError) -> str:
     return f"line {mark.line + 1}: {problem}" if mark is not None else str(problem)
 
 
-def _update(node: Any, value: Any) -> None:
-    """Make the YAML mapping or list `node` equal `value` in place, changing only what differs."""
-    if isinstance(value, Mapping):
-        _update_mapping(node, value)
-    else:
-        _update_list(node, value)
+def _edited(old: Any, new: Any) -> Any:
+    """`old`, a node of a document, edited in place to equal `new`; `new` where it cannot be."""
+    if old == new and isinstance(old, bool) == isinstance(new, bool):
+        return old
+    if isinstance(old, MutableMapping) and isinstance(new, Mapping):
+        for key in [key for key in old if key not in new]:
+            del old[key]
+        for key, item in new.items():
+            old[key] = _edited(old.get(key), item)
+        return old
+    if isinstance(old, MutableSequence) and isinstance(new, list | tuple):
+        _edit_list(old, new)
+        return old
+    return new
 
 
-def _update_mapping(node: Any, value: Mapping[str, Any]) -> None:
-    _require_type(node, MutableMapping)
-    for key in [key for key in node if key not in value]:
-        del node[key]
-    for key, item in value.items():
-        node[key] = _merge(node.get(key), item)
-
-
-def _update_list(node: Any, value: Sequence[Any]) -> None:
-    _require_type(node, MutableSequence)
+def _edit_list(node: Any, value: Sequence[Any]) -> None:
+    """Make the list `node` equal `value` in place; entries before or after new ones stay."""
     added = len(value) - len(node)
-    if added > 0 and _nearly_equal(node, value[:-added], besides=1):
+    if added > 0 and _nearly_equal(node, value[:-added]):
         node.extend(value[-added:])
-    elif added > 0 and _nearly_equal(node, value[added:], besides=1):
+    elif added > 0 and _nearly_equal(node, value[added:]):
         # new entries in front: the others keep their comments
         for item in reversed(value[:added]):
             node.insert(0, item)
     elif added:
         node[:] = list(value)
     for i, item in enumerate(value):
-        node[i] = _merge(node[i], item)
+        node[i] = _edited(node[i], item)
 
 
-def _nearly_equal(node: Sequence[Any], value: Sequence[Any], besides: int) -> bool:
-    """Whether two lists of equal length differ in at most `besides` entries."""
-    return len([1 for one, other in zip(node, value, strict=True) if one != other]) <= besides
-
-
-def _merge(old: Any, new: Any) -> Any:
-    """`old` where it equals `new`, changed in place where it can be, or else `new`."""
-    if old == new and isinstance(old, bool) == isinstance(new, bool):
-        return old
-    if isinstance(old, MutableMapping) and isinstance(new, Mapping):
-        _update(old, new)
-        return old
-    if isinstance(old, MutableSequence) and isinstance(new, list | tuple):
-        _update(old, new)
-        return old
-    return new
-
-
-def _require_type(node: Any, kind: type) -> None:
-    if not isinstance(node, kind):
-        raise TypeError(f"is {type(node).__name__}, not {kind.__name__}")
+def _nearly_equal(node: Sequence[Any], value: Sequence[Any]) -> bool:
+    """Whether two lists of equal length differ in at most one entry."""
+    return len([1 for one, other in zip(node, value, strict=True) if one != other]) <= 1

@@ -180,8 +180,8 @@ def note(
     text: Annotated[str | None, typer.Option(help="The note, in place of an earlier one.")] = None,
 ) -> None:
     """Tag runs, or write a note on them; both are kept in the run and found by `cell runs`."""
+    from cell.record.documents import annotate
     from cell.record.files import check_run
-    from cell.record.notes import annotate
 
     if not tag and not untag and text is None:
         raise ConfigurationError("--tag, --untag, --text: give one at least, as --tag good")

@@ -9,7 +9,6 @@ from cell.devices.devices import DeviceSelection
 from cell.devices.open import is_real, real_camera
 from cell.doctor import devices, machine
 from cell.doctor.check import Check, State
-from cell.doctor.network import network
 from drivers.errors import CellError, PreflightRefused
 
 ASKED, BRIEF = 60.0, 2.0  # s of the network's test: by the doctor, and before each real session
@@ -64,7 +63,7 @@ def _arm(settings: CellFile, choice: DeviceSelection, seconds: float) -> Iterato
         answering = devices.robot(address)
         yield answering
         if answering.state is State.PASS:
-            yield network(address, seconds)
+            yield devices.network(address, seconds)
 
 
 def check_motion(settings: CellFile, choice: DeviceSelection, *, camera: bool = False) -> None:

@@ -1,14 +1,17 @@
-"""Conversion of a record's values to plain Python values, to YAML documents and lines of JSON."""
+"""YAML documents and lines of JSON of a record, from plain values; and an operator's notes."""
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from drivers.files import replace_file
-from drivers.yaml_text import dump_yaml
+from cell.record.files import NOTES
+from cell.record.header import Recorded
+from drivers.files import change_file, replace_file
+from drivers.settings import parse
+from drivers.yaml_text import dump_yaml, parse_yaml
 
 
 def plain(value: object) -> Any:
@@ -46,3 +49,32 @@ def json_line(content: Mapping[str, Any]) -> bytes:
     """Encode `content` as one line of JSON."""
     text = json.dumps(plain(content), ensure_ascii=False, separators=(", ", ": "))
     return text.encode(errors="backslashreplace") + b"\n"
+
+
+class Notes(Recorded):
+    """Contents of notes.yaml; `tags` are separated by spaces."""
+
+    tags: str = ""
+    note: str = ""
+
+
+def annotate(
+    run: Path, add: Iterable[str] = (), remove: Iterable[str] = (), text: str | None = None
+) -> str:
+    """Add and remove tags of the run in the folder `run`; `text`, if any, becomes its note.
+
+    Returns the tags, separated by spaces. Raises ConfigurationError, and changes nothing, where
+    the notes cannot be read or written.
+    """
+    path, tags = run / NOTES, ""
+
+    def change(old: str) -> str:
+        nonlocal tags
+        content = parse_yaml(old, str(path)) if old else {}
+        notes = parse(content, Notes, str(path))
+        tags = " ".join(sorted({*notes.tags.split(), *add} - set(remove)))
+        note = notes.note if text is None else text
+        return dump_yaml({"schema": 1, **content, "tags": tags, "note": note})
+
+    change_file(path, change)
+    return tags

@@ -1,14 +1,19 @@
-"""Reading and writing of films: images with the time of each."""
+"""Films, images with the time of each: read, written, and encoded during a run."""
 
+import os
+import queue
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Literal, Self
 
 import numpy as np
 
+from drivers.child import Child, ChildDied, SharedImage
 from drivers.errors import ConfigurationError
 from drivers.files import check_writable, replacing, writing
 from drivers.types import Frame, Image
@@ -23,6 +28,10 @@ QUALITY = {
 }
 # Of an .mp4: every image is on its way to the disk once the next one is encoded.
 FRAGMENTS = {"movflags": "frag_every_frame+empty_moov+default_base_moof", "flush_packets": "1"}
+QUEUE = 16  # images of 2.8 MB: at most 45 MB wait for the encoder
+POLITE = 10  # nice value of the encoder
+ENCODER_TIMEOUT = 20.0  # s to encode an image, or to complete the film: then the encoder hangs
+BREAKS_OFF, HANGS = "the film breaks off", "its encoder hangs"
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,3 +180,157 @@ def index_film(path: Path) -> None:
                 if packet.dts is not None:
                     packet.stream = stream
                     new.mux(packet)
+
+
+class FilmEncoder:
+    """Writes a film into the file at `path`; an image for which the queue has no room is left out.
+
+    The encoder has a process of its own, beside a control loop on the wall clock: a thread that
+    lost its core while it held the interpreter would hold up the loop. Where the clock is virtual,
+    `patient`, it is a thread, and `put` waits for room. `failure` says why the film breaks off, if
+    it does: no run waits for an encoder that hangs.
+    """
+
+    def __init__(self, path: Path, encoder: str, patient: bool) -> None:
+        self.failure = ""
+        self._patient, self._count = patient, 0
+        self._begun = threading.Event()
+        self._waiting: queue.Queue[tuple[float, Image] | None] = queue.Queue(QUEUE)
+        self._thread = threading.Thread(
+            target=self._encode_queue, args=(path, encoder), name="film", daemon=True
+        )
+        self._thread.start()
+        self._begun.wait(ENCODER_TIMEOUT)
+
+    def put(self, stamp: float, image: Image) -> int | None:
+        """Film `image` (h, w, 3), taken at `stamp` [s], later than the last one.
+
+        Returns its number in the film, None for an image that is left out.
+        """
+        if self.failure:
+            return None
+        try:
+            self._waiting.put((stamp, image), self._patient, ENCODER_TIMEOUT)
+        except queue.Full:
+            self.failure = f"{BREAKS_OFF}: {HANGS}" if self._patient else ""
+            return None
+        self._count += 1
+        return self._count - 1
+
+    def close(self) -> None:
+        """Wait until the film is complete, or its encoder hangs."""
+        with suppress(queue.Full):
+            self._waiting.put(None, timeout=ENCODER_TIMEOUT)
+        self._thread.join(ENCODER_TIMEOUT)
+        if self._thread.is_alive():
+            self.failure = f"{BREAKS_OFF}: {HANGS}"
+
+    def _encode_queue(self, path: Path, encoder: str) -> None:
+        writer = FilmWriter if self._patient else FilmProcess
+        try:
+            with writer(path, encoder) as film:
+                self._begun.set()
+                while (item := self._waiting.get()) is not None:
+                    film.add(*item)
+        except Exception as error:  # noqa: BLE001  a film is for eyes: no run ends for its sake
+            self.failure = f"{BREAKS_OFF}: {error}"
+            self._begun.set()
+            while self._waiting.get() is not None:
+                pass
+
+
+@dataclass(frozen=True, slots=True)
+class AddImage:
+    """Message to the film's process: append the shared image, `shape` (h, w, 3), of `stamp` [s]."""
+
+    stamp: float
+    shape: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Complete:
+    """Message to the film's process: no image follows, complete the film."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """Answer of the film's process: the film is open, has the last image, or is complete."""
+
+
+class FilmProcess:
+    """A `FilmWriter` in another process, which completes its film if this process dies."""
+
+    def __init__(self, path: Path, encoder: str) -> None:
+        """Start the process; returns once the film at `path` can take its first image.
+
+        Raises OSError with the reason where it cannot.
+        """
+        self._image = SharedImage()
+        self._child = Child(encode, path, encoder, self._image)
+        try:
+            self._await_answer()
+        except OSError:
+            self._close()
+            raise
+
+    def add(self, stamp: float, image: Image) -> None:
+        """Add an `image` (h, w, 3) of even sides, taken at `stamp` [s], later than the last one.
+
+        Raises OSError with the reason where the film has broken off.
+        """
+        self._image.write(image)
+        self._child.send(AddImage(stamp, image.shape))
+        self._await_answer()
+
+    def __enter__(self) -> Self:
+        """Return this writer."""
+        return self
+
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        """Wait until the film is complete; raises OSError with the reason where it is not.
+
+        After an `error` in the block the film has broken off, and that is its reason.
+        """
+        try:
+            if error is None:
+                self._child.send(Complete())
+                self._await_answer()
+        finally:
+            self._close()
+
+    def _close(self) -> None:
+        self._child.close(ENCODER_TIMEOUT)
+        self._image.close()
+
+    def _await_answer(self) -> None:
+        try:
+            answer = self._child.receive(ENCODER_TIMEOUT)
+        except ChildDied as died:
+            self._child.close()
+            known = died.failure
+            reason = "its process has ended" if known is None else known.text or known.error
+            raise OSError(reason) from None
+        if answer is None:
+            self._child.kill()
+            raise OSError(HANGS)
+
+
+def encode(pipe: Connection, path: Path, encoder: str, image: SharedImage) -> None:
+    """Run in the process: encode each image handed over until the other end closes `pipe`."""
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    with FilmWriter(path, encoder) as film:
+        pipe.send(Ready())
+        os.setpriority(os.PRIO_PROCESS, 0, POLITE)
+        while (wanted := _next_image(pipe)) is not None:
+            film.add(wanted.stamp, image.read(wanted.shape))
+            pipe.send(Ready())
+    pipe.send(Ready())
+
+
+def _next_image(pipe: Connection) -> AddImage | None:
+    """The next image to encode; None at the end of the film, or of its parent."""
+    try:
+        wanted = pipe.recv()
+    except (EOFError, ConnectionResetError):
+        return None
+    return wanted if isinstance(wanted, AddImage) else None

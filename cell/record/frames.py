@@ -14,8 +14,7 @@ import numpy as np
 from cell.record.documents import json_line
 from cell.record.events import lift_time
 from cell.record.files import FILM, Keep
-from cell.record.film import Encoder
-from cell.record.film_encoder import FilmEncoder
+from cell.record.film import Encoder, FilmEncoder
 from drivers.errors import ConfigurationError
 from drivers.files import new_file, replace_file, write_all
 from drivers.readers import read_json_lines, read_picture

@@ -87,8 +87,8 @@ class Run:
 
     def _repr_html_(self) -> str:
         """Film of the run, or else its last kept image, for a notebook."""
-        kept = [note.file for note in self.frame_index() if note.file]
-        shown = next(filter(Path.is_file, (self.folder / FILM, *kept[::-1])), None)
+        kept = [note.file for note in self.kept_images()[::-1] if note.file]
+        shown = next(filter(Path.is_file, (self.folder / FILM, *kept)), None)
         outcome = "no result" if self.result is None else self.result.outcome
         said = escape(f"{self.name}: {outcome.replace('_', ' ')}")
         if shown is None:
@@ -149,6 +149,10 @@ class Run:
         """Index entries of all processed images, in order; none in a laboratory's run."""
         return read_index(self.folder)
 
+    def kept_images(self) -> list[FrameNote]:
+        """Index entries of the images whose files were kept, in order."""
+        return [note for note in self.frame_index() if note.file is not None]
+
     def film_stamps(self) -> dict[int, float]:
         """Stamps [s] of the images of the run's film by their number in it; none without a film."""
         notes = self.frame_index() if (self.folder / FILM).is_file() else ()
@@ -159,7 +163,7 @@ class Run:
 
         Raises ConfigurationError for an image that differs from the recorded one.
         """
-        for note in self.frame_index():
+        for note in self.kept_images():
             frame = _attempt(lambda: read_frame(note), lambda: None, [], lenient=self.lenient)  # noqa: B023
             if frame is not None:
                 yield frame

@@ -16,7 +16,7 @@ from cell.report.words import MINUS, NO_VALUE, event_title, millimetres, millise
 
 FREQUENT = 40  # more of one kind are counted, not listed
 LISTED_EVENTS = 400
-LONGEST_TEXT = 160  # characters of a value
+LONGEST_TEXT, LONGEST_LIST = 160, 100  # characters of a value, and of a list
 HEIGHT_ON_DESK = 0.01  # m, above which a gripper has lifted the strip
 PREFLIGHT = "preflight"
 LEFT_OUT = frozenset({"config", "preflight", "schema", "provenance", "spread", "plant_sha256"})
@@ -61,11 +61,17 @@ def _duration(run: Run) -> float | None:
 
 
 def settings_rows(run: Run) -> Rows:
-    """Rows of the run's settings: nested keys joined by dots; long lists are counted."""
+    """Rows of the run's settings: nested keys joined by dots, long lists by their length.
+
+    Empty values, and a correction of zero, are left out.
+    """
     content = run.header.model_dump(by_alias=True, exclude_none=True)
-    rows = [(key, _text(key, value)) for key, value in _flatten(content)]
-    silent = {("learning", "0"), ("learning", "None")}  # a correction by nothing
-    return [(k, text) for k, text in rows if text and (k.partition(".")[0], text) not in silent]
+    rows = [(key, _text(key, value)) for key, value in flatten(content)]
+    return [(k, text) for k, text in rows if text and not _is_null_correction(k, text)]
+
+
+def _is_null_correction(key: str, text: str) -> bool:
+    return key.startswith("learning.") and text in {"0", "None"}
 
 
 def checks(run: Run) -> list[tuple[str, str, str]]:
@@ -158,12 +164,13 @@ def _time_span(t: Any) -> float:
     return float(t[-1] - t[0]) if t.size else 0.0
 
 
-def _flatten(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def flatten(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Keys of nested settings joined by dots, and their values, but for what is LEFT_OUT."""
     for key, value in content.items():
         if key in LEFT_OUT:
             continue
         if isinstance(value, Mapping):
-            yield from _flatten(value, f"{prefix}{key}.")
+            yield from flatten(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}", value
 
@@ -174,7 +181,7 @@ def _text(key: str, value: Any) -> str:
         return millimetres(value)
     if isinstance(value, list | tuple):
         joined = ", ".join(str(item) for item in value)
-        return joined if len(joined) <= 100 else f"{len(value)} entries"
+        return joined if len(joined) <= LONGEST_LIST else f"{len(value)} entries"
     return _value(name, value)
 
 

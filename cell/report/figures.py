@@ -11,7 +11,7 @@ from cell.record.events import Outlook
 from cell.record.header import AgreementNote, Interval, Result
 from cell.record.run import Run
 from cell.report.drawing import BLUE, GREEN, INK, MUTED, ORANGE, PAPER, PURPLE, RULE, as_svg, canvas
-from cell.report.overlay import Silhouette, fold_tips
+from cell.report.overlay import Silhouette, evenly_chosen, fold_tips
 from cell.report.words import MINUS, millimetres
 from drivers.types import Array
 
@@ -56,7 +56,7 @@ def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
 
     with canvas(8.4, 4.5, layout=None) as figure:
         axes = figure.add_axes((0.066, 0.1, 0.85, 0.885), aspect="equal", anchor="W")
-        curves = _evenly_chosen(run.profile.curves(), CURVES)
+        curves = evenly_chosen(run.profile.curves(), CURVES)
         first, last = _time_range(run)
         colours = LinearSegmentedColormap.from_list("time", TIME)
         for t, points in curves:
@@ -100,11 +100,6 @@ def signals_figure(run: Run) -> str:
         first, last = above.get_xlim()
         edges = f'data-left="{LEFT}" data-right="{RIGHT}" data-first="{first:.4f}"'
         return as_svg(figure).replace("<svg", f'<svg {edges} data-last="{last:.4f}"', 1)
-
-
-def _evenly_chosen(curves: list[tuple[float, Array]], count: int) -> list[tuple[float, Array]]:
-    chosen = np.unique(np.linspace(0, len(curves) - 1, count).round().astype(int))
-    return [curves[i] for i in chosen] if curves else []
 
 
 def _time_range(run: Run) -> tuple[float, float]:
@@ -225,26 +220,28 @@ def predictions(result: Result | None) -> list[tuple[str, str]]:
 def outlook_figure(run: Run, outlook: Outlook) -> str:
     """Figure (SVG) of predicted displacement and strip parameters over time, with one sigma."""
     with canvas(8.4, 4.2, layout=None) as figure:
-        frame = {"left": 0.075, "right": 0.995, "top": 0.985, "bottom": 0.105}
+        frame = {"left": LEFT, "right": RIGHT, "top": 0.985, "bottom": 0.105}
         grid = figure.subplots(
             2, 2, sharex=True, gridspec_kw=frame | {"wspace": 0.19, "hspace": 0.07}
         )
-        for axes, (name, (label, scale, colour)) in zip(grid.flat, PANELS.items(), strict=True):
-            _draw_prediction(axes, outlook, name, scale, colour)
-            axes.set_ylabel(label)
+        panels = dict(zip(PANELS, grid.flat, strict=True))
+        for name, axes in panels.items():
+            _draw_prediction(axes, outlook, name)
         measured = None if run.result is None else run.result.displacement
         if measured is not None:
-            grid[0, 0].axhline(1e3 * measured, color=INK, lw=1, ls=(0, (1, 2)))
+            panels["displacement"].axhline(1e3 * measured, color=INK, lw=1, ls=(0, (1, 2)))
         for axes in grid[1]:
             axes.set_xlabel("t  [s]")
         return as_svg(figure)
 
 
-def _draw_prediction(axes: Any, outlook: Outlook, name: str, scale: float, colour: str) -> None:
-    """Draw one predicted quantity over time, with its band of one sigma."""
+def _draw_prediction(axes: Any, outlook: Outlook, name: str) -> None:
+    """Draw the predicted quantity `name` of PANELS over time, with its band of one sigma."""
+    label, scale, colour = PANELS[name]
     value, low, high = (scale * outlook.column(name + end) for end in ("", "_low", "_high"))
     axes.fill_between(outlook.t, low, high, color=colour, alpha=0.22, lw=0, gid="one sigma")
-    axes.plot(outlook.t, value, color=colour, lw=1.2, gid=PANELS[name][0].partition("  [")[0])
+    axes.plot(outlook.t, value, color=colour, lw=1.2, gid=label.partition("  [")[0])
+    axes.set_ylabel(label)
     if name == "displacement":
         axes.axhline(0, color=MUTED, lw=0.6)
         ends = np.abs(np.concatenate([low, high]))

@@ -1,8 +1,10 @@
 """Kept images of a run with the measurements and the laid strip's outline drawn into them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +25,7 @@ from drivers.settings import parse
 from drivers.strip.file import StripFile
 from drivers.types import Array, Image
 
+Item = TypeVar("Item")
 SHOWN_IMAGES = 6
 WIDTH, CLOSE_WIDTH = 960, 1280  # px
 VIEW_MARGIN = 0.06  # m around the motion
@@ -60,24 +63,37 @@ def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPict
 
     An image that cannot be read is skipped.
     """
-    kept = [note for note in run.frame_index() if note.file is not None]
-    chosen = np.unique(
-        np.linspace(0, len(kept) - 1, min(SHOWN_IMAGES, len(kept))).round().astype(int)
-    )
     calibration, sights, curves = run.calibration(), run.sights(), dict(run.profile.curves())
     tips = fold_tips(sights, run.ticks)
     pictures = []
-    for note in (kept[i] for i in chosen):
-        image = _read(note)
-        if image is None:
-            continue
-        if calibration is not None and _matches_size(image, calibration):
+    for note, recorded in _readable(evenly_chosen(run.kept_images(), SHOWN_IMAGES)):
+        image = recorded
+        if calibration is not None and _matches_size(recorded, calibration):
             window = window_on(run.ticks, calibration)
-            image = _with_sight(image, note, calibration, sights, tips, curves)
+            image = _with_sight(recorded, note, calibration, sights, tips, curves)
             image = window.of(_with_outline(image, note.sequence, outlines))
-        whole = frame_file(Path(), note.sequence).as_posix()
-        pictures.append(KeyPicture(jpeg_text(image, WIDTH), _caption(note, run, sights), whole))
+        pictures.append(_picture(image, WIDTH, _caption(note, run, sights), note))
     return tuple(pictures)
+
+
+def evenly_chosen(items: Sequence[Item], count: int) -> list[Item]:
+    """At most `count` of `items`, evenly spread from the first to the last."""
+    places = np.linspace(0, len(items) - 1, min(count, len(items))).round().astype(int)
+    return [items[i] for i in np.unique(places)]
+
+
+def _readable(notes: Iterable[FrameNote]) -> Iterator[tuple[FrameNote, Image]]:
+    """Index entries of images that can be read, each with its image (h, w, 3)."""
+    for note in notes:
+        with suppress(ConfigurationError):
+            if note.file is not None:
+                yield note, read_picture(note.file)
+
+
+def _picture(image: Image, width: int, caption: str, note: FrameNote) -> KeyPicture:
+    """Picture of `image`, made `width` [px] wide, that links to the file of its `note`."""
+    whole = frame_file(Path(), note.sequence).as_posix()
+    return KeyPicture(jpeg_text(image, width), caption, whole)
 
 
 def close_ups(run: Run) -> tuple[KeyPicture, ...]:
@@ -85,7 +101,7 @@ def close_ups(run: Run) -> tuple[KeyPicture, ...]:
 
     Empty without a calibration; an image that cannot be read is skipped.
     """
-    kept = [note for note in run.frame_index() if note.file is not None]
+    kept = run.kept_images()
     calibration, touch = run.calibration(), None if run.result is None else run.result.t_layer_touch
     if not kept or calibration is None:
         return ()
@@ -95,13 +111,12 @@ def close_ups(run: Run) -> tuple[KeyPicture, ...]:
         chosen = {"where the layers touch": first} | chosen
     reach = float(np.max(run.ticks.x, initial=0.1))
     pictures = []
-    for words, note in chosen.items():
-        image = _read(note)
-        if image is not None and _matches_size(image, calibration):
-            whole = frame_file(Path(), note.sequence).as_posix()
-            caption = f"{words}  ·  {seconds(note.stamp)}"
-            jpeg = jpeg_text(_laid_part(image, calibration, reach), CLOSE_WIDTH)
-            pictures.append(KeyPicture(jpeg, caption, whole))
+    for words, shown in chosen.items():
+        for note, image in _readable([shown]):
+            if _matches_size(image, calibration):
+                part = _laid_part(image, calibration, reach)
+                caption = f"{words}  ·  {seconds(note.stamp)}"
+                pictures.append(_picture(part, CLOSE_WIDTH, caption, note))
     return tuple(pictures)
 
 
@@ -119,9 +134,7 @@ def _laid_part(image: Image, calibration: Calibration, reach: float) -> Image:
 
 def poster(run: Run) -> str:
     """First readable kept image, as JPEG in text form; empty without one."""
-    images = (_read(note) for note in run.frame_index() if note.file is not None)
-    first = next((image for image in images if image is not None), None)
-    return "" if first is None else jpeg_text(first)
+    return next((jpeg_text(image) for _, image in _readable(run.kept_images())), "")
 
 
 def _matches_size(image: Image, calibration: Calibration) -> bool:
@@ -182,15 +195,6 @@ def _pixels(points: Array, calibration: Calibration) -> NDArray[np.int32]:
     return np.rint(EIGHTHS * pixels[inside]).astype(np.int32)
 
 
-def _read(note: FrameNote) -> Image | None:
-    if note.file is None:
-        return None
-    try:
-        return read_picture(note.file)
-    except ConfigurationError:
-        return None
-
-
 def _with_sight(
     image: Image,
     note: FrameNote,
@@ -238,7 +242,7 @@ def silhouettes(run: Run) -> tuple[Silhouette, ...]:
 
 
 def _outlines(run: Run) -> Iterator[Silhouette]:
-    kept = [note for note in run.frame_index() if note.file is not None]
+    kept = run.kept_images()
     laying = [note for note in kept if state_at(run, note.stamp) in SILHOUETTE_STATES]
     flat = next((note for note in kept if note.stamp < 0), None)
     before = None if flat is None else read_frame(flat)
@@ -252,8 +256,7 @@ def _outlines(run: Run) -> Iterator[Silhouette]:
     if appearance is None:
         return
     perception = Perception(calibration, settings, strip, appearance)
-    chosen = np.unique(np.linspace(0, len(laying) - 1, SHOWN_IMAGES).round().astype(int))
-    for frame in filter(None, (read_frame(laying[i]) for i in chosen)):
+    for frame in filter(None, map(read_frame, evenly_chosen(laying, SHOWN_IMAGES))):
         pixels = perception.outline(frame, run.ticks.pose_at(frame.stamp))
         if len(pixels):
             state = state_at(run, frame.stamp)

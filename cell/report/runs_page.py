@@ -1,7 +1,7 @@
 """HTML pages on several runs: the list with thumbnails, and the comparison of some."""
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from cell.record.frames import read_index
 from cell.record.listing import RunRow, read_row
 from cell.record.run import Run, read_broken_run
 from cell.report.drawing import MUTED, as_svg, canvas
-from cell.report.facts import LEFT_OUT, settings_rows
+from cell.report.facts import flatten, settings_rows
 from cell.report.kit import Link, jpeg_text, page
 from cell.report.page import film_of, truth_of
 from cell.report.verdict import Verdict
@@ -159,22 +159,13 @@ def _differences(runs: Sequence[Run], truths: Sequence[Mapping[str, Any]]) -> li
     """
     settings = []
     for run, truth in zip(runs, truths, strict=True):
-        stated = dict(settings_rows(run)) | dict(_flatten(run.header.config or {}, "cell"))
-        stated |= dict(_flatten(truth.get("plant", {}), "plant"))
-        settings.append(stated)
+        known = {"cell": run.header.config or {}, "plant": truth.get("plant", {})}
+        texts = {key: str(value) for key, value in flatten(known)}
+        settings.append(dict(settings_rows(run)) | texts)
     keys = dict.fromkeys(key for each in settings for key in each if key not in PER_RUN_KEYS)
     rows = [(key, *(each.get(key, NO_VALUE) for each in settings)) for key in keys]
     heading = ("setting", *(_short_name(run) for run in runs))
     return [heading, *(row for row in rows if len(set(row[1:])) > 1)]
-
-
-def _flatten(content: object, prefix: str) -> Iterator[tuple[str, str]]:
-    if isinstance(content, dict):
-        for key, value in content.items():
-            if key not in LEFT_OUT:
-                yield from _flatten(value, f"{prefix}.{key}")
-    else:
-        yield prefix, str(content)
 
 
 def _shapes(runs: Sequence[Run]) -> str:

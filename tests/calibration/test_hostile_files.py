@@ -5,6 +5,7 @@ import struct
 from base64 import b64encode
 from contextlib import suppress
 from pathlib import Path
+from zlib import crc32
 
 import cv2
 import numpy as np
@@ -49,8 +50,9 @@ def test_spoilt_files_are_refused_in_one_line_or_hold_nothing(spoilt: Path) -> N
 
 
 def test_picture_of_sixty_thousand_pixels_is_refused_before_it_is_decoded(tmp_path: Path) -> None:
-    head = b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sII", 13, b"IHDR", 60_000, 60_000)
-    (tmp_path / "p.png").write_bytes(head + b"\x08\x02\x00\x00\x00" + b"\x00" * 40)
+    head = struct.pack(">4sII5B", b"IHDR", 60_000, 60_000, 8, 2, 0, 0, 0)
+    png = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + head + struct.pack(">I", crc32(head))
+    (tmp_path / "p.png").write_bytes(png + struct.pack(">I4s40x", 40, b"IDAT"))
     with pytest.raises(ConfigurationError, match="60000 x 60000 px"):
         read_picture(tmp_path / "p.png")
 

@@ -51,6 +51,7 @@ COMMENT = re.compile(r"^[ \t]*(?:#|%|//).*\n?", re.MULTILINE)
 SEPARATOR = re.compile(r"sep=(.)\r?\n")  # a spreadsheet's first line
 MARKS = ";\t|,"  # between columns, of equally many the likeliest first
 DECIMAL_COMMA = re.compile(r"(?m)(?:^|[;\t|]) *-?\d+,\d+(?:[eE][-+]?\d+)? *(?:$|[;\t|\r])")
+EMPTY = ("", "nan", "NaN", "NA")  # cells of a CSV without a value
 ISO = " or times as 2026-01-31T12:00:00.250"
 FILE = re.compile(r"[^/\\]+\.(csv|txt|tsv|parquet)")
 
@@ -142,11 +143,11 @@ class MappingFile(Settings):
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Source of one run's tables: its file or folder, the run's name, and YAML files by name.
+    """Where one run's foreign tables come from: path, name of the run, and YAML files by name.
 
-    `names` are those of its tables. `table` returns the table that a mapping names; it raises
-    ConfigurationError without one.
-    `images` yields the images of a film, with the row of `ticks` at which each was taken.
+    `names` are those of its tables; `table` returns the one that a mapping names, and raises
+    ConfigurationError without one. `images` yields the images of a film, with the row of `ticks` at
+    which each was taken.
     """
 
     path: Path
@@ -228,7 +229,7 @@ def _csv(path: Path, table: Table[Any]) -> pa.Table:
         names = content.partition(head)[0].rpartition("\n")[0].rpartition("\n")[2]
         rows = f"{names.lstrip('#%/ ')}\n{rows}" if COMMENT.match(names) else rows
     parse = pc.ParseOptions(delimiter=delimiter)
-    convert = pc.ConvertOptions(decimal_point=decimal, null_values=["", "nan", "NaN", "NA"])
+    convert = pc.ConvertOptions(decimal_point=decimal, null_values=list(EMPTY))
     try:
         return pc.read_csv(
             io.BytesIO(f"{rows}\n".encode()), parse_options=parse, convert_options=convert
@@ -240,9 +241,10 @@ def _csv(path: Path, table: Table[Any]) -> pa.Table:
         ) from None
 
 
-def _is_number(value: object) -> bool:
+def _is_number(text: str) -> bool:
+    """Whether `text` is a number as `float` reads it."""
     try:
-        float(str(value))
+        float(text)
     except ValueError:
         return False
     return True
@@ -272,8 +274,10 @@ def _values(
     if known is TIMES and (seconds := seconds_of(raw)) is not None:
         return seconds
     if (numbers := numbers_of(raw)) is None:
-        words = enumerate(raw.to_pylist(), 1)
-        where = next((f" ({w!r} in row {row})" for row, w in words if w and not _is_number(w)), "")
+        cells = [
+            (row, str(v)) for row, v in enumerate(raw.to_pylist(), 1) if v not in (None, *EMPTY)
+        ]
+        where = next((f" ({v!r} in row {row})" for row, v in cells if not _is_number(v)), "")
         raise ConfigurationError(
             f"{path}: column {column.column!r} for {name} holds {raw.type}{where}, must hold "
             f"numbers{ISO if known is TIMES else ''}; state the file's `decimal` in "

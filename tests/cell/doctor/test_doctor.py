@@ -14,8 +14,8 @@ from cell.config.places import CHECKOUT_CONFIGS, Configs, find_configs
 from cell.devices.devices import DeviceSelection
 from cell.doctor import devices, machine
 from cell.doctor.check import Check, State
+from cell.doctor.devices import Link, judge_link, link_of, measure_link
 from cell.doctor.doctor import checks, refuse_red
-from cell.doctor.network import Link, judge_link, link_of, measure_link
 from drivers.errors import CellError, PreflightRefused
 from drivers.fci_server.server import RobotServer
 from tests.cell.conftest import straight_camera

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from cell.record.files import FILM
-from cell.record.film import Film, FilmWriter
-from cell.record.film_encoder import QUEUE, FilmEncoder, FilmProcess
+from cell.record.film import QUEUE, Film, FilmEncoder, FilmProcess, FilmWriter
 from cell.record.frames import read_index
 from cell.record.run import read_run
 from cell.record.writer import RunWriter
@@ -94,7 +93,7 @@ def test_encoder_that_lags_loses_images_of_the_film_and_of_nothing_else(tmp_path
     monkeypatch.setattr(FilmWriter, "add", lambda *arguments: gate.wait() and add(*arguments))
     close = FilmEncoder.close
     monkeypatch.setattr(FilmEncoder, "close", lambda film: gate.set() or close(film))
-    monkeypatch.setattr("cell.record.film_encoder.FilmProcess", FilmWriter)
+    monkeypatch.setattr("cell.record.film.FilmProcess", FilmWriter)
     run = filmed(tmp_path, patient=False, count=QUEUE + 12)
     notes = run.frame_index()
     assert all(note.sha256 for note in notes)
@@ -133,7 +132,7 @@ def test_film_whose_process_is_killed_breaks_off_and_not_the_run(tmp_path):
 
 
 def test_encoder_that_hangs_ends_the_film_and_not_the_run(tmp_path, monkeypatch):
-    monkeypatch.setattr("cell.record.film_encoder.ENCODER_TIMEOUT", 0.2)
+    monkeypatch.setattr("cell.record.film.ENCODER_TIMEOUT", 0.2)
     monkeypatch.setattr(FilmWriter, "add", lambda *_: threading.Event().wait())
     run = filmed(tmp_path, count=QUEUE + 12)
     assert run.result.outcome == "path_done"

@@ -11,8 +11,8 @@ import yaml
 from typer.testing import CliRunner
 
 from cell.cli.app import app
+from cell.record.documents import annotate
 from cell.record.listing import list_runs, read_row
-from cell.record.notes import annotate
 from cell.report.page import write_report
 from drivers.errors import ConfigurationError
 
