@@ -7,10 +7,9 @@ from typing import Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.strip.engine import Observables, Stepper
+from drivers.strip.engine import Observables, Stepper, Touch
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
-from drivers.strip.shape import Touch
 from drivers.types import Array
 from policies.path import TAKEOVER_HEIGHT, Path
 from policies.policy import Decision, Policy

@@ -20,7 +20,7 @@ from drivers.errors import ConfigurationError
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect
 from drivers.strip.file import StripFile
-from drivers.strip.rod.motions import GripperPath
+from drivers.strip.rod.engine import GripperPath
 from drivers.types import Array
 
 LADDER = np.geomspace(1e-2, 1.0, 12)  # shares of the way from null to the largest believable

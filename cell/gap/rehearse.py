@@ -38,7 +38,7 @@ from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
-from drivers.strip.rod.motions import GripperPath
+from drivers.strip.rod.engine import GripperPath
 from drivers.types import frozen
 
 PLAN, JOURNAL, PAGE = "plan.json", "journal", "rehearsal.md"

@@ -1,4 +1,4 @@
-"""Protocol of a strip engine that steps a batch, and simulation of one motion."""
+"""Protocol of a strip engine that steps a batch, its results, and the rule for its nodes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,10 +6,23 @@ from typing import Protocol
 
 import numpy as np
 
-from drivers.strip.grip_path import true_path
 from drivers.strip.model import StripModel
-from drivers.strip.shape import Touch
 from drivers.types import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """First touch of the layers: its time [s], its x [m], and the lengths [m] to both edges."""
+
+    time: float
+    x: float
+    to_grasped: float
+    to_fixed: float
+
+    @property
+    def displacement(self) -> float:
+        """Misalignment d = l1 - l2 [m] of the layers (paper, figure of l1 and l2)."""
+        return self.to_grasped - self.to_fixed
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,39 +84,14 @@ class StripMotion:
     touch: Touch | None
 
 
-def simulate(
-    engine: Stepper,
-    model: StripModel,
-    t: Array,
-    poses: Array,
-    *,
-    dt: float = 0.005,
-    shapes: bool = False,
-) -> StripMotion:
-    """Simulate one strip along a gripper path of times `t` (m,) [s] and `poses` (m, 3).
+def graded_nodes(length: float, pieces: int, share: float, finest: float) -> Array:
+    """Arc lengths (pieces + 1,) [m] of nodes that are equally spaced, closer near the grip.
 
-    Stops at layer_touch. The path is the reported one; the true one follows from the model's rig.
+    Over the last `share` of the segments their length shrinks to `finest` times the others'. Near
+    the grip a taut strip bends within sqrt(EI / T), a millimetre or two; where it leaves the desk
+    depends on the length of that bend.
     """
-    t, poses = true_path(model.rig, t, poses)
-    engine.reset([model])
-    elapsed = np.arange(dt, t[-1] - t[0] + 0.5 * dt, dt)
-    path = np.stack([np.interp(elapsed + t[0], t, poses[:, c]) for c in range(3)], axis=1)
-    seen: list[Observables] = []
-    curves: list[Array] = []
-    for pose in path:
-        seen.append(engine.step(pose[None], dt))
-        if shapes:
-            curves.append(engine.shapes()[0].copy())
-        if seen[-1].touch[0] is not None:
-            break
-    nodes = engine.shapes().shape[1]
-    return StripMotion(
-        t=elapsed[: len(seen)] + t[0],
-        poses=path[: len(seen)],
-        contact_x=np.array([step.contact_x[0] for step in seen]),
-        tip=np.array([step.tip[0] for step in seen]),
-        holding_force=np.array([step.holding_force[0] for step in seen]),
-        grip_force=np.array([step.grip_force[0] for step in seen]).reshape(-1, 2),
-        shapes=np.array(curves) if curves else np.empty((0, nodes, 2)),
-        touch=seen[-1].touch[0] if seen else None,
-    )
+    before_grip = (pieces - 0.5 - np.arange(pieces)) / pieces
+    spans = np.minimum(1.0, finest ** (1.0 - before_grip / share))
+    arc = np.concatenate([[0.0], np.cumsum(spans)])
+    return np.asarray(arc * (length / arc[-1]))

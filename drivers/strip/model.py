@@ -7,12 +7,12 @@ engine lumps them onto its own nodes with `Mechanics.mean` and `Mechanics.total`
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
 
-from drivers.errors import ConfigurationError
+from drivers.errors import ConfigurationError, Unsupported
 from drivers.strip.file import GRAVITY
 from drivers.types import Array, frozen
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 T = TypeVar("T", bound="DataclassInstance")
 CELLS = 600
 SOFTEST = 0.05  # of the rigidity that ageing or a law always leaves
+AIR_DENSITY = 1.2  # kg/m^3
 CONTACT_HEIGHT = 0.001  # m above rest at which desk_contact is defined
 
 
@@ -109,6 +110,11 @@ class Mechanics:
     def touch_gap(self) -> float:
         """Vertical distance of midlines at which layers touch: max(thickness, 1 mm) [m]."""
         return max(self.thickness, 0.001)
+
+    @property
+    def drag_per_length(self) -> float:
+        """Drag force per length over the square of the normal speed [N s^2/m^3]."""
+        return 0.5 * AIR_DENSITY * self.drag.coefficient * self.width
 
     def total(self, values: Array, edges: Array) -> Array:
         """Integral (n,) of a per-cell field (CELLS,) over the spans of `edges` (n + 1,) [m]."""
@@ -228,3 +234,15 @@ def with_field(part: T, path: str, value: Any) -> T:
 
 
 Effects = Mapping[str, Mapping[str, float]]
+
+
+def check_simulated(engine: str, model: StripModel, simulated: Mapping[type, str]) -> None:
+    """Raise Unsupported for a part of `model` that is set, but which `engine` does not simulate.
+
+    `simulated` holds the names of the fields that it simulates, by class.
+    """
+    for part in (model.mechanics, model.mechanics.law, model.boundary):
+        for each in fields(part):
+            is_simulated = each.name in simulated[type(part)].split()
+            if not is_simulated and getattr(part, each.name) != each.default:
+                raise Unsupported(engine, each.name)

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from drivers.strip.engine import Touch
 from drivers.strip.model import Observation, StripModel
-from drivers.strip.shape import Touch
 from drivers.types import Array
 
 FORCE_WINDOW = 0.02  # s over which an arm averages a force; assumed

@@ -4,37 +4,27 @@ One definition for truth, both engines, policies and perception. A shape is the 
 2) of x, z [m] in the cell frame at arc lengths s (n,) [m] from the fixed edge.
 """
 
-from dataclasses import dataclass
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from drivers.strip.rod.compiled import entry, kernel
 from drivers.types import Array
 
 LYING_LENGTH = 0.05  # m of strip that lies, which ends the search for the desk contact
+SHORTEST_LAYERS = 2, 4  # nodes before the fold's rightmost one, and from it on: fewer are no fold
 
 
-@dataclass(frozen=True, slots=True)
-class Touch:
-    """First touch of the layers: its time [s], its x [m], and the lengths [m] to both edges."""
-
-    time: float
-    x: float
-    to_grasped: float
-    to_fixed: float
-
-    @property
-    def displacement(self) -> float:
-        """Misalignment d = l1 - l2 [m] of the layers (paper, figure of l1 and l2)."""
-        return self.to_grasped - self.to_fixed
-
-
-@dataclass(frozen=True, slots=True)
-class Gap:
+class Gap(NamedTuple):
     """Smallest vertical distance `height` [m] of the layers, at `x` [m] and arc length `s` [m]."""
 
     height: float
     x: float
     s: float
+
+
+NO_GAP = Gap(math.inf, math.nan, math.nan)
 
 
 def desk_contact(points: Array, height: float) -> float:
@@ -44,43 +34,12 @@ def desk_contact(points: Array, height: float) -> float:
     the fixed edge. So neither ripples that friction leaves in the lying strip count, nor a dip
     behind the buckle of a lift. Where the whole strip lies it is the x of its grasped end.
     """
-    tip = int(np.argmax(points[:, 0]))
-    if points[tip, 1] <= height:
-        tip = _last_low(points[:, 1], tip, height)
-        if tip == len(points) - 1:
-            return float(points[-1, 0])
-    low = points[: tip + 1, 1] <= height
-    ends = np.flatnonzero(low[:-1] & ~low[1:]).tolist()
-    if low[tip]:
-        ends.append(tip)
-    for j in reversed(ends):
-        above = np.flatnonzero(~low[:j])
-        begin = int(above[-1]) + 1 if len(above) else 0
-        if begin == 0 or points[j, 0] - points[begin, 0] >= LYING_LENGTH:
-            (xa, za), (xb, zb) = points[j], points[j + 1]
-            return float(xa + (xb - xa) * (height - za) / (zb - za))
-    return float(points[0, 0])
-
-
-def _last_low(z: Array, start: int, height: float) -> int:
-    """Last index of the run of values `z` (n,) at most `height` that begins at `start`."""
-    above = np.flatnonzero(z[start:] > height)
-    return start + int(above[0]) - 1 if len(above) else len(z) - 1
+    return float(_features_of(points, height=height)[0])
 
 
 def fold_tip(points: Array) -> tuple[float, float]:
     """(x, z) [m] of the rightmost point of `points` (n, 2), refined by a parabola."""
-    j = int(np.argmax(points[:, 0]))
-    if j in (0, len(points) - 1):
-        return float(points[j, 0]), float(points[j, 1])
-    left, here, right = points[j - 1], points[j], points[j + 1]
-    offset = _vertex(left[0], here[0], right[0])
-    x = here[0] - 0.25 * (left[0] - right[0]) * offset
-    z = (
-        here[1]
-        + 0.5 * offset * (right[1] - left[1])
-        + 0.5 * offset**2 * (left[1] - 2 * here[1] + right[1])
-    )
+    _, x, z, *_ = _features_of(points)
     return float(x), float(z)
 
 
@@ -92,55 +51,140 @@ def layer_gap(points: Array, s: Array, opening: float) -> Gap | None:
     counts from where it first exceeds `opening` [m], and only once it has begun to close again: at
     a node that is a local minimum.
     """
-    tip = int(np.argmax(points[:, 0]))
-    upper = points[tip:]
-    if len(upper) < 4 or tip < 2:  # too few nodes on either side for a fold
+    *_, height, index = _features_of(points, opening=opening)
+    if math.isinf(height):
         return None
-    lower_z = np.interp(upper[:, 0], points[: tip + 1, 0], points[: tip + 1, 1])
-    gap = np.where(upper[:, 0] >= points[0, 0], upper[:, 1] - lower_z, np.inf)
-    j = _closing_minimum(gap, opening)
-    if j is None:
-        return None
-    if not np.isfinite(gap[j - 1 : j + 2]).all():
-        return Gap(float(gap[j]), float(upper[j, 0]), float(s[tip + j]))
-    offset = _vertex(gap[j - 1], gap[j], gap[j + 1])
-    height = gap[j] - 0.25 * (gap[j - 1] - gap[j + 1]) * offset
-    nodes = np.arange(len(upper))
-    x, s_there = (np.interp(j + offset, nodes, values) for values in (upper[:, 0], s[tip:]))
-    return Gap(float(height), float(x), float(s_there))
+    nodes = np.arange(len(s))
+    return Gap(height, *(float(np.interp(index, nodes, values)) for values in (points[:, 0], s)))
 
 
-def _closing_minimum(gap: Array, opening: float) -> int | None:
-    """Index of the smallest local minimum of `gap` (n,) after it has exceeded `opening`, if any."""
-    opened = np.flatnonzero(gap > opening)
-    if len(opened) == 0:
-        return None
-    inner = np.arange(max(int(opened[0]), 1), len(gap) - 1)
-    minima = inner[(gap[inner] <= gap[inner - 1]) & (gap[inner] < gap[inner + 1])]
-    return int(minima[np.argmin(gap[minima])]) if len(minima) else None
+def _features_of(points: Array, height: float = 0.0, opening: float = math.inf) -> Any:
+    x, z = np.array(points.T, dtype=np.float64, order="C")
+    return features(x, z, height, opening)
 
 
-def touch_between(
-    before: tuple[float, Gap | None], after: tuple[float, Gap | None], gap: float, length: float
-) -> Touch | None:
-    """Layer touch between two instants (time [s], Gap), where the gap falls to `gap` [m], if any.
+@entry
+def features(x: Any, z: Any, height: float, opening: float) -> Any:
+    """Features of the midline through nodes `x`, `z` (n,) [m], as five numbers.
 
-    `length` [m] is that of the strip.
+    x [m] of the desk contact at `height` [m]; x, z [m] of the fold's tip; height [m] and fractional
+    node index of the layer gap after it has exceeded `opening` [m], infinite without one.
     """
-    (t0, earlier), (t1, later) = before, after
-    if later is None or later.height > gap:
-        return None
-    if earlier is None or not earlier.height > gap:  # nothing to interpolate from
-        return Touch(t0 + (t1 - t0), later.x, to_grasped=length - later.s, to_fixed=later.x)
-    share = (earlier.height - gap) / (earlier.height - later.height)
-    x = earlier.x + share * (later.x - earlier.x)
-    s = earlier.s + share * (later.s - earlier.s)
-    return Touch(t0 + share * (t1 - t0), x, to_grasped=length - s, to_fixed=x)
+    tip = _rightmost(x)
+    tip_x, tip_z = _refine_tip(x, z, tip)
+    gap, index = _narrowest_gap(x, z, tip, opening)
+    return _contact_before(x, z, tip, height), tip_x, tip_z, gap, index
 
 
+@entry
+def layer_touch(before: Any, now: Any, limit: float) -> Any:
+    """Layer touch within a step: the share of the step, and x and arc length [m] of the touch.
+
+    `before` and `now` are height, x and arc length [m] of the layer gap at the beginning of the
+    step and at its end, where the height is at most `limit` [m]. Linear between both; at the end of
+    the step where the gap was not above the limit before.
+    """
+    height, x, s = now
+    if not (math.isfinite(before[0]) and before[0] > limit):
+        return 1.0, x, s
+    share = (before[0] - limit) / (before[0] - height)
+    return share, before[1] + share * (x - before[1]), before[2] + share * (s - before[2])
+
+
+@kernel
+def at_index(values: Any, index: float) -> Any:
+    """Linear interpolation of `values` (n,) at a fractional `index`."""
+    j = min(int(index), len(values) - 2)
+    return values[j] + (values[j + 1] - values[j]) * (index - j)
+
+
+@kernel
+def _contact_before(x: Any, z: Any, tip: int, height: float) -> Any:
+    """x [m] where nodes x, z (n,) [m] rise over `height` [m] to the fold, rightmost at `tip`."""
+    last = len(x) - 1
+    j = tip
+    if z[tip] <= height:
+        while j < last and z[j + 1] <= height:
+            j += 1
+        if j == last:
+            return x[last]
+    while j >= 0:
+        if z[j] <= height:
+            k = j
+            while k > 0 and z[k - 1] <= height:
+                k -= 1
+            if k == 0 or x[j] - x[k] >= LYING_LENGTH:
+                return x[j] + (x[j + 1] - x[j]) * (height - z[j]) / (z[j + 1] - z[j])
+            j = k
+        j -= 1
+    return x[0]
+
+
+@kernel
 def _vertex(left: float, here: float, right: float) -> float:
     """Offset [nodes], at most +-0.5, of the extremum of a parabola through three values."""
     bend = left - 2 * here + right
     if bend == 0:
         return 0.0
-    return float(min(max(0.5 * (left - right) / bend, -0.5), 0.5))
+    return min(max(0.5 * (left - right) / bend, -0.5), 0.5)
+
+
+@kernel
+def _rightmost(x: Any) -> int:
+    """Index of the node with the largest x, the first of equals."""
+    best = 0
+    for j in range(1, len(x)):
+        if x[j] > x[best]:
+            best = j
+    return best
+
+
+@kernel
+def _refine_tip(x: Any, z: Any, j: int) -> Any:
+    """(x, z) [m] of the rightmost point near node `j`, refined by a parabola."""
+    if j in (0, len(x) - 1):
+        return x[j], z[j]
+    offset = _vertex(x[j - 1], x[j], x[j + 1])
+    tip_x = x[j] - 0.25 * (x[j - 1] - x[j + 1]) * offset
+    slope, bend = 0.5 * (z[j + 1] - z[j - 1]), z[j - 1] - 2 * z[j] + z[j + 1]
+    return tip_x, z[j] + offset * slope + 0.5 * offset**2 * bend
+
+
+@kernel
+def _height_over_lower_layer(x: Any, z: Any, j: int, k: int) -> Any:
+    """Height [m] of node `j` over the lower layer, infinite without one, and the segment below."""
+    if x[j] < x[0]:
+        return math.inf, k
+    while k > 0 and x[k] > x[j]:
+        k -= 1
+    while x[k + 1] < x[j]:
+        k += 1
+    return z[j] - ((z[k + 1] - z[k]) / (x[k + 1] - x[k]) * (x[j] - x[k]) + z[k]), k
+
+
+@kernel
+def _narrowest_gap(x: Any, z: Any, tip: int, opening: float) -> Any:
+    """Height [m] and fractional node index of a fold's narrowest layer gap; infinite if none."""
+    last = len(x) - 1
+    best, place = math.inf, 0.0
+    if tip < SHORTEST_LAYERS[0] or last - tip + 1 < SHORTEST_LAYERS[1]:
+        return best, place
+    opened, lowest, before = False, math.inf, 0.0
+    here, k = _height_over_lower_layer(x, z, tip, tip - 1)
+    for j in range(tip, last):
+        after, k = _height_over_lower_layer(x, z, j + 1, k)
+        opened = opened or here > opening
+        if opened and j > tip and here <= before and here < after and here < lowest:
+            lowest = here
+            best, place = _refine_minimum(before, here, after, j)
+        before, here = here, after
+    return best, place
+
+
+@kernel
+def _refine_minimum(before: float, here: float, after: float, j: int) -> Any:
+    """Height [m] and node index of a minimum, by a parabola through gaps at j - 1, j and j + 1."""
+    if math.isinf(before) or math.isinf(after):
+        return here, float(j)
+    offset = _vertex(before, here, after)
+    return here - 0.25 * (before - after) * offset, j + offset

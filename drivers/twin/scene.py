@@ -4,7 +4,7 @@ from collections import deque
 from dataclasses import dataclass, replace
 
 from drivers.errors import Fault
-from drivers.strip.shape import Touch
+from drivers.strip.engine import Touch
 from drivers.twin.clock import NANOSECONDS, nanoseconds
 from drivers.types import Array, Pose, frozen
 

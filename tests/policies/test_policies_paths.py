@@ -5,13 +5,13 @@ import pytest
 
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe
-from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile, paper_strip
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
 from policies.path import Path, triangular, vertical_lift
 from policies.policy import Observation, Policy
 from policies.registry import make_policy, policy_names
+from tests.support.simulate import simulate
 
 SPEED = 0.1
 PERIOD = 1 / 60

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from drivers.strip.describe import describe
-from drivers.strip.engine import Observables
+from drivers.strip.engine import Observables, Touch
 from drivers.strip.file import paper_strip
 from drivers.strip.model import StripModel
-from drivers.strip.shape import Touch
 from drivers.types import Array
 from policies.path import triangular
 from policies.policy import Decision, Observation

@@ -3,11 +3,12 @@
 import numpy as np
 
 from drivers.strip.describe import describe
-from drivers.strip.engine import StripMotion, simulate
+from drivers.strip.engine import StripMotion
 from drivers.strip.file import StripFile, paper_damping_minimum, paper_strip
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from policies.path import Path
+from tests.support.simulate import simulate
 
 H = 0.005  # s
 SPEED = 0.1  # m/s

@@ -10,8 +10,7 @@ from drivers.strip.effects.effect import Effect, Parameter
 from drivers.strip.engine import StripMotion
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
-from drivers.strip.rod.engine import Rod
-from drivers.strip.rod.motions import GripperPath, simulate_all
+from drivers.strip.rod.engine import GripperPath, Rod, simulate_all
 from policies.path import Path, circular, triangular
 
 LENGTH = 0.6

@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.strip.model import StripModel
-from drivers.strip.rod import follow as of
 from drivers.strip.rod import layout as at
-from drivers.strip.rod.follow import Batch
+from drivers.strip.rod.layout import Batch
 from drivers.strip.rod.lumping import lattice, lump, needs_terms
 from drivers.types import Array
 
@@ -33,7 +32,7 @@ def flat_batch(models: Sequence[StripModel], segments: int) -> Batch:
         band=at.scratch(2 * rows + 4, at.COLUMN_COUNT, lanes),
         strips=np.arange(slots).reshape(-1, lanes),
         alive=at.pack(active[:, None, None], lanes),
-        known=np.stack([_limits(model) for model in models]),
+        monitor=np.stack([_monitor(model) for model in models]),
         arc=arc,
         held=np.stack([[length, 0.0, 0.0] for length in arc[:, -1]]),
         last=rows - 3,
@@ -113,10 +112,11 @@ def _flat_states(natures: Array, *, rich: bool) -> Array:
     return states
 
 
-def _limits(model: StripModel) -> Array:
-    known = np.full(of.KNOWN_SIZE, np.nan)
+def _monitor(model: StripModel) -> Array:
+    """Monitor (MONITOR_SIZE,) of a strip that lies flat: its limits, all else NaN."""
+    monitor = np.full(at.MONITOR_SIZE, np.nan)
     gap = model.mechanics.touch_gap
-    known[of.HEIGHT] = model.observation.contact_height
-    known[of.OPENING], known[of.TOUCH_GAP] = 2 * gap, gap
-    known[of.LENGTH], known[of.GAP] = model.mechanics.length, np.inf
-    return known
+    monitor[at.CONTACT_HEIGHT] = model.observation.contact_height
+    monitor[at.OPENING], monitor[at.TOUCH_GAP] = 2 * gap, gap
+    monitor[at.LENGTH], monitor[at.GAP_HEIGHT] = model.mechanics.length, np.inf
+    return monitor

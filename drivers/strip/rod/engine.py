@@ -1,24 +1,27 @@
-"""The rod engine: n strips at once, stepped in compiled code that releases the GIL."""
+"""The rod engine: n strips at once in compiled code that releases the GIL, and whole motions."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import SimulationNotConverged, SimulationNotFinite
-from drivers.strip.engine import Observables
+from drivers.strip.engine import Observables, StripMotion, Touch
+from drivers.strip.grip_path import true_path
 from drivers.strip.model import StripModel
-from drivers.strip.rod import follow as of
+from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import compact, end_strips, fixed_edges, flat_batch, living, midlines
-from drivers.strip.rod.follow import follow
+from drivers.strip.rod.blocks import follow
 from drivers.strip.rod.lumping import check
 from drivers.strip.rod.newton import TURN_TOLERANCE
 from drivers.strip.rod.static import FINE_STEPS, fit_length, lift_path, settle
-from drivers.strip.rod.step import Pace
-from drivers.strip.shape import Touch
+from drivers.strip.rod.time_step import Pace
 from drivers.types import Array
 
+PIECE_TIME = 0.5  # s of motion in one compiled call: a batch closes up between calls
+ROUNDING = 1e-9  # steps, by which a touch at the end of a step may seem to be after it
 LARGEST_RATIO = 2.0  # of a step to the last one: BDF2 is stable up to 1 + sqrt(2)
 
 
@@ -85,13 +88,13 @@ class Rod:
     def advance(self, poses: Array, dt: float) -> Observables:
         """Advance by a step of `dt` [s] to each of `poses` (k, n, 3); returns the final state."""
         self._step_all(poses, dt, np.empty((0, 0, 0, 2)), 1)
-        last = self._shown
+        last = self._observed
         return Observables(
             time=self._time,
-            contact_x=last[:, of.CONTACT_X],
-            tip=last[:, of.TIP_X : of.TIP_Z + 1],
-            holding_force=last[:, of.HOLDING],
-            grip_force=last[:, of.GRIP_X : of.GRIP_Z + 1],
+            contact_x=last[:, at.CONTACT_X],
+            tip=last[:, at.TIP_X : at.TIP_Z + 1],
+            holding_force=last[:, at.HOLDING],
+            grip_force=last[:, at.GRIP_X : at.GRIP_Z + 1],
             touch=self.touch,
         )
 
@@ -104,10 +107,10 @@ class Rod:
         count = len(poses) // every if every else 0
         shapes = np.empty((count, *self._batch.arc.shape, 2)) if memory is None else memory[:count]
         shapes.fill(np.nan)
-        shown = self._step_all(poses, dt, shapes, max(every, 1))
-        tip = shown[:, :, of.TIP_X : of.TIP_Z + 1]
-        grip = shown[:, :, of.GRIP_X : of.GRIP_Z + 1]
-        return Trace(shown[:, :, of.CONTACT_X], tip, shown[:, :, of.HOLDING], grip, shapes)
+        observed = self._step_all(poses, dt, shapes, max(every, 1))
+        tip = observed[:, :, at.TIP_X : at.TIP_Z + 1]
+        grip = observed[:, :, at.GRIP_X : at.GRIP_Z + 1]
+        return Trace(observed[:, :, at.CONTACT_X], tip, observed[:, :, at.HOLDING], grip, shapes)
 
     def retire(self, gone: NDArray[np.bool_]) -> None:
         """End the strips `gone` (n,): they keep their shape and are no longer computed."""
@@ -126,7 +129,7 @@ class Rod:
     @property
     def failed(self) -> NDArray[np.bool_]:
         """Mask (n,) of the strips that failed to converge."""
-        failed: NDArray[np.bool_] = np.isfinite(self._batch.known[:, of.FAILED])
+        failed: NDArray[np.bool_] = np.isfinite(self._batch.monitor[:, at.FAILURE_TIME])
         return failed
 
     def shapes(self) -> Array:
@@ -150,45 +153,153 @@ class Rod:
         count = len(self._batch.arc)
         self._time, self._last = 0.0, np.inf
         self._touch: tuple[Touch | None, ...] = (None,) * count
-        self._touched: NDArray[np.bool_] = np.zeros(count, dtype=bool)
-        self._shown = np.zeros((count, of.FIELDS_SHOWN))
+        self._observed = np.zeros((count, at.OBSERVABLE_COUNT))
 
     def _step_all(self, poses: Array, dt: float, shapes: Array, every: int) -> Array:
-        """Step along `poses` (k, n, 3); returns observables (k, n, FIELDS_SHOWN) of each step."""
+        """Step along `poses` (k, n, 3); returns observables (k, n, OBSERVABLE_COUNT) of each."""
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         if poses.shape[1:] != self._batch.held.shape:
             raise ValueError(f"poses {poses.shape}; expected (k, {len(self._batch.held)}, 3)")
-        shown = np.empty((len(poses), *self._shown.shape))
-        shown[:] = self._shown
+        observed = np.empty((len(poses), *self._observed.shape))
+        observed[:] = self._observed
         omega = self._steady_omega * min(dt / self._last, LARGEST_RATIO)
         pace = Pace(dt, omega, self._steady_omega, self._tolerance)
-        ended = follow(self._batch, poses, shown, shapes, every, self._time, pace)
+        ended = follow(self._batch, poses, observed, shapes, every, self._time, pace)
         self._time += len(poses) * dt
         self._last = dt
-        if len(shown):
-            self._shown = shown[-1]
+        if len(observed):
+            self._observed = observed[-1]
         if ended:
             self._record_touches()
             self._batch = compact(self._batch)
-        return shown
+        return observed
 
     def _record_touches(self) -> None:
         """Record new layer touches; raises for a strip that failed if the engine is strict."""
-        known = self._batch.known
-        touched = np.isfinite(known[:, of.TIME])
-        touch, edges = list(self._touch), fixed_edges(self._batch)
-        for new in np.flatnonzero(touched & ~self._touched):
-            touch[new] = _touch(known[new], float(edges[new]))
-        self._touch, self._touched = tuple(touch), touched
+        pairs = zip(self._batch.monitor, fixed_edges(self._batch).tolist(), strict=True)
+        self._touch = tuple(_touch(monitor, edge) for monitor, edge in pairs)
         if self._strict and self.failed.any():
             i = int(np.argmax(self.failed))
-            time = float(known[i, of.FAILED])
+            time = float(self._batch.monitor[i, at.FAILURE_TIME])
             if not np.isfinite(self._batch.held[i]).all():
                 raise SimulationNotFinite("rod", time)
             raise SimulationNotConverged("rod", i, time)
 
 
-def _touch(known: Array, edge: float) -> Touch:
-    """Layer touch of a strip from its `known` (KNOWN_SIZE,) and its fixed edge at x = `edge`."""
-    time, x, s = (float(known[field]) for field in (of.TIME, of.TOUCH_X, of.TOUCH_S))
-    return Touch(time, x, to_grasped=float(known[of.LENGTH]) - s, to_fixed=x - edge)
+def _touch(monitor: Array, edge: float) -> Touch | None:
+    """Layer touch from a strip's `monitor` (MONITOR_SIZE,), if any; its fixed edge is at `edge`."""
+    time, x, s, length = monitor[[at.TOUCH_TIME, at.TOUCH_X, at.TOUCH_S, at.LENGTH]].tolist()
+    return None if np.isnan(time) else Touch(time, x, to_grasped=length - s, to_fixed=x - edge)
+
+
+class GripperPath(NamedTuple):
+    """Reported gripper path: times `t` (m,) [s], `poses` (m, 3); `hanging` if not started flat."""
+
+    t: Array
+    poses: Array
+    hanging: bool = False
+
+    @property
+    def duration(self) -> float:
+        """Duration of the path [s]."""
+        return float(self.t[-1] - self.t[0])
+
+
+def simulate_all(
+    rod: Rod,
+    models: Sequence[StripModel],
+    paths: Sequence[GripperPath],
+    *,
+    dt: float = 0.005,
+    every: int = 0,
+    precision: type[np.floating] = np.float64,
+) -> list[StripMotion]:
+    """Simulate each of `models` along its own path in one batch; see `simulate` for one.
+
+    True grip paths follow from the models' rigs. Every `every`th step keeps its shape, 0 for none;
+    `shapes` then has (k // every, nodes, 2), rounded to `precision`. A motion ends at its
+    layer_touch or at the end of its path.
+    """
+    paths = [_true_path(model, path) for model, path in zip(models, paths, strict=True)]
+    counts = [max(1, round(path.duration / dt)) for path in paths]
+    poses = np.stack([_sample(path, dt, max(counts)) for path in paths], axis=1)
+    rod.reset(models, _start_poses(models, paths) if any(path.hanging for path in paths) else None)
+    stride = every or len(poses) + 1
+    kept = [np.empty((count // stride, *rod.arc().shape[1:], 2), precision) for count in counts]
+    observed = _follow_in_pieces(rod, poses, counts, dt, every, kept)
+    simulated = len(observed[0])
+    motions = []
+    for i, (path, count, shapes) in enumerate(zip(paths, counts, kept, strict=True)):
+        seen = Trace._make([*(channel[:, i] for channel in observed), shapes])
+        steps, touch = min(count, simulated), rod.touch[i]
+        motions.append(_motion_of_strip(seen, poses[:, i], path, steps, touch, dt, stride))
+    return motions
+
+
+def _follow_in_pieces(
+    rod: Rod, poses: Array, counts: Sequence[int], dt: float, every: int, kept: Sequence[Array]
+) -> list[Array]:
+    """Follow `poses` (k, n, 3) in calls of about PIECE_TIME until all strips have ended.
+
+    Strip i ends after `counts[i]` steps at the latest. Returns the observables of `Trace` but for
+    the shapes, each (k, n, ...), and writes every `every`th shape of strip i into `kept[i]`.
+    """
+    stride = every or len(poses) + 1
+    piece = max(1, round(PIECE_TIME / dt) // max(every, 1)) * max(every, 1)
+    memory = np.empty((piece // stride, *rod.arc().shape, 2))
+    observed = []
+    for begin in range(0, len(poses), piece):
+        *channels, shapes = rod.follow(poses[begin : begin + piece], dt, every, memory)
+        observed.append(channels)
+        for i, of_strip in enumerate(kept):
+            rows = of_strip[begin // stride :][: len(shapes)]
+            rows[:] = shapes[: len(rows), i]
+        rod.retire(np.array(counts) <= begin + piece)
+        if not rod.living.any():
+            break
+    return [np.concatenate(pieces) for pieces in zip(*observed, strict=True)]
+
+
+def _true_path(model: StripModel, path: GripperPath) -> GripperPath:
+    t, poses = true_path(model.rig, path.t, path.poses, hanging=path.hanging)
+    return path._replace(t=t, poses=poses)
+
+
+def _sample(path: GripperPath, dt: float, count: int) -> Array:
+    """Poses (count, 3) of `path` at the ends of `count` steps of `dt` [s], the last pose held."""
+    times = path.t[0] + dt * np.arange(1, count + 1)
+    return np.stack([np.interp(times, path.t, path.poses[:, c]) for c in range(3)], axis=-1)
+
+
+def _start_poses(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> Array:
+    flat = [(model.stated_length, 0.0, 0.0) for model in models]
+    return np.array(
+        [path.poses[0] if path.hanging else lying for path, lying in zip(paths, flat, strict=True)]
+    )
+
+
+def _motion_of_strip(
+    seen: Trace,
+    poses: Array,
+    path: GripperPath,
+    count: int,
+    touch: Touch | None,
+    dt: float,
+    stride: int,
+) -> StripMotion:
+    """Motion of one strip over its first `count` steps, fewer where its layers touched."""
+    if touch is not None and touch.time > count * dt:
+        touch = None
+    if touch is not None:
+        count = min(count, int(np.ceil(touch.time / dt - ROUNDING)))
+        touch = replace(touch, time=path.t[0] + touch.time)
+    return StripMotion(
+        t=path.t[0] + dt * np.arange(1, count + 1),
+        poses=poses[:count],
+        contact_x=seen.contact_x[:count],
+        tip=seen.tip[:count],
+        holding_force=seen.holding_force[:count],
+        grip_force=seen.grip_force[:count],
+        shapes=seen.shapes[: count // stride],
+        touch=touch,
+    )

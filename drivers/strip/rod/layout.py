@@ -1,4 +1,4 @@
-"""Memory layout of the rod solver: names of the array fields, packing of strips into lanes.
+"""Memory layout of the rod: names of the array fields, blocks, packing of strips into lanes.
 
 Arrays are (rows, fields[, LANE_COUNT]). Row r is node r - 1: row 1 the fixed edge, row N + 1 the
 grasped edge; rows 0 and N + 2 are ghosts, one element beyond the ends, that hold the tangents.
@@ -45,6 +45,37 @@ RICH_WORK = WORK + 6
 
 # Band: see `band`.
 COLUMN_COUNT = 7
+
+# Observables of a strip after a step.
+CONTACT_X, TIP_X, TIP_Z, HOLDING, GRIP_X, GRIP_Z = range(6)
+OBSERVABLE_COUNT = 6
+
+# Monitor of a strip: its limits, its layer gap one step ago, its touch, and when it failed.
+CONTACT_HEIGHT, OPENING, TOUCH_GAP, LENGTH = range(4)
+GAP_HEIGHT, GAP_X, GAP_S, TOUCH_TIME, TOUCH_X, TOUCH_S, FAILURE_TIME = range(4, 11)
+MONITOR_SIZE = 11
+
+
+class Batch(NamedTuple):
+    """Memory of n strips: solver arrays in blocks of lanes, and values of each strip.
+
+    `nature`, the coefficients, and `state` (blocks, rows, fields[, LANE_COUNT]); `work` and `band`,
+    which blocks share; `strips` and `alive`: which strip each lane holds and whether it is still
+    simulated; of each strip `monitor` (n, MONITOR_SIZE), `arc` (n, nodes) and `held` (n, 3), its
+    last grip pose; `last` and `terms` as in Block.
+    """
+
+    nature: Any
+    state: Any
+    work: Any
+    band: Any
+    strips: Any
+    alive: Any
+    monitor: Any
+    arc: Any
+    held: Any
+    last: int
+    terms: Any
 
 
 class Block(NamedTuple):

@@ -1,27 +1,25 @@
 """Lumping of a strip model onto the nodes and segments of a rod."""
 
 from collections.abc import Sequence
-from dataclasses import fields
 
 import numpy as np
 
 from drivers.errors import Unsupported
-from drivers.strip.lattice import graded_nodes
-from drivers.strip.model import BendingLaw, Boundary, Mechanics, StripModel
+from drivers.strip.engine import graded_nodes
+from drivers.strip.model import BendingLaw, Boundary, Mechanics, StripModel, check_simulated
 from drivers.strip.rod import layout as at
 from drivers.types import Array
 
 GRADED = 0.1  # share of the segments that grow finer towards the grip
 FINEST = 1 / 8  # length of the last of them over that of an equal one
 INEXTENSIBLE = 1e6  # axial stiffness over weight: 1 ppm of strain under its own weight
-KNOWN_FIELDS = {
+SIMULATED_FIELDS: dict[type, str] = {
     Mechanics: "length width thickness rigidity viscosity rest_curvature linear_density law"
     " stretch_stiffness drag adhesion",  # adhesion acts from the touch on: a rod's end
     BendingLaw: "cubic fifth yield_curvature stiffness_ratio gradual quadratic_damping relaxing"
     " relaxation_time",
     Boundary: "gravity edge_friction grip_force grip_compliance",
 }
-AIR_DENSITY = 1.2  # kg/m^3
 
 
 def lattice(length: float, segments: int) -> Array:
@@ -111,7 +109,7 @@ def _lump_terms(rows: Array, model: StripModel, reach: Array) -> None:
     inner[:, at.BEND] -= inner[:, at.BRANCH]
     inner[:, at.FADE] = 1.0 / law.relaxation_time
     drag = mechanics.drag
-    inner[:, at.DRAG] = 0.5 * AIR_DENSITY * drag.coefficient * mechanics.width * reach
+    inner[:, at.DRAG] = mechanics.drag_per_length * reach
     inner[:, at.SLOW : at.ALONG + 1] = drag.slow, drag.oblique, drag.along
     rows[:, at.GRIPPED] = np.inf
     rows[-3, at.GRIPPED] = boundary.grip_force  # the last segment, before the grip and its ghost
@@ -130,17 +128,7 @@ def _lump_friction(inner: Array, law: BendingLaw) -> None:
 def check(models: Sequence[StripModel]) -> None:
     """Raise Unsupported where a rod cannot represent part of a model in `models`."""
     for model in models:
-        for part in (model.mechanics, model.mechanics.law, model.boundary):
-            _check_known(part)
+        check_simulated("rod", model, SIMULATED_FIELDS)
         gx, gz = model.boundary.gravity
         if gz >= 0:
             raise Unsupported("rod", f"gravity ({gx:g}, {gz:g}), which does not press on the desk")
-
-
-def _check_known(part: Mechanics | BendingLaw | Boundary) -> None:
-    """Raise Unsupported for a field that the rod does not simulate, unless at its default."""
-    for field in fields(part):
-        if field.name in KNOWN_FIELDS[type(part)].split():
-            continue
-        if getattr(part, field.name) != field.default:
-            raise Unsupported("rod", field.name)

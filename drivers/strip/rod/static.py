@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from drivers.errors import SimulationNotConverged, Unsupported
 from drivers.strip.model import StripModel
-from drivers.strip.rod import follow as of
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import end_strips, flat_batch
-from drivers.strip.rod.follow import Batch, follow
+from drivers.strip.rod.blocks import follow
+from drivers.strip.rod.layout import Batch
 from drivers.strip.rod.newton import TURN_TOLERANCE
-from drivers.strip.rod.step import Pace
+from drivers.strip.rod.time_step import Pace
 from drivers.types import Array
 
 APPROACH_STEPS = 60  # steps from lying flat to where a strip hangs
@@ -82,10 +82,12 @@ def settle(batch: Batch, path: Array) -> None:
 
 def _follow_damped(batch: Batch, poses: Array, dt: float) -> None:
     """Step along `poses` (k, n, 3) by backward Euler; raises where a strip fails or touches."""
-    shown = np.zeros((len(poses), len(batch.held), of.FIELDS_SHOWN))
+    observed = np.zeros((len(poses), len(batch.held), at.OBSERVABLE_COUNT))
     pace = Pace(dt, 0.0, 0.0, TURN_TOLERANCE)
-    follow(batch, poses, shown, np.empty((0, 0, 0, 2)), 1, 0.0, pace)
-    failed, touched = (np.isfinite(batch.known[:, field]) for field in (of.FAILED, of.TIME))
+    follow(batch, poses, observed, np.empty((0, 0, 0, 2)), 1, 0.0, pace)
+    failed, touched = (
+        np.isfinite(batch.monitor[:, field]) for field in (at.FAILURE_TIME, at.TOUCH_TIME)
+    )
     if failed.any():
         raise SimulationNotConverged("rod", int(np.argmax(failed)), 0.0)
     if touched.any():

@@ -2,15 +2,14 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import mujoco
 import numpy as np
 
 from drivers.errors import SimulationNotFinite
-from drivers.strip.engine import Observables
+from drivers.strip.engine import Observables, Touch
 from drivers.strip.model import StripModel
-from drivers.strip.shape import Gap, Touch, desk_contact, fold_tip, layer_gap, touch_between
+from drivers.strip.shape import NO_GAP, desk_contact, fold_tip, layer_gap, layer_touch
 from drivers.twin.chain.ends import VELOCITY_DECAY, Ends, Grip, approach_poses
 from drivers.twin.chain.forces import ExtraForce, ExtraForces, Loads, Parts, strip_laws
 from drivers.twin.chain.joints import Joints
@@ -49,7 +48,7 @@ class ChainStrip:
         self._grip = Grip.at_rest(np.array([model.mechanics.length, 0.0, 0.0]))
         self._held = True
         self._time = 0.0
-        self._gap: Gap | None = None
+        self._gap = NO_GAP
         self.arc = np.concatenate([[0.0], np.cumsum(self._lumps.spans)])
         self.points = self._joints.nodes(self._data.qpos)
         self.touch: Touch | None = None
@@ -107,14 +106,14 @@ class ChainStrip:
     def _step_until_touch(self, grip: Grip, h: float) -> None:
         """Advance by a step; repeat it from its start with solid layers if they touch in it."""
         mujoco.mj_getState(self._model, self._data, self._state, STATE_SPEC)
-        before = (self._time, self._gap)
+        before = self._gap
         self._step(grip, h)
         strip = self._description.mechanics
-        self._gap = layer_gap(self.points, self.arc, OPENING * strip.touch_gap)
-        after = (self._time + h, self._gap)
-        touch = touch_between(before, after, strip.touch_gap, strip.length)
-        if touch is not None:
-            self.touch = replace(touch, to_fixed=touch.x - float(self.points[0, 0]))
+        self._gap = layer_gap(self.points, self.arc, OPENING * strip.touch_gap) or NO_GAP
+        if self._gap.height <= strip.touch_gap:
+            share, x, s = layer_touch(tuple(before), tuple(self._gap), strip.touch_gap)
+            to_fixed = x - float(self.points[0, 0])
+            self.touch = Touch(self._time + share * h, x, strip.length - s, to_fixed)
             layers = Layers.of(self._joints.angles(self._data.qpos)[:-1])
             self._load(compile_chain(self._description, self._links, layers))
             self._pace(h)

@@ -5,12 +5,11 @@ from typing import Self
 
 import numpy as np
 
+from drivers.strip.engine import graded_nodes
 from drivers.strip.file import PAPER_LINEAR_DENSITY
-from drivers.strip.lattice import graded_nodes
 from drivers.strip.model import Drag, Mechanics, StripModel
 from drivers.types import Array
 
-AIR_DENSITY = 1.2  # kg/m^3
 GRADED = 0.05  # share of the links that grow shorter towards the grip
 SHORTEST_LINK = 1 / 4  # length of the last of them over that of an equal one
 RIGID = 3e3  # axial stiffness over weight from which a strip counts as inextensible
@@ -80,7 +79,7 @@ class Lumps:
             reach=reach,
             scale=scale,
             mass=mass * scale,
-            drag=_drag(strip) * spans * scale,
+            drag=strip.drag_per_length * spans * scale,
             air=strip.drag,
             stiffness=stiffness,
             damping=stiffness * share * bare * strip.total(_lag(strip), middles),
@@ -126,11 +125,6 @@ def places(length: float, links: int) -> Array:
 def _lag(strip: Mechanics) -> Array:
     """Integrand (CELLS,) of the damping of unlike pieces: D = K^2 int(viscosity / EI^2) ds."""
     return strip.viscosity / strip.rigidity**2
-
-
-def _drag(strip: Mechanics) -> float:
-    """Drag force per length over the square of the normal speed [N s^2/m^3]."""
-    return 0.5 * AIR_DENSITY * strip.drag.coefficient * strip.width
 
 
 def _share_of_strip(stiffness: Array, compliance: float) -> Array:

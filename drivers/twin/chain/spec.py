@@ -1,13 +1,12 @@
 """The MuJoCo description of a strip: a planar chain of hinges, its layers, desk and gripper."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Self
 
 import mujoco
 import numpy as np
 
-from drivers.errors import Unsupported
-from drivers.strip.model import BendingLaw, Boundary, Mechanics, StripModel
+from drivers.strip.model import BendingLaw, Boundary, Mechanics, StripModel, check_simulated
 from drivers.twin.chain.joints import HINGE, SLIDE
 from drivers.twin.chain.lumps import Lumps
 from drivers.types import Array
@@ -21,7 +20,7 @@ SOLIMP = np.array([CONSTRAINT_SHARE, CONSTRAINT_SHARE, 0.001, 0.5, 2.0])
 GRIP_WEIGHT = 30.0  # 1/kg: a pull of 10 N stretches the grip by 7 um
 TIP_MASS = 1e-3  # of a link's mass
 DESK = 1  # collision class
-KNOWN_FIELDS: dict[type, str] = {
+SIMULATED_FIELDS: dict[type, str] = {
     Mechanics: "length width thickness rigidity viscosity rest_curvature linear_density law"
     " stretch_stiffness drag adhesion",
     BendingLaw: "cubic fifth yield_curvature stiffness_ratio gradual quadratic_damping relaxing"
@@ -91,7 +90,7 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
     Without `layers` only the desk carries the strip, with them its layers rest on each other.
     Raises Unsupported for what a chain cannot represent.
     """
-    _check(model)
+    check_simulated("chain", model, SIMULATED_FIELDS)
     lumps = Lumps.from_model(model, links)
     gap = model.mechanics.touch_gap
     spec = mujoco.MjSpec()
@@ -123,14 +122,6 @@ def compile_chain(model: StripModel, links: int, layers: Layers | None = None) -
     turn = 1.0 / (LONGEST_STEP**2 * float(chain.jnt_stiffness[-1]))
     chain.body_invweight0[links + 1] = GRIP_WEIGHT, turn
     return chain
-
-
-def _check(model: StripModel) -> None:
-    for part in (model.mechanics, model.mechanics.law, model.boundary):
-        for field in fields(part):
-            known = field.name in KNOWN_FIELDS[type(part)].split()
-            if not known and getattr(part, field.name) != field.default:
-                raise Unsupported("chain", f"the description's {field.name}")
 
 
 def _set_options(spec: mujoco.MjSpec, gravity: tuple[float, float]) -> None:

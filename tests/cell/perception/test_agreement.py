@@ -14,12 +14,12 @@ from cell.perception.agreement import (
     agreement_limits,
 )
 from drivers.strip.describe import describe
-from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from policies.path import triangular
 from policies.prediction import Estimate, FoldPrediction
 from policies.profile import profiles
+from tests.support.simulate import simulate
 
 STRIP = StripFile(
     name="unknown",

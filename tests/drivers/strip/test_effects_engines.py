@@ -8,13 +8,14 @@ import pytest
 
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Stage
-from drivers.strip.engine import StripMotion, simulate
+from drivers.strip.engine import StripMotion
 from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from tests.support.effect_cases import PATHS, affected, bare, levels, way
 from tests.support.seen_folds import distances
+from tests.support.simulate import simulate
 
 SEGMENTS, LINKS = 150, 100
 SETTLED, FALLING = 1.5, 0.15  # s: the first pull on a straight strip, and the snap, are chaotic

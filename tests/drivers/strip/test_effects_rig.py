@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drivers.strip.engine import Touch
 from drivers.strip.grip_path import reported_poses, true_path, true_poses
 from drivers.strip.model import Observation, Rig
 from drivers.strip.observation import (
@@ -17,7 +18,6 @@ from drivers.strip.observation import (
     shown_time,
     true_points,
 )
-from drivers.strip.shape import Touch
 from tests.support.effect_cases import PATHS, affected, bare, way
 
 SMALL = st.floats(-0.05, 0.05)

@@ -7,16 +7,15 @@ import pytest
 
 from drivers.errors import SimulationNotConverged, SimulationNotFinite, Unsupported
 from drivers.strip.describe import describe
-from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile
 from drivers.strip.model import Boundary
 from drivers.strip.rod.batch import flat_batch
-from drivers.strip.rod.engine import Rod
-from drivers.strip.rod.lumping import KNOWN_FIELDS
-from drivers.strip.rod.motions import GripperPath, simulate_all
+from drivers.strip.rod.engine import GripperPath, Rod, simulate_all
+from drivers.strip.rod.lumping import SIMULATED_FIELDS
 from drivers.strip.rod.static import fit_length
 from policies.path import triangular
 from tests.support.rod_cases import paper_model
+from tests.support.simulate import simulate
 
 DT = 0.005
 PATH = triangular(0.6)
@@ -90,7 +89,7 @@ def test_part_of_a_description_that_the_rod_does_not_know_is_refused_unless_null
 
     model = paper_model(0.1)
     rod = Rod(40)
-    monkeypatch.setitem(KNOWN_FIELDS, Magnetic, KNOWN_FIELDS[Boundary])
+    monkeypatch.setitem(SIMULATED_FIELDS, Magnetic, SIMULATED_FIELDS[Boundary])
     rod.reset([replace(model, boundary=Magnetic())])
     with pytest.raises(Unsupported, match="the rod cannot simulate field"):
         rod.reset([replace(model, boundary=Magnetic(field=1.0))])

@@ -5,7 +5,7 @@ import pytest
 
 from cell.gap.subject.strip.synthetic import reported_path
 from drivers.strip.describe import describe
-from drivers.strip.engine import StripMotion, simulate
+from drivers.strip.engine import StripMotion
 from drivers.strip.observation import mean_force
 from drivers.strip.rod.engine import Rod
 from drivers.twin.arm import ExternalWrench
@@ -14,6 +14,7 @@ from drivers.twin.settings import WrenchSettings
 from drivers.types import Array
 from policies.experiments.standard import STANDARD
 from tests.drivers.twin.test_twin_arm import DENIM, twin_with
+from tests.support.simulate import simulate
 from tests.support.twin_moves import grasp, lift, wait
 
 ENGINES = {"rod": Rod(120), "chain": Chain(80)}

@@ -5,9 +5,8 @@ import pytest
 
 from drivers.errors import Fault
 from drivers.strip.describe import describe
-from drivers.strip.engine import Observables
+from drivers.strip.engine import Observables, Touch
 from drivers.strip.file import StripFile
-from drivers.strip.shape import Touch
 from drivers.twin.settings import WorldSettings
 from drivers.twin.world import World
 from drivers.types import Pose

@@ -18,10 +18,10 @@ from cell.gap.subject.strip.synthetic import (
 )
 from drivers.geometry import arc_lengths
 from drivers.strip.describe import describe
-from drivers.strip.engine import Observables, simulate
+from drivers.strip.engine import Observables
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
-from drivers.strip.rod.motions import GripperPath
+from drivers.strip.rod.engine import GripperPath
 from drivers.twin.camera import Visible
 from drivers.twin.chain.engine import Chain
 from drivers.twin.chain.forces import ForceFunction, Parts
@@ -34,6 +34,7 @@ from policies.registry import MOTION
 from tests.lab.exam.case import Case, ScatterLevel
 from tests.lab.exam.causes import cause_of
 from tests.lab.exam.causes.cause import Cause
+from tests.support.simulate import simulate
 
 GRASP = 0.3  # s after the grasp, in which the edge moves to where it is truly held
 SCATTER_STREAM = 77  # of the case's generators, of this one

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drivers.strip.describe import describe
-from drivers.strip.engine import StripMotion, simulate
+from drivers.strip.engine import StripMotion
 from drivers.strip.model import Effects, StripModel
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
@@ -16,6 +16,7 @@ from tests.lab.exam.causes import cause_of, causes
 from tests.lab.exam.causes.cause import Cause
 from tests.lab.exam.from_state import Specimen
 from tests.support.effect_cases import LENGTH, denim, way
+from tests.support.simulate import simulate
 
 LINKS, STEP = 40, 0.005
 LATE = 6  # runs that a specimen has been through before

@@ -9,6 +9,7 @@ from cell.gap.subject.strip.runs import FoldMeasurement
 from cell.gap.subject.strip.simulation import SHAPE_PERIOD, SimulatedMotion
 from cell.gap.subject.subject import Residuals
 from drivers.strip.curve import group_means, nearest_ends, signed_distances
+from drivers.strip.engine import Touch
 from drivers.strip.model import StripModel
 from drivers.strip.observation import (
     reported_force,
@@ -18,7 +19,6 @@ from drivers.strip.observation import (
     shown_time,
     true_points,
 )
-from drivers.strip.shape import Touch
 from drivers.types import Array
 
 CONTACT_LIMIT = 1.0  # bending lengths between contacts that are still one and the same

@@ -12,7 +12,7 @@ from drivers.geometry import arc_lengths
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.observation import mean_force, reported_force
-from drivers.strip.rod.motions import GripperPath
+from drivers.strip.rod.engine import GripperPath
 from drivers.strip.shape import desk_contact
 from drivers.types import Array, frozen
 from policies.experiments.standard import STANDARD

@@ -25,7 +25,7 @@ from cell.gap.subject.strip.simulation import (
 from cell.gap.subject.subject import Parameter, Residuals, Run, Samples
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.rod.motions import GripperPath
+from drivers.strip.rod.engine import GripperPath
 from drivers.types import Array, frozen
 
 TRUSTED = 2.0  # times the change by a finer rod: how far off another engine or a strip may be

@@ -16,8 +16,8 @@ from cell.record.run import Run as Recorded
 from drivers.errors import ConfigurationError
 from drivers.geometry import arc_lengths
 from drivers.readers import read_yaml
+from drivers.strip.engine import Touch
 from drivers.strip.file import StripFile
-from drivers.strip.shape import Touch
 from drivers.types import Array, frozen
 from policies.path import lift_pitch
 

@@ -9,9 +9,9 @@ from cell.gap.subject.strip.prepare import Fold
 from cell.gap.subject.strip.runs import FoldMeasurement
 from cell.gap.subject.strip.simulation import SHAPE_PERIOD, SimulatedMotion
 from drivers.strip.curve import signed_distances
+from drivers.strip.engine import Touch
 from drivers.strip.model import StripModel
 from drivers.strip.observation import seen_contact, seen_points, shown_time, true_points
-from drivers.strip.shape import Touch
 from drivers.types import Array
 
 Index = NDArray[np.int64]

@@ -13,13 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import Fault, Unsupported
-from drivers.strip.engine import StripMotion
+from drivers.strip.engine import StripMotion, Touch
 from drivers.strip.model import Observation, StripModel
 from drivers.strip.observation import mean_force
-from drivers.strip.rod.engine import Rod
+from drivers.strip.rod.engine import GripperPath, Rod, simulate_all
 from drivers.strip.rod.lumping import lattice, needs_terms
-from drivers.strip.rod.motions import GripperPath, simulate_all
-from drivers.strip.shape import Touch
 from drivers.types import Array
 
 SHAPE_PERIOD = 0.01  # s between the shapes that are kept

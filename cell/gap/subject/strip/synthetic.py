@@ -14,7 +14,7 @@ from cell.record.files import PROFILE, RESULT, RUN, TICKS
 from cell.record.tables import place_contacts, write_parquet
 from drivers.geometry import arc_lengths
 from drivers.readers import SCHEMA
-from drivers.strip.engine import StripMotion
+from drivers.strip.engine import StripMotion, Touch
 from drivers.strip.model import StripModel
 from drivers.strip.observation import (
     mean_force,
@@ -24,10 +24,9 @@ from drivers.strip.observation import (
     seen_touch,
     shown_time,
 )
-from drivers.strip.rod.engine import Rod
+from drivers.strip.rod.engine import GripperPath, Rod, simulate_all
 from drivers.strip.rod.lumping import lattice
-from drivers.strip.rod.motions import GripperPath, simulate_all
-from drivers.strip.shape import Touch, desk_contact
+from drivers.strip.shape import desk_contact
 from drivers.types import Array, frozen
 from policies.experiments.motion import Motion
 from policies.path import lift_pitch

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.strip.describe import describe
-from drivers.strip.engine import StripMotion, simulate
+from drivers.strip.engine import StripMotion
 from drivers.strip.file import paper_damping_minimum, paper_strip
 from drivers.strip.model import StripModel
 from drivers.twin.chain.engine import Chain
@@ -12,6 +12,7 @@ from drivers.types import Array
 from policies.path import triangular
 from tests.support.chain_moves import H, displacement
 from tests.support.effect_cases import PATHS, affected, denim, way
+from tests.support.simulate import simulate
 
 LINKS = 40
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from drivers.strip.describe import describe
+from drivers.strip.engine import Touch
 from drivers.strip.file import paper_strip
-from drivers.strip.shape import Touch
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from policies.path import Path, triangular

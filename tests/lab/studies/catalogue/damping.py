@@ -17,13 +17,13 @@ from cell.config.places import find_configs
 from cell.gap.fit import fit
 from cell.gap.subject.strip.synthetic import Fold, Instruments, reported_path, write_fold
 from drivers.strip.describe import describe
-from drivers.strip.engine import simulate
-from drivers.strip.rod.motions import GripperPath
+from drivers.strip.rod.engine import GripperPath
 from drivers.twin.chain.engine import Chain
 from policies.experiments.standard import STANDARD, standard_order
 from policies.registry import MOTION
 from tests.lab.exam.from_state import paths_by_hand
 from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
+from tests.support.simulate import simulate
 
 LINKS, STEP = 200, 0.004  # of the chain; s
 MOTIONS = ("standard", "by hand")

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.strip.describe import describe
+from drivers.strip.engine import Touch
 from drivers.strip.file import StripFile
-from drivers.strip.shape import Touch, desk_contact
+from drivers.strip.shape import desk_contact
 from drivers.twin.chain.engine import Chain
 from drivers.twin.renderer.looks import PLAIN, Look, StripLook
 from drivers.twin.renderer.renderer import Renderer

@@ -1,0 +1,121 @@
+"""Stepping of blocks of strips along their grippers' paths, until their layers touch."""
+
+from typing import Any
+
+import numpy as np
+
+from drivers.strip.rod import layout as at
+from drivers.strip.rod.compiled import entry, kernel
+from drivers.strip.rod.lanes import anywhere, lane_of, pick, put
+from drivers.strip.rod.layout import Block
+from drivers.strip.rod.time_step import Grips, Pace, step
+from drivers.strip.shape import at_index, features, layer_touch
+
+
+@kernel
+def copy_midline(state: Any, lane: int, x: Any, z: Any) -> None:
+    """Copy the midline of the strip in lane `lane` of a block into `x` and `z` (nodes,) [m]."""
+    for j in range(len(x)):
+        x[j] = pick(state, j + 1, at.X, lane)
+        z[j] = pick(state, j + 1, at.Z, lane)
+
+
+@kernel
+def observe(batch: Any, b: int, observed: Any, k: int, time: float, h: float) -> None:
+    """Measure the active lanes of block `b` after step `k`, and end strips whose layers touched."""
+    nodes = batch.arc.shape[1]
+    x, z = np.empty(nodes), np.empty(nodes)
+    for lane in range(batch.strips.shape[1]):
+        if pick(batch.alive[b], 0, 0, lane) > 0.0:
+            i = batch.strips[b, lane]
+            copy_midline(batch.state[b], lane, x, z)
+            monitor, strip = batch.monitor[i], observed[k, i]
+            found = features(x, z, monitor[at.CONTACT_HEIGHT], monitor[at.OPENING])
+            strip[at.CONTACT_X], strip[at.TIP_X], strip[at.TIP_Z], height, index = found
+            strip[at.HOLDING] = -pick(batch.state[b], 1, at.TENSION, lane)
+            strip[at.GRIP_X] = pick(batch.state[b], nodes + 1, at.GRIP_FORCE_X, lane)
+            strip[at.GRIP_Z] = pick(batch.state[b], nodes + 1, at.GRIP_FORCE_Z, lane)
+            gap = height, at_index(x, index), at_index(batch.arc[i], index)
+            if height <= monitor[at.TOUCH_GAP]:
+                before = monitor[at.GAP_HEIGHT], monitor[at.GAP_X], monitor[at.GAP_S]
+                share, touch_x, touch_s = layer_touch(before, gap, monitor[at.TOUCH_GAP])
+                monitor[at.TOUCH_TIME] = time - h + share * h
+                monitor[at.TOUCH_X], monitor[at.TOUCH_S] = touch_x, touch_s
+                retire(batch, b, lane, observed, k)
+            monitor[at.GAP_HEIGHT], monitor[at.GAP_X], monitor[at.GAP_S] = gap
+
+
+@kernel
+def retire(batch: Any, b: int, lane: int, observed: Any, k: int) -> None:
+    """End the strip in one lane after step `k`: its observables stay constant from then on."""
+    put(batch.alive[b], 0, 0, lane, 0.0)
+    i = batch.strips[b, lane]
+    for later in range(k + 1, len(observed)):
+        observed[later, i] = observed[k, i]
+
+
+@kernel
+def end_failed(batch: Any, b: int, unsolved: Any, observed: Any, k: int, time: float) -> None:
+    """End the strips of block `b` that failed to converge in step `k`."""
+    for lane in range(batch.strips.shape[1]):
+        if lane_of(unsolved, lane) > 0.0:
+            batch.monitor[batch.strips[b, lane], at.FAILURE_TIME] = time
+            retire(batch, b, lane, observed, k)
+
+
+@kernel
+def record(batch: Any, b: int, shapes: Any) -> None:
+    """Copy the midlines of the active lanes of block `b` into `shapes` (n, nodes, 2) [m]."""
+    for lane in range(batch.strips.shape[1]):
+        if pick(batch.alive[b], 0, 0, lane) > 0.0:
+            shape = shapes[batch.strips[b, lane]]
+            copy_midline(batch.state[b], lane, shape[:, 0], shape[:, 1])
+
+
+@kernel
+def living_lanes(batch: Any, first: int, end: int) -> int:
+    """Number of lanes of the blocks from `first` to before `end` that are still simulated."""
+    count = 0
+    for b in range(first, end):
+        for lane in range(batch.strips.shape[1]):
+            count += pick(batch.alive[b], 0, 0, lane) > 0.0
+    return count
+
+
+@kernel
+def store_poses(batch: Any, b: int, poses: Any) -> None:
+    """Store `poses` (n, 3) as the last grip poses of the strips in block `b`."""
+    for i in batch.strips[b]:
+        if i < len(batch.held):
+            batch.held[i] = poses[i]
+
+
+@entry
+def follow(
+    batch: Any, poses: Any, observed: Any, shapes: Any, every: int, start: float, pace: Any
+) -> int:
+    """Step the batch along poses (k, n, 3), one step each, from time `start` [s].
+
+    Writes into observed (k, n, OBSERVABLE_COUNT), and shapes (k // every, n, nodes, 2) unless they
+    are empty; returns the number of strips that ended.
+    """
+    blocks = len(batch.nature)
+    before = living_lanes(batch, 0, blocks)
+    for b in range(blocks):
+        nature, state = batch.nature[b], batch.state[b]
+        block = Block(nature, state, batch.work, batch.band, batch.last, batch.terms)
+        now = pace
+        for k in range(len(poses)):
+            if living_lanes(batch, b, b + 1) == 0:
+                break
+            grips = Grips(batch.strips[b], batch.alive[b], batch.held, poses[k])
+            time = start + (k + 1) * pace.h
+            unsolved = step(block, grips, now)
+            if anywhere(unsolved):
+                end_failed(batch, b, unsolved, observed, k, time)
+            if len(shapes) > 0 and (k + 1) % every == 0:
+                record(batch, b, shapes[(k + 1) // every - 1])
+            observe(batch, b, observed, k, time, pace.h)
+            store_poses(batch, b, poses[k])
+            now = Pace(pace.h, pace.next_omega, pace.next_omega, pace.tolerance)
+    return before - living_lanes(batch, 0, blocks)

@@ -1,0 +1,241 @@
+"""One step of a block of strips: implicit in time, in substeps where a lane fails to converge.
+
+Second-order backward difference (BDF2) with variable step, or backward Euler. With omega the step
+over the last one, a rate is gamma (value - base), gamma = (1 + 2 omega) / ((1 + omega) h), base =
+((1 + omega)^2 v - omega^2 v1) / (1 + 2 omega); omega = 0 is backward Euler and starts a motion from
+rest.
+
+Only abrupt events need substeps: a gripper that starts at full speed beside a straight strip makes
+it buckle within one step.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from drivers.strip.rod import layout as at
+from drivers.strip.rod.bending import direction, friction, strain
+from drivers.strip.rod.compiled import kernel
+from drivers.strip.rod.lanes import anywhere, choose, fma, load, pick, put, store
+from drivers.strip.rod.newton import desk, pair, solve
+from drivers.strip.rod.sliding_ends import slide
+from drivers.strip.rod.terms import air_drag, predict_terms, remember
+
+SUBSTEPS = (16, 256)  # of a failed step: first try, second try
+
+
+class Grips(NamedTuple):
+    """Grip poses of all strips before and after a step, and the strips in one block's lanes.
+
+    `strips` (LANE_COUNT,) are the strips that the lanes hold, `alive` whether each is still
+    simulated; `held` (n, 3) are the poses before the step, `poses` (n, 3) those after it.
+    """
+
+    strips: Any
+    alive: Any
+    held: Any
+    poses: Any
+
+
+class Pace(NamedTuple):
+    """Size `h` [s] of a step, its BDF2 step ratios, and the `tolerance` [rad] of Newton's method.
+
+    `omega` is the ratio of the step to the last one, `next_omega` that of equal steps after it: 1,
+    or 0 for backward Euler.
+    """
+
+    h: float
+    omega: float
+    next_omega: float
+    tolerance: float
+
+
+@kernel
+def weights(omega: float) -> Any:
+    """BDF2 weights of the last two values in the base of a rate, for a step ratio `omega`."""
+    return (1.0 + omega) ** 2 / (1.0 + 2.0 * omega), -(omega**2) / (1.0 + 2.0 * omega)
+
+
+@kernel
+def predict(block: Any, h: float, omega: float, alive: Any) -> None:
+    """Shift the history of the free nodes, extrapolate them, and store the bases in `work`."""
+    state, work = block.state, block.work
+    period = h * (1.0 + omega) / (1.0 + 2.0 * omega)
+    now, old = weights(omega)
+    ahead, behind = h * (1.0 + 0.5 * omega), -0.5 * omega * h
+    for r in range(at.FIRST_FREE_NODE, block.last + 1):
+        for axis in range(2):
+            x, v = load(state, r, at.X + axis), load(state, r, at.VX + axis)
+            x1, v1 = load(state, r, at.X1 + axis), load(state, r, at.VX1 + axis)
+            base = fma(now, x, old * x1)
+            store(work, r, at.BASE_X + axis, base)
+            store(work, r, at.HAT_X + axis, fma(fma(now, v, old * v1), period, base))
+            store(state, r, at.X1 + axis, choose(alive, x, x1))
+            store(state, r, at.VX1 + axis, choose(alive, v, v1))
+            guess = x + fma(ahead, v, behind * v1)
+            store(state, r, at.X + axis, choose(alive, guess, x))
+
+
+@kernel
+def predict_strain(block: Any, omega: float) -> None:
+    """Store the BDF2 bases of the bending strains in `work`; `finish` shifts their history."""
+    now, old = weights(omega)
+    for r in range(1, block.state.shape[0] - 1):
+        eps, eps1 = load(block.state, r, at.EPS), load(block.state, r, at.EPS1)
+        store(block.work, r, at.BASE_EPS, fma(now, eps, old * eps1))
+
+
+@kernel
+def finish(block: Any, rate: float, alive: Any) -> None:
+    """Update velocities, history-dependent strains and moments, and sliding ends after a step."""
+    state = block.state
+    for r in range(at.FIRST_FREE_NODE, block.last + 1):
+        for axis in range(2):
+            v = rate * (load(state, r, at.X + axis) - load(block.work, r, at.BASE_X + axis))
+            store(state, r, at.VX + axis, choose(alive, v, load(state, r, at.VX + axis)))
+    before = direction(state, 0)
+    for r in range(1, state.shape[0] - 1):
+        here = direction(state, r)
+        new, _ = strain(before, here)
+        dry, _ = friction(block, r, new)
+        eps = load(state, r, at.EPS)
+        store(state, r, at.FRICTION, choose(alive, dry, load(state, r, at.FRICTION)))
+        if block.terms is not None:
+            remember(block, r, new, rate, alive)
+        store(state, r, at.EPS1, choose(alive, eps, load(state, r, at.EPS1)))
+        store(state, r, at.EPS, choose(alive, new, eps))
+        before = here
+    if block.terms is not None:
+        slide(block, alive)
+
+
+@kernel
+def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
+    """Store the strip's force [N] on its grip, from the balance of momentum of the free nodes.
+
+    The last segments are so short that their own shear shows what Newton's method leaves.
+    """
+    state, nature, work = block.state, block.nature, block.work
+    end, ghost = state.shape[0] - 2, state.shape[0] - 1
+    ux, uz, _, _ = direction(state, 1)
+    (turn_x, turn_z), (pull_x, pull_z) = pair(work, 1, at.TURN_X), pair(work, 1, at.PULL_X)
+    tension = load(state, 1, at.TENSION)
+    shear = fma(turn_x, pull_x, turn_z * pull_z) / fma(turn_x, turn_x, turn_z * turn_z)
+    x, z = -fma(shear, turn_x, tension * ux), -fma(shear, turn_z, tension * uz)
+    for r in range(at.FIRST_FREE_NODE, end + 1):
+        (weight_x, weight_z), (reaction, _) = pair(nature, r, at.LOAD_X), desk(block, r)
+        x, z = x + weight_x, z + (weight_z + reaction)
+    for r in range(at.FIRST_FREE_NODE, end):
+        push = load(nature, r, at.MASS) * (1.0 / h)
+        x = x - push * (load(state, r, at.VX) - load(state, r, at.VX1))
+        z = z - push * (load(state, r, at.VZ) - load(state, r, at.VZ1))
+        if block.terms is not None:
+            (drag_x, drag_z), _ = air_drag(block, r, rate)
+            x, z = x - drag_x, z - drag_z
+    store(state, ghost, at.GRIP_FORCE_X, choose(alive, x, load(state, ghost, at.GRIP_FORCE_X)))
+    store(state, ghost, at.GRIP_FORCE_Z, choose(alive, z, load(state, ghost, at.GRIP_FORCE_Z)))
+
+
+@kernel
+def attempt(block: Any, h: float, omega: float, alive: Any, tolerance: float) -> Any:
+    """Advance the active lanes by one implicit step; returns the lanes that failed to converge."""
+    rate = (1.0 + 2.0 * omega) / ((1.0 + omega) * h)
+    predict(block, h, omega, alive)
+    predict_strain(block, omega)
+    if block.terms is not None:
+        predict_terms(block, rate, weights(omega))
+    unsolved = solve(block, rate, alive, tolerance)
+    finish(block, rate, alive - unsolved)
+    if block.last < block.state.shape[0] - 2:
+        grip_force(block, h, rate, alive - unsolved)
+    return unsolved
+
+
+@kernel
+def place_grip(block: Any, lane: int, pose: Any) -> None:
+    """Move one lane's grasped edge to `pose` (x, z, pitch), and its ghost node along the pitch."""
+    row = block.state.shape[0] - 2
+    span = pick(block.nature, row, at.SPAN, lane)
+    put(block.state, row, at.X, lane, pose[0])
+    put(block.state, row, at.Z, lane, pose[1])
+    put(block.state, row + 1, at.X, lane, pose[0] + span * math.cos(pose[2]))
+    put(block.state, row + 1, at.Z, lane, pose[1] + span * math.sin(pose[2]))
+
+
+@kernel
+def place_grips(block: Any, grips: Any, share: float) -> None:
+    """Move each active lane's grip to the pose at `share` of the step, unless the end is free."""
+    if block.last == block.state.shape[0] - 2:
+        return
+    pose = np.empty(3)
+    for lane in range(len(grips.strips)):
+        if pick(grips.alive, 0, 0, lane) > 0.0:
+            i = grips.strips[lane]
+            for c in range(3):
+                goal = grips.poses[i, c]
+                pose[c] = goal - (1.0 - share) * (goal - grips.held[i, c])
+            place_grip(block, lane, pose)
+
+
+@kernel
+def rewind(block: Any, gate: Any) -> None:
+    """Restore the state before a failed step in the lanes `gate`."""
+    state = block.state
+    for r in range(at.FIRST_FREE_NODE, block.last + 1):
+        for field in range(at.EPS):
+            now = load(state, r, at.X + field)
+            store(state, r, at.X + field, choose(gate, load(state, r, at.X1 + field), now))
+    for r in range(state.shape[0]):
+        store(state, r, at.TENSION, choose(gate, 0.0, load(state, r, at.TENSION)))
+
+
+@kernel
+def copy_fields(source: Any, fields: Any, target: Any, to: int, gate: Any) -> None:
+    """Copy fields first to end - 1 of `source` to `target` from field `to` on, in lanes `gate`."""
+    first, end = fields
+    for r in range(target.shape[0]):
+        for c in range(end - first):
+            old = load(target, r, to + c)
+            store(target, r, to + c, choose(gate, load(source, r, first + c), old))
+
+
+@kernel
+def in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> Any:
+    """Step the lanes `gate` in `parts` equal substeps without history; returns the failed lanes."""
+    going = gate
+    for part in range(parts):
+        place_grips(block, grips, (part + 1) / parts)
+        omega = pace.next_omega if part > 0 else 0.0
+        going = going - attempt(block, pace.h / parts, omega, going, pace.tolerance)
+        if not anywhere(going):
+            break
+    return gate - going
+
+
+@kernel
+def step(block: Any, grips: Any, pace: Any) -> Any:
+    """Step a block to the next poses of its grips; returns the lanes that failed to converge.
+
+    A lane that moved in substeps goes on with the history of one whole step; one that failed stays
+    as it was.
+    """
+    place_grips(block, grips, 1.0)
+    gate = attempt(block, pace.h, pace.omega, load(grips.alive, 0, 0), pace.tolerance)
+    if not anywhere(gate):
+        return gate
+    rewind(block, gate)
+    start = block.state.copy()
+    for parts in SUBSTEPS:
+        failed = in_parts(block, grips, pace, gate, parts)
+        copy_fields(start, (0, start.shape[1]), block.state, 0, failed)
+        moved = gate - failed  # their history is the state before the whole step
+        copy_fields(start, (at.X, at.EPS), block.state, at.X1, moved)
+        copy_fields(start, (at.EPS, at.FRICTION), block.state, at.EPS1, moved)
+        if block.terms is not None:
+            copy_fields(start, (at.MAXWELL, at.MAXWELL1), block.state, at.MAXWELL1, moved)
+        gate = failed
+        if not anywhere(gate):
+            break
+    place_grips(block, grips, 1.0)
+    return gate
