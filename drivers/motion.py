@@ -1,5 +1,6 @@
 """Jerk-limited setpoints of the gripper point for any arm, computed by ruckig."""
 
+from math import exp
 from typing import Any
 
 import ruckig
@@ -21,6 +22,11 @@ SMALLEST_CHANGE = 1e-6  # m or rad, or the same per second: a change too small t
 Numbers = list[float]
 State = tuple[Numbers, Numbers, Numbers]  # position, velocity, acceleration
 _STILL = [0.0, 0.0, 0.0]
+
+
+def lag_gain(lag: float) -> float:
+    """Share of the way to its command that a first-order lag of `lag` [s] makes up in a tick."""
+    return 1.0 if lag == 0 else 1.0 - exp(-TICK / lag)
 
 
 class MotionProfile:
@@ -70,7 +76,7 @@ class MotionProfile:
         """The commanded acceleration [m/s^2, rad/s^2]."""
         return Velocity(*self._acceleration)
 
-    def soon(self, seconds: float) -> tuple[Pose, Velocity, Velocity]:
+    def predict(self, seconds: float) -> tuple[Pose, Velocity, Velocity]:
         """Commanded pose, velocity and acceleration `seconds` later, if no other command comes."""
         place, rate, change = self._plan.at_time(self._elapsed * self.period + seconds)
         return Pose(*place), Velocity(*rate), Velocity(*change)

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from drivers.geometry import arc_lengths
-from drivers.strip.grip_path import LIFT_TRAVEL
+from drivers.strip.observation import LIFT_TRAVEL
 from drivers.types import Array, frozen
 
 TAKEOVER_HEIGHT = 0.10  # m at which a policy takes over from the lift (paper)

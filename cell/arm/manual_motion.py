@@ -74,7 +74,7 @@ def go_joints(
     reset_tool: bool = False,
 ) -> None:
     """Bring the robot at the cell's address to `joints` (7,) [rad]; Fault where it refuses."""
-    from drivers.arm.requests import go_to
+    from drivers.arm.joint_requests import go_to
 
     go_to(robot_task(settings), list(joints), share, recover=recover, reset_tool=reset_tool)
 

@@ -112,7 +112,7 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
 
     found = find_configs(configs)
     task, lying = robot_task(found.cell()), found.strip(strip)
-    from drivers.arm.requests import hand_pose
+    from drivers.arm.joint_requests import hand_pose
 
     touched = []
     for number, point in enumerate(TOUCH_POINTS, start=1):

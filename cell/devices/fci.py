@@ -22,8 +22,7 @@ from drivers.protocols import Camera
 from drivers.strip.file import StripFile
 from drivers.twin.camera import PacedCamera
 from drivers.twin.clock import RealTimeClock, TwinClock
-from drivers.twin.external_arm import ExternalArm
-from drivers.twin.open import DEFAULT_PLANT, Desk, PlantOptions, open_desk
+from drivers.twin.open import DEFAULT_PLANT, Desk, ExternalArm, PlantOptions, open_desk
 from drivers.types import Array, Frame, frozen
 
 NO_FORCE = frozen([0.0, 0.0, 0.0])

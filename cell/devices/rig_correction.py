@@ -12,9 +12,14 @@ from cell.devices.devices import Devices
 from drivers.protocols import Arm, Hand
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.grip_path import LIFT_TRAVEL, reported_poses, share_away, true_poses
 from drivers.strip.model import Observation, Rig, StripModel
-from drivers.strip.observation import true_points
+from drivers.strip.observation import (
+    LIFT_TRAVEL,
+    reported_poses,
+    share_away,
+    true_points,
+    true_poses,
+)
 from drivers.types import ArmState, Array, Pose, Velocity
 
 AS_CALIBRATED = Observation()

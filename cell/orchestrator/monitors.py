@@ -12,7 +12,7 @@ from cell.orchestrator.states import TERMINAL, State
 from drivers.arm.obstacles import require_clear
 from drivers.errors import Fault
 from drivers.installation import MotionLimits, Workspace
-from drivers.strip.grip_path import LIFT_TRAVEL
+from drivers.strip.observation import LIFT_TRAVEL
 from drivers.types import Velocity
 
 MOVED_IMAGES = 2  # images in a row

@@ -12,8 +12,8 @@ import numpy as np
 from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.settings import ToolSettings
 from drivers.franka import limits
+from drivers.franka.inverse import rotation_vector
 from drivers.franka.kinematics import FLANGE_TO_TIP
-from drivers.franka.tracking import rotation_vector
 from drivers.types import Array
 
 PORT = 1337

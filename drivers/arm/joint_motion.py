@@ -12,8 +12,8 @@ import ruckig
 
 from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.force import ForceGuard
+from drivers.franka.inverse import ELBOW_JOINT, joint_step
 from drivers.franka.kinematics import forward, pose_and_jacobian
-from drivers.franka.tracking import ELBOW_JOINT, joint_step
 from drivers.motion import TICK
 from drivers.types import Array
 

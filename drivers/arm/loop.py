@@ -195,7 +195,7 @@ class ServoLoop:
         self._new = False
         if not self._profile.moving:
             return
-        reason = self._guard.objection(PredictedMotion(*self._profile.soon(REACTION)))
+        reason = self._guard.objection(PredictedMotion(*self._profile.predict(REACTION)))
         if reason:
             pose = self._profile.pose
             self._brake_for_good(Cause.REACH, f"{reason} beyond x {pose.x:.3f} m, z {pose.z:.3f} m")
@@ -272,7 +272,7 @@ def rehearse(installation: Installation) -> None:
     for _ in range(TICKS_BETWEEN_CHECKS):
         x, z, pitch = profile.tick()
         plane.command(x, z, pitch, FadingOffset().tick())
-        guard.objection(PredictedMotion(*profile.soon(REACTION)))
+        guard.objection(PredictedMotion(*profile.predict(REACTION)))
         profile.resume(profile.pose, profile.velocity, profile.acceleration, 1)
 
 

@@ -8,9 +8,15 @@ import numpy as np
 
 from drivers.arm.plane import StripPlane
 from drivers.franka import limits
-from drivers.franka.inverse import Unreachable, manipulability, solve
+from drivers.franka.inverse import (
+    ELBOW_JOINT,
+    Unreachable,
+    joint_rates,
+    manipulability,
+    solve,
+    track,
+)
 from drivers.franka.kinematics import HOME, jacobian, pose_and_jacobian
-from drivers.franka.tracking import ELBOW_JOINT, joint_rates, track
 from drivers.installation import Installation, MotionLimits
 from drivers.types import ZERO_VELOCITY, Array, Pose, Velocity, frozen
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from drivers.fci_server.wire import Command, Status, usable
 from drivers.franka.kinematics import FLANGE_TO_TIP
+from drivers.franka.model import HAND_CENTRE, HAND_MASS
 from drivers.types import Array, frozen
 
 JOINT_STIFFNESS = (0.0, 14250.0)  # N m/rad
@@ -32,16 +33,6 @@ class Thresholds:
     force_accelerating: Array
     force_nominal: Array
 
-    @property
-    def all(self) -> tuple[Array, ...]:
-        """The four arrays of thresholds, each with rows for contact and collision."""
-        return (
-            self.torque_accelerating,
-            self.torque_nominal,
-            self.force_accelerating,
-            self.force_nominal,
-        )
-
 
 def _start_thresholds() -> Thresholds:
     # Assumed: the defaults of a robot are not published.
@@ -57,10 +48,8 @@ class Configuration:
     flange_to_nominal: Array = field(default_factory=lambda: FLANGE_TO_TIP)
     nominal_to_tool: Array = field(default_factory=lambda: frozen(np.eye(4)))
     tool_to_stiffness: Array = field(default_factory=lambda: frozen(np.eye(4)))
-    hand_mass: float = 0.73  # kg, Franka Hand, as set in Desk
-    hand_centre: Array = field(
-        default_factory=lambda: frozen([-0.01, 0.0, 0.03])
-    )  # m in the flange
+    hand_mass: float = HAND_MASS  # kg, Franka Hand, as set in Desk
+    hand_centre: Array = field(default_factory=lambda: frozen(HAND_CENTRE))  # m in the flange
     load_mass: float = 0.0  # kg
     load_centre: Array = field(default_factory=lambda: frozen(np.zeros(3)))  # m in the flange
     load_inertia: Array = field(default_factory=lambda: frozen(np.zeros(9)))  # kg m^2

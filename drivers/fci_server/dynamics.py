@@ -2,8 +2,6 @@
 
 from collections import deque
 from collections.abc import Callable
-from math import exp
-from typing import Self
 
 import mujoco
 import numpy as np
@@ -11,7 +9,7 @@ import numpy as np
 from drivers.fci_server.posture import Posture, Rates
 from drivers.franka.kinematics import FLANGE
 from drivers.franka.model import ArmPlant, arm_mjcf
-from drivers.motion import TICK
+from drivers.motion import TICK, lag_gain
 from drivers.types import Array
 
 FRICTION_WIDTH = 0.005  # rad/s over which dry friction changes sign
@@ -33,7 +31,7 @@ class Dynamics:
         model.opt.gravity[:] = _tilt(float(model.opt.gravity[2]), *plant.tilt)
         self._model, self._data = model, mujoco.MjData(model)
         self._read: tuple[Posture, int, Array] | None = None  # last reading: at rest it stays
-        self._tool = np.add(plant.payload_at, (0.0, 0.0, FLANGE))
+        self._payload_point = np.add(plant.payload_at, (0.0, 0.0, FLANGE))
 
     def torque(self, posture: Posture) -> Array:
         """Torques (7,) [N m] that the joints of the moving arm exert."""
@@ -73,12 +71,12 @@ class Dynamics:
         """Torques (7,) [N m] of the payload: J' m (J ddq + dJ dq - g) of a point."""
         model, data = self._model, self._data
         body = model.body("link7").id
-        point = data.xpos[body] + data.xmat[body].reshape(3, 3) @ self._tool
+        point = data.xpos[body] + data.xmat[body].reshape(3, 3) @ self._payload_point
         jacobian, rate = np.zeros((3, 7)), np.zeros((3, 7))
         mujoco.mj_jac(model, data, jacobian, None, point, body)
         mujoco.mj_jacDot(model, data, rate, None, point, body)
-        pull = jacobian @ acceleration + rate @ velocity - model.opt.gravity
-        return np.asarray(self._plant.payload * jacobian.T @ pull)
+        specific_force = jacobian @ acceleration + rate @ velocity - model.opt.gravity
+        return np.asarray(self._plant.payload * jacobian.T @ specific_force)
 
 
 class LaggingArm:
@@ -92,25 +90,18 @@ class LaggingArm:
     ) -> None:
         """Start at rest in `posture` with a tool (4, 4) on the flange."""
         self._tool, self._sag = tool, sag
-        self._share = 1.0 if lag == 0 else 1.0 - exp(-TICK / lag)
-        self._past = deque([posture.q] * (1 + round(delay / TICK)))
+        self._lag_gain = lag_gain(lag)
+        self._delayed = deque([posture.q] * (1 + round(delay / TICK)))
         self._motors = self.posture = posture
         if sag is not None:
             self.posture = Posture.resting(posture.q - sag(posture), tool)
 
-    @classmethod
-    def at_rest(
-        cls, posture: Posture, tool: Array, delay: float, lag: float, sag: Sag | None = None
-    ) -> Self | None:
-        """Create an arm at rest in `posture`; None where `delay`, `lag` and `sag` are not set."""
-        return cls(posture, tool, delay, lag, sag) if delay or lag or sag is not None else None
-
     def tick(self, commanded: Array) -> None:
         """Advance the arm by one tick towards the delayed joints `commanded` (7,) [rad]."""
-        self._past.append(commanded)
-        self._past.popleft()
+        self._delayed.append(commanded)
+        self._delayed.popleft()
         here = self._motors
-        q = here.q + self._share * (self._past[0] - here.q)
+        q = here.q + self._lag_gain * (self._delayed[0] - here.q)
         if np.array_equal(q, here.q) and not here.joints.velocity.any():
             return
         self._motors = self._step(here, q)

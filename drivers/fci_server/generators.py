@@ -10,14 +10,13 @@ from drivers.fci_server.limits import (
     JOINT,
     Violation,
     check_end,
-    check_joint_rates,
     check_joints,
     check_swing,
     check_tool_rates,
 )
 from drivers.fci_server.posture import Posture, twist_of
 from drivers.fci_server.wire import Generator, Reflex, RobotCommand, usable
-from drivers.franka.tracking import joint_step, rotation
+from drivers.franka.inverse import joint_step, rotation
 from drivers.motion import TICK
 from drivers.types import Array
 
@@ -73,13 +72,7 @@ def _joint_velocity(old: Posture, command: RobotCommand, tool: Array) -> Posture
 def _joints(old: Posture, q: Array, velocity: Array, tool: Array) -> Posture:
     """Next posture with joints `q` at `velocity`, within the limits of the joints."""
     rates = old.joints.step(velocity)
-    check_joint_rates(old.joints, rates, JOINT)
-    check_joints(
-        q,
-        velocity,
-        Reflex.JOINT_MOTION_GENERATOR_POSITION_LIMITS_VIOLATION,
-        Reflex.JOINT_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION,
-    )
+    check_joints(q, old.joints, rates, JOINT)
     return old.move_on(q, tool, rates)
 
 
@@ -103,13 +96,7 @@ def _cartesian(
     check_swing(old.swing, swing)
     velocity = joint_step(old.q, old.reached, old.jacobian, pose, float(swing[0])) / TICK
     q, joints = old.q + TICK * velocity, old.joints.step(velocity)
-    check_joint_rates(old.joints, joints, CARTESIAN_JOINT)
-    check_joints(
-        q,
-        velocity,
-        Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_POSITION_LIMITS_VIOLATION,
-        Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_LIMITS_VIOLATION,
-    )
+    check_joints(q, old.joints, joints, CARTESIAN_JOINT)
     return Posture.at_joints(q, tool, joints).with_command(pose, rates, swing)
 
 

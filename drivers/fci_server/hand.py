@@ -78,22 +78,28 @@ class Hand:
     def advance(self) -> None:
         """Advance the fingers by one millisecond."""
         if self.is_grasped and self._between() is None:
-            self.is_grasped, self.width = False, 0.0  # the object is gone
+            self.is_grasped, self.width = (
+                False,
+                0.0,
+            )  # simplified: they close at once
         task = self._task
         if task is None:
             return
         target, step = task.widths[0], TICK * task.speed
         if target >= self.width:
             self.width = min(self.width + step, target)
-        else:
-            thickness = self._between()
-            self.width = max(self.width - step, target)
-            if thickness is not None and self.width <= thickness:
-                self.width = min(thickness, WIDEST)
-                self._stop_on_touch(task)
-                return
+        elif self._close_to(max(self.width - step, target)):
+            self._stop_on_touch(task)
+            return
         if self.width == target:
             self._reach_width(task)
+
+    def _close_to(self, width: float) -> bool:
+        """Close to `width` [m] or onto the object between the fingers; returns if they met it."""
+        thickness = self._between()
+        touched = thickness is not None and width <= thickness
+        self.width = min(thickness, WIDEST) if thickness is not None and touched else width
+        return touched
 
     def _stop_on_touch(self, task: Task) -> None:
         """End `task`, whose fingers have met the object between them."""

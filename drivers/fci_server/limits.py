@@ -27,28 +27,32 @@ class Violation(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class RateReflexes:
-    """Reflexes for exceeding the limits of velocity, acceleration and jerk of one motion type."""
+class JointReflexes:
+    """Reflexes for exceeding the limits of a joint, for one type of motion."""
 
+    position: Reflex
     velocity: Reflex
     acceleration: Reflex
     jerk: Reflex
 
 
-JOINT = RateReflexes(
+JOINT = JointReflexes(
+    Reflex.JOINT_MOTION_GENERATOR_POSITION_LIMITS_VIOLATION,
     Reflex.JOINT_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION,
     Reflex.JOINT_MOTION_GENERATOR_VELOCITY_DISCONTINUITY,
     Reflex.JOINT_MOTION_GENERATOR_ACCELERATION_DISCONTINUITY,
 )
-CARTESIAN = RateReflexes(
-    Reflex.CARTESIAN_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION,
-    Reflex.CARTESIAN_MOTION_GENERATOR_VELOCITY_DISCONTINUITY,
-    Reflex.CARTESIAN_MOTION_GENERATOR_ACCELERATION_DISCONTINUITY,
-)
-CARTESIAN_JOINT = RateReflexes(
+CARTESIAN_JOINT = JointReflexes(
+    Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_POSITION_LIMITS_VIOLATION,
     Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_LIMITS_VIOLATION,
     Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_DISCONTINUITY,
     Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_ACCELERATION_DISCONTINUITY,
+)
+# of the tool, with its limits of translation and rotation: velocity, acceleration, jerk
+TOOL_REFLEXES = (
+    Reflex.CARTESIAN_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION,
+    Reflex.CARTESIAN_MOTION_GENERATOR_VELOCITY_DISCONTINUITY,
+    Reflex.CARTESIAN_MOTION_GENERATOR_ACCELERATION_DISCONTINUITY,
 )
 
 
@@ -72,20 +76,20 @@ class BodyCheck:
     def __init__(self, solids: Solids | None = None) -> None:
         """Check the arm against `solids`, or against itself alone."""
         self._solids = solids
-        self._seen: Array | None = None
+        self._checked_q: Array | None = None
         self._room = 0.0  # m, at the joints checked last
         self._gaps = [inf, inf]  # m, to itself and to the solids
 
     def check(self, q: Array) -> None:
         """Raises Violation where joints (7,) [rad] bring the arm into itself or a solid."""
-        if self._seen is not None:
-            travel = LEVER * float(np.abs(q - self._seen).sum())
+        if self._checked_q is not None:
+            travel = LEVER * float(np.abs(q - self._checked_q).sum())
             if travel < self._room:
                 return
         itself = float(apart(q))
         others = inf if self._solids is None else float(self._solids.clearance(q).min())
         before, self._gaps = self._gaps, [itself, others]
-        self._seen, self._room = np.array(q), min(itself, others)
+        self._checked_q, self._room = np.array(q), min(itself, others)
         reflexes = Reflex.SELF_COLLISION_AVOIDANCE_VIOLATION, Reflex.CARTESIAN_REFLEX
         for gap, last, reflex in zip(self._gaps, before, reflexes, strict=True):
             if gap < 0 and gap < min(last, 0.0) - DEEPER:
@@ -95,27 +99,32 @@ class BodyCheck:
 # The checks below run in every tick: for few numbers floats are faster than arrays.
 
 
-def check_joint_rates(old: Rates, new: Rates, reflexes: RateReflexes) -> None:
-    """Raises Violation where joints exceed their velocity, acceleration or jerk limits."""
+def check_joints(q: Array, old: Rates, new: Rates, reflexes: JointReflexes) -> None:
+    """Raises Violation for joints (7,) [rad] beyond a limit, or too fast to brake before one."""
     if _beyond(new.velocity, _JOINT_VELOCITY):
         raise Violation(reflexes.velocity)
     if _beyond(new.acceleration, _JOINT_ACCELERATION):
         raise Violation(reflexes.acceleration)
     if _beyond(new.acceleration - old.acceleration, _JOINT_JERK):
         raise Violation(reflexes.jerk)
+    if limits.margins(q).min() < 0:
+        raise Violation(reflexes.position)
+    slowest, fastest = limits.velocity_bounds(q)
+    if np.minimum(new.velocity - slowest, fastest - new.velocity).min() < -_BRAKING:
+        raise Violation(reflexes.velocity)
 
 
 def check_tool_rates(old: Rates, new: Rates) -> None:
     """Raises Violation where the tool exceeds its velocity, acceleration or jerk limits."""
     jerk = (new.acceleration - old.acceleration) / TICK
-    reflexes = (CARTESIAN.velocity, CARTESIAN.acceleration, CARTESIAN.jerk)
-    for rates, translation, rotation, reflex in zip(
+    checks = zip(
         (new.velocity, new.acceleration, jerk),
         limits.TRANSLATION,
         limits.ROTATION,
-        reflexes,
+        TOOL_REFLEXES,
         strict=True,
-    ):
+    )
+    for rates, translation, rotation, reflex in checks:
         moves, turns = hypot(*rates[:3].tolist()), hypot(*rates[3:].tolist())
         if moves > LIMIT_FACTOR * translation or turns > LIMIT_FACTOR * rotation:
             raise Violation(reflex)
@@ -128,16 +137,7 @@ def check_swing(old: Array, new: Array) -> None:
         raise Violation(Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_LIMIT_VIOLATION)
 
 
-def check_joints(q: Array, velocity: Array, position: Reflex, rate: Reflex) -> None:
-    """Raises Violation for joints (7,) beyond their limits, or too fast to brake before them."""
-    if limits.margins(q).min() < 0:
-        raise Violation(position)
-    slowest, fastest = limits.velocity_bounds(q)
-    if np.minimum(velocity - slowest, fastest - velocity).min() < -_BRAKING:
-        raise Violation(rate)
-
-
-def check_end(joints: Rates, reflexes: RateReflexes) -> None:
+def check_end(joints: Rates, reflexes: JointReflexes) -> None:
     """Raises Violation for a motion that is declared finished while the arm still moves."""
     if _beyond(joints.velocity, _JOINT_STANDSTILL):
         raise Violation(reflexes.acceleration)

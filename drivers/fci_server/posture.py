@@ -6,8 +6,8 @@ from typing import Self
 import numpy as np
 
 from drivers.franka import limits
+from drivers.franka.inverse import ELBOW_JOINT, twist_between
 from drivers.franka.kinematics import ELBOW_FLIP, pose_and_jacobian
-from drivers.franka.tracking import ELBOW_JOINT, rotation_vector
 from drivers.motion import TICK
 from drivers.types import Array
 
@@ -100,7 +100,4 @@ class Posture:
 
 def twist_of(old: Array, new: Array) -> Array:
     """Velocity (6,) in the base that takes pose `old` (4, 4) to `new` in one tick."""
-    twist = np.empty(6)
-    twist[:3] = new[:3, 3] - old[:3, 3]
-    twist[3:] = rotation_vector(new[:3, :3] @ old[:3, :3].T)
-    return twist / TICK
+    return twist_between(old, new) / TICK

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from ipaddress import IPv4Address
 from threading import Thread
-from typing import Annotated, Self, TypeVar
+from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field
 
@@ -30,11 +30,8 @@ HAND_PERIOD = 5  # ms, of the hand's states
 OFFER_HAND = 0.01  # s, after which a hand's state goes out while the arm's time is frozen
 MOST_LATE = 64  # commands for earlier ticks that are skipped in one go
 OFFER_ARM = 0.1  # s, after which the arm's last state is offered again
-COUNTED_TICKS = 100
+COUNTED_TICKS = 100  # of a motion, over which the share of commands in time is taken
 LONGEST_CATCH_UP = 0.2 * TICK  # s at most by which a period is shortened to make up for a late one
-
-A = TypeVar("A")
-B = TypeVar("B")
 
 
 def _address(text: str) -> str:
@@ -81,67 +78,6 @@ class Pace:
         self._deadline = time.monotonic() + TICK
 
 
-class Stopwatch:
-    """A timer that reports when its duration has passed since the last reset."""
-
-    def __init__(self, seconds: float) -> None:
-        self._seconds = seconds
-        self._since = time.monotonic()
-
-    def reset(self) -> None:
-        """Restart the duration from now."""
-        self._since = time.monotonic()
-
-    def rang(self) -> bool:
-        """Whether the duration has passed; if so, the timer restarts."""
-        if time.monotonic() - self._since < self._seconds:
-            return False
-        self.reset()
-        return True
-
-
-class Punctuality:
-    """Counts commands received in time over the last COUNTED_TICKS ticks of a motion."""
-
-    def __init__(self) -> None:
-        self._came: deque[bool] = deque()
-        self._in_time = 0
-
-    @property
-    def rate(self) -> float:
-        """Share of commands in time, between 0 and 1; 0 outside a motion."""
-        return self._in_time / len(self._came) if self._came else 0.0
-
-    def count(self, came: bool) -> None:
-        """Record one more tick, with or without a command in time."""
-        self._came.append(came)
-        self._in_time += came
-        if len(self._came) > COUNTED_TICKS:
-            self._in_time -= self._came.popleft()
-
-    def reset(self) -> None:
-        """Clear the counts at the end of a motion."""
-        self._came.clear()
-        self._in_time = 0
-
-
-def bind_free(address: str | None, open_at: Callable[[str], tuple[A, B]]) -> tuple[str, A, B]:
-    """Bind two ports at `address`, or at the first loopback address where both are free.
-
-    Raises ConfigurationError where they are in use.
-    """
-    reason = ""
-    for candidate in (address,) if address else _candidates():
-        try:
-            return (candidate, *open_at(candidate))
-        except OSError as error:
-            reason = error.strerror or str(error)
-    raise ConfigurationError(
-        f"address: ports 1337 and 1338 cannot be opened at {address or '127.77.x.y'}: {reason}; "
-        "name another address of this machine"
-    )
-
-
 def _candidates() -> Iterator[str]:
     """Addresses of the loopback that a server may take, in the order in which it tries them."""
     return (f"127.77.{x}.{y}" for x in range(10) for y in range(1, 251))
@@ -179,17 +115,19 @@ class RobotServer:
         self._disturbance = Disturbance(faults)
         self._on_command = on_command
         try:
-            self.address, self._arm, self._hand_port = bind_free(settings.address, self._open)
+            self.address, self._arm, self._hand_port = self._bind(settings.address)
         except ConfigurationError:
             self._poll.close()
             raise
         self._waker, self._bell = socket.socketpair()
         self._bell.setblocking(False)
         self._poll.register(self._waker, select.EPOLLIN)
-        self._pace, self._silence = Pace(), Stopwatch(OFFER_ARM)
+        self._pace = Pace()
+        self._offer_at = time.monotonic() + OFFER_ARM  # s, when a silent client gets a state again
         self._heard = False  # by the wall clock, whether this tick's command has come
-        self._punctuality = Punctuality()
-        self._awaits_command, self._begun = False, 0  # in lock-step; robot time [ms] of the first
+        self._in_time: deque[bool] = deque(maxlen=COUNTED_TICKS)  # by tick, if a command came
+        self._client_is_clock = False  # in lock-step, from a motion's first command to its end
+        self._motion_begin = 0  # robot time [ms] at that command
         self._thread: Thread | None = None
         self._stopping = False
 
@@ -229,6 +167,22 @@ class RobotServer:
         finally:
             self._disconnect()
 
+    def _bind(self, address: str | None) -> tuple[str, ArmPort, HandPort]:
+        """Open both ports at `address`, or at the first loopback address where they are free.
+
+        Raises ConfigurationError where they are in use.
+        """
+        reason = ""
+        for candidate in (address,) if address else _candidates():
+            try:
+                return (candidate, *self._open(candidate))
+            except OSError as error:
+                reason = error.strerror or str(error)
+        raise ConfigurationError(
+            f"address: ports 1337 and 1338 cannot be opened at {address or '127.77.x.y'}: "
+            f"{reason}; name another address of this machine"
+        )
+
     def _open(self, address: str) -> tuple[ArmPort, HandPort]:
         arm = ArmPort(address, self._poll, self.robot)
         try:
@@ -246,8 +200,14 @@ class RobotServer:
             self._poll.close()
 
     def _run_once(self) -> None:
-        self._awaits_command = self._awaits_command and self._lock_step and self.robot.moving
-        if self._awaits_command:
+        """Run one pass of the event loop.
+
+        While the client is the clock, it waits for the next command; with nobody connected and
+        nothing moving, for any request; else until the control period has passed.
+        """
+        moving = self._lock_step and self.robot.moving
+        self._client_is_clock = self._client_is_clock and moving
+        if self._client_is_clock:
             self._wait_for_command()
         elif self._idle():
             self._apply_due_faults()
@@ -266,14 +226,15 @@ class RobotServer:
         events = self._poll_sockets(OFFER_HAND)
         if not events:
             self._hand_port.repeat()
-            if self._silence.rang():
+            if time.monotonic() >= self._offer_at:
                 self._arm.repeat()
+                self._offer_at = time.monotonic() + OFFER_ARM
         command = self._arm.command()
         if command is not None and self._arm.datagram_fileno not in events:
             self._poll_sockets(0)  # requests that were sent before this command, and after the wait
         if command is not None and command.message_id == self.robot.time and self.robot.moving:
             self._follow(command)
-            self._silence.reset()
+            self._offer_at = time.monotonic() + OFFER_ARM
             self._pace.restart()
 
     def _wait_for_period(self) -> None:
@@ -282,13 +243,13 @@ class RobotServer:
         command = self._next_command()
         if command is not None and self._lock_step:
             # The client has begun: from here on its commands are the clock.
-            self._awaits_command, self._begun = True, self.robot.time
+            self._client_is_clock, self._motion_begin = True, self.robot.time
             if command.message_id == self.robot.time:
                 self._follow(command)
             return
         if command is not None and not self._heard:
             self._heard = True
-            self._punctuality.count(True)
+            self._in_time.append(True)
             self._obey(command)
         if self._pace.remaining() <= 0:
             self._pass_period()
@@ -311,12 +272,12 @@ class RobotServer:
         if not heard and (self._lock_step or not robot.moving):
             robot.rest()
         elif not heard:
-            self._punctuality.count(False)
+            self._in_time.append(False)
             robot.miss()
         self._advance()
 
     def _follow(self, command: RobotCommand) -> None:
-        self._punctuality.count(True)
+        self._in_time.append(True)
         self._obey(command)
         self._advance()
 
@@ -333,11 +294,12 @@ class RobotServer:
         robot.trail()
         self.hand.advance()
         ended = self._hand_port.answer()
-        if ended or (robot.time - self._begun) % HAND_PERIOD == 0:
+        if ended or (robot.time - self._motion_begin) % HAND_PERIOD == 0:
             self._hand_port.publish(robot.time)
         if robot.motion is None:
-            self._punctuality.reset()
-        self._arm.publish(self._punctuality.rate, self._disturbance.is_nan(robot.time))
+            self._in_time.clear()
+        rate = sum(self._in_time) / len(self._in_time) if self._in_time else 0.0
+        self._arm.publish(rate, self._disturbance.is_nan(robot.time))
 
     def _apply_due_faults(self) -> None:
         for fault in self._disturbance.strike(self.robot):
@@ -382,5 +344,6 @@ def _give_mechanics(robot: Robot, settings: ServerSettings) -> None:
         robot.dynamics = Dynamics(plant)
         delay += plant.delay
         sag = robot.dynamics.sag if robot.dynamics.bends else None
-    tool = robot.configuration.tool
-    robot.trailing = LaggingArm.at_rest(robot.posture, tool, delay, settings.lag, sag)
+    if delay or settings.lag or sag is not None:
+        tool = robot.configuration.tool
+        robot.trailing = LaggingArm(robot.posture, tool, delay, settings.lag, sag)

@@ -5,8 +5,8 @@ import numpy as np
 from drivers.fci_server.configuration import Configuration
 from drivers.fci_server.robot import NO_CONTACT, Contact, Robot
 from drivers.fci_server.wire import Controller, Generator, Reflex
-from drivers.franka.model import holding_torques
-from drivers.franka.tracking import ELBOW_JOINT
+from drivers.franka.inverse import ELBOW_JOINT
+from drivers.franka.model import GRAVITY, HAND_INERTIA, holding_torques
 from drivers.types import Array
 
 PACKET = np.dtype(
@@ -60,7 +60,6 @@ PACKET = np.dtype(
         ("success_rate", "<f4"),
     ]
 )
-HAND_INERTIA = (0.001, 0.0, 0.0, 0.0, 0.0025, 0.0, 0.0, 0.0, 0.0017)  # kg m^2
 MEASURED_FIELDS = ("q", "dq", "O_T_EE", "O_F_ext_hat_K", "K_F_ext_hat_K", "tau_ext_hat_filtered")
 TURNED = 5e-3  # rad by which a joint turns before the torques of gravity are computed again
 
@@ -72,8 +71,8 @@ class Publisher:
         self._packet = np.zeros(1, PACKET)
         # views into the packet, by name: (n,) each
         self.fields = fields = {name: self._packet[name].reshape(-1) for name in PACKET.names or ()}
-        fields["I_ee"][:] = HAND_INERTIA
-        fields["O_ddP_O"][:] = (0.0, 0.0, -9.81)
+        fields["I_ee"][:] = np.diag(HAND_INERTIA).ravel()
+        fields["O_ddP_O"][:] = (0.0, 0.0, -GRAVITY)
         self._configuration: Configuration | None = None
         self._errors: object = None
         self._contact: Contact | None = None

@@ -13,7 +13,7 @@ from types import MappingProxyType
 import numpy as np
 
 from drivers.errors import ConfigurationError
-from drivers.strip.model import SOFTEST, StripModel, with_field
+from drivers.strip.model import SOFTEST, StripModel, scale_rigidity, with_field
 from drivers.types import Array, frozen
 
 
@@ -46,14 +46,11 @@ def _add_force(model: StripModel, amount: float) -> StripModel:
 
 
 def _add_gradient(model: StripModel, amount: float) -> StripModel:
-    return with_field(
-        model, "mechanics", model.mechanics.scale_rigidity(1.0 + amount * _position(model))
-    )
+    return scale_rigidity(model, 1.0 + amount * _position(model))
 
 
 def _add_drift(model: StripModel, amount: float) -> StripModel:
-    factor = np.full_like(model.mechanics.rigidity, max(SOFTEST, 1.0 + amount * model.index))
-    return with_field(model, "mechanics", model.mechanics.scale_rigidity(factor))
+    return scale_rigidity(model, max(SOFTEST, 1.0 + amount * model.index))
 
 
 def _add_curl(model: StripModel, amount: float) -> StripModel:
@@ -63,7 +60,7 @@ def _add_curl(model: StripModel, amount: float) -> StripModel:
 
 def _add_bulge(model: StripModel, amount: float) -> StripModel:
     arched = 1.0 - 4.0 * _position(model) ** 2
-    return with_field(model, "mechanics", model.mechanics.scale_rigidity(1.0 + amount * arched))
+    return scale_rigidity(model, 1.0 + amount * arched)
 
 
 def _add_weight_gradient(model: StripModel, amount: float) -> StripModel:

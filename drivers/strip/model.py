@@ -8,7 +8,7 @@ engine lumps them onto its own nodes with `Mechanics.mean` and `Mechanics.total`
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -151,11 +151,6 @@ class Mechanics:
         left = np.maximum(cells[:-1], position - width / 2)
         return np.clip((right - left) * (CELLS / self.length), 0.0, 1.0)
 
-    def scale_rigidity(self, factor: Array) -> Self:
-        """A copy with rigidity and viscosity times `factor` (CELLS,): same retardation time."""
-        rigidity, viscosity = frozen(self.rigidity * factor), frozen(self.viscosity * factor)
-        return replace(self, rigidity=rigidity, viscosity=viscosity)
-
 
 @dataclass(frozen=True, slots=True)
 class Boundary:
@@ -231,6 +226,13 @@ def with_field(part: T, path: str, value: Any) -> T:
     if inner:
         value = with_field(getattr(part, name), inner, value)
     return replace(part, **{name: value})
+
+
+def scale_rigidity(model: StripModel, factor: Array | float) -> StripModel:
+    """Copy `model` with rigidity and viscosity times `factor` (CELLS,): same retardation time."""
+    mechanics = model.mechanics
+    rigidity, viscosity = frozen(mechanics.rigidity * factor), frozen(mechanics.viscosity * factor)
+    return replace(model, mechanics=replace(mechanics, rigidity=rigidity, viscosity=viscosity))
 
 
 Effects = Mapping[str, Mapping[str, float]]

@@ -7,8 +7,7 @@ import numpy as np
 
 from drivers.errors import ConfigurationError
 from drivers.geometry import Matrix
-from drivers.twin.renderer.optics import Optics, Pixels
-from drivers.twin.renderer.sensor import blur, noisy
+from drivers.twin.renderer.optics import Optics, Pixels, blur, noisy
 from drivers.twin.renderer.stage import bgr, light
 from drivers.twin.settings import CameraSettings
 from drivers.types import Array, Frame, Image

@@ -1,26 +1,31 @@
-"""Construction of the twin of a cell on one simulated clock."""
+"""Construction of the twin of a cell: whole on one simulated clock, or a desk beside any arm."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.geometry import CellInRobot
 from drivers.installation import Installation
+from drivers.protocols import Hand
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.model import Effects, StripModel
-from drivers.twin.arm import TwinArm
+from drivers.twin.arm_and_hand import TwinArm, TwinHand
 from drivers.twin.camera import TwinCamera, Visible
 from drivers.twin.chain.engine import Chain
 from drivers.twin.clock import Rank, TwinClock
-from drivers.twin.hand import TwinHand
 from drivers.twin.renderer.looks import LOOKS, StripLook
 from drivers.twin.scene import Truth
-from drivers.twin.settings import TwinSettings
-from drivers.twin.world import Plant, World
-from drivers.types import Pose
+from drivers.twin.settings import HandSettings, TwinSettings
+from drivers.twin.world import Fingers, Plant, World
+from drivers.types import Array, Pose
 
 DEFAULT_INSTALLATION = Installation()
+PERIOD = 0.005  # s between two poses that the gripper takes over from an external arm
+BEHIND = 0.005  # s that a measured pose may be old before the gripper counts as resting there
+
+MeasuredPose = Callable[[], tuple[float, Pose] | None]
 
 
 def unchanged(world: World) -> Visible:
@@ -116,3 +121,53 @@ def open_desk(
     )
     clock.every(settings.world.step, world.advance, Rank.WORLD)
     return Desk(clock, world, camera, model, home)
+
+
+class ExternalArm:
+    """Moves the gripper in the world of `desk` to the poses that the arm measured.
+
+    `measured` gives the arm's newest stamp [s] and pose, None while it is not connected. In return
+    the emulated hand gets the thickness `between` its fingers and the arm the strip's `force`.
+    """
+
+    def __init__(
+        self,
+        desk: Desk,
+        settings: HandSettings,
+        measured: MeasuredPose,
+        hand: Hand,
+        frame: CellInRobot,
+    ) -> None:
+        self._world = desk.world
+        self._settings = settings
+        self._measured = measured
+        self._hand = hand
+        self._turn: Array = frame.matrix[:3, :3]
+        self._pose = desk.home
+        self._thickness = desk.model.mechanics.thickness
+        desk.clock.every(PERIOD, self._follow, Rank.SERVO)
+
+    def between(self) -> float | None:
+        """Thickness [m] of the material between the fingers; None for nothing."""
+        held = self._world.holds_strip
+        if held or self._world.edge_within(self._settings.reach, self._settings.lean):
+            return self._thickness
+        return None
+
+    def force(self, tip: Array, time: float) -> Array:  # noqa: ARG002
+        """Weight (3,) [N] of the strip on the gripper, in the robot's base."""
+        return np.asarray(self._turn @ (0.0, 0.0, -self._world.load), dtype=np.float64)
+
+    def _follow(self, now: float) -> None:
+        measured = self._measured()
+        if measured is None:
+            self._world.follow(now, self._pose)
+            return
+        stamp, self._pose = measured
+        self._world.follow(max(stamp, now - BEHIND), self._pose)
+        hand = self._hand.state()
+        self._world.move_fingers(Fingers(hand.width, hand.width, start=now, speed=1.0))
+        if hand.grasped and not self._world.holds_strip and self.between() is not None:
+            self._world.attach()
+        elif not hand.grasped and self._world.holds_strip:
+            self._world.detach()

@@ -11,8 +11,8 @@ import numpy as np
 from drivers.errors import Fault
 from drivers.strip.engine import Observables, Stepper, Touch
 from drivers.strip.file import GRAVITY
-from drivers.strip.grip_path import share_away, true_poses
 from drivers.strip.model import Rig, StripModel
+from drivers.strip.observation import share_away, true_poses
 from drivers.twin.clock import NANOSECONDS, nanoseconds
 from drivers.twin.scene import History, Scene, Truth
 from drivers.twin.settings import WorldSettings

@@ -3,8 +3,8 @@
 import numpy as np
 
 from drivers.strip.engine import Observables, Stepper, StripMotion
-from drivers.strip.grip_path import true_path
 from drivers.strip.model import StripModel
+from drivers.strip.observation import true_path
 from drivers.types import Array
 
 

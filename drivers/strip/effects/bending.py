@@ -7,7 +7,7 @@ import numpy as np
 
 from drivers.strip.effects.effect import PLACE_SPAN, Effect, Parameter, Span, Stage, sets, shape
 from drivers.strip.file import GRAVITY
-from drivers.strip.model import CELLS, SOFTEST, StripModel, with_field
+from drivers.strip.model import SOFTEST, StripModel, scale_rigidity, with_field
 from drivers.types import frozen
 
 HALF_WIDTH = 0.005  # m to each side over which a crease turns
@@ -42,8 +42,7 @@ def add_grasp_crease(model: StripModel, turn: float) -> StripModel:
 
 
 def _age(model: StripModel, values: Mapping[str, float]) -> StripModel:
-    factor = max(SOFTEST, 1.0 - values["rate"] * model.index)
-    return with_field(model, "mechanics", model.mechanics.scale_rigidity(np.full(CELLS, factor)))
+    return scale_rigidity(model, max(SOFTEST, 1.0 - values["rate"] * model.index))
 
 
 AGEING = law_effect(
@@ -154,11 +153,7 @@ RELAXATION = law_effect(
 
 def _stiffen_seam(model: StripModel, values: Mapping[str, float]) -> StripModel:
     covered = model.mechanics.inside(values["position"], values["width"], values["softness"])
-    return with_field(
-        model,
-        "mechanics",
-        model.mechanics.scale_rigidity((1.0 - covered) + covered * values["factor"]),
-    )
+    return scale_rigidity(model, (1.0 - covered) + covered * values["factor"])
 
 
 SEAM = law_effect(
@@ -181,9 +176,7 @@ def _stiffen_towards_one_end(model: StripModel, values: Mapping[str, float]) -> 
     """Linear in the arc length, or with `central` steeper in the middle."""
     away = model.mechanics.cells / model.mechanics.length - 0.5
     rise = away * (1.0 + values["central"] * (1.0 - 4.0 * away**2))
-    return with_field(
-        model, "mechanics", model.mechanics.scale_rigidity(1.0 + values["slope"] * rise)
-    )
+    return scale_rigidity(model, 1.0 + values["slope"] * rise)
 
 
 STIFFNESS_GRADIENT = law_effect(

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from drivers.errors import SimulationNotConverged, SimulationNotFinite
 from drivers.strip.engine import Observables, StripMotion, Touch
-from drivers.strip.grip_path import true_path
 from drivers.strip.model import StripModel
+from drivers.strip.observation import true_path
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import compact, end_strips, fixed_edges, flat_batch, living, midlines
 from drivers.strip.rod.blocks import follow

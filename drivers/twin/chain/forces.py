@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -127,11 +126,8 @@ itself, in the chain's own unit of mass. It may remember the past of its strip.
 """
 
 
-class ExtraForce(Protocol):
-    """An extra force, attached to chains by `begin`."""
-
-    def begin(self, parts: Parts) -> ForceFunction:
-        """Attach the force to one chain that lies flat and at rest; returns its function."""
+ExtraForce = Callable[[Parts], ForceFunction]
+"""An extra force: attached to one chain that lies flat and at rest, it returns its function."""
 
 
 class ExtraForces:
@@ -139,7 +135,7 @@ class ExtraForces:
 
     def __init__(self, laws: Sequence[ExtraForce], parts: Parts) -> None:
         self._lumps, self._hinges = parts.lumps, parts.joints.hinges
-        self._acts = [law.begin(parts) for law in laws]
+        self._acts = [law(parts) for law in laws]
         self._damping: Array = np.zeros(0)
 
     def clear(self, model: mujoco.MjModel, data: mujoco.MjData, h: float) -> None:
@@ -161,11 +157,11 @@ class ExtraForces:
             model.dof_damping[:] = self._damping
 
 
-class MomentLaw(Protocol):
-    """A moment that resists bending, as a function of all hinge angles and their history."""
+MomentLaw = Callable[[Array, Array, float], tuple[Array, Array]]
+"""A moment that resists bending: of hinge angles (n + 1,), their rates and the step h [s].
 
-    def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:
-        """Moment (n + 1,) [N m] and its slope (n + 1,) [N m/rad], for a step of `h` [s]."""
+Returns the moment (n + 1,) [N m] and its slope (n + 1,) [N m/rad]; it may remember the past.
+"""
 
 
 def resistance(parts: Parts, law: MomentLaw) -> ForceFunction:
@@ -186,33 +182,26 @@ def resistance(parts: Parts, law: MomentLaw) -> ForceFunction:
     return act
 
 
-class FifthOrder:
+def fifth_order(parts: Parts) -> ForceFunction:
     """Extra force of the fifth-order term of the elastic bending law."""
+    lumps = parts.lumps
 
-    def begin(self, parts: Parts) -> ForceFunction:
-        """Attach the moment to the hinges of one chain; returns its function."""
-        lumps = parts.lumps
+    def law(angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG001
+        bent = angle - lumps.rest
+        return lumps.fifth * bent**5, 5.0 * lumps.fifth * bent**4
 
-        def law(angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG001
-            bent = angle - lumps.rest
-            return lumps.fifth * bent**5, 5.0 * lumps.fifth * bent**4
-
-        return resistance(parts, law)
+    return resistance(parts, law)
 
 
-class GradualFriction:
+def gradual_friction(parts: Parts) -> ForceFunction:
     """Extra force of the yarns' friction that has no yield point."""
-
-    def begin(self, parts: Parts) -> ForceFunction:
-        """Attach the moment to the hinges of one chain; returns its function."""
-        lumps = parts.lumps
-        law = DahlFriction(lumps.gradual_limit, lumps.gradual, exponent=1.0)
-        return resistance(parts, law)
+    lumps = parts.lumps
+    return resistance(parts, DahlFriction(lumps.gradual_limit, lumps.gradual, exponent=1.0))
 
 
 def strip_laws(model: StripModel) -> Sequence[ExtraForce]:
     """Extra forces that simulate terms of the strip's own bending law."""
     law = model.mechanics.law
-    fifth = (FifthOrder(),) if law.cubic != 0 and law.fifth != 0 else ()
+    fifth = (fifth_order,) if law.cubic != 0 and law.fifth != 0 else ()
     rubs = law.yield_curvature != 0 and law.gradual != 0
-    return (*fifth, GradualFriction()) if rubs else fifth
+    return (*fifth, gradual_friction) if rubs else fifth

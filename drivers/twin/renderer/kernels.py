@@ -64,16 +64,16 @@ def interpolate(nodes: Array, slopes: Array, arc: Array, s: Array) -> tuple[Arra
 
 
 @entry
-def greatest(bins: Indices, values: Array, count: int) -> Array:
-    """Largest (count,) of the `values` (m,) in each bin of `bins` (m,), at least 0."""
-    found = np.zeros(count)
+def bin_maxima(bins: Indices, values: Array, count: int) -> Array:
+    """Largest of `values` (m,) in each of `count` bins, at least 0; `bins` (m,) number them."""
+    maxima = np.zeros(count)
     for k in range(len(bins)):
-        found[bins[k]] = max(found[bins[k]], values[k])
-    return found
+        maxima[bins[k]] = max(maxima[bins[k]], values[k])
+    return maxima
 
 
 @entry
-def sow(
+def sample_surface(
     start: Array,
     across: Array,
     motion: Array,

@@ -21,7 +21,7 @@ from drivers.twin.renderer.gripper import (
 from drivers.twin.renderer.kernels import splat
 from drivers.twin.renderer.light import arm_shadow, dim, flicker, shadow_band, shadow_profile
 from drivers.twin.renderer.looks import PLAIN, Look, StripLook
-from drivers.twin.renderer.optics import Optics
+from drivers.twin.renderer.optics import Optics, blur, noise_bank, reach
 from drivers.twin.renderer.ribbon import (
     CUT,
     PITCH,
@@ -33,7 +33,6 @@ from drivers.twin.renderer.ribbon import (
     project,
     weave,
 )
-from drivers.twin.renderer.sensor import blur, noise_bank, reach
 from drivers.twin.renderer.stage import bgr, fill, stage
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings

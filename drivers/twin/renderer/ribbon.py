@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.twin.renderer.kernels import interpolate, sow
+from drivers.twin.renderer.kernels import interpolate, sample_surface
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.scene import Scene
@@ -165,10 +165,9 @@ def faces(
     rows = np.ceil(area / length / DEPTH_PITCH).astype(np.int64)
     near, shade = _surface(curve, picture, optics, look), _lit(curve, optics)
     each = area * (1 / np.maximum(rows, 1))
-    grid = (1 / GRAIN, look.width)
-    return _cloud(
-        sow(near, across, picture.motion, rows, each, shade, curve.s, material.face, grid), look
-    )
+    grid, motion = (1 / GRAIN, look.width), picture.motion
+    points = sample_surface(near, across, motion, rows, each, shade, curve.s, material.face, grid)
+    return _cloud(points, look)
 
 
 def near_edge(curve: Curve, picture: Projection, look: StripLook, material: Weave) -> Cloud:
@@ -176,10 +175,9 @@ def near_edge(curve: Curve, picture: Projection, look: StripLook, material: Weav
     thickness = 2 * float(np.hypot(*picture.half.T).max())
     rows = np.full(len(curve.s), max(int(np.ceil(thickness / PITCH)), 2))
     each, shade = _area(picture.along, 2 * picture.half) / rows, np.full(len(curve.s), CUT)
-    near, half, grid = picture.near, picture.half, (1 / GRAIN, 0.0)
-    return _cloud(
-        sow(near, half, picture.motion, rows, each, shade, curve.s, material.cut, grid), look
-    )
+    start, across, motion, grid = picture.near, picture.half, picture.motion, (1 / GRAIN, 0.0)
+    points = sample_surface(start, across, motion, rows, each, shade, curve.s, material.cut, grid)
+    return _cloud(points, look)
 
 
 def _cloud(points: Array, look: StripLook) -> Cloud:

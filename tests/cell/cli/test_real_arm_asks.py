@@ -50,7 +50,7 @@ def configs(tmp_path: Path) -> Path:
 def connections(monkeypatch) -> list[str]:
     """What was started to drive a robot: it should be nothing."""
     begun: list[str] = []
-    for place in ("cell.devices.fci.Bridge", "drivers.arm.requests.go_to"):
+    for place in ("cell.devices.fci.Bridge", "drivers.arm.joint_requests.go_to"):
         monkeypatch.setattr(place, lambda *_, place=place, **__: begun.append(place))
     return begun
 
@@ -90,7 +90,7 @@ def test_recovery_is_possible_whatever_the_doctor_finds(
     monkeypatch.setattr("sys.stdin", io.StringIO("twin-cell\n"))
     run(monkeypatch, command, "--recover", "--configs", configs)
     assert "Type the cell's name" in capsys.readouterr().err
-    assert connections == ["drivers.arm.requests.go_to"]
+    assert connections == ["drivers.arm.joint_requests.go_to"]
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,7 @@ def test_motion_of_an_emulated_robot_says_so(
 def test_way_home_and_fold_of_an_emulated_robot_say_so(configs, monkeypatch, capsys) -> None:
     file = configs / "cell.yaml"
     file.write_text(file.read_text().replace(NOWHERE, "127.0.0.5"))
-    monkeypatch.setattr("drivers.arm.requests.go_to", lambda *_, **__: None)
+    monkeypatch.setattr("drivers.arm.joint_requests.go_to", lambda *_, **__: None)
     run(monkeypatch, "park", "--configs", configs)
     remark = "emulated robot at 127.0.0.5, on this machine"
     assert capsys.readouterr().out == f"the arm is parked ({remark})\n"

@@ -10,10 +10,9 @@ pytest.importorskip("pylibfranka", reason="the robot's library is not installed"
 
 from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.force import DriftMonitor, ForceGuard, Tare
+from drivers.arm.joint_requests import go_to, retreat
 from drivers.arm.obstacles import solids_of
 from drivers.arm.orders import Kind
-from drivers.arm.requests import go_to
-from drivers.arm.retreat import retreat
 from drivers.arm.settings import FciSettings
 from drivers.errors import Fault
 from drivers.franka import limits

@@ -10,7 +10,7 @@ pytest.importorskip("pylibfranka", reason="the robot's library is not installed"
 from drivers.arm.bridge import Bridge
 from drivers.arm.checks import read_description, require_limits
 from drivers.arm.failure import ArmFault
-from drivers.arm.requests import go_to, hand_pose
+from drivers.arm.joint_requests import go_to, hand_pose
 from drivers.errors import Fault
 from drivers.fci_server.server import RobotServer
 from drivers.fci_server.wire import Mode, Reflex

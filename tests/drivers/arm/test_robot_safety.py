@@ -12,17 +12,17 @@ import pytest
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
 import drivers.arm.robot
-from drivers.arm import requests
+from drivers.arm import joint_requests as requests
 from drivers.arm.arm import FciArm
 from drivers.arm.bridge import Bridge
 from drivers.arm.failure import Cause
 from drivers.arm.force import ForceGuard
 from drivers.arm.hand import FciHand
 from drivers.arm.joint_motion import follow_joints
+from drivers.arm.joint_requests import go_to
 from drivers.arm.orders import Kind
 from drivers.arm.plane import StripPlane
 from drivers.arm.reach import PredictedMotion, ReachGuard
-from drivers.arm.requests import go_to
 from drivers.arm.robot import Robot
 from drivers.arm.settings import FciSettings, HandLimits
 from drivers.clock import WallClock

@@ -12,9 +12,9 @@ import drivers
 
 SCRIPT = """
 import numpy as np
-from drivers.twin.renderer.kernels import greatest
-largest = greatest(np.array([0, 0]), np.array([1.0, 3.0]), 1)
-print(largest[0], sum(greatest.stats.cache_hits.values()))
+from drivers.twin.renderer.kernels import bin_maxima
+largest = bin_maxima(np.array([0, 0]), np.array([1.0, 3.0]), 1)
+print(largest[0], sum(bin_maxima.stats.cache_hits.values()))
 """
 
 

@@ -8,15 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.strip.engine import Touch
-from drivers.strip.grip_path import reported_poses, true_path, true_poses
 from drivers.strip.model import Observation, Rig
 from drivers.strip.observation import (
+    reported_poses,
     seen_contact,
     seen_points,
     seen_time,
     seen_touch,
     shown_time,
+    true_path,
     true_points,
+    true_poses,
 )
 from tests.support.effect_cases import PATHS, affected, bare, way
 

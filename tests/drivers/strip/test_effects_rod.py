@@ -1,12 +1,12 @@
 """Effects in the rod do what their laws say, as large as measured elsewhere, and converge."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from drivers.strip.describe import describe
+from drivers.strip.model import scale_rigidity
 from drivers.strip.rod.engine import Rod
 from tests.support.effect_cases import LENGTH, PATHS, affected, bare, denim, folds, way
 from tests.support.rod_cases import overhang, paper_model
@@ -25,7 +25,7 @@ def _displacement(name: str, path: str = "triangular", **values: float) -> float
 
 def test_relaxed_strip_hangs_as_one_of_the_remaining_rigidity() -> None:
     relaxed, straight = affected("relaxation", STIFF, ratio=0.4, time=0.5), describe(STIFF)
-    left = replace(straight, mechanics=straight.mechanics.scale_rigidity(np.full(600, 0.6)))
+    left = scale_rigidity(straight, 0.6)
     hung, expected, before = overhang([relaxed, left, straight])
     np.testing.assert_allclose(hung, expected, atol=1e-6)
     assert np.abs(hung - before).max() > 0.01

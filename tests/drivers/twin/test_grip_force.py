@@ -8,7 +8,7 @@ from drivers.strip.describe import describe
 from drivers.strip.engine import StripMotion
 from drivers.strip.observation import mean_force
 from drivers.strip.rod.engine import Rod
-from drivers.twin.arm import ExternalWrench
+from drivers.twin.arm_and_hand import ExternalWrench
 from drivers.twin.chain.engine import Chain
 from drivers.twin.settings import WrenchSettings
 from drivers.types import Array

@@ -33,8 +33,8 @@ from cell.folding.fold import fold
 from cell.folding.request import Recording
 from cell.record.run import read_run
 from drivers.arm.joint_log import Timing
+from drivers.arm.joint_requests import go_to
 from drivers.arm.process import PRIORITY, Task, schedule
-from drivers.arm.requests import go_to
 from drivers.arm.settings import RealTime
 from drivers.errors import Fault
 from drivers.fci_server.server import RobotServer, ServerSettings

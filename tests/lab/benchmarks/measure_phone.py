@@ -32,9 +32,8 @@ from drivers.strip.shape import desk_contact
 from drivers.twin.board import _draw_board
 from drivers.twin.renderer.gripper import Outline, above, draw_hand, faces_of
 from drivers.twin.renderer.looks import BENCH, BLUE_MAT, GREY_DESK, Look, StripLook
-from drivers.twin.renderer.optics import Optics
+from drivers.twin.renderer.optics import Optics, blur, noisy
 from drivers.twin.renderer.renderer import Renderer
-from drivers.twin.renderer.sensor import blur, noisy
 from drivers.twin.renderer.stage import bgr
 from drivers.twin.scene import History, Scene
 from drivers.twin.settings import CameraSettings

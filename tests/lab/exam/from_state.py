@@ -162,7 +162,7 @@ class Law:
     cause: Cause
     rng: np.random.Generator
 
-    def begin(self, parts: Parts) -> ForceFunction:
+    def __call__(self, parts: Parts) -> ForceFunction:
         """Force function of the cause for one chain; does nothing where the cause has no force."""
         act = self.cause.begin(parts, self.rng)
         return _no_force if act is None else act

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from pydantic import Field
 
-from drivers.strip.model import StripModel
+from drivers.strip.model import StripModel, scale_rigidity, with_field
 from drivers.twin.chain.forces import DahlFriction, ForceFunction, Parts, resistance
 from drivers.types import Array, frozen
 from tests.lab.exam.causes.cause import Cause, Sizes
@@ -163,8 +163,7 @@ class SmoothGradient(Cause):
         """Strip model with the S-shaped profile of rigidity."""
         mechanics = model.mechanics
         share = mechanics.cells / mechanics.length - 0.5
-        factor = 1.0 + 0.5 * self.slope * np.sin(np.pi * share)
-        return replace(model, mechanics=mechanics.scale_rigidity(factor))
+        return scale_rigidity(model, 1.0 + 0.5 * self.slope * np.sin(np.pi * share))
 
 
 class SoftSeam(Cause):
@@ -186,8 +185,7 @@ class SoftSeam(Cause):
         """Strip model with the rigidity of the seam."""
         mechanics = model.mechanics
         away = (mechanics.cells - self.position) / self.width
-        factor = 1.0 + (self.factor - 1.0) * np.exp(-np.pi * away**2)
-        return replace(model, mechanics=mechanics.scale_rigidity(factor))
+        return scale_rigidity(model, 1.0 + (self.factor - 1.0) * np.exp(-np.pi * away**2))
 
 
 class Softening(Cause):
@@ -225,8 +223,7 @@ class BrokenIn(Cause):
         """Strip model of this run, its rigidity multiplied by `factor` from run `first` on."""
         if model.index < self.first:
             return model
-        same = np.full(len(model.mechanics.rigidity), self.factor)
-        return replace(model, mechanics=model.mechanics.scale_rigidity(same))
+        return scale_rigidity(model, self.factor)
 
 
 class Humidity(Cause):
@@ -245,6 +242,6 @@ class Humidity(Cause):
     def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:
         """Strip model with the rigidity and retardation time of this run's humidity."""
         factor = float(np.exp(self.spread * rng.standard_normal()))
-        mechanics = model.mechanics.scale_rigidity(np.full(len(model.mechanics.rigidity), factor))
-        viscosity = mechanics.viscosity / np.sqrt(factor)
-        return replace(model, mechanics=replace(mechanics, viscosity=viscosity))
+        scaled = scale_rigidity(model, factor)
+        viscosity = scaled.mechanics.viscosity / np.sqrt(factor)
+        return with_field(scaled, "mechanics.viscosity", viscosity)

@@ -54,7 +54,7 @@ class Law:
     def __init__(self, name: str, values: dict[str, float]) -> None:
         self._cause, self._rng = cause_of(name, values), np.random.default_rng(0)
 
-    def begin(self, parts: Parts) -> ForceFunction:
+    def __call__(self, parts: Parts) -> ForceFunction:
         """Start the law's force on `parts`; raises ValueError for a cause without a force."""
         force = self._cause.begin(parts, self._rng)
         if force is None:

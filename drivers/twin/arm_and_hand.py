@@ -1,20 +1,20 @@
-"""The twin's arm: a simulated servo with tracking lag and measurement noise."""
+"""The twin's arm, a simulated servo with tracking lag and noise, and its hand of two fingers."""
 
 from collections import deque
 from functools import partial
-from math import exp, hypot
+from math import hypot
 
 import numpy as np
 
 from drivers.errors import Fault
 from drivers.installation import Installation
-from drivers.motion import TICK, MotionProfile
-from drivers.twin.clock import Rank, TwinClock
-from drivers.twin.settings import ArmSettings, WrenchSettings
-from drivers.twin.world import World
-from drivers.types import ArmState, Array, Pose, Velocity
+from drivers.motion import TICK, MotionProfile, lag_gain
+from drivers.twin.clock import Event, Rank, TwinClock
+from drivers.twin.settings import ArmSettings, HandSettings, WrenchSettings
+from drivers.twin.world import Fingers, World
+from drivers.types import ArmState, Array, HandState, Pose, Velocity
 
-SOURCE = "twin arm"
+ARM_SOURCE, HAND_SOURCE = "twin arm", "twin hand"
 SETTLED_DISTANCE = 1e-5  # m or rad behind the command at which a motion has ended
 NOISE_BLOCK = 1024  # ticks of noise drawn together
 FORCE_NOT_MEASURED = (float("nan"), float("nan"))
@@ -31,14 +31,14 @@ class ExternalWrench:
         """Start at zero force; noise and offset come from `rng`."""
         self._rng = rng
         self._noise = settings.noise
-        self._share = 1.0 if settings.lag == 0 else 1.0 - exp(-TICK / settings.lag)
+        self._lag_gain = lag_gain(settings.lag)
         self._offset = settings.bias * rng.standard_normal(2)
         self._average = np.zeros(2)
         self._reading = (0.0, 0.0)
 
     def tick(self, force: tuple[float, float]) -> None:
         """Update the reading from the true `force` (f_x, f_z) [N], with lag, offset and noise."""
-        self._average += self._share * (np.array(force) - self._average)
+        self._average += self._lag_gain * (np.array(force) - self._average)
         noise = self._noise * self._rng.standard_normal(2)
         x, z = (self._average + self._offset + noise).tolist()
         self._reading = (x, z)
@@ -67,27 +67,28 @@ class TwinArm:
         rng: np.random.Generator,
         delay: float = 0.0,
     ) -> None:
-        """An arm at rest at the gripper of `world`, with noise from `rng`."""
+        """Start at rest at the gripper of `world`, and register the servo with `clock`.
+
+        Noise comes from `rng`; `delay` [s] as of the class.
+        """
         start = world.gripper
-        self._world = world
-        self._clock = clock
-        self._rng = rng
+        self._world, self._clock, self._rng, self._delay = world, clock, rng, delay
         self._cell_in_robot = installation.mounting.transform()
+        self._connected = self._closed = False
+
         self._profile = MotionProfile(installation.limits, installation.workspace, start)
-        self._follow = 1.0 if settings.lag == 0 else 1.0 - exp(-TICK / settings.lag)
+        self._lag_gain = lag_gain(settings.lag)
+        self._position = [start.x, start.z, start.pitch]
+        self._velocity = [0.0, 0.0, 0.0]
+        at_rest = (*self._position, *self._velocity)
+        self._history = deque([at_rest] * (2 + int(max(delay, 0.0) / TICK)))  # the newest last
+        self._ticks, self._stamp = 0, clock.now()
+
         self._sigma = np.array([*3 * [settings.noise], settings.pitch_noise])
-        self._noise = self._rng.standard_normal((NOISE_BLOCK, 4))
-        self._ticks = 0
-        self._stamp = clock.now()
-        self._actual = [start.x, start.z, start.pitch]
-        self._rate = [0.0, 0.0, 0.0]
-        self._delay = delay
-        wrench = settings.force  # from a separate generator: other noise stays the same
+        self._noise = rng.standard_normal((NOISE_BLOCK, 4))
+        wrench = settings.force
+        # from a separate generator: with it or without, other noise stays the same
         self._wrench = None if wrench is None else ExternalWrench(wrench, rng.spawn(1)[0])
-        still = (*self._actual, *self._rate)
-        self._past = deque([still] * (2 + int(max(delay, 0.0) / TICK)))
-        self._connected = False
-        self._closed = False
         clock.every(TICK, self._tick, Rank.SERVO)
 
     def connect(self) -> None:
@@ -102,7 +103,7 @@ class TwinArm:
         return ArmState(
             stamp=self._stamp,
             arrival=self._clock.now(),
-            source=SOURCE,
+            source=ARM_SOURCE,
             pose=self._measure(),
             velocity=Velocity(*self._report()[3:]),
             commanded=self._profile.pose,
@@ -139,28 +140,28 @@ class TwinArm:
         if self._wrench is not None:
             self._wrench.tick(self._world.grip_force)
         self._trail(self._profile.tick())
-        self._past.append((*self._actual, *self._rate))
-        self._past.popleft()
+        self._history.append((*self._position, *self._velocity))
+        self._history.popleft()
         arrives = now - min(self._delay, 0.0)
-        self._world.follow_when_asked(arrives, partial(self._in_cell, self._actual))
+        self._world.follow_when_asked(arrives, partial(self._in_cell, self._position))
 
-    def _in_cell(self, actual: list[float]) -> Pose:
-        """Pose of `actual` (x, z, pitch) after the conversion to the robot's frame and back."""
-        return Pose(*self._cell_in_robot.to_cell(self._cell_in_robot.to_robot(*actual)))
+    def _in_cell(self, position: list[float]) -> Pose:
+        """Pose of `position` (x, z, pitch) after the conversion to the robot's frame and back."""
+        return Pose(*self._cell_in_robot.to_cell(self._cell_in_robot.to_robot(*position)))
 
     def _trail(self, command: list[float]) -> None:
-        """Move the actual pose towards `command` (x, z, pitch) with a first-order lag."""
-        lags = zip(command, self._actual, strict=True)
-        step = [self._follow * (goal - actual) for goal, actual in lags]
-        self._actual = [actual + move for actual, move in zip(self._actual, step, strict=True)]
-        self._rate = [move / TICK for move in step]
+        """Move the position towards `command` (x, z, pitch) with a first-order lag."""
+        lags = zip(command, self._position, strict=True)
+        step = [self._lag_gain * (goal - actual) for goal, actual in lags]
+        self._position = [actual + move for actual, move in zip(self._position, step, strict=True)]
+        self._velocity = [move / TICK for move in step]
 
     def _report(self) -> list[float]:
         """Pose and rate (6,) that the arm reports now: those of `delay` [s] ago."""
         ticks = max(self._delay, 0.0) / TICK
         whole = int(ticks)
         share = ticks - whole
-        newer, older = self._past[-1 - whole], self._past[-2 - whole]
+        newer, older = self._history[-1 - whole], self._history[-2 - whole]
         return [new + share * (old - new) for new, old in zip(newer, older, strict=True)]
 
     @property
@@ -183,3 +184,63 @@ class TwinArm:
             raise Fault("arm_closed", "the arm was let go; open the cell again")
         if not self._connected:
             raise Fault("arm_not_connected", "the arm is not connected; connect it first")
+
+
+class TwinHand:
+    """Fingers that move in simulated time; a grasp holds if the edge lies between them."""
+
+    def __init__(self, world: World, clock: TwinClock, settings: HandSettings) -> None:
+        """An open hand over the strip of `world`."""
+        self._world = world
+        self._clock = clock
+        self._settings = settings
+        self._fingers = Fingers(
+            settings.opening, settings.opening, start=clock.now(), speed=settings.speed
+        )
+        self._closing: Event | None = None
+        world.move_fingers(self._fingers)
+
+    def open(self) -> None:
+        """Start to open the fingers; a held strip is released immediately."""
+        self._world.detach()
+        self._move(self._settings.opening)
+
+    def grasp(self) -> None:
+        """Start to close on the strip's edge; does nothing while it is held."""
+        if self._world.holds_strip:
+            return
+        self._move(0.0)
+        meeting = self._fingers.width - self._world.model.mechanics.thickness
+        if meeting >= 0:
+            at = self._fingers.start + meeting / self._settings.speed
+            self._closing = self._clock.at(at, self._meet_strip, Rank.HAND)
+
+    def state(self) -> HandState:
+        """State of the fingers now: width, grasp and whether they move."""
+        now = self._clock.now()
+        return HandState(
+            stamp=now,
+            arrival=now,
+            source=HAND_SOURCE,
+            width=self._fingers.at(now),
+            grasped=self._world.holds_strip,
+            moving=now < self._fingers.end,
+        )
+
+    def stop(self) -> None:
+        """Hold the fingers where they are."""
+        self._move(self._fingers.at(self._clock.now()))
+
+    def _move(self, target: float) -> None:
+        if self._closing is not None:
+            self._closing.cancel()
+            self._closing = None
+        now = self._clock.now()
+        width = self._fingers.at(now)
+        self._fingers = Fingers(width, target, start=now, speed=self._settings.speed)
+        self._world.move_fingers(self._fingers)
+
+    def _meet_strip(self, _: float) -> None:
+        if self._world.edge_within(self._settings.reach, self._settings.lean):
+            self._world.attach()
+            self._move(self._world.model.mechanics.thickness)
