@@ -11,7 +11,7 @@ from drivers.types import Array
 from policies.path import Path, triangular, vertical_lift
 from policies.policy import Observation, Policy
 from policies.registry import make_policy, policy_names
-from tests.support.simulate import simulate
+from tests.support.effect_cases import simulate
 
 SPEED = 0.1
 PERIOD = 1 / 60

@@ -8,7 +8,7 @@ from drivers.strip.file import StripFile, paper_damping_minimum, paper_strip
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from policies.path import Path
-from tests.support.simulate import simulate
+from tests.support.effect_cases import simulate
 
 H = 0.005  # s
 SPEED = 0.1  # m/s

@@ -7,14 +7,17 @@ import numpy as np
 from drivers.strip.describe import describe
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect, Parameter
-from drivers.strip.engine import StripMotion
+from drivers.strip.engine import Stepper, StripMotion
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
+from drivers.strip.observation import true_path
 from drivers.strip.rod.engine import GripperPath, Rod, simulate_all
+from drivers.types import Array
 from policies.path import Path, circular, triangular
 
 LENGTH = 0.6
 SPEED = 0.1
+OBSERVED = ("contact_x", "tip", "holding_force", "grip_force")
 EVERY = 20  # steps between shapes
 PATHS = {"triangular": triangular(LENGTH), "circular": circular(LENGTH)}
 # Values that the tests of today were written for; others follow from the role.
@@ -85,3 +88,38 @@ def folds(
     """The models along one path, all in one batch."""
     ways = [way(PATHS[path])] * len(models)
     return simulate_all(Rod(segments), models, ways, dt=dt, every=EVERY)
+
+
+def simulate(
+    engine: Stepper,
+    model: StripModel,
+    t: Array,
+    poses: Array,
+    *,
+    dt: float = 0.005,
+    shapes: bool = False,
+) -> StripMotion:
+    """Simulate one strip along reported times `t` (m,) [s] and `poses` (m, 3), to its touch."""
+    t, poses = true_path(model.rig, t, poses)
+    engine.reset([model])
+    elapsed = np.arange(dt, t[-1] - t[0] + 0.5 * dt, dt)
+    path = np.stack([np.interp(elapsed + t[0], t, column) for column in poses.T], axis=1)
+    seen, curves = [], []
+    for pose in path:
+        seen.append(engine.step(pose[None], dt))
+        curves += [engine.shapes()[0].copy()] if shapes else []
+        if seen[-1].touch[0] is not None:
+            break
+    return StripMotion(
+        t=elapsed[: len(seen)] + t[0],
+        poses=path[: len(seen)],
+        shapes=np.array(curves),
+        touch=seen[-1].touch[0],
+        **{name: np.array([getattr(step, name)[0] for step in seen]) for name in OBSERVED},
+    )
+
+
+def fold(engine: Stepper, model: StripModel, path: str) -> StripMotion:
+    """The model along one path, with its shapes."""
+    along = way(PATHS[path])
+    return simulate(engine, model, along.t, along.poses, shapes=True)

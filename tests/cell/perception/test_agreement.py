@@ -19,7 +19,7 @@ from drivers.strip.rod.engine import Rod
 from policies.path import triangular
 from policies.prediction import Estimate, FoldPrediction
 from policies.profile import profiles
-from tests.support.simulate import simulate
+from tests.support.effect_cases import simulate
 
 STRIP = StripFile(
     name="unknown",

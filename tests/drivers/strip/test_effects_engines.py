@@ -9,13 +9,11 @@ import pytest
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Stage
 from drivers.strip.engine import StripMotion
-from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
-from tests.support.effect_cases import PATHS, affected, bare, levels, way
+from tests.support.effect_cases import affected, bare, fold, levels
 from tests.support.seen_folds import distances
-from tests.support.simulate import simulate
 
 SEGMENTS, LINKS = 150, 100
 SETTLED, FALLING = 1.5, 0.15  # s: the first pull on a straight strip, and the snap, are chaotic
@@ -31,11 +29,7 @@ VALUES: dict[str, list[Values]] = {
         {"yield_curvature": 12.0},
         {"yield_curvature": 30.0, "gradual": 0.6},
     ],
-    "nonlinear_bending": [
-        {"cubic": 5e-4},
-        {"cubic": -1e-6},
-        {"cubic": 1e-4, "fifth": 1.0},
-    ],
+    "nonlinear_bending": [{"cubic": 5e-4}, {"cubic": -1e-6}, {"cubic": 1e-4, "fifth": 1.0}],
     "quadratic_damping": [{"coefficient": 0.01}, {"coefficient": 3e-4}],
     "relaxation": [
         {"ratio": 0.45, "time": 1.0},
@@ -76,14 +70,9 @@ def values_of(name: str) -> list[Values]:
     return VALUES.get(name) or levels(SIMULATED[name])[1::3]
 
 
-def fold(model: StripModel, engine: Rod | Chain, path: str) -> StripMotion:
-    poses = way(PATHS[path])
-    return simulate(engine, model, poses.t, poses.poses, shapes=True)
-
-
 @lru_cache
 def plain(path: str) -> StripMotion:
-    return fold(bare(), Chain(LINKS), path)
+    return fold(Chain(LINKS), bare(), path)
 
 
 def apart(rod: StripMotion, chain: StripMotion) -> Array:
@@ -98,20 +87,15 @@ def apart(rod: StripMotion, chain: StripMotion) -> Array:
 
 
 CASES = [(name, v) for name in sorted(SIMULATED.keys() - OUTSIDE) for v in values_of(name)]
-QUICK = [
-    ("bending_hysteresis", 1),
-    ("relaxation", 0),
-    ("stretch", 1),
-    ("air_drag", 0),
-    ("length_error", 0),
-    ("end_slip", 0),
-]
+QUICK = {"bending_hysteresis": 1, "stretch": 1} | dict.fromkeys(
+    ("relaxation", "air_drag", "length_error", "end_slip"), 0
+)  # by the number of the value
 
 
 @pytest.mark.parametrize(
     ("name", "values", "path"),
     [
-        *((name, VALUES[name][number], "triangular") for name, number in QUICK),
+        *((name, VALUES[name][number], "triangular") for name, number in QUICK.items()),
         *(
             pytest.param(name, values, path, marks=pytest.mark.long)
             for name, values in CASES
@@ -121,7 +105,7 @@ QUICK = [
 )
 def test_engines_agree_on_an_effect(name: str, values: Values, path: str) -> None:
     model = affected(name, **values)
-    rod, chain = (fold(model, engine, path) for engine in (Rod(SEGMENTS), Chain(LINKS)))
+    rod, chain = (fold(engine, model, path) for engine in (Rod(SEGMENTS), Chain(LINKS)))
     assert rod.touch is not None
     assert chain.touch is not None
     assert chain.touch.displacement == pytest.approx(rod.touch.displacement, abs=0.002)
@@ -135,6 +119,6 @@ def test_engines_agree_on_an_effect(name: str, values: Values, path: str) -> Non
 @pytest.mark.parametrize("name", VALUES)
 def test_chain_stays_finite_over_the_range_of_every_parameter(name: str) -> None:
     for values in levels(registry()[name]):
-        motion = fold(affected(name, **values), Chain(60), "triangular")
+        motion = fold(Chain(60), affected(name, **values), "triangular")
         assert np.isfinite(motion.contact_x).all(), values
         assert motion.touch is not None, values

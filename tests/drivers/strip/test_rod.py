@@ -14,8 +14,8 @@ from drivers.strip.rod.engine import GripperPath, Rod, simulate_all
 from drivers.strip.rod.lumping import SIMULATED_FIELDS
 from drivers.strip.rod.static import fit_length
 from policies.path import triangular
+from tests.support.effect_cases import simulate
 from tests.support.rod_cases import paper_model
-from tests.support.simulate import simulate
 
 DT = 0.005
 PATH = triangular(0.6)

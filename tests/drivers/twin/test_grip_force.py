@@ -14,7 +14,7 @@ from drivers.twin.settings import WrenchSettings
 from drivers.types import Array
 from policies.experiments.standard import STANDARD
 from tests.drivers.twin.test_twin_arm import DENIM, twin_with
-from tests.support.simulate import simulate
+from tests.support.effect_cases import simulate
 from tests.support.twin_moves import grasp, lift, wait
 
 ENGINES = {"rod": Rod(120), "chain": Chain(80)}

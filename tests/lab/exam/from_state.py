@@ -34,7 +34,7 @@ from policies.registry import MOTION
 from tests.lab.exam.case import Case, ScatterLevel
 from tests.lab.exam.causes import cause_of
 from tests.lab.exam.causes.cause import Cause
-from tests.support.simulate import simulate
+from tests.support.effect_cases import simulate
 
 GRASP = 0.3  # s after the grasp, in which the edge moves to where it is truly held
 SCATTER_STREAM = 77  # of the case's generators, of this one

@@ -15,8 +15,7 @@ from policies.path import triangular
 from tests.lab.exam.causes import cause_of, causes
 from tests.lab.exam.causes.cause import Cause
 from tests.lab.exam.from_state import Specimen
-from tests.support.effect_cases import LENGTH, denim, way
-from tests.support.simulate import simulate
+from tests.support.effect_cases import LENGTH, denim, simulate, way
 
 LINKS, STEP = 40, 0.005
 LATE = 6  # runs that a specimen has been through before

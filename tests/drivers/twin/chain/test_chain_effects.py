@@ -4,22 +4,14 @@ import numpy as np
 import pytest
 
 from drivers.strip.describe import describe
-from drivers.strip.engine import StripMotion
 from drivers.strip.file import paper_damping_minimum, paper_strip
-from drivers.strip.model import StripModel
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from policies.path import triangular
 from tests.support.chain_moves import H, displacement
-from tests.support.effect_cases import PATHS, affected, denim, way
-from tests.support.simulate import simulate
+from tests.support.effect_cases import PATHS, affected, denim, fold, simulate
 
 LINKS = 40
-
-
-def folded(model: StripModel, path: str = "triangular", links: int = LINKS) -> StripMotion:
-    steady = way(PATHS[path])
-    return simulate(Chain(links), model, steady.t, steady.poses)
 
 
 @pytest.mark.parametrize(
@@ -39,7 +31,7 @@ def test_yarn_friction_costs_no_small_steps(
 
 def test_lightest_strip_in_the_thickest_air_stays_stable() -> None:
     light = denim(areal_density=0.02, effects={"air_drag": {"coefficient": 10.0}})
-    assert np.isfinite(folded(describe(light)).contact_x).all()
+    assert np.isfinite(fold(Chain(LINKS), describe(light), "triangular").contact_x).all()
 
 
 def test_layers_that_cling_part_later() -> None:

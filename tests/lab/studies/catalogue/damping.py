@@ -23,7 +23,7 @@ from policies.experiments.standard import STANDARD, standard_order
 from policies.registry import MOTION
 from tests.lab.exam.from_state import paths_by_hand
 from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
-from tests.support.simulate import simulate
+from tests.support.effect_cases import simulate
 
 LINKS, STEP = 200, 0.004  # of the chain; s
 MOTIONS = ("standard", "by hand")
