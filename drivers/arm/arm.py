@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.arm.bridge import Bridge
 from drivers.arm.joint_log import joint_rows
-from drivers.arm.orders import Kind, Report
+from drivers.arm.mailbox import CommandKind, Report
 from drivers.errors import Fault
 from drivers.installation import Installation
 from drivers.motion import TICK
@@ -74,18 +74,18 @@ class FciArm:
         """Start a motion to rest at `pose`; Fault `outside_workspace` when it is out of reach."""
         bridge = self._caught_up()
         self._installation.workspace.check(pose)
-        bridge.order(Kind.MOVE, pose.x, pose.z, pose.pitch)
+        bridge.command(CommandKind.MOVE, pose.x, pose.z, pose.pitch)
 
     def set_velocity(self, velocity: Velocity) -> None:
         """Follow `velocity`; Fault `velocity_refused` above the limits."""
         bridge = self._caught_up()
         self._installation.limits.check(velocity)
-        bridge.order(Kind.FOLLOW, velocity.vx, velocity.vz, velocity.pitch_rate)
+        bridge.command(CommandKind.FOLLOW, velocity.vx, velocity.vz, velocity.pitch_rate)
 
     def stop(self) -> None:
         """Brake within the limits; allowed at any time, from any state."""
         if self._connected and not self._closed:
-            self._caught_up().order(Kind.HOLD)
+            self._caught_up().command(CommandKind.HOLD)
 
     def close(self) -> None:
         """Brake and disconnect; calling it twice is allowed."""

@@ -8,8 +8,8 @@ from typing import Any
 from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.joint_log import JointLog, Timing, joint_rows
 from drivers.arm.joint_motion import CartesianMotion
-from drivers.arm.loop import ServoLoop, rehearse
-from drivers.arm.orders import Kind, Latest, Order, Report
+from drivers.arm.loop import ServoLoop, warm_up
+from drivers.arm.mailbox import CommandKind, LoopCommand, Mailbox, Report
 from drivers.arm.process import (
     END_PATIENCE,
     Task,
@@ -62,15 +62,15 @@ class Bridge:
     def __init__(self, task: Task) -> None:
         """Start the process and wait until it controls the robot; raises Fault where that fails."""
         self._task = task
-        self._orders, self._reports = Latest(Order), Latest(Report)
-        self._order = Order(0, Kind.HOLD, 0, 0.0, 0.0, 0.0)
+        self._commands, self._reports = Mailbox(LoopCommand), Mailbox(Report)
+        self._command = LoopCommand(0, CommandKind.HOLD, 0, 0.0, 0.0, 0.0)
         self._fault: ArmFault | None = None
         self._ended = False
         self.ticks = 0
         self.timing: dict[str, Any] = {}
         self.joints = joint_rows(b"")
-        self._child = Child(run_loop, task, self._orders, self._reports)
-        self._orders.close()  # the memory stays mapped
+        self._child = Child(run_loop, task, self._commands, self._reports)
+        self._commands.close()  # the memory stays mapped
         self._reports.close()
         try:
             self._receive(task.settings.start)
@@ -88,17 +88,19 @@ class Bridge:
         """Process ID of the process that owns the robot."""
         return self._child.pid
 
-    def order(self, kind: Kind, a: float = 0.0, b: float = 0.0, c: float = 0.0) -> None:
+    def command(
+        self, kind: CommandKind, x: float = 0.0, z: float = 0.0, pitch: float = 0.0
+    ) -> None:
         """Replace the command that the loop follows."""
         self.check()
-        last = self._order
-        self._order = Order(last.number + 1, kind, last.beat + 1, a, b, c)
-        self._orders.write(self._order)
+        last = self._command
+        self._command = LoopCommand(last.number + 1, kind, last.beat + 1, x, z, pitch)
+        self._commands.write(self._command)
 
     def beat(self) -> None:
         """Send a heartbeat, by which the loop knows that the cell runs."""
-        self._order = self._order._replace(beat=self._order.beat + 1)
-        self._orders.write(self._order)
+        self._command = self._command._replace(beat=self._command.beat + 1)
+        self._commands.write(self._command)
 
     def advance(self, until: int) -> None:
         """In lock-step, run all ticks of the robot up to number `until`."""
@@ -113,7 +115,7 @@ class Bridge:
         """Newest report of the control loop, and whether it has yet to take the last command."""
         self.check()
         report = self._reports.read()
-        return report, report.number != self._order.number
+        return report, report.number != self._command.number
 
     def check(self) -> None:
         """Raise the Fault with which the robot has stopped, if it has."""
@@ -147,16 +149,20 @@ class Bridge:
             raise
 
 
-def run_loop(pipe: Connection, task: Task, orders: Latest[Order], reports: Latest[Report]) -> None:
+def run_loop(
+    pipe: Connection, task: Task, commands: Mailbox[LoopCommand], reports: Mailbox[Report]
+) -> None:
     """Run a robot's loop until the cell at the other end of `pipe` closes or dies, or it stops."""
     with fault_sent(pipe):
-        _run_loop(pipe, task, orders, reports)
+        _run_loop(pipe, task, commands, reports)
 
 
-def _run_loop(pipe: Connection, task: Task, orders: Latest[Order], reports: Latest[Report]) -> None:
+def _run_loop(
+    pipe: Connection, task: Task, commands: Mailbox[LoopCommand], reports: Mailbox[Report]
+) -> None:
     """Connect to the robot, run its loop to the end, then send timing and joints."""
     clock = WallClock(task.origin)
-    rehearse(task.installation)
+    warm_up(task.installation)
     robot = Robot(task.address, task.settings)
     schedule(task.settings.realtime)
     robot.require_ready()
@@ -167,7 +173,7 @@ def _run_loop(pipe: Connection, task: Task, orders: Latest[Order], reports: Late
         CartesianMotion(robot, own_clock=not task.lock_step),
         task.settings,
         task.installation,
-        orders,
+        commands,
         reports,
         clock.now,
         lock_step=task.lock_step,

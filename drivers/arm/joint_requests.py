@@ -25,7 +25,7 @@ from drivers.arm.process import (
 from drivers.arm.settings import CollisionSettings, FciSettings
 from drivers.child import Child
 from drivers.franka import limits
-from drivers.franka.body import Solids
+from drivers.franka.collision import Solids
 from drivers.franka.inverse import straight
 from drivers.types import Array
 

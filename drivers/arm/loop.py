@@ -9,7 +9,7 @@ from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.force import DriftMonitor, ForceGuard
 from drivers.arm.joint_log import JointLog
 from drivers.arm.joint_motion import CartesianMotion, largest_difference
-from drivers.arm.orders import Kind, Latest, Order, Report
+from drivers.arm.mailbox import CommandKind, LoopCommand, Mailbox, Report
 from drivers.arm.plane import LEANING, OUT_OF_PLANE, FadingOffset, StripPlane
 from drivers.arm.reach import REACTION, PredictedMotion, ReachGuard
 from drivers.arm.settings import FciSettings
@@ -42,8 +42,8 @@ class ServoLoop:
         robot: CartesianMotion,
         settings: FciSettings,
         installation: Installation,
-        orders: Latest[Order],
-        reports: Latest[Report],
+        commands: Mailbox[LoopCommand],
+        reports: Mailbox[Report],
         now: Callable[[], float],
         *,
         lock_step: bool = True,
@@ -53,14 +53,14 @@ class ServoLoop:
         self._robot = robot
         self._settings = settings
         self._installation = installation
-        self._orders = orders
+        self._commands = commands
         self._reports = reports
         self._now = now
         self._lock_step = lock_step
         self._joints = joints
         self._touch = guard or ForceGuard(settings.guard, settings.guard_torque)
         self._drift = DriftMonitor(self._touch, settings.drift, TICK)
-        self._taken = orders.read().number
+        self._taken = commands.read().number
         self._beat, self._heard_at = 0, 0.0  # last heartbeat of the cell, and its robot time [s]
         self._new = False  # whether a command has arrived since the last check ahead
         self._reason: ArmFault | None = None
@@ -99,7 +99,7 @@ class ServoLoop:
         On the robot's clock the command is sent first, and the state that it answers is checked
         while the next one is awaited; in lock-step the newest state is checked.
         """
-        self._take_order(self._orders.read())
+        self._take_command(self._commands.read())
         x, z, pitch = self._profile.tick()
         sent = self._plane.command(x, z, pitch, self._offset.tick())
         self._robot.write_pose(self._motion, sent)
@@ -131,29 +131,29 @@ class ServoLoop:
         """Reason why the arm braked finally, once it is at rest; None while it may continue."""
         return None if self._profile.moving else self._reason
 
-    def _take_order(self, order: Order) -> None:
+    def _take_command(self, command: LoopCommand) -> None:
         """Take a new command, unless braked for good; brake when the heartbeat stops."""
         if self._taken < 0 or self._reason is not None:
             return
-        if order.beat != self._beat:
-            self._beat, self._heard_at = order.beat, self._time
+        if command.beat != self._beat:
+            self._beat, self._heard_at = command.beat, self._time
         silence = self._time - self._heard_at if self._beat else 0.0
-        if order.number != self._taken:
-            self._taken = order.number
-            self._apply(order)
+        if command.number != self._taken:
+            self._taken = command.number
+            self._apply(command)
         elif silence > self._settings.silence and self._profile.moving:
             self._brake_for_good(
                 Cause.CELL_SILENT, f"the cell gave no sign of life for {silence:.2f} s"
             )
 
-    def _apply(self, order: Order) -> None:
+    def _apply(self, command: LoopCommand) -> None:
         self._new = True
-        values = order.a, order.b, order.c
+        values = command.x, command.z, command.pitch
         try:
-            match order.kind:
-                case Kind.FOLLOW:
+            match command.kind:
+                case CommandKind.FOLLOW:
                     self._profile.set_velocity(Velocity(*values))
-                case Kind.MOVE:
+                case CommandKind.MOVE:
                     self._profile.move_to(Pose(*values))
                 case _:
                     self._profile.stop()
@@ -261,7 +261,7 @@ class ServoLoop:
         return x, z, pitch
 
 
-def rehearse(installation: Installation) -> None:
+def warm_up(installation: Installation) -> None:
     """Run a few ticks without a robot, because a first call takes as long as several ticks."""
     plane = StripPlane(installation.mounting.transform())
     limits, space = installation.limits, installation.workspace

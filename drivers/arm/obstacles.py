@@ -8,7 +8,7 @@ import numpy as np
 from drivers.arm.failure import ArmFault, Cause
 from drivers.errors import Fault
 from drivers.franka import limits
-from drivers.franka.body import Box, Solids, apart
+from drivers.franka.collision import Box, Solids, self_clearance
 from drivers.franka.inverse import straight
 from drivers.franka.kinematics import HOME
 from drivers.installation import Installation
@@ -150,7 +150,7 @@ def _objection(points: Sequence[Array], solids: Solids) -> str:
         count = 2 + int(np.abs(b - a).max() / POSTURE_SPACING)
         legs.append(np.linspace(a, b, count))
     way = np.concatenate(legs)
-    gaps = np.column_stack([apart(way), solids.clearance(way)])
+    gaps = np.column_stack([self_clearance(way), solids.clearance(way)])
     for name, gap in zip(("itself", *(box.name for box in solids.boxes)), gaps.T, strict=True):
         if not _keeps_clear(gap):
             return f"the arm would come to {1e3 * gap.min():.0f} mm from {_with_article(name)}"

@@ -36,7 +36,7 @@ class StampedCapture:
     source: StampSource
 
 
-class Drain:
+class NewestFrame:
     """Takes every frame of a session and keeps the newest; recovers the device after a failure.
 
     A failure is raised by the next `newest`, at least once, and until a frame has arrived after it.
@@ -205,7 +205,7 @@ class V4l2Camera:
         self._settings = settings
         self._clock = clock
         self._kernel = Kernel() if kernel is None else kernel
-        self._drain: Drain | None = None
+        self._frames: NewestFrame | None = None
         self._setup: Setup | None = None
         self._newest: CameraFrame | None = None
 
@@ -222,7 +222,7 @@ class V4l2Camera:
     @property
     def counts(self) -> Counts:
         """Counts of frames since `connect`: delivered, dropped, broken."""
-        return Counts() if self._drain is None else self._drain.counts
+        return Counts() if self._frames is None else self._frames.counts
 
     def connect(self) -> None:
         """Open, configure, lock the controls and start; does nothing when already connected.
@@ -230,12 +230,12 @@ class V4l2Camera:
         Raises CameraLost, CameraBusy, CameraFaulty, or CameraRefused for a setting that the camera
         does not accept.
         """
-        if self._drain is not None:
+        if self._frames is not None:
             return
         session = Session.open(self._kernel, self._settings)
         self._setup = session.setup
         self._newest = None
-        self._drain = Drain(self._kernel, self._settings, self._clock, session)
+        self._frames = NewestFrame(self._kernel, self._settings, self._clock, session)
 
     def read(self, after: float, timeout: float) -> CameraFrame | None:
         """Return the newest complete frame with a stamp later than `after`, or None.
@@ -243,20 +243,20 @@ class V4l2Camera:
         Waits at most `timeout` [s]; 0 only looks. Raises CameraLost, CameraStalled, CameraBusy or
         CameraFaulty while the device is so, and once after it recovered by itself.
         """
-        if self._drain is None:
+        if self._frames is None:
             raise Fault("camera_closed", "a frame was read before connect or after close")
-        arrived = self._drain.newest(after, timeout)
+        arrived = self._frames.newest(after, timeout)
         if arrived is None:
             return None
         if self._newest is None or self._newest.sequence != arrived.sequence:
-            self._newest = self._decode(arrived, self._drain.counts) or self._newest
+            self._newest = self._decode(arrived, self._frames.counts) or self._newest
         return self._newest if self._newest and self._newest.stamp > after else None
 
     def close(self) -> None:
         """Stop and release the device; calling it twice is allowed."""
-        if self._drain is not None:
-            self._drain.close()
-            self._drain = None
+        if self._frames is not None:
+            self._frames.close()
+            self._frames = None
 
     def _decode(self, arrived: StampedCapture, counts: Counts) -> CameraFrame | None:
         """The decoded frame, or None where its bytes are not a picture."""

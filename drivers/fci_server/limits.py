@@ -8,7 +8,7 @@ import numpy as np
 from drivers.fci_server.posture import Rates
 from drivers.fci_server.wire import Reflex
 from drivers.franka import limits
-from drivers.franka.body import Solids, apart
+from drivers.franka.collision import Solids, self_clearance
 from drivers.motion import TICK
 from drivers.types import Array, frozen
 
@@ -86,7 +86,7 @@ class BodyCheck:
             travel = LEVER * float(np.abs(q - self._checked_q).sum())
             if travel < self._room:
                 return
-        itself = float(apart(q))
+        itself = float(self_clearance(q))
         others = inf if self._solids is None else float(self._solids.clearance(q).min())
         before, self._gaps = self._gaps, [itself, others]
         self._checked_q, self._room = np.array(q), min(itself, others)

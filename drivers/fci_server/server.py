@@ -20,7 +20,7 @@ from drivers.fci_server.hand import Between, Hand
 from drivers.fci_server.limits import BodyCheck, Box
 from drivers.fci_server.robot import Robot, Surroundings, resting_robot
 from drivers.fci_server.wire import RobotCommand
-from drivers.franka.body import Solids
+from drivers.franka.collision import Solids
 from drivers.franka.model import ArmPlant
 from drivers.motion import TICK
 from drivers.settings import Settings

@@ -10,7 +10,9 @@ from policies.experiments.motion import Motion
 from policies.path import Path
 from policies.policy import Decision, Observation
 
-HALF_SPAN = 0.03  # s to either side over which the velocity of the motion is averaged
+# s to either side over which the velocity of the motion is averaged: a gripper turns no sharp
+# corner; cut off at both ends of the motion, where the speed fades in and out
+HALF_SPAN = 0.03
 GAIN = 4.0  # 1/s, of the feedback of the position error
 FASTEST_COMMAND = 0.19  # m/s, limit of the commanded speed
 SEARCH_SAMPLES = 2001  # points of a path among which the nearest is searched
@@ -27,12 +29,12 @@ class Scripted:
         self.name = name
         self._draw = draw
         self._motion: Motion | None = None
-        self._begun: Array = np.zeros(0)
+        self._start_times: Array = np.zeros(0)
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
         """Create the motion for `strip` and start at its beginning."""
         self._motion = self._draw(strip.length, speed)
-        self._begun = np.full(count, np.nan)
+        self._start_times = np.full(count, np.nan)
 
     def lift(self) -> Path:
         """Path of the lift, the motion's path."""
@@ -42,10 +44,10 @@ class Scripted:
         """Headings and speeds that track the motion's present point; done at its end."""
         motion = self._active_motion()
         here = np.stack([observation.x, observation.z], axis=-1)
-        if np.isnan(self._begun).any():
+        if np.isnan(self._start_times).any():
             passed = [motion.passing(travel) for travel in _nearest_travel(motion.path, here)]
-            self._begun = observation.time - np.array(passed)
-        now = observation.time - self._begun
+            self._start_times = observation.time - np.array(passed)
+        now = observation.time - self._start_times
         place = motion.at(np.clip(now, 0.0, motion.duration))
         before = motion.at(np.clip(now - HALF_SPAN, 0.0, motion.duration))
         after = motion.at(np.clip(now + HALF_SPAN, 0.0, motion.duration))

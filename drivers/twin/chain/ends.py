@@ -7,9 +7,8 @@ import mujoco
 import numpy as np
 
 from drivers.strip.model import StripModel
-from drivers.twin.chain.joints import Joints
 from drivers.twin.chain.lumps import Lumps
-from drivers.twin.chain.spec import CONSTRAINT_SHARE, TIME_CONSTANT
+from drivers.twin.chain.spec import CONSTRAINT_SHARE, TIME_CONSTANT, Joints
 from drivers.types import Array
 
 HOLD_DAMPING = 2 / (CONSTRAINT_SHARE * TIME_CONSTANT)  # 1/s

@@ -12,9 +12,8 @@ from drivers.strip.model import StripModel
 from drivers.strip.shape import NO_GAP, desk_contact, fold_tip, layer_gap, layer_touch
 from drivers.twin.chain.ends import VELOCITY_DECAY, Ends, Grip, approach_poses
 from drivers.twin.chain.forces import ExtraForce, ExtraForces, Loads, Parts, strip_laws
-from drivers.twin.chain.joints import Joints
 from drivers.twin.chain.lumps import Lumps
-from drivers.twin.chain.spec import LONGEST_STEP, Layers, compile_chain
+from drivers.twin.chain.spec import LONGEST_STEP, Joints, Layers, compile_chain
 from drivers.types import Array
 
 OPENING = 2.0  # touch gaps by which the layers must have opened before they can touch

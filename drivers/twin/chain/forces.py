@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 
 from drivers.strip.model import StripModel
-from drivers.twin.chain.joints import Joints
 from drivers.twin.chain.lumps import Lumps
+from drivers.twin.chain.spec import Joints
 from drivers.types import Array
 
 

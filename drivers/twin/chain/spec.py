@@ -1,16 +1,17 @@
-"""The MuJoCo description of a strip: a planar chain of hinges, its layers, desk and gripper."""
+"""The MuJoCo description of a strip: a planar chain of hinges, its layers, desk, grip, joints."""
 
 from dataclasses import dataclass
 from typing import Self
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.strip.model import BendingLaw, Boundary, Mechanics, StripModel, check_simulated
-from drivers.twin.chain.joints import HINGE, SLIDE
 from drivers.twin.chain.lumps import Lumps
 from drivers.types import Array
 
+HINGE, SLIDE = "hinge", "slide"  # names of joints, before the number of their node
 LONGEST_STEP = 0.005  # s, the longest step of the chain
 TIME_CONSTANT = 2 * LONGEST_STEP  # s, the shortest that MuJoCo allows
 # of a violation's pull that a constraint exerts: sags by 1e-4 of a free fall
@@ -32,6 +33,8 @@ LAYER_FRICTION = 1.0  # of fabric on fabric, assumed; more than on a desk (paper
 UPPER = 2  # collision class
 FLAT = np.sqrt(0.5)  # cosine of the angle to the desk at which the bend between layers begins
 CLING_REACH = 0.0005  # m, how far layers that cling may part before they let go
+
+Indices = NDArray[np.int_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,3 +246,70 @@ def solid(body: mujoco.MjsBody, contype: int, conaffinity: int) -> mujoco.MjsGeo
         solimp=SOLIMP,
         mass=0.0,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Joints:
+    """Indices of the joints of a chain of n links, whose lengths at rest are `spans` (n,) [m].
+
+    `hinges` (n + 1,) are those of the nodes; `slides` those by which the links `lengthened` grow
+    longer; `edge` moves the fixed edge along the desk, `grip` the end of the last link.
+    """
+
+    spans: Array
+    hinges: Indices
+    slides: Indices
+    lengthened: Indices
+    edge: int | None
+    grip: int | None
+
+    @classmethod
+    def from_model(cls, model: mujoco.MjModel, spans: Array) -> Self:
+        """Joint indices of a compiled chain."""
+        links = len(spans)
+        found = {model.joint(j).name: j for j in range(model.njnt)}
+        slides = {k: found[f"{SLIDE}{k}"] for k in range(links + 1) if f"{SLIDE}{k}" in found}
+        stretching = [node for node in slides if node > 0]
+        return cls(
+            spans=spans,
+            hinges=np.array([found[f"{HINGE}{k}"] for k in range(links + 1)]),
+            slides=np.array([slides[node] for node in stretching], dtype=int),
+            lengthened=np.array(stretching, dtype=int) - 1,
+            edge=slides.get(0),
+            grip=slides.get(links),
+        )
+
+    def angles(self, position: Array) -> Array:
+        """Angles (n + 1,) [rad] of links and tip from flat."""
+        return np.asarray(position[self.hinges].cumsum())
+
+    def nodes(self, position: Array) -> Array:
+        """Positions (n + 1, 2) of the nodes: x, z [m]."""
+        angles = self.angles(position)[:-1]
+        nodes = np.zeros((len(self.hinges), 2))
+        nodes[1:, 0] = np.cos(angles)
+        nodes[1:, 1] = np.sin(angles)
+        nodes[1:] *= self._lengths(position)
+        if self.edge is not None:
+            nodes[0, 0] = position[self.edge]
+        return np.asarray(nodes.cumsum(axis=0))
+
+    def speeds(self, position: Array, rate: Array) -> tuple[Array, Array]:
+        """Speeds (n, 2) [m/s] of link middles along and across the link, and directions (n, 2)."""
+        angles = self.angles(position)[:-1]
+        along = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        normals = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        turn = rate[self.hinges].cumsum()[:-1, None] * self._lengths(position) * normals
+        growth = np.zeros((len(angles), 1))
+        growth[self.lengthened, 0] = rate[self.slides]
+        ends = (turn + growth * along).cumsum(axis=0)
+        middles = ends - 0.5 * turn
+        if self.edge is not None:
+            middles[:, 0] += rate[self.edge]
+        speeds = [(middles * direction).sum(axis=1) for direction in (along, normals)]
+        return np.stack(speeds, axis=1), along
+
+    def _lengths(self, position: Array) -> Array:
+        lengths = self.spans[:, None].copy()
+        lengths[self.lengthened, 0] += position[self.slides]
+        return lengths

@@ -10,7 +10,7 @@ import numpy as np
 
 from drivers.arm.joint_motion import CartesianMotion
 from drivers.arm.loop import ServoLoop
-from drivers.arm.orders import Kind, Latest, Order, Report
+from drivers.arm.mailbox import CommandKind, LoopCommand, Mailbox, Report
 from drivers.arm.plane import StripPlane
 from drivers.arm.process import Task
 from drivers.arm.reach import plan_reach
@@ -156,15 +156,15 @@ class Driven:
 
     robot: Any
     loop: ServoLoop
-    orders: Latest
-    reports: Latest
+    orders: Mailbox
+    reports: Mailbox
     number: int = 0
     beats: int = 0
 
-    def order(self, kind: Kind, *values: float) -> None:
+    def order(self, kind: CommandKind, *values: float) -> None:
         self.number += 1
         self.beats += 1
-        self.orders.write(Order(self.number, kind, self.beats, *(values or (0.0, 0.0, 0.0))))
+        self.orders.write(LoopCommand(self.number, kind, self.beats, *(values or (0.0, 0.0, 0.0))))
 
     def steps(self, count: int) -> Report:
         for _ in range(count):
@@ -177,7 +177,7 @@ class Driven:
 def begun(robot: Any = None, *, lock_step: bool = True, guard=None) -> Driven:
     """A loop at its start over `robot`, by default one that does what it is told."""
     robot = FakeRobot() if robot is None else robot
-    orders, reports = Latest(Order), Latest(Report)
+    orders, reports = Mailbox(LoopCommand), Mailbox(Report)
     given = robot, FciSettings(), INSTALLATION, orders, reports, lambda: 0.0
     loop = ServoLoop(*given, lock_step=lock_step, guard=guard)
     loop.begin()

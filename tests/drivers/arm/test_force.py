@@ -11,12 +11,12 @@ pytest.importorskip("pylibfranka", reason="the robot's library is not installed"
 from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.force import DriftMonitor, ForceGuard, Tare
 from drivers.arm.joint_requests import go_to, retreat
+from drivers.arm.mailbox import CommandKind
 from drivers.arm.obstacles import solids_of
-from drivers.arm.orders import Kind
 from drivers.arm.settings import FciSettings
 from drivers.errors import Fault
 from drivers.franka import limits
-from drivers.franka.body import Box, Solids
+from drivers.franka.collision import Box, Solids
 from drivers.motion import TICK
 from tests.drivers.arm.rig import (
     COLLISION,
@@ -81,7 +81,7 @@ def test_push_on_the_arm_itself_is_felt_by_its_joint(joint: int) -> None:
 def test_loop_guards_and_reports_force_beyond_the_tare() -> None:
     setup = begun(guard=TARED)
     setup.robot.force, setup.robot.torques = OFFSET, TORQUES
-    setup.order(Kind.FOLLOW, -0.1, 0.0, 0.0)
+    setup.order(CommandKind.FOLLOW, -0.1, 0.0, 0.0)
     report = setup.steps(50)
     assert (report.fx, report.fz) == pytest.approx((0.0, 0.0), abs=1e-9)
     setup.robot.torques = [*TORQUES[:3], 20.0, *TORQUES[4:]]

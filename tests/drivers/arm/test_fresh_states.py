@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
 import drivers.arm.robot
-from drivers.arm.orders import Kind
+from drivers.arm.mailbox import CommandKind
 from drivers.arm.robot import Robot
 from drivers.arm.settings import FciSettings
 from drivers.fci_server.robot import MOST_MISSED_TICKS
@@ -106,11 +106,11 @@ class Timed(LossyRobot):
 def test_one_lost_command_does_not_lose_all_that_follow(own_clock: bool) -> None:
     robot = Timed()
     setup = begun_losing(robot, own_clock=own_clock)
-    setup.order(Kind.FOLLOW, -0.1, 0.05, 0.0)
+    setup.order(CommandKind.FOLLOW, -0.1, 0.05, 0.0)
     setup.steps(60)
     assert robot.longest <= 2
     robot.now += 2 * TICK
-    setup.order(Kind.FOLLOW, -0.1, 0.05, 0.0)
+    setup.order(CommandKind.FOLLOW, -0.1, 0.05, 0.0)
     setup.steps(60)
     assert (robot.longest <= 5) is own_clock
     assert (robot.longest <= MOST_MISSED_TICKS) is own_clock

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drivers.arm.orders import Kind
+from drivers.arm.mailbox import CommandKind
 from drivers.arm.plane import StripPlane
 from drivers.arm.reach import PredictedMotion, ReachGuard, plan_reach
 from drivers.franka import limits
@@ -23,9 +23,9 @@ def test_full_speed_reversals_at_any_place_stay_within_the_joints_limits(seed: i
     for _ in range(16):
         if rng.random() < 0.3:
             place = rng.uniform((-0.1, 0.0, -0.1), (0.8, 0.45, 3.2))
-            setup.order(Kind.MOVE, *place)
+            setup.order(CommandKind.MOVE, *place)
         else:
-            setup.order(Kind.FOLLOW, *(rng.choice(FOLLOWED, 3) * HIGHEST))
+            setup.order(CommandKind.FOLLOW, *(rng.choice(FOLLOWED, 3) * HIGHEST))
         for _ in range(int(rng.integers(10, 95))):
             setup.steps(1)
             joints = robot.robot.posture.joints

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.arm.failure import ArmFault, Cause
-from drivers.arm.orders import Kind
+from drivers.arm.mailbox import CommandKind
 from drivers.arm.plane import StripPlane
 from drivers.franka.inverse import rotation
 from tests.drivers.arm.rig import (
@@ -54,7 +54,7 @@ def test_hand_that_leans_out_of_the_plane_is_not_taken_over(axis: int) -> None:
 def test_motion_ends_only_once_the_arm_rests() -> None:
     robot = LossyRobot(JOINTS)
     setup = begun_losing(robot)
-    setup.order(Kind.FOLLOW, -0.1, 0.1, 0.3)
+    setup.order(CommandKind.FOLLOW, -0.1, 0.1, 0.3)
     setup.steps(60)
     assert np.linalg.norm(robot.robot.posture.tool.velocity[:3]) > 0.05
     setup.loop.end()
@@ -70,7 +70,7 @@ def test_hand_that_is_turned_is_taken_over_turned() -> None:
 
 
 def test_loop_follows_orders_and_reports_what_it_measured(setup) -> None:
-    setup.order(Kind.MOVE, 0.5, 0.2, 0.4)
+    setup.order(CommandKind.MOVE, 0.5, 0.2, 0.4)
     report = setup.steps(10)
     assert report.moving
     assert report.number == 1
@@ -103,14 +103,14 @@ def test_on_the_robot_s_clock_the_answer_goes_out_before_the_report(
 
 
 def test_silent_cell_makes_the_arm_brake_for_good(setup) -> None:
-    setup.order(Kind.MOVE, 0.2, 0.2, 0.0)
+    setup.order(CommandKind.MOVE, 0.2, 0.2, 0.0)
     setup.steps(300)
     for _ in range(600):
         setup.loop.step()
     assert setup.loop.halted is not None
     assert setup.loop.halted.cause is Cause.CELL_SILENT
     rest = setup.reports.read()
-    setup.order(Kind.MOVE, 0.6, 0.2, 0.0)
+    setup.order(CommandKind.MOVE, 0.6, 0.2, 0.0)
     after = setup.steps(100)
     assert (after.x, after.z) == pytest.approx((rest.x, rest.z))
 
@@ -122,7 +122,7 @@ def test_silence_at_rest_is_no_failure(setup) -> None:
 
 
 def test_end_brakes_to_rest_and_finishes_the_motion(setup) -> None:
-    setup.order(Kind.MOVE, 0.2, 0.2, 0.0)
+    setup.order(CommandKind.MOVE, 0.2, 0.2, 0.0)
     before = setup.steps(300).x
     setup.loop.end()
     assert before - setup.reports.read().x < 0.05  # m: it does not go on to its goal
@@ -132,7 +132,7 @@ def test_end_brakes_to_rest_and_finishes_the_motion(setup) -> None:
 
 def test_order_that_the_profile_refuses_is_a_failure_not_a_motion(setup) -> None:
     setup.robot.written.clear()
-    setup.order(Kind.FOLLOW, float("nan"), 0.0, 0.0)
+    setup.order(CommandKind.FOLLOW, float("nan"), 0.0, 0.0)
     with pytest.raises(ArmFault) as failed:
         setup.loop.step()
     assert failed.value.cause is Cause.COMMAND

@@ -8,7 +8,7 @@ import pytest
 from drivers.arm.failure import ArmFault
 from drivers.arm.force import ForceGuard
 from drivers.arm.joint_motion import CartesianMotion, follow_joints
-from drivers.arm.orders import Kind
+from drivers.arm.mailbox import CommandKind
 from drivers.arm.plane import FADE_TICKS, FadingOffset, StripPlane
 from drivers.franka.kinematics import HOME
 from drivers.motion import TICK
@@ -33,11 +33,11 @@ def test_lost_commands_stop_no_motion_move_no_goal_and_no_elbow(
     robot = LossyRobot(JOINTS, worst if share < 0.5 else 2, worst, share)
     setup = begun_losing(robot, own_clock=own_clock)
     elbow, goal = float(robot.robot.posture.q[2]), Pose(0.45, 0.25, 0.6)
-    setup.order(Kind.MOVE, goal.x, goal.z, goal.pitch)
+    setup.order(CommandKind.MOVE, goal.x, goal.z, goal.pitch)
     setup.steps(300)
-    setup.order(Kind.FOLLOW, 0.1, 0.0, -0.3)
+    setup.order(CommandKind.FOLLOW, 0.1, 0.0, -0.3)
     setup.steps(60)
-    setup.order(Kind.MOVE, goal.x, goal.z, goal.pitch)
+    setup.order(CommandKind.MOVE, goal.x, goal.z, goal.pitch)
     report = setup.steps((1 + own_clock) * long_enough(share))
     assert robot.lost > 100
     assert not robot.robot.errors
@@ -60,7 +60,7 @@ def test_a_pose_before_the_first_state_is_refused() -> None:
 def test_an_answer_made_for_a_tick_is_sent_in_that_tick_only(monkeypatch, further: bool) -> None:
     robot, written = LossyRobot(JOINTS), []
     setup = begun_losing(robot, own_clock=True)
-    setup.order(Kind.FOLLOW, -0.1, 0.05, 0.0)
+    setup.order(CommandKind.FOLLOW, -0.1, 0.05, 0.0)
     setup.steps(80)
     after_a_loss = setup.robot.read(None)
     if further:
@@ -85,7 +85,7 @@ def test_velocity_targets_are_followed_and_braked_while_commands_are_lost(
     robot = LossyRobot(JOINTS, 7, worst, share)
     setup = begun_losing(robot)
     for vx, vz, turn in ((-0.1, 0.1, 1.2), (-0.15, 0.0, 0.3), (0.0, 0.1, -0.5)):
-        setup.order(Kind.FOLLOW, vx, vz, turn)
+        setup.order(CommandKind.FOLLOW, vx, vz, turn)
         setup.steps(50)
     setup.loop.end()
     assert robot.ended

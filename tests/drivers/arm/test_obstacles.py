@@ -18,7 +18,7 @@ from drivers.arm.obstacles import (
     solids_of,
 )
 from drivers.errors import Fault
-from drivers.franka.body import Box, Solids, apart
+from drivers.franka.collision import Box, Solids, self_clearance
 from drivers.franka.kinematics import HOME, forward
 from drivers.installation import Installation
 from drivers.types import Pose
@@ -32,7 +32,7 @@ START = np.array(home_joints(find_configs(None).cell(), find_configs(None).strip
 def nearest(points: list[np.ndarray], solids: Solids = SOLIDS) -> float:
     """The smallest distance [m] from anything along straight ways between `points`."""
     whole = np.concatenate([np.linspace(a, b, 200) for a, b in pairwise(points)])
-    return float(min(apart(whole).min(), solids.clearance(whole).min()))
+    return float(min(self_clearance(whole).min(), solids.clearance(whole).min()))
 
 
 def test_desk_and_clamp_meet_where_the_strip_is_fixed_above_the_floor() -> None:

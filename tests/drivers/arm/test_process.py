@@ -9,7 +9,7 @@ import pytest
 
 from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.joint_log import EDGES_MS, Timing
-from drivers.arm.orders import Latest
+from drivers.arm.mailbox import Mailbox
 from drivers.arm.process import PRIORITY, schedule
 from drivers.child import Child
 
@@ -50,7 +50,7 @@ def test_priority_that_is_not_allowed_is_refused_by_name(monkeypatch) -> None:
 Eight = NamedTuple("Eight", [(name, int) for name in "abcdefgh"])
 
 
-def write_for_ever(pipe, values: Latest) -> None:
+def write_for_ever(pipe, values: Mailbox) -> None:
     pipe.send("begun")
     number = 0
     while True:
@@ -59,7 +59,7 @@ def write_for_ever(pipe, values: Latest) -> None:
 
 
 def test_no_value_is_ever_torn() -> None:
-    values, last = Latest(Eight), 0
+    values, last = Mailbox(Eight), 0
     process = Child(write_for_ever, values)
     assert process.receive(20.0) == "begun"
     try:

@@ -20,7 +20,7 @@ from drivers.arm.force import ForceGuard
 from drivers.arm.hand import FciHand
 from drivers.arm.joint_motion import follow_joints
 from drivers.arm.joint_requests import go_to
-from drivers.arm.orders import Kind
+from drivers.arm.mailbox import CommandKind
 from drivers.arm.plane import StripPlane
 from drivers.arm.reach import PredictedMotion, ReachGuard
 from drivers.arm.robot import Robot
@@ -202,7 +202,7 @@ def test_pressed_user_stop_is_named_and_nothing_moves() -> None:
 
 def test_pose_that_is_not_a_number_stops_the_arm() -> None:
     setup = begun()
-    setup.order(Kind.FOLLOW, -0.1, 0.0, 0.0)
+    setup.order(CommandKind.FOLLOW, -0.1, 0.0, 0.0)
     setup.steps(50)
     read = setup.robot.read
 
@@ -219,7 +219,7 @@ def test_pose_that_is_not_a_number_stops_the_arm() -> None:
 
 def test_arm_brakes_before_it_comes_where_it_could_not_follow() -> None:
     setup = begun()
-    setup.order(Kind.MOVE, 0.84, START[1], START[2])
+    setup.order(CommandKind.MOVE, 0.84, START[1], START[2])
     report = setup.steps(3000)
     assert setup.loop.halted is not None
     assert setup.loop.halted.cause is Cause.REACH
@@ -263,7 +263,7 @@ def test_signal_to_all_processes_brakes_the_arm_and_does_not_drop_it(number: int
         bridge = Bridge(task(server))
         try:
             for until in range(10, 210, 10):
-                bridge.order(Kind.FOLLOW, -0.1, 0.0, 0.0)
+                bridge.command(CommandKind.FOLLOW, -0.1, 0.0, 0.0)
                 bridge.advance(until)
             assert bridge.report()[0].vx < -0.05
             os.kill(bridge.process, number)
@@ -295,7 +295,7 @@ def test_way_home_that_was_asked_to_end_says_that_it_did_not_arrive() -> None:
 def test_arm_that_is_pushed_out_of_the_strip_s_plane_brakes(aside: float, halts: bool) -> None:
     """Along the plane the cell's monitor of tracking sees it, across it nobody else does."""
     setup = begun()
-    setup.order(Kind.FOLLOW, -0.1, 0.0, 0.0)
+    setup.order(CommandKind.FOLLOW, -0.1, 0.0, 0.0)
     setup.steps(50)
     read = setup.robot.read
 

@@ -7,7 +7,7 @@ from drivers.fci_server.limits import BodyCheck, Violation
 from drivers.fci_server.robot import resting_robot
 from drivers.fci_server.state import Publisher
 from drivers.fci_server.wire import Reflex
-from drivers.franka.body import Box, Solids, apart
+from drivers.franka.collision import Box, Solids, self_clearance
 from drivers.franka.kinematics import HOME
 from drivers.franka.model import holding_torques
 from drivers.types import frozen
@@ -26,11 +26,11 @@ def test_state_holds_gravity_of_arm_hand_and_load() -> None:
 
 
 def test_an_arm_folded_onto_itself_touches_itself() -> None:
-    assert apart(np.stack([HOME, FOLDED])) == pytest.approx(
-        [float(apart(HOME)), float(apart(FOLDED))]
+    assert self_clearance(np.stack([HOME, FOLDED])) == pytest.approx(
+        [float(self_clearance(HOME)), float(self_clearance(FOLDED))]
     )
-    assert apart(HOME) > 0.1
-    assert apart(FOLDED) < 0
+    assert self_clearance(HOME) > 0.1
+    assert self_clearance(FOLDED) < 0
     with pytest.raises(Violation) as met:
         BodyCheck().check(FOLDED)
     assert met.value.reflex is Reflex.SELF_COLLISION_AVOIDANCE_VIOLATION

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from drivers.strip.model import AIR_DENSITY
 from drivers.twin.chain.forces import ForceFunction, Parts
-from drivers.twin.chain.joints import Joints
+from drivers.twin.chain.spec import Joints
 from drivers.types import Array
 from tests.lab.exam.causes.cause import FORCE_XZ, FORCE_Z, LINK_ROWS, Cause, Sizes
 

@@ -28,7 +28,7 @@ CAPSULES = (
 SPHERE_SPACING = 0.02  # m at most between spheres along an axis
 LOW_LINKS, HIGH_LINKS = 3, 6  # links up to the first never touch links from the second on
 # first link that can meet what stands around the robot: those below turn on the spot
-FIRST_FREE_LINK = 2
+FIRST_MOVABLE_LINK = 2
 
 
 def _spheres() -> tuple[Array, Array, Array]:
@@ -45,11 +45,14 @@ def _spheres() -> tuple[Array, Array, Array]:
 CENTRES, RADII, _LINKS = _spheres()
 SPHERE_LINKS = _LINKS.astype(int)
 _LOW, _HIGH = SPHERE_LINKS <= LOW_LINKS, SPHERE_LINKS >= HIGH_LINKS
-_FREE = SPHERE_LINKS >= FIRST_FREE_LINK
+_MOVABLE = SPHERE_LINKS >= FIRST_MOVABLE_LINK
 
 
-def spheres(q: Array) -> Array:
-    """Centres (..., m, 3) [m] of the collision spheres of arm and hand at joints (..., 7) [rad]."""
+def sphere_centres(q: Array) -> Array:
+    """Centres (..., m, 3) [m] of the collision spheres of arm and hand, in the robot's base.
+
+    The joints `q` are (..., 7) [rad]; RADII (m,) [m] are the spheres' radii.
+    """
     joints = frames(q)
     shape = joints.shape[:-3]
     flange = np.eye(4)
@@ -64,9 +67,9 @@ def spheres(q: Array) -> Array:
     )
 
 
-def apart(q: Array) -> Array:
+def self_clearance(q: Array) -> Array:
     """Distance (...,) [m] of forearm, wrist and hand from the links below; negative in contact."""
-    centres = spheres(q)
+    centres = sphere_centres(q)
     low, high = centres[..., _LOW, :], centres[..., _HIGH, :]
     between = np.linalg.norm(low[..., :, None, :] - high[..., None, :, :], axis=-1)
     gaps = between - RADII[_LOW][:, None] - RADII[_HIGH]
@@ -94,7 +97,7 @@ class Solids:
 
         Base and first link count as part of the stand.
         """
-        centres = spheres(q)[..., _FREE, :]
+        centres = sphere_centres(q)[..., _MOVABLE, :]
         turn, place = self.frame[:3, :3], self.frame[:3, 3]
         within = (centres - place) @ turn
         rows = []
@@ -102,5 +105,5 @@ class Solids:
             beyond = np.maximum(np.array(box.low) - within, within - np.array(box.high))
             outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
             inside = np.minimum(beyond.max(axis=-1), 0.0)
-            rows.append((outside + inside - RADII[_FREE]).min(axis=-1))
+            rows.append((outside + inside - RADII[_MOVABLE]).min(axis=-1))
         return np.stack(rows, axis=-1)

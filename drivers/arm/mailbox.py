@@ -1,4 +1,4 @@
-"""Orders to the robot's 1 kHz loop and its reports: the newest of each, in shared memory."""
+"""Commands to the robot's 1 kHz loop and its reports: the newest of each, in shared memory."""
 
 import os
 import struct
@@ -15,7 +15,7 @@ TRIES = 1000
 V = TypeVar("V", bound=NamedTuple)
 
 
-class Kind(IntEnum):
+class CommandKind(IntEnum):
     """Kinds of commands to the process that owns the robot."""
 
     HOLD = 0
@@ -23,8 +23,8 @@ class Kind(IntEnum):
     MOVE = 2
 
 
-class Order(NamedTuple):
-    """The newest command to the loop: its `kind`, with a velocity or a pose in `a`, `b`, `c`.
+class LoopCommand(NamedTuple):
+    """The newest command to the loop: its `kind`, with a pose or a velocity in `x`, `z`, `pitch`.
 
     `number` rises with each command, which the loop executes once; `beat` counts heartbeats.
     """
@@ -32,9 +32,9 @@ class Order(NamedTuple):
     number: int
     kind: int
     beat: int
-    a: float
-    b: float
-    c: float
+    x: float
+    z: float
+    pitch: float
 
 
 class Report(NamedTuple):
@@ -66,7 +66,7 @@ class Report(NamedTuple):
     expired: int
 
 
-class Latest(SharedMemory, Generic[V]):
+class Mailbox(SharedMemory, Generic[V]):
     """Value in shared memory with one writer and any readers, none of which blocks another.
 
     The writer fills the hidden one of two slots, then publishes it. A reader retries only when the
@@ -88,7 +88,7 @@ class Latest(SharedMemory, Generic[V]):
         self._slots = (view[WORD : WORD + size], view[WORD + size : end])
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Latest, (self._kind, self.descriptor)
+        return Mailbox, (self._kind, self.descriptor)
 
     @property
     def count(self) -> int:
