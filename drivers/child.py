@@ -57,8 +57,8 @@ class ChildDied(Exception):
     """
 
     def __init__(self, code: int | None, failure: Failure | None = None) -> None:
-        said = "" if failure is None else f"{failure.error}: {failure.text}"
-        super().__init__(said or f"it ended by itself, code {code}")
+        reason = "" if failure is None else f"{failure.error}: {failure.text}"
+        super().__init__(reason or f"it ended by itself, code {code}")
         self.code = code
         self.failure = failure
 

@@ -65,6 +65,6 @@ def wake_promptly() -> bool:
     """
     nice = os.getpriority(os.PRIO_PROCESS, 0)
     # size, policy, flags, nice, priority, runtime, deadline, period of the kernel's sched_attr
-    asked = struct.pack("=IIQiIQQQ", 48, os.SCHED_OTHER, 0, nice, 0, SLICE, 0, 0)
+    attributes = struct.pack("=IIQiIQQQ", 48, os.SCHED_OTHER, 0, nice, 0, SLICE, 0, 0)
     libc = ctypes.CDLL(None, use_errno=True)
-    return int(libc.syscall(SCHED_SETATTR, 0, asked, 0)) == 0
+    return int(libc.syscall(SCHED_SETATTR, 0, attributes, 0)) == 0

@@ -22,12 +22,12 @@ def plugins(kind: str, of: type[T], taken: Collection[str]) -> Mapping[str, T]:
     Raises ConfigurationError for one that cannot be imported, is something else, or has a name that
     is `taken`.
     """
-    found: dict[str, T] = {}
+    loaded: dict[str, T] = {}
     for point in sorted(entry_points(group=f"{GROUP}.{kind}"), key=lambda point: point.name):
-        if point.name in taken or point.name in found:
+        if point.name in taken or point.name in loaded:
             raise ConfigurationError(f"{_origin_of(point)}: this name is taken; choose another one")
-        found[point.name] = _load(point, of)
-    return found
+        loaded[point.name] = _load(point, of)
+    return loaded
 
 
 @contextmanager

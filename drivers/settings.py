@@ -162,5 +162,5 @@ def _model_in(annotation: Any) -> Any:
         return annotation
     if isinstance(get_origin(annotation), type) and issubclass(get_origin(annotation), Mapping):
         return None  # keys of its own stand between
-    found = {inner for inner in map(_model_in, get_args(annotation)) if inner is not None}
-    return found.pop() if len(found) == 1 else None
+    models = {inner for inner in map(_model_in, get_args(annotation)) if inner is not None}
+    return models.pop() if len(models) == 1 else None

@@ -33,7 +33,7 @@ class FciArm:
         self._clock = clock
         self._installation = installation
         self._bridge: Bridge | None = None
-        self._begun = 0.0
+        self._start_time = 0.0
         self._connected = False
         self._closed = False
 
@@ -48,7 +48,7 @@ class FciArm:
             raise Fault("arm_closed", "the arm was let go; open the cell again")
         if self._bridge is None:
             self._bridge = self._start()
-            self._begun = self._clock.now()
+            self._start_time = self._clock.now()
 
     def join(self) -> None:
         """Hold the arm and advance it to the clock's time, for devices that follow its robot."""
@@ -119,7 +119,7 @@ class FciArm:
         if self._bridge is None:
             return joint_rows(b"")
         rows = np.array(self._bridge.joints)
-        rows[:, 0] += self._begun if self._bridge.lock_step else 0.0
+        rows[:, 0] += self._start_time if self._bridge.lock_step else 0.0
         return frozen(rows)
 
     def _caught_up(self) -> Bridge:
@@ -136,10 +136,10 @@ class FciArm:
         """In lock-step, advance the robot to the clock's time."""
         if not bridge.lock_step:
             return
-        due = int((self._clock.now() - self._begun) / TICK + TICK_ROUNDING)
+        due = int((self._clock.now() - self._start_time) / TICK + TICK_ROUNDING)
         if due > bridge.ticks:
             bridge.advance(due)
 
     def _stamp(self, report: Report) -> float:
         lock_step = self._bridge is not None and self._bridge.lock_step
-        return self._begun + report.ticks * TICK if lock_step else report.arrival
+        return self._start_time + report.ticks * TICK if lock_step else report.arrival

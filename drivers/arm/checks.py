@@ -126,8 +126,8 @@ def _read_exactly(link: socket.socket, count: int) -> bytes:
 def _narrower_limits(joints: dict[str, ElementTree.Element]) -> Iterator[str]:
     """Yield a text for each limit of `joints` that is narrower than the cell assumes."""
     for number in range(7):
-        for tag, name, wanted, sign in ASSUMED_LIMITS:
-            value, planned = _value(joints, number, tag, name), wanted[number]
+        for tag, name, assumed, sign in ASSUMED_LIMITS:
+            value, planned = _value(joints, number, tag, name), assumed[number]
             if not sign * (value - planned) >= -SLACK:  # true for NaN
                 yield f"joint {number + 1}: {name} is {value:g}, the cell plans with {planned:g}"
 
@@ -152,10 +152,10 @@ def _tool_differences(state: Any, tool: ToolSettings) -> Iterator[str]:
         ("the end effector (F_T_EE)", state.F_T_EE, FLANGE_TO_TIP, effector_remedy),
         ("the stiffness frame (EE_T_K)", state.EE_T_K, np.eye(4), BY_RESET),
     ]
-    for what, numbers, wanted, remedy in frames:
+    for what, numbers, assumed, remedy in frames:
         frame = _matrix(numbers)
-        if not _same_frame(frame, wanted):
-            yield _difference(what, _frame_text(frame), _frame_text(wanted), remedy)
+        if not _same_frame(frame, assumed):
+            yield _difference(what, _frame_text(frame), _frame_text(assumed), remedy)
     masses = [
         ("the hand's mass", state.m_ee, tool.mass, IN_DESK),
         ("the load", state.m_load, 0.0, BY_RESET),
@@ -169,8 +169,8 @@ def _tool_differences(state: Any, tool: ToolSettings) -> Iterator[str]:
         yield _difference("the hand's centre of mass", here, there, IN_DESK)
 
 
-def _difference(what: str, found: str, assumed: str, remedy: str) -> str:
-    return f"{what} is {found}, the cell assumes {assumed}; {remedy}"
+def _difference(what: str, actual: str, assumed: str, remedy: str) -> str:
+    return f"{what} is {actual}, the cell assumes {assumed}; {remedy}"
 
 
 def _matrix(columns: Any) -> Array:

@@ -45,7 +45,7 @@ class Cause(StrEnum):
     ENDED = "arm_driver_ended", "the arm braked by itself; start again"
     PLACE = "arm_out_of_place", "bring the arm into the strip's plane with `cell home`"
     ASIDE = "arm_pushed_aside", "see what pushed the arm, then `cell home`"
-    WAY = (
+    BLOCKED = (
         "arm_way_blocked",
         "nothing has moved; guide the arm by hand to where it stands free, then start again",
     )

@@ -144,8 +144,8 @@ class FciHand:
     def _holds(self) -> bool:
         """Whether the fingers rest on an object as thick as a strip since their last grasp."""
         limits, fingers = self._settings, self._fingers
-        kept = fingers.grasped or not self._flagged
-        return self._closed and limits.thinnest <= fingers.width <= limits.thickest and kept
+        confirmed = fingers.grasped or not self._flagged
+        return self._closed and limits.thinnest <= fingers.width <= limits.thickest and confirmed
 
     def close(self) -> None:
         """Disconnect; calling it twice is allowed."""
@@ -318,7 +318,7 @@ def _take_replies(received: bytearray) -> list[Reply]:
 
     Raises ConnectionError for a reply of invalid size, after which no other can be read.
     """
-    found: list[Reply] = []
+    replies: list[Reply] = []
     version_at = HEADER.size + NUMBER.size  # behind the status
     while len(received) >= version_at:
         command, number, size = HEADER.unpack_from(received)
@@ -329,9 +329,9 @@ def _take_replies(received: bytearray) -> list[Reply]:
         (status,) = NUMBER.unpack_from(received, HEADER.size)
         has_version = size >= version_at + NUMBER.size
         version = NUMBER.unpack_from(received, version_at)[0] if has_version else None
-        found.append(Reply(command, number, status, version))
+        replies.append(Reply(command, number, status, version))
         del received[:size]
-    return found
+    return replies
 
 
 def _parse_state(packet: bytes) -> Fingers | None:

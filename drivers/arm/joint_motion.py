@@ -72,18 +72,20 @@ class JointSetpoint(NamedTuple):
         A robot that received its command was at the joints `sent` (7,) one tick later; otherwise
         it keeps its acceleration.
         """
-        seen = JointSetpoint.from_state(state)
-        received = largest_difference(seen.acceleration, self.acceleration) > ACCELERATION_ROUNDING
+        reported = JointSetpoint.from_state(state)
+        received = (
+            largest_difference(reported.acceleration, self.acceleration) > ACCELERATION_ROUNDING
+        )
         position = sent if received else self.position
         for ago in range(max(ticks - 1, 0) if received else ticks):
             position = [
                 p + TICK * (rate - ago * TICK * acceleration)
                 for p, rate, acceleration in zip(
-                    position, seen.rate, seen.acceleration, strict=True
+                    position, reported.rate, reported.acceleration, strict=True
                 )
             ]
-        rounded = largest_difference(seen.position, position) <= ROUNDING
-        return seen._replace(position=position) if rounded else seen
+        rounded = largest_difference(reported.position, position) <= ROUNDING
+        return reported._replace(position=position) if rounded else reported
 
 
 class JointMotion:
@@ -247,7 +249,7 @@ class CartesianMotion:
         self._past_poses: list[Array] = []  # setpoints (4, 4), the newest first
         self._time = 0.0
         # rad, rad, rad/s: elbow at the start, its commanded angle and rate
-        self._kept = self._elbow = self._elbow_rate = 0.0
+        self._initial_elbow = self._elbow = self._elbow_rate = 0.0
 
     def start_poses(self) -> Any:
         """Start a motion that follows poses of the hand; the elbow keeps its present angle."""
@@ -280,11 +282,11 @@ class CartesianMotion:
 
     def _begin(self, state: Any) -> JointSetpoint:
         """Start from the first `state` of a motion, whose elbow angle is kept."""
-        begun = JointSetpoint.from_state(state)
-        self._sent = begun.position
-        self._elbow = self._kept = begun.position[ELBOW_JOINT]
+        start = JointSetpoint.from_state(state)
+        self._sent = start.position
+        self._elbow = self._initial_elbow = start.position[ELBOW_JOINT]
         self._elbow_rate = 0.0
-        return begun
+        return start
 
     def write_pose(self, motion: Any, pose: Numbers, *, last: bool = False) -> None:
         """Send the joints that bring the hand to `pose`, 16 numbers by columns.
@@ -296,7 +298,7 @@ class CartesianMotion:
         near = np.array(self._here.after_a_tick().position)  # one step of Newton's is exact there
         target = np.reshape(pose, (4, 4)).T
         # critically damped return of the elbow
-        pull = ELBOW_GAIN * (self._kept - self._elbow) - 2.0 * self._elbow_rate
+        pull = ELBOW_GAIN * (self._initial_elbow - self._elbow) - 2.0 * self._elbow_rate
         self._elbow_rate += TICK * ELBOW_GAIN * pull
         self._elbow += TICK * self._elbow_rate
         step = joint_step(near, *pose_and_jacobian(near), target, self._elbow)

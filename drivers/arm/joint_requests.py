@@ -12,7 +12,7 @@ import numpy as np
 from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.force import ForceGuard
 from drivers.arm.joint_motion import follow_joints
-from drivers.arm.obstacles import ARM_CLEARANCE, CLEARANCE_TOLERANCE, clear_way, solids_of
+from drivers.arm.obstacles import ARM_CLEARANCE, CLEARANCE_TOLERANCE, clear_path, solids_of
 from drivers.arm.process import (
     END_PATIENCE,
     Task,
@@ -119,8 +119,8 @@ def _go(robot: Any, task: Task, request: GoTo, pipe: Connection) -> list[float]:
         retreat(robot, task.settings, interrupted, solids)
     robot.configure(task.settings.collision)
     guard, reached = robot.guard(), list(robot.state().q)
-    way = clear_way(np.array(reached), np.array(request.joints), solids)
-    for joints in way:
+    path = clear_path(np.array(reached), np.array(request.joints), solids)
+    for joints in path:
         if not interrupted():
             guard = robot.guard() if _rests(robot.state()) else guard
             reached = follow_joints(robot, joints.tolist(), request.share, guard, interrupted)
@@ -150,15 +150,15 @@ def retreat(
     if not isfinite(size):
         reason = "the robot reports a force that is no number; check its log before it moves again"
         raise ArmFault(Cause.PRESSED, reason)
-    way = _steps_away(np.array(state.q), force / size)
-    _require_room(way, solids)
+    path = _steps_away(np.array(state.q), force / size)
+    _require_room(path, solids)
     robot.configure(_raise_thresholds(settings.collision, size))
     guard = ForceGuard(size + FORCE_RISE)
 
     def free(now: Any) -> bool:
         return float(np.linalg.norm(now.O_F_ext_hat_K[:3])) < FREE * settings.rest
 
-    follow_joints(robot, way[-1].tolist(), SPEED_SHARE, guard, interrupted, free)
+    follow_joints(robot, path[-1].tolist(), SPEED_SHARE, guard, interrupted, free)
     after = float(np.linalg.norm(robot.state().O_F_ext_hat_K[:3]))
     if not after <= settings.rest:
         reason = (
@@ -171,16 +171,16 @@ def retreat(
 def _steps_away(joints: Array, direction: Array) -> Array:
     """Joints (n, 7) [rad] that move the tip by AWAY along `direction` (3,) without turning."""
     places = islice(straight(joints, PLACE_STEP * direction), round(AWAY / PLACE_STEP))
-    way = np.array([joints, *places])
-    if not limits.margins(way[-1]).min() >= JOINT_MARGIN:
+    path = np.array([joints, *places])
+    if not limits.margins(path[-1]).min() >= JOINT_MARGIN:
         words = "no way leads out of the contact: a joint is at its end; free the arm by hand"
         raise ArmFault(Cause.PRESSED, words)
-    return way
+    return path
 
 
-def _require_room(way: Array, solids: Solids) -> None:
-    """Raise ArmFault where `way` (n, 7) [rad] comes nearer to a solid than it began, too near."""
-    gaps = solids.clearance(way)
+def _require_room(path: Array, solids: Solids) -> None:
+    """Raise ArmFault where `path` (n, 7) [rad] comes nearer to a solid than it began, too near."""
+    gaps = solids.clearance(path)
     allowed = np.minimum(gaps[0] - CLEARANCE_TOLERANCE, ARM_CLEARANCE)
     for box, gap, least in zip(solids.boxes, gaps.T, allowed, strict=True):
         if not gap.min() >= least:

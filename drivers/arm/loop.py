@@ -254,10 +254,10 @@ class ServoLoop:
 
     def _rate(self) -> tuple[float, float, float]:
         """Measured velocity [m/s, m/s, rad/s] over the last states; 0 before there are two."""
-        (*first, begun), (*last, now) = self._path[0], self._path[-1]
-        if now <= begun:
+        (*first, start), (*last, now) = self._path[0], self._path[-1]
+        if now <= start:
             return 0.0, 0.0, 0.0
-        x, z, pitch = ((b - a) / (now - begun) for a, b in zip(first, last, strict=True))
+        x, z, pitch = ((b - a) / (now - start) for a, b in zip(first, last, strict=True))
         return x, z, pitch
 
 

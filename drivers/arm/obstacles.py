@@ -19,14 +19,14 @@ from drivers.types import Array, Pose
 HAND_BODY = ((0.037, 0.032), (0.07, 0.032), (0.103, 0.05), (0.2, 0.05))
 RISE = 0.06  # m of desk above its surroundings, for a hand that lies flat
 LEAVING = 1e-4  # m, tolerance for a hand that starts inside and must not go deeper
-WAY_STEPS = 200  # poses checked on a straight path: 5 mm apart at most in a workspace
+PATH_CHECKS = 200  # poses checked on a straight path: 5 mm apart at most in a workspace
 
 # m of clearance of the arm, tracking errors and errors of the shapes included
 ARM_CLEARANCE = 0.03
 POSTURE_SPACING = 0.03  # rad at most between postures that are checked
 CLEARANCE_TOLERANCE = 1e-3  # m, allowed approach where a path starts or ends too near
 LEG_RISE, RISES = 0.05, (0.1, 0.2, 0.3)  # m of one upward leg, and total rises to try
-WAY_STEP = 0.005  # m
+PATH_STEP = 0.005  # m
 JOINT_ROOM = 0.03  # rad from a joint's end
 
 # Of the cell, in its frame [m]: width of the desk, extent of the fixed edge's clamp. Both are to be
@@ -47,14 +47,14 @@ def desk_end(installation: Installation, length: float | None = None) -> float:
     return max(stated, length or 0.0)
 
 
-def require_clear(way: list[Pose], end: float) -> None:
-    """Raise Fault `hand_meets_desk` for a `way` of the hand into a desk that ends at `end` [m].
+def require_clear(path: list[Pose], end: float) -> None:
+    """Raise Fault `hand_meets_desk` for a `path` of the hand into a desk that ends at `end` [m].
 
     Poses are joined by straight lines; a hand that begins inside may leave.
     """
-    corners = np.array([pose.as_array() for pose in way])
-    times = np.linspace(0.0, len(way) - 1, WAY_STEPS * (len(way) - 1) + 1)
-    poses = np.stack([np.interp(times, np.arange(len(way)), axis) for axis in corners.T], axis=1)
+    corners = np.array([pose.as_array() for pose in path])
+    times = np.linspace(0.0, len(path) - 1, PATH_CHECKS * (len(path) - 1) + 1)
+    poses = np.stack([np.interp(times, np.arange(len(path)), axis) for axis in corners.T], axis=1)
     heights = desk_clearance(poses, end)
     deepest = int(np.argmin(heights))
     if heights[deepest] > min(0.0, heights[0] - LEAVING):
@@ -103,7 +103,7 @@ def floor_of(installation: Installation) -> Solids:
     return Solids(installation.mounting.transform().matrix, [floor])
 
 
-def clear_way(start: Array, goal: Array, solids: Solids) -> list[Array]:
+def clear_path(start: Array, goal: Array, solids: Solids) -> list[Array]:
     """Joint waypoints (7,) [rad] after `start`, up to `goal`, on a way clear of all `solids`.
 
     A straight line in joint space where that is clear, else over points above start or goal, or
@@ -116,7 +116,7 @@ def clear_way(start: Array, goal: Array, solids: Solids) -> list[Array]:
         if not _objection([start, *points, goal], solids):
             return [*points, goal]
     reason = f"{objection}, and neither a way above nor one over the upright posture is clear"
-    raise ArmFault(Cause.WAY, reason)
+    raise ArmFault(Cause.BLOCKED, reason)
 
 
 def _detours(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:
@@ -135,10 +135,12 @@ def _detours(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:
 def _joints_above(joints: Array, up: Array, rise: float) -> list[Array]:
     """Joints (7,) at each LEG_RISE straight `up` (3,) to `rise` [m], as far as the arm reaches."""
     points = []
-    for step, here in enumerate(islice(straight(joints, WAY_STEP * up), round(rise / WAY_STEP)), 1):
+    for step, here in enumerate(
+        islice(straight(joints, PATH_STEP * up), round(rise / PATH_STEP)), 1
+    ):
         if limits.margins(here).min() < JOINT_ROOM:
             break
-        if step % round(LEG_RISE / WAY_STEP) == 0:
+        if step % round(LEG_RISE / PATH_STEP) == 0:
             points.append(here)
     return points
 
@@ -149,8 +151,8 @@ def _objection(points: Sequence[Array], solids: Solids) -> str:
     for a, b in pairwise(points):
         count = 2 + int(np.abs(b - a).max() / POSTURE_SPACING)
         legs.append(np.linspace(a, b, count))
-    way = np.concatenate(legs)
-    gaps = np.column_stack([self_clearance(way), solids.clearance(way)])
+    path = np.concatenate(legs)
+    gaps = np.column_stack([self_clearance(path), solids.clearance(path)])
     for name, gap in zip(("itself", *(box.name for box in solids.boxes)), gaps.T, strict=True):
         if not _keeps_clear(gap):
             return f"the arm would come to {1e3 * gap.min():.0f} mm from {_with_article(name)}"

@@ -96,7 +96,9 @@ def plan_reach(
         x, z, pitch = path[0].tolist()
         first = Problem(x, z, pitch, "no posture of the arm brings the hand there")
         return Reach(False, HOME, 0.0, 1, 0, (first,))
-    candidates.sort(key=lambda found: (found.allowed, found.followed, found.margin), reverse=True)
+    candidates.sort(
+        key=lambda tracked: (tracked.allowed, tracked.followed, tracked.margin), reverse=True
+    )
     braked = list[Reach]()
     for candidate in candidates:
         if not candidate.allowed:
@@ -108,7 +110,7 @@ def plan_reach(
         braked.append(candidate if after_lift else replace(candidate, problems=(stop,)))
     if not braked:
         return candidates[0]
-    return max(braked, key=lambda found: (found.allowed, found.margin))
+    return max(braked, key=lambda tracked: (tracked.allowed, tracked.margin))
 
 
 def _postures(
@@ -123,9 +125,9 @@ def _postures(
             near = solve(plane.matrix(*poses[0].tolist()), seed)
         except Unreachable:
             continue
-        found = track(near, plane.matrix(*poses[0].tolist()), elbow, PATH_ITERATIONS)
-        if found is not None:
-            yield _follow_path(plane, poses, times, found[0])
+        tracked = track(near, plane.matrix(*poses[0].tolist()), elbow, PATH_ITERATIONS)
+        if tracked is not None:
+            yield _follow_path(plane, poses, times, tracked[0])
 
 
 def _follow_path(plane: StripPlane, poses: Array, times: Array, start: Array) -> Reach:
@@ -135,11 +137,11 @@ def _follow_path(plane: StripPlane, poses: Array, times: Array, start: Array) ->
     for pose, time in zip(poses, times, strict=True):
         x, z, pitch = pose.tolist()
         elbow = float(start[ELBOW_JOINT])
-        found = track(joints, plane.matrix(x, z, pitch), elbow, PATH_ITERATIONS)
-        if found is None:
+        tracked = track(joints, plane.matrix(x, z, pitch), elbow, PATH_ITERATIONS)
+        if tracked is None:
             problems.append(Problem(x, z, pitch, "no posture of the arm brings the hand there"))
             break
-        there = found[0]
+        there = tracked[0]
         room = limits.margins(there)
         margin, joint = min((margin, joint), (float(room.min()), int(room.argmin())))
         reason = _step_objection(joints, there, time)
@@ -278,10 +280,10 @@ class ReachGuard:
         Searched from near `joints` (7,); the rates are None where the pose is out of reach.
         """
         target = self._plane.matrix(*where.tolist())
-        found = track(joints, target, self._elbow, ITERATIONS, TOLERANCE)
-        if found is None:
+        tracked = track(joints, target, self._elbow, ITERATIONS, TOLERANCE)
+        if tracked is None:
             return joints, None
-        return found[0], joint_rates(found[1], self._twists)
+        return tracked[0], joint_rates(tracked[1], self._twists)
 
     def _rate_shares(self, rates: Array) -> Array:
         """Joint `rates` (7,) [rad/s] as shares of their limits; 1 is the limit."""

@@ -48,7 +48,10 @@ class Robot:
             require_limits(description)
         enforce = settings.realtime == "enforce"
         mode = franka.RealtimeConfig.kEnforce if enforce else franka.RealtimeConfig.kIgnore
-        with _library_errors(lambda _: _mismatch(address)), _scheduler_kept(restore=not enforce):
+        with (
+            _library_errors(lambda _: _mismatch(address)),
+            _scheduler_restored(restore=not enforce),
+        ):
             self._robot: Any = franka.Robot(address, mode)
         self._settings = settings
 
@@ -118,10 +121,10 @@ class Robot:
         needs most of its tick would never catch up. It is dropped.
         """
         with _library_errors(self._stop_reason):
-            begun = perf_counter()
+            start = perf_counter()
             state = motion.readOnce()[0]
             own_clock = not self._settings.in_lock_step
-            if awaited and own_clock and perf_counter() - begun < AWAITED:
+            if awaited and own_clock and perf_counter() - start < AWAITED:
                 state = motion.readOnce()[0]
             return state
 
@@ -160,17 +163,19 @@ def _library_errors(explain: Callable[[Cause], ArmFault | None]) -> Iterator[Non
         yield
     except (franka.FrankaException, RuntimeError, ValueError) as error:
         cause = next(cause for kind, cause in CAUSES if isinstance(error, kind))
-        seen = None
+        state_fault = None
         with suppress(Exception):  # the first error is the one that is reported
-            seen = explain(cause)
+            state_fault = explain(cause)
         words = one_line(error)
-        if seen is not None:
-            raise ArmFault(seen.cause, f"{seen.words}: {words}", seen.errors) from error
+        if state_fault is not None:
+            raise ArmFault(
+                state_fault.cause, f"{state_fault.words}: {words}", state_fault.errors
+            ) from error
         raise ArmFault(cause, words) from error
 
 
 @contextmanager
-def _scheduler_kept(*, restore: bool) -> Iterator[None]:
+def _scheduler_restored(*, restore: bool) -> Iterator[None]:
     """Context that undoes the library's real-time priority, harmful without a real-time kernel."""
     policy, priority = os.sched_getscheduler(0), os.sched_getparam(0)
     try:

@@ -58,7 +58,7 @@ class NewestFrame:
         self._recovered = False
         self._sequence = Sequence()
         self._patience = FIRST_FRAME
-        self._last_whole = self._last_any = kernel.monotonic()
+        self._last_complete = self._last_any = kernel.monotonic()
         self._current: Session | None = None
         self._thread = threading.Thread(target=self._run, args=(session,), name=SOURCE, daemon=True)
         self._thread.start()
@@ -124,7 +124,7 @@ class NewestFrame:
     def _check_flow(self) -> None:
         """Raise CameraStalled after too long without frames, CameraFaulty without complete ones."""
         now = self._kernel.monotonic()
-        silent, corrupt = now - self._last_any, now - self._last_whole  # s
+        silent, corrupt = now - self._last_any, now - self._last_complete  # s
         if silent > self._patience:
             raise CameraStalled(self._settings.device, silent)
         if corrupt > self._patience:
@@ -138,10 +138,10 @@ class NewestFrame:
         self._last_any = capture.taken
         self.counts.missing += max(step - 1, 0)
         self.counts.repeated += step < 1
-        if capture.corrupt or not session.setup.picture.whole(capture.content):
+        if capture.corrupt or not session.setup.picture.is_complete(capture.content):
             self.counts.corrupt += 1
             return
-        self._last_whole, self._patience = capture.taken, self._settings.stall
+        self._last_complete, self._patience = capture.taken, self._settings.stall
         arrived = self._on_cell_clock(session, capture)
         self.counts.arrived += 1
         self.counts.restamped += arrived.source is StampSource.DEQUEUE
@@ -184,7 +184,7 @@ class NewestFrame:
         now = self._kernel.monotonic()
         missing = round((now - self._last_any) * self._settings.rate)
         self._sequence.restart(max(missing, 0))
-        self._last_whole = self._last_any = now
+        self._last_complete = self._last_any = now
         self._patience = FIRST_FRAME
         self.counts.restarts += 1
 
@@ -318,8 +318,8 @@ def report(kernel: Kernel, link: str) -> CameraReport:
 
 def device_links(links: Path = DEVICE_LINKS_FOLDER) -> list[str]:
     """One udev link for each video device: by id where it has one, else by path."""
-    found: dict[Path, str] = {}
+    links_by_device: dict[Path, str] = {}
     for kind in ("by-id", "by-path"):
         for link in sorted((links / kind).glob("*")):
-            found.setdefault(link.resolve(), str(link))
-    return sorted(found.values())
+            links_by_device.setdefault(link.resolve(), str(link))
+    return sorted(links_by_device.values())

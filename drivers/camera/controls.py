@@ -62,23 +62,23 @@ class CameraControl:
 
 def controls_of(device: Device) -> dict[str, CameraControl]:
     """Controls of the device by name, as v4l2-ctl spells them."""
-    found = (_control(device, query) for query in _queries(device))
-    return {control.name: control for control in found}
+    controls = (_control(device, query) for query in _queries(device))
+    return {control.name: control for control in controls}
 
 
-def lock(device: Device, wanted: Mapping[str, int]) -> dict[str, int]:
-    """Switch automatics off, then set `wanted`; returns every value, read back, by control name.
+def lock(device: Device, values: Mapping[str, int]) -> dict[str, int]:
+    """Switch automatics off, then set `values`; returns every value, read back, by control name.
 
     Raises CameraRefused for a control that is not there or a value that did not take.
     """
     present = controls_of(device)
-    for name in wanted:
+    for name in values:
         if name not in present:
             known = ", ".join(sorted(present)) or "none"
             raise CameraRefused(device.path, f"controls.{name}", f"unknown; allowed: {known}")
     settable = {name for name, control in present.items() if control.obstacle is None}
     off = {name: value for name, value in AUTOMATICS.items() if name in settable}
-    locks = {**off, **wanted}
+    locks = {**off, **values}
     # automatics first: while one is on, the values that it controls cannot be set
     for name, value in sorted(locks.items(), key=lambda item: item[0] not in AUTOMATICS):
         _set(device, present[name], value)

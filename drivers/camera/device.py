@@ -81,10 +81,10 @@ class Kernel:
 class CameraLost(Fault):
     """The device does not exist or was unplugged."""
 
-    def __init__(self, device: str, found: str) -> None:
+    def __init__(self, device: str, problem: str) -> None:
         super().__init__(
             "camera_lost",
-            f"{device}: {found}; plug the camera in, `cell camera` lists what is there",
+            f"{device}: {problem}; plug the camera in, `cell camera` lists what is there",
         )
 
 
@@ -109,10 +109,10 @@ class CameraBusy(Fault):
 class CameraFaulty(Fault):
     """The device exists but fails, or delivers only corrupt frames."""
 
-    def __init__(self, device: str, found: str) -> None:
+    def __init__(self, device: str, problem: str) -> None:
         super().__init__(
             "camera_faulty",
-            f"{device}: {found}; the stream is started anew, if it stays so try another cable "
+            f"{device}: {problem}; the stream is started anew, if it stays so try another cable "
             "or port",
         )
 
@@ -141,12 +141,12 @@ def translate_error(error: OSError, device: str, doing: str, users: str) -> Faul
 def users_of(device: str, processes: Path = Path("/proc")) -> str:
     """Names and ids of the other processes that have `device` open, as far as they are visible."""
     node = os.path.realpath(device)
-    found = [
+    problem = [
         f"{_name(process)} (process {process.name})"
         for process in sorted(processes.glob("[0-9]*"))
         if process.name != str(os.getpid()) and _holds(process, node)
     ]
-    return ", ".join(found) or NOBODY_KNOWN
+    return ", ".join(problem) or NOBODY_KNOWN
 
 
 def _holds(process: Path, node: str) -> bool:

@@ -73,8 +73,8 @@ def _rates(device: Device, number: int, width: int, height: int) -> tuple[float,
     def at(index: int) -> FrameInterval:
         return FrameInterval(index=index, pixel_format=number, width=width, height=height)
 
-    found = device.enumerate_entries(Ioctl.ENUM_FRAMEINTERVALS, at)
-    rates = {_rate(step) for interval in found for step in _range_ends(interval)}
+    intervals = device.enumerate_entries(Ioctl.ENUM_FRAMEINTERVALS, at)
+    rates = {_rate(step) for interval in intervals for step in _range_ends(interval)}
     return tuple(sorted((rate for rate in rates if rate > 0), reverse=True))
 
 
@@ -114,7 +114,7 @@ class Picture:
     size: int
     rate: float
 
-    def whole(self, content: Image) -> bool:
+    def is_complete(self, content: Image) -> bool:
         """Whether a buffer's bytes (n,) are a complete picture, by length or by a JPEG's markers.
 
         A truncated JPEG decodes to a grey area without an error.
@@ -129,7 +129,7 @@ class Picture:
 
     def decode(self, content: Image) -> Image | None:
         """(height, width, 3) BGR of a buffer's bytes (n,); None for an incomplete picture."""
-        if not self.whole(content):
+        if not self.is_complete(content):
             return None
         if self.format == "MJPG":
             image = cv2.imdecode(content, cv2.IMREAD_COLOR)
@@ -147,16 +147,16 @@ def agree(device: Device, settings: V4l2Settings) -> Picture:
     Raises CameraRefused with the supported modes where they differ; CameraBusy while another
     program streams.
     """
-    asked = Format(type=CAPTURE)
-    pix = asked.fmt.pix
+    request = Format(type=CAPTURE)
+    pix = request.fmt.pix
     pix.width, pix.height = settings.width, settings.height
     pix.pixelformat, pix.field = fourcc(settings.format), ANY_FIELD
-    pix = device.call(Ioctl.S_FMT, asked, "setting the format").fmt.pix
+    pix = device.call(Ioctl.S_FMT, request, "setting the format").fmt.pix
     name = letters(pix.pixelformat)
     if (name, pix.width, pix.height) != (settings.format, settings.width, settings.height):
-        wanted = f"{settings.format} {settings.width}x{settings.height}"
+        requested = f"{settings.format} {settings.width}x{settings.height}"
         made = f"{name} {pix.width}x{pix.height}"
-        problem = f"{wanted} became {made}; allowed: {_offered_formats(device)}"
+        problem = f"{requested} became {made}; allowed: {_offered_formats(device)}"
         raise CameraRefused(device.path, "format", problem)
     if pix.field != PROGRESSIVE:
         raise CameraRefused(device.path, "format", "is interlaced; use a progressive mode")
@@ -165,9 +165,9 @@ def agree(device: Device, settings: V4l2Settings) -> Picture:
 
 
 def _agree_rate(device: Device, settings: V4l2Settings) -> float:
-    asked = StreamParameters(type=CAPTURE)
-    asked.parm.capture.timeperframe = Fraction(PER_SECOND, round(PER_SECOND * settings.rate))
-    device.call(Ioctl.S_PARM, asked, "setting the rate")
+    request = StreamParameters(type=CAPTURE)
+    request.parm.capture.timeperframe = Fraction(PER_SECOND, round(PER_SECOND * settings.rate))
+    device.call(Ioctl.S_PARM, request, "setting the rate")
     parameters = StreamParameters(type=CAPTURE)
     period = device.call(Ioctl.G_PARM, parameters, "reading the rate").parm.capture.timeperframe
     rate = period.denominator / period.numerator if period.numerator else 0.0

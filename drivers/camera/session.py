@@ -102,8 +102,8 @@ class Stream:
 
     def _begin(self, buffers: int) -> None:
         device = self._device
-        asked = BufferRequest(count=buffers, type=CAPTURE, memory=MMAP)
-        count = device.call(Ioctl.REQBUFS, asked, "asking for buffers").count
+        request = BufferRequest(count=buffers, type=CAPTURE, memory=MMAP)
+        count = device.call(Ioctl.REQBUFS, request, "asking for buffers").count
         if count < FEWEST_BUFFERS:
             raise CameraFaulty(device.path, f"gave {count} buffers of {buffers}")
         for index in range(count):
@@ -113,8 +113,8 @@ class Stream:
 
     def _map_buffer(self, index: int) -> MappedBuffer:
         device = self._device
-        asked = Buffer(index=index, type=CAPTURE, memory=MMAP)
-        reply = device.call(Ioctl.QUERYBUF, asked, "asking for a buffer")
+        request = Buffer(index=index, type=CAPTURE, memory=MMAP)
+        reply = device.call(Ioctl.QUERYBUF, request, "asking for a buffer")
         try:
             return device.kernel.map(device.fd, reply.length, reply.m.offset)
         except OSError as error:

@@ -54,9 +54,9 @@ class Dynamics:
         plant = self._plant
         noise = np.random.default_rng((plant.seed, tick)).standard_normal(7)
         felt = self.torque(posture) * (1.0 + np.array(plant.torque_scale))
-        found = np.asarray(felt + plant.torque_bias + plant.torque_noise * noise)
-        self._read = (posture, tick, found)
-        return found
+        readings = np.asarray(felt + plant.torque_bias + plant.torque_noise * noise)
+        self._read = (posture, tick, readings)
+        return readings
 
     def sag(self, posture: Posture) -> Array:
         """Deflection (7,) [rad] of the links behind their motors, which are in `posture`."""

@@ -34,7 +34,7 @@ def follow(
     try:
         new = _FOLLOW[generator](old, command, tool)
     except Violation as violation:
-        if first and generator in _START and violation.reflex not in _OWN_NAME:
+        if first and generator in _START and violation.reflex not in _NOT_START_ERRORS:
             raise Violation(_START[generator]) from None
         raise
     if command.finished:
@@ -135,7 +135,7 @@ _START = {
     Generator.JOINT_POSITION: Reflex.JOINT_POSITION_MOTION_GENERATOR_START_POSE_INVALID,
     Generator.CARTESIAN_POSE: Reflex.CARTESIAN_POSITION_MOTION_GENERATOR_START_POSE_INVALID,
 }
-_OWN_NAME = {  # errors that a first command reports by their own name
+_NOT_START_ERRORS = {  # errors that a first command reports by their own name
     Reflex.CARTESIAN_POSITION_MOTION_GENERATOR_INVALID_FRAME,
     Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_LIMIT_VIOLATION,
     Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_SIGN_INCONSISTENT,

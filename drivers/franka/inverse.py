@@ -51,7 +51,7 @@ class Attempt:
     angle: float
 
     @property
-    def found(self) -> bool:
+    def converged(self) -> bool:
         """Whether position and orientation are within POSE_TOLERANCE."""
         return max(self.distance, self.angle) < POSE_TOLERANCE
 
@@ -70,7 +70,7 @@ def solve(
     best: Attempt | None = None
     for start in (seed, *_STARTS):
         attempt = _descend(pose, np.clip(start, POSITION_LOW, POSITION_HIGH), tool, centre)
-        if attempt.found:
+        if attempt.converged:
             return attempt.joints
         if best is None or attempt.distance + attempt.angle < best.distance + best.angle:
             best = attempt
@@ -90,8 +90,8 @@ def joint_step(q: Array, reached: Array, jac: Array, target: Array, elbow: float
     exact up to the square of the distance, so that what is missing after one tick is made up in
     the next. Damped, and so bounded, in singular postures.
     """
-    wanted = np.append(twist_between(reached, target), elbow - q[ELBOW_JOINT])
-    return joint_rates(jac, wanted)
+    twist = np.append(twist_between(reached, target), elbow - q[ELBOW_JOINT])
+    return joint_rates(jac, twist)
 
 
 def track(
@@ -112,14 +112,14 @@ def track(
     return (q, jac) if size < tolerance else None
 
 
-def joint_rates(jac: Array, wanted: Array) -> Array:
-    """Joint rates (7,) for tool twist and elbow rate `wanted` (7,), by Jacobian `jac` (6, 7)."""
-    whole = np.zeros((7, 7))
-    whole[:6] = jac
-    whole[6, ELBOW_JOINT] = 1
-    square = whole @ whole.T
+def joint_rates(jac: Array, twist: Array) -> Array:
+    """Joint rates (7,) for tool twist and elbow rate `twist` (7,), by Jacobian `jac` (6, 7)."""
+    with_elbow = np.zeros((7, 7))
+    with_elbow[:6] = jac
+    with_elbow[6, ELBOW_JOINT] = 1
+    square = with_elbow @ with_elbow.T
     square.flat[::8] += INVERSE_DAMPING**2
-    return np.asarray(whole.T @ np.linalg.solve(square, wanted), dtype=np.float64)
+    return np.asarray(with_elbow.T @ np.linalg.solve(square, twist), dtype=np.float64)
 
 
 def rotation_vector(turn: Array) -> Array:

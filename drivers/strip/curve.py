@@ -182,7 +182,7 @@ def group_means(values: Any, edges: Any, sigma: float, mean: Any, square: Any) -
         spread = max(sigma, MAD * np.median(np.abs(group - middle)))
         total, power = 0.0, 0.0
         for value in group:
-            kept = min(max(value, middle - OUTLIER * spread), middle + OUTLIER * spread)
-            total += kept
-            power += kept * kept
+            clipped = min(max(value, middle - OUTLIER * spread), middle + OUTLIER * spread)
+            total += clipped
+            power += clipped * clipped
         mean[g], square[g] = total / len(group), power / len(group)

@@ -143,7 +143,7 @@ class TwinArm:
         self._history.append((*self._position, *self._velocity))
         self._history.popleft()
         arrives = now - min(self._delay, 0.0)
-        self._world.follow_when_asked(arrives, partial(self._in_cell, self._position))
+        self._world.follow_lazily(arrives, partial(self._in_cell, self._position))
 
     def _in_cell(self, position: list[float]) -> Pose:
         """Pose of `position` (x, z, pitch) after the conversion to the robot's frame and back."""
@@ -159,9 +159,9 @@ class TwinArm:
     def _report(self) -> list[float]:
         """Pose and rate (6,) that the arm reports now: those of `delay` [s] ago."""
         ticks = max(self._delay, 0.0) / TICK
-        whole = int(ticks)
-        share = ticks - whole
-        newer, older = self._history[-1 - whole], self._history[-2 - whole]
+        full_ticks = int(ticks)
+        share = ticks - full_ticks
+        newer, older = self._history[-1 - full_ticks], self._history[-2 - full_ticks]
         return [new + share * (old - new) for new, old in zip(newer, older, strict=True)]
 
     @property

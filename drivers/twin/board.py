@@ -85,9 +85,9 @@ def board_frame(
     image[:] = bgr(settings.surroundings.backdrop) * glow
     _draw_board(image, optics, board, pose, glow)
     rng = np.random.default_rng((seed, sequence, 0xB0))
-    seen = noisy(blur(image, settings.lens_blur), settings.noise, rng)
-    seen.setflags(write=False)
-    return Frame(stamp, stamp + settings.transport_delay, SOURCE, sequence, seen)
+    pixels = noisy(blur(image, settings.lens_blur), settings.noise, rng)
+    pixels.setflags(write=False)
+    return Frame(stamp, stamp + settings.transport_delay, SOURCE, sequence, pixels)
 
 
 def _draw_board(
@@ -101,10 +101,10 @@ def _draw_board(
     depth = float(((placed - optics.centre) @ optics.rotation[2]).min())
     if depth <= 0:
         raise ConfigurationError("board: pose: is behind the camera; hold the board before it")
-    seen = optics.project(placed)
+    pixels = optics.project(placed)
     size = image.shape[1::-1]
-    left, top = np.clip(np.floor(seen.min(axis=0)).astype(int) - BORDER, 0, size)
-    right, bottom = np.clip(np.ceil(seen.max(axis=0)).astype(int) + BORDER + 1, 0, size)
+    left, top = np.clip(np.floor(pixels.min(axis=0)).astype(int) - BORDER, 0, size)
+    right, bottom = np.clip(np.ceil(pixels.max(axis=0)).astype(int) + BORDER + 1, 0, size)
     if left >= right or top >= bottom:
         return
     x, y = _on_board(optics, pose, (left, top, right, bottom))
@@ -144,7 +144,7 @@ def _sample_print(
     v = (y + np.float32(rows / 2)) * scale + np.float32(margin - 0.5)
     grey = cv2.remap(print_, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     inside = (u > -0.5) & (u < size[0] - 0.5) & (v > -0.5) & (v < size[1] - 0.5)
-    whole = (x.shape[1] // SAMPLES_PER_PIXEL, x.shape[0] // SAMPLES_PER_PIXEL)
-    share = cv2.resize(inside.astype(np.float32), whole, interpolation=cv2.INTER_AREA)
-    grey = cv2.resize(grey.astype(np.float32), whole, interpolation=cv2.INTER_AREA)
+    size_px = (x.shape[1] // SAMPLES_PER_PIXEL, x.shape[0] // SAMPLES_PER_PIXEL)
+    share = cv2.resize(inside.astype(np.float32), size_px, interpolation=cv2.INTER_AREA)
+    grey = cv2.resize(grey.astype(np.float32), size_px, interpolation=cv2.INTER_AREA)
     return INK_LEVEL + grey * np.float32((PAPER_LEVEL - INK_LEVEL) / 255), share

@@ -48,14 +48,14 @@ class History:
 
     def at(self, stamp: float) -> Scene:
         """The scene at `stamp` [s]; Fault `world_unknown` when it is not remembered."""
-        wanted, first = nanoseconds(stamp), nanoseconds(self._scenes[0].stamp)
-        if not first <= wanted <= nanoseconds(self.newest.stamp):
+        due, first = nanoseconds(stamp), nanoseconds(self._scenes[0].stamp)
+        if not first <= due <= nanoseconds(self.newest.stamp):
             raise Fault(
                 "world_unknown",
                 f"the world at {stamp:.4f} s cannot be shown; known are "
                 f"{first / NANOSECONDS:.4f} to {self.newest.stamp:.4f} s",
             )
-        index, rest = divmod(wanted - first, self._step)
+        index, rest = divmod(due - first, self._step)
         if rest == 0:
             return self._scenes[index]
         return interpolate(self._scenes[index], self._scenes[index + 1], stamp)

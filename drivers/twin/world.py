@@ -136,7 +136,7 @@ class World:
         plant.reset([model])
         self._arc = frozen(plant.arc()[0])
         self._points = frozen(np.stack([self._arc, np.zeros_like(self._arc)], axis=1))
-        self._seen: list[Observables] = []
+        self._observed: list[Observables] = []
         self._record: list[_Step] = []
         self._history = History(settings.step, settings.memory)
         self._history.add(self._scene(0.0, start))
@@ -153,9 +153,9 @@ class World:
 
     def follow(self, stamp: float, pose: Pose) -> None:
         """Add the arm's reported `pose` at `stamp` [s]; stamps that are not newer are ignored."""
-        self.follow_when_asked(stamp, lambda: pose)
+        self.follow_lazily(stamp, lambda: pose)
 
-    def follow_when_asked(self, stamp: float, pose: Callable[[], Pose]) -> None:
+    def follow_lazily(self, stamp: float, pose: Callable[[], Pose]) -> None:
         """Add a reported pose at `stamp` [s], computed only if a step of the strip needs it.
 
         Of an arm that reports every millisecond that is one pose in five.
@@ -224,17 +224,17 @@ class World:
     @property
     def load(self) -> float:
         """Weight of the strip that hangs between the desk and the gripper [N]."""
-        if not self.holds_strip or not self._seen:
+        if not self.holds_strip or not self._observed:
             return 0.0
-        lifted = max(float(self._arc[-1]) - float(self._seen[-1].contact_x[0]), 0.0)
+        lifted = max(float(self._arc[-1]) - float(self._observed[-1].contact_x[0]), 0.0)
         return GRAVITY * float(np.mean(self.model.mechanics.linear_density)) * lifted
 
     @property
     def grip_force(self) -> tuple[float, float]:
         """Force [N] along x and z of the strip on the gripper."""
-        if not self.holds_strip or not self._seen:
+        if not self.holds_strip or not self._observed:
             return 0.0, 0.0
-        x, z = self._seen[-1].grip_force[0].tolist()
+        x, z = self._observed[-1].grip_force[0].tolist()
         return x, z
 
     def truth(self) -> Truth:
@@ -242,28 +242,28 @@ class World:
         steps, count, nodes = self._record, len(self._record), len(self._arc)
         return Truth(
             t=frozen([step.time for step in steps]),
-            contact_x=frozen([seen.contact_x[0] for seen in self._seen]),
-            tip=frozen(np.reshape([seen.tip[0] for seen in self._seen], (count, 2))),
+            contact_x=frozen([observed.contact_x[0] for observed in self._observed]),
+            tip=frozen(np.reshape([observed.tip[0] for observed in self._observed], (count, 2))),
             gripper=frozen(np.reshape([step.hand.as_array() for step in steps], (count, 3))),
             edge=frozen(np.reshape([step.edge.as_array() for step in steps], (count, 3))),
             shapes=frozen(np.reshape([step.points for step in steps], (count, nodes, 2))),
             arc=self._arc,
-            holding_force=frozen([seen.holding_force[0] for seen in self._seen]),
+            holding_force=frozen([observed.holding_force[0] for observed in self._observed]),
             touch=self._touch(),
             edge_offset=float(self._points[0, 0] - self._points[-1, 0]),
         )
 
     def _touch(self) -> Touch | None:
-        touch = self._seen[-1].touch[0] if self._seen else None
+        touch = self._observed[-1].touch[0] if self._observed else None
         if touch is None or self._grasped_at is None:
             return None
         return replace(touch, time=touch.time + self._grasped_at)
 
     def _step_strip(self, hand: Pose) -> None:
         target = hand if self._grasp is None else self._grasp.edge(hand)
-        seen = self._plant.step(target.as_array()[None], self._settings.step)
+        observed = self._plant.step(target.as_array()[None], self._settings.step)
         self._points = frozen(self._plant.shapes()[0])
-        self._seen.append(seen)
+        self._observed.append(observed)
         edge = target if self.holds_strip else self._edge()
         self._record.append(_Step(self.time, hand, edge, self._points))
 

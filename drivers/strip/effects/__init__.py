@@ -17,8 +17,11 @@ FAMILIES = (bending, cell, mass)
 @cache
 def registry() -> Mapping[str, Effect]:
     """All effects by name, in the order in which they apply: by stage, then by name."""
-    found = [e for family in FAMILIES for e in vars(family).values() if isinstance(e, Effect)]
-    effects = [*found, *plugins("effects", Effect, {effect.name for effect in found}).values()]
+    built_in = [e for family in FAMILIES for e in vars(family).values() if isinstance(e, Effect)]
+    effects = [
+        *built_in,
+        *plugins("effects", Effect, {effect.name for effect in built_in}).values(),
+    ]
     return {e.name: e for e in sorted(effects, key=lambda e: (e.stage, e.name))}
 
 

@@ -230,9 +230,11 @@ def simulate_all(
     simulated = len(observed[0])
     motions = []
     for i, (path, count, shapes) in enumerate(zip(paths, counts, kept, strict=True)):
-        seen = Trace._make([*(channel[:, i] for channel in observed), shapes])
+        observed_strip = Trace._make([*(channel[:, i] for channel in observed), shapes])
         steps, touch = min(count, simulated), rod.touch[i]
-        motions.append(_motion_of_strip(seen, poses[:, i], path, steps, touch, dt, stride))
+        motions.append(
+            _motion_of_strip(observed_strip, poses[:, i], path, steps, touch, dt, stride)
+        )
     return motions
 
 
@@ -279,7 +281,7 @@ def _start_poses(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> 
 
 
 def _motion_of_strip(
-    seen: Trace,
+    observed_strip: Trace,
     poses: Array,
     path: GripperPath,
     count: int,
@@ -296,10 +298,10 @@ def _motion_of_strip(
     return StripMotion(
         t=path.t[0] + dt * np.arange(1, count + 1),
         poses=poses[:count],
-        contact_x=seen.contact_x[:count],
-        tip=seen.tip[:count],
-        holding_force=seen.holding_force[:count],
-        grip_force=seen.grip_force[:count],
-        shapes=seen.shapes[: count // stride],
+        contact_x=observed_strip.contact_x[:count],
+        tip=observed_strip.tip[:count],
+        holding_force=observed_strip.holding_force[:count],
+        grip_force=observed_strip.grip_force[:count],
+        shapes=observed_strip.shapes[: count // stride],
         touch=touch,
     )

@@ -30,7 +30,7 @@ NATURE = 16
 # More of both for `terms`: strain of a Maxwell element now and before, how far a segment has slid,
 # the pull at which its end slides, and which way it does, moment of friction without a yield
 # point; coefficients, of that friction its moment in full sliding [N m] and how soon it slides [1].
-MAXWELL, MAXWELL1, SLID, HELD, WAY, GRADUAL = range(STATE_SIZE, STATE_SIZE + 6)
+MAXWELL, MAXWELL1, SLID, HELD, SLIP_SIGN, GRADUAL = range(STATE_SIZE, STATE_SIZE + 6)
 RICH_STATE = STATE_SIZE + 6
 QUADRATIC, BRANCH, FADE, GRIPPED, CLING = range(NATURE, NATURE + 5)
 DRAG, SLOW, OBLIQUE, ALONG, GRADUAL_SLIP, GRADUAL_PACE = range(NATURE + 5, NATURE + 11)

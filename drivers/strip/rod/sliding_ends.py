@@ -16,9 +16,9 @@ def slip_length(block: Any, r: int) -> Any:
     stretch, span = load(block.nature, r, at.STRETCH), load(block.nature, r, at.SPAN)
     _, _, _, length = direction(block.state, r)
     taut = stretch * (length - span - load(block.state, r, at.SLID))
-    way = slip_direction(block, r, taut)
-    level = choose(way, slip_limit(block, r), -load(block.state, r, at.HELD))
-    return choose(way * way, (taut - level) / stretch, 0.0)
+    sign = slip_direction(block, r, taut)
+    level = choose(sign, slip_limit(block, r), -load(block.state, r, at.HELD))
+    return choose(sign * sign, (taut - level) / stretch, 0.0)
 
 
 @kernel

@@ -96,15 +96,15 @@ def stick_slip(block: Any, r: int, taut: Any, stretch: Any, span: Any) -> Any:
     step all sticks: tensions of extrapolated positions are meaningless.
     """
     taut = taut - stretch * load(block.state, r, at.SLID)
-    way = slip_direction(block, r, load(block.work, r, at.STUCK))
-    before = load(block.state, r, at.WAY)
-    way = choose(below(way * before, -0.5), 0.0, way)
-    way = choose(below(UNTRIED - 0.5, before), 0.0, way)
-    store(block.state, r, at.WAY, way)
+    sign = slip_direction(block, r, load(block.work, r, at.STUCK))
+    before = load(block.state, r, at.SLIP_SIGN)
+    sign = choose(below(sign * before, -0.5), 0.0, sign)
+    sign = choose(below(UNTRIED - 0.5, before), 0.0, sign)
+    store(block.state, r, at.SLIP_SIGN, sign)
     store(block.work, r, at.STUCK, taut)
     store(block.work, r, at.STUCK_GROWTH, stretch * span)
-    level = choose(way, slip_limit(block, r), -load(block.state, r, at.HELD))
-    moves = way * way
+    level = choose(sign, slip_limit(block, r), -load(block.state, r, at.HELD))
+    moves = sign * sign
     return choose(moves, level, taut), choose(moves, 0.0, stretch)
 
 
@@ -177,7 +177,7 @@ def predict_terms(block: Any, rate: Any, weights: Any) -> None:
     """Write drag matrices and bases of the Maxwell strains for the coming step into `work`."""
     now, old = weights
     for r in range(1, block.state.shape[0] - 1):
-        store(block.state, r, at.WAY, UNTRIED)
+        store(block.state, r, at.SLIP_SIGN, UNTRIED)
         q, q1 = load(block.state, r, at.MAXWELL), load(block.state, r, at.MAXWELL1)
         store(block.work, r, at.BASE_MAXWELL, fma(now, q, old * q1))
     for r in range(at.FIRST_FREE_NODE, block.last + 1):

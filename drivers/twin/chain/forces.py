@@ -54,8 +54,8 @@ class Loads:
         """
         lumps = self._lumps
         periods = self._elapsed / lumps.fading_time
-        kept = -np.expm1(-periods) / periods if periods > 0 else 1.0
-        self._strain = np.exp(-periods) * self._strain + kept * (angle - self._angle)
+        retained = -np.expm1(-periods) / periods if periods > 0 else 1.0
+        self._strain = np.exp(-periods) * self._strain + retained * (angle - self._angle)
         self._angle, self._elapsed = angle.copy(), h
         return np.asarray(lumps.fading * (angle - lumps.rest - self._strain))
 

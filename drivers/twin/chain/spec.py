@@ -267,12 +267,12 @@ class Joints:
     def from_model(cls, model: mujoco.MjModel, spans: Array) -> Self:
         """Joint indices of a compiled chain."""
         links = len(spans)
-        found = {model.joint(j).name: j for j in range(model.njnt)}
-        slides = {k: found[f"{SLIDE}{k}"] for k in range(links + 1) if f"{SLIDE}{k}" in found}
+        numbers = {model.joint(j).name: j for j in range(model.njnt)}
+        slides = {k: numbers[f"{SLIDE}{k}"] for k in range(links + 1) if f"{SLIDE}{k}" in numbers}
         stretching = [node for node in slides if node > 0]
         return cls(
             spans=spans,
-            hinges=np.array([found[f"{HINGE}{k}"] for k in range(links + 1)]),
+            hinges=np.array([numbers[f"{HINGE}{k}"] for k in range(links + 1)]),
             slides=np.array([slides[node] for node in stretching], dtype=int),
             lengthened=np.array(stretching, dtype=int) - 1,
             edge=slides.get(0),

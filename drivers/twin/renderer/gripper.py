@@ -112,13 +112,13 @@ def above(outline: Array, floor: float) -> Array:
     """Part (m, 2) of a convex `outline` (n, 2) of x, z [m] that lies above `floor` [m]."""
     if (outline[:, 1] >= floor).all():
         return outline
-    kept: list[Array] = []
+    corners: list[Array] = []
     for here, there in zip(outline, np.roll(outline, -1, axis=0), strict=True):
         if here[1] >= floor:
-            kept.append(here)
+            corners.append(here)
         if (here[1] >= floor) != (there[1] >= floor):
-            kept.append(here + (floor - here[1]) / (there[1] - here[1]) * (there - here))
-    return np.array(kept)
+            corners.append(here + (floor - here[1]) / (there[1] - here[1]) * (there - here))
+    return np.array(corners)
 
 
 def _block(size: tuple[float, float, float]) -> Array:

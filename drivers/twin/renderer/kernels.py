@@ -92,7 +92,7 @@ def sample_surface(
     that `across` stands for; 0 for an edge, seen to either side of `start`. They move by `motion`
     (m, 2), empty at rest: each is shown at an instant such that neighbours together blur.
     """
-    found = np.empty((6, rows.sum()))
+    points = np.empty((6, rows.sum()))
     cells, width = grid
     n = 0
     for i in range(len(rows)):
@@ -105,17 +105,17 @@ def sample_surface(
                 instant = i * PLANE_SEQUENCE[0] + row * PLANE_SEQUENCE[1]
                 instant -= np.floor(instant) + 0.5
                 u, v = u + instant * motion[i, 0], v + instant * motion[i, 1]
-            found[0, n], found[1, n], found[2, n] = u, v, area[i]
-            found[3, n] = shade[i] * weave[along, int(y * cells) & (weave.shape[1] - 1)]
-            found[4, n], found[5, n] = s[i], y
+            points[0, n], points[1, n], points[2, n] = u, v, area[i]
+            points[3, n] = shade[i] * weave[along, int(y * cells) & (weave.shape[1] - 1)]
+            points[4, n], points[5, n] = s[i], y
             n += 1
-    return found
+    return points
 
 
 @kernel
 def _gather(
     sums: Array,
-    kept: tuple[NDArray[np.int32], Indices, int],
+    numbered: tuple[NDArray[np.int32], Indices, int],
     points: Array,
     tint: Array,
     origin: tuple[int, int],
@@ -125,10 +125,10 @@ def _gather(
     """Add each point's share of one of the four pixels around it to the `sums` (n, channels).
 
     `low` and `right`, 0 or 1, choose the pixel. Pixels get sums when first needed, numbered from 1:
-    `kept` holds the number for each pixel (rows, columns) from `origin` on, 0 without a sum, the
-    flat pixel index of each sum (n,), and how many sums are taken. Returns how many are then taken.
+    `numbered` holds the number for each pixel (rows, columns) from `origin` on, 0 without a sum,
+    the flat pixel index of each sum (n,), and how many sums are taken. Returns how many then are.
     """
-    places, pixels, taken = kept
+    places, pixels, taken = numbered
     (u0, v0), (rows, columns) = origin, places.shape
     for k in range(points.shape[1]):
         u, v = points[0, k] - u0, points[1, k] - v0

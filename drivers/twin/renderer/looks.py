@@ -78,8 +78,8 @@ class Pattern:
 
     def colours(self, stated: Colour) -> Array:
         """BGR colours (k, 3) of the pattern; the strip's sRGB colour `stated` comes first."""
-        own = np.array(stated, dtype=np.float64) * self.brightness
-        return np.array([own, *self.printed], dtype=np.float64)[:, ::-1]
+        plain_colour = np.array(stated, dtype=np.float64) * self.brightness
+        return np.array([plain_colour, *self.printed], dtype=np.float64)[:, ::-1]
 
 
 UNIFORM = Pattern()

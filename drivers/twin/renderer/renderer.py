@@ -71,12 +71,12 @@ class Window:
         cls, extents: Sequence[tuple[Array, Array]], size: tuple[int, int], margin: int
     ) -> Self | None:
         """Window around points (u, v) [px] and twice the margin; None where it misses the image."""
-        shown = [extent for extent in extents if len(extent[0])]
-        if not shown:
+        present = [extent for extent in extents if len(extent[0])]
+        if not present:
             return None
-        left, top = (int(min(pair[j].min() for pair in shown)) - 2 * margin for j in range(2))
+        left, top = (int(min(pair[j].min() for pair in present)) - 2 * margin for j in range(2))
         right, bottom = (
-            int(max(pair[j].max() for pair in shown)) + 2 * margin + 1 for j in range(2)
+            int(max(pair[j].max() for pair in present)) + 2 * margin + 1 for j in range(2)
         )
         window = cls(
             max(left, 0), max(top, 0), min(right, size[0]), min(bottom, size[1]), size, margin

@@ -11,7 +11,7 @@ from drivers.arm.failure import ArmFault
 from drivers.arm.obstacles import (
     ARM_CLEARANCE,
     _keeps_clear,
-    clear_way,
+    clear_path,
     desk_clearance,
     desk_end,
     require_clear,
@@ -44,7 +44,7 @@ def test_desk_and_clamp_meet_where_the_strip_is_fixed_above_the_floor() -> None:
 
 
 def test_straight_way_is_taken_where_it_is_free() -> None:
-    (way,) = clear_way(HOME, START, SOLIDS)
+    (way,) = clear_path(HOME, START, SOLIDS)
     assert np.array_equal(way, START)
     assert nearest([HOME, START]) > ARM_CLEARANCE
 
@@ -58,7 +58,7 @@ def wall() -> Solids:
 
 def test_blocked_way_is_gone_around() -> None:
     assert nearest([HOME, START], wall()) < 0
-    *detour, end = clear_way(HOME, START, wall())
+    *detour, end = clear_path(HOME, START, wall())
     assert detour
     assert np.array_equal(end, START)
     assert nearest([HOME, *detour, end], wall()) > ARM_CLEARANCE - 0.002
@@ -68,7 +68,7 @@ def test_way_without_a_detour_is_refused_and_names_the_obstacle() -> None:
     fence = Solids(np.eye(4), (Box("fence", (-2, 0.1, -1), (2, 0.14, 2)),))
     crossed = START + np.array([2 * -START[0], 0, 0, 0, 0, 0, 0])
     with pytest.raises(ArmFault, match="from the fence") as refused:
-        clear_way(crossed, START, fence)
+        clear_path(crossed, START, fence)
     assert refused.value.cause == "arm_way_blocked"
 
 
