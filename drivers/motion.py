@@ -1,7 +1,7 @@
 """Jerk-limited setpoints of the gripper point for any arm, computed by ruckig."""
 
 from math import exp
-from typing import Any
+from typing import Any, NamedTuple
 
 import ruckig
 
@@ -22,6 +22,14 @@ SMALLEST_CHANGE = 1e-6  # m or rad, or the same per second: a change too small t
 Numbers = list[float]
 State = tuple[Numbers, Numbers, Numbers]  # position, velocity, acceleration
 _STILL = [0.0, 0.0, 0.0]
+
+
+class PredictedMotion(NamedTuple):
+    """Pose, velocity and acceleration [m/s^2, rad/s^2] that are commanded at a later time."""
+
+    pose: Pose
+    velocity: Velocity
+    acceleration: Velocity
 
 
 def lag_gain(lag: float) -> float:
@@ -76,10 +84,10 @@ class MotionProfile:
         """The commanded acceleration [m/s^2, rad/s^2]."""
         return Velocity(*self._acceleration)
 
-    def predict(self, seconds: float) -> tuple[Pose, Velocity, Velocity]:
-        """Commanded pose, velocity and acceleration `seconds` later, if no other command comes."""
+    def predict(self, seconds: float) -> PredictedMotion:
+        """The commanded motion `seconds` from now, if no other command comes."""
         place, rate, change = self._plan.at_time(self._elapsed * self.period + seconds)
-        return Pose(*place), Velocity(*rate), Velocity(*change)
+        return PredictedMotion(Pose(*place), Velocity(*rate), Velocity(*change))
 
     @property
     def moving(self) -> bool:

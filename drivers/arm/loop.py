@@ -11,7 +11,7 @@ from drivers.arm.joint_log import JointLog
 from drivers.arm.joint_motion import CartesianMotion, largest_difference
 from drivers.arm.mailbox import CommandKind, LoopCommand, Mailbox, Report
 from drivers.arm.plane import LEANING, OUT_OF_PLANE, FadingOffset, StripPlane
-from drivers.arm.reach import REACTION, PredictedMotion, ReachGuard
+from drivers.arm.reach import REACTION, ReachGuard
 from drivers.arm.settings import FciSettings
 from drivers.errors import Fault
 from drivers.franka.kinematics import HOME
@@ -195,7 +195,7 @@ class ServoLoop:
         self._new = False
         if not self._profile.moving:
             return
-        reason = self._guard.objection(PredictedMotion(*self._profile.predict(REACTION)))
+        reason = self._guard.objection(self._profile.predict(REACTION))
         if reason:
             pose = self._profile.pose
             self._brake_for_good(Cause.REACH, f"{reason} beyond x {pose.x:.3f} m, z {pose.z:.3f} m")
@@ -272,7 +272,7 @@ def warm_up(installation: Installation) -> None:
     for _ in range(TICKS_BETWEEN_CHECKS):
         x, z, pitch = profile.tick()
         plane.command(x, z, pitch, FadingOffset().tick())
-        guard.objection(PredictedMotion(*profile.predict(REACTION)))
+        guard.objection(profile.predict(REACTION))
         profile.resume(profile.pose, profile.velocity, profile.acceleration, 1)
 
 

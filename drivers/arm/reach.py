@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from drivers.franka.inverse import (
 )
 from drivers.franka.kinematics import HOME, jacobian, pose_and_jacobian
 from drivers.installation import Installation, MotionLimits
+from drivers.motion import PredictedMotion
 from drivers.types import ZERO_VELOCITY, Array, Pose, Velocity, frozen
 
 # of a whole path, before the motion
@@ -200,14 +200,6 @@ def dense(path: Array, speeds: Array) -> tuple[Array, Array]:
         poses.append(here + shares * (there - here))
         times.append(np.full(count, max(way, turn, SHORTEST_STEP) / speed / count))
     return np.concatenate(poses), np.concatenate(times)
-
-
-class PredictedMotion(NamedTuple):
-    """Pose, velocity and acceleration [m/s^2, rad/s^2] commanded for REACTION [s] from now."""
-
-    pose: Pose
-    velocity: Velocity
-    acceleration: Velocity
 
 
 class ReachGuard:

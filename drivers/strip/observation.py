@@ -66,29 +66,29 @@ def _offset(rig: Rig) -> Array:
     return np.array([rig.grip_x, rig.grip_z - rig.desk_height, rig.grip_tilt])
 
 
-def seen_time(observation: Observation, t: Array | float) -> Array | float:
+def image_stamp(observation: Observation, t: Array | float) -> Array | float:
     """Stamp (...,) [s] of the image that shows the world at true time `t` (...,)."""
     return t + observation.camera_latency
 
 
-def shown_time(observation: Observation, stamp: Array | float) -> Array | float:
+def imaged_time(observation: Observation, stamp: Array | float) -> Array | float:
     """True time (...,) [s] that an image with `stamp` (...,) shows."""
     return stamp - observation.camera_latency
 
 
-def seen_points(model: StripModel, points: Array) -> Array:
+def measured_points(model: StripModel, points: Array) -> Array:
     """Measured points (..., 2) [m] of a midline with true `points` (..., 2)."""
     raised = points + np.array([0.0, model.rig.desk_height])
     return np.asarray((1 + model.observation.scale) * raised + _shift(model.observation))
 
 
 def true_points(model: StripModel, points: Array) -> Array:
-    """True points (..., 2) [m] of a midline measured at `points` (..., 2); undoes `seen_points`."""
+    """True points (..., 2) [m] of a midline measured at `points` (..., 2) [m]."""
     raised = (points - _shift(model.observation)) / (1 + model.observation.scale)
     return np.asarray(raised - np.array([0.0, model.rig.desk_height]))
 
 
-def seen_contact(observation: Observation, x: Array | float) -> Array | float:
+def measured_contact(observation: Observation, x: Array | float) -> Array | float:
     """Measured contact_x (...,) [m] of a true desk contact at `x` (...,) [m]."""
     return (1 + observation.scale) * x + (observation.shift_x + observation.contact_bias)
 
@@ -109,11 +109,11 @@ def mean_force(t: Array, force: Array) -> Array:
 def reported_force(observation: Observation, t: Array, true_t: Array, force: Array) -> Array:
     """Reported force (m, 2) [N] at `t` (m,) [s] for a true `force` (k, 2) at `true_t` (k,) [s]."""
     then = t - observation.force_delay
-    seen = np.stack([np.interp(then, true_t, column) for column in force.T], axis=1)
-    return np.asarray(seen + np.array([observation.force_x, observation.force_z]))
+    reported = np.stack([np.interp(then, true_t, column) for column in force.T], axis=1)
+    return np.asarray(reported + np.array([observation.force_x, observation.force_z]))
 
 
-def seen_touch(model: StripModel, touch: Touch, grip: Array, reported: Array) -> Touch:
+def measured_touch(model: StripModel, touch: Touch, grip: Array, reported: Array) -> Touch:
     """Layer touch as the camera measures it, from the true `touch`.
 
     `grip` (3,) is the true pose at the touch, `reported` (3,) the arm's pose at the stamp of the
@@ -121,12 +121,12 @@ def seen_touch(model: StripModel, touch: Touch, grip: Array, reported: Array) ->
     strip's end tangent; l2 to the stated position of the fixed edge, x = 0.
     """
     observation = model.observation
-    x = float(seen_points(model, np.array([touch.x, 0.0]))[0])
+    x = float(measured_points(model, np.array([touch.x, 0.0]))[0])
     end = np.array([np.cos(grip[2]), np.sin(grip[2])])
-    missed = float((reported[:2] - seen_points(model, grip[:2])) @ end)
+    missed = float((reported[:2] - measured_points(model, grip[:2])) @ end)
     return replace(
         touch,
-        time=float(seen_time(observation, touch.time)),
+        time=float(image_stamp(observation, touch.time)),
         x=x,
         to_grasped=(1 + observation.scale) * touch.to_grasped + missed,
         to_fixed=x,

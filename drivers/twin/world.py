@@ -102,9 +102,10 @@ class Plant(Stepper, Protocol):
 
 
 class _Step(NamedTuple):
-    """State after one step of the strip: time [s], hand and edge poses, nodes (n, 2) [m]."""
+    """State after a step of the strip: time [s], observables, hand and edge, nodes (n, 2) [m]."""
 
     time: float
+    observed: Observables
     hand: Pose
     edge: Pose
     points: Array
@@ -136,7 +137,6 @@ class World:
         plant.reset([model])
         self._arc = frozen(plant.arc()[0])
         self._points = frozen(np.stack([self._arc, np.zeros_like(self._arc)], axis=1))
-        self._observed: list[Observables] = []
         self._record: list[_Step] = []
         self._history = History(settings.step, settings.memory)
         self._history.add(self._scene(0.0, start))
@@ -224,37 +224,38 @@ class World:
     @property
     def load(self) -> float:
         """Weight of the strip that hangs between the desk and the gripper [N]."""
-        if not self.holds_strip or not self._observed:
+        if not self.holds_strip or not self._record:
             return 0.0
-        lifted = max(float(self._arc[-1]) - float(self._observed[-1].contact_x[0]), 0.0)
+        lifted = max(float(self._arc[-1]) - float(self._record[-1].observed.contact_x[0]), 0.0)
         return GRAVITY * float(np.mean(self.model.mechanics.linear_density)) * lifted
 
     @property
     def grip_force(self) -> tuple[float, float]:
         """Force [N] along x and z of the strip on the gripper."""
-        if not self.holds_strip or not self._observed:
+        if not self.holds_strip or not self._record:
             return 0.0, 0.0
-        x, z = self._observed[-1].grip_force[0].tolist()
+        x, z = self._record[-1].observed.grip_force[0].tolist()
         return x, z
 
     def truth(self) -> Truth:
         """True states of strip and gripper at each step since the grasp."""
         steps, count, nodes = self._record, len(self._record), len(self._arc)
+        observed = [step.observed for step in steps]
         return Truth(
             t=frozen([step.time for step in steps]),
-            contact_x=frozen([observed.contact_x[0] for observed in self._observed]),
-            tip=frozen(np.reshape([observed.tip[0] for observed in self._observed], (count, 2))),
+            contact_x=frozen([seen.contact_x[0] for seen in observed]),
+            tip=frozen(np.reshape([seen.tip[0] for seen in observed], (count, 2))),
             gripper=frozen(np.reshape([step.hand.as_array() for step in steps], (count, 3))),
             edge=frozen(np.reshape([step.edge.as_array() for step in steps], (count, 3))),
             shapes=frozen(np.reshape([step.points for step in steps], (count, nodes, 2))),
             arc=self._arc,
-            holding_force=frozen([observed.holding_force[0] for observed in self._observed]),
+            holding_force=frozen([seen.holding_force[0] for seen in observed]),
             touch=self._touch(),
             edge_offset=float(self._points[0, 0] - self._points[-1, 0]),
         )
 
     def _touch(self) -> Touch | None:
-        touch = self._observed[-1].touch[0] if self._observed else None
+        touch = self._record[-1].observed.touch[0] if self._record else None
         if touch is None or self._grasped_at is None:
             return None
         return replace(touch, time=touch.time + self._grasped_at)
@@ -263,9 +264,8 @@ class World:
         target = hand if self._grasp is None else self._grasp.edge(hand)
         observed = self._plant.step(target.as_array()[None], self._settings.step)
         self._points = frozen(self._plant.shapes()[0])
-        self._observed.append(observed)
         edge = target if self.holds_strip else self._edge()
-        self._record.append(_Step(self.time, hand, edge, self._points))
+        self._record.append(_Step(self.time, observed, hand, edge, self._points))
 
     def _edge(self) -> Pose:
         dx, dz = self._points[-1] - self._points[-2]

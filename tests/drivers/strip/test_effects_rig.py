@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from drivers.strip.engine import Touch
 from drivers.strip.model import Observation, Rig
 from drivers.strip.observation import (
+    image_stamp,
+    imaged_time,
+    measured_contact,
+    measured_points,
+    measured_touch,
     reported_poses,
-    seen_contact,
-    seen_points,
-    seen_time,
-    seen_touch,
-    shown_time,
     true_path,
     true_points,
     true_poses,
@@ -49,18 +49,20 @@ def test_perception_compensates_the_camera_errors(
     observation = Observation(0.001, latency, scale, x, z, bias)
     model = replace(bare(), observation=observation, rig=Rig(desk_height=height))
     points = np.array([[0.1, 0.0], [0.55, 0.2]])
-    np.testing.assert_allclose(true_points(model, seen_points(model, points)), points, atol=1e-12)
-    assert shown_time(observation, seen_time(observation, 2.0)) == pytest.approx(2.0, abs=1e-12)
+    np.testing.assert_allclose(
+        true_points(model, measured_points(model, points)), points, atol=1e-12
+    )
+    assert imaged_time(observation, image_stamp(observation, 2.0)) == pytest.approx(2.0, abs=1e-12)
 
 
 def test_camera_without_effects_sees_the_truth() -> None:
     model, points = bare(), np.array([[0.3, 0.1], [0.0, 0.0]])
     touch = Touch(4.2, 0.26, 0.33, 0.26)
     grip = np.array([0.01, 0.02, np.pi / 2])
-    np.testing.assert_array_equal(seen_points(model, points), points)
-    np.testing.assert_array_equal(seen_contact(model.observation, points[:, 0]), points[:, 0])
-    assert seen_time(model.observation, 1.5) == 1.5
-    assert seen_touch(model, touch, grip, grip) == touch
+    np.testing.assert_array_equal(measured_points(model, points), points)
+    np.testing.assert_array_equal(measured_contact(model.observation, points[:, 0]), points[:, 0])
+    assert image_stamp(model.observation, 1.5) == 1.5
+    assert measured_touch(model, touch, grip, grip) == touch
 
 
 @pytest.mark.parametrize(
@@ -76,7 +78,7 @@ def test_touch_is_seen_through_the_effects_of_the_camera(
     name: str, values: dict[str, float], time: float, x: float, to_grasped: float
 ) -> None:
     touch, grip = Touch(4.2, 0.26, 0.33, 0.26), np.array([0.01, 0.02, np.pi / 2])
-    seen = seen_touch(affected(name, **values), touch, grip, grip)
+    seen = measured_touch(affected(name, **values), touch, grip, grip)
     assert seen.time - touch.time == pytest.approx(time)
     assert seen.x - touch.x == pytest.approx(x)
     assert seen.to_fixed == seen.x

@@ -5,7 +5,7 @@ import pytest
 
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.observation import seen_points
+from drivers.strip.observation import measured_points
 from drivers.twin.open import Twin, open_twin
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.settings import ArmSettings, CameraSettings, TwinSettings, WorldSettings
@@ -64,4 +64,4 @@ def test_camera_moved_since_its_calibration_shows_places_scaled_and_shifted() ->
     np.testing.assert_allclose(now.project(points), calibrated.project(seen), atol=1e-9)
     shift = {"scale": {"scale": 0.02}, "shift": {"x": 0.004, "z": -0.003}}
     model = describe(denim(), {f"homography_{name}": values for name, values in shift.items()})
-    np.testing.assert_allclose(seen_points(model, points[:, ::2]), seen[:, ::2])
+    np.testing.assert_allclose(measured_points(model, points[:, ::2]), seen[:, ::2])

@@ -12,11 +12,11 @@ from drivers.strip.curve import group_means, nearest_ends, signed_distances
 from drivers.strip.engine import Touch
 from drivers.strip.model import StripModel
 from drivers.strip.observation import (
+    image_stamp,
+    imaged_time,
+    measured_contact,
+    measured_touch,
     reported_force,
-    seen_contact,
-    seen_time,
-    seen_touch,
-    shown_time,
     true_points,
 )
 from drivers.types import Array
@@ -55,7 +55,7 @@ class Comparison:
         images, order = self.run.images, self.layout.profile.order
         found = np.empty(len(order))
         if len(order):
-            time = np.asarray(shown_time(model.observation, images.stamps))
+            time = np.asarray(imaged_time(model.observation, images.stamps))
             points = true_points(model, images.points[order])
             signed_distances(
                 np.ascontiguousarray(points), images.image[order], images.s[order],
@@ -72,16 +72,16 @@ class Comparison:
         """
         order, limit = self.layout.contact.order, CONTACT_LIMIT * self.bending_length
         measured, observation = self.run.contact_x[order], model.observation
-        time = np.asarray(shown_time(observation, self.run.contact_t[order]))
+        time = np.asarray(imaged_time(observation, self.run.contact_t[order]))
         simulated = np.interp(time, shown.t, shown.contact_x)
-        residuals = np.asarray(measured - seen_contact(observation, simulated))
+        residuals = np.asarray(measured - measured_contact(observation, simulated))
         other = np.abs(residuals) >= limit
         ends = simulated[other]
         nearest_ends(
             ends + residuals[other], (time[other] - shown.begin) / SHAPE_PERIOD, shown.shapes,
             self.run.contact_height, ends,
         )  # fmt: skip
-        residuals[other] = measured[other] - seen_contact(observation, ends)
+        residuals[other] = measured[other] - measured_contact(observation, ends)
         mean, square = average(residuals, self.layout.contact)
         near = np.abs(mean) < limit
         return np.where(near, mean, np.nan), np.where(near, square, np.nan)
@@ -118,9 +118,9 @@ def simulated_touch(
     if shown.touch is None:
         return None
     grip = np.array([np.interp(shown.touch.time, shown.t, c) for c in shown.poses.T])
-    stamp = seen_time(model.observation, shown.touch.time)
+    stamp = image_stamp(model.observation, shown.touch.time)
     reported = np.array([np.interp(stamp, run.t, c) for c in run.poses.T])
-    return seen_touch(model, shown.touch, grip, reported)
+    return measured_touch(model, shown.touch, grip, reported)
 
 
 def _touch_values(touch: Touch) -> Array:

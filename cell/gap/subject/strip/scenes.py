@@ -11,7 +11,7 @@ from cell.gap.subject.strip.simulation import SHAPE_PERIOD, SimulatedMotion
 from drivers.strip.curve import signed_distances
 from drivers.strip.engine import Touch
 from drivers.strip.model import StripModel
-from drivers.strip.observation import seen_contact, seen_points, shown_time, true_points
+from drivers.strip.observation import imaged_time, measured_contact, measured_points, true_points
 from drivers.types import Array
 
 Index = NDArray[np.int64]
@@ -41,15 +41,15 @@ def simulated_scene(fold: Fold, model: StripModel, shown: SimulatedMotion, lengt
     """
     run = fold.comparison.run
     contact_t = run.contact_t[run.contact_t <= run.end]
-    true = np.interp(shown_time(model.observation, contact_t), shown.t, shown.contact_x)
-    contact = np.asarray(seen_contact(model.observation, true))
+    true = np.interp(imaged_time(model.observation, contact_t), shown.t, shown.contact_x)
+    contact = np.asarray(measured_contact(model.observation, true))
     images = _images_before_end(run)
     shapes = _interpolate_shapes(_shape_indices(run, model, shown)[images], shown)
     compared, distance = _distances(fold, model, shown, length)
     return Scene(
         signals=(Signal(CONTACT_SIGNAL, contact_t, 1e3 * contact),
                  Signal(DISTANCE_SIGNAL, run.images.stamps[compared], 1e3 * distance)),
-        curve=Curve(run.images.stamps[images], tuple(seen_points(model, shapes))),
+        curve=Curve(run.images.stamps[images], tuple(measured_points(model, shapes))),
         tracks={"contact": _desk_track(contact_t, contact)},
         events=_touch_event(simulated_touch(run, model, shown)),
     )  # fmt: skip
@@ -62,7 +62,7 @@ def _images_before_end(run: FoldMeasurement) -> Index:
 
 def _shape_indices(run: FoldMeasurement, model: StripModel, shown: SimulatedMotion) -> Array:
     """Fractional index (m,) into the simulated shapes for each image; the last shape is held."""
-    true = np.asarray(shown_time(model.observation, run.images.stamps))
+    true = np.asarray(imaged_time(model.observation, run.images.stamps))
     return np.clip((true - shown.begin) / SHAPE_PERIOD, 0.0, len(shown.shapes) - 1.0)
 
 

@@ -17,12 +17,12 @@ from drivers.readers import SCHEMA
 from drivers.strip.engine import StripMotion, Touch
 from drivers.strip.model import StripModel
 from drivers.strip.observation import (
+    imaged_time,
     mean_force,
+    measured_contact,
+    measured_points,
+    measured_touch,
     reported_force,
-    seen_contact,
-    seen_points,
-    seen_touch,
-    shown_time,
 )
 from drivers.strip.rod.engine import GripperPath, Rod, simulate_all
 from drivers.strip.rod.lumping import lattice
@@ -154,9 +154,9 @@ def _touch(fold: Fold, by: Instruments, rng: np.random.Generator) -> Touch | Non
     if touch is None:
         return None
     grip = np.array([np.interp(touch.time, fold.motion.t, c) for c in fold.motion.poses.T])
-    stamp = seen_touch(fold.model, touch, grip, grip).time
+    stamp = measured_touch(fold.model, touch, grip, grip).time
     reported = np.array([np.interp(stamp, fold.path.t, c) for c in fold.path.poses.T])
-    seen = seen_touch(fold.model, touch, grip, reported)
+    seen = measured_touch(fold.model, touch, grip, reported)
     # equal errors of l1 and l2 whose difference, the displacement, has its stated noise
     l1, l2 = rng.normal([seen.to_grasped, seen.to_fixed], by.displacement / np.sqrt(2))
     return Touch(seen.time + rng.normal(0.0, by.touch_time), float(l2), float(l1), float(l2))
@@ -164,7 +164,7 @@ def _touch(fold: Fold, by: Instruments, rng: np.random.Generator) -> Touch | Non
 
 def _shape(fold: Fold, stamp: float) -> Array:
     """True midline (nodes, 2) [m] that an image with `stamp` [s] shows."""
-    time, times = float(shown_time(fold.model.observation, stamp)), fold.shape_t
+    time, times = float(imaged_time(fold.model.observation, stamp)), fold.shape_t
     after = int(np.clip(np.searchsorted(times, time), 1, len(times) - 1))
     before = after - 1
     share = float(np.clip((time - times[before]) / (times[after] - times[before]), 0.0, 1.0))
@@ -182,7 +182,7 @@ def _curve(fold: Fold, stamp: float, by: Instruments, rng: np.random.Generator) 
     tangent = curve(s, 1)
     tangent /= np.maximum(np.hypot(*tangent.T), 1e-9)[:, None]
     noise = rng.normal(0.0, by.profile, len(s))
-    points = seen_points(fold.model, curve(s))
+    points = measured_points(fold.model, curve(s))
     points = points + noise[:, None] * np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
     wild = rng.uniform(size=len(s)) < by.wild
     return np.asarray(points + wild[:, None] * rng.uniform(-by.outlier, by.outlier, (len(s), 2)))
@@ -195,7 +195,7 @@ def _ticks(
     t = fold.path.t[fold.path.t <= end]
     poses = fold.path.poses[: len(t)]
     true = np.array([_contact(fold, stamp) for stamp in stamps])
-    seen = np.asarray(seen_contact(fold.model.observation, true))
+    seen = np.asarray(measured_contact(fold.model.observation, true))
     measured = seen + rng.normal(0.0, by.contact_x, len(stamps))
     contact_x, contact_t = place_contacts(t, stamps, measured)
     noisy = poses[:, :2] + rng.normal(0.0, by.gripper, (len(t), 2))
