@@ -126,8 +126,11 @@ itself, in the chain's own unit of mass. It may remember the past of its strip.
 """
 
 
-ExtraForce = Callable[[Parts], ForceFunction]
-"""An extra force: attached to one chain that lies flat and at rest, it returns its function."""
+ExtraForce = Callable[[Parts], ForceFunction | None]
+"""An extra force: attached to one chain that lies flat and at rest, it returns its function.
+
+None where it exerts none.
+"""
 
 
 class ExtraForces:
@@ -135,7 +138,7 @@ class ExtraForces:
 
     def __init__(self, laws: Sequence[ExtraForce], parts: Parts) -> None:
         self._lumps, self._hinges = parts.lumps, parts.joints.hinges
-        self._acts = [law(parts) for law in laws]
+        self._acts = [act for law in laws if (act := law(parts)) is not None]
         self._damping: Array = np.zeros(0)
 
     def clear(self, model: mujoco.MjModel, data: mujoco.MjData, h: float) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple, Self
 
@@ -24,7 +25,6 @@ from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import GripperPath
 from drivers.twin.camera import Visible
 from drivers.twin.chain.engine import Chain
-from drivers.twin.chain.forces import ForceFunction, Parts
 from drivers.twin.scene import Scene
 from drivers.types import Array, frozen
 from policies.experiments.human_motion import STEP, generator, hand_path, wavering
@@ -127,7 +127,7 @@ class Specimen:
         model = self._scatter.alter(model)
         for cause, rng in zip(self._causes, rngs, strict=True):
             model = cause.alter(model, rng)
-        laws = [Law(cause, rng) for cause, rng in zip(self._causes, rngs, strict=True)]
+        laws = [partial(c.begin, rng=rng) for c, rng in zip(self._causes, rngs, strict=True)]
         self._time = 0.0
         self._chain = Chain(self._links, laws)
         self._chain.reset([model])
@@ -155,19 +155,6 @@ class Specimen:
         return self._chain.arc()
 
 
-@dataclass(frozen=True, slots=True)
-class Law:
-    """Extra force of a cause on a chain, with the random generator of the run."""
-
-    cause: Cause
-    rng: np.random.Generator
-
-    def __call__(self, parts: Parts) -> ForceFunction:
-        """Force function of the cause for one chain; does nothing where the cause has no force."""
-        act = self.cause.begin(parts, self.rng)
-        return _no_force if act is None else act
-
-
 class LaggedView:
     """Scene source for a camera whose image stamps differ, by `causes`, from the true time."""
 
@@ -186,10 +173,6 @@ class LaggedView:
         for cause in self._causes:
             since = cause.image_time(since)
         return replace(self._world.scene(self._grasped + since), stamp=stamp)
-
-
-def _no_force(*_: object) -> None:
-    """Exert no force: the force function of a cause without forces."""
 
 
 TREMOR = 0.0002  # m, one sigma in x and in z

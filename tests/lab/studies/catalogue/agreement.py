@@ -5,6 +5,7 @@ Strips as they may come are compared with a rod of what the policy believed at t
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -13,7 +14,6 @@ from cell.perception.agreement import MeasuredFold, agreement
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.twin.chain.engine import Chain
-from drivers.twin.chain.forces import ForceFunction, Parts
 from policies.adaptive.checkpoint import load_critic
 from policies.rollout import Rollout, roll_out
 from policies.strips import STRIP_LENGTH, effect, plain_strip, random_strip
@@ -48,20 +48,6 @@ STRIP_DRAWS: dict[str, Callable[[np.random.Generator], StripFile]] = {
 CONDITIONS = (*TRAINED_CONDITIONS, "friction 90", "stretch 3 N", *STRANGE_LAWS)
 
 
-class Law:
-    """Cause of the exam as an extra force on the chain."""
-
-    def __init__(self, name: str, values: dict[str, float]) -> None:
-        self._cause, self._rng = cause_of(name, values), np.random.default_rng(0)
-
-    def __call__(self, parts: Parts) -> ForceFunction:
-        """Start the law's force on `parts`; raises ValueError for a cause without a force."""
-        force = self._cause.begin(parts, self._rng)
-        if force is None:
-            raise ValueError("the cause is not a force")
-        return force
-
-
 def draw(number: int, rng: np.random.Generator) -> Values:
     """Draw a strip in the next of the conditions, as trained or outside."""
     name = CONDITIONS[number % len(CONDITIONS)]
@@ -75,7 +61,9 @@ def measure(case: Values) -> Values:
     """Displacement d [m] of a fold, whether it was flagged, and the residual [m] of the rod."""
     strip = StripFile.model_validate(case["strip"])
     law = STRANGE_LAWS.get(case["condition"])
-    engine, policy = Traced(Chain(LINKS, () if law is None else (Law(*law),))), Kept(load_critic())
+    causes = [] if law is None else [cause_of(*law)]
+    forces = [partial(cause.begin, rng=np.random.default_rng(0)) for cause in causes]
+    engine, policy = Traced(Chain(LINKS, forces)), Kept(load_critic())
     settings = Rollout(sensing=sensing_of(case["condition"]))
     rng = np.random.default_rng([case["noise"], 1])
     folds = roll_out(policy, engine, strip, [describe(strip)], settings=settings, rng=rng)
