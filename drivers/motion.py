@@ -10,7 +10,7 @@ from drivers.installation import MotionLimits, Workspace
 from drivers.types import Pose, Velocity
 
 TICK = 0.001  # s, the servo's period
-EXPIRY = 0.1  # s for which a velocity target holds
+EXPIRY_TICKS = 100  # for which a velocity target holds
 BORDER_ROUNDING = 1e-9  # m or rad, rounding at the border of the workspace
 SETTLE = 0.3  # s, of a correction near the goal
 CORRECTION_TIME = 0.05  # s, of a correction near the target velocity
@@ -41,21 +41,17 @@ class MotionProfile:
     """Setpoint generator of a servo: a pose per tick, limited in velocity, acceleration and jerk.
 
     The newest command replaces the one before: follow a velocity, move to rest at a pose, or brake.
-    A velocity holds for `EXPIRY`; then the profile brakes and sets `expired`. A velocity that would
-    leave the workspace is braked on the axes concerned so that the gripper stops inside.
+    A velocity holds for `EXPIRY_TICKS`; then the profile brakes and sets `expired`. A velocity that
+    would leave the workspace is braked on the axes concerned so that the gripper stops inside.
     """
 
-    def __init__(
-        self, limits: MotionLimits, workspace: Workspace, start: Pose, period: float = TICK
-    ) -> None:
-        """Begin at rest at `start`, which may lie outside the workspace; a tick is `period` [s]."""
-        self.period = period
+    def __init__(self, limits: MotionLimits, workspace: Workspace, start: Pose) -> None:
+        """Begin at rest at `start`, which may lie outside the workspace."""
         self.expired = False
         self._limits = limits
         self._workspace = workspace
-        self._expiry = round(EXPIRY / period)
         self._age = 0
-        self._ruckig = ruckig.Ruckig(3, period)
+        self._ruckig = ruckig.Ruckig(3, TICK)
         self._request = _new_request(limits, ruckig.Synchronization.Phase)
         self._brake = _new_request(limits, ruckig.Synchronization.No)
         self._plan = ruckig.Trajectory(3)
@@ -86,7 +82,7 @@ class MotionProfile:
 
     def predict(self, seconds: float) -> PredictedMotion:
         """The commanded motion `seconds` from now, if no other command comes."""
-        place, rate, change = self._plan.at_time(self._elapsed * self.period + seconds)
+        place, rate, change = self._plan.at_time(self._elapsed * TICK + seconds)
         return PredictedMotion(Pose(*place), Velocity(*rate), Velocity(*change))
 
     @property
@@ -147,11 +143,11 @@ class MotionProfile:
     def tick(self) -> Numbers:
         """Advance by one period; returns the commanded x, z [m], pitch [rad] at its end."""
         self._age += 1
-        if self._age > self._expiry and self._target is not None and any(self._target):
+        if self._age > EXPIRY_TICKS and self._target is not None and any(self._target):
             self.expired = True
             self._follow(_STILL)
         self._elapsed += 1
-        state = self._plan.at_time(self._elapsed * self.period)
+        state = self._plan.at_time(self._elapsed * TICK)
         if self._target is not None and any(state[1]):
             state = self._keep_inside(state)
         self._position, self._velocity, self._acceleration = state
@@ -161,7 +157,7 @@ class MotionProfile:
 
     @property
     def _pending(self) -> bool:
-        return bool(self._elapsed * self.period < self._plan.duration)
+        return bool(self._elapsed * TICK < self._plan.duration)
 
     def _begin(self) -> None:
         self.expired = False
@@ -232,7 +228,7 @@ class MotionProfile:
                 break
             self._follow(self._target, self._blocked | leaving)
             self._elapsed = 1
-            state = self._plan.at_time(self.period)
+            state = self._plan.at_time(TICK)
         return state
 
     def _leaving(self, plan: ruckig.Trajectory) -> frozenset[int]:

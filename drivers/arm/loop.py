@@ -209,7 +209,7 @@ class ServoLoop:
     def _publish(self, state: Any) -> None:
         """Write the report of `state`; brake where its pose is not finite or off the plane."""
         self.success = state.control_command_success_rate
-        here, beside = self._checked_place(state.O_T_EE)
+        here = self._checked_place(state.O_T_EE)
         self._path.append((*here, state.time.to_sec()))
         if self._joints is not None:
             self._joints.add(self.ticks * TICK if self._lock_step else self._now(), state)
@@ -224,15 +224,14 @@ class ServoLoop:
                 *rate,
                 *self._position,
                 *self._plane.force(self._touch.beyond_tare(state)),
-                beside,
                 self.success,
                 self._profile.moving or not calm,
                 self._profile.expired,
             )
         )
 
-    def _checked_place(self, pose: list[float]) -> tuple[tuple[float, float, float], float]:
-        """x, z [m] and pitch [rad] of the hand at `pose`, and its distance [m] from the plane.
+    def _checked_place(self, pose: list[float]) -> tuple[float, float, float]:
+        """x, z [m] and pitch [rad] of the hand at `pose`.
 
         Brakes where `pose` is off the plane or not finite; for the latter the last one is returned.
         """
@@ -245,7 +244,7 @@ class ServoLoop:
             self._brake_for_good(
                 Cause.ASIDE, f"the hand is {1e3 * abs(beside):.0f} mm beside its plane"
             )
-        return here, beside
+        return here
 
     @property
     def _position(self) -> tuple[float, float, float]:

@@ -41,9 +41,8 @@ class Report(NamedTuple):
     """The newest state of the arm, after `ticks` of its motion, at `arrival` [s] of the clock.
 
     Measured pose and velocity and commanded pose in the cell frame; `fx`, `fz` force on the gripper
-    beyond its tare [N]; `off_plane` distance from the strip's plane [m]; `success` the robot's own
-    rate of commands received in time; the rest are flags and the `number` of the last command
-    taken.
+    beyond its tare [N]; `success` the robot's own rate of commands received in time; the rest are
+    flags and the `number` of the last command taken.
     """
 
     ticks: int
@@ -60,7 +59,6 @@ class Report(NamedTuple):
     pitch_commanded: float
     fx: float
     fz: float
-    off_plane: float
     success: float
     moving: int
     expired: int

@@ -17,7 +17,7 @@ from drivers.fci_server.arm_and_hand_ports import ArmPort, HandPort
 from drivers.fci_server.dynamics import Dynamics, LaggingArm
 from drivers.fci_server.faults import Disturbance, DropFault, Fault, FreezeFault, VersionFault
 from drivers.fci_server.hand import Between, Hand
-from drivers.fci_server.limits import BodyCheck, Box
+from drivers.fci_server.limits import BodyCheck
 from drivers.fci_server.robot import Robot, Surroundings, resting_robot
 from drivers.fci_server.wire import RobotCommand
 from drivers.franka.collision import Solids
@@ -100,12 +100,11 @@ class RobotServer:
         surroundings: Surroundings | None = None,
         between: Between = lambda: None,
         faults: Iterable[Fault] = (),
-        box: Box | None = None,
         solids: Solids | None = None,
         on_command: Callable[[RobotCommand], None] | None = None,
     ) -> None:
         settings = settings or ServerSettings()
-        self.robot = resting_robot(start, box, surroundings)
+        self.robot = resting_robot(start, None, surroundings)
         robot = self.robot
         _give_mechanics(robot, settings)
         robot.body = BodyCheck(solids)

@@ -70,8 +70,6 @@ def board_frame(
     board: cv2.aruco.CharucoBoard,
     pose: Matrix,
     seed: int,
-    *,
-    stamp: float = 0.0,
     sequence: int = 0,
 ) -> Frame:
     """The camera's image of `board` at rest at `pose` (4, 4) in the cell frame.
@@ -87,7 +85,7 @@ def board_frame(
     rng = np.random.default_rng((seed, sequence, 0xB0))
     pixels = noisy(blur(image, settings.lens_blur), settings.noise, rng)
     pixels.setflags(write=False)
-    return Frame(stamp, stamp + settings.transport_delay, SOURCE, sequence, pixels)
+    return Frame(0.0, settings.transport_delay, SOURCE, sequence, pixels)
 
 
 def _draw_board(

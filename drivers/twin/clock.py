@@ -66,15 +66,14 @@ class TwinClock:
         """Seconds since the run began."""
         return self._now / NANOSECONDS
 
-    def every(self, period: float, action: Action, rank: Rank, start: float | None = None) -> Event:
-        """Call `action(now)` at start + n period, n = 1, 2, ... [s]; from now unless given.
+    def every(self, period: float, action: Action, rank: Rank) -> Event:
+        """Call `action(now)` every `period` [s] from now on, first after one period.
 
         Raises CellError for a period under 1 ns.
         """
         if nanoseconds(period) < 1:
             raise CellError(f"clock: a period of {period} s is too short; use 1 ns or more")
-        begin = self.now() if start is None else start
-        return self._push(Event(action, rank, self._number(), begin, period, count=1))
+        return self._push(Event(action, rank, self._number(), self.now(), period, count=1))
 
     def at(self, time: float, action: Action, rank: Rank) -> Event:
         """Call `action(now)` once at `time` [s], or at the next `wait_until` if `time` is past."""

@@ -22,6 +22,7 @@ from drivers.types import Array
 
 PIECE_TIME = 0.5  # s of motion in one compiled call: a batch closes up between calls
 ROUNDING = 1e-9  # steps, by which a touch at the end of a step may seem to be after it
+FEWEST_SEGMENTS = 20
 LARGEST_RATIO = 2.0  # of a step to the last one: BDF2 is stable up to 1 + sqrt(2)
 
 
@@ -42,27 +43,24 @@ class Trace(NamedTuple):
 class Rod:
     """Strip engine (`Stepper`): an implicit planar elastic rod of `segments` segments.
 
-    `order` 2 is BDF2, 1 backward Euler, which damps more, like fabric. Newton's method ends when
-    segments turn by less than `tolerance` [rad], root mean square: ten times the default moves
-    nodes by some micrometres and takes two thirds of the time. Strips occupy the lanes of
-    SIMD vectors, and each moves bit for bit as it would in a batch of one. A strip that touched,
-    was retired or failed keeps its shape and soon costs nothing. Where Newton's method fails, the
-    engine raises SimulationNotConverged or SimulationNotFinite; unless `strict`, the strip ends and
-    `failed` marks it.
+    Newton's method ends when segments turn by less than `tolerance` [rad], root mean square: ten
+    times the default moves nodes by some micrometres and takes two thirds of the time. Strips
+    occupy the lanes of SIMD vectors, and each moves bit for bit as it would in a batch of one. A
+    strip that touched, was retired or failed keeps its shape and soon costs nothing. Where Newton's
+    method fails, the engine raises SimulationNotConverged or SimulationNotFinite; unless `strict`,
+    the strip ends and `failed` marks it.
     """
 
     def __init__(
         self,
         segments: int = 100,
-        order: int = 2,
         *,
         strict: bool = True,
         tolerance: float = TURN_TOLERANCE,
     ) -> None:
-        if segments < 20 or order not in (1, 2):
-            raise ValueError(f"segments {segments}, order {order}; allowed: 20 or more, 1 or 2")
+        if segments < FEWEST_SEGMENTS:
+            raise ValueError(f"segments {segments}; allowed: {FEWEST_SEGMENTS} or more")
         self._segments = segments
-        self._steady_omega = 1.0 if order == 2 else 0.0
         self._strict, self._tolerance = strict, tolerance
 
     def reset(self, models: Sequence[StripModel], start: Array | None = None) -> None:
@@ -162,8 +160,8 @@ class Rod:
             raise ValueError(f"poses {poses.shape}; expected (k, {len(self._batch.held)}, 3)")
         observed = np.empty((len(poses), *self._observed.shape))
         observed[:] = self._observed
-        omega = self._steady_omega * min(dt / self._last, LARGEST_RATIO)
-        pace = Pace(dt, omega, self._steady_omega, self._tolerance)
+        omega = min(dt / self._last, LARGEST_RATIO)
+        pace = Pace(dt, omega, 1.0, self._tolerance)
         ended = follow(self._batch, poses, observed, shapes, every, self._time, pace)
         self._time += len(poses) * dt
         self._last = dt
