@@ -34,7 +34,7 @@ def strain(a: Any, b: Any) -> Any:
 
 
 @kernel
-def element(stick: Any, slip: Any, change: Any, before: Any) -> Any:
+def friction_element(stick: Any, slip: Any, change: Any, before: Any) -> Any:
     """Moment [N m] of an element after a `change` of strain, and its tangent (return mapping).
 
     `stick` is its stiffness, `slip` the moment at which it slides, `before` its moment before.
@@ -46,15 +46,15 @@ def element(stick: Any, slip: Any, change: Any, before: Any) -> Any:
 
 
 @kernel
-def friction(block: Any, r: int, eps: Any) -> Any:
+def dry_friction(block: Any, r: int, eps: Any) -> Any:
     """Moment [N m] of the elasto-plastic friction element at row `r`, and its tangent."""
     stick, slip = load(block.nature, r, at.STICK), load(block.nature, r, at.SLIP)
     change = eps - load(block.state, r, at.EPS)
-    return element(stick, slip, change, load(block.state, r, at.FRICTION))
+    return friction_element(stick, slip, change, load(block.state, r, at.FRICTION))
 
 
 @kernel
-def elastic(block: Any, r: int, e: Any) -> Any:
+def elastic_moment(block: Any, r: int, e: Any) -> Any:
     """Elastic moment K e (1 + u + fifth u^2), u = cubic e^2, at row `r`, and its tangent."""
     stiffness, cubic = load(block.nature, r, at.BEND), load(block.nature, r, at.CUBIC)
     crest = load(block.nature, r, at.CREST)
@@ -74,8 +74,8 @@ def moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
     deps/dt = rate (eps - base).
     """
     damping = load(block.nature, r, at.DAMP) * rate
-    spring, slope = elastic(block, r, eps - load(block.nature, r, at.REST))
-    dry, dry_slope = friction(block, r, eps)
+    spring, slope = elastic_moment(block, r, eps - load(block.nature, r, at.REST))
+    dry, dry_slope = dry_friction(block, r, eps)
     change = eps - load(block.work, r, at.BASE_EPS)
     value, slope = spring + damping * change + dry, slope + damping + dry_slope
     if block.terms is not None:
@@ -86,7 +86,7 @@ def moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
 
 
 @kernel
-def bend(block: Any, r: int, a: Any, b: Any, rate: Any) -> Any:
+def node_moment(block: Any, r: int, a: Any, b: Any, rate: Any) -> Any:
     """Moment [N m] on the angle at row `r` between segments with tangents `a` and `b`.
 
     With q = tan(theta / 4): deps/dtheta = 1 + q^2, d2eps/dtheta2 = q (1 + q^2) / 2. Leaves the
@@ -110,7 +110,7 @@ def segment_turn(work: Any, r: int, u: Any) -> Any:
 
 
 @kernel
-def pull(block: Any, r: int, u: Any, couple: Any) -> None:
+def segment_force(block: Any, r: int, u: Any, couple: Any) -> None:
     """Write the force of segment `r` on its first node, and its 2 x 2 stiffness, into `work`.
 
     f = T t + V n with tension T = EA (l / l0 - 1) and shear V = couple / l, couple the
@@ -140,7 +140,7 @@ def pull(block: Any, r: int, u: Any, couple: Any) -> None:
 
 
 @kernel
-def trail(state: Any) -> None:
+def extend_free_end(state: Any) -> None:
     """Extend the strip beyond its free end by a ghost node in a straight line."""
     ghost = state.shape[0] - 1
     for axis in (at.X, at.Z):
@@ -149,16 +149,16 @@ def trail(state: Any) -> None:
 
 
 @kernel
-def internal(block: Any, rate: Any) -> None:
+def internal_forces(block: Any, rate: Any) -> None:
     """Write each segment's force and stiffness and each node's bending tangent into `work`."""
     end = block.state.shape[0] - 2
     if block.last == end:
-        trail(block.state)
+        extend_free_end(block.state)
     before, here = direction(block.state, 0), direction(block.state, 1)
     segment_turn(block.work, 0, before)
-    left = bend(block, 1, before, here, rate)
+    left = node_moment(block, 1, before, here, rate)
     for r in range(at.FIRST_FREE_NODE, end + 1):
         ahead = direction(block.state, r)
-        right = bend(block, r, here, ahead, rate)
-        pull(block, r - 1, here, left - right)
+        right = node_moment(block, r, here, ahead, rate)
+        segment_force(block, r - 1, here, left - right)
         here, left = ahead, right

@@ -4,7 +4,7 @@ from typing import Any
 
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.band import SIDE_COLUMN, eliminate, eliminate_fifth, substitute
-from drivers.strip.rod.bending import internal
+from drivers.strip.rod.bending import internal_forces
 from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.lanes import anywhere, below, choose, fma, like, load, store
 from drivers.strip.rod.terms import air_drag, settling_turn, update_stuck
@@ -16,7 +16,7 @@ SINK = 2e-5  # m over which the desk takes up the weight
 
 
 @kernel
-def desk(block: Any, r: int) -> Any:
+def desk_reaction(block: Any, r: int) -> Any:
     """Upward force [N] of the desk on row `r` and its stiffness [N/m]: a one-sided spring.
 
     Quadratic, then linear; exactly the weight at z = 0, so that a strip at rest stays there.
@@ -63,7 +63,7 @@ def assemble(block: Any, r: int, rate: Any) -> None:
     sx, sz, tx, tz = px + qx, pz + qz, ox + px, oz + pz
     k0x, k0z, k1x, k1z = k0 * px, k0 * pz, k1 * sx, k1 * sz
     inertia = load(block.nature, r, at.MASS) * rate * rate
-    reaction, support = desk(block, r)
+    reaction, support = desk_reaction(block, r)
     gx, gz = residual(block, r, inertia, reaction)
     (bxx, bxz), bzz = pair(work, r - 1, at.S_XX), load(work, r - 1, at.S_ZZ)
     (cxx, cxz), czz = pair(work, r, at.S_XX), load(work, r, at.S_ZZ)
@@ -81,7 +81,7 @@ def assemble(block: Any, r: int, rate: Any) -> None:
 
 
 @kernel
-def correct(block: Any, gate: Any) -> Any:
+def apply_correction(block: Any, gate: Any) -> Any:
     """Apply the solved Newton step to nodes and tensions of the lanes `gate`; returns its size.
 
     T = EA (l / l0 - 1 + t de / l0): the tension of the linearised segment, free of the stretch that
@@ -122,11 +122,11 @@ def solve(block: Any, rate: Any, alive: Any, tolerance: Any) -> Any:
     """
     unsolved, failed = alive, 0.0 * alive
     for _ in range(ITERATIONS):
-        internal(block, rate)
+        internal_forces(block, rate)
         for r in range(at.FIRST_FREE_NODE, block.last + 1):
             assemble(block, r, rate)
         substitute(block.band, 2 * at.FIRST_FREE_NODE, 2 * block.last + 1)
-        turned, wildest = correct(block, unsolved)
+        turned, wildest = apply_correction(block, unsolved)
         sane = below(turned, LARGEST_TURN) * below(wildest, LARGEST_TURN)
         failed = choose(unsolved * (1.0 - sane), unsolved, failed)
         unsolved = unsolved * sane * (1.0 - below(turned, tolerance * tolerance))

@@ -6,7 +6,7 @@ from drivers.strip.rod import layout as at
 from drivers.strip.rod.bending import direction
 from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.lanes import below, choose, like, load, store
-from drivers.strip.rod.newton import desk
+from drivers.strip.rod.newton import desk_reaction
 from drivers.strip.rod.terms import HUGE, slip_direction, slip_limit
 
 
@@ -22,7 +22,7 @@ def slip_length(block: Any, r: int) -> Any:
 
 
 @kernel
-def let_out(block: Any, alive: Any) -> None:
+def slide_in_grip(block: Any, alive: Any) -> None:
     """Lengthen the segment at the grip by the length that slips out of the grip.
 
     That piece is straight and massless, valid for a few per cent of the strip. Arc lengths count
@@ -34,7 +34,7 @@ def let_out(block: Any, alive: Any) -> None:
 
 
 @kernel
-def drag_edge(block: Any, alive: Any) -> None:
+def slide_edge(block: Any, alive: Any) -> None:
     """Move the fixed edge by its slip, and update the friction that the lying part exerts on it.
 
     All friction of the lying part acts at its edge: that part is straight and hardly stretches, so
@@ -47,7 +47,7 @@ def drag_edge(block: Any, alive: Any) -> None:
         store(state, r, at.X, choose(alive, x + away, x))
     borne = like(state, 0.0)
     for r in range(1, block.last + 1):
-        reaction, _ = desk(block, r)
+        reaction, _ = desk_reaction(block, r)
         borne = borne + reaction
     cling, before = load(block.nature, 1, at.CLING), load(state, 1, at.HELD)
     held = choose(below(HUGE, cling), cling, cling * borne)
@@ -55,7 +55,7 @@ def drag_edge(block: Any, alive: Any) -> None:
 
 
 @kernel
-def slide(block: Any, alive: Any) -> None:
+def slide_ends(block: Any, alive: Any) -> None:
     """Apply the slip of both ends after a step of the active lanes."""
-    let_out(block, alive)
-    drag_edge(block, alive)
+    slide_in_grip(block, alive)
+    slide_edge(block, alive)

@@ -162,7 +162,7 @@ def store_drag(block: Any, r: int, rate: Any) -> None:
 
 
 @kernel
-def remember(block: Any, r: int, eps: Any, rate: Any, alive: Any) -> None:
+def store_history(block: Any, r: int, eps: Any, rate: Any, alive: Any) -> None:
     """Store the Maxwell strain and the gradual friction at row r after a step to strain `eps`."""
     q, _ = maxwell_strain(block, r, eps - load(block.work, r, at.BASE_EPS), rate)
     before, older = load(block.state, r, at.MAXWELL), load(block.state, r, at.MAXWELL1)

@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drivers.strip.rod import layout as at
-from drivers.strip.rod.bending import direction, friction, strain
+from drivers.strip.rod.bending import direction, dry_friction, strain
 from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.lanes import anywhere, choose, fma, load, pick, put, store
-from drivers.strip.rod.newton import desk, pair, solve
-from drivers.strip.rod.sliding_ends import slide
-from drivers.strip.rod.terms import air_drag, predict_terms, remember
+from drivers.strip.rod.newton import desk_reaction, pair, solve
+from drivers.strip.rod.sliding_ends import slide_ends
+from drivers.strip.rod.terms import air_drag, predict_terms, store_history
 
 SUBSTEPS = (16, 256)  # of a failed step: first try, second try
 
@@ -58,7 +58,7 @@ def weights(omega: float) -> Any:
 
 
 @kernel
-def predict(block: Any, h: float, omega: float, alive: Any) -> None:
+def predict_motion(block: Any, h: float, omega: float, alive: Any) -> None:
     """Shift the history of the free nodes, extrapolate them, and store the bases in `work`."""
     state, work = block.state, block.work
     period = h * (1.0 + omega) / (1.0 + 2.0 * omega)
@@ -79,7 +79,7 @@ def predict(block: Any, h: float, omega: float, alive: Any) -> None:
 
 @kernel
 def predict_strain(block: Any, omega: float) -> None:
-    """Store the BDF2 bases of the bending strains in `work`; `finish` shifts their history."""
+    """Store the BDF2 bases of the bending strains in `work`; `finish_step` shifts their history."""
     now, old = weights(omega)
     for r in range(1, block.state.shape[0] - 1):
         eps, eps1 = load(block.state, r, at.EPS), load(block.state, r, at.EPS1)
@@ -87,7 +87,7 @@ def predict_strain(block: Any, omega: float) -> None:
 
 
 @kernel
-def finish(block: Any, rate: float, alive: Any) -> None:
+def finish_step(block: Any, rate: float, alive: Any) -> None:
     """Update velocities, history-dependent strains and moments, and sliding ends after a step."""
     state = block.state
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
@@ -98,16 +98,16 @@ def finish(block: Any, rate: float, alive: Any) -> None:
     for r in range(1, state.shape[0] - 1):
         here = direction(state, r)
         new, _ = strain(before, here)
-        dry, _ = friction(block, r, new)
+        dry, _ = dry_friction(block, r, new)
         eps = load(state, r, at.EPS)
         store(state, r, at.FRICTION, choose(alive, dry, load(state, r, at.FRICTION)))
         if block.terms is not None:
-            remember(block, r, new, rate, alive)
+            store_history(block, r, new, rate, alive)
         store(state, r, at.EPS1, choose(alive, eps, load(state, r, at.EPS1)))
         store(state, r, at.EPS, choose(alive, new, eps))
         before = here
     if block.terms is not None:
-        slide(block, alive)
+        slide_ends(block, alive)
 
 
 @kernel
@@ -124,7 +124,7 @@ def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
     shear = fma(turn_x, pull_x, turn_z * pull_z) / fma(turn_x, turn_x, turn_z * turn_z)
     x, z = -fma(shear, turn_x, tension * ux), -fma(shear, turn_z, tension * uz)
     for r in range(at.FIRST_FREE_NODE, end + 1):
-        (weight_x, weight_z), (reaction, _) = pair(nature, r, at.LOAD_X), desk(block, r)
+        (weight_x, weight_z), (reaction, _) = pair(nature, r, at.LOAD_X), desk_reaction(block, r)
         x, z = x + weight_x, z + (weight_z + reaction)
     for r in range(at.FIRST_FREE_NODE, end):
         push = load(nature, r, at.MASS) * (1.0 / h)
@@ -138,15 +138,15 @@ def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
 
 
 @kernel
-def attempt(block: Any, h: float, omega: float, alive: Any, tolerance: float) -> Any:
+def implicit_step(block: Any, h: float, omega: float, alive: Any, tolerance: float) -> Any:
     """Advance the active lanes by one implicit step; returns the lanes that failed to converge."""
     rate = (1.0 + 2.0 * omega) / ((1.0 + omega) * h)
-    predict(block, h, omega, alive)
+    predict_motion(block, h, omega, alive)
     predict_strain(block, omega)
     if block.terms is not None:
         predict_terms(block, rate, weights(omega))
     unsolved = solve(block, rate, alive, tolerance)
-    finish(block, rate, alive - unsolved)
+    finish_step(block, rate, alive - unsolved)
     if block.last < block.state.shape[0] - 2:
         grip_force(block, h, rate, alive - unsolved)
     return unsolved
@@ -201,13 +201,13 @@ def copy_fields(source: Any, fields: Any, target: Any, to: int, gate: Any) -> No
 
 
 @kernel
-def in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> Any:
+def step_in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> Any:
     """Step the lanes `gate` in `parts` equal substeps without history; returns the failed lanes."""
     going = gate
     for part in range(parts):
         place_grips(block, grips, (part + 1) / parts)
         omega = pace.next_omega if part > 0 else 0.0
-        going = going - attempt(block, pace.h / parts, omega, going, pace.tolerance)
+        going = going - implicit_step(block, pace.h / parts, omega, going, pace.tolerance)
         if not anywhere(going):
             break
     return gate - going
@@ -221,13 +221,13 @@ def step(block: Any, grips: Any, pace: Any) -> Any:
     as it was.
     """
     place_grips(block, grips, 1.0)
-    gate = attempt(block, pace.h, pace.omega, load(grips.alive, 0, 0), pace.tolerance)
+    gate = implicit_step(block, pace.h, pace.omega, load(grips.alive, 0, 0), pace.tolerance)
     if not anywhere(gate):
         return gate
     rewind(block, gate)
     start = block.state.copy()
     for parts in SUBSTEPS:
-        failed = in_parts(block, grips, pace, gate, parts)
+        failed = step_in_parts(block, grips, pace, gate, parts)
         copy_fields(start, (0, start.shape[1]), block.state, 0, failed)
         moved = gate - failed  # their history is the state before the whole step
         copy_fields(start, (at.X, at.EPS), block.state, at.X1, moved)
