@@ -8,7 +8,7 @@ import numpy as np
 from cell.config.cell import CellFile
 from cell.devices.fold_path import whole_path
 from drivers.arm.obstacles import RISE, desk_clearance, desk_end
-from drivers.arm.reach import Reach, dense, plan_reach
+from drivers.arm.reach import Reach, densify, plan_reach
 from drivers.strip.file import StripFile
 from drivers.types import Array
 
@@ -64,7 +64,7 @@ def predict_arm(
     installation = settings.fci.limit(settings.installation)
     path, speeds = fold_poses(settings, strip, trace, end)
     desk = desk_end(installation, strip.length)
-    clearance = float(desk_clearance(dense(path, speeds)[0], desk).min())
+    clearance = float(desk_clearance(densify(path, speeds)[0], desk).min())
     return ArmPrediction(plan_reach(installation, path, speeds), clearance)
 
 

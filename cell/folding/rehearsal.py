@@ -14,7 +14,7 @@ from cell.folding.request import Request
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.steps import Motion, close_hand, move, open_hand
-from drivers.arm.reach import dense, plan_reach
+from drivers.arm.reach import densify, plan_reach
 from drivers.errors import ConfigurationError
 from drivers.franka.inverse import ELBOW_JOINT
 from drivers.installation import MotionLimits
@@ -66,7 +66,7 @@ class Rehearsal:
     def _follow_part(self, first: int, last: int) -> Motion:
         """Drive along the path between two corners, eased in and out, then rest."""
         part = slice(first, last + 1)
-        poses, times = dense(self.path[part], self.speeds[part])
+        poses, times = densify(self.path[part], self.speeds[part])
         due = EASE * np.concatenate([[0.0], np.cumsum(times[1:])])
         most = np.array([axis.velocity for axis in self.limits.axes])
         snapshot = yield Drive(Velocity(0.0, 0.0, 0.0))

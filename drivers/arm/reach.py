@@ -96,9 +96,7 @@ def plan_reach(
         x, z, pitch = path[0].tolist()
         first = Problem(x, z, pitch, "no posture of the arm brings the hand there")
         return Reach(False, HOME, 0.0, 1, 0, (first,))
-    candidates.sort(
-        key=lambda tracked: (tracked.allowed, tracked.followed, tracked.margin), reverse=True
-    )
+    candidates.sort(key=lambda reach: (reach.allowed, reach.followed, reach.margin), reverse=True)
     braked = list[Reach]()
     for candidate in candidates:
         if not candidate.allowed:
@@ -110,7 +108,7 @@ def plan_reach(
         braked.append(candidate if after_lift else replace(candidate, problems=(stop,)))
     if not braked:
         return candidates[0]
-    return max(braked, key=lambda tracked: (tracked.allowed, tracked.margin))
+    return max(braked, key=lambda reach: (reach.allowed, reach.margin))
 
 
 def _postures(
@@ -118,7 +116,7 @@ def _postures(
 ) -> Iterator[Reach]:
     """Yield the result of tracking `path` from each start posture, one for each elbow angle."""
     plane = StripPlane(installation.mounting.transform(), turned=turned)
-    poses, times = dense(path, speeds)
+    poses, times = densify(path, speeds)
     for elbow in elbows:
         seed = HOME + frozen([-elbow, 0, elbow, 0, 0, 0, 0])
         try:
@@ -159,7 +157,7 @@ def _first_braking(
     """The first pose along `path`, from the lift on, at which the arm's driver would brake."""
     plane = StripPlane(installation.mounting.transform(), turned=reach.turned)
     guard = ReachGuard(plane, installation.limits, reach.start.tolist())
-    poses, times = dense(path, speeds)
+    poses, times = densify(path, speeds)
     rates = np.diff(poses, axis=0) / times[1:, None]
     for (x, z, pitch), rate in zip(poses.tolist(), rates.tolist(), strict=False):
         reason = guard.objection(PredictedMotion(Pose(x, z, pitch), Velocity(*rate), ZERO_VELOCITY))
@@ -189,16 +187,16 @@ def _step_objection(joints: Array, there: Array, time: float) -> str:
     return ""
 
 
-def dense(path: Array, speeds: Array) -> tuple[Array, Array]:
+def densify(path: Array, speeds: Array) -> tuple[Array, Array]:
     """Poses (m, 3) along `path` at most POSE_STEP apart, and the time [s] from each to the next."""
     poses, times = [path[:1]], [np.array([1.0])]  # s to the first pose: the arm stands there
     for here, there, speed in zip(path[:-1], path[1:], speeds[1:], strict=True):
-        way = float(np.hypot(*(there - here)[:2]))
+        travel = float(np.hypot(*(there - here)[:2]))
         turn = abs(float(there[2] - here[2])) / PITCH_PER_METRE
-        count = max(1, int(np.ceil(max(way, turn) / POSE_STEP)))
+        count = max(1, int(np.ceil(max(travel, turn) / POSE_STEP)))
         shares = np.arange(1, count + 1)[:, None] / count
         poses.append(here + shares * (there - here))
-        times.append(np.full(count, max(way, turn, SHORTEST_STEP) / speed / count))
+        times.append(np.full(count, max(travel, turn, SHORTEST_STEP) / speed / count))
     return np.concatenate(poses), np.concatenate(times)
 
 

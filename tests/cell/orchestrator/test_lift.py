@@ -19,7 +19,7 @@ from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
 from drivers.arm.loop import plane_of
-from drivers.arm.reach import REACTION, PredictedMotion, ReachGuard, dense
+from drivers.arm.reach import REACTION, PredictedMotion, ReachGuard, densify
 from drivers.arm.settings import REACHABLE
 from drivers.franka.inverse import solve
 from drivers.franka.kinematics import forward
@@ -112,7 +112,7 @@ def test_short_strips_begin_where_the_guard_lets_the_lift_pass(length: float) ->
     joints = start_joints(installation, settings, length, 0.25)
     plane = plane_of(installation, forward(np.array(joints)).T.ravel().tolist())
     guard = ReachGuard(plane, REACHABLE, list(joints))
-    poses, times = dense(*whole_path(length, 0.25, settings, REACHABLE, triangle(length)))
+    poses, times = densify(*whole_path(length, 0.25, settings, REACHABLE, triangle(length)))
     objections = set[str]()
     for here, there, time in zip(poses[:-1], poses[1:], times[1:], strict=True):
         soon = PredictedMotion(Pose(*here), Velocity(*((there - here) / time)), ZERO_VELOCITY)

@@ -20,7 +20,7 @@ from cell.devices.fold_path import triangle, whole_path
 from cell.gap.fit import fit
 from cell.record.files import JOINTS, RUN
 from cell.record.tables import joint_table, write_parquet
-from drivers.arm.reach import dense
+from drivers.arm.reach import densify
 from drivers.fci_server.server import RobotServer, ServerSettings
 from drivers.franka.model import ArmPlant
 from drivers.twin.clock import TwinClock
@@ -56,7 +56,7 @@ def drive(plant: ArmPlant, length: float, speed: float) -> Array:
     home = settings.twin.arm.home_height
     path, speeds = whole_path(length, home, plan, installation.limits, triangle(length))
     path[1:, 1] += RAISED
-    poses, times = dense(path, np.minimum(speeds, speed))
+    poses, times = densify(path, np.minimum(speeds, speed))
     due = 1.5 * np.concatenate([[0.0], np.cumsum(times[1:])])
     start = start_joints(installation, settings.fold, length, home)
     clock = TwinClock()
