@@ -32,9 +32,10 @@ def plugins(kind: str, of: type[T], taken: Collection[str]) -> Mapping[str, T]:
 
 @contextmanager
 def guarded(kind: str, name: str) -> Iterator[None]:
-    """Within the block, name the package of the plug-in `name`, if it is one, by what it raises.
+    """Context that turns an error of the plug-in `name` into one that names its package.
 
-    Raises ConfigurationError in place of any error but a CellError, and of an exit.
+    Raises ConfigurationError in place of any error but a CellError, and of an exit; errors of what
+    is no plug-in pass.
     """
     points = entry_points(group=f"{GROUP}.{kind}", name=name)
     try:

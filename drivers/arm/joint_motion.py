@@ -67,7 +67,7 @@ class JointSetpoint(NamedTuple):
         return JointSetpoint(position.tolist(), rate.tolist(), self.acceleration)
 
     def followed_by(self, state: Any, sent: Numbers, ticks: int) -> "JointSetpoint":
-        """Joint motion in `state`, `ticks` after this one, more exact than the state's rounding.
+        """Setpoint that the robot's `state` reports, `ticks` after this one, without its rounding.
 
         A robot that received its command was at the joints `sent` (7,) one tick later; otherwise
         it keeps its acceleration.

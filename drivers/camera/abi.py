@@ -209,7 +209,7 @@ class Ioctl(IntEnum):
     ENUM_FRAMEINTERVALS = _request(_IOC_READ | _IOC_WRITE, 75, FrameInterval)
 
 
-class Can(IntFlag):
+class CapabilityFlag(IntFlag):
     """Device capabilities that the driver checks."""
 
     VIDEO_CAPTURE = 0x00000001

@@ -13,7 +13,14 @@ from typing import Self, TypeVar
 
 import numpy as np
 
-from drivers.camera.abi import CAPTURE, Argument, Can, Capability, FormatDescription, Ioctl
+from drivers.camera.abi import (
+    CAPTURE,
+    Argument,
+    Capability,
+    CapabilityFlag,
+    FormatDescription,
+    Ioctl,
+)
 from drivers.errors import ConfigurationError, Fault
 from drivers.types import Image
 
@@ -254,10 +261,10 @@ def _identity(kernel: Kernel, path: str, fd: int) -> Identity:
         raise translate_error(error, path, "asking what it is", users_of(path)) from None
     can = (
         capability.device_caps
-        if capability.capabilities & Can.DEVICE_CAPS
+        if capability.capabilities & CapabilityFlag.DEVICE_CAPS
         else capability.capabilities
     )
-    if not (can & Can.VIDEO_CAPTURE and can & Can.STREAMING):
+    if not (can & CapabilityFlag.VIDEO_CAPTURE and can & CapabilityFlag.STREAMING):
         raise CameraRefused(path, "device", "does not stream video; name the camera's video node")
     return Identity(
         capability.driver.decode(), capability.card.decode(), capability.bus_info.decode()

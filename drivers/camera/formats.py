@@ -141,7 +141,7 @@ class Picture:
         return decoder(pixels.reshape(self.height, self.width, depth))
 
 
-def agree(device: Device, settings: V4l2Settings) -> Picture:
+def negotiate(device: Device, settings: V4l2Settings) -> Picture:
     """Set format, size and rate of `device`, and compare what it accepted with `settings`.
 
     Raises CameraRefused with the supported modes where they differ; CameraBusy while another
@@ -160,11 +160,11 @@ def agree(device: Device, settings: V4l2Settings) -> Picture:
         raise CameraRefused(device.path, "format", problem)
     if pix.field != PROGRESSIVE:
         raise CameraRefused(device.path, "format", "is interlaced; use a progressive mode")
-    rate = _agree_rate(device, settings)
+    rate = _negotiate_rate(device, settings)
     return Picture(name, pix.width, pix.height, pix.bytesperline, pix.sizeimage, rate)
 
 
-def _agree_rate(device: Device, settings: V4l2Settings) -> float:
+def _negotiate_rate(device: Device, settings: V4l2Settings) -> float:
     request = StreamParameters(type=CAPTURE)
     request.parm.capture.timeperframe = Fraction(PER_SECOND, round(PER_SECOND * settings.rate))
     device.call(Ioctl.S_PARM, request, "setting the rate")

@@ -17,7 +17,7 @@ from drivers.camera.device import (
     MappedBuffer,
     translate_error,
 )
-from drivers.camera.formats import Picture, agree
+from drivers.camera.formats import Picture, negotiate
 from drivers.camera.frame import Shutter
 from drivers.camera.settings import V4l2Settings
 from drivers.types import Image
@@ -55,7 +55,7 @@ class Stream:
 
     @classmethod
     def start(cls, device: Device, buffers: int) -> Self:
-        """Ioctl `buffers`, map them, queue them and start streaming.
+        """Request `buffers` of the kernel, map them, queue them and start streaming.
 
         Raises CameraBusy, CameraLost or CameraFaulty, and then leaves nothing mapped.
         """
@@ -200,7 +200,7 @@ class Session:
 
 def set_up(device: Device, settings: V4l2Settings) -> Setup:
     """Configure format and controls of `device`; raises CameraRefused where it refuses one."""
-    picture = agree(device, settings)
+    picture = negotiate(device, settings)
     locks = lock(device, settings.controls)
     exposure = settings.exposure
     control = controls_of(device).get(EXPOSURE)

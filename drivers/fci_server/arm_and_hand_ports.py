@@ -25,7 +25,7 @@ BURST = 256  # datagrams read per cycle, so that a flood does not delay other cl
 
 
 class ArmPort(Port[Command]):
-    """Port of the arm."""
+    """Port of the emulated arm: answers requests, reads commands, sends states."""
 
     def __init__(self, address: str, poll: select.epoll, robot: Robot) -> None:
         self._robot = robot
@@ -85,7 +85,7 @@ class ArmPort(Port[Command]):
 
 
 class HandPort(Port[HandCommand]):
-    """Port of the hand."""
+    """Port of the emulated hand: answers requests and sends states."""
 
     def __init__(self, address: str, poll: select.epoll, hand: Hand) -> None:
         self._hand = hand

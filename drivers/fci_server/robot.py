@@ -95,7 +95,7 @@ class Motion:
 
 
 @dataclass(frozen=True, slots=True)
-class Late:
+class LateReply:
     """A reply that is sent only at the end of a motion."""
 
     command: Command
@@ -122,8 +122,8 @@ class Robot:
     pushed: Array = field(default_factory=lambda: np.zeros(3))  # N, by the fault script
     time: int = 0
     ticks: int = 0
-    late: list[Late] = field(default_factory=list)
-    waiting: list[Late] = field(default_factory=list)
+    late: list[LateReply] = field(default_factory=list)
+    waiting: list[LateReply] = field(default_factory=list)
 
     @property
     def moving(self) -> bool:
@@ -158,7 +158,7 @@ class Robot:
 
     def stop(self, command_id: int) -> None:
         """Brake the arm; the reply is sent once the arm stands still."""
-        self.waiting.append(Late(Command.STOP_MOVE, command_id, Status.SUCCESS))
+        self.waiting.append(LateReply(Command.STOP_MOVE, command_id, Status.SUCCESS))
         if self.motion is not None:
             self.motion.stopping = True
 
@@ -179,7 +179,7 @@ class Robot:
         """
         if self.mode not in (Mode.IDLE, Mode.REFLEX):
             return Status.NOT_POSSIBLE
-        self.waiting.append(Late(Command.AUTOMATIC_ERROR_RECOVERY, command_id, Status.SUCCESS))
+        self.waiting.append(LateReply(Command.AUTOMATIC_ERROR_RECOVERY, command_id, Status.SUCCESS))
         return None
 
     def reflex(self, error: Reflex) -> None:
@@ -272,7 +272,7 @@ class Robot:
     def _finish(self, status: MoveStatus) -> None:
         """End the motion; its last reply comes before others that wait for the arm."""
         if self.motion is not None:
-            self.waiting.insert(0, Late(Command.MOVE, self.motion.command_id, status))
+            self.waiting.insert(0, LateReply(Command.MOVE, self.motion.command_id, status))
             self.motion, self.mode = None, Mode.IDLE
 
     def _send_late_replies(self) -> None:

@@ -127,7 +127,7 @@ class TwinCamera:
 def displaced_optics(
     settings: CameraSettings, observation: Observation, desk_height: float
 ) -> Optics:
-    """Optics displaced by the rig's errors.
+    """Camera model of `settings`, displaced by the calibration errors in `observation`.
 
     A point p (2,) x, z [m] of the strip's plane is seen at (1 + scale) (p + (0, desk_height)) +
     shift.

@@ -42,7 +42,7 @@ def outlines(scene: Scene, middle: float, floor: float) -> list[Outline]:
     axes = np.stack([along, [-along[1], along[0]]])
     placed = []
     for corners, depth, shade in parts:
-        outline = above(corners @ axes + (pose.x, pose.z), floor)
+        outline = clip_above(corners @ axes + (pose.x, pose.z), floor)
         if len(outline) > 2:
             placed.append(Outline(outline, middle - depth / 2, middle + depth / 2, shade))
     return placed
@@ -108,7 +108,7 @@ def extent(
     return bounds[:, 0], bounds[:, 1]
 
 
-def above(outline: Array, floor: float) -> Array:
+def clip_above(outline: Array, floor: float) -> Array:
     """Part (m, 2) of a convex `outline` (n, 2) of x, z [m] that lies above `floor` [m]."""
     if (outline[:, 1] >= floor).all():
         return outline

@@ -90,7 +90,7 @@ def shadow_profile(curve: Curve) -> Array:
     return soft
 
 
-def dim(image: Image, gain: Gain) -> Image:
+def scale_brightness(image: Image, gain: Gain) -> Image:
     """`image` (h, w, 3) under light that is `gain` (h, w) or (h, 1) times as bright."""
     whole = np.ascontiguousarray(np.broadcast_to(gain, image.shape[:2]))
     return np.asarray(cv2.multiply(image, cv2.merge([whole] * 3), dtype=cv2.CV_8U))

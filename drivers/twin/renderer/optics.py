@@ -130,10 +130,11 @@ def blur(image: Image, sigma: float) -> Image:
     """`image` (h, w, 3) blurred by a lens with a Gaussian point spread of `sigma` [px]."""
     if sigma == 0:
         return image
-    return np.asarray(cv2.GaussianBlur(image, (reach(sigma), reach(sigma)), sigma), dtype=np.uint8)
+    size = kernel_size(sigma)
+    return np.asarray(cv2.GaussianBlur(image, (size, size), sigma), dtype=np.uint8)
 
 
-def reach(sigma: float) -> int:
+def kernel_size(sigma: float) -> int:
     """Odd size [px] of the kernel of a Gaussian blur of `sigma` [px]."""
     return 2 * max(1, int(np.ceil(2.6 * sigma))) + 1
 

@@ -19,19 +19,25 @@ from drivers.twin.renderer.gripper import (
     outlines,
 )
 from drivers.twin.renderer.kernels import splat
-from drivers.twin.renderer.light import arm_shadow, dim, flicker, shadow_band, shadow_profile
+from drivers.twin.renderer.light import (
+    arm_shadow,
+    flicker,
+    scale_brightness,
+    shadow_band,
+    shadow_profile,
+)
 from drivers.twin.renderer.looks import PLAIN, Look, StripLook
-from drivers.twin.renderer.optics import Optics, blur, noise_bank, reach
+from drivers.twin.renderer.optics import Optics, blur, kernel_size, noise_bank
 from drivers.twin.renderer.ribbon import (
     CUT,
     PITCH,
     Cloud,
     Curve,
     expose,
-    faces,
-    near_edge,
     project,
-    weave,
+    random_weave,
+    sample_edge,
+    sample_face,
 )
 from drivers.twin.renderer.stage import bgr, fill, stage
 from drivers.twin.scene import Scene
@@ -135,7 +141,7 @@ class Renderer:
         self._sharp, self._light = empty.image, empty.light
         self._resting = blur(empty.image, settings.lens_blur)
         self._shadow = shadow_band(settings, self._optics, look)
-        self._weave = weave(settings.texture, rng)
+        self._weave = random_weave(settings.texture, rng)
         self._noise = noise_bank(settings.width, settings.height, settings.noise, seed)
         self._colour = bgr(look.colour)
         self._gripper = bgr(settings.surroundings.gripper) * settings.gain
@@ -168,7 +174,7 @@ class Renderer:
         window = Window.around(
             [*(cloud.pixels for cloud in clouds), extent(hand_faces, scene, self._optics)],
             (self._settings.width, self._settings.height),
-            reach(self._settings.lens_blur),
+            kernel_size(self._settings.lens_blur),
         )
         if window is None:
             return
@@ -189,18 +195,20 @@ class Renderer:
         surround, settings = self._surround, self._settings
         if surround.lamp is not None:
             size, floor = (settings.width, settings.height), -self._look.thickness / 2
-            image = dim(image, arm_shadow(surround.lamp, hand, self._optics, size, floor))
+            image = scale_brightness(
+                image, arm_shadow(surround.lamp, hand, self._optics, size, floor)
+            )
         if surround.flicker is not None:
             gain = flicker(surround.flicker, settings.height, scene.stamp, settings.exposure)
-            image = dim(image, gain)
+            image = scale_brightness(image, gain)
         return image
 
     def _clouds(self, curve: Curve) -> tuple[Cloud, ...]:
         """Clouds of the strip's material points, far to near."""
         picture = project(curve, self._optics, self._look)
         return (
-            faces(curve, picture, self._optics, self._look, self._weave),
-            near_edge(curve, picture, self._look, self._weave),
+            sample_face(curve, picture, self._optics, self._look, self._weave),
+            sample_edge(curve, picture, self._look, self._weave),
         )
 
     def _draw_lint(self, part: Image, window: Window, scene: Scene) -> None:

@@ -97,7 +97,7 @@ class Weave:
     cut: Array
 
 
-def weave(depth: float, rng: np.random.Generator) -> Weave:
+def random_weave(depth: float, rng: np.random.Generator) -> Weave:
     """A random twill of yarns whose brightness varies by the share `depth` about 1."""
     i, j = np.arange(WEAVE_ROWS)[:, None], np.arange(WEAVE_COLUMNS)[None, :]
     twill = np.sin(2 * np.pi * (i / 4 + j / 5))
@@ -156,7 +156,7 @@ class Cloud:
         return self.points[0], self.points[1]
 
 
-def faces(
+def sample_face(
     curve: Curve, picture: Projection, optics: Optics, look: StripLook, material: Weave
 ) -> Cloud:
     """Samples of the strip's visible side in the image, from the near edge to the far one."""
@@ -170,7 +170,7 @@ def faces(
     return _cloud(points, look)
 
 
-def near_edge(curve: Curve, picture: Projection, look: StripLook, material: Weave) -> Cloud:
+def sample_edge(curve: Curve, picture: Projection, look: StripLook, material: Weave) -> Cloud:
     """Material points of the cut edge at y = 0, half a thickness to either side of the midline."""
     thickness = 2 * float(np.hypot(*picture.half.T).max())
     rows = np.full(len(curve.s), max(int(np.ceil(thickness / PITCH)), 2))

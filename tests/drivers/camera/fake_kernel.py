@@ -21,8 +21,8 @@ from drivers.camera.abi import (
     Buffer,
     BufferFlag,
     BufferRequest,
-    Can,
     Capability,
+    CapabilityFlag,
     Control,
     ControlFlag,
     ControlQuery,
@@ -272,8 +272,10 @@ class FakeKernel:
 
     def _querycap(self, fd: int, said: Capability) -> None:
         said.driver, said.card, said.bus_info = b"fake", b"Test Camera", b"usb-1"
-        said.capabilities = Can.DEVICE_CAPS | Can.VIDEO_CAPTURE | Can.STREAMING
-        said.device_caps = Can.VIDEO_CAPTURE | Can.STREAMING
+        said.capabilities = (
+            CapabilityFlag.DEVICE_CAPS | CapabilityFlag.VIDEO_CAPTURE | CapabilityFlag.STREAMING
+        )
+        said.device_caps = CapabilityFlag.VIDEO_CAPTURE | CapabilityFlag.STREAMING
 
     def _enum_fmt(self, fd: int, said: FormatDescription) -> None:
         if said.index > 2:

@@ -30,7 +30,7 @@ from drivers.strip.file import StripFile
 from drivers.strip.model import CONTACT_HEIGHT
 from drivers.strip.shape import desk_contact
 from drivers.twin.board import _draw_board
-from drivers.twin.renderer.gripper import Outline, above, draw_hand, faces_of
+from drivers.twin.renderer.gripper import Outline, clip_above, draw_hand, faces_of
 from drivers.twin.renderer.looks import BENCH, BLUE_MAT, GREY_DESK, Look, StripLook
 from drivers.twin.renderer.optics import Optics, blur, noisy
 from drivers.twin.renderer.renderer import Renderer
@@ -118,7 +118,7 @@ class Phone:
             (FINGERS, -0.01, 0.0, self._skin),
         ):  # fmt: skip
             placed = corners @ np.array([(cosine, sine), (-sine, cosine)]) + (pose.x, pose.z)
-            outline = above(placed, self._floor)
+            outline = clip_above(placed, self._floor)
             box = [Outline(outline, front, back, self._camera.gain)] if len(outline) > 2 else []
             draw_hand(image, box, faces_of(box, self._optics), (0, 0), bgr(colour))
 
