@@ -43,7 +43,7 @@ WORK = 15
 BASE_MAXWELL, DRAG_XX, DRAG_XZ, DRAG_ZZ, STUCK, STUCK_GROWTH = range(WORK, WORK + 6)
 RICH_WORK = WORK + 6
 
-# Band: see `band`.
+# Band: see `newton`.
 COLUMN_COUNT = 7
 
 # Observables of a strip after a step.
