@@ -14,8 +14,8 @@ from cell.learning.correction import Correction, learned_correction, subject_of
 from cell.learning.experience import Memory
 from cell.record.files import Keep
 from cell.record.film import Encoder
+from drivers.strip.describe import doubts
 from drivers.strip.file import StripFile
-from drivers.strip.validity import doubts
 from policies.registry import make_policy
 
 LEARNING_WORDS = ("auto", "on", "off")

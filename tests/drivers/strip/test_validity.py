@@ -5,8 +5,7 @@ import yaml
 
 from cell.config.places import find_configs
 from drivers.errors import ConfigurationError
-from drivers.strip.describe import load_plant, load_strip
-from drivers.strip.validity import BOUNDS, doubts
+from drivers.strip.describe import BOUNDS, doubts, load_plant, load_strip
 
 
 def written(tmp_path, **changes):

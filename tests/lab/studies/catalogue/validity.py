@@ -1,6 +1,6 @@
 """Study of the range in which rod and chain are valid: strips ever further from ordinary fabric.
 
-The bounds in `drivers/strip/validity.py` are read off this table.
+The bounds in `drivers/strip/describe.py` are read off this table.
 """
 
 from collections.abc import Callable
