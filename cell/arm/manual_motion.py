@@ -8,7 +8,7 @@ from cell.devices.devices import DeviceSelection
 from cell.devices.open import NO_STRIP, check_drivers, open_cell
 from cell.orchestrator.context import ManualContext
 from cell.orchestrator.outcome import Outcome
-from cell.orchestrator.recorder import Record
+from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.run import Run
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.steps import Motion, move, open_hand
@@ -35,7 +35,7 @@ def move_manually(
         devices.arm.connect()
         devices.camera.connect()
         context = ManualContext(settings.controller, motion)
-        return Run(devices, context, Record(), interrupted=interrupted).execute()
+        return Run(devices, context, Recorder(), interrupted=interrupted).execute()
     finally:
         devices.close()
 

@@ -43,7 +43,7 @@ from cell.devices.devices import CalibrationAids, Devices, DeviceSelection
 from cell.devices.open import NO_STRIP, open_cell
 from cell.orchestrator.context import CalibrationContext
 from cell.orchestrator.operator import Answer, Ask, Interrupted, Operator, Question, Unattended
-from cell.orchestrator.recorder import Record
+from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.run import Run
 from drivers.errors import CellError, ConfigurationError, Fault
 from drivers.readers import read_text
@@ -269,7 +269,7 @@ def run_calibration(
     """Run the calibration of `context`; raises Interrupted or Fault where it was stopped."""
     try:
         devices.connect()
-        outcome = Run(devices, context, Record(), interrupted=interrupted).execute()
+        outcome = Run(devices, context, Recorder(), interrupted=interrupted).execute()
     finally:
         devices.close()
     if outcome.exit_code == Interrupted.exit_code:

@@ -30,7 +30,7 @@ class Meter:
     ) -> None:
         self._console, self._describe, self._quiet = console, describe, quiet
         self._count = self._done = self._failed = 0
-        self._left = self._known = self._before = 0.0
+        self._total = self._known = self._before = 0.0
         self._begun = time.monotonic()
         self._bar = Progress(BarColumn(bar_width=28), TextColumn("{task.description}"),
                              console=console, transient=True)  # fmt: skip
@@ -39,15 +39,15 @@ class Meter:
     def begin(self, parts: Sequence[Part], known: Sequence[Part]) -> None:
         """Show the initial progress."""
         self._count, self._done = len(parts), len(known)
-        total, self._known = sum(p.cost for p in parts), sum(p.cost for p in known)
-        self._left, self._before = total - self._known, self._known
+        self._total, self._known = sum(p.cost for p in parts), sum(p.cost for p in known)
+        self._before = self._known
         self._begun = time.monotonic()
         if self._quiet:
             return
         if known:
             self._print(f"{len(known)} of {len(parts)} are known already")
-        if self._console.is_terminal and self._left:
-            self._task = self._bar.add_task("", total=total)
+        if self._console.is_terminal and len(known) < len(parts):
+            self._task = self._bar.add_task("", total=self._total)
             self._bar.update(self._task, completed=self._known)
             self._bar.start()
 
@@ -55,7 +55,6 @@ class Meter:
         """Advance the bar by one part."""
         self._done += 1
         self._failed += record.state != "measured"
-        self._left -= part.cost
         self._known += part.cost
         if self._quiet:
             return
@@ -81,7 +80,8 @@ class Meter:
     def _time_left(self) -> str:
         """Estimated time left, from the time of the parts measured here."""
         here, passed = self._known - self._before, time.monotonic() - self._begun
-        return f", {clock(self._left * passed / here)} left" if here > 0 and self._left > 0 else ""
+        left = self._total - self._known
+        return f", {clock(left * passed / here)} left" if here > 0 and left > 0 else ""
 
     def _print(self, text: str) -> None:
         self._console.print(text, highlight=False, soft_wrap=True, markup=False)

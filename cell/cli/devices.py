@@ -14,7 +14,7 @@ from cell.cli.output import notice, print_json, while_busy
 from drivers.errors import ConfigurationError, PreflightRefused
 
 if TYPE_CHECKING:
-    from cell.devices.camera_check import Grab
+    from cell.devices.real_camera import Grab
     from drivers.camera.camera import CameraReport, UnusableDevice
     from drivers.camera.settings import V4l2Settings
 
@@ -67,7 +67,7 @@ def camera(
 def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
     """Settings of the cell file's camera, or suitable ones where `device` is another camera."""
     from cell.config.places import find_configs
-    from cell.devices.camera_check import suggest_settings
+    from cell.devices.real_camera import suggest_settings
     from drivers.camera.camera import report
     from drivers.camera.device import Kernel
 
@@ -85,7 +85,7 @@ def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
 
 
 def _grab(settings: "V4l2Settings", path: Path, *, as_json: bool) -> None:
-    from cell.devices.camera_check import grab, save
+    from cell.devices.real_camera import grab, save
 
     taken = grab(settings)
     save(taken.frame, path)
@@ -141,7 +141,7 @@ def _camera_facts(entry: "CameraReport | UnusableDevice") -> dict[str, Any]:
 
 
 def _mode_facts(entry: "CameraReport") -> dict[str, Any] | None:
-    from cell.devices.camera_check import suggest_settings
+    from cell.devices.real_camera import suggest_settings
 
     settings = suggest_settings(entry)
     return None if settings is None else settings.model_dump(exclude_defaults=True)

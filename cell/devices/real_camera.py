@@ -1,14 +1,37 @@
-"""Combination of the real camera with any arm, both on the wall clock."""
+"""The real camera: opened beside any arm, suitable settings of a device, a test picture."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
 
 from cell.config.cell import CellFile
 from cell.devices.devices import Devices
-from drivers.camera.camera import V4l2Camera
+from drivers.camera.camera import CameraReport, V4l2Camera
+from drivers.camera.controls import CameraControl
+from drivers.camera.device import Kernel
+from drivers.camera.formats import Mode
+from drivers.camera.frame import CameraFrame, Counts
+from drivers.camera.session import Setup
 from drivers.camera.settings import V4l2Settings
-from drivers.errors import ConfigurationError
+from drivers.clock import WallClock
+from drivers.errors import CellError, ConfigurationError
+from drivers.files import write_file
 from drivers.protocols import Clock
 from drivers.twin.clock import RealTimeClock, TwinClock
+
+BEST_MODE = 1280, 720, 30.0  # px, px, Hz; larger modes are not proposed
+RATE_MARGIN = 0.5  # Hz by which a camera's rate may miss a round number
+PREFERRED = ("YUYV", "GREY", "RGGB", "GRBG", "BA81", "GBRG", "MJPG")  # the less work the better
+WORTH_LOCKING = (
+    "exposure_time_absolute",
+    "gain",
+    "white_balance_temperature",
+    "focus_absolute",
+    "zoom_absolute",
+)
+WATCHED = 1.0  # s
+FIRST_FRAME_TIMEOUT = 5.0  # s that the first frame may take
 
 
 def camera_settings(settings: CellFile) -> V4l2Settings:
@@ -43,3 +66,81 @@ def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
 def _real_time_clock(clock: Clock) -> Clock:
     """Clock that keeps step with the wall clock, as the camera's own thread needs it."""
     return RealTimeClock(clock) if isinstance(clock, TwinClock) else clock
+
+
+@dataclass(frozen=True, slots=True)
+class Grab:
+    """A picture, the camera's setup, and the statistics of the frames before it.
+
+    `rate` [Hz] is measured by the stamps, `age` [s] from the middle of the exposure to arrival.
+    """
+
+    frame: CameraFrame
+    setup: Setup
+    counts: Counts
+    rate: float
+    age: float
+
+
+def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
+    """Settings for `camera`, its controls locked at their present values; None without a mode."""
+    modes = [mode for mode in camera.modes if mode.format in PREFERRED and not mode.steps]
+    if not modes:
+        return None
+    mode = max(modes, key=_suitability)
+    rates = [rate for rate in mode.rates if rate <= BEST_MODE[2] + RATE_MARGIN] or list(mode.rates)
+    locks = {c.name: c.value for c in camera.controls if _is_locked(c)}
+    content = {
+        "device": camera.device,
+        "format": mode.format,
+        "width": mode.width,
+        "height": mode.height,
+        "rate": max(rates, default=BEST_MODE[2]),
+        "controls": locks,
+    }
+    return V4l2Settings.model_validate(content)
+
+
+def grab(settings: V4l2Settings, kernel: Kernel | None = None) -> Grab:
+    """Take frames for a second; returns the newest and statistics. CellError where none comes."""
+    camera = V4l2Camera(settings, WallClock(), kernel)
+    try:
+        camera.connect()
+        first = last = _next_frame(camera, -1.0)
+        while last.stamp - first.stamp < WATCHED:
+            last = _next_frame(camera, last.stamp)
+        setup, counts = camera.setup, camera.counts
+    finally:
+        camera.close()
+    if setup is None:
+        raise CellError(f"{settings.device}: was not set up")
+    rate = (last.sequence - first.sequence) / (last.stamp - first.stamp)
+    return Grab(last, setup, counts, rate, last.arrival - last.stamp)
+
+
+def save(image: CameraFrame, path: Path) -> None:
+    """Write the picture as PNG; ConfigurationError where it cannot be written."""
+    made, content = cv2.imencode(".png", image.image)
+    if not made:
+        raise CellError(f"{path}: the picture cannot be written as PNG")
+    write_file(path, content.tobytes())
+
+
+def _next_frame(camera: V4l2Camera, after: float) -> CameraFrame:
+    frame = camera.read(after, FIRST_FRAME_TIMEOUT)
+    if frame is None:
+        raise CellError(f"no picture in {FIRST_FRAME_TIMEOUT:g} s")
+    return frame
+
+
+def _suitability(mode: Mode) -> tuple[bool, bool, int, int]:
+    """Sort key of a mode: fast enough, within BEST_MODE, nearest to it, least work to decode."""
+    width, height, rate = BEST_MODE
+    fits = mode.width <= width and mode.height <= height
+    fast = max(mode.rates, default=rate) >= rate - RATE_MARGIN
+    area = mode.width * mode.height
+    return fast, fits, area if fits else -area, -PREFERRED.index(mode.format)
+
+
+def _is_locked(control: CameraControl) -> bool:
+    return control.name in WORTH_LOCKING and control.value is not None

@@ -22,18 +22,19 @@ from drivers.strip.observation import (
 )
 from drivers.types import ArmState, Array, Pose, Velocity
 
-AS_CALIBRATED = Observation()
 
-
-def correct_calibration(calibration: Calibration, model: StripModel) -> Calibration:
-    """Compensate the calibration for the effects of `model`, so that it gives true positions.
+def corrected_calibration(
+    calibration: Calibration, settings: CellFile, strip: StripFile
+) -> Calibration:
+    """Compensate for the cell file's camera and desk effects, so that true positions are measured.
 
     Corrects places, contact_x and stamps, all over the true desk. Without such effects the same
     object is returned; with some, a new calibration with its own id and without landmarks, which
     are valid only for the uncorrected one.
     """
-    observation, plain = model.observation, AS_CALIBRATED
-    if observation == plain and model.rig.desk_height == 0:
+    model = describe(strip, settings.effects)
+    observation = model.observation
+    if observation == Observation() and model.rig.desk_height == 0:
         return calibration
     return change_calibration(
         calibration,
@@ -49,13 +50,6 @@ def _true_points_matrix(model: StripModel) -> np.ndarray[tuple[int, int], np.dty
     """The transform `true_points` as a matrix (3, 3) on homogeneous coordinates."""
     origin, x, z = true_points(model, np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]))
     return np.array([[*(x - origin), 0.0], [*(z - origin), 0.0], [*origin, 1.0]]).T
-
-
-def corrected_calibration(
-    calibration: Calibration, settings: CellFile, strip: StripFile
-) -> Calibration:
-    """Compensate the calibration for the cell file's camera and desk effects."""
-    return correct_calibration(calibration, describe(strip, settings.effects))
 
 
 def corrected_devices(devices: Devices, settings: CellFile, strip: StripFile) -> Devices:

@@ -1,6 +1,6 @@
 """Feasibility of a fold in its cell, checked from files before anything moves."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import product
 from math import hypot
 
@@ -16,6 +16,7 @@ from drivers.errors import CellError, ConfigurationError, Fault, PreflightRefuse
 from drivers.installation import Installation, MotionLimits
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
+from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array, Pose
 from policies.policy import Policy
@@ -23,6 +24,7 @@ from policies.prediction import Predictor
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import Sensing
 
+IMAGE_DELAY = Sensing(delay=(0.03, 0.03))  # s
 SEGMENTS = 60  # of the rod; the path needs no millimetres
 ARM_REACH = 0.78  # m from its base, reach of a Panda's hand that points down over a desk
 PATH_ERROR = 0.005  # m, error of the simulated path
@@ -136,14 +138,25 @@ def _simulate(settings: CellSettings, strip: StripFile, policy: Policy) -> Folds
 
     None where the simulation fails.
     """
-    rollout = Rollout(speed=settings.fold.speed, sensing=Sensing(delay=(0.03, 0.03)))
-    rng = np.random.default_rng(0)
     strips = [strip, *(() if isinstance(policy, Predictor) else corner_strips(strip))]
     try:
         models = [describe(each, settings.effects) for each in strips]
-        return roll_out(policy, Rod(SEGMENTS), strip, models, settings=rollout, rng=rng)
+        return simulate(policy, Rod(SEGMENTS), strip, models, settings.fold.speed)
     except CellError:
         return None
+
+
+def simulate(
+    policy: Policy,
+    rod: Rod,
+    strip: StripFile,
+    models: Sequence[StripModel],
+    speed: float,
+    seed: int = 0,
+) -> Folds:
+    """Fold each of `models` at path `speed` [m/s] by `policy`, which assumes `strip`."""
+    rollout, rng = Rollout(speed=speed, sensing=IMAGE_DELAY), np.random.default_rng(seed)
+    return roll_out(policy, rod, strip, models, settings=rollout, rng=rng)
 
 
 def _expected(folds: Folds, repeats: float) -> tuple[float, float] | None:

@@ -24,7 +24,7 @@ from cell.learning.correction import experience_of, subject_of
 from cell.learning.experience import run_key
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
-from cell.orchestrator.recorder import Record, Recorder
+from cell.orchestrator.recorder import FileRecorder, Recorder
 from cell.orchestrator.run import Observer, Run
 from cell.orchestrator.safe_stop import run_suppressed
 from cell.perception.consistency import disagreements
@@ -49,29 +49,19 @@ def fold(
     calibration: Calibration,
     observers: Sequence[Observer] = (),
     interrupted: Callable[[], bool] = lambda: False,
+    *,
+    devices: Devices | None = None,
+    policy: Policy | None = None,
 ) -> FoldResult:
     """Fold one strip, measured through `calibration`, and record the run.
 
-    `write_pages` then draws the record. Raises CellError for errors before the run; errors during
-    the run are its outcome.
+    Other `devices` or another `policy` than the request names may be given; the devices are closed
+    at the end. `write_pages` then draws the record. Raises CellError for errors before the run;
+    errors during the run are its outcome.
     """
-    policy = make_policy(request.policy, request.checkpoint)
-    devices = open_cell(request.settings, request.strip, request.choice, calibrating=False)
-    return fold_with(devices, policy, request, calibration, observers, interrupted)
-
-
-def fold_with(
-    devices: Devices,
-    policy: Policy,
-    request: Request,
-    calibration: Calibration,
-    observers: Sequence[Observer] = (),
-    interrupted: Callable[[], bool] = lambda: False,
-) -> FoldResult:
-    """Fold once, as `fold` does, with these `devices` and this `policy` instead of the request's.
-
-    The devices are closed at the end. Raises CellError for errors before the run.
-    """
+    policy = policy or make_policy(request.policy, request.checkpoint)
+    if devices is None:
+        devices = open_cell(request.settings, request.strip, request.choice, calibrating=False)
     with ExitStack() as opened:
         opened.callback(run_suppressed, devices.close)
         settings, strip = request.settings, request.strip
@@ -128,7 +118,7 @@ def _record_fold(
     if request.checkpoint is not None:
         replace_file(folder / CHECKPOINT, read_bytes(request.checkpoint, CHECKPOINT_BYTES))
     hanging = context.settings.fold.start == "hanging"
-    recorder = Recorder(writer, hanging=hanging)
+    recorder = FileRecorder(writer, hanging=hanging)
     live = request.record.viz == "live"
     with watching(folder, strip, live=live, hanging=hanging) as watch:
         trace = FoldTrace(strip)
@@ -142,7 +132,7 @@ def _record_fold(
             write_truth(folder, truth)
         except OSError as error:
             reason = f"{folder}: {error.strerror}; it is incomplete"
-            outcome = outcome.but(StopReason("record", reason, Fault.exit_code))
+            outcome = outcome.overridden_by(StopReason("record", reason, Fault.exit_code))
     if strip.name == UNKNOWN and outcome.touch is not None and outcome.predicted is not None:
         offer_strip(folder, strip, outcome.predicted)
     return outcome, truth
@@ -161,8 +151,8 @@ def _learn(request: Request, outcome: Outcome, folder: Path) -> None:
 def conduct(
     run: Run,
     devices: Devices,
-    recorder: Recorder,
-    review: Callable[[Outcome, Record], Outcome] = lambda outcome, _: outcome,
+    recorder: FileRecorder,
+    review: Callable[[Outcome, Recorder], Outcome] = lambda outcome, _: outcome,
 ) -> Outcome:
     """Execute `run`, close the devices and record the outcome, whatever happens.
 
@@ -175,7 +165,7 @@ def conduct(
     except KeyboardInterrupt:
         outcome = Outcome.stopped_by(INTERRUPTED_AT_ONCE, devices.clock.now())
     except CellError as error:
-        outcome = Outcome.stopped_by(StopReason.by(error), devices.clock.now())
+        outcome = Outcome.stopped_by(StopReason.from_error(error), devices.clock.now())
     finally:
         run_suppressed(devices.close)
     timing = devices.arm_timing()
@@ -191,7 +181,7 @@ def conduct(
         recorder.finish(content)
         raise
     except Fault as fault:
-        outcome = outcome.but(StopReason.by(fault))
+        outcome = outcome.overridden_by(StopReason.from_error(fault))
     finally:
         run_suppressed(recorder.close)
     return outcome

@@ -5,7 +5,7 @@ from dataclasses import asdict, replace
 import numpy as np
 
 from cell.orchestrator.outcome import Outcome, StopReason
-from cell.orchestrator.recorder import Record
+from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
 from cell.perception.agreement import Agreement, MeasuredFold, agreement
@@ -40,7 +40,7 @@ class FoldTrace:
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
         """Ignore an event."""
 
-    def review(self, outcome: Outcome, record: Record) -> Outcome:
+    def review(self, outcome: Outcome, record: Recorder) -> Outcome:
         """Add the agreement of strip and model to `outcome`, which fails where they disagree."""
         agreed = self._agreement(outcome, record.origin)
         outcome = replace(outcome, agreement=agreed)
@@ -50,7 +50,7 @@ class FoldTrace:
         record.event(self._path[-1][0], UNLIKE_REASON, **asdict(agreed), reason=reason)
         if outcome.exit_code != 0:
             return outcome
-        return outcome.but(StopReason(UNLIKE_REASON, reason, 1))
+        return outcome.overridden_by(StopReason(UNLIKE_REASON, reason, 1))
 
     def _agreement(self, outcome: Outcome, origin: float) -> Agreement | None:
         """Agreement of strip and model; None without prediction, touch or a fit."""

@@ -14,7 +14,7 @@ from cell.arm.run_settings import at_speed
 from cell.calibrating.calibration_in_use import check_current
 from cell.config.cell import CellFile
 from cell.devices.open import real_camera
-from cell.folding.feasible import corner_strips, path_problems
+from cell.folding.feasible import corner_strips, path_problems, simulate
 from cell.folding.request import Request
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe
@@ -22,8 +22,7 @@ from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
 from policies.registry import make_policy
-from policies.rollout import Folds, Rollout, roll_out
-from policies.sensing import Sensing
+from policies.rollout import Folds
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,12 +53,13 @@ class Prediction:
     def text(self) -> str:
         """Text for the operator."""
         x_min, x_max, z_min, z_max = (1e3 * value for value in self.reach)
-        ends = ""
+        d, ends = self.displacement, ""
+        expected = "no touch" if d is None else f"displacement {1e3 * d:+.1f} mm"
         if self.low is not None and self.high is not None:
             ends = f", between {1e3 * self.low:+.1f} and {1e3 * self.high:+.1f} mm"
         return (
-            f"{self.strip} by {self.policy}: expected {_displacement(self.displacement)}{ends} "
-            "over what is unknown of the strip\n"
+            f"{self.strip} by {self.policy}: expected {expected}{ends} over what is unknown of the "
+            "strip\n"
             f"  the gripper stays within x {x_min:.0f} to {x_max:.0f} mm, z {z_min:.0f} to "
             f"{z_max:.0f} mm: inside its limits; nothing was moved"
             + ("" if self.arm is None else f"\n  {self.arm.text()}")
@@ -67,31 +67,32 @@ class Prediction:
 
 
 def predict(request: Request) -> Prediction:
-    """Simulate the fold of `request`; raises ConfigurationError for a path beyond its limits."""
+    """Simulate the fold of `request`; raises ConfigurationError for a path beyond its limits.
+
+    The calibration that the cell file names is checked as a fold does.
+    """
     settings, strip = request.cell, request.strip
-    _check_calibration(settings, request)
+    if settings.calibration is not None:
+        calibration = load_calibration(Path(settings.calibration))
+        on_twin = not real_camera(settings, request.choice)
+        check_current(calibration, settings.calibration_days, datetime.now(UTC), on_twin=on_twin)
     folds = simulate_policy(request, settings, [strip, *corner_strips(strip)])
-    reach = _reach(folds)
     _check_path(folds, request)
+    places = folds.trace.reshape(-1, 2)
+    (x_min, z_min), (x_max, z_max) = places.min(axis=0).tolist(), places.max(axis=0).tolist()
     nominal, spread = folds.displacement[0], folds.displacement[folds.touched]
+    arm = None
+    if request.choice.arm_driver(settings).real:
+        arm = predict_arm(settings, strip, folds.trace[:, 0], laid_at(folds))
     return Prediction(
         strip=strip.name,
         policy=request.policy,
         displacement=float(nominal) if np.isfinite(nominal) else None,
         low=float(spread.min()) if spread.size else None,
         high=float(spread.max()) if spread.size else None,
-        reach=reach,
-        arm=_predict_arm_motion(settings, strip, request, folds),
+        reach=(x_min, x_max, z_min, z_max),
+        arm=arm,
     )
-
-
-def _check_calibration(settings: CellFile, request: Request) -> None:
-    """Check the calibration that the cell file names as a fold does."""
-    if settings.calibration is None:
-        return
-    calibration = load_calibration(Path(settings.calibration))
-    on_twin = not real_camera(settings, request.choice)
-    check_current(calibration, settings.calibration_days, datetime.now(UTC), on_twin=on_twin)
 
 
 def simulate_policy(request: Request, settings: CellFile, variants: Sequence[StripFile]) -> Folds:
@@ -99,39 +100,15 @@ def simulate_policy(request: Request, settings: CellFile, variants: Sequence[Str
 
     `settings` are those of the cell at the wanted speed.
     """
-    return roll_out(
-        make_policy(request.policy, request.checkpoint, in_rod=True),
-        Rod(),
-        request.strip,
-        [describe(variant) for variant in variants],
-        settings=Rollout(speed=settings.fold.speed, sensing=Sensing(delay=(0.03, 0.03))),
-        rng=np.random.default_rng(request.choice.seed),
-    )
+    policy = make_policy(request.policy, request.checkpoint, in_rod=True)
+    models, seed = [describe(variant) for variant in variants], request.choice.seed
+    return simulate(policy, Rod(), request.strip, models, settings.fold.speed, seed)
 
 
 def laid_at(folds: Folds) -> float | None:
-    """Position x [m] of the edge laid by the first fold; None where its layers do not touch."""
+    """Position x [m] at which the first of `folds` lays the grasped edge; None without a touch."""
     touch = folds.touch[0]
     return None if touch is None else touch.x - touch.to_grasped
-
-
-def _predict_arm_motion(
-    settings: CellFile, strip: StripFile, request: Request, folds: Folds
-) -> ArmPrediction | None:
-    """Prediction of whether a Franka arm can follow the nominal fold; None for another arm."""
-    if not request.choice.arm_driver(settings).real:
-        return None
-    return predict_arm(settings, strip, folds.trace[:, 0], laid_at(folds))
-
-
-def _displacement(value: float | None) -> str:
-    return "no touch" if value is None else f"displacement {1e3 * value:+.1f} mm"
-
-
-def _reach(folds: Folds) -> tuple[float, float, float, float]:
-    places: Array = folds.trace.reshape(-1, 2)
-    low, high = places.min(axis=0), places.max(axis=0)
-    return float(low[0]), float(high[0]), float(low[1]), float(high[1])
 
 
 def _check_path(folds: Folds, request: Request) -> None:

@@ -106,18 +106,14 @@ def with_correction(request: Request, learning: str | None) -> Request:
     `learning` is `auto`, `on`, `off`, a length to correct by without learning, or None for the
     cell's own setting. Raises ConfigurationError for other text.
     """
-    known = request.learning
+    known, settings, learns = request.learning, request.cell.learning, False
+    correction, memory = UNCORRECTED, memory_of(request)
     if learning is not None and learning not in LEARNING_WORDS:
-        bias = metres("--learning", learning, request.cell.learning.limit)
-        stated = replace(known, correction=Correction(bias, 0.0), learns=False)
-        return replace(request, learning=stated)
-    memory = memory_of(request)
-    if not _should_learn(request, learning, memory):
-        unlearned = replace(known, correction=UNCORRECTED, learns=False)
-        return replace(request, learning=unlearned)
-    subject = subject_of(request.policy, request.checkpoint, request.strip.name, known.specimen)
-    found = learned_correction(memory, subject, request.cell.learning)
-    return replace(request, learning=replace(known, correction=found, learns=True))
+        correction = Correction(metres("--learning", learning, settings.limit), 0.0)
+    elif _should_learn(request, learning, memory):
+        subject = subject_of(request.policy, request.checkpoint, request.strip.name, known.specimen)
+        correction, learns = learned_correction(memory, subject, settings), True
+    return replace(request, learning=replace(known, correction=correction, learns=learns))
 
 
 def memory_of(request: Request) -> Memory:

@@ -58,7 +58,7 @@ class FoldResult:
     def refusal(cls, request: Request, error: CellError) -> Self:
         """Result of a fold that did not begin: `error` is the reason, and nothing was recorded."""
         known = "", request.strip.name, request.policy, request.choice.seed
-        stopped = StopReason.by(error)
+        stopped = StopReason.from_error(error)
         return cls(*known, stopped.name, stopped.reason, stopped.exit_code)
 
     @classmethod

@@ -8,7 +8,7 @@ from calibration.landmarks import remember
 from calibration.wizard.latency import LatencySteps, latency_verdict
 from cell.orchestrator.context import CalibrationContext
 from cell.orchestrator.operator import Answer, Ask, Question
-from cell.orchestrator.recorder import Record
+from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Command, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import Event
 from cell.orchestrator.steps import (
@@ -34,13 +34,13 @@ POINTER_OUT = Question(Ask.POINTER_OUT, "take the pointer out and keep clear of 
 STEP_REST = 0.3  # s at rest after a step of the latency measurement
 
 
-def go_calibrate(_cell: CalibrationContext, _record: Record, _begin: Snapshot) -> Phase:
+def go_calibrate(_cell: CalibrationContext, _record: Recorder, _begin: Snapshot) -> Phase:
     """Phase that leads to calibration directly, without a check of a strip."""
     yield from pause(0.0)
     return Event.NEEDS_CALIBRATION
 
 
-def calibrate(cell: CalibrationContext, record: Record, begin: Snapshot) -> Phase:
+def calibrate(cell: CalibrationContext, record: Recorder, begin: Snapshot) -> Phase:
     """Phase that touches all points; where a map is fitted, it measures latency and landmarks."""
     points = cell.points
     first = replace(begin.arm.commanded, pitch=points.plan[0].pitch)
@@ -62,7 +62,7 @@ def calibrate(cell: CalibrationContext, record: Record, begin: Snapshot) -> Phas
     return Event.CALIBRATED
 
 
-def _touch_all(cell: CalibrationContext, record: Record) -> Doing:
+def _touch_all(cell: CalibrationContext, record: Recorder) -> Doing:
     """Touch every requested pose, and once more each point that disagrees with the others."""
     points = cell.points
     while (pose := points.ask()) is not None:
@@ -80,7 +80,7 @@ def _touch_all(cell: CalibrationContext, record: Record) -> Doing:
 
 
 def _measure_point(
-    cell: CalibrationContext, record: Record, pose: Pose, why: str, stage: str
+    cell: CalibrationContext, record: Recorder, pose: Pose, why: str, stage: str
 ) -> Doing:
     """Take images at rest at `pose` until its point is accepted or given up.
 
@@ -128,7 +128,7 @@ def _step(steps: LatencySteps, pose: Pose) -> Doing:
 
 
 def _take_landmarks(cell: CalibrationContext, homography: Homography) -> Doing:
-    """Record landmarks from an image of the empty hand; none where no finger tip is visible."""
+    """Recorder landmarks from an image of the empty hand; none where no finger tip is visible."""
     yield from open_hand()
     yield from _wait_for_answer(cell, POINTER_OUT)
     pose = cell.settings.landmarks.pose

@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 
 from cell.orchestrator.lay import HANGING
-from cell.orchestrator.recorder import Record
+from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Hold, Snapshot
 from cell.orchestrator.steps import Motion, move, wait_for
 from drivers.types import Array, Pose
@@ -17,7 +17,7 @@ AVERAGED_IMAGES = 3  # images in a running mean, in which their noise averages o
 RESTING_WAY = 0.0005  # m, the way of the profile's mean under which a strip rests
 
 
-def hang_still(longest: float, record: Record) -> Motion:
+def hang_still(longest: float, record: Recorder) -> Motion:
     """Bring the gripper to rest, upright, and wait at most `longest` [s] until the strip rests.
 
     Returns the snapshot at the end of the pause. The event `hanging` says whether the strip came

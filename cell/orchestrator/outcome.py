@@ -22,7 +22,7 @@ class StopReason:
     exit_code: int
 
     @classmethod
-    def by(cls, error: Exception) -> Self:
+    def from_error(cls, error: Exception) -> Self:
         """Stop reason for an exception; an unexpected one is an `internal_error`."""
         if isinstance(error, Fault):
             return cls(error.name, error.reason, error.exit_code)
@@ -60,7 +60,7 @@ class Outcome:
         """Outcome of a run that stopped without a measurement."""
         return cls(stopped.name, stopped.reason, stopped.exit_code, None, None, duration)
 
-    def but(self, stopped: StopReason) -> Self:
+    def overridden_by(self, stopped: StopReason) -> Self:
         """Outcome with the name and reason of a later failure, and the higher exit code."""
         if self.name == stopped.name:
             return self

@@ -13,7 +13,7 @@ from cell.orchestrator.calibration_phase import calibrate, go_calibrate
 from cell.orchestrator.context import CalibrationContext, Context, FoldContext, ManualContext
 from cell.orchestrator.hanging import hang_still
 from cell.orchestrator.lay import CLEARANCE, HANGING, TURN_GAIN, edge_place, follow_lay, lay_path
-from cell.orchestrator.recorder import Record
+from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
 from cell.orchestrator.states import Event, State
 from cell.orchestrator.steps import (
@@ -47,27 +47,27 @@ BRAKING_SHARE = 0.7  # of the arm's pitch acceleration, to stop the rotation at 
 SLOPE_TRAVEL = 0.01  # m of the lift over which its rotation per metre is measured
 
 
-def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
+def preflight(context: FoldContext, record: Recorder, _: Snapshot) -> Phase:
     """Check the image of the strip before it is grasped; raises PreflightRefused."""
-    fold = cell.settings.fold
-    before = yield from _camera_checks(cell)
-    yield from move(Pose(cell.strip.length + fold.approach, fold.clear_height, 0.0))
+    fold = context.settings.fold
+    before = yield from _camera_checks(context)
+    yield from move(Pose(context.strip.length + fold.approach, fold.clear_height, 0.0))
     picture = yield from still_picture()
     frame = picture.frame
-    found = yield from _inspect(cell.sight, picture)
+    found = yield from _inspect(context.sight, picture)
     record.frame(frame)
     checks = (*before, *found)
     facts = [asdict(check) for check in checks]
     record.event(frame.stamp, "preflight", checks=facts)
     record.describe(preflight=facts)
-    cell.witnesses += [check.witness for check in checks if check.witness is not None]
+    context.witnesses += [check.witness for check in checks if check.witness is not None]
     if not all(check.passed for check in checks):
         raise PreflightRefused("\n".join(c.sentence() for c in checks if not c.passed))
     for check in checks:
         if check.name == UNWATCHED:
-            cell.warning = f"{check.reason}; {check.remedy}"
-            record.event(frame.stamp, "camera_unwatched", reason=cell.warning)
-    cell.reader = cell.sight
+            context.warning = f"{check.reason}; {check.remedy}"
+            record.event(frame.stamp, "camera_unwatched", reason=context.warning)
+    context.reader = context.sight
     return Event.CHECKED
 
 
@@ -86,10 +86,10 @@ def _inspect(
     return checks
 
 
-def grasp(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
+def grasp(context: FoldContext, _record: Recorder, _begin: Snapshot) -> Phase:
     """Approach the free edge from beyond and grasp it; raises Fault where the fingers miss it."""
-    length = cell.strip.length
-    approach = cell.settings.fold.approach
+    length = context.strip.length
+    approach = context.settings.fold.approach
     yield from open_hand()
     yield from move(Pose(length + approach, 2 * approach, 0.0))
     yield from move(Pose(length + approach, 0.0, 0.0))
@@ -101,17 +101,17 @@ def grasp(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
     return Event.GRASPED
 
 
-def lift(cell: FoldContext, record: Record, _begin: Snapshot) -> Phase:
+def lift(context: FoldContext, record: Recorder, _begin: Snapshot) -> Phase:
     """Follow the first section of the policy's path while the pitch grows to hanging.
 
     In a run that starts hanging the strip then comes to rest, and measured time begins.
     """
-    speed = cell.settings.fold.speed
-    cell.policy.reset(cell.strip, speed, 1)
-    follower = Follower(cell.policy.lift(), 1)
-    acceleration = cell.settings.installation.limits.pitch.acceleration
+    speed = context.settings.fold.speed
+    context.policy.reset(context.strip, speed, 1)
+    follower = Follower(context.policy.lift(), 1)
+    acceleration = context.settings.installation.limits.pitch.acceleration
     snapshot = yield Drive(Velocity(0.0, 0.0, 0.0))
-    while snapshot.arm.pose.z < cell.settings.fold.takeover_height:
+    while snapshot.arm.pose.z < context.settings.fold.takeover_height:
         pose = snapshot.arm.pose
         decision = follower.decide(np.array([pose.x]), np.array([pose.z]), speed)
         if decision.done[0]:
@@ -119,13 +119,13 @@ def lift(cell: FoldContext, record: Record, _begin: Snapshot) -> Phase:
         travel = float(follower.progress[0])
         rate = _lift_pitch_rate(travel, speed, pose.pitch, acceleration)
         snapshot = yield drive(decision, rate)
-    if cell.settings.fold.start == "hanging":
-        snapshot = yield from hang_still(cell.settings.fold.longest_rest, record)
+    if context.settings.fold.start == "hanging":
+        snapshot = yield from hang_still(context.settings.fold.longest_rest, record)
         record.begin(snapshot.time)
     return Event.LIFTED
 
 
-def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
+def fold(context: FoldContext, record: Recorder, begin: Snapshot) -> Phase:
     """Decide on each new frame and command on each tick, until the layers touch.
 
     Ends with PATH_DONE where the policy's path ends before a touch is seen.
@@ -138,13 +138,13 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
             continue
         offsets.append(held_end(seen))
         if snapshot.view.touch is not None:
-            cell.seen_touch = snapshot.view.touch
-            cell.witnesses += compare_grip(offsets, cell.calibration.residual)
-            cell.note_expected(snapshot.view.touch)
+            context.seen_touch = snapshot.view.touch
+            context.witnesses += compare_grip(offsets, context.calibration.residual)
+            context.note_expected(snapshot.view.touch)
             return Event.LAYER_TOUCH
-        decision = cell.policy.decide(observe(snapshot))
+        decision = context.policy.decide(observe(snapshot))
         record.decision(snapshot, decision)
-        _note_predicted(cell, record, snapshot)
+        _note_predicted(context, record, snapshot)
         if decision.done[0]:
             return Event.PATH_DONE
         # rad/s that takes out the error of pitch, by which the gripper no longer hangs upright
@@ -152,31 +152,31 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
         command = drive(decision, float(decision.pitch_rate[0]) + upright)
 
 
-def _note_predicted(cell: FoldContext, record: Record, snapshot: Snapshot) -> None:
+def _note_predicted(context: FoldContext, record: Recorder, snapshot: Snapshot) -> None:
     """Store and record the policy's prediction, and an event when it loses or regains sight."""
-    if not isinstance(cell.policy, Predictor):
+    if not isinstance(context.policy, Predictor):
         return
-    before, cell.predicted = cell.predicted, cell.policy.prediction()
-    if cell.predicted is None:
+    before, context.predicted = context.predicted, context.policy.prediction()
+    if context.predicted is None:
         return
-    record.event(snapshot.time, "foretold", **asdict(cell.predicted))
-    if cell.predicted.blind != (before is not None and before.blind):
-        kind = "policy_blind" if cell.predicted.blind else "policy_sees"
-        record.event(snapshot.time, kind, path="shifted" if cell.predicted.blind else "its own")
+    record.event(snapshot.time, "foretold", **asdict(context.predicted))
+    if context.predicted.blind != (before is not None and before.blind):
+        kind = "policy_blind" if context.predicted.blind else "policy_sees"
+        record.event(snapshot.time, kind, path="shifted" if context.predicted.blind else "its own")
 
 
-def continue_to_lay(_cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
+def continue_to_lay(_context: FoldContext, record: Recorder, begin: Snapshot) -> Phase:
     """Continue to the lay without a pause: a hanging strip at rest would shift the loop by 5 mm."""
     yield from ()
     record.event(begin.time, "touch_seen", x=begin.arm.pose.x, z=begin.arm.pose.z)
     return Event.SETTLED
 
 
-def lay(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
+def lay(context: FoldContext, record: Recorder, begin: Snapshot) -> Phase:
     """Lower the grasped edge to the desk past the taut layer's end, and push it to its place."""
-    touch, settings = _seen_touch(cell), cell.settings.fold
-    rest = max(cell.strip.thickness, touch.distance) + CLEARANCE
-    end = edge_place(touch, cell.place)
+    touch, settings = _seen_touch(context), context.settings.fold
+    rest = max(context.strip.thickness, touch.distance) + CLEARANCE
+    end = edge_place(touch, context.place)
     path = lay_path(touch, begin.arm.pose, rest, end, settings)
     yield from follow_lay(path, settings.lay_speed, begin)
     snapshot = yield from move(Pose(end, rest, np.pi))
@@ -184,56 +184,56 @@ def lay(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
     return Event.LAID
 
 
-def release(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
+def release(context: FoldContext, record: Recorder, _: Snapshot) -> Phase:
     """Open the fingers, retreat from the strip, and measure the offset of its edges."""
     snapshot = yield from open_hand()
     pose = snapshot.arm.pose
     record.event(snapshot.time, "released", edge_offset=-pose.x)
-    retreat = cell.settings.fold.approach
+    retreat = context.settings.fold.approach
     yield from move(Pose(pose.x - retreat, pose.z, pose.pitch))
     yield from move(Pose(pose.x - retreat, pose.z + 2 * retreat, pose.pitch))
     frame = (yield from still_picture()).frame
-    loop = _visible_loop(cell, (yield from _laid_strip(cell, frame, pose)))
-    length, thickness = cell.strip.length, cell.strip.thickness
-    cell.released = True
+    loop = _visible_loop(context, (yield from _laid_strip(context, frame, pose)))
+    length, thickness = context.strip.length, context.strip.thickness
+    context.released = True
     if loop is not None:
-        cell.edge_offset = edge_offset(length, thickness, loop)
-        spreads = {"map, twice": 2.0 * cell.calibration.residual, "loop": laid_weights().rms}
-        cell.witnesses.append(LengthCheck("edges", cell.edge_offset + pose.x, spreads))
+        context.edge_offset = edge_offset(length, thickness, loop)
+        spreads = {"map, twice": 2.0 * context.calibration.residual, "loop": laid_weights().rms}
+        context.witnesses.append(LengthCheck("edges", context.edge_offset + pose.x, spreads))
     facts = {} if loop is None else {"loop": loop._asdict()}
-    record.event(snapshot.time, "edges_seen", edge_offset=cell.edge_offset, **facts)
+    record.event(snapshot.time, "edges_seen", edge_offset=context.edge_offset, **facts)
     return Event.RELEASED
 
 
 def _laid_strip(
-    cell: FoldContext, frame: Frame, edge: Pose
+    context: FoldContext, frame: Frame, edge: Pose
 ) -> "Generator[Command, Snapshot, StripMeasurement | None]":
     """Measure the laid strip in `frame`, its grasped edge released near `edge`."""
-    if cell.reader is None:
+    if context.reader is None:
         return None
-    cell.reader.submit(ImageTask(frame, edge), frame.arrival)
-    found = cell.reader.result()
+    context.reader.submit(ImageTask(frame, edge), frame.arrival)
+    found = context.reader.result()
     if isinstance(found, ImageResult):
         return found.measurement
     return (yield from wait_for(lambda now: now.view.read)).view.measurement
 
 
-def _visible_loop(cell: FoldContext, seen: StripMeasurement | None) -> Loop | None:
+def _visible_loop(context: FoldContext, seen: StripMeasurement | None) -> Loop | None:
     """Loop of the laid strip; None where no fold of the strip's length is visible."""
     if seen is None:
         return None
-    missing = abs(laid_length(seen) - cell.strip.length)
-    return Loop.seen_in(seen) if missing <= 2.0 * cell.settings.perception.length_error else None
+    missing = abs(laid_length(seen) - context.strip.length)
+    return Loop.seen_in(seen) if missing <= 2.0 * context.settings.perception.length_error else None
 
 
-def move_by_hand(context: ManualContext, _: Record, snapshot: Snapshot) -> Phase:
+def move_by_hand(context: ManualContext, _: Recorder, snapshot: Snapshot) -> Phase:
     """Carry out the one motion of a manual run."""
     context.end = (yield from context.motion(snapshot)).arm.pose
     return Event.MOVED
 
 
-PhaseFactory = Callable[[Record, Snapshot], Phase]
-_PHASES: dict[type[Context], dict[State, Callable[[Any, Record, Snapshot], Phase]]] = {
+PhaseFactory = Callable[[Recorder, Snapshot], Phase]
+_PHASES: dict[type[Context], dict[State, Callable[[Any, Recorder, Snapshot], Phase]]] = {
     FoldContext: {
         State.PREFLIGHT: preflight,
         State.GRASP: grasp,
@@ -285,9 +285,11 @@ def _lift_pitch_rate(travel: float, speed: float, pitch: float, most: float) -> 
     return min(rate, sqrt(2.0 * BRAKING_SHARE * most * max(HANGING - pitch, 0.0)))
 
 
-def _camera_checks(cell: FoldContext) -> Generator[Command, Snapshot, tuple[PreflightCheck, ...]]:
+def _camera_checks(
+    context: FoldContext,
+) -> Generator[Command, Snapshot, tuple[PreflightCheck, ...]]:
     """Check that the camera has not moved since its calibration, where landmarks are known."""
-    calibration, landmarks = cell.calibration, cell.calibration.landmarks
+    calibration, landmarks = context.calibration, context.calibration.landmarks
     if landmarks is None:
         return ()
     yield from open_hand()
@@ -297,10 +299,10 @@ def _camera_checks(cell: FoldContext) -> Generator[Command, Snapshot, tuple[Pref
     yield from move(Pose(start.x, start.z, landmarks.pitch))
     yield from move(start)
     shift = camera_shift(frame, landmarks, calibration.lens, calibration.homography)
-    return (camera_check(shift, cell.settings.landmarks),)
+    return (camera_check(shift, context.settings.landmarks),)
 
 
-def _seen_touch(cell: FoldContext) -> SeenTouch:
-    if cell.seen_touch is None:
+def _seen_touch(context: FoldContext) -> SeenTouch:
+    if context.seen_touch is None:
         raise Fault("illegal_event", "LAY was entered without a touch")
-    return cell.seen_touch
+    return context.seen_touch

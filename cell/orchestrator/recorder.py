@@ -12,8 +12,8 @@ from drivers.types import Array, Frame
 from policies.policy import Decision
 
 
-class Record:
-    """Record of a run that stores nothing, base of those that do; times on the cell's clock [s]."""
+class Recorder:
+    """Recorder that keeps nothing, base of those that do; times on the cell's clock [s]."""
 
     @property
     def origin(self) -> float:
@@ -42,8 +42,8 @@ class Record:
         """Add an event at `clock` [s]."""
 
 
-class Recorder(Record):
-    """Record that is written in run time: t = 0 where the strip is still and held.
+class FileRecorder(Recorder):
+    """Recorder that writes a run's folder; t = 0 where the strip is still and held.
 
     Ticks and measurements are recorded from the lift on. Earlier images are kept until then and get
     negative times; events carry the cell's clock, and the event `origin` states where t = 0 is. A

@@ -14,7 +14,7 @@ from cell.orchestrator.context import Context
 from cell.orchestrator.monitors import Rules, check_all, slow_for_images
 from cell.orchestrator.outcome import INTERRUPTED, Outcome, StopReason
 from cell.orchestrator.phases import phases_of
-from cell.orchestrator.recorder import Record
+from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.safe_stop import SafeStop, run_suppressed
 from cell.orchestrator.snapshot import CloseHand, Command, Drive, Hold, MoveTo, OpenHand, Snapshot
 from cell.orchestrator.states import Event, Machine, State
@@ -43,7 +43,7 @@ class Run:
         self,
         devices: Devices,
         context: Context,
-        recorder: Record,
+        recorder: Recorder,
         observers: tuple[Observer, ...] = (),
         interrupted: Callable[[], bool] = lambda: False,
     ) -> None:
@@ -90,7 +90,7 @@ class Run:
         try:
             action()
         except Exception as error:  # noqa: BLE001  an edge: the arm stops whatever went wrong
-            self._stop(StopReason.by(error))
+            self._stop(StopReason.from_error(error))
 
     def _run_cycle(self, due: float) -> None:
         """Execute the cycle of the control loop due at `due` [s]."""

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from scipy.signal import savgol_coeffs, savgol_filter
 
 from cell.perception.midline import Midline, extract_midline
 from drivers.errors import ConfigurationError
@@ -131,12 +132,9 @@ def _average_points(traced: Array, travel: Array, arc: Array) -> Array:
 
 def roughness(points: Array) -> float:
     """Robust standard deviation of points (n, 2) across a parabola through their neighbours."""
-    places = np.arange(-SMOOTHING_POINTS, SMOOTHING_POINTS + 1.0)
-    powers = np.stack([places**0, places, places**2], axis=1)
-    weights = (powers @ np.linalg.pinv(powers))[SMOOTHING_POINTS]
-    smooth = np.stack([np.convolve(points[:, c], weights[::-1], "valid") for c in range(2)], axis=1)
-    inner = slice(SMOOTHING_POINTS, len(points) - SMOOTHING_POINTS)
+    window, inner = 2 * SMOOTHING_POINTS + 1, slice(SMOOTHING_POINTS, -SMOOTHING_POINTS)
+    miss = (points - savgol_filter(points, window, 2, axis=0))[inner]
     along = np.gradient(points, axis=0)[inner]
-    miss = points[inner] - smooth
     across = (along[:, 0] * miss[:, 1] - along[:, 1] * miss[:, 0]) / np.hypot(*along.T)
-    return robust_sigma(across) / float(np.sqrt(1 - weights[SMOOTHING_POINTS]))
+    # a point weighs in its own parabola, which takes that share of its variance away
+    return robust_sigma(across) / float(np.sqrt(1 - savgol_coeffs(window, 2)[SMOOTHING_POINTS]))

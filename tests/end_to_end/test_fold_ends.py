@@ -10,7 +10,7 @@ from cell.config.places import CHECKOUT_CONFIGS
 from cell.folding.fold import conduct, fold
 from cell.folding.request import Recording
 from cell.orchestrator.outcome import Outcome
-from cell.orchestrator.recorder import Recorder
+from cell.orchestrator.recorder import FileRecorder
 from cell.record.files import is_under_way
 from cell.record.run import read_run
 from cell.record.writer import RunWriter
@@ -52,13 +52,13 @@ def running(end: Outcome | BaseException) -> SimpleNamespace:
 
 
 @pytest.fixture
-def recorder(tmp_path: Path) -> Recorder:
-    recorder = Recorder(RunWriter.create(tmp_path, HEADER, "none"))
+def recorder(tmp_path: Path) -> FileRecorder:
+    recorder = FileRecorder(RunWriter.create(tmp_path, HEADER, "none"))
     recorder.folder = next(tmp_path.iterdir())
     return recorder
 
 
-def test_devices_that_refuse_are_an_outcome(recorder: Recorder) -> None:
+def test_devices_that_refuse_are_an_outcome(recorder: FileRecorder) -> None:
     devices = Devices("connect")
     outcome = conduct(running(DONE), devices, recorder)
     assert (outcome.name, outcome.reason) == ("arm_refused", "the brakes are closed")
@@ -68,7 +68,7 @@ def test_devices_that_refuse_are_an_outcome(recorder: Recorder) -> None:
     assert read_run(recorder.folder).result.outcome == "arm_refused"
 
 
-def test_the_second_ctrl_c_is_recorded(recorder: Recorder) -> None:
+def test_the_second_ctrl_c_is_recorded(recorder: FileRecorder) -> None:
     devices = Devices()
     outcome = conduct(running(KeyboardInterrupt()), devices, recorder)
     assert (outcome.name, outcome.exit_code) == ("interrupted", 130)
@@ -76,7 +76,9 @@ def test_the_second_ctrl_c_is_recorded(recorder: Recorder) -> None:
     assert read_run(recorder.folder).result.outcome == "interrupted"
 
 
-def test_a_ctrl_c_while_the_record_ends_leaves_it_whole(recorder: Recorder, monkeypatch) -> None:
+def test_a_ctrl_c_while_the_record_ends_leaves_it_whole(
+    recorder: FileRecorder, monkeypatch
+) -> None:
     from cell.record import writer
 
     write_tables, pressed = writer.write_tables, []
@@ -93,7 +95,9 @@ def test_a_ctrl_c_while_the_record_ends_leaves_it_whole(recorder: Recorder, monk
     assert read_run(recorder.folder).result.outcome == "path_done"
 
 
-def test_a_disk_that_fills_up_at_the_end_is_the_outcome(recorder: Recorder, monkeypatch) -> None:
+def test_a_disk_that_fills_up_at_the_end_is_the_outcome(
+    recorder: FileRecorder, monkeypatch
+) -> None:
     from cell.record import writer
 
     def full(*_: object) -> None:

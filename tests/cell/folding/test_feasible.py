@@ -13,7 +13,7 @@ from calibration.calibration import Calibration
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.feasible import check_feasible, corner_strips, path_problems
-from cell.folding.fold import fold_with
+from cell.folding.fold import fold
 from cell.folding.prediction import predict
 from drivers.errors import ConfigurationError, PreflightRefused
 from drivers.installation import AxisLimits, MotionLimits, Mounting
@@ -144,5 +144,5 @@ def test_fold_asks_for_the_hand_of_its_arm(seen_by, tmp_path, monkeypatch, arm, 
     devices = SimpleNamespace(camera=SimpleNamespace(rate="opened"), close=lambda: None)
     monkeypatch.setattr("cell.folding.fold.run_header", lambda *_: pytest.fail("got through"))
     with pytest.raises(PreflightRefused if refused else pytest.fail.Exception) as ended:
-        fold_with(devices, make_policy("triangular"), request, seen_by)
+        fold(request, seen_by, devices=devices)
     assert ("into the desk" in str(ended.value)) == refused

@@ -10,7 +10,7 @@ from cell.folding.documents import result_content
 from cell.folding.fold_trace import UNLIKE_REASON, FoldTrace
 from cell.folding.result import FoldResult
 from cell.orchestrator.outcome import Outcome
-from cell.orchestrator.recorder import Record
+from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
@@ -26,7 +26,7 @@ OUTCOME = Outcome("layer_touch", "the layers touch", 0, TOUCH, -0.002, 14.0, BEL
 ANOTHER_LAW = {"quadratic_damping": (("coefficient", 0.02),)}
 
 
-class Notes(Record):
+class Notes(Recorder):
     """A record that keeps its events."""
 
     def __init__(self) -> None:

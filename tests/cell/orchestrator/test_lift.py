@@ -14,7 +14,7 @@ from cell.devices.fci import start_joints
 from cell.devices.fold_path import triangle, whole_path
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.phases import lift
-from cell.orchestrator.recorder import Record
+from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
@@ -47,7 +47,7 @@ def lifted(
     settings, strip = cell(limits, speed), find_configs(None).strip("denim")
     context = FoldContext(settings, strip, make_policy(policy), SimpleNamespace(), None)
     profile = MotionProfile(limits, settings.installation.workspace, Pose(strip.length, 0.0, 0.0))
-    motion, pitches, k = lift(context, Record(), snapshot(0, profile)), [], 0
+    motion, pitches, k = lift(context, Recorder(), snapshot(0, profile)), [], 0
     command = next(motion)
     with suppress(StopIteration):
         while True:

@@ -17,7 +17,7 @@ from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import check_drivers
 from cell.devices.rig_correction import corrected_devices
 from cell.devices.twin import twin_devices
-from cell.folding.fold import fold_with
+from cell.folding.fold import fold
 from cell.folding.request import Recording, Request
 from cell.folding.result import FoldResult
 from cell.folding.standard_runs import standard_requests
@@ -31,7 +31,7 @@ from drivers.readers import read_yaml
 from drivers.strip.file import StripFile
 from drivers.twin.open import PlantOptions
 from drivers.twin.settings import WrenchSettings
-from policies.registry import BY_HAND, MOTION, make_policy
+from policies.registry import BY_HAND, MOTION
 from tests.lab.exam.case import Case, ScatterLevel
 from tests.lab.exam.causes import cause_of
 from tests.lab.exam.causes.cause import Cause
@@ -202,8 +202,7 @@ def _fold(
     """Fold the strip of `case` and interrupt the run where it enters the state `end`."""
     until, opened = Until(end), ExamTwin(causes, case.seed, case.scatter)
     devices = opened(request.settings, request.strip, request.choice, calibrating=False)
-    policy = make_policy(request.policy)
-    return fold_with(devices, policy, request, calibration, (until,), until)
+    return fold(request, calibration, (until,), until, devices=devices)
 
 
 def _copy_sealed(made: Path, final: Path, strip: StripFile) -> None:

@@ -14,7 +14,7 @@ from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import open_cell
-from cell.folding.fold import fold_with
+from cell.folding.fold import fold
 from cell.folding.request import Recording, Request
 from cell.folding.result import FoldResult
 from cell.orchestrator.operator import Interrupt
@@ -105,9 +105,9 @@ def strike(blow: Blow, folder: Path, calibration: Calibration) -> Mapping[str, A
             policy = FailingPolicy(make_policy(request.policy))
             devices = open_cell(request.settings, request.strip, request.choice, calibrating=False)
             scenes.append(Scene(Failing(devices), policy, _pixels_of_two_mm(calibration)))
-            result = fold_with(
-                scenes[0].cell.devices, policy, request, calibration, (striker,),
-                lambda: interrupted() or striker.stops,
+            result = fold(
+                request, calibration, (striker,), lambda: interrupted() or striker.stops,
+                devices=scenes[0].cell.devices, policy=policy,
             )  # fmt: skip
         except CellError as error:
             result = FoldResult.refusal(request, error)

@@ -15,7 +15,7 @@ import numpy as np
 from cell.calibrating.calibration_in_use import calibration_of
 from cell.config.places import Configs, find_configs
 from cell.devices.devices import DeviceSelection
-from cell.folding.fold import fold, fold_with
+from cell.folding.fold import fold
 from cell.folding.request import Request
 from cell.folding.result import FoldResult
 from cell.folding.standard_runs import standard_requests
@@ -23,7 +23,6 @@ from cell.gap.fit import fit
 from cell.gap.verdict.accept import accept
 from drivers.strip.describe import load_plant
 from drivers.strip.file import StripFile
-from policies.registry import make_policy
 from tests.lab.exam.case import ScatterLevel
 from tests.lab.exam.through_images import ExamTwin
 from tests.lab.studies.study import Quantity, Statistic, Study, Values
@@ -79,7 +78,7 @@ class Circle:
             settings, strip, choice = request.settings, request.strip, request.choice
             opened = ExamTwin([], choice.seed, self.scatter)
             devices = opened(settings, strip, choice, calibrating=False)
-            yield fold_with(devices, make_policy(request.policy), request, calibration_of(settings))
+            yield fold(request, calibration_of(settings), devices=devices)
 
     def _request(self, policy: str, when: str, seed: int) -> Request:
         """Request by the files as they are now: accepted effects are in them."""
