@@ -128,7 +128,7 @@ def _step(steps: LatencySteps, pose: Pose) -> Doing:
 
 
 def _take_landmarks(cell: CalibrationContext, homography: Homography) -> Doing:
-    """Recorder landmarks from an image of the empty hand; none where no finger tip is visible."""
+    """Record landmarks from an image of the empty hand; none where no finger tip is visible."""
     yield from open_hand()
     yield from _wait_for_answer(cell, POINTER_OUT)
     pose = cell.settings.landmarks.pose

@@ -76,9 +76,7 @@ def test_the_second_ctrl_c_is_recorded(recorder: FileRecorder) -> None:
     assert read_run(recorder.folder).result.outcome == "interrupted"
 
 
-def test_a_ctrl_c_while_the_record_ends_leaves_it_whole(
-    recorder: FileRecorder, monkeypatch
-) -> None:
+def test_a_ctrl_c_while_the_record_ends_leaves_it_whole(recorder, monkeypatch) -> None:
     from cell.record import writer
 
     write_tables, pressed = writer.write_tables, []
@@ -95,9 +93,7 @@ def test_a_ctrl_c_while_the_record_ends_leaves_it_whole(
     assert read_run(recorder.folder).result.outcome == "path_done"
 
 
-def test_a_disk_that_fills_up_at_the_end_is_the_outcome(
-    recorder: FileRecorder, monkeypatch
-) -> None:
+def test_a_disk_that_fills_up_at_the_end_is_the_outcome(recorder, monkeypatch) -> None:
     from cell.record import writer
 
     def full(*_: object) -> None:

@@ -11,7 +11,7 @@ from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import Devices
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import Outcome
-from cell.orchestrator.recorder import Record
+from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.run import Run
 from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo, OpenHand
 from cell.perception.image_reader import ImageResult, InlineReader
@@ -117,7 +117,7 @@ class Bench:
     arm: PlainArm
     hand: PlainHand
     camera: NoiseCamera
-    record: Record = field(default_factory=Record)
+    record: Recorder = field(default_factory=Recorder)
     observers: tuple = ()
     interrupted: Callable[[], bool] = lambda: False
     reader: object = None

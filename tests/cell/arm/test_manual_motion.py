@@ -12,7 +12,7 @@ from cell.devices.devices import DeviceSelection
 from cell.orchestrator.calibration_phase import calibrate
 from cell.orchestrator.context import CalibrationContext
 from cell.orchestrator.monitors import Rules
-from cell.orchestrator.recorder import Record
+from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import OpenHand
 from drivers.errors import Fault
 from drivers.types import Pose
@@ -58,7 +58,7 @@ def test_plan_that_leads_into_the_desk_is_refused_before_anybody_is_asked(first,
     plan = (first, *(Pose(0.1 + 0.03 * i, 0.05, 1.57) for i in range(15)), last)
     points = TouchedPoints(lens, SETTINGS.touches, plan)
     low = replace(GOOD, arm=replace(GOOD.arm, commanded=Pose(0.3, 0.02, 1.57)))
-    phase = calibrate(CalibrationContext(SETTINGS.controller, points), Record(), low)
+    phase = calibrate(CalibrationContext(SETTINGS.controller, points), Recorder(), low)
     if first == last:
         assert next(phase) == OpenHand()
         return
