@@ -1,11 +1,11 @@
 """YAML documents and lines of JSON of a record, from plain values; and an operator's notes."""
 
 import json
-import math
 from collections.abc import Iterable, Mapping
-from enum import Enum
 from pathlib import Path
 from typing import Any
+
+from pydantic_core import to_jsonable_python
 
 from cell.record.files import NOTES
 from cell.record.header import Recorded
@@ -19,25 +19,13 @@ def plain(value: object) -> Any:
 
     Raises TypeError for anything that has no plain form.
     """
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if hasattr(value, "tolist"):  # a number or an array of NumPy, whose import commands go without
-        return plain(value.tolist())
-    return _scalar(value)
+    return to_jsonable_python(value, inf_nan_mode="null", fallback=_plain_array)
 
 
-def _scalar(value: object) -> str | int | float | None:
-    if isinstance(value, Enum):
-        value = value.value
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    if value is None or isinstance(value, str | int):
-        return value
-    if isinstance(value, Path):
-        return str(value)
-    raise TypeError(f"a record cannot hold {type(value).__name__}")
+def _plain_array(value: Any) -> Any:
+    if not hasattr(value, "tolist"):  # of NumPy, whose import commands go without
+        raise TypeError(f"a record cannot hold {type(value).__name__}")
+    return value.tolist()
 
 
 def write_document(path: Path, content: Mapping[str, Any]) -> None:

@@ -5,7 +5,7 @@ import re
 import shutil
 import sqlite3
 from collections.abc import Collection, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import astuple, dataclass, fields
 from datetime import UTC, datetime, timedelta
 from math import isfinite
@@ -244,37 +244,27 @@ def _part(content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
 
 
 def _size(folder: Path) -> int:
+    """Size [bytes] of the files below `folder`, but for those that have just gone."""
     total = 0
-    try:
-        with os.scandir(folder) as found:
-            for entry in found:
-                if entry.is_dir(follow_symlinks=False):
-                    total += _size(Path(entry.path))
-                elif entry.is_file():
-                    total += entry.stat().st_size
-    except OSError:  # it has just gone
-        return total
+    for place, _, names in os.walk(folder):
+        for name in names:
+            with suppress(OSError):
+                total += Path(place, name).stat().st_size
     return total
 
 
 def _start_time(folder: Path) -> datetime:
+    """Time in the name of `folder`; for another name, that at which its run.yaml was written.
+
+    1970 where neither is a time of the calendar.
+    """
     stamp = BEGAN.match(folder.name)
-    stamped = None if stamp is None else _moment(stamp[1])
-    return stamped or _write_time(folder / RUN)
-
-
-def _write_time(path: Path) -> datetime:
-    try:
-        return datetime.fromtimestamp(path.stat().st_mtime, UTC)
-    except (OSError, OverflowError, ValueError):  # gone, or dated beyond the calendar
-        return datetime.fromtimestamp(0, UTC)
-
-
-def _moment(stamp: str) -> datetime | None:
-    try:
-        return datetime.strptime(stamp, "%Y%m%dT%H%M%SZ").replace(tzinfo=UTC)
-    except ValueError:
-        return None
+    with suppress(ValueError):
+        if stamp is not None:
+            return datetime.strptime(stamp[1], "%Y%m%dT%H%M%SZ").replace(tzinfo=UTC)
+    with suppress(OSError, OverflowError, ValueError):
+        return datetime.fromtimestamp((folder / RUN).stat().st_mtime, UTC)
+    return datetime.fromtimestamp(0, UTC)
 
 
 def _number(value: object) -> float | None:

@@ -1,14 +1,16 @@
-"""HTML page of a run."""
+"""HTML page of a run, with its numbers, settings, checks and events as rows of text."""
 
 import base64
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from cell.perception.consistency import KINDS
 from cell.record.columns import FARTHEST_HAND
-from cell.record.events import Outlook
+from cell.record.events import Event, Outlook
 from cell.record.files import (
     CALIBRATION,
     FILM,
@@ -17,13 +19,15 @@ from cell.record.files import (
     RECORDING,
     REPORT,
     RUN,
+    TICK_STREAM,
     TICKS,
     is_under_way,
 )
+from cell.record.header import Result
 from cell.record.run import Run, read_broken_run
 from cell.record.truth import read_truth
-from cell.report.facts import advice, checks, left_files, listed_events, measures, settings_rows
 from cell.report.figures import (
+    image_ages,
     outlook_figure,
     predictions,
     signals_figure,
@@ -32,6 +36,7 @@ from cell.report.figures import (
 from cell.report.kit import Link, page
 from cell.report.overlay import close_ups, key_pictures, poster, silhouettes
 from cell.report.verdict import verdict_of
+from cell.report.words import MINUS, NO_VALUE, event_title, millimetres, milliseconds, seconds
 from drivers.errors import ConfigurationError
 from drivers.files import write_file
 
@@ -45,6 +50,19 @@ FILES = (
     (RUN, "settings and versions"),
 )
 LARGEST_FILM = 8_000_000  # bytes that a page carries
+FREQUENT = 40  # more of one kind are counted, not listed
+LISTED_EVENTS = 400
+LONGEST_TEXT, LONGEST_LIST = 160, 100  # characters of a value, and of a list
+HEIGHT_ON_DESK = 0.01  # m, above which a gripper has lifted the strip
+PREFLIGHT = "preflight"
+LEFT_OUT = frozenset({"config", "preflight", "schema", "provenance", "spread", "plant_sha256"})
+SHOWN_ELSEWHERE = frozenset({PREFLIGHT, "origin"})
+SIGNED = frozenset({"displacement", "edge_offset"})
+LENGTH_NAMES = SIGNED | {"x", "z", "l1", "l2", "length", "width", "thickness", "bending_length"}
+LENGTH_NAMES |= {"contact_height", "contact_x", "error", "tip_x", "height"}
+SIGNAL_UNITS = {"speed": "m/s", "camera_hz": "Hz", "touch_time": "s", "retardation_time": "s"}
+SIGNAL_UNITS |= {"latency": "s", "areal_density": "kg/m²", "force": "N"}
+Rows = list[tuple[str, str]]
 
 
 def write_report(folder: Path) -> Path:
@@ -142,3 +160,179 @@ def _read_in(run: Run) -> dict[str, Any]:
 def _files(run: Run) -> list[tuple[Link, str]]:
     """Files of the run with a description of their content."""
     return [(Link(name, name), what) for name, what in FILES if (run.folder / name).is_file()]
+
+
+def measures(run: Run) -> Rows:
+    """Rows of the run's main numbers."""
+    rows = Rows() if run.result is None else _result_rows(run.result)
+    return [*rows, ("duration", seconds(_duration(run), 1)), *_timing_rows(run)]
+
+
+def _result_rows(result: Result) -> Rows:
+    rows = Rows()
+    if result.l1 is not None:
+        rows.append(("upper layer l1", millimetres(result.l1)))
+        rows.append(("lower layer l2", millimetres(result.l2)))
+    if result.t_layer_touch is not None:
+        rows.append(("layers touched at", seconds(result.t_layer_touch)))
+    if result.confidence is not None:
+        rows.append(("confidence in the touch", f"{100 * result.confidence:.0f} %"))
+    if result.edge_offset is not None:
+        rows.append(("edges apart once laid", millimetres(result.edge_offset, signed=True)))
+    for note in result.witnesses:
+        apart = millimetres(note.difference, signed=True)
+        said = f"{KINDS[note.name][0]} differ: {note.name.replace('_', ' ')}"
+        rows.append((said, f"{apart} ± {millimetres(note.spread)}"))
+    return rows
+
+
+def _duration(run: Run) -> float | None:
+    """Duration of the run [s], as stated or as far as its record goes."""
+    if run.result is not None and run.result.duration is not None:
+        return run.result.duration
+    return float(run.ticks.t[-1]) if run.ticks.t.size else None
+
+
+def settings_rows(run: Run) -> Rows:
+    """Rows of the run's settings: nested keys joined by dots, long lists by their length.
+
+    Empty values, and a correction of zero, are left out.
+    """
+    content = run.header.model_dump(by_alias=True, exclude_none=True)
+    rows = [(key, _text(key, value)) for key, value in flatten(content)]
+    return [(k, text) for k, text in rows if text and not _is_null_correction(k, text)]
+
+
+def _is_null_correction(key: str, text: str) -> bool:
+    return key.startswith("learning.") and text in {"0", "None"}
+
+
+def checks(run: Run) -> list[tuple[str, str, str]]:
+    """Rows of the checks before the motion: name, result, reason; a remedy where one failed."""
+    listed = [event.facts.get("checks") for event in run.events() if event.kind == PREFLIGHT]
+    return [
+        _check(item)
+        for items in listed
+        if isinstance(items, list)
+        for item in items
+        if isinstance(item, Mapping)
+    ]
+
+
+def listed_events(run: Run) -> list[tuple[str, str, str]]:
+    """Rows of events: time, kind, facts. Kinds that come with every frame are only counted."""
+    events = [event for event in run.events() if event.kind not in SHOWN_ELSEWHERE]
+    counts = Counter(event.kind for event in events)
+    rare = [event for event in events if counts[event.kind] <= FREQUENT]
+    rows = [
+        (f"{e.t:.3f}".replace("-", MINUS), event_title(e.kind), _sentence(e))
+        for e in rare[:LISTED_EVENTS]
+    ]
+    often = [(kind, n) for kind, n in counts.items() if n > FREQUENT]
+    return [*rows, *((NO_VALUE, event_title(kind), f"{n} times") for kind, n in sorted(often))]
+
+
+def left_files(run: Run) -> Rows:
+    """Table rows (file, content) for the files of a run that died before it wrote its result."""
+    notes = run.frame_index()
+    kept = sum(note.file is not None for note in notes)
+    source = TICK_STREAM if (run.folder / TICK_STREAM).exists() else "ticks.parquet"
+    return [
+        (source, f"{run.ticks.t.size} rows, {seconds(_time_span(run.ticks.t))}"),
+        ("profiles", f"of {len(run.profile.curves())} images"),
+        ("frames/", f"{len(notes)} images seen, {kept} kept"),
+        ("events.jsonl", f"{len(run.events())} events"),
+    ]
+
+
+def advice(run: Run) -> list[str]:
+    """Next steps for the operator after a run that died, a sentence each."""
+    steps = [
+        *_steps_at_the_arm(run),
+        "A motion is never resumed: start a new run.",
+        "What was measured can be used: the gap workflow reads this folder as far as it goes.",
+    ]
+    errors = [e for e in run.events() if e.kind == "fault"]
+    if errors:
+        text = f"t = {errors[-1].t:.2f} s: {_sentence(errors[-1])}"
+        steps.insert(0, f"The last fault before the end: {text}.")
+    return steps
+
+
+def _steps_at_the_arm(run: Run) -> list[str]:
+    if run.header.drivers is not None and run.header.drivers.arm == "twin":
+        return ["Nothing needs to be put right: the twin's arm ended with its process."]
+    lifted = run.ticks.t.size > 0 and float(run.ticks.z[-1]) > HEIGHT_ON_DESK
+    hand = "Open the fingers with `cell open` and lift the hand with `cell home`."
+    return [
+        "Make sure that the arm stands still; it brakes by itself when commands stop coming.",
+        *([hand] if lifted else []),
+        "Lay the strip flat again.",
+    ]
+
+
+def _check(item: Mapping[str, Any]) -> tuple[str, str, str]:
+    passed, reason = bool(item.get("passed")), str(item.get("reason", ""))
+    why = reason if passed else f"{reason}; {item.get('remedy', '')}"
+    return str(item.get("name", "")), "pass" if passed else "fail", why
+
+
+def _timing_rows(run: Run) -> Rows:
+    """Rows of the images' age and the computing time of the control loop."""
+    age, costs = image_ages(run), run.costs()
+    costs = costs[np.isfinite(costs)]
+    timing = run.header.arm_timing
+    longest = None if timing is None else f"at most {milliseconds(1e-3 * timing.longest_ms)}"
+    named = {"age of the images": age, "computing time of a control cycle": costs}
+    rows = [(name, _median_and_most(times)) for name, times in named.items() if times.size]
+    return [*rows, ("from state to state of the arm", longest)] if longest else rows
+
+
+def _median_and_most(times: Any) -> str:
+    """Text of the median of `times` (n,) [s], and of the largest."""
+    return f"{milliseconds(float(np.median(times)))}, at most {milliseconds(float(times.max()))}"
+
+
+def _time_span(t: Any) -> float:
+    return float(t[-1] - t[0]) if t.size else 0.0
+
+
+def flatten(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Keys of nested settings joined by dots, and their values, but for what is LEFT_OUT."""
+    for key, value in content.items():
+        if key in LEFT_OUT:
+            continue
+        if isinstance(value, Mapping):
+            yield from flatten(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+def _text(key: str, value: Any) -> str:
+    name = key.rpartition(".")[2]
+    if key.startswith("sigma.") and name not in SIGNAL_UNITS and isinstance(value, float):
+        return millimetres(value)
+    if isinstance(value, list | tuple):
+        joined = ", ".join(str(item) for item in value)
+        return joined if len(joined) <= LONGEST_LIST else f"{len(value)} entries"
+    return _value(name, value)
+
+
+def _sentence(event: Event) -> str:
+    if set(event.facts) == {"state", "event"}:
+        return f"{event.facts['state']}, after {str(event.facts['event']).replace('_', ' ')}"
+    return ", ".join(
+        f"{name.replace('_', ' ')} {_value(name, value)}" for name, value in event.facts.items()
+    )
+
+
+def _value(name: str, value: Any) -> str:
+    if isinstance(value, dict):
+        return " ".join(f"{key.replace('_', ' ')} {_value(key, v)}" for key, v in value.items())
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        text = str(value)
+        return text if len(text) <= LONGEST_TEXT else f"{text[: LONGEST_TEXT - 3]}..."
+    if name in LENGTH_NAMES:
+        return millimetres(value, signed=name in SIGNED)
+    digits = ".3g" if isinstance(value, float) else ""
+    return f"{value:{digits}} {SIGNAL_UNITS.get(name, '')}".strip()

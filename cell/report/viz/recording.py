@@ -8,7 +8,7 @@ import os
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -51,6 +51,7 @@ SEEN_SIGNALS = {"along/contact_x": CONTACT_RGBA, "along/tip_x": TIP_RGBA, "above
 SEEN_SIGNALS |= {"above/gap": SEEN_RGBA}
 OUTLOOK_SIGNALS = {f"outlook/{name}": MODEL_RGBA for name in COLUMN_NAMES}
 OUTLOOK_SIGNALS["outlook/displacement"] = SEEN_RGBA
+SIGNALS = (HAND_SIGNALS, SEEN_SIGNALS, OUTLOOK_SIGNALS)  # colours by name; those of a tick first
 # mm, ms, 1/m
 SIGNAL_SCALES = {name: 1.0 if "yield_curvature" in name else MM for name in OUTLOOK_SIGNALS}
 STATE_COLOURS = {state: int(shade[1:] + "ff", 16) for state, shade in STATE_SHADES.items()}
@@ -152,9 +153,7 @@ class Screen:
         self._to = recording
         self._calibration = calibration
         self._shadow = None if strip is None else Shadow(strip)
-        self._rows: list[tuple[float, int, list[float]]] = []
-        self._seen: list[tuple[float, int, list[float]]] = []
-        self._ahead: list[tuple[float, int, list[float]]] = []
+        self._rows: list[list[tuple[float, int, list[float]]]] = [[] for _ in SIGNALS]
         self._track: list[Array] = []
         self._state: tuple[str, bool] = ("", False)
         self._log_surroundings(1.0 if strip is None else strip.length)
@@ -184,16 +183,24 @@ class Screen:
         if tick.measurement is not None:
             self._draw_measurement(tick, tick.measurement)
         if tick.outlook is not None:
-            self._ahead.append((tick.t, tick.tick, tick.outlook.tolist()))
+            self._buffer(tick, OUTLOOK_SIGNALS, tick.outlook.tolist())
         self._draw_motion(tick)
 
     def finish(self) -> None:
         """Send the buffered signals."""
-        rows, seen, ahead = self._rows, self._seen, self._ahead
-        self._rows, self._seen, self._ahead = [], [], []
-        self._send(rows, HAND_SIGNALS)
-        self._send(seen, SEEN_SIGNALS)
-        self._send(ahead, OUTLOOK_SIGNALS)
+        for rows, names in zip(self._rows, SIGNALS, strict=True):
+            if not rows:
+                continue
+            t, ticks, values = zip(*rows, strict=True)
+            rows.clear()
+            times = [rr.TimeColumn("t", duration=t), rr.TimeColumn("tick", sequence=ticks)]
+            for name, signal in zip(names, np.array(values).T, strict=True):
+                columns = rr.Scalars.columns(scalars=SIGNAL_SCALES.get(name, MM) * signal)
+                self._to.send_columns(f"signals/{name}", times, columns)
+
+    def _buffer(self, tick: TickView, names: dict[str, int], values: list[float]) -> None:
+        """Keep `values` of the signals `names` at a tick until they are sent."""
+        self._rows[SIGNALS.index(names)].append((tick.t, tick.tick, values))
 
     def log_verdict(self, run: Run) -> None:
         """Add the verdict on `run`."""
@@ -225,15 +232,6 @@ class Screen:
             rr.VideoFrameReference.columns_nanos(taken[[note.film for note in shown]]),
         )
 
-    def _send(self, rows: list[tuple[float, int, list[float]]], names: Iterable[str]) -> None:
-        if not rows:
-            return
-        t, ticks, values = zip(*rows, strict=True)
-        times = [rr.TimeColumn("t", duration=t), rr.TimeColumn("tick", sequence=ticks)]
-        for name, signal in zip(names, np.array(values).T, strict=True):
-            columns = rr.Scalars.columns(scalars=SIGNAL_SCALES.get(name, MM) * signal)
-            self._to.send_columns(f"signals/{name}", times, columns)
-
     def _log_surroundings(self, length: float) -> None:
         desk = [MM * np.array([(-0.1, 0.0), (length + 0.15, 0.0)])]
         self._to.log("desk", rr.LineStrips2D(desk, colors=0x8A9099FF, radii=1.0), static=True)
@@ -255,9 +253,8 @@ class Screen:
             self._to.set_time("tick", sequence=item.tick)
 
     def _draw_measurement(self, moment: TickView, measurement: StripMeasurement) -> None:
-        self._seen.append(
-            (moment.t, moment.tick, [measurement.contact_x, *measurement.tip, measurement.gap])
-        )
+        values = [measurement.contact_x, *measurement.tip, measurement.gap]
+        self._buffer(moment, SEEN_SIGNALS, values)
         self._to.log("strip/measured", _curve(measurement.profile, SEEN_RGBA, 2.0))
 
     def _draw_overlay(self, measurement: StripMeasurement, calibration: Calibration) -> None:
@@ -273,13 +270,13 @@ class Screen:
 
     def _draw_motion(self, moment: TickView) -> None:
         x, z = float(moment.pose[0]), float(moment.pose[1])
-        self._rows.append((moment.t, moment.tick, [x, z]))
+        self._buffer(moment, HAND_SIGNALS, [x, z])
         shape = NO_SHAPE if self._shadow is None else self._shadow.follow(moment.t, moment.pose)
         if moment.tick % TICKS_BETWEEN_POSES == 0:
             self._track.append(TO_VIEW * (x, z))
             self._to.log("gripper", rr.Points2D([TO_VIEW * (x, z)], colors=HAND_RGBA, radii=6.0))
             self._to.log("strip/twin", _curve(shape, MODEL_RGBA, 1.2))
-        if len(self._rows) >= BATCH_TICKS:
+        if len(self._rows[0]) >= BATCH_TICKS:
             track = rr.LineStrips2D([self._track], colors=HAND_RGBA, radii=0.8)
             self._to.log("gripper/path", track)
             self.finish()

@@ -22,8 +22,7 @@ from cell.record.run import read_run
 from cell.record.stream import Tick
 from cell.record.writer import RunWriter
 from cell.report.calibration_page import write_calibration_report
-from cell.report.facts import advice
-from cell.report.page import report, write_report
+from cell.report.page import advice, report, write_report
 from cell.report.runs_page import write_comparison, write_runs_page
 from cell.report.verdict import verdict_of
 from drivers.types import Frame
