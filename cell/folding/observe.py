@@ -23,8 +23,7 @@ from cell.perception.settings import PerceptionSettings
 from cell.record.documents import write_document
 from cell.record.files import CALIBRATION, OVERLAY, RESULT, RUN
 from cell.record.film import Film, FilmWriter
-from cell.record.stream import SIGHT_ROWS
-from cell.record.tables import Tables, place_contacts, profile_table, write_tables
+from cell.record.tables import SIGHT_ROWS, Tables, place_contacts, profile_table, write_tables
 from cell.record.writer import sight_row
 from cell.report.overlay import draw_sight
 from drivers.errors import ConfigurationError

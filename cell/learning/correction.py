@@ -30,14 +30,6 @@ class Correctable(Protocol):
         """From the next `reset` on add `seen` [m] to predictions for images, `unseen` for truth."""
 
 
-def correct(policy: Policy, seen: float, unseen: float) -> bool:
-    """Correct `policy` by the biases `seen` and `unseen` [m]; returns whether it can be."""
-    if not isinstance(policy, Correctable):
-        return False
-    policy.correct(seen, unseen)
-    return True
-
-
 @dataclass(frozen=True, slots=True)
 class Subject:
     """Subject of a learned bias: a policy with its weights, a fabric, one specimen of it."""
@@ -68,7 +60,10 @@ class Correction:
 
     def apply(self, policy: Policy) -> "Correction | None":
         """Correct `policy` and return this correction; None where it does not steer by a model."""
-        return self if correct(policy, self.seen, self.unseen) else None
+        if not isinstance(policy, Correctable):
+            return None
+        policy.correct(self.seen, self.unseen)
+        return self
 
     def facts(self) -> dict[str, Any]:
         """Entry `learning` of run.yaml: the amounts [m] of this correction and its bias."""

@@ -6,7 +6,7 @@ from typing import Any
 from cell.orchestrator.snapshot import Snapshot
 from cell.perception.measurement import StripMeasurement
 from cell.record.events import LIFT, ORIGIN
-from cell.record.stream import Tick
+from cell.record.tables import Tick
 from cell.record.writer import RunWriter
 from drivers.types import Array, Frame
 from policies.policy import Decision

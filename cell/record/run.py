@@ -29,8 +29,7 @@ from cell.record.files import (
 )
 from cell.record.frames import FrameNote, read_frame, read_index
 from cell.record.header import Header, Result
-from cell.record.stream import TICK_ROWS, read_stream
-from cell.record.tables import Tables, assemble
+from cell.record.tables import TICK_ROWS, Tables, assemble, read_stream
 from drivers.errors import ConfigurationError
 from drivers.readers import read_parquet
 from drivers.settings import load

@@ -15,8 +15,16 @@ from cell.record.files import EVENTS, JOINTS, RESULT, RUN, SIGHT_STREAM, TICK_ST
 from cell.record.film import Encoder
 from cell.record.frames import FrameWriter
 from cell.record.header import Header, Result
-from cell.record.stream import SIGHT_ROWS, TICK_ROWS, StreamFile, Tick
-from cell.record.tables import assemble, joint_table, write_parquet, write_tables
+from cell.record.tables import (
+    SIGHT_ROWS,
+    TICK_ROWS,
+    StreamFile,
+    Tick,
+    assemble,
+    joint_table,
+    write_parquet,
+    write_tables,
+)
 from drivers.errors import ConfigurationError, Fault
 from drivers.files import new_file, write_all
 from drivers.readers import SCHEMA

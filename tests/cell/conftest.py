@@ -13,7 +13,7 @@ from calibration.homography import Homography
 from calibration.lens import Lens
 from cell.perception.measurement import StripMeasurement
 from cell.record.files import CALIBRATION, Keep
-from cell.record.stream import Tick
+from cell.record.tables import Tick
 from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
 from drivers.types import Array, Frame, Image

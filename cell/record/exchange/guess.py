@@ -94,13 +94,14 @@ def guess_mapping(places: Sequence[Path], strip: StripFile | None) -> str:
     source = next(each for place in places for each in sources_in(place))
     tables = {file: _columns(source, file) for file in source.names}
     paths = {file: table for file, table in tables.items() if {"t", "x", "z"} <= table.keys()}
-    series = [file for file, table in paths.items() if _increases(table["t"].values)]
+    clocks = {file: table["t"].values for file, table in paths.items()}
+    series = [file for file, t in clocks.items() if len(t) > 1 and (np.diff(t) > 0).all()]
     if not series:
         raise ConfigurationError(
             f"{source.path}: no table holds time, x and z of the gripper by names such as t, x, z "
             "in rows whose times increase; name its columns so, or write the mapping"
         )
-    file = max(series, key=lambda name: len(paths[name]["t"].values))
+    file = max(series, key=lambda name: len(clocks[name]))
     ticks = {quantity: paths[file][quantity] for quantity in TYPICAL if quantity in paths[file]}
     _guess_ticks(ticks, strip)
     sections: dict[str, tuple[str, Guesses]] = {"ticks": (file, ticks)}
@@ -151,10 +152,6 @@ def _quantity(words: Sequence[str]) -> str:
     if held != "f_":
         return held
     return next((f"f_{axis}" for axis in "xz" if {*words} & {axis, f"f{axis}"}), "")
-
-
-def _increases(t: Array) -> bool:
-    return len(t) > 1 and bool((np.diff(t) > 0).all())
 
 
 def _units(quantity: str) -> Mapping[str, float]:

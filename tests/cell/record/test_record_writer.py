@@ -10,7 +10,7 @@ import pytest
 
 from cell.record import frames
 from cell.record.run import read_run
-from cell.record.stream import Tick
+from cell.record.tables import Tick
 from cell.record.writer import RunWriter
 from drivers.errors import ConfigurationError, Fault
 from drivers.types import Frame
@@ -32,7 +32,7 @@ def test_killed_process_leaves_every_row_it_wrote(tmp_path):
     script = f"""
 import os, signal
 from pathlib import Path
-from cell.record.stream import Tick
+from cell.record.tables import Tick
 from cell.record.writer import RunWriter
 writer = RunWriter.create(Path({str(tmp_path)!r}), {HEADER!r}, "none")
 for k in range(200):
@@ -123,7 +123,7 @@ def test_disk_that_fills_up_stops_the_run_and_keeps_what_it_took(tmp_path):
     script = f"""
 import resource, signal
 from pathlib import Path
-from cell.record.stream import Tick
+from cell.record.tables import Tick
 from cell.record.writer import RunWriter
 from drivers.errors import Fault
 writer = RunWriter.create(Path({str(tmp_path)!r}), {HEADER!r}, "none")

@@ -14,7 +14,7 @@ from cell.benchmark.page import page_of
 from cell.gap.report.page import write_report as write_gap_report
 from cell.record.listing import list_runs
 from cell.record.run import read_run
-from cell.record.stream import Tick
+from cell.record.tables import Tick
 from cell.record.writer import RunWriter
 from cell.report.calibration_page import write_calibration_report
 from cell.report.page import write_report

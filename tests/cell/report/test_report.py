@@ -19,7 +19,7 @@ from cell.cli.app import app
 from cell.record.files import EVENTS
 from cell.record.listing import read_row
 from cell.record.run import read_run
-from cell.record.stream import Tick
+from cell.record.tables import Tick
 from cell.record.writer import RunWriter
 from cell.report.calibration_page import write_calibration_report
 from cell.report.page import advice, report, write_report
