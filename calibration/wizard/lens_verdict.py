@@ -28,8 +28,8 @@ class Bow:
     sigma_mm: float
 
 
-def bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
-    """The bow of the board in `views` through `lens`, which was fitted as if it were flat.
+def estimate_bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
+    """Estimate the bow of the board in `views` through `lens`, fitted as if it were flat.
 
     `outline` (4, 2) [m] are the corners of its pattern.
 
@@ -181,7 +181,7 @@ def lens_verdict(
     split = abs(float(one.matrix[0, 0] - other.matrix[0, 0])) / focal
     bend = _largest_difference(one, other)
     depth = float(np.median([view.depth(fit.lens) for view in ordered]))
-    bent = bow(ordered, fit.lens, settings.outline())
+    bent = estimate_bow(ordered, fit.lens, settings.outline())
     gates = coverage(ordered, fit.lens, settings)
     bow_reasons = _bow_reasons(bent, settings)
     found = (

@@ -37,7 +37,6 @@ from calibration.wizard.session import (
 from calibration.wizard.touch_verdict import CheckVerdict, MapVerdict, check_verdict, judge_map
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import check_plan
-from cell.calibrating.keyboard import TwinOperator
 from cell.config.cell import CellFile
 from cell.devices.devices import CalibrationAids, Devices, DeviceSelection
 from cell.devices.open import NO_STRIP, open_cell
@@ -54,6 +53,8 @@ PERIOD = 0.1  # s between processed images
 STALL_TIMEOUT = 2.0  # s without an image after which the camera counts as stalled
 ROS, OPENCV = "camera_info.yaml", "opencv.yaml"
 CALIBRATION_FILE, POSES_FILE, LANDMARKS_FILE = "calibration.yaml", "poses.yaml", "landmarks.yaml"
+
+POINTER = frozenset({Ask.POINTER_IN, Ask.POINTER_OUT})
 
 Source = Callable[[WantedView], Frame]
 Interruption = Callable[[], bool]
@@ -229,6 +230,21 @@ def refit_homography(
     if out is not None:
         _keep_map(out, verdict)
     return verdict
+
+
+class TwinOperator:
+    """Operator of the twin with simulated hands; `person` confirms each step before it is done."""
+
+    def __init__(self, aids: CalibrationAids, person: Operator) -> None:
+        self._aids = aids
+        self._person = person
+
+    def answer(self, question: Question) -> Answer | None:
+        """Ask the person; an answer on the pointer mounts it on the twin, or removes it."""
+        answer = self._person.answer(question)
+        if answer is not None and question.ask in POINTER:
+            self._aids.hold_pointer(question.ask is Ask.POINTER_IN)
+        return answer
 
 
 def calibrate_now(settings: CellFile, interrupted: Interruption) -> Calibration:

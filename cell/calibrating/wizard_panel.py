@@ -1,11 +1,15 @@
 """Terminal of a wizard: next step and its reason, coverage, single keys, and Ctrl-C."""
 
+import os
+import select
 import sys
+import termios
+import tty
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import Self, TextIO
 
 import cv2
 import numpy as np
@@ -20,11 +24,17 @@ from calibration.wizard.coverage import Gate, Sketch
 from calibration.wizard.progress import Observer, PlannedPoint, Progress
 from calibration.wizard.session import ROWS_FILE, read_rows
 from calibration.wizard.verdict import Level, Line
-from cell.calibrating.keyboard import Keyboard, Keys, TwinOperator, single_keys
-from cell.calibrating.wizard import Wizard
+from cell.calibrating.wizard import POINTER, TwinOperator, Wizard
 from cell.config.cell import CellFile
 from cell.devices.devices import Devices
-from cell.orchestrator.operator import Interrupt, Interrupted, Operator, Unattended
+from cell.orchestrator.operator import (
+    Answer,
+    Interrupt,
+    Interrupted,
+    Operator,
+    Question,
+    Unattended,
+)
 from cell.report.words import plural
 from drivers.types import Array
 
@@ -176,6 +186,111 @@ def points_map(plan: Sequence[PlannedPoint]) -> RenderableType:
 def print_verdict(lines: Iterable[Line]) -> None:
     """Print the `lines` of a verdict, in colour where the terminal supports it."""
     Console(highlight=False, soft_wrap=True).print(verdict_text(lines), end="")
+
+
+CTRL_D = "\x04"  # Ctrl-D, which a terminal that sends single keys passes on as a character
+ENTER = "\n"
+KEY_HELP = "Enter go on | s leave out | r the last one again | a go on alone"
+POLL_INTERVAL = 0.1  # s between looks at Ctrl-C
+ALONE = "a"
+ANSWERS = {ENTER: Answer.GO, ALONE: Answer.GO, "s": Answer.SKIP, "r": Answer.AGAIN}
+
+
+class Keys:
+    """Reader of keys from `stream`: single ones within `single_keys`, else whole lines."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._number = _descriptor(stream)
+        self._line = b""
+
+    def read(self, seconds: float) -> str | None:
+        """Next key in lower case, ENTER, or CTRL_D at the end; None if none comes in `seconds`."""
+        number = self._number
+        if number is None:
+            return CTRL_D
+        while select.select([number], [], [], seconds)[0]:
+            byte = os.read(number, 1)
+            self._line += byte
+            if byte in {b"", b"\n"} or _is_single(number):
+                typed, self._line = self._line.decode(errors="replace"), b""
+                return CTRL_D if typed in {"", CTRL_D} else typed.strip().lower() or ENTER
+        return None
+
+
+@contextmanager
+def single_keys(stream: TextIO) -> Iterator[None]:
+    """Within the block, let a terminal at `stream` pass on each key as it is typed."""
+    number = _descriptor(stream)
+    if number is None or not os.isatty(number):
+        yield
+        return
+    before = termios.tcgetattr(number)
+    try:
+        tty.setcbreak(number, termios.TCSANOW)
+        yield
+    finally:
+        termios.tcsetattr(number, termios.TCSADRAIN, before)
+
+
+def _descriptor(stream: TextIO) -> int | None:
+    """File descriptor of `stream`; None for text in memory."""
+    try:
+        return stream.fileno()
+    except (OSError, ValueError):
+        return None
+
+
+def _is_single(number: int) -> bool:
+    """Whether `number` is a terminal that passes on single keys."""
+    return os.isatty(number) and not termios.tcgetattr(number)[3] & termios.ICANON
+
+
+class Keyboard:
+    """Operator at a terminal: Enter continues, s skips, r repeats, a continues without questions.
+
+    Questions on the pointer are asked even then: only a person knows that no hand is in the way.
+    On the twin, whose time stands still, it `waits` for a key until `interrupted`; on hardware it
+    polls, and the arm stays monitored.
+    """
+
+    def __init__(
+        self,
+        keys: Keys,
+        prompt: Callable[[str], None],
+        *,
+        waits: bool,
+        interrupted: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self._keys = keys
+        self._prompt = prompt
+        self._waits = waits
+        self._interrupted = interrupted
+        self._asked: Question | None = None
+        self._alone = False
+
+    def answer(self, question: Question) -> Answer | None:
+        """Answer to `question`; None until a key was typed, or when interrupted.
+
+        Raises Interrupted at the end of the input.
+        """
+        if self._alone and question.ask not in POINTER:
+            return Answer.GO
+        if question != self._asked:
+            self._asked = question
+            self._prompt(f"{question.words}  [{KEY_HELP}]")
+        while not self._interrupted():
+            key = self._keys.read(POLL_INTERVAL if self._waits else 0.0)
+            if key is None and not self._waits:
+                return None
+            if key == CTRL_D:
+                raise Interrupted("the input has ended: nobody answers at the cell")
+            if key in ANSWERS:
+                self._asked, self._alone = None, self._alone or key == ALONE
+                self._prompt("")
+                return ANSWERS[key]
+            if key is not None:
+                self._prompt(f"{question.words}  [{key!r} is no key here; {KEY_HELP}]")
+        return None
 
 
 @dataclass(slots=True)

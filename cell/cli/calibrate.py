@@ -302,7 +302,7 @@ def _use_calibration(configs: Path | None, made: "Calibration", place: Path | No
 
 
 def _print_board(settings: "CellFile", path: Path) -> None:
-    from calibration.wizard.board_print import print_board
+    from calibration.board import print_board
 
     sheet = print_board(settings.boards, path)
     sys.stdout.write(

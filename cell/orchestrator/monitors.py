@@ -103,7 +103,7 @@ def _image_frozen(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _reader_dead(snapshot: Snapshot, _: Rules) -> str | None:
-    return snapshot.view.dead or None
+    return snapshot.view.reader_failure or None
 
 
 def _reading_overdue(snapshot: Snapshot, rules: Rules) -> str | None:

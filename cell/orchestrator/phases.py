@@ -80,8 +80,8 @@ def _inspect(
     """
     sight.submit(ImageTask(picture.frame), picture.time)
     while not isinstance(checks := sight.result(), tuple):
-        if sight.dead:
-            raise Fault("image_reader_dead", sight.dead)
+        if sight.failure:
+            raise Fault("image_reader_dead", sight.failure)
         yield Hold()
     return checks
 

@@ -49,10 +49,10 @@ class View:
     successive images that equal it byte for byte although the gripper moved. `measurement` is the
     last one, and `read` whether it is new on this tick; `touch` is the detected layer_touch,
     `doubtful_since` when confidence fell below its limit, None while it is good. `reading_since` is
-    when the measurement in progress began, `dead` why no image is measured any more. `shift` [m] is
-    the camera's apparent motion since the preflight, `moved` the number of successive images with
-    one. `stale_since` is when the newest image became too old to move by, else None. `resting` [m]
-    is the distance between layers that rest without a touch.
+    when the measurement in progress began, `reader_failure` why no image is measured any more.
+    `shift` [m] is the apparent motion of the camera since the preflight, `moved` the number of
+    successive images with one. `stale_since` is when the newest image became too old to move by,
+    else None. `resting` [m] is the distance between layers that rest without a touch.
     """
 
     frame: Frame | None = None
@@ -63,7 +63,7 @@ class View:
     doubtful_since: float | None = None
     read: bool = False
     reading_since: float | None = None
-    dead: str = ""
+    reader_failure: str = ""
     shift: float = nan
     moved: int = 0
     stale_since: float | None = None
@@ -87,7 +87,9 @@ class Vision:
         self._view = replace(self._view, fresh=fresh, read=False)
         self._read(state, now, arm, reader)
         if reader is not None:
-            self._view = replace(self._view, reading_since=reader.busy_since, dead=reader.dead)
+            self._view = replace(
+                self._view, reading_since=reader.busy_since, reader_failure=reader.failure
+            )
         frame, since = self._view.frame, self._view.stale_since
         stale = frame is not None and now - frame.stamp > self._limits.image_age
         if stale != (since is not None):
@@ -110,7 +112,7 @@ class Vision:
         """Finish the measurement in progress if it is ready, and begin that of the newest frame."""
         if self._waiting is not None and reader is None:
             raise Fault("no_perception", "a frame came before the preflight image was accepted")
-        while reader is not None and not reader.dead:
+        while reader is not None and not reader.failure:
             if self._waiting is not None and reader.busy_since is None:
                 frame, self._waiting = self._waiting.restamp(-reader.latency), None
                 gripper, touches = arm.pose_at(frame.stamp), state is not State.LIFT

@@ -16,7 +16,7 @@ from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
-from policies.prediction import Estimate, FoldPrediction
+from policies.prediction import FoldPrediction
 from policies.profile import POINTS, profiles
 
 BINS = 12  # of time, in which the noise of the images averages out
@@ -165,8 +165,10 @@ def agreement(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -
 def _fit_strip(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -> Agreement | None:
     """Gauss-Newton fit of the rod's three parameters to the binned profiles of `fold`."""
     measured = fold.bin_curves(fold.profile)
-    prior = _parameters(predicted)
-    sigma = np.maximum(_sigmas(predicted), SMALLEST_SIGMA)
+    known = predicted.bending_length, predicted.retardation_time, predicted.yield_curvature
+    prior = _unknowns(*(estimate.value for estimate in known))
+    low, high = (_unknowns(*(getattr(e, end) for e in known)) for end in ("low", "high"))
+    sigma = np.maximum(0.5 * (high - low), SMALLEST_SIGMA)  # half of each predicted interval
     at, residual = prior, np.nan
     for _ in range(PASSES):
         steps = at + np.diag(GRADIENT_STEPS)  # (3, 3): each parameter changed by its step
@@ -174,10 +176,10 @@ def _fit_strip(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) 
         if curves is None:
             return None
         design, off = _design(curves, fold.spacing), measured - curves[0]
-        known = np.isfinite(off).all(axis=(1, 2)) & np.isfinite(design).all(axis=(1, 2, 3))
-        if not known.any():
+        valid = np.isfinite(off).all(axis=(1, 2)) & np.isfinite(design).all(axis=(1, 2, 3))
+        if not valid.any():
             return None
-        change, left = _solve(design[known], off[known], at - prior, sigma)
+        change, left = _solve(design[valid], off[valid], at - prior, sigma)
         residual = float(np.sqrt(max((left**2).sum(axis=-1).mean() - fold.noise**2, 0.0)))
         at = at + np.clip(change, -3.0 * sigma, 3.0 * sigma)
         at[2] = max(at[2], 0.0)  # friction is not negative
@@ -250,21 +252,9 @@ def _model(strip: StripFile, at: Array) -> StripModel:
     return describe(strip.model_copy(update={**changed, "effects": effects}))
 
 
-def _parameters(predicted: FoldPrediction) -> Array:
-    """The fit's parameters (3,): ln length, ln time, ln(1 + y / YIELD_UNIT)."""
-    friction = np.log1p(predicted.yield_curvature.value / YIELD_UNIT)
-    lengths = predicted.bending_length.value, predicted.retardation_time.value
-    return np.array([*np.log(lengths), friction])
+def _unknowns(length: float, time: float, friction: float) -> Array:
+    """The fit's parameters (3,) of a bending length [m], a retardation time [s] and friction [1/m].
 
-
-def _sigmas(predicted: FoldPrediction) -> Array:
-    """Standard deviations (3,) of the fit's parameters: half of each predicted interval."""
-    friction = predicted.yield_curvature
-    low, high = (np.log1p(value / YIELD_UNIT) for value in (friction.low, friction.high))
-    length = _log_half_width(predicted.bending_length)
-    time = _log_half_width(predicted.retardation_time)
-    return np.array([length, time, 0.5 * (high - low)])
-
-
-def _log_half_width(estimate: Estimate) -> float:
-    return 0.5 * float(np.log(estimate.high / estimate.low))
+    ln length, ln time, ln(1 + friction / YIELD_UNIT).
+    """
+    return np.array([np.log(length), np.log(time), np.log1p(friction / YIELD_UNIT)])

@@ -132,9 +132,9 @@ class CameraWatch:
         found = np.isfinite(moved[:, 0])
         if np.count_nonzero(found) < FEWEST_PATCHES:
             return NAN
-        way, weights = moved[found], self.weights[found]
-        common = np.array([_median(part, weights) for part in way.T])
-        alike = np.hypot(*(way - common).T) <= ALONG
+        shifts, weights = moved[found], self.weights[found]
+        common = np.quantile(shifts, 0.5, axis=0, weights=weights, method="inverted_cdf")
+        alike = np.hypot(*(shifts - common).T) <= ALONG
         if np.count_nonzero(alike) < FEWEST_PATCHES or 2 * weights[alike].sum() <= weights.sum():
             return NAN
         here = self.corners[found][:1]
@@ -182,13 +182,6 @@ def _deviation(grey: Image, noise: float) -> Array:
     least = (xx + zz) / 2 - np.hypot((xx - zz) / 2, xz)
     flat = float(np.median(least))  # of noise alone
     return np.asarray(noise / np.sqrt(np.maximum(least - flat, 1e-6)), dtype=np.float64)
-
-
-def _median(values: Array, weights: Array) -> float:
-    """Weighted median of `values` (n,)."""
-    order = np.argsort(values)
-    share = np.cumsum(weights[order])
-    return float(values[order[np.searchsorted(share, share[-1] / 2)]])
 
 
 def _find(window: Image, patch: Image) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
-from cell.perception.kernels import LEVEL_SPAN, ZERO_LEVEL, share
+from cell.perception.kernels import LEVEL_SPAN, ZERO_LEVEL, strip_share
 from cell.perception.scene import Appearance
 from drivers.strip.shape import LYING_LENGTH
 from drivers.types import Array, Image
@@ -67,7 +67,7 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
     desk = _sample(levels, line.front - origin)
     if (desk > HALF_LEVEL).mean() > 0.5:  # all looks like strip
         return Contact(float("nan"), 0.0)
-    along = share(_average(_sample(levels, line.pixels - origin)))
+    along = strip_share(_average(_sample(levels, line.pixels - origin)))
     strip = along > 0.5
     ends = _ends(strip)
     if len(ends) == 0 or not strip[: len(strip) // 8].any():

@@ -10,7 +10,7 @@ import numpy as np
 from calibration.calibration import Calibration
 from cell.perception.measurement import StripMeasurement
 from cell.perception.perception import Perception
-from cell.perception.resting import pixels, samples
+from cell.perception.resting import sample_rectangle, sample_scene
 from cell.perception.scene import Appearance, colour_distances
 from cell.perception.settings import PerceptionSettings
 from drivers.geometry import arc_lengths
@@ -60,8 +60,8 @@ class Clip:
         """Learn the clip at the end of `strip`, at rest in `image` (h, w, 3); None without one."""
         end = np.array([strip.length, 0.0])
         span, height = FACE
-        held = pixels(image, calibration, (end[0] + span[0], end[0] + span[1]), height)
-        colour, seen = np.median(held, axis=0), samples(image, calibration, strip)
+        held = sample_rectangle(image, calibration, (end[0] + span[0], end[0] + span[1]), height)
+        colour, seen = np.median(held, axis=0), sample_scene(image, calibration, strip)
         around = np.stack([np.median(seen.strip, axis=0), seen.desk_colour])
         if colour_distances(around, colour[None]).min() < APART:
             return None

@@ -57,13 +57,13 @@ class StripInputs:
 
 
 class Measurer:
-    """Measures the strip of `subject` once `inspect` has accepted an image of it."""
+    """Measures the strip of `inputs` once `inspect` has accepted an image of it."""
 
-    def __init__(self, subject: StripInputs) -> None:
-        self._known = subject.calibration, subject.settings, subject.strip
+    def __init__(self, inputs: StripInputs) -> None:
+        self._known = inputs.calibration, inputs.settings, inputs.strip
         self._perception: Perception | None = None
         self._camera: CameraWatch | None = None
-        self._touch = LayerTouch(subject.settings, subject.strip)
+        self._touch = LayerTouch(inputs.settings, inputs.strip)
 
     def inspect(self, frame: Frame) -> tuple[PreflightCheck, ...]:
         """Check the image taken before the grasp, and store the strip's colours for `look`."""
@@ -102,11 +102,11 @@ class ImageTask:
     gripper: Pose | None = None
     touches: bool = False
 
-    def answer(self, sight: Measurer) -> Answer:
-        """Results by `sight`, or the checks before the grasp."""
+    def answer(self, measurer: Measurer) -> Answer:
+        """Results by `measurer`, or the checks before the grasp."""
         if self.gripper is None:
-            return sight.inspect(self.frame)
-        return sight.look(self.frame, self.gripper, touches=self.touches)
+            return measurer.inspect(self.frame)
+        return measurer.look(self.frame, self.gripper, touches=self.touches)
 
 
 class Reader(Protocol):
@@ -120,7 +120,7 @@ class Reader(Protocol):
         """Time [s] at which the image in progress was submitted; None while idle."""
 
     @property
-    def dead(self) -> str:
+    def failure(self) -> str:
         """Reason why no more images are measured; empty while the reader works."""
 
     def submit(self, request: ImageTask, now: float) -> None:
@@ -137,15 +137,15 @@ class InlineReader:
     """Measures images within the control loop's cycle, for runs on a virtual clock."""
 
     busy_since: float | None = None
-    dead = ""
+    failure = ""
 
-    def __init__(self, sight: Measurer, latency: float) -> None:
-        self._sight, self.latency = sight, latency
+    def __init__(self, measurer: Measurer, latency: float) -> None:
+        self._measurer, self.latency = measurer, latency
         self._result: Answer | None = None
 
     def submit(self, request: ImageTask, now: float) -> None:  # noqa: ARG002
         """Carry out `request`."""
-        self._result = request.answer(self._sight)
+        self._result = request.answer(self._measurer)
 
     def result(self) -> Answer | None:
         """Answer to the last request, returned once."""
@@ -157,18 +157,18 @@ class ProcessReader:
     """Measures images in a separate process, for runs on the wall clock.
 
     The process is given one image at a time, in shared memory. Nothing waits for it: one that hangs
-    keeps its answer, and one that dies is `dead`.
+    keeps its answer, and one that dies states its `failure`.
     """
 
-    def __init__(self, subject: StripInputs, maker: Maker = Measurer) -> None:
+    def __init__(self, inputs: StripInputs, maker: Maker = Measurer) -> None:
         """Start the process; raises Fault `image_reader_dead` where it does not start in time."""
-        lens = subject.calibration.lens
+        lens = inputs.calibration.lens
         self._shape = lens.height, lens.width, 3
-        self.latency = subject.calibration.latency
+        self.latency = inputs.calibration.latency
         self.busy_since: float | None = None
-        self.dead = ""
+        self.failure = ""
         self._image = SharedImage()
-        self._child = Child(read_images, subject, maker, self._shape, self._image)
+        self._child = Child(read_images, inputs, maker, self._shape, self._image)
         try:
             reason = "" if self._child.receive(START_TIMEOUT) else "it does not answer"
         except ChildDied as died:
@@ -196,19 +196,19 @@ class ProcessReader:
         self._child.send(replace(request, frame=replace(request.frame, image=NO_IMAGE)))
 
     def result(self) -> Answer | None:
-        """Answer to the last request, returned once; None until it is ready, or once `dead`."""
-        if self.dead:
+        """Answer to the last request, returned once; None until it is ready, after a `failure`."""
+        if self.failure:
             return None
         ends = self._child.ends  # read first, so that its last message is still received
         try:
             answer: Answer | None = self._child.receive(0.0)
         except ChildDied as died:
-            self.dead = ENDED if died.failure is None else str(died)
+            self.failure = ENDED if died.failure is None else str(died)
             return None
         if answer is not None:
             self.busy_since = None
         elif ends:
-            self.dead = ENDED
+            self.failure = ENDED
         return answer
 
     def close(self) -> None:
@@ -218,18 +218,18 @@ class ProcessReader:
 
 
 def read_images(
-    pipe: Connection, subject: StripInputs, maker: Maker, shape: tuple[int, ...], image: SharedImage
+    pipe: Connection, inputs: StripInputs, maker: Maker, shape: tuple[int, ...], image: SharedImage
 ) -> None:
     """Run in the process: answer each request until the other end closes `pipe`."""
     _raise_priority()
     cv2.setNumThreads(1)
-    sight = maker(subject)
+    measurer = maker(inputs)
     gc.freeze()
     pipe.send(True)  # it can be given an image
     while True:
-        asked: ImageTask = pipe.recv()
-        frame = replace(asked.frame, image=image.read(shape))
-        pipe.send(replace(asked, frame=frame).answer(sight))
+        task: ImageTask = pipe.recv()
+        frame = replace(task.frame, image=image.read(shape))
+        pipe.send(replace(task, frame=frame).answer(measurer))
 
 
 def _raise_priority() -> None:

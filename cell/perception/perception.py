@@ -7,9 +7,9 @@ import numpy as np
 
 from calibration.calibration import Calibration
 from cell.perception.contact import Contact, SearchLine, find_contact
-from cell.perception.kernels import CELL_PX, PATCH_PX, soft
+from cell.perception.kernels import CELL_PX, PATCH_PX, smooth_matte
 from cell.perception.measurement import StripMeasurement
-from cell.perception.profile import Geometry, midline_points, order_points, resample
+from cell.perception.profile import Geometry, midline_points, resample
 from cell.perception.region import (
     STRIP_START,
     Region,
@@ -117,7 +117,7 @@ class Perception:
             side = 2 * round(around / self._sizes.scale) + 1
             visible = cv2.erode(visible, np.ones((side, side), np.uint8))
         levels, region = self._scene.levels(frame.image, region, visible)
-        return levels, soft(levels), region
+        return levels, smooth_matte(levels), region
 
     def _mask(self, smooth: Image, region: Region) -> Image:
         zone, high = region.of(self._zone), region.of(self._above_shadow)
@@ -137,8 +137,7 @@ class Perception:
         geometry = Geometry(
             self._calibration, self._strip.thickness, self._strip.width, region.origin, self._sizes
         )
-        midline = midline_points(levels, side, geometry)
-        points = order_points(midline, self._settings.spacing)
+        points, visible = midline_points(levels, side, geometry, self._settings.spacing)
         lifted = points[_first_lifted(points, contact.x) :]
         if len(lifted) < FEWEST_POINTS:
             return UNSEEN
@@ -147,7 +146,7 @@ class Perception:
         length = contact.x + arc_lengths(even)[-1] + missing
         error = max(abs(length - self._strip.length), missing - self._settings.reach)
         plausible = np.clip(2 - error / self._settings.length_error, 0.0, 1.0)
-        return Curve(even, float(plausible * midline.seen.mean()))
+        return Curve(even, float(plausible * visible))
 
     def _side(self, smooth: Image, region: Region, contact: Contact, gripper: Pose) -> Side | None:
         """Outer side of the lifted strip in the window; None where it is not visible."""

@@ -8,14 +8,14 @@ import numpy as np
 from calibration.calibration import Calibration
 from calibration.landmarks import CameraShift, LandmarkSettings
 from cell.perception.consistency import BY_HAND, LengthCheck
-from cell.perception.kernels import ZERO_LEVEL, Floats, soft
+from cell.perception.kernels import ZERO_LEVEL, Floats, smooth_matte
 from cell.perception.region import Region, motion_mask
 from cell.perception.resting import (
     Samples,
     Underside,
     inner_pixels,
     resting_line,
-    samples,
+    sample_scene,
     shares_along,
     underside,
 )
@@ -267,10 +267,10 @@ def inspect(
         place = resting_place(calibration, strip, rise, margin)
         inner = inner_pixels(image, calibration, strip, rise)
         scene = learn(image, noise, inner, calibration, strip, place)
-        levels = soft(_levels(scene, image))
+        levels = smooth_matte(_levels(scene, image))
         lying = underside(levels, calibration, strip)
         rise = float(np.median(lying.z[lying.present])) if lying.present.any() else rise
-    seen = samples(image, calibration, strip)
+    seen = sample_scene(image, calibration, strip)
     distinct = (
         _check_exposure(seen),
         _check_desk(scene, seen.desk_colour, settings),

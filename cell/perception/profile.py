@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
-from cell.perception.kernels import ZERO_LEVEL, share
+from cell.perception.kernels import ZERO_LEVEL, strip_share
 from cell.perception.region import Sizes
 from cell.perception.silhouette import Side
 from drivers.geometry import even_points
@@ -17,6 +17,11 @@ PLATEAU = (0.55, 1.3)  # matte levels of the strip as its brightness varies
 OUTLINE_ERROR = 2  # px by which the outline may lie outside the border
 FAR_ROOM = 4.0  # px of a line beyond the widest band, where it falls off
 PEAK_REACH, MASS_REACH = 1.0, 3.0  # px about a band, within which its peak and its mass lie
+OUTSIDE, STEP = 4.0, 0.5  # px before the outline from where a line starts; between its samples
+THIN = (2.5, 4.5)  # px: narrower bands are read by their centre of mass
+AGREE = 2.5  # px by which a band's width may differ from the geometry
+CLOSE = (0.6, 1.2)  # px: an inner border this near to its place is the near edge
+FEWEST_POINTS = 4  # of a midline, from which it is averaged
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,15 +45,13 @@ def crossings(levels: Image, side: Side, band: Array, sizes: Sizes) -> Crossings
     `band` (n,) [px] is how wide geometry says the band is there. A border lies where the share
     passes half of the strongest one within the band, kept within PLATEAU.
     """
-    step = sizes.step
-    offsets = np.arange(-sizes.outside, sizes.deep + step / 2, step)
+    offsets = np.arange(-OUTSIDE, sizes.deep + STEP / 2, STEP)
     at = side.points[:, None] - offsets[None, :, None] * side.normals[:, None]
     at = at.astype(np.float32)
     sampled = cv2.remap(levels, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=ZERO_LEVEL)
-    across = share(sampled)
+    across = strip_share(sampled)
     width = np.clip(band, 1.0, sizes.deep - FAR_ROOM)
-    first = int(sizes.outside / step) + OUTLINE_ERROR * int(1 / step)  # sample
-    latest = first + np.round(width).astype(np.int64)
+    latest = int((OUTSIDE + OUTLINE_ERROR) / STEP) + np.round(width).astype(np.int64)  # sample
     strength, peak = _peaks(across, _within(offsets, width, PEAK_REACH))
     level = 0.5 * np.clip(strength, *PLATEAU)
     j, low = np.arange(len(offsets)), across <= level[:, None]
@@ -103,24 +106,15 @@ class Geometry:
         return self.calibration.viewpoint.sweep(self.width)
 
 
-@dataclass(frozen=True, slots=True)
-class MidlinePoints:
-    """Ordered points (n, 2) [m] of a midline, with unit `tangents` (n, 2).
+def midline_points(
+    levels: Image, side: Side, geometry: Geometry, spacing: float
+) -> tuple[Array, float]:
+    """Midline (m, 2) [m] in order, some `spacing` [m] apart, by the strip's outer side in `levels`.
 
-    `seen` (n,) masks those where the band had the expected width; `scale` [m/px].
-    """
-
-    points: Array
-    tangents: Array
-    seen: NDArray[np.bool_]
-    scale: float
-
-
-def midline_points(levels: Image, side: Side, geometry: Geometry) -> MidlinePoints:
-    """Locate the strip's midline at each point of its outer side in matte `levels` (h, w).
-
-    The outer side is the near edge where it faces away from the foot, the far edge elsewhere: a far
-    edge is shifted back from the foot by the sweep, and the near edge is searched behind it.
+    Also returns the share of the side's points at which the band in the matte levels (h, w) is as
+    wide as geometry says. The outer side is the near edge where it faces away from the foot, the
+    far edge elsewhere: a far edge is shifted back from the foot by the sweep, and the near edge is
+    searched behind it.
     """
     place = geometry.plane(side.points)
     out = geometry.plane(side.points + side.normals) - place
@@ -128,41 +122,41 @@ def midline_points(levels: Image, side: Side, geometry: Geometry) -> MidlinePoin
     out /= np.hypot(*out.T)[:, None]
     lever = ((place - geometry.calibration.viewpoint.foot()) * out).sum(axis=1)
     swept = np.abs(lever) * geometry.sweep
-    seen = crossings(levels, side, (swept + geometry.thickness) / scale, geometry.sizes)
-    points = _midline(place, out, lever, seen, geometry, scale)
+    borders = crossings(levels, side, (swept + geometry.thickness) / scale, geometry.sizes)
+    points = _midline(place, out, lever, borders, geometry, scale)
     tangents = np.stack([-out[:, 1], out[:, 0]], axis=1)
-    width = (seen.inner - seen.outer) * scale
+    width = (borders.inner - borders.outer) * scale
     expected = swept + geometry.thickness
-    good = (seen.strength > 0.2) & ~(width < expected - geometry.sizes.agree * scale)
-    return MidlinePoints(points, tangents, good, scale)
+    good = (borders.strength > 0.2) & ~(width < expected - AGREE * scale)
+    return _ordered(points[good], tangents[good], spacing), float(good.mean())
 
 
 def _midline(
-    place: Array, out: Array, lever: Array, seen: Crossings, geometry: Geometry, scale: float
+    place: Array, out: Array, lever: Array, borders: Crossings, geometry: Geometry, scale: float
 ) -> Array:
     """Midline points (n, 2) [m], from the borders of wide bands and the centres of narrow bands."""
-    half, sizes = geometry.thickness / 2, geometry.sizes
+    half = geometry.thickness / 2
     swept = np.abs(lever) * geometry.sweep
-    by_near_edge = -seen.outer * scale - half  # [m] along `out`, as all below
-    by_far_edge = _by_far_edge(by_near_edge - swept, seen, lever, half, sizes, scale)
+    by_near_edge = -borders.outer * scale - half  # [m] along `out`, as all below
+    by_far_edge = _by_far_edge(by_near_edge - swept, borders, lever, half, scale)
     by_border = np.where(lever > 0, by_near_edge, by_far_edge)
-    by_mass = -seen.middle * scale + np.sign(lever) * swept / 2
+    by_mass = -borders.middle * scale + np.sign(lever) * swept / 2
     band = (swept + geometry.thickness) / scale
-    trust = np.clip((band - sizes.thin[0]) / (sizes.thin[1] - sizes.thin[0]), 0.0, 1.0)
-    alone = np.isfinite(seen.inner) & ((seen.inner - seen.outer) < band + sizes.agree)
+    trust = np.clip((band - THIN[0]) / (THIN[1] - THIN[0]), 0.0, 1.0)
+    alone = np.isfinite(borders.inner) & ((borders.inner - borders.outer) < band + AGREE)
     trust = np.where(alone, trust, 1.0)
     shift = trust * by_border + (1 - trust) * by_mass
     return np.asarray(place + shift[:, None] * out)
 
 
 def _by_far_edge(
-    predicted: Array, seen: Crossings, lever: Array, half: float, sizes: Sizes, scale: float
+    predicted: Array, borders: Crossings, lever: Array, half: float, scale: float
 ) -> Array:
     """Midline offset (n,) [m] along the normals where the outer side is the strip's far edge."""
-    behind = -seen.inner * scale + half
-    predicted = predicted + _far_offset((behind - predicted)[lever < 0], sizes.agree * scale)
+    behind = -borders.inner * scale + half
+    predicted = predicted + _far_offset((behind - predicted)[lever < 0], AGREE * scale)
     off = np.abs(behind - predicted) / scale
-    visible = np.clip((sizes.close[1] - off) / (sizes.close[1] - sizes.close[0]), 0.0, 1.0)
+    visible = np.clip((CLOSE[1] - off) / (CLOSE[1] - CLOSE[0]), 0.0, 1.0)
     mixed = visible * behind + (1 - visible) * predicted
     return np.asarray(np.where(np.isfinite(behind), mixed, predicted))
 
@@ -176,14 +170,12 @@ def _far_offset(differences: Array, most: float) -> float:
     return float(np.median(both)) if len(both) >= 10 else 0.0
 
 
-def order_points(midline: MidlinePoints, spacing: float) -> Array:
-    """Order the midline's points by arc length and average them: (n, 2), about `spacing` [m] apart.
+def _ordered(points: Array, tangents: Array, spacing: float) -> Array:
+    """Order `points` (n, 2) with unit `tangents` by arc length and average them over `spacing` [m].
 
-    Where the outer side changes from near to far edge, its points repeat a section of the midline:
-    they are sorted by arc length and averaged.
+    Where the outer side changes from near to far edge, its points repeat a section of the midline.
     """
-    points, tangents = midline.points[midline.seen], midline.tangents[midline.seen]
-    if len(points) < 4:
+    if len(points) < FEWEST_POINTS:
         return np.empty((0, 2))
     mean = tangents[1:] + tangents[:-1]
     mean /= np.maximum(np.hypot(*mean.T), 1e-9)[:, None]

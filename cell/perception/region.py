@@ -20,11 +20,7 @@ PROBE_DEPTH = 0.014
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
-    """Sizes for image processing, in pixels of one camera with a resolution of `scale` [m/px].
-
-    The first are lengths on the strip, scaled by the camera; the others follow from the pixel grid
-    and a lens's blur of about a pixel, alike for every camera.
-    """
+    """Lengths on the strip in pixels of one camera with a resolution of `scale` [m/px]."""
 
     scale: float  # m/px
     light: int  # patches (odd) over whose median light is read: a strip covers less than half
@@ -32,17 +28,6 @@ class Sizes:
     bridge: float  # px, longest break of an edge-on strip that is bridged
     aside: float  # px about the gripper point within which the fingers end the strip
     deep: float  # px to which a line across the outline reaches into the strip
-
-    outside: float = 4.0  # px before the outline from where such a line starts
-    step: float = 0.5  # px between its samples
-    speck: int = 12  # px of outline; shorter ones are noise
-    smooth: int = 4  # px along the outline to either side of which directions are averaged
-    arm: int = 8  # px from a tip at which the outline is as near to itself as `turn`
-    turn: float = 5.0  # px  turns there
-    thin: tuple[float, float] = (2.5, 4.5)  # px: narrower bands are read by their centre of mass
-    agree: float = 2.5  # px by which a band's width may differ from the geometry
-    close: tuple[float, float] = (0.6, 1.2)  # px: an inner border this near to its place is the
-    # near edge
 
     @classmethod
     def at_patch(cls, calibration: Calibration, patch: int) -> Self:

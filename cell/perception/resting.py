@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
-from cell.perception.kernels import share
+from cell.perception.kernels import strip_share
 from drivers.strip.file import StripFile
 from drivers.types import Array, Image
 
@@ -53,15 +53,15 @@ class Samples:
         return np.asarray(np.median(self.desk, axis=0))
 
 
-def samples(image: Image, calibration: Calibration, strip: StripFile) -> Samples:
+def sample_scene(image: Image, calibration: Calibration, strip: StripFile) -> Samples:
     """Sample `image` (h, w, 3) where strip, desk and backdrop are expected."""
     lower = max(strip.thickness - THIN, 0.0) / 2
     front = (FRONT_HEIGHTS[0] - lower, FRONT_HEIGHTS[1] - lower)
     face = face_height(calibration, strip)
     return Samples(
-        pixels(image, calibration, _span(strip, 0.05), (0.0, FACE * face)),
-        pixels(image, calibration, _span(strip, 0.03), front),
-        pixels(image, calibration, _span(strip, 0.0), BACKDROP_HEIGHTS),
+        sample_rectangle(image, calibration, _span(strip, 0.05), (0.0, FACE * face)),
+        sample_rectangle(image, calibration, _span(strip, 0.03), front),
+        sample_rectangle(image, calibration, _span(strip, 0.0), BACKDROP_HEIGHTS),
     )
 
 
@@ -71,7 +71,7 @@ def inner_pixels(
     """Pixels (n, 3) BGR well within the strip's face, whose edge appears at a height `rise` [m]."""
     face = face_height(calibration, strip)
     height = (rise + INNER[0] * face, rise + INNER[1] * face)
-    return pixels(image, calibration, _span(strip, 0.0), height)
+    return sample_rectangle(image, calibration, _span(strip, 0.0), height)
 
 
 def face_height(calibration: Calibration, strip: StripFile) -> float:
@@ -83,7 +83,7 @@ def _span(strip: StripFile, margin: float) -> tuple[float, float]:
     return margin + 0.01, strip.length - margin - 0.01
 
 
-def pixels(
+def sample_rectangle(
     image: Image, calibration: Calibration, span: tuple[float, float], height: tuple[float, float]
 ) -> Array:
     """Pixels (n, 3) BGR over a rectangle of x and z [m] in the plane of the near edge."""
@@ -111,14 +111,14 @@ def shares_along(levels: Image, calibration: Calibration, strip: StripFile, rise
     """
     x = np.arange(*_span(strip, 0.0), 0.001)
     z = rise + np.linspace(-strip.thickness / 4, INNER[0] * face_height(calibration, strip), 5)
-    return np.asarray(share(sample_plane(levels, calibration, _grid(x, z))).mean(axis=1))
+    return np.asarray(strip_share(sample_plane(levels, calibration, _grid(x, z))).mean(axis=1))
 
 
 def underside(levels: Image, calibration: Calibration, strip: StripFile) -> Underside:
     """Locate the strip's lower border in the smoothed matte `levels` (h, w) of the whole image."""
     x = np.arange(0.005, strip.length + PAST_END, 0.002)
     z = np.arange(-SEARCH, SEARCH, 0.0001)
-    across = share(sample_plane(levels, calibration, _grid(x, z)))
+    across = strip_share(sample_plane(levels, calibration, _grid(x, z)))
     is_strip = across > 0.5
     first = is_strip.argmax(axis=1)  # sample from below, where there is strip at all
     rows = np.arange(len(x))
@@ -134,7 +134,7 @@ def _end(levels: Image, calibration: Calibration, strip: StripFile) -> float:
     """Position x [m] of the strip's free edge along its near edge; NaN where none is visible."""
     x = np.arange(0.1, strip.length + PAST_END, 0.0003)
     heights = np.array([0.0, 0.0005, 0.001])
-    along = share(sample_plane(levels, calibration, _grid(x, heights)).max(axis=1))
+    along = strip_share(sample_plane(levels, calibration, _grid(x, heights)).max(axis=1))
     inside = np.flatnonzero(along > 0.5)
     return float(x[inside[-1]]) if len(inside) else NAN
 

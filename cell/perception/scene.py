@@ -182,7 +182,7 @@ LEAST_NOISE = 2.5  # grey levels, assumed of any camera: weave, demosaicing and 
 GAUSSIAN = (2 / np.pi) ** 0.5  # mean absolute value over standard deviation
 CHANGE_RATIO = 1.2  # times the noise's mean difference in a cell, from which the cell changed
 DIFFERENCE = 2**0.5  # of two noisy pictures: the background is one too
-NOISE_SHARE = 0.5  # of its noise is left in a picture after `soft`
+NOISE_SHARE = 0.5  # of its noise is left in a picture after `smooth_matte`
 AVERAGING_WINDOW = 5  # px over which a picture is averaged to leave its noise
 SCALE_ENDS = (20, 235)  # grey levels beyond which a camera clips its noise
 
@@ -250,8 +250,8 @@ class Segmenter:
 
     def separation(self, where: Image) -> Floats:
         """Separation (k, n) [sigma] of the k colours from the background in the mask's n pixels."""
-        behind, shade = self.background.image[where > 0], self.background.shade[where > 0]
-        return np.stack([separation(c, behind, shade, self.smooth) for c in self.colours])
+        scene, shade = self.background.image[where > 0], self.background.shade[where > 0]
+        return np.stack([separation(c, scene, shade, self.smooth) for c in self.colours])
 
 
 def separation(colour: Array, scene: Array | Image, shade: Floats, sensor: float) -> Floats:
@@ -274,9 +274,10 @@ def learn(
     sensor = max(noise, LEAST_NOISE) * DIFFERENCE
     smooth = max(sensor * NOISE_SHARE, LEAST_NOISE * DIFFERENCE)
     about = Sizes.at_patch(calibration, PATCH_PX).light
-    behind = learn_background(image, calibration, place, about)
-    colours, scene = palette(samples), behind.image[motion_mask(calibration, strip.length) > 0]
-    return Segmenter(colours, behind, sensor, smooth, _share_noise(colours, scene, smooth) * sensor)
+    background = learn_background(image, calibration, place, about)
+    colours, scene = palette(samples), background.image[motion_mask(calibration, strip.length) > 0]
+    noise_of_share = _share_noise(colours, scene, smooth) * sensor
+    return Segmenter(colours, background, sensor, smooth, noise_of_share)
 
 
 def resting_place(
@@ -303,12 +304,12 @@ def sensor_noise(image: Image) -> float:
     return float(np.sqrt(np.median(good) / (1 - AVERAGING_WINDOW**-2))) if len(good) else 0.0
 
 
-def _share_noise(colours: Array, behind: Image, smooth: float) -> float:
+def _share_noise(colours: Array, background: Image, smooth: float) -> float:
     """Noise of a pixel's share of strip per grey level of sensor noise, for the worst colour.
 
-    `colours` (k, 3) are the strip's, `behind` (n, 3) those of the scene.
+    `colours` (k, 3) are the strip's, `background` (n, 3) those of the scene.
     """
-    scene, worst = _floats(behind), 0.0
+    scene, worst = _floats(background), 0.0
     shade = np.full(len(scene), LIFTED_SHADE, dtype=np.float32)
     for colour in _floats(colours):
         reach, size = discriminants(colour, scene, shade, smooth**2)

@@ -16,6 +16,10 @@ SOLID = 0.35  # share of strip from which a pixel belongs to it, near the desk
 SLANTS = (0.0, -65.0, -45.0, -25.0, 25.0, 45.0, 65.0)  # degrees from the columns
 FACING = 0.8  # cosine within which two tips point at each other
 AT_GRIP = 6  # px from the gripper at which a region needs no bridge to another
+# px of any camera, by the pixel grid and a lens's blur of about a pixel
+SHORTEST_OUTLINE = 12  # shorter ones are noise
+AVERAGE = 4  # along the outline to either side, over which it is averaged
+TIP_ARM, TIP_WIDTH = 8, 5.0  # from a tip both ways, and how near to itself the outline is there
 
 Outline = NDArray[np.int32]
 
@@ -54,8 +58,8 @@ class Grip:
         return np.asarray((along > -self.clearance) & (np.maximum(aside, along) < self.aside))
 
 
-def silhouette(soft: Image, faint: float, strip: Image, lifted: Image, length: int) -> Image:
-    """Mask (h, w) of the strip from smoothed matte levels (h, w), with one threshold per zone.
+def silhouette(levels: Image, faint: float, strip: Image, lifted: Image, length: int) -> Image:
+    """Mask (h, w) of the strip from smoothed matte `levels` (h, w), with one threshold per zone.
 
     The share of strip is SOLID in the zone `strip`, `faint` in its part `lifted`: on the backdrop
     there is no shadow, and an edge-on strip is fainter than its colour. Averaging over `length`
@@ -63,7 +67,7 @@ def silhouette(soft: Image, faint: float, strip: Image, lifted: Image, length: i
     """
     solid, least = (round(ZERO_LEVEL + LEVEL_SPAN * share) for share in (SOLID, faint))
     reach = length // 2
-    wide = cv2.copyMakeBorder(soft, reach, reach, reach, reach, cv2.BORDER_REPLICATE)
+    wide = cv2.copyMakeBorder(levels, reach, reach, reach, reach, cv2.BORDER_REPLICATE)
     return silhouette_of(wide, strip, lifted, lines(length), solid, least)
 
 
@@ -90,7 +94,7 @@ def outer_side(mask: Image, contact: Array, grip: Grip, step: int, sizes: Sizes)
     end = int(np.argmax(cut)) if cut.any() else int(np.argmin(np.hypot(*(ring - grip.point).T)))
     if end < 3 * step:
         return None
-    smooth = _smooth(ring, sizes.smooth)
+    smooth = _smooth(ring, AVERAGE)
     tangent = np.roll(smooth, -2, axis=0) - np.roll(smooth, 2, axis=0)
     speed = np.hypot(*tangent.T)
     picked = np.arange(0, end + 1, step)
@@ -115,16 +119,16 @@ def _body(mask: Image, contact: Array, gripper: Array, sizes: Sizes) -> Array | 
     Breaks are bridged in `mask` (h, w): between regions, and in one whose parts are connected
     elsewhere, as touching layers are. None where no region is large enough.
     """
-    outlines = _outlines(mask, sizes.speck)
+    outlines = _outlines(mask)
     if not outlines:
         return None
     body = _nearest(outlines, contact)
     if _bridge_regions(mask, body, outlines, gripper, sizes.bridge):
-        body = _nearest(_outlines(mask, sizes.speck), contact)
-    for here, there in _breaks(body, sizes):
+        body = _nearest(_outlines(mask), contact)
+    for here, there in _breaks(body, sizes.bridge):
         cv2.line(mask, here.tolist(), there.tolist(), 255, 1)
-        body = _nearest(_outlines(mask, sizes.speck), contact)
-    if len(body) < 4 * sizes.smooth:
+        body = _nearest(_outlines(mask), contact)
+    if len(body) < 4 * AVERAGE:
         return None
     area = cv2.contourArea(body.reshape(-1, 1, 2), oriented=True)
     return np.asarray((body if area < 0 else body[::-1]), dtype=np.float64)
@@ -152,44 +156,47 @@ def _bridge_regions(
     return bridged
 
 
-def _outlines(mask: Image, speck: int) -> list[Outline]:
-    """Outlines (n, 2) [px] of the regions of `mask` (h, w), of at least `speck` points."""
+def _outlines(mask: Image) -> list[Outline]:
+    """Outlines (n, 2) [px] of the regions of `mask` (h, w), of SHORTEST_OUTLINE points at least."""
     found, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    return [outline.reshape(-1, 2) for outline in found if len(outline) >= speck]
+    return [outline.reshape(-1, 2) for outline in found if len(outline) >= SHORTEST_OUTLINE]
 
 
 def _nearest(outlines: list[Outline], point: Array) -> Outline:
     return min(outlines, key=lambda outline: float(np.hypot(*(outline - point).T).min()))
 
 
-def _breaks(outline: Outline, sizes: Sizes) -> list[tuple[Outline, Outline]]:
-    """Pairs of an outline's tips (2,) that point at each other over a break of the strip."""
-    tips, ways = _tips(outline, sizes.arm, sizes.turn)
+def _breaks(outline: Outline, longest: float) -> list[tuple[Outline, Outline]]:
+    """Pairs of an outline's tips (2,) that point at each other over a break of the strip.
+
+    Over less than `longest` [px].
+    """
+    tips, directions = _tips(outline)
     found = []
     for i, j in combinations(range(len(tips)), 2):
         across = (tips[j] - tips[i]).astype(np.float64)
         length = float(np.hypot(*across))
-        facing = min(ways[i] @ across, -(ways[j] @ across)) > FACING * length
-        if 0.0 < length < sizes.bridge and facing:
+        facing = min(directions[i] @ across, -(directions[j] @ across)) > FACING * length
+        if 0.0 < length < longest and facing:
             found.append((tips[i], tips[j]))
     return found
 
 
-def _tips(outline: Outline, arm: int, near: float) -> tuple[Outline, Array]:
+def _tips(outline: Outline) -> tuple[Outline, Array]:
     """Tips (k, 2) [px] where an outline turns back on itself, and unit directions (k, 2) outwards.
 
-    There its points `arm` before and after are at most `near` [px] apart.
+    There its points TIP_ARM before and after are less than TIP_WIDTH apart.
     """
-    after, before = np.roll(outline, -arm, axis=0), np.roll(outline, arm, axis=0)
-    way = outline - 0.5 * (after + before)
-    length = np.hypot(*way.T)
-    turns = (np.hypot(*(after - before).T) < near) & (length > 0.6 * arm)
+    after, before = np.roll(outline, -TIP_ARM, axis=0), np.roll(outline, TIP_ARM, axis=0)
+    outwards = outline - 0.5 * (after + before)
+    length = np.hypot(*outwards.T)
+    turns = (np.hypot(*(after - before).T) < TIP_WIDTH) & (length > 0.6 * TIP_ARM)
     first = np.flatnonzero(turns & ~np.roll(turns, 1))
     last = np.flatnonzero(turns & ~np.roll(turns, -1))
     if len(first) and first[0] > last[0]:  # one begins before the outline's first point
         last = np.roll(last, -1) + np.where(np.arange(len(last)) == len(last) - 1, len(turns), 0)
     middle = ((first + last) // 2) % len(turns)
-    return outline[middle], way[middle] / length[middle, None]
+    return outline[middle], outwards[middle] / length[middle, None]
 
 
 def _closest(one: Outline, other: Outline) -> tuple[Outline, Outline]:

@@ -23,7 +23,7 @@ class LateReader:
     def __init__(self, ticks: int) -> None:
         self.ticks, self.left, self.begun = ticks, 0, []
         self.busy_since: float | None = None
-        self.dead = ""
+        self.failure = ""
 
     def submit(self, request: ImageTask, now: float) -> None:
         assert self.busy_since is None
@@ -92,13 +92,13 @@ def test_a_reader_that_dies_stops_the_arm_at_the_next_tick(bench, monkeypatch) -
     def dying(record, begin):
         for _ in range(30):
             yield Drive(AWAY)
-        reader.dead = "the process for images has ended"
+        reader.failure = "the process for images has ended"
         while True:
             yield Drive(AWAY)
 
     folding(bench, monkeypatch, reader, dying)
     outcome = bench.run()
-    assert (outcome.name, outcome.reason) == ("image_reader_dead", reader.dead)
+    assert (outcome.name, outcome.reason) == ("image_reader_dead", reader.failure)
     assert bench.at_rest
     assert sum(isinstance(c, Drive) for c in bench.arm.commands) == 31
 

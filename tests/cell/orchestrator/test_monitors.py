@@ -52,7 +52,7 @@ BROKEN = {
     "grip_lost": replace(GOOD, hand=replace(HAND, grasped=False)),
     "image_stale": showing(frame=replace(FRAME, stamp=9.5), stale_since=9.8),
     "image_frozen": showing(identical=LIMITS.identical_images),
-    "image_reader_dead": showing(dead="the process for images has ended"),
+    "image_reader_dead": showing(reader_failure="the process for images has ended"),
     "image_reading_overdue": showing(reading_since=9.7),
     "camera_moved": showing(shift=2e-3, moved=2),
     "low_confidence": showing(doubtful_since=9.0),

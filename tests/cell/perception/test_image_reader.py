@@ -87,10 +87,10 @@ def test_a_process_that_hangs_keeps_its_image_and_one_that_is_killed_is_dead() -
     process = started()
     process.submit(ImageTask(image(HANGS), POSE, False), 3.0)
     assert process.result() is None
-    assert (process.busy_since, process.dead) == (3.0, "")
+    assert (process.busy_since, process.failure) == (3.0, "")
     os.kill(process.pid, signal.SIGKILL)
-    awaited(lambda: process.result() or process.dead or None)
-    assert "ended" in process.dead
+    awaited(lambda: process.result() or process.failure or None)
+    assert "ended" in process.failure
     process.close()
 
 
@@ -99,10 +99,10 @@ def test_a_killed_process_is_dead_before_its_pipe_is_closed() -> None:
     pipe = process._child.pipe
     process._child.pipe = SimpleNamespace(poll=lambda _: False, close=pipe.close)
     assert process.result() is None
-    assert not process.dead
+    assert not process.failure
     os.kill(process.pid, signal.SIGKILL)
-    awaited(lambda: process.result() or process.dead or None)
-    assert "ended" in process.dead
+    awaited(lambda: process.result() or process.failure or None)
+    assert "ended" in process.failure
     process.close()
 
 
@@ -139,5 +139,5 @@ def test_a_fold_is_judged_and_then_read_by_the_process(process) -> None:
 def test_a_process_that_fails_says_why(process) -> None:
     """The last test of this process."""
     process.submit(ImageTask(image(FAILS), POSE, False), 3.0)
-    awaited(lambda: process.result() or process.dead or None)
-    assert process.dead == "ZeroDivisionError: nobody foresaw this"
+    awaited(lambda: process.result() or process.failure or None)
+    assert process.failure == "ZeroDivisionError: nobody foresaw this"

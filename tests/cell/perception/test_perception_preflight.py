@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cell.perception.preflight import Preflight, _check_rest, inspect
-from cell.perception.resting import Underside, samples
+from cell.perception.resting import Underside, sample_scene
 from cell.perception.settings import PerceptionSettings
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
@@ -65,7 +65,7 @@ def test_every_strip_lying_flat_passes_and_its_colour_is_sampled(path: object) -
     picture = _picture(_flat(), StripLook.of(strip))
     judged = _judged(picture, strip)
     assert judged.passed, _failed(judged)
-    seen = samples(picture.image, twin_calibration(CAMERA), strip)
+    seen = sample_scene(picture.image, twin_calibration(CAMERA), strip)
     assert max(seen.strip.std(axis=0).max(), seen.desk.std(axis=0).max()) < 20, "of two surfaces"
     assert judged.appearance is not None
     assert np.abs(judged.appearance.scene.colours[0] - np.array(strip.colour[::-1])).max() < 30

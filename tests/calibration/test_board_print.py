@@ -9,9 +9,8 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from calibration.board import BoardSettings, find_board
+from calibration.board import BoardSettings, board_figures, find_board, print_board, smallest_sheet
 from calibration.pointer import find_pointer
-from calibration.wizard.board_print import board_figures, print_board, smallest_sheet
 from drivers.errors import ConfigurationError
 from drivers.types import Image
 
