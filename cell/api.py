@@ -15,29 +15,29 @@ from calibration.calibration import Calibration, load_calibration
 from cell.calibrating.calibration_in_use import calibration_of
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
-from cell.folding.fold import fold as run_fold
+from cell.folding.fold import fold as fold_once
 from cell.folding.fold import write_pages
-from cell.folding.observe import observe as read_film
+from cell.folding.observe import observe as observe_film
 from cell.folding.prediction import Prediction
 from cell.folding.prediction import predict as predict_fold
 from cell.folding.request import Recording, Request
 from cell.folding.result import FoldResult
 from cell.gap.check import Check
-from cell.gap.check import check as look_at
+from cell.gap.check import check as check_runs
 from cell.gap.fit import fit, quiet
 from cell.gap.report.overlay import write_overlay
 from cell.gap.subject.strip.runs import check_fold
 from cell.gap.verdict.accept import AcceptResult
-from cell.gap.verdict.accept import accept as put_in
-from cell.gap.verdict.accept import undo as take_out
+from cell.gap.verdict.accept import accept as accept_fit
+from cell.gap.verdict.accept import undo as undo_fit
 from cell.gap.verdict.schema import Verdict
-from cell.gap.verdict.schema import read_verdict as load_verdict
+from cell.gap.verdict.schema import read_verdict as read_verdict_file
 from cell.record.columns import Profile, Sights, Ticks
 from cell.record.exchange.export_runs import Format
-from cell.record.exchange.export_runs import export_runs as write_out
-from cell.record.exchange.import_runs import import_runs as take_in
+from cell.record.exchange.export_runs import export_runs as export_to
+from cell.record.exchange.import_runs import import_runs as import_from
 from cell.record.listing import RunRow
-from cell.record.listing import list_runs as read_rows
+from cell.record.listing import list_runs as find_runs
 from cell.record.run import Run
 from cell.record.run import read_run as load_run
 from cell.report.runs_page import write_comparison
@@ -69,20 +69,20 @@ def fold(
     of another strip on the twin's desk; `speed` [m/s] replaces the cell's own. An error before the
     motion raises CellError; what happens during the motion is the result's `outcome`.
     """
-    found, desk = find_configs(_path(configs)), None if plant is None else load_plant(Path(plant))
+    found, desk = find_configs(configs), None if plant is None else load_plant(Path(plant))
     choice = DeviceSelection(arm, camera, desk, seed)
     known = found.cell(), found.strip(strip), policy, Path(runs), choice
     request = Request(*known, speed=speed, record=Recording(frames, truth=truth))
-    return write_pages(request, run_fold(request, calibration_of(request.cell)))
+    return write_pages(request, fold_once(request, calibration_of(request.cell)))
 
 
 def predict(
     strip: str, policy: str = "adaptive", speed: float | None = None, configs: Place | None = None
 ) -> Prediction:
     """Predict a fold as `cell fold --dry-run` does; nothing is moved, nothing is written."""
-    found = find_configs(_path(configs))
-    known = found.cell(), found.strip(strip), policy, Path("runs")
-    return predict_fold(Request(*known, speed=speed))
+    found = find_configs(configs)
+    request = Request(found.cell(), found.strip(strip), policy, Path("runs"), speed=speed)
+    return predict_fold(request)
 
 
 def compare(runs: Sequence[Place], out: Place = "compare.html") -> Path:
@@ -100,7 +100,7 @@ def list_runs(folder: Place = "runs", where: str = "", sort: str = "") -> tuple[
 
     Oldest first, or by the column `sort`, downwards with a leading `-`.
     """
-    return read_rows(Path(folder), where, sort)
+    return find_runs(Path(folder), where, sort)
 
 
 def table(part: Ticks | Profile | Sights) -> pa.Table:
@@ -114,14 +114,19 @@ def import_runs(
     places: Sequence[Place], out: Place, mapping: Place | None = None, configs: Place | None = None
 ) -> tuple[Path, ...]:
     """Convert tables, MCAP files or LeRobot data sets to checked run folders; returns these."""
-    found = find_configs(_path(configs))
+    found = find_configs(configs)
     check = partial(check_fold, found.strip_names(), found.strip)
-    return take_in([Path(place) for place in places], _path(mapping), Path(out), check)
+    return import_from(
+        [Path(place) for place in places],
+        None if mapping is None else Path(mapping),
+        Path(out),
+        check,
+    )
 
 
 def export_runs(runs: Sequence[Place], kind: Format, out: Place) -> tuple[Path, ...]:
     """Write `runs` in the format `kind` into the new folder `out`; returns the files."""
-    return write_out([Path(run) for run in runs], kind, Path(out))
+    return export_to([Path(run) for run in runs], kind, Path(out))
 
 
 def observe(
@@ -137,7 +142,7 @@ def observe(
     arm is needed. Profile, contact, tip and confidence are those of the cell's perception.
     """
     known = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
-    read_film(Path(film), known, strip, Path(out), _path(configs))
+    observe_film(Path(film), known, strip, Path(out), configs)
     return load_run(Path(out))
 
 
@@ -159,7 +164,7 @@ def fit_gap(
     overlay and patch, as `cell gap fit` does. Effects `without` are withheld
     from the library. `progress` is called with a stage and its share.
     """
-    file = _described(strip or "" if model is None else model, configs)
+    file = _subject_file(strip or "" if model is None else model, configs)
     folders = [Path(run) for run in runs]
     return fit(folders, file, Path(out), hold_out, progress, jobs, write_overlay, without)
 
@@ -171,7 +176,7 @@ def check(
 
     `subject` is a strip by name, or the file of a strip or mechanism.
     """
-    return look_at([Path(run) for run in runs], _described(subject, configs), jobs)
+    return check_runs([Path(run) for run in runs], _subject_file(subject, configs), jobs)
 
 
 def accept(
@@ -186,29 +191,29 @@ def accept(
 
     With `law`, the law that describes what nothing explains; with `force`, what is suspected.
     """
-    cell_file = find_configs(_path(configs)).folder / "cell.yaml"
-    return put_in(Path(out), _described(subject, configs), cell_file, law=law, force=force)
+    cell_file = find_configs(configs).folder / "cell.yaml"
+    return accept_fit(Path(out), _subject_file(subject, configs), cell_file, law=law, force=force)
 
 
 def undo(out: Place, subject: Place, configs: Place | None = None) -> AcceptResult:
     """Bring the files back as they were before `accept` of the fit in `out`."""
-    cell_file = find_configs(_path(configs)).folder / "cell.yaml"
-    return take_out(Path(out), _described(subject, configs), cell_file)
+    cell_file = find_configs(configs).folder / "cell.yaml"
+    return undo_fit(Path(out), _subject_file(subject, configs), cell_file)
 
 
-def _described(subject: Place, configs: Place | None) -> Path:
+def _subject_file(subject: Place, configs: Place | None) -> Path:
     """File of a strip by name, or of what is at that path."""
-    return find_configs(_path(configs)).strip_path(str(subject))
+    return find_configs(configs).strip_path(str(subject))
 
 
 def read_verdict(out: Place) -> Verdict:
     """Read the verdict that `fit_gap` has written into the folder `out`."""
-    return load_verdict(Path(out) / "verdict.json")
+    return read_verdict_file(Path(out) / "verdict.json")
 
 
 def read_strip(name: str, configs: Place | None = None) -> StripFile:
     """Read and check the strip file called `name`, or at that path."""
-    return find_configs(_path(configs)).strip(name)
+    return find_configs(configs).strip(name)
 
 
 def read_calibration(path: Place) -> Calibration:
@@ -223,7 +228,3 @@ def read_calibration(path: Place) -> Calibration:
 def effects() -> Mapping[str, Effect]:
     """Library of effects by name, those of installed plug-ins included."""
     return registry()
-
-
-def _path(place: Place | None) -> Path | None:
-    return None if place is None else Path(place)

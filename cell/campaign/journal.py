@@ -6,7 +6,7 @@ several machines merge by copying their files together.
 
 import hashlib
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -99,9 +99,3 @@ def _read(path: Path) -> Record | None:
 def digest(*texts: str) -> str:
     """Digest of `texts`, twelve hexadecimal digits."""
     return hashlib.sha256("\0".join(texts).encode()).hexdigest()[:12]
-
-
-def share(keys: Sequence[Any], shard: tuple[int, int]) -> tuple[Any, ...]:
-    """Keys of shard i of n, from 1: every n-th key from the i-th on, so that shards cost alike."""
-    number, count = shard
-    return tuple(keys[number - 1 :: count])

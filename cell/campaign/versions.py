@@ -8,8 +8,8 @@ from pathlib import Path
 
 PACKAGES = ("folding-cell", "numpy", "numba", "mujoco", "opencv-python-headless")
 ROOTS = ("cell", "drivers", "policies", "calibration")
-SHOWS = ("cell/cli/", "cell/report/viz/", "cell/campaign/", "cell/benchmark/")
-"""Folders whose code changes no outcome."""
+NO_OUTCOME = ("cell/cli/", "cell/report/viz/", "cell/campaign/", "cell/benchmark/")
+"""Folders whose code changes no outcome of a part."""
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -17,13 +17,13 @@ ROOT = Path(__file__).resolve().parents[2]
 @cache
 def code() -> str:
     """Digest of all sources that outcomes depend on."""
-    return sources(ROOTS, ("*.py",), SHOWS)[:12]
+    return sources(ROOTS, ("*.py",), NO_OUTCOME)[:12]
 
 
 @cache
 def data() -> str:
     """Digest of all weights and tables that lie beside the sources."""
-    return sources(ROOTS, ("*.npz", "*.json", "*.yaml"), SHOWS)[:12]
+    return sources(ROOTS, ("*.npz", "*.json", "*.yaml"), NO_OUTCOME)[:12]
 
 
 def verdicts() -> str:
@@ -43,13 +43,13 @@ def sources(
     without: tuple[str, ...] = (),
 ) -> str:
     """Digest, 16 digits, of the files at `places` and below, but those `without`."""
-    h = hashlib.sha256()
+    digest = hashlib.sha256()
     for pattern in patterns:
         for path in sorted(p for place in places for p in _files(ROOT / place, pattern)):
             name = path.relative_to(ROOT).as_posix()
             if not without or not name.startswith(without):
-                h.update(name.encode() + b"\0" + path.read_bytes())
-    return h.hexdigest()[:16]
+                digest.update(name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:16]
 
 
 def _files(place: Path, pattern: str) -> list[Path]:

@@ -89,8 +89,7 @@ def plan(
     if plant is not None:
         check_readable(plant)
     from cell.devices.devices import DeviceSelection
-    from cell.folding.request import Recording, Request
-    from cell.folding.standard_runs import standard_requests, standard_run
+    from cell.folding.request import Recording, Request, standard_requests, standard_run
     from drivers.strip.describe import load_plant
 
     found, desk = find_configs(configs), None if plant is None else load_plant(plant)
@@ -114,7 +113,6 @@ def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int
     """Make the runs and report each; returns the largest exit code of those that went wrong."""
     from cell.arm.run_settings import await_strip
     from cell.folding.batch import Attendance, agreed, fold_all
-    from cell.folding.standard_runs import went_as_planned
 
     requests, code = agreed(requests, ask), 0
     attendance = Attendance(lay_again=lambda: await_strip(ask))
@@ -127,12 +125,12 @@ def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int
         else:
             sys.stdout.write(f"{i}/{len(requests)}  {_run_line(request, result)}\n")
         sys.stdout.flush()
-        code = max(code, 0 if went_as_planned(result) else result.exit_code)
+        code = max(code, 0 if result.went_as_planned else result.exit_code)
     return code
 
 
 def _run_line(request: "Request", result: "FoldResult") -> str:
-    from cell.folding.standard_runs import standard_run
+    from cell.folding.request import standard_run
 
     name, reveals = standard_run(request)
     d = result.displacement

@@ -77,17 +77,17 @@ class Configs:
         return tuple(sorted(path.stem for path in (self.folder / "strips").glob("*.yaml")))
 
 
-def find_configs(given: Path | None) -> Configs:
+def find_configs(given: str | Path | None) -> Configs:
     """Find the folder of configuration: that of `--configs`, else ./configs, else the package's.
 
     Raises ConfigurationError where it holds no cell.yaml.
     """
     if given is not None:
-        if not (given / "cell.yaml").is_file():
+        if not (Path(given) / "cell.yaml").is_file():
             raise ConfigurationError(
                 f"--configs: {given} holds no cell.yaml; name a folder like the packaged configs"
             )
-        return Configs(given)
+        return Configs(Path(given))
     for folder in (Path("configs"), PACKAGED, CHECKOUT_CONFIGS):
         if (folder / "cell.yaml").is_file():
             return Configs(folder)

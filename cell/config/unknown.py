@@ -27,29 +27,22 @@ def unknown_strip(known: str) -> StripFile:
     Raises ConfigurationError for what are no such numbers.
     """
     length, _, thickness = known.partition(":")
-    content = _content(metres("--length", length))
-    if thickness:
-        content["thickness"] = metres("--thickness", thickness)
-        del content["spread"]["thickness"]
-        content["provenance"].append(CALIPERS)
-    else:
-        content["provenance"].append({"key": "thickness", "source": "assumed"})
-    return parse(content, StripFile, "--length, --thickness")
-
-
-def _content(length: float) -> dict[str, Any]:
     (c_low, c_high), (t_low, t_high) = BENDING_LENGTH, RETARDATION_TIME
-    return {
+    spread = {"bending_length": list(BENDING_LENGTH), "retardation_time": list(RETARDATION_TIME)}
+    content: dict[str, Any] = {
         "name": UNKNOWN_NAME,
-        "length": length,
+        "length": metres("--length", length),
         "width": ASSUMED_WIDTH,
         "areal_density": ASSUMED_DENSITY,
         "bending_length": (c_low * c_high) ** 0.5,
         "retardation_time": (t_low * t_high) ** 0.5,
-        "spread": {
-            "bending_length": list(BENDING_LENGTH),
-            "retardation_time": list(RETARDATION_TIME),
-            "thickness": list(THICKNESS_RANGE),
-        },
+        "spread": spread,
         "provenance": [{"key": key, "source": "assumed"} for key in ASSUMED_KEYS],
     }
+    if thickness:
+        content["thickness"] = metres("--thickness", thickness)
+        content["provenance"].append(CALIPERS)
+    else:
+        spread["thickness"] = list(THICKNESS_RANGE)
+        content["provenance"].append({"key": "thickness", "source": "assumed"})
+    return parse(content, StripFile, "--length, --thickness")

@@ -22,7 +22,7 @@ from drivers.protocols import Camera
 from drivers.strip.file import StripFile
 from drivers.twin.camera import PacedCamera
 from drivers.twin.clock import RealTimeClock, TwinClock
-from drivers.twin.open import DEFAULT_PLANT, Desk, ExternalArm, PlantOptions, open_desk
+from drivers.twin.open import Desk, ExternalArm, open_desk
 from drivers.types import Array, Frame, frozen
 
 NO_FORCE = frozen([0.0, 0.0, 0.0])
@@ -48,7 +48,6 @@ def fci_devices(
     settings: CellFile,
     strip: StripFile,
     choice: DeviceSelection,
-    staging: PlantOptions = DEFAULT_PLANT,
     *,
     calibrating: bool = False,
 ) -> Devices:
@@ -66,7 +65,7 @@ def fci_devices(
     world = TwinClock()
     clock = world if settings.fci.in_lock_step else RealTimeClock(world, CATCHING_UP)
     twin = bare(settings) if calibrating else settings.twin
-    desk = open_desk(world, twin, lying, rig, choice.seed, choice.index, staging)
+    desk = open_desk(world, twin, lying, rig, choice.seed, choice.index)
     _check_rig(desk)
     surroundings, servers = Surroundings(), list[Closable]()
     address = settings.fci.address

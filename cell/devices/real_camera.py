@@ -9,7 +9,6 @@ from cell.config.cell import CellFile
 from cell.devices.devices import Devices
 from drivers.camera.camera import CameraReport, V4l2Camera
 from drivers.camera.controls import CameraControl
-from drivers.camera.device import Kernel
 from drivers.camera.formats import Mode
 from drivers.camera.frame import CameraFrame, Counts
 from drivers.camera.session import Setup
@@ -101,9 +100,9 @@ def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
     return V4l2Settings.model_validate(content)
 
 
-def grab(settings: V4l2Settings, kernel: Kernel | None = None) -> Grab:
+def grab(settings: V4l2Settings) -> Grab:
     """Take frames for a second; returns the newest and statistics. CellError where none comes."""
-    camera = V4l2Camera(settings, WallClock(), kernel)
+    camera = V4l2Camera(settings, WallClock())
     try:
         camera.connect()
         first = last = _next_frame(camera, -1.0)

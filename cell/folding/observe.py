@@ -62,7 +62,7 @@ def observe(
     calibration: Calibration | Path | None,
     strip_name: str,
     folder: Path,
-    configs: Path | None = None,
+    configs: str | Path | None = None,
     progress: Progress = lambda _time: None,
 ) -> FilmMeasurement:
     """Read the film at `film` into the new run `folder`, with an overlay film to look at.
@@ -238,12 +238,12 @@ def _held_path(
 ) -> tuple[Array, Array, Array, Array]:
     """Path of the held end: times (n,) [s], x and z (n,) [m], pitch (n,) [rad], from flat on."""
     ends = [(held.measurement.stamp, held.end) for held in read if held.end is not None]
-    lifted = ends[0][0]
-    before = [held.measurement for held in read if held.measurement.stamp < lifted]
-    flat = [seen.stamp for seen in before if seen.contact_x > strip.length - FLAT_LENGTH]
-    still = [(s, Pose(strip.length, 0.0, 0.0)) for s in sorted({0.0, *flat[-1:]}) if s < lifted]
-    known = [(s, pose.x, pose.z, pose.pitch) for s, pose in [*still, *ends]]
-    stamps, x, z, pitch = np.array(known).T
+    lift, lying = ends[0][0], Pose(strip.length, 0.0, 0.0)
+    before = [held.measurement for held in read if held.measurement.stamp < lift]
+    flat = [image.stamp for image in before if image.contact_x > strip.length - FLAT_LENGTH]
+    resting = [(stamp, lying) for stamp in sorted({0.0, *flat[-1:]}) if stamp < lift]
+    rows = [(stamp, pose.x, pose.z, pose.pitch) for stamp, pose in [*resting, *ends]]
+    stamps, x, z, pitch = np.array(rows).T
     t = np.arange(stamps[0], stamps[-1], ROW_PERIOD)
     path = (_smooth(values) for values in (x, z, np.unwrap(pitch)))
     x, z, pitch = (PchipInterpolator(stamps, values)(t) for values in path)

@@ -58,24 +58,25 @@ class Rehearsal:
         return (yield from self._follow_part(*stops[-2:]))
 
     def _corners(self, first: int, last: int) -> list[int]:
-        ways = np.diff(self.path[first : last + 1, :2], axis=0)
-        lengths = np.linalg.norm(ways, axis=1)
-        straight = (ways[1:] * ways[:-1]).sum(axis=1) >= CORNER * lengths[1:] * lengths[:-1]
-        return [first + 1 + int(at) for at in np.flatnonzero(~straight)]
+        """Indices of the points between `first` and `last` at which the path turns sharply."""
+        legs = np.diff(self.path[first : last + 1, :2], axis=0)
+        lengths = np.linalg.norm(legs, axis=1)
+        straight = (legs[1:] * legs[:-1]).sum(axis=1) >= CORNER * lengths[1:] * lengths[:-1]
+        return (first + 1 + np.flatnonzero(~straight)).tolist()
 
     def _follow_part(self, first: int, last: int) -> Motion:
         """Drive along the path between two corners, eased in and out, then rest."""
         part = slice(first, last + 1)
         poses, times = densify(self.path[part], self.speeds[part])
         due = EASE * np.concatenate([[0.0], np.cumsum(times[1:])])
-        most = np.array([axis.velocity for axis in self.limits.axes])
+        fastest = np.array([axis.velocity for axis in self.limits.axes])
         snapshot = yield Drive(Velocity(0.0, 0.0, 0.0))
-        begun = snapshot.time
-        while (now := snapshot.time - begun) < due[-1] + min(RAMP, due[-1]):
-            here = _pose_at(_eased_time(now, due[-1]), due, poses)
-            soon = _pose_at(_eased_time(now + LOOKAHEAD, due[-1]), due, poses)
-            away = here - snapshot.arm.commanded.as_array()
-            rate = np.clip((soon - here) / LOOKAHEAD + GAIN * away, -most, most)
+        start = snapshot.time
+        while (time := snapshot.time - start) < due[-1] + min(RAMP, due[-1]):
+            target = _pose_at(_eased_time(time, due[-1]), due, poses)
+            ahead = _pose_at(_eased_time(time + LOOKAHEAD, due[-1]), due, poses)
+            error = target - snapshot.arm.commanded.as_array()
+            rate = np.clip((ahead - target) / LOOKAHEAD + GAIN * error, -fastest, fastest)
             snapshot = yield Drive(Velocity(*rate.tolist()))
         return (yield from move(Pose(*poses[-1].tolist())))
 

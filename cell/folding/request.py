@@ -5,6 +5,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from cell.arm.run_settings import settings_of_run
 from cell.config.cell import CellFile
 from cell.config.length import metres
@@ -16,7 +18,8 @@ from cell.record.files import Keep
 from cell.record.film import Encoder
 from drivers.strip.describe import doubts
 from drivers.strip.file import StripFile
-from policies.registry import make_policy
+from policies.experiments.standard import STANDARD, standard_order
+from policies.registry import MOTION, make_policy
 
 LEARNING_WORDS = ("auto", "on", "off")
 UNCORRECTED = Correction(0.0, 0.0)
@@ -84,6 +87,26 @@ def repetitions(base: Request, plants: Sequence[StripFile], repeat: int = 1) -> 
         )
         for i, (plant, index) in enumerate(folds)
     )
+
+
+def standard_requests(base: Request) -> tuple[Request, ...]:
+    """Requests of the standard runs, shuffled by the seed S; number i has seed S + i, index i."""
+    order = standard_order(np.random.default_rng(base.choice.seed))
+    return tuple(
+        replace(
+            base,
+            policy=MOTION + name,
+            speed=STANDARD[name].speed,
+            choice=replace(base.choice, index=i, seed=base.choice.seed + i),
+        )
+        for i, name in enumerate(order)
+    )
+
+
+def standard_run(request: Request) -> tuple[str, str]:
+    """Name of the standard run that `request` asks for, and the effects that it reveals."""
+    name = request.policy.removeprefix(MOTION)
+    return name, STANDARD[name].reveals
 
 
 def check_request(request: Request) -> None:

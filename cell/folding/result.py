@@ -11,7 +11,7 @@ from cell.folding.documents import LEARNED
 from cell.folding.request import Request
 from cell.orchestrator.outcome import Outcome, StopReason
 from cell.perception.consistency import LengthCheck
-from cell.record.header import LAID
+from cell.record.header import LAID, NOT_FOLDED
 from drivers.errors import CellError
 
 LINE_COLUMNS = ["run", "strip", "policy", "seed", "outcome", "displacement", "displacement_true"]
@@ -106,6 +106,15 @@ class FoldResult:
     def ends(self, until: float) -> bool:
         """Whether a series of folds ends: stopped, or the edges lie as close as `until` [m]."""
         return self.exit_code > 1 or (self.exit_code == 0 and self.offset <= until)
+
+    @property
+    def went_as_planned(self) -> bool:
+        """Whether a standard run ended so that all of it can be used for a fit.
+
+        A lift there and back ends without a touch, and how the strip lies afterwards is not
+        compared with anything.
+        """
+        return self.outcome in NOT_FOLDED | {"layer_touch", "path_done"}
 
     def line(self) -> dict[str, Any]:
         """Object that `cell fold --json` prints, with the contract's keys only."""

@@ -14,7 +14,7 @@ from policies.profile import seen_profile
 COMPARED_TIME = 0.5  # s of images that are compared
 FEWEST_IMAGES = 5  # of them
 AVERAGED_IMAGES = 3  # images in a running mean, in which their noise averages out
-RESTING_WAY = 0.0005  # m, the way of the profile's mean under which a strip rests
+REST_TRAVEL = 0.0005  # m that the profile's mean travels, below which a strip rests
 
 
 def hang_still(longest: float, record: Recorder) -> Motion:
@@ -44,8 +44,8 @@ class Swing:
 
     @property
     def still(self) -> bool:
-        """Whether the strip has moved less than `RESTING_WAY` over enough images."""
-        return self.moved < RESTING_WAY
+        """Whether the strip has moved less than `REST_TRAVEL` over enough images."""
+        return self.moved < REST_TRAVEL
 
     def see(self, snapshot: Snapshot, since: float) -> None:
         """Add the measurement in `snapshot`, if it is new and from an image after `since` [s]."""
@@ -59,9 +59,9 @@ class Swing:
         while self._seen[0][0] < seen.stamp - COMPARED_TIME:
             self._seen.popleft()
         whole = seen.stamp - since >= COMPARED_TIME and len(self._seen) >= FEWEST_IMAGES
-        self.moved = self._way() if whole else float("nan")
+        self.moved = self._travel() if whole else float("nan")
 
-    def _way(self) -> float:
+    def _travel(self) -> float:
         """Largest distance [m] of the profile's running mean from its mean over all images."""
         means = np.array([mean for _, mean in self._seen])
         sums = np.cumsum(np.concatenate([np.zeros((1, 2)), means]), axis=0)

@@ -14,8 +14,8 @@ from cell.config.places import CHECKOUT_CONFIGS, find_configs
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import check_drivers, open_cell
 from cell.folding.batch import Attendance, fold_all
+from cell.folding.request import standard_requests
 from cell.folding.result import FoldResult
-from cell.folding.standard_runs import standard_requests
 from cell.orchestrator.outcome import Outcome
 from drivers.errors import ConfigurationError, PreflightRefused
 from drivers.strip.describe import load_strip

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cell.orchestrator.hanging import RESTING_WAY as AT_REST
+from cell.orchestrator.hanging import REST_TRAVEL as AT_REST
 from cell.orchestrator.hanging import hang_still
 from cell.orchestrator.snapshot import MoveTo, Snapshot
 from cell.orchestrator.states import State

@@ -18,9 +18,8 @@ from cell.devices.open import check_drivers
 from cell.devices.rig_correction import corrected_devices
 from cell.devices.twin import twin_devices
 from cell.folding.fold import fold
-from cell.folding.request import Recording, Request
+from cell.folding.request import Recording, Request, standard_requests
 from cell.folding.result import FoldResult
-from cell.folding.standard_runs import standard_requests
 from cell.orchestrator.outcome import INTERRUPTED
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State

@@ -8,7 +8,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from cell.campaign.journal import Cost, Journal, Record, digest, share
+from cell.campaign.journal import Cost, Journal, Record, digest
 from cell.campaign.run import Engine, Watcher, carry_out
 from cell.campaign.versions import code, data, sources
 from cell.config.places import find_configs
@@ -72,11 +72,11 @@ class StudyRequest:
         return self.folder / JOURNAL
 
     def parts(self, shard: tuple[int, int] = (1, 1)) -> tuple[CasePart, ...]:
-        """Parts of all cases, or of those in a shard."""
-        made_of, study = inputs(self.study), self.study
+        """Parts of all cases, or of every n-th from the i-th on for the shard i of n."""
+        made_of, study, (number, count) = inputs(self.study), self.study, shard
         return tuple(
             CasePart(study.name, case, made_of, study.seconds)
-            for case in share(study.cases(self.seed, self.count), shard)
+            for case in study.cases(self.seed, self.count)[number - 1 :: count]
         )
 
 

@@ -16,9 +16,8 @@ from cell.calibrating.calibration_in_use import calibration_of
 from cell.config.places import Configs, find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold
-from cell.folding.request import Request
+from cell.folding.request import Request, standard_requests
 from cell.folding.result import FoldResult
-from cell.folding.standard_runs import standard_requests
 from cell.gap.fit import fit
 from cell.gap.verdict.accept import accept
 from drivers.strip.describe import load_plant
