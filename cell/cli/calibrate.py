@@ -230,7 +230,6 @@ def _settings(configs: Path | None) -> "CellFile":
 
 def _ask_length(text: str) -> float:
     """Read the length [m] typed at a prompt; BadParameter for other text, so that it asks again."""
-
     try:
         return MEASURED_LENGTH(text)
     except ConfigurationError as error:

@@ -169,7 +169,6 @@ def fold(
 
 def _check_until(close: float | None, learning: object, *, rehearse: bool) -> None:
     """Refuse options that say the contrary of `--until`, which folds and learns."""
-
     if close is not None and rehearse:
         raise ConfigurationError("--until: folds on the desk; leave it or --rehearse out")
     if close is not None and learning not in {None, "on", "auto"}:
@@ -178,7 +177,6 @@ def _check_until(close: float | None, learning: object, *, rehearse: bool) -> No
 
 def _strip_name(strip: str, length: float | None, thickness: float | None) -> str:
     """Name of the strip for requests; one without a file is named by length and thickness."""
-
     if (strip == "unknown") != (length is not None):
         raise ConfigurationError(
             "--length: goes with `--strip unknown`, which needs it; other strips have a file"
