@@ -24,7 +24,7 @@ from cell.benchmark.summary import (
     rows,
 )
 from cell.record.documents import plain
-from cell.report.kit import Tone, page
+from cell.report.html import Tone, page
 from cell.report.verdict import Verdict
 from cell.report.words import NO_VALUE, millimetres
 from drivers.files import write_file

@@ -49,7 +49,7 @@ class Film:
         """
         import av
 
-        with _opened(self.path) as container:
+        with _open_film(self.path) as container:
             begin = 0.0 if after else None
             if after:
                 container.seek(round(after * av.time_base))
@@ -66,7 +66,7 @@ class Film:
         """
         import av
 
-        with _opened(self.path) as container:
+        with _open_film(self.path) as container:
             stream = container.streams.video[0]
             to_bytes = av.BitStreamFilterContext("h264_mp4toannexb", stream)
             for packet in container.demux(stream):
@@ -74,8 +74,8 @@ class Film:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    """Open the film at `path`; ConfigurationError for what cannot be read."""
+def _open_film(path: Path) -> Iterator[Any]:
+    """Context with the container of the film at `path`; ConfigurationError where it is none."""
     import av
 
     if not path.is_file():
@@ -172,7 +172,7 @@ def index_film(path: Path) -> None:
 
     if path.suffix != ".mp4":
         return
-    with replacing(path) as scratch, _opened(path) as old:
+    with replacing(path) as scratch, _open_film(path) as old:
         form = {"format": "mp4", "options": {"movflags": "faststart"}}
         with av.open(str(scratch), "w", **form) as new:
             stream = new.add_stream_from_template(old.streams.video[0], opaque=True)

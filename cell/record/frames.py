@@ -103,7 +103,7 @@ def read_index(folder: Path) -> tuple[FrameNote, ...]:
     """Read the index of the images in `folder`, in order; ConfigurationError for a broken line."""
     try:
         lift = lift_time(folder)
-        return tuple(_note(folder, line, lift) for line in read_json_lines(folder / INDEX))
+        return tuple(_read_note(folder, line, lift) for line in read_json_lines(folder / INDEX))
     except (KeyError, TypeError, ValueError, OverflowError):
         raise ConfigurationError(
             f"{folder / INDEX}: a line lacks its sequence, stamp or arrival; "
@@ -124,7 +124,7 @@ def read_frame(note: FrameNote) -> Frame | None:
     return Frame(note.stamp, note.arrival, note.source, note.sequence, image)
 
 
-def _note(folder: Path, line: dict[str, Any], lift: float) -> FrameNote:
+def _read_note(folder: Path, line: dict[str, Any], lift: float) -> FrameNote:
     sequence, stamp, arrival = int(line["sequence"]), float(line["stamp"]), float(line["arrival"])
     if isfinite(lift):
         stamp, arrival = stamp - lift, arrival - lift

@@ -197,16 +197,16 @@ def read_row(folder: Path) -> RunRow:
         duration=_number(final.get("duration")),
         size=_size(folder),
         touch=_number(final.get("t_layer_touch")),
-        predicted=_number(_part(final, "foretold").get("displacement")),
-        like_model=_only(bool, _part(final, "agreement").get("like_model")),
+        predicted=_number(_mapping_at(final, "foretold").get("displacement")),
+        like_model=_of_type(bool, _mapping_at(final, "agreement").get("like_model")),
         reason=_text(final.get("reason")),
-        seed=_only(int, stated.get("seed")),
+        seed=_of_type(int, stated.get("seed")),
         speed=_number(stated.get("speed")),
         start=_text(stated.get("start")) or "flat",
         condition=_text(stated.get("condition")),
-        arm=_text(_part(stated, "drivers").get("arm")),
-        camera=_text(_part(stated, "drivers").get("camera")),
-        calibration=_text(_part(stated, "calibration").get("id")),
+        arm=_text(_mapping_at(stated, "drivers").get("arm")),
+        camera=_text(_mapping_at(stated, "drivers").get("camera")),
+        calibration=_text(_mapping_at(stated, "calibration").get("id")),
         tags=_text(remarks.get("tags")),
         note=_text(remarks.get("note")),
     )
@@ -238,7 +238,7 @@ def _document(path: Path, keys: Collection[str] = ()) -> dict[str, Any] | None:
         return None
 
 
-def _part(content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+def _mapping_at(content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     part = content.get(key)
     return part if isinstance(part, dict) else {}
 
@@ -273,7 +273,7 @@ def _number(value: object) -> float | None:
     return float(value)
 
 
-def _only(kind: type[T], value: object) -> T | None:
+def _of_type(kind: type[T], value: object) -> T | None:
     return value if type(value) is kind else None
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from calibration.calibration import Calibration, load_calibration
 from calibration.wizard.session import PICTURE_FILE, VERDICT_FILE
 from cell.record.files import CALIBRATION, REPORT
-from cell.report.kit import jpeg_text, page
+from cell.report.html import jpeg_text, page
 from cell.report.overlay import KeyPicture
 from cell.report.verdict import Verdict
 from cell.report.words import millimetres, milliseconds

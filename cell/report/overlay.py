@@ -17,7 +17,7 @@ from cell.perception.settings import PerceptionSettings
 from cell.record.columns import FARTHEST_HAND, Sights, Ticks
 from cell.record.frames import FrameNote, frame_file, read_frame
 from cell.record.run import Run
-from cell.report.kit import jpeg_text
+from cell.report.html import jpeg_text
 from cell.report.words import seconds
 from drivers.errors import ConfigurationError
 from drivers.readers import read_picture
@@ -63,16 +63,14 @@ def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPict
 
     An image that cannot be read is skipped.
     """
-    calibration, sights, curves = run.calibration(), run.sights(), dict(run.profile.curves())
-    tips = fold_tips(sights, run.ticks)
-    pictures = []
+    calibration, pictures = run.calibration(), []
     for note, recorded in _readable(evenly_chosen(run.kept_images(), SHOWN_IMAGES)):
         image = recorded
         if calibration is not None and _matches_size(recorded, calibration):
             window = window_on(run.ticks, calibration)
-            image = _with_sight(recorded, note, calibration, sights, tips, curves)
+            image = _with_sight(recorded, note, run, calibration)
             image = window.of(_with_outline(image, note.sequence, outlines))
-        pictures.append(_picture(image, WIDTH, _caption(note, run, sights), note))
+        pictures.append(_picture(image, WIDTH, _caption(note, run), note))
     return tuple(pictures)
 
 
@@ -195,20 +193,16 @@ def _pixels(points: Array, calibration: Calibration) -> NDArray[np.int32]:
     return np.rint(EIGHTHS * pixels[inside]).astype(np.int32)
 
 
-def _with_sight(
-    image: Image,
-    note: FrameNote,
-    calibration: Calibration,
-    sights: Sights,
-    tips: Array,
-    curves: dict[float, Array],
-) -> Image:
+def _with_sight(image: Image, note: FrameNote, run: Run, calibration: Calibration) -> Image:
+    """Copy of `image` with what was measured in it; `image` itself where nothing was."""
+    sights = run.sights()
     rows = np.flatnonzero(sights.sequence == note.sequence)
     if rows.size == 0:
         return image
     row = int(rows[0])
-    curve = curves.get(float(sights.stamp[row]), np.empty((0, 2)))
-    return draw_sight(image, calibration, curve, float(sights.contact_x[row]), tips[row])
+    curve = dict(run.profile.curves()).get(float(sights.stamp[row]), np.empty((0, 2)))
+    tip = fold_tips(sights, run.ticks)[row]
+    return draw_sight(image, calibration, curve, float(sights.contact_x[row]), tip)
 
 
 def _with_outline(image: Image, sequence: int, outlines: Sequence[Silhouette]) -> Image:
@@ -218,8 +212,8 @@ def _with_outline(image: Image, sequence: int, outlines: Sequence[Silhouette]) -
     return cv2.polylines(image.copy(), rings, True, PROFILE_BGR, 2, cv2.LINE_AA) if rings else image
 
 
-def _caption(note: FrameNote, run: Run, sights: Sights) -> str:
-    words = [seconds(note.stamp)]
+def _caption(note: FrameNote, run: Run) -> str:
+    words, sights = [seconds(note.stamp)], run.sights()
     if note.stamp < 0:
         words.append("before the lift")
     elif run.ticks.state:

@@ -33,7 +33,7 @@ from cell.report.figures import (
     signals_figure,
     strip_figure,
 )
-from cell.report.kit import Link, page
+from cell.report.html import Link, page
 from cell.report.overlay import close_ups, key_pictures, poster, silhouettes
 from cell.report.verdict import verdict_of
 from cell.report.words import MINUS, NO_VALUE, event_title, millimetres, milliseconds, seconds
@@ -141,10 +141,10 @@ def film_of(run: Run) -> dict[str, Any] | None:
     source = FILM
     if path.stat().st_size <= LARGEST_FILM:
         source = f"data:video/mp4;base64,{base64.b64encode(path.read_bytes()).decode()}"
-    return {"begin": begin, "source": source, "poster": poster(run), **_read_in(run)}
+    return {"begin": begin, "source": source, "poster": poster(run), **_measured_curves(run)}
 
 
-def _read_in(run: Run) -> dict[str, Any]:
+def _measured_curves(run: Run) -> dict[str, Any]:
     """Curves measured in the film: `size` of an image, `curves` of (time [s], flat pixels x, y)."""
     calibration = run.calibration()
     if calibration is None:

@@ -13,7 +13,7 @@ from cell.record.frames import read_index
 from cell.record.listing import RunRow, read_row
 from cell.record.run import Run, read_broken_run
 from cell.report.drawing import MUTED, as_svg, canvas
-from cell.report.kit import Link, jpeg_text, page
+from cell.report.html import Link, jpeg_text, page
 from cell.report.page import film_of, flatten, settings_rows, truth_of
 from cell.report.verdict import Verdict
 from cell.report.words import NO_VALUE, millimetres, plural, seconds

@@ -7,7 +7,7 @@ from typing import Any
 from cell.record.files import RESULT, is_under_way
 from cell.record.header import LAID, Result
 from cell.record.run import Run
-from cell.report.kit import Tone
+from cell.report.html import Tone
 from cell.report.words import millimetres, outcome_title, seconds, side
 
 LINE_BREAK = "\n"
@@ -84,7 +84,7 @@ def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) 
     if agreed is not None and not agreed.like_model and agreed.reason != result.reason:
         sentences.append(_sentence(agreed.reason))
     if result.outcome != "layer_touch":
-        sentences.insert(0, _reason(result))
+        sentences.insert(0, _sentence(result.reason))
     return Verdict(
         tone=_fold_tone(result, d),
         headline=_fold_headline(result),
@@ -143,7 +143,7 @@ def _true_words(seen: float, true: float, what: str) -> str:
 
 def _without_displacement(run: Run, result: Result) -> Verdict:
     done = result.outcome == "path_done"
-    sentences = [_reason(result), _last_seen(run, "at the end")]
+    sentences = [_sentence(result.reason), _last_seen(run, "at the end")]
     if done:
         sentences.append("No touch was seen, so no displacement is claimed.")
     else:
@@ -164,11 +164,7 @@ def _verdict_of_dead_run(run: Run) -> Verdict:
     return Verdict("bad", headline, (_last_seen(run, "then"), "There is no result."))
 
 
-def _reason(result: Result) -> str:
-    return _sentence(result.reason or "")
-
-
-def _sentence(reason: str) -> str:
+def _sentence(reason: str | None) -> str:
     return f"{reason[:1].upper()}{reason[1:].rstrip('.')}." if reason else ""
 
 

@@ -1,7 +1,7 @@
 """HTML page of a check: what is wrong with the recordings, and what they cannot identify."""
 
 from cell.gap.check import IDENTIFIABLE, Check, Level
-from cell.report.kit import Tone, page
+from cell.report.html import Tone, page
 from cell.report.verdict import Verdict
 from cell.report.words import plural
 

@@ -31,8 +31,8 @@ from cell.gap.subject.subject import Parameter, Run
 from cell.gap.verdict.compose import SIGNIFICANT
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import CandidateEntry, Interval, Kind, Verdict
-from cell.report.kit import Tone
-from cell.report.kit import page as document
+from cell.report.html import Tone
+from cell.report.html import page as document
 from cell.report.verdict import Verdict as Card
 from cell.report.words import millimetres
 from drivers.errors import CellError

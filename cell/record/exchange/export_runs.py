@@ -10,7 +10,7 @@ import pyarrow.csv as pc
 from cell.extras import require_library
 from cell.record.documents import write_document
 from cell.record.exchange.mapping import MAPPING
-from cell.record.exchange.run_tables import RunTables, check_alike, mapping_of, tables_of
+from cell.record.exchange.run_tables import RunTables, check_alike, mapping_of
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError
 from drivers.files import check_free, new_folder, replace_file
@@ -27,7 +27,7 @@ def export_runs(folders: Sequence[Path], kind: Format, out: Path) -> tuple[Path,
     check_free(out)
     if kind == "mcap":
         require_library("mcap")
-    parts = tables_of([read_run(folder) for folder in folders])
+    parts = [RunTables.of(read_run(folder)) for folder in folders]
     names = [part.run.name for part in parts]
     if len(set(names)) < len(names):
         raise ConfigurationError(f"two runs are named {max(names, key=names.count)}; rename one")
@@ -50,7 +50,7 @@ def _write(parts: Sequence[RunTables], kind: Format, out: Path) -> tuple[Path, .
         (out / part.run.name).mkdir(parents=True)
         for name, columns in part.tables.items():
             sink = pa.BufferOutputStream()
-            pc.write_csv(pa.table({key: pa.array(values) for key, values in columns.items()}), sink)
+            pc.write_csv(pa.table(dict(columns)), sink)
             replace_file(out / part.run.name / f"{name}.csv", sink.getvalue().to_pybytes())
     names = mapping_of(parts, lambda table, column: (f"{table}.csv", column))
     write_document(out / MAPPING, names)

@@ -15,12 +15,12 @@ from cell.record.exchange.import_runs import sources_in
 from cell.record.exchange.mapping import (
     FACTORS,
     LENGTHS,
-    MEASURES,
     TIMES,
     Source,
     Table,
     numbers_of,
     seconds_of,
+    units_of,
 )  # fmt: skip
 from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
@@ -76,7 +76,7 @@ class Guess:
         keys = ", ".join(f"{k}: {json.dumps(v, ensure_ascii=False)}" for k, v in stated.items())
         remark = f"{'' if self.reason in {BY_NAME, BY_CLOCK} else 'likely, '}by {self.reason}"
         if self.unit is None:
-            remark = f"open, not told by {self.reason}: {', '.join(_units(quantity))}"
+            remark = f"open, not told by {self.reason}: {', '.join(units_of(quantity))}"
         elif self.offset is None:
             remark = f"open, not told by {self.reason}: your value [m] of the cell's zero"
         return f"    {quantity}: {{{keys}}}  # {remark}"
@@ -154,13 +154,9 @@ def _quantity(words: Sequence[str]) -> str:
     return next((f"f_{axis}" for axis in "xz" if {*words} & {axis, f"f{axis}"}), "")
 
 
-def _units(quantity: str) -> Mapping[str, float]:
-    return MEASURES.get(quantity, LENGTHS)
-
-
 def _guess_unit(guess: Guess, quantity: str, size: float, typical: float) -> None:
     """Take the unit by its name, or by the `size` as written where `typical` [SI] is."""
-    known = _units(quantity)
+    known = units_of(quantity)
     hints = [u for word in _words(guess.column) if (u := UNITS.get(word, "")) in known]
     off = {unit: abs(np.log(max(size * known[unit], 1e-12) / typical)) for unit in known}
     unit = min(hints or known, key=off.__getitem__)

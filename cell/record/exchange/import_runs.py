@@ -64,7 +64,7 @@ def import_runs(
     with scratch_folder(out) as scratch:
         made: list[Path] = []
         for index, source in enumerate(sources):
-            how, run = stated or _own_mapping(source, kind), scratch / source.name
+            how, run = stated or _exported_mapping(source, kind), scratch / source.name
             check_free(out / run.name)
             if run in made:
                 raise ConfigurationError(
@@ -72,12 +72,14 @@ def import_runs(
                 )
             made.append(run)
             with writing(out):
-                _import(source, how, index, run, documents=stated is None)
+                _write_run(source, how, index, run, documents=stated is None)
             try:
                 check(run)
             except ConfigurationError as error:
-                text = _of_source(str(error), source, how, run)
-                raise ConfigurationError(text + _mending(source, how, check, scratch)) from None
+                text = _with_source_path(str(error), source, how, run)
+                raise ConfigurationError(
+                    text + _suggest_change(source, how, check, scratch)
+                ) from None
             with writing(out):
                 _write_film(source, run)
         if not made:
@@ -85,7 +87,7 @@ def import_runs(
         return _move_all(made, out)
 
 
-def _of_source(text: str, source: Source, how: AnyMapping, run: Path) -> str:
+def _with_source_path(text: str, source: Source, how: AnyMapping, run: Path) -> str:
     """The `text` of an error of the made `run`, with the path of its source."""
     if isinstance(how, SignalMapping):
         mapped = f"{path_of(source, how.signals)}, as mapped"
@@ -109,10 +111,13 @@ def _move_all(made: Sequence[Path], out: Path) -> tuple[Path, ...]:
     return tuple(moved)
 
 
-def _mending(
+def _suggest_change(
     source: Source, how: AnyMapping, check: Callable[[Path], object], scratch: Path
 ) -> str:
-    """The axis or unit of the gripper's columns, as a remedy, with which the run can be read."""
+    """Text of a change of the mapping, another axis or unit, with which the run can be read.
+
+    Empty where no such change of the gripper's columns helps.
+    """
     if isinstance(how, SignalMapping):
         return ""
     changes: list[Any] = [{"reversed": True}, {"reversed": False}]
@@ -125,7 +130,7 @@ def _mending(
             ticks = how.ticks.model_copy(update={"columns": columns})
             with suppress(ConfigurationError), TemporaryDirectory(dir=scratch) as tried:
                 run = Path(tried) / source.name
-                _import(source, how.model_copy(update={"ticks": ticks}), 0, run, documents=False)
+                _write_run(source, how.model_copy(update={"ticks": ticks}), 0, run, documents=False)
                 check(run)
                 stated = dump_yaml(change).strip()
                 return f"; {stated} for {' and '.join(names)} in the mapping would mend it"
@@ -146,7 +151,7 @@ def sources_in(place: Path, mapping: Path | None = None) -> Iterator[Source]:
     elif (place / INFO).is_file():
         yield from episodes(place)
     elif place.is_dir():
-        yield from map(file_source, _table_folders(place))
+        yield from map(file_source, _folders_of_tables(place))
     elif place.is_file() and FILE.fullmatch(place.name):
         yield file_source(place)
     elif not (place.is_file() and (place.name == MAPPING or place == mapping)):
@@ -156,7 +161,7 @@ def sources_in(place: Path, mapping: Path | None = None) -> Iterator[Source]:
         )
 
 
-def _table_folders(place: Path) -> list[Path]:
+def _folders_of_tables(place: Path) -> list[Path]:
     """The folder `place` where it holds tables itself, or else the folders in it."""
     if any(FILE.fullmatch(path.name) for path in place.iterdir()):
         return [place]
@@ -166,7 +171,8 @@ def _table_folders(place: Path) -> list[Path]:
     return inner
 
 
-def _own_mapping(source: Source, kind: type[AnyMapping]) -> AnyMapping:
+def _exported_mapping(source: Source, kind: type[AnyMapping]) -> AnyMapping:
+    """The mapping that `cell export` put beside the tables; ConfigurationError without one."""
     content = source.documents.get(MAPPING)
     if content is None:
         fault = "nothing says which column holds what; write a mapping and give it with --mapping"
@@ -178,7 +184,9 @@ def _own_mapping(source: Source, kind: type[AnyMapping]) -> AnyMapping:
     return parse(parse_yaml(text, origin), kind, origin)
 
 
-def _import(source: Source, how: AnyMapping, index: int, target: Path, *, documents: bool) -> None:
+def _write_run(
+    source: Source, how: AnyMapping, index: int, target: Path, *, documents: bool
+) -> None:
     """Write the tables of `source` as a run, and with `documents` its own YAML files."""
     if isinstance(how, SignalMapping):
         signals = read_columns(source, how.signals, OF_SIGNALS)

@@ -75,12 +75,12 @@ def write_lerobot(parts: Sequence[RunTables], out: Path) -> tuple[Path, ...]:
     images, shape = list[Mapping[str, Feature]](), tuple[int, ...]()
     for i, part in enumerate(parts):
         count = len(part.tables["ticks"]["t"])
-        rows.append(_episode(part, i, begin, count))
+        rows.append(_episode_row(part, i, begin, count))
         counters = _counters(i, begin, count, fps, tasks.index(rows[-1]["tasks"][0]))
         frames.append(_features(part, parts) | counters)
-        _write(out / _file(DATA, *divmod(i, CHUNK)), _table(frames[-1]))
+        _write(out / _fill_pattern(DATA, *divmod(i, CHUNK)), _table(frames[-1]))
         if CAMERA_STAMP in frames[-1]:
-            path = out / _file(VIDEO, *divmod(i, CHUNK), CAMERA)
+            path = out / _fill_pattern(VIDEO, *divmod(i, CHUNK), CAMERA)
             size, sample = _write_film(part, path, fps)
             if images and size != shape:
                 raise ConfigurationError(
@@ -89,10 +89,12 @@ def write_lerobot(parts: Sequence[RunTables], out: Path) -> tuple[Path, ...]:
                 )
             shape = size
             images.append({CAMERA: sample})
-            rows[-1] |= _film_place(i, count / fps)
+            film = f"videos/{CAMERA}"
+            ends = {f"{film}/from_timestamp": 0.0, f"{film}/to_timestamp": count / fps}
+            rows[-1] |= _place(film, i) | ends
         begin += count
     episodes = {name: [row[name] for row in rows] for name in rows[0]}
-    _write(out / _file(EPISODES, 0, 0), pa.table(episodes))
+    _write(out / _fill_pattern(EPISODES, 0, 0), pa.table(episodes))
     _write(out / TASKS, _tasks(tasks))
     stats, info = _stats(frames), _info(parts, frames[0], begin, len(tasks))
     if images:
@@ -104,13 +106,13 @@ def write_lerobot(parts: Sequence[RunTables], out: Path) -> tuple[Path, ...]:
         info["features"][CAMERA] = {"dtype": "video", "shape": list(shape), "names": axes}
     replace_file(out / STATS, json.dumps(stats).encode())
     replace_file(out / INFO, json.dumps(info).encode())
-    names = mapping_of(parts, _name)
+    names = mapping_of(parts, _file_and_column)
     names.pop("result", None)  # it comes with the run's documents
     replace_file(out / "meta" / MAPPING, dump_yaml(plain(names)).encode())
     return (out,)
 
 
-def _name(table: str, column: str) -> tuple[str, str]:
+def _file_and_column(table: str, column: str) -> tuple[str, str]:
     """File and column of a data set that hold the `column` of a run's `table`."""
     if table == "contact":
         stamp = "observation.contact_stamp"
@@ -137,7 +139,7 @@ def _features(part: RunTables, parts: Sequence[RunTables]) -> dict[str, Feature]
             found[f"observation.{name}"] = _at_frames(part, seen["t"], seen[key])
     if all(other.run.film_stamps() for other in parts):
         stamps = part.run.film_stamps()
-        found[CAMERA_STAMP] = Feature(np.array([stamps[number] for number in _newest(part)]))
+        found[CAMERA_STAMP] = Feature(np.array([stamps[number] for number in _newest_images(part)]))
     curves = [curve for other in parts for _, curve in other.run.profile.curves()]
     points = max(map(len, curves), default=0)
     return found | (_curves(part, points) if points else {})
@@ -172,7 +174,7 @@ def _at_frames(part: RunTables, stamps: Array, values: Array) -> Feature:
     return Feature(found)
 
 
-def _newest(part: RunTables) -> list[int]:
+def _newest_images(part: RunTables) -> list[int]:
     """Numbers (n,) in the run's film of the newest image at each row; at first, of the first."""
     stamps = part.run.film_stamps()
     newest = np.searchsorted(list(stamps.values()), part.tables["ticks"]["t"], side="right") - 1
@@ -186,7 +188,7 @@ def _write_film(part: RunTables, path: Path, fps: int) -> tuple[tuple[int, ...],
     Raises ConfigurationError for a run whose film breaks off.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    counts, row, sample, shape = Counter(_newest(part)), 0, list[Array](), tuple[int, ...]()
+    counts, row, sample, shape = Counter(_newest_images(part)), 0, list[Array](), tuple[int, ...]()
     with FilmWriter(path) as film:
         for number, frame in enumerate(Film(part.run.folder / FILM).frames()):
             for _ in range(counts[number]):
@@ -203,11 +205,9 @@ def _write_film(part: RunTables, path: Path, fps: int) -> tuple[tuple[int, ...],
     return shape, Feature(np.concatenate(sample))
 
 
-def _film_place(i: int, end: float) -> dict[str, Any]:
-    """Columns of meta/episodes for the film of the episode `i`, which lasts until `end` [s]."""
-    place: dict[str, float] = {"chunk_index": i // CHUNK, "file_index": i % CHUNK}
-    place |= {"from_timestamp": 0.0, "to_timestamp": end}
-    return {f"videos/{CAMERA}/{name}": value for name, value in place.items()}
+def _place(kind: str, number: int) -> dict[str, int]:
+    """Columns of meta/episodes that name the file of a `kind` by its `number`."""
+    return {f"{kind}/chunk_index": number // CHUNK, f"{kind}/file_index": number % CHUNK}
 
 
 def _counters(episode: int, begin: int, count: int, fps: int, task: int) -> dict[str, Feature]:
@@ -226,7 +226,7 @@ def _table(features: Mapping[str, Feature]) -> pa.Table:
     return pa.table(flat | lists)
 
 
-def _episode(part: RunTables, i: int, begin: int, count: int) -> dict[str, Any]:
+def _episode_row(part: RunTables, i: int, begin: int, count: int) -> dict[str, Any]:
     """Row of meta/episodes for one run; `cell/` holds the run's documents."""
     documents = {}
     for name in (RUN, RESULT):
@@ -236,12 +236,10 @@ def _episode(part: RunTables, i: int, begin: int, count: int) -> dict[str, Any]:
         "episode_index": i,
         "tasks": [TASK.format(part.run.header.strip)],
         "length": count,
-        "data/chunk_index": i // CHUNK,
-        "data/file_index": i % CHUNK,
+        **_place("data", i),
         "dataset_from_index": begin,
         "dataset_to_index": begin + count,
-        "meta/episodes/chunk_index": 0,
-        "meta/episodes/file_index": 0,
+        **_place("meta/episodes", 0),
         "cell/name": part.run.name,
         **documents,
     }
@@ -298,7 +296,7 @@ def _rate(parts: Sequence[RunTables]) -> int:
     return max(round(1.0 / float(np.median(steps))), 1) if len(steps) else 1
 
 
-def _file(pattern: str, chunk: int, file: int, camera: str = "") -> str:
+def _fill_pattern(pattern: str, chunk: int, file: int, camera: str = "") -> str:
     """Path of a file by the `pattern` of meta/info.json, which may come from outside."""
     numbers = {"chunk_index": str(chunk), "file_index": str(file), "video_key": camera}
     return PLACE.sub(lambda found: numbers[found[1]].zfill(int(found[2] or 0)), pattern)
@@ -410,19 +408,19 @@ def episodes(root: Path) -> Iterator[Source]:
     for path in sorted((root / "meta" / "episodes").glob("*/*.parquet")):
         for row in read_parquet(path).to_pylist():
             try:
-                yield _read(root, row, info, shared)
+                yield _episode_source(root, row, info, shared)
             except (KeyError, TypeError, ValueError) as error:
                 raise ConfigurationError(f"{path}: a row is not whole: {error}") from None
 
 
-def _read(
+def _episode_source(
     root: Path, row: Mapping[str, Any], info: Mapping[str, Any], shared: Mapping[str, bytes]
 ) -> Source:
     """Read the episode that one `row` of meta/episodes describes."""
-    path = _path(root, info, "data", row)
+    path = _path_in_set(root, info, "data", row)
     cameras = (name for name, each in info["features"].items() if each.get("dtype") == "video")
     camera = next((name for name in cameras if f"videos/{name}/file_index" in row), None)
-    film = camera and _path(root, info, "video", row, camera)
+    film = camera and _path_in_set(root, info, "video", row, camera)
     begin = float(row[f"videos/{camera}/from_timestamp"]) if camera else 0.0
     frames = read_parquet(path)
     of_episode = np.asarray(frames["episode_index"]) == row["episode_index"]
@@ -439,13 +437,13 @@ def _read(
     return Source(path, name, shared, [EPISODE, *points], found.table, found.images)
 
 
-def _path(
+def _path_in_set(
     root: Path, info: Mapping[str, Any], kind: str, row: Mapping[str, Any], camera: str = ""
 ) -> Path:
     """Path of the `data` or `video` of an episode; ConfigurationError for one out of the set."""
     pattern = str(info.get(f"{kind}_path") or (VIDEO if camera else DATA))
     place = f"videos/{camera}" if camera else kind
-    path = _file(pattern, row[f"{place}/chunk_index"], row[f"{place}/file_index"], camera)
+    path = _fill_pattern(pattern, row[f"{place}/chunk_index"], row[f"{place}/file_index"], camera)
     if Path(path).is_absolute() or ".." in Path(path).parts:
         raise ConfigurationError(
             f"{root / INFO}: {kind}_path: {path!r} leads out of the data set; give a path in it"

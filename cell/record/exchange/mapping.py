@@ -35,7 +35,7 @@ MEASURES = {
     "t": TIMES, "contact_t": TIMES, "t_layer_touch": TIMES, "pitch": ANGLES,
     "f_x": FORCES, "f_z": FORCES, "i": COUNTS, "": LENGTHS,
 }  # fmt: skip
-"""Units by column; "" stands for all other columns."""
+"""Units [SI, the first of them] by column; "" stands for all other columns."""
 OF_SIGNALS = {"t": TIMES, "": FACTORS}
 MAPPING = "mapping.yaml"  # as `cell export` names it
 
@@ -203,7 +203,7 @@ def read_columns(
     """
     content, path = source.table(table.file, table), path_of(source, table)
     found = {
-        name: _values(content, column, name, measures.get(name, measures[""]), path)
+        name: _values(content, column, name, units_of(name, measures), path)
         for name, column in table.columns.items()
     }
     if "t" in found and table.late:
@@ -248,6 +248,13 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def units_of(
+    column: str, measures: Mapping[str, Mapping[str, float]] = MEASURES
+) -> Mapping[str, float]:
+    """Units of the cell's `column`, the SI unit first, each with its factor to it."""
+    return measures.get(column, measures[""])
 
 
 def _values(

@@ -6,7 +6,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from cell.record.exchange.mapping import MEASURES
+from cell.record.exchange.mapping import units_of
 from cell.record.run import Run
 from drivers.errors import ConfigurationError
 from drivers.types import Array
@@ -29,7 +29,9 @@ class RunTables:
 
     @classmethod
     def of(cls, run: Run) -> Self:
-        """Collect the tables of `run`; empty columns are left out."""
+        """Collect the tables of `run`, without empty columns; ConfigurationError without rows."""
+        if not len(run.ticks.t):
+            raise ConfigurationError(f"{run.folder}: holds no row; leave it out")
         ticks = {name: np.asarray(getattr(run.ticks, name)) for name in TICK_COLUMNS}
         found = {"ticks": {name: v for name, v in ticks.items() if np.isfinite(v).any()}}
         seen = np.isfinite(run.ticks.contact_x)
@@ -42,14 +44,6 @@ class RunTables:
         if None not in touch.values():
             found["result"] = {name: np.array([value]) for name, value in touch.items()}
         return cls(run, found)
-
-
-def tables_of(runs: Sequence[Run]) -> tuple[RunTables, ...]:
-    """Collect the tables of `runs`; ConfigurationError for one without rows."""
-    for run in runs:
-        if not len(run.ticks.t):
-            raise ConfigurationError(f"{run.folder}: holds no row; leave it out")
-    return tuple(RunTables.of(run) for run in runs)
 
 
 def check_alike(runs: Sequence[Run]) -> None:
@@ -85,14 +79,11 @@ def mapping_of(parts: Sequence[RunTables], name: Name) -> dict[str, Any]:
         if present and (table == "result" or len(present) == len(parts)):
             shared = [column for column in present[0] if all(column in each for each in present)]
             file, _ = name(table, shared[0])
-            columns = {c: {"column": name(table, c)[1], "unit": unit_of(c)} for c in shared}
+            columns = {
+                c: {"column": name(table, c)[1], "unit": next(iter(units_of(c)))} for c in shared
+            }
             content[table] = {"file": file, "columns": columns}
     return content
-
-
-def unit_of(column: str) -> str:
-    """SI unit of a run's column; `1` for a number without a unit."""
-    return next(iter(MEASURES.get(column, MEASURES[""])))
 
 
 def _place(run: Run, place: int) -> dict[str, object]:
