@@ -63,9 +63,9 @@ class Landmark(Settings):
             content = b64decode(self.png, validate=True)
         except ValueError:
             content = b""
-        if not all(0 < side <= LARGEST_SIDE for side in picture_sides(content)):
-            raise ConfigurationError("landmarks: png: is not a PNG image; calibrate again")
-        image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_GRAYSCALE)
+        image = None
+        if all(0 < side <= LARGEST_SIDE for side in picture_sides(content)):
+            image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_GRAYSCALE)
         if image is None:
             raise ConfigurationError("landmarks: png: is not a PNG image; calibrate again")
         return np.asarray(image, dtype=np.uint8)

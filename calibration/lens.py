@@ -108,36 +108,28 @@ def checked_lens(lens: Lens, origin: str) -> Lens:
     Focal lengths must be finite and of the order of the image, its centre near the image, the
     distortion finite and bounded.
     """
-    fault = _fault_of(lens)
-    if fault is not None:
-        raise ConfigurationError(f"{origin}: {fault}; calibrate the camera again")
-    return lens
-
-
-def _fault_of(lens: Lens) -> str | None:
-    """The first property of `lens` that no camera can have, as text; None without one."""
     sides = np.array([lens.width, lens.height], dtype=np.float64)
     focal, centre = np.diag(lens.matrix)[:2], lens.matrix[:2, 2]
     low, high = FOCAL[0] * sides.max(), FOCAL[1] * sides.max()
-    if sides.max() > LARGEST_SIDE:
-        size = f"{lens.width} x {lens.height} px"
-        return f"image_width, image_height: are {size}, at most {LARGEST_SIDE}"
-    # negated, so that NaN is refused too
-    if not ((focal >= low) & (focal <= high)).all():
-        return (
-            f"camera_matrix: focal lengths are {focal[0]:g} and {focal[1]:g} px, allowed "
-            f"{low:.0f} to {high:.0f} px for this image"
-        )
-    if not ((centre >= -sides) & (centre <= 2.0 * sides)).all():
-        return (
-            f"camera_matrix: the centre is u {centre[0]:g}, v {centre[1]:g} px, far outside of an "
-            f"image of {lens.width} x {lens.height} px"
-        )
+    size = f"{lens.width} x {lens.height} px"
     beyond = ~(np.abs(lens.distortion) <= DISTORTION)
-    if beyond.any():
-        first = lens.distortion[np.argmax(beyond)]
-        return f"distortion_coefficients: hold {first:g}, allowed -{DISTORTION:g} to {DISTORTION:g}"
-    return None
+    faults = (  # negated, so that NaN is refused too
+        (sides.max() > LARGEST_SIDE,
+         f"image_width, image_height: are {size}, at most {LARGEST_SIDE}"),
+        (not ((focal >= low) & (focal <= high)).all(),
+         f"camera_matrix: focal lengths are {focal[0]:g} and {focal[1]:g} px, allowed {low:.0f} to "
+         f"{high:.0f} px for this image"),
+        (not ((centre >= -sides) & (centre <= 2.0 * sides)).all(),
+         f"camera_matrix: the centre is u {centre[0]:g}, v {centre[1]:g} px, far outside of an "
+         f"image of {size}"),
+        (beyond.any(),
+         f"distortion_coefficients: hold {lens.distortion[np.argmax(beyond)]:g}, allowed "
+         f"-{DISTORTION:g} to {DISTORTION:g}"),
+    )  # fmt: skip
+    for wrong, text in faults:
+        if wrong:
+            raise ConfigurationError(f"{origin}: {text}; calibrate the camera again")
+    return lens
 
 
 Positive = Annotated[int, Field(gt=0)]
