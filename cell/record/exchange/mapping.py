@@ -281,10 +281,9 @@ def _values(
     if known is TIMES and (seconds := seconds_of(raw)) is not None:
         return seconds
     if (numbers := numbers_of(raw)) is None:
-        cells = [
-            (row, str(v)) for row, v in enumerate(raw.to_pylist(), 1) if v not in (None, *EMPTY)
-        ]
-        where = next((f" ({v!r} in row {row})" for row, v in cells if not _is_number(v)), "")
+        cells = enumerate(raw.to_pylist(), 1)
+        words = ((row, str(v)) for row, v in cells if v not in (None, *EMPTY))
+        where = next((f" ({v!r} in row {row})" for row, v in words if not _is_number(v)), "")
         raise ConfigurationError(
             f"{path}: column {column.column!r} for {name} holds {raw.type}{where}, must hold "
             f"numbers{ISO if known is TIMES else ''}; state the file's `decimal` in "

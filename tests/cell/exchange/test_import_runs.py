@@ -135,7 +135,7 @@ def in_metres(place: Path, **changes: object) -> Path:
     [
         ("tt,x,z", None, {}, "column 't' for t is not there (did you mean 'tt'?)"),
         ("t,x,z", [], {}, "holds 0 rows of numbers, must hold two at least"),
-        ("t,x,z", ["0,0.6,0", "1,off,0"], {}, "holds string ('off' in row 2), must hold numbers"),
+        ("t,x,z", ["0,NA,0", "1,off,0"], {}, "holds string ('off' in row 2), must hold numbers"),
         ("t,x,z,Höhe", ["0,0.6,0,0"], {"encoding": "latin-1"}, "is not UTF-8 text; save it"),
         ("t,x,z", ["0,0.6,0"], {"encoding": "utf-16"}, "is not UTF-8 text; save it"),
         ("t,x,z", ["0,0.6,0", "10,0.6,0"], {}, "t: rows are 10 s apart, must be at most 0.2 s"),
