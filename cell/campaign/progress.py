@@ -12,7 +12,7 @@ from cell.campaign.run import Part
 Describe = Callable[[Record], str]
 
 
-def briefly(record: Record) -> str:
+def failure_text(record: Record) -> str:
     """Text on a record: empty where the part was measured, else its state and reason."""
     if record.state == "measured":
         return ""
@@ -26,12 +26,12 @@ class Meter:
     """
 
     def __init__(
-        self, console: Console, describe: Describe = briefly, *, quiet: bool = False
+        self, console: Console, describe: Describe = failure_text, *, quiet: bool = False
     ) -> None:
         self._console, self._describe, self._quiet = console, describe, quiet
         self._count = self._done = self._failed = 0
         self._total = self._known = self._before = 0.0
-        self._begun = time.monotonic()
+        self._started_at = time.monotonic()
         self._bar = Progress(BarColumn(bar_width=28), TextColumn("{task.description}"),
                              console=console, transient=True)  # fmt: skip
         self._task: TaskID | None = None
@@ -41,7 +41,7 @@ class Meter:
         self._count, self._done = len(parts), len(known)
         self._total, self._known = sum(p.cost for p in parts), sum(p.cost for p in known)
         self._before = self._known
-        self._begun = time.monotonic()
+        self._started_at = time.monotonic()
         if self._quiet:
             return
         if known:
@@ -79,15 +79,15 @@ class Meter:
 
     def _time_left(self) -> str:
         """Estimated time left, from the time of the parts measured here."""
-        here, passed = self._known - self._before, time.monotonic() - self._begun
+        here, passed = self._known - self._before, time.monotonic() - self._started_at
         left = self._total - self._known
-        return f", {clock(left * passed / here)} left" if here > 0 and left > 0 else ""
+        return f", {duration_text(left * passed / here)} left" if here > 0 and left > 0 else ""
 
     def _print(self, text: str) -> None:
         self._console.print(text, highlight=False, soft_wrap=True, markup=False)
 
 
-def clock(seconds: float) -> str:
+def duration_text(seconds: float) -> str:
     """Format a duration [s] as minutes and seconds, or hours and minutes."""
     minutes, rest = divmod(round(seconds), 60)
     hours, short = divmod(minutes, 60)

@@ -7,7 +7,7 @@ from cell.config.cell import CellFile
 from cell.config.settings import FoldSettings
 from cell.devices.devices import Closable, Devices, DeviceSelection
 from cell.devices.fold_path import triangle, whole_path
-from cell.devices.twin import TwinCalibrationAids, TwinPlant, bare, on_desk
+from cell.devices.twin import TwinCalibrationAids, TwinPlant, empty_desk, on_desk
 from drivers.arm.arm import FciArm
 from drivers.arm.bridge import Bridge
 from drivers.arm.hand import FciHand
@@ -64,7 +64,7 @@ def fci_devices(
     rig = {} if calibrating else rig
     world = TwinClock()
     clock = world if settings.fci.in_lock_step else RealTimeClock(world, CATCHING_UP)
-    twin = bare(settings) if calibrating else settings.twin
+    twin = empty_desk(settings) if calibrating else settings.twin
     desk = open_desk(world, twin, lying, rig, choice.seed, choice.index)
     _check_rig(desk)
     surroundings, servers = Surroundings(), list[Closable]()

@@ -86,7 +86,7 @@ def twin_devices(
     """
     plant, lying, rig = on_desk(settings, strip, choice)
     if calibrating:
-        desk, place = bare(settings), settings.installation
+        desk, place = empty_desk(settings), settings.installation
         twin = open_twin(desk, lying, {}, choice.seed, installation=place)
     else:
         twin = open_twin(
@@ -103,7 +103,7 @@ def twin_devices(
     )
 
 
-def bare(settings: CellFile) -> TwinSettings:
+def empty_desk(settings: CellFile) -> TwinSettings:
     """Settings of the twin without a strip on its desk, for its calibration."""
     world = settings.twin.world.model_copy(update={"strip": False})
     return settings.twin.model_copy(update={"world": world})

@@ -1,7 +1,7 @@
 """Runs a study as a campaign, a part for each case, and reads its outcomes from the journal."""
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -9,6 +9,7 @@ from statistics import median
 from typing import Any
 
 from cell.campaign.journal import Cost, Journal, Record, digest
+from cell.campaign.progress import duration_text
 from cell.campaign.run import Engine, Watcher, carry_out
 from cell.campaign.versions import code, data, sources
 from cell.config.places import find_configs
@@ -124,7 +125,7 @@ def read_study(asked: StudyRequest) -> StudyRecord:
     return StudyRecord(asked, of, tuple(outcomes), lost, len(found) - len(mine), costs)
 
 
-def cost(kept: StudyRecord, clock: Callable[[float], str]) -> list[tuple[str, str]]:
+def cost(kept: StudyRecord) -> list[tuple[str, str]]:
     """Median, worst and summed cost of the measured cases, as named texts."""
     if not kept.costs:
         return []
@@ -132,7 +133,7 @@ def cost(kept: StudyRecord, clock: Callable[[float], str]) -> list[tuple[str, st
     return [
         ("a case, processor", f"{median(processor):.1f} s, worst {processor[-1]:.1f} s"),
         ("a case, wall", f"{median(each.wall for each in kept.costs):.1f} s"),
-        ("all, processor", clock(sum(processor))),
+        ("all, processor", duration_text(sum(processor))),
     ]
 
 

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from cell.campaign.progress import clock
 from cell.gap.rehearse import table
 from cell.record.documents import write_document
 from drivers.files import replace_file
@@ -39,7 +38,7 @@ def write_table(kept: StudyRecord) -> Path:
         text = f"{study.ledger.of(kept.outcomes)}\n{progress(kept)}\n"
         replace_file(folder / Path(study.ledger.path).name, text.encode())
     lost = "".join(f"- {record.key}: {record.reason}\n" for record in kept.lost)
-    costs = "".join(f"- {name}: {text}\n" for name, text in cost(kept, clock))
+    costs = "".join(f"- {name}: {text}\n" for name, text in cost(kept))
     content = f"{study.question}\n\n{markdown(kept)}\n{costs}{lost}"
     replace_file(folder / TABLE_FILE, content.encode())
     return folder / TABLE_FILE
