@@ -16,10 +16,9 @@ from cell.config.places import CHECKOUT_CONFIGS, find_configs
 from cell.config.settings import DriverChoice
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import check_calibrated, open_cell
-from cell.gap.subject.mechanism.subject import open_mechanism
+from cell.gap.subject.mechanism.open_mechanism import open_mechanism
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.scope import candidate
-from cell.gap.subject.subject import Request
 from cell.orchestrator import monitors
 from cell.orchestrator.monitors import Monitor, Rules, check_all
 from cell.orchestrator.snapshot import Hold, Snapshot
@@ -241,10 +240,8 @@ def test_an_effect_of_a_mechanism_is_a_package_of_one_file(installed: Path) -> N
     install(installed, "mechanism_effects", "magnet", MECHANISM_EFFECT, "EFFECT")
     file, runs = make_arm(installed / "arm", 2, content=PRESCRIBED, span=0.5)
     arm = open_mechanism(file, find_runs([runs]))
-    run, base = arm.runs[0], np.array([p.start for p in arm.scope.base])
-    plain, magnet = arm.simulate(
-        [Request(run, base, e, np.zeros(0)) for e in ({}, {"magnet": np.array([0.5, 0.0])})]
-    )
+    magnets = {"magnet": np.array([0.5, 0.0])}
+    plain, magnet = arm.simulate([arm.stated(arm.runs[0], effects) for effects in ({}, magnets)])
     assert "magnet" in {c.name for c in arm.scope.candidates}
     assert np.abs(magnet.mean - plain.mean).max() > 0.01
 

@@ -10,10 +10,10 @@ from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting.base_fit import nominal
 from cell.gap.fitting.model import response
 from cell.gap.fitting.projection import projection
-from cell.gap.subject.strip.experiments import measured_along
+from cell.gap.subject.strip.measurement_errors import SLACK_EFFECTS
 from cell.gap.subject.strip.runs import MeasuredRun
-from cell.gap.subject.strip.scatter import SLACK_EFFECTS
 from cell.gap.subject.strip.subject import Strip
+from cell.gap.subject.strip.synthetic import measured_along
 from cell.gap.subject.subject import Request, Residuals
 from cell.record.header import Sigma
 from drivers.errors import ConfigurationError

@@ -22,7 +22,7 @@ def open_subject(
 
         subject: Subject = open_strip(file, runs, jobs, without)
     elif kind in ("pendulum", "mechanism"):
-        from cell.gap.subject.mechanism.subject import open_mechanism
+        from cell.gap.subject.mechanism.open_mechanism import open_mechanism
 
         subject = open_mechanism(file, runs, jobs, without)
     else:

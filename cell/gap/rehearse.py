@@ -26,8 +26,8 @@ from cell.gap.fitting.base_fit import refit_base
 from cell.gap.fitting.model import Model, evidence
 from cell.gap.fitting.reml import spreads
 from cell.gap.subject.run_folders import RunFolder, counted_once, find_runs
+from cell.gap.subject.strip.measurement_errors import KNOWN_EFFECTS
 from cell.gap.subject.strip.runs import FoldMeasurement, MeasuredRun, read_runs
-from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
 from cell.gap.subject.strip.subject import Strip
 from cell.gap.subject.strip.synthetic import Instruments, rod_folds, write_fold
 from drivers.errors import ConfigurationError

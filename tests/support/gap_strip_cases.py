@@ -8,7 +8,7 @@ import numpy as np
 
 from cell.gap.subject.strip.subject import Strip
 from cell.gap.subject.strip.synthetic import Fold, Instruments, reported_path, rod_folds, write_fold
-from cell.gap.subject.subject import Request, Residuals
+from cell.gap.subject.subject import Residuals
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.file import StripFile
 from drivers.strip.model import Effects
@@ -46,8 +46,7 @@ def written(root: Path, made: Sequence[Fold], by: Instruments = CELL, seed: int 
 
 def residuals(strip: Strip, effects: dict[str, Array] | None = None) -> list[Residuals]:
     """Residuals of every run at the stated base, corrected for the coarse rod there."""
-    base = np.array([p.start for p in strip.scope.base])
-    asked = [Request(run, base, effects or {}, np.zeros(len(run.local))) for run in strip.runs]
+    asked = [strip.stated(run, effects) for run in strip.runs]
     refined = strip.refine(asked)
     return strip.simulate([replace(q, run=run) for q, run in zip(asked, refined, strict=True)])
 

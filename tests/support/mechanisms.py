@@ -11,7 +11,6 @@ import pyarrow.parquet as pq
 import yaml
 
 from cell.gap.subject.mechanism.subject import MechanismSubject
-from cell.gap.subject.subject import Request
 from drivers.types import Array
 
 ARM = """<mujoco model="arm">
@@ -96,9 +95,8 @@ def make_arm(
 
 def left(subject: MechanismSubject, **effects: Any) -> float:
     """What the stated model with `effects` leaves of all runs, rms in units of noise."""
-    base = np.array([p.start for p in subject.scope.base])
     known = {name: np.array(values) for name, values in effects.items()}
-    asked = [Request(r, base, known, np.array([p.start for p in r.local])) for r in subject.runs]
+    asked = [subject.stated(run, known) for run in subject.runs]
     found = [f.mean / r.samples.noise
              for r, f in zip(subject.runs, subject.simulate(asked), strict=True)]  # fmt: skip
     return float(np.sqrt(np.mean(np.concatenate(found) ** 2)))

@@ -13,8 +13,7 @@ from cell.gap.diagnosis.lack_of_fit import Bin
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import requests
 from cell.gap.report.sentence import motion
-from cell.gap.subject.scene import Scene
-from cell.gap.subject.subject import Quantity, Subject
+from cell.gap.subject.subject import Quantity, Scene, Subject
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import CandidateEntry
 from cell.report.drawing import BLUE, INK, MUTED, ORANGE, RULE, as_svg, canvas

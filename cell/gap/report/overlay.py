@@ -15,7 +15,7 @@ import rerun.blueprint as rrb
 
 from cell.gap.report.figures import COLOUR_AFTER, COLOUR_BEFORE, Replay, replay
 from cell.gap.report.sentence import headline, sentence
-from cell.gap.subject.scene import Scene
+from cell.gap.subject.subject import Scene
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Verdict
 from cell.report.viz.saving import saving, send_blueprint

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
+from cell.gap.subject.strip.measurement_errors import KNOWN_EFFECTS
 from cell.gap.subject.subject import Quantity
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Deviation, ValueWithUnit, Verdict

@@ -1,19 +1,20 @@
 """Interface between the gap engine and a measured subject, strip or mechanism."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.gap.subject.scene import Scene
+from drivers.errors import ConfigurationError
 from drivers.types import Array
 
 Words = NDArray[np.str_]
 NamedValues = Mapping[str, Mapping[str, float]]
 """Values by effect and parameter."""
+FARTHEST = 8.0  # times its usual spread, the bound of a quantity in any run
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,11 +205,26 @@ class Experiment:
 
 @dataclass(frozen=True, slots=True)
 class ScatterSource:
-    """A quantity that differs from run to run, described in words, with its remedy."""
+    """Quantity that differs from run to run, with its `usual` standard deviation in a laboratory.
+
+    `sentence` names it for a technician, `remedy` is what makes it smaller. `step` is the change of
+    its finite differences; a `common` quantity is expected to differ in any laboratory.
+    """
 
     name: str
     sentence: str
     remedy: str
+    unit: str
+    usual: float
+    step: float
+    common: bool = False
+
+    @property
+    def parameter(self) -> Parameter:
+        """Unknown of one run for the engine, with the usual spread."""
+        most = FARTHEST * self.usual
+        return Parameter(self.name, self.unit, 0.0, -most, most, self.step, self.usual,
+                         random=True, common=self.common)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,6 +242,57 @@ class Scope:
     terms: tuple[Candidate, ...] = ()
     scatter: tuple[ScatterSource, ...] = ()
     believed: bool = False
+
+    def withhold(self, names: Sequence[str], known: Collection[str]) -> "Scope":
+        """Copy without the candidates `names`, of effects that are `known`.
+
+        Raises ConfigurationError for another name, and where no candidate would be left.
+        """
+        for name in names:
+            if name not in known:
+                allowed = ", ".join(sorted(known))
+                raise ConfigurationError(f"--without {name}: is no effect; allowed: {allowed}")
+        kept = tuple(c for c in self.candidates if c.name not in names)
+        if names and not kept:
+            raise ConfigurationError(
+                "--without: withholds every effect; leave at least one out of it"
+            )
+        return replace(self, candidates=kept)
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """Moving curve: for each of the times `t` (m,) [s], its `points` (k, 2) in x and z [m]."""
+
+    t: Array
+    points: tuple[Array, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """Moving point: its positions `places` (m, 2) in x and z [m] at the times `t` (m,) [s]."""
+
+    t: Array
+    places: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """Time series to plot: `values` (m,) at times `t` (m,) [s]; equal titles share a plot."""
+
+    title: str
+    t: Array
+    values: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """Drawing of a measured or simulated run; `tracks` by name, `events` as (time [s], label)."""
+
+    signals: tuple[Signal, ...]
+    curve: Curve | None = None
+    tracks: Mapping[str, Track] = field(default_factory=dict)
+    events: tuple[tuple[float, str], ...] = ()
 
 
 class Subject(ABC):
@@ -252,6 +319,11 @@ class Subject(ABC):
         self, base: Mapping[str, float], effects: NamedValues, source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
         """Patched content of the subject's file, and of the cell's where effects belong to it."""
+
+    def stated(self, run: Run, effects: Mapping[str, Array] | None = None) -> Request:
+        """Request of `run` by the stated model, with `effects` (k,), at its unknowns' start."""
+        base, local = (np.array([p.start for p in each]) for each in (self.scope.base, run.local))
+        return Request(run, base, effects or {}, local)
 
     def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
         """Runs of `requests`, corrected for coarse simulation, with floors for what may remain."""

@@ -11,10 +11,9 @@ from rerun.chunk import RrdReader
 from cell.gap.report.figures import Replay
 from cell.gap.report.overlay import write_recording
 from cell.gap.subject.run_folders import find_runs
-from cell.gap.subject.scene import Scene
 from cell.gap.subject.strip.scenes import DISTANCE_SIGNAL
 from cell.gap.subject.strip.subject import Strip, open_strip
-from cell.gap.subject.subject import Request
+from cell.gap.subject.subject import Request, Scene
 from drivers.types import Array
 from tests.support.gap_strip_cases import CELL, STRIP, folds, written
 

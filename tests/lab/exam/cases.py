@@ -14,8 +14,7 @@ from cell.campaign import versions
 from cell.campaign.processes import workers
 from cell.config.places import find_configs
 from cell.gap.effect_size import GapModel, draw_strengths
-from cell.gap.subject.strip.experiments import planned_runs
-from cell.gap.subject.strip.synthetic import reported_path
+from cell.gap.subject.strip.synthetic import planned_runs, reported_path
 from cell.record.header import Sigma
 from drivers.errors import ConfigurationError, Fault
 from drivers.files import replace_file, writing

@@ -10,8 +10,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from cell.gap.subject.mechanism.fields import ModelFields, add_point
-from cell.gap.subject.mechanism.model import read_source, tip
+from cell.gap.subject.mechanism.model import ModelFields, add_point, tip
+from cell.gap.subject.mechanism.source import read_source
 from drivers.errors import ConfigurationError
 from drivers.files import replace_file
 from drivers.readers import read_yaml

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cell.campaign.journal import Journal, Record
-from cell.gap.subject.strip.bias import ModelError
+from cell.gap.subject.strip.measurement_errors import ModelError
 from drivers.errors import ConfigurationError
 from drivers.settings import load
 from tests.lab.__main__ import app

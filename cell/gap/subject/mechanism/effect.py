@@ -6,8 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from cell.gap.subject.mechanism.fields import Fields
-from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.mechanism.model import Fields, Mechanism
 from cell.gap.subject.subject import Candidate, Parameter
 from drivers.types import Array
 
@@ -45,11 +44,12 @@ class Effect:
     them, on a joint that smooths signs over `p[3]`; `edit` changes fields of the model, and stands
     for the law in a simulation where it is `native`; `path` is a torque (m, joints) that depends on
     the motion so far; `read` changes what lies between world and record. An MJCF can say what
-    `edit` does. It is screened at `probes`, in typical sizes, for each of a `grid` of values of its
-    last parameter. `holds` is the largest torque by which a law holds a joint that stands, of the
-    law's arguments. `error_of` is a field of the base that the effect is an error of: where the
-    file says how well that field is known, the effect is no candidate. `of_drives`: the law acts at
-    joints that a motor drives alone, and its parameters are theirs.
+    `edit` does. The effect is a candidate where it is `possible`, in `modes` of simulation; it is
+    screened at `probes`, in typical sizes, for each of a `grid` of values of its last parameter.
+    `holds` is the largest torque by which a law holds a joint that stands, of the law's arguments.
+    `error_of` is a field of the base that the effect is an error of: where the file says how well
+    that field is known, the effect is no candidate. `of_drives`: the law acts at joints that a
+    motor drives alone, and its parameters are theirs.
     """
 
     name: str
@@ -65,6 +65,7 @@ class Effect:
     read: Callable[[Mechanism, Array, Readings], None] | None = None
     path: Callable[[Mechanism, Array, Array, Array, Array], Array] | None = None
     native: Callable[[Mechanism], bool] = lambda _: True
+    possible: Callable[[Mechanism], bool] = lambda _: True
     modes: Sequence[str] = ("forward", "prescribed")
     probes: Sequence[float] = (0.03, 0.3, 3.0)
     grid: Sequence[float] = ()
@@ -74,7 +75,8 @@ class Effect:
 
     def applies(self, mechanism: Mechanism) -> bool:
         """Whether the effect is possible in this mechanism and its mode of simulation."""
-        return mechanism.mode in self.modes and bool(self.parameters(mechanism))
+        fits = mechanism.mode in self.modes and self.possible(mechanism)
+        return fits and bool(self.parameters(mechanism))
 
     def edits(self, mechanism: Mechanism) -> bool:
         """Whether edits of the model's fields express the whole effect in this mechanism."""

@@ -9,32 +9,24 @@ import mujoco
 import numpy as np
 
 from cell.gap.subject.mechanism.effects import check_effects, torques
-from cell.gap.subject.mechanism.fields import Fields, scale_gain
-from cell.gap.subject.mechanism.file import (
-    OWNERS,
-    MechanismFile,
-    PendulumFile,
-    SignalSpec,
-    UncertainSpec,
-)
+from cell.gap.subject.mechanism.file import OWNERS, MechanismFile, SignalSpec, UncertainSpec
 from cell.gap.subject.mechanism.model import (
     LIGHT,
+    Fields,
     Joint,
     Mechanism,
-    Source,
     check_joints,
-    compile_model,
     driver,
     joints_of,
     number_of,
-    read_source,
+    scale_gain,
 )
 from cell.gap.subject.mechanism.passive import HEAD
 from cell.gap.subject.mechanism.runs import Recording, Signal, pace, read_recording, repeat_noise
+from cell.gap.subject.mechanism.source import Source, compile_model, read_source
 from cell.gap.subject.run_folders import HEADER_FILE, RunFolder, check_indices
 from cell.gap.subject.subject import Parameter
 from drivers.errors import ConfigurationError
-from drivers.readers import read_yaml
 from drivers.settings import load
 from drivers.types import Array
 
@@ -79,10 +71,13 @@ def base_of(file: MechanismFile, mechanism: Mechanism, origin: str) -> tuple[Bas
     return tuple(found)
 
 
-def stated_fields(base: Sequence[Base], mechanism: Mechanism) -> Collection[str]:
-    """Fields that `base` fits for every owner: all joints, all actuators, or the last body."""
-    last = mechanism.model.body(int(np.max(mechanism.model.jnt_bodyid))).name
-    owners = {"com": {last}, "armature": {j.name for j in mechanism.joints},
+def fully_fitted_fields(base: Sequence[Base], mechanism: Mechanism) -> Collection[str]:
+    """Names of model fields that `base` adjusts for every joint, actuator or the last body.
+
+    Effects that are errors of these are no candidates.
+    """
+    owners = {"com": {mechanism.model.body(mechanism.last_body).name},
+              "armature": {j.name for j in mechanism.joints},
               "gain": set(mechanism.actuators)}  # fmt: skip
     return {field for field, names in owners.items()
             if names <= {b.owner for b in base if b.field == field}}  # fmt: skip
@@ -126,23 +121,21 @@ def _base_parameter(
     """Base parameter for one field of one owner, with its bounds; `axis` is that of a com."""
     start, put, size = _access(spec.field, mechanism, number, axis)
     width = _spread_width(spec.spread, size)
+    high = max(HIGHEST * start, start + FARTHEST * width)
+    low = LOWEST * start if spec.field in ("mass", "inertia", "gain") else 0.0
     if spec.field == "com":
-        key, low, high = f"com_{axis}", -np.inf, np.inf
-    else:
-        key, high = spec.field, max(HIGHEST * start, start + FARTHEST * width)
-        low = LOWEST * start if spec.field in ("mass", "inertia", "gain") else 0.0
-    parameter = Parameter(
-        f"{key}_{name}", UNITS[spec.field], start, low, high, step=STEP * width, spread=width
-    )
+        low, high = -np.inf, np.inf
+    key = "_".join(filter(None, (spec.field, axis, name)))
+    parameter = Parameter(key, UNITS[spec.field], start, low, high, step=STEP * width, spread=width)
     by_run = None if spec.by_run is None else _spread_width(spec.by_run, size)
     return Base(parameter, put, spec.field, name, by_run)
 
 
 def _spread_width(spread: float | str, size: float) -> float:
     """Absolute spread: as stated, or the stated percentage of `size`."""
-    if not isinstance(spread, str):
-        return float(spread)
-    return float(spread.rstrip("%")) / 100.0 * max(abs(size), SMALLEST)
+    if isinstance(spread, str):
+        return float(spread.rstrip("%")) / 100.0 * max(abs(size), SMALLEST)
+    return float(spread)
 
 
 def _access(
@@ -153,15 +146,14 @@ def _access(
     if field == "mass":
         start = float(model.body_mass[i])
         return start, lambda f, v: _set_mass(f, i, v), start
-    if field == "com":
-        k, place = "xyz".index(axis), model.body_ipos[i]
-        size = float(np.linalg.norm(place))
-        return float(place[k]), lambda f, v: _set_value(f["body_ipos"][i], k, v), size
     if field == "inertia":
         start = float(model.body_inertia[i].max())
         return start, lambda f, v: _scale_inertia(f, i, v / start), start
     if field == "gain":
         return 1.0, lambda f, v: scale_gain(f, i, v), 1.0
+    if field == "com":
+        k, place = "xyz".index(axis), model.body_ipos[i]
+        return float(place[k]), setter("body_ipos", (i, k)), float(np.linalg.norm(place))
     joint = mechanism.joints[i]
     name, at, size = {
         "stiffness": ("jnt_stiffness", i, joint.torque),
@@ -169,11 +161,16 @@ def _access(
         "armature": ("dof_armature", joint.dof, joint.inertia),
     }[field]
     start = float(getattr(model, name)[at])
-    return start, lambda f, v: _set_value(f[name], at, v), start or size
+    return start, setter(name, (at,)), start or size
 
 
-def _set_value(array: Any, i: int, value: float) -> None:
-    array[i] = value
+def setter(field: str, at: tuple[Any, ...], sign: float = 1.0) -> Callable[[Fields, float], None]:
+    """Setter of the place `at` of a model's `field` to a value times `sign`."""
+
+    def put(fields: Fields, value: float) -> None:
+        fields[field][at] = sign * value
+
+    return put
 
 
 def _set_mass(fields: Fields, i: int, value: float) -> None:
@@ -188,10 +185,9 @@ def _scale_inertia(fields: Fields, i: int, factor: float) -> None:
 
 @dataclass(frozen=True, slots=True)
 class MechanismData:
-    """Mechanism with its file, base parameters, recordings and signals, read and checked.
+    """Mechanism with its file, base parameters and recordings, read and checked.
 
-    `pace` [rad/s] is how fast the signals change. `mix` (signals, joints) turns positions of the
-    joints into compared ones. `pendulum` is the file where one described the mechanism.
+    `pace` [rad/s] is how fast the signals change.
     """
 
     file: MechanismFile
@@ -199,10 +195,12 @@ class MechanismData:
     mechanism: Mechanism
     base: tuple[Base, ...]
     recordings: tuple[Recording, ...]
-    signals: tuple[Signal, ...]
     pace: float
-    mix: Array
-    pendulum: PendulumFile | None = None
+
+    @property
+    def signals(self) -> tuple[Signal, ...]:
+        """Compared signals of each recording."""
+        return self.mechanism.signals
 
 
 def open_file(path: Path) -> tuple[MechanismFile, Source, Any]:
@@ -230,17 +228,7 @@ def open_file(path: Path) -> tuple[MechanismFile, Source, Any]:
 def _check_names(file: MechanismFile, model: Any, origin: str) -> None:
     """Refuse signals and inputs that name nothing in the model, or the wrong kind."""
     for name, spec in file.signals.items():
-        for kind in ("joint", "actuator", "site", "sensor"):
-            wanted = getattr(spec, kind)
-            if wanted is not None:
-                number_of(model, kind, wanted, origin, f"signals.{name}")
-        if spec.is_ == "torque":
-            number = _actuator(spec, model)
-            if model.actuator_trntype[number] != mujoco.mjtTrn.mjTRN_JOINT:
-                raise ConfigurationError(
-                    f"{origin}: signals.{name}: actuator {spec.actuator} drives no joint; "
-                    "compare torques of motors on joints"
-                )
+        _signal(name, spec, model, origin)
     if file.mode == "prescribed" and not model.neq:  # the joints of loops lead one another
         joints = [model.joint(i).name for i in range(model.njnt)]
         missing = next((j for j in joints if file.inputs.get(j) != "position"), None)
@@ -258,21 +246,22 @@ def _check_names(file: MechanismFile, model: Any, origin: str) -> None:
 def open_all(path: Path, folders: Sequence[RunFolder]) -> MechanismData:
     """Read the mechanism at `path` and its measured runs; ConfigurationError for broken input."""
     file, source, model = open_file(path)
-    recordings = sorted((_read_checked(f, file, model) for f in folders), key=lambda r: r.index)
-    check_indices([f.path for f in folders],
-                  [read_yaml(f.path / HEADER_FILE).get("index") for f in folders])  # fmt: skip
+    read = [_read_checked(folder, file, model) for folder in folders]
+    check_indices([f.path for f in folders], [r.index for r in read])
+    recordings = sorted(read, key=lambda r: r.index or 0)
     in_order = sorted(file.signals.items(), key=lambda item: item[1].is_ == "tracking")
-    signals = tuple(_signal(n, s, model, recordings, str(path))
-                    for n, s in in_order if not _is_given_motion(s, file))  # fmt: skip
+    signals = tuple(
+        _with_noise(_signal(name, spec, model, str(path)), spec, recordings, str(path))
+        for name, spec in in_order
+        if file.mode != "prescribed" or spec.is_ in ("torque", "tracking")  # others are given
+    )
     moving = [n for n, kind in file.inputs.items() if kind == "position"]
     moving += [n for n, s in file.signals.items() if s.is_ not in ("torque", "tracking")]
     joints = _measured_joints(file, model, recordings, signals)
     mechanism = mechanism_of(file, source, model, joints, signals)
     check_effects(file.effects, mechanism, str(path))
-    mix = np.array([_joint_weights(s, file.signals[s.name], model) for s in signals])
     base = base_of(file, mechanism, str(path))
-    pace_of_runs = pace(recordings, moving)
-    return MechanismData(file, path, mechanism, base, tuple(recordings), signals, pace_of_runs, mix)
+    return MechanismData(file, path, mechanism, base, tuple(recordings), pace(recordings, moving))
 
 
 def _read_checked(folder: RunFolder, file: MechanismFile, model: Any) -> Recording:
@@ -295,42 +284,51 @@ def check_of(path: Path) -> Callable[[Path], Recording]:
     return lambda run: _read_checked(RunFolder(run, run.name), file, model)
 
 
-def _is_given_motion(spec: SignalSpec, file: MechanismFile) -> bool:
-    """Whether a signal is part of the prescribed motion, and thus is not compared."""
-    return file.mode == "prescribed" and spec.is_ not in ("torque", "tracking")
+def _signal(name: str, spec: SignalSpec, model: Any, origin: str) -> Signal:
+    """Signal of the column `name`, without the noise that recordings tell.
 
-
-def _signal(name: str, spec: SignalSpec, model: Any,
-            recordings: Sequence[Recording], origin: str) -> Signal:  # fmt: skip
-    """Compared signal of the column `name`, with the number of the joint or sensor it reads."""
-    sigma = repeat_noise(recordings, name, origin) if spec.sigma == "repeats" else spec.sigma
-    kind = spec.is_ or ("site" if spec.site else "sensor")
-    if spec.sensor is not None and _sum_of_joints(model, spec.sensor).any():
-        kind = "position"
-    joint, actuator, gear, floor = -1, -1, 1.0, FORWARD_FLOOR
+    Raises ConfigurationError for what the model lacks, and for a torque of no motor on a joint.
+    """
+    place = f"signals.{name}"
+    named = ((kind, getattr(spec, kind)) for kind in ("joint", "actuator", "site", "sensor"))
+    owner, number = next((kind, number_of(model, kind, value, origin, place))
+                         for kind, value in named if value is not None)  # fmt: skip
+    kind, joint, actuator, gear = spec.is_ or owner, -1, -1, 1.0
+    weights = np.zeros(model.njnt)
     if kind == "torque":
-        actuator = _actuator(spec, model)
+        actuator = number if owner == "actuator" else driver(model, number)
+        if actuator < 0 or model.actuator_trntype[actuator] != mujoco.mjtTrn.mjTRN_JOINT:
+            raise ConfigurationError(
+                f"{origin}: {place}: {owner} {spec.actuator or spec.joint} drives no joint; "
+                "compare torques of motors on joints"
+            )
         joint = int(model.actuator_trnid[actuator, 0])
-        if (spec.side or ("joint" if spec.joint else "motor")) == "motor":
+        if (spec.side or ("joint" if owner == "joint" else "motor")) == "motor":
             gear = float(model.actuator_gear[actuator, 0])
-        values = np.concatenate([r.columns[name] for r in recordings])
-        floor = FLOOR * float(np.nanstd(values))
-    elif spec.joint is not None:
-        joint = model.joint(spec.joint).id
-    elif spec.site is not None and spec.axis is not None:
-        joint = 3 * model.site(spec.site).id + "xyz".index(spec.axis)
-    elif spec.sensor is not None and kind == "sensor":
-        joint = 3 * model.nsite + int(model.sensor_adr[model.sensor(spec.sensor).id])
-    along = kind in ("position", "velocity", "torque", "tracking")
-    zone = zone_of(joint, model.njnt) if along else "grasped"
-    return Signal(name, kind, float(sigma), zone, joint, floor, actuator=actuator, gear=gear)
+    elif owner == "joint":
+        joint = number
+        weights[joint] = float(kind != "tracking")
+    elif spec.axis is not None:
+        joint = 3 * number + "xyz".index(spec.axis)
+    else:
+        weights = _sum_of_joints(model, number)
+        if weights.any():
+            kind = "position"
+        else:
+            joint = 3 * model.nsite + int(model.sensor_adr[number])
+    zone = "grasped" if kind in ("site", "sensor") else zone_of(joint, model.njnt)
+    return Signal(name, kind, 0.0, zone, joint, weights, FORWARD_FLOOR, actuator=actuator,
+                  gear=gear)  # fmt: skip
 
 
-def _actuator(spec: SignalSpec, model: Any) -> int:
-    """Number of the actuator whose torque a signal reads."""
-    if spec.actuator is not None:
-        return int(model.actuator(spec.actuator).id)
-    return driver(model, model.joint(spec.joint).id)
+def _with_noise(signal: Signal, spec: SignalSpec, recordings: Sequence[Recording],
+                origin: str) -> Signal:  # fmt: skip
+    """The `signal` with its noise, as stated or as repeats show, and a torque's error of models."""
+    name, floor = signal.name, signal.floor
+    sigma = repeat_noise(recordings, name, origin) if spec.sigma == "repeats" else spec.sigma
+    if signal.kind == "torque":
+        floor = FLOOR * float(np.nanstd(np.concatenate([r.columns[name] for r in recordings])))
+    return replace(signal, sigma=float(sigma), floor=floor)
 
 
 def _missing_motors(file: MechanismFile, model: Any) -> tuple[str, ...]:
@@ -347,19 +345,9 @@ def zone_of(joint: int, count: int) -> str:
     return "fixed" if joint == 0 else "grasped" if joint == count - 1 else "middle"
 
 
-def _joint_weights(signal: Signal, spec: SignalSpec, model: Any) -> Array:
-    """Weights (joints,) of joint positions or rates in a signal that sums them; zeros otherwise."""
-    if spec.sensor is not None:
-        return _sum_of_joints(model, spec.sensor)
-    row = np.zeros(model.njnt)
-    if signal.kind in ("position", "velocity"):
-        row[signal.joint] = 1.0
-    return row
-
-
-def _sum_of_joints(model: Any, name: str) -> Array:
+def _sum_of_joints(model: Any, number: int) -> Array:
     """Weights (joints,) with which a sensor sums joint positions; zeros for any other sensor."""
-    row, sensor = np.zeros(model.njnt), model.sensor(name)
+    row, sensor = np.zeros(model.njnt), model.sensor(number)
     kind, number = int(sensor.type[0]), int(sensor.objid[0])
     if kind == int(mujoco.mjtSensor.mjSENS_JOINTPOS):
         row[number] = 1.0
@@ -372,7 +360,7 @@ def _sum_of_joints(model: Any, name: str) -> Array:
 
 
 def mechanism_of(file: MechanismFile, source: Source, model: Any, joints: tuple[Joint, ...],
-                 signals: Sequence[Signal]) -> Mechanism:  # fmt: skip
+                 signals: tuple[Signal, ...]) -> Mechanism:  # fmt: skip
     """Mechanism of a compiled model, whose solver options are set, with its `joints`."""
     _set_options(model)
     rates = np.array([j.rate for j in joints])
@@ -380,15 +368,11 @@ def mechanism_of(file: MechanismFile, source: Source, model: Any, joints: tuple[
     smooth = SMOOTHED * rates if prescribed else np.full(len(joints), SMOOTH)
     model.jnt_user[:, :HEAD] = [[len(joints), j.qpos, j.dof, rate]
                                 for j, rate in zip(joints, smooth, strict=True)]  # fmt: skip
-    torque = tuple(s for s in signals if s.kind == "torque")
-    measured_at = [s.name for s in signals if s.kind == "position"]
-    encoders = tuple(j.name for j in joints) if prescribed else tuple(measured_at)
-    if prescribed and model.neq:  # they would have to move whole loops
-        encoders = ()
-    actuators = tuple(model.actuator(i).name for i in range(model.nu))
-    return Mechanism(file.name, file.mode, file.step, source, model, joints, actuators, encoders,
-                     torque, bool(min(j.inertia for j in joints) >= LIGHT),
-                     tuple((s.name, s.joint) for s in signals if s.kind == "tracking"))  # fmt: skip
+    encoders = tuple(s.name for s in signals if s.kind == "position")
+    if prescribed:  # biases of encoders would have to move whole loops
+        encoders = () if model.neq else tuple(j.name for j in joints)
+    native = bool(min(j.inertia for j in joints) >= LIGHT)
+    return Mechanism(file.mode, file.step, source, model, joints, signals, encoders, native)
 
 
 def _set_options(model: Any) -> None:
@@ -408,9 +392,11 @@ def _measured_joints(file: MechanismFile, model: Any, recordings: Sequence[Recor
     measured = {s.joint: n for n, s in file.signals.items() if s.joint and s.is_ == "position"}
     measured |= {n: n for n, kind in file.inputs.items() if kind == "position"}
     rates = {j: _rms_rates(recordings, c) for j, c in measured.items() if j is not None}
-    squares = {s: np.mean([np.nanmean((s.gear * r.columns[s.name]) ** 2) for r in recordings])
-               for s in signals if s.kind == "torque"}  # fmt: skip
-    driven = {model.joint(s.joint).name: float(np.sqrt(mean)) for s, mean in squares.items()}
+    driven = {}
+    for s in signals:
+        if s.kind == "torque":
+            squares = [np.nanmean((s.gear * r.columns[s.name]) ** 2) for r in recordings]
+            driven[model.joint(s.joint).name] = float(np.sqrt(np.mean(squares)))
     return joints_of(model, rates, driven)
 
 
@@ -432,7 +418,7 @@ def start_of(opened: MechanismData, recording: Recording) -> tuple[Array, Array]
     """Positions [rad or m] and rates (joints,) of the joints at the start of a recording."""
     spec, n = opened.file.start, len(opened.mechanism.joints)
     at = [k for k, s in enumerate(opened.signals) if s.kind == "position"]
-    inverse = np.linalg.pinv(opened.mix[at]) if at else np.zeros((n, 0))
+    inverse = np.linalg.pinv([opened.signals[k].weights for k in at]) if at else np.zeros((n, 0))
     near = max(LEAST, int(np.searchsorted(recording.t, 0.5 / opened.pace)))
     places, slopes = [], []
     for k in at:

@@ -1,31 +1,22 @@
-"""Reads MuJoCo models without foreign code, and finds typical sizes of their joints."""
+"""Compiled model of a mechanism: its joints with their typical sizes, and fields to be edited."""
 
-import math
-import os
-import re
-import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, Self
-from xml.parsers import expat
 
 import mujoco
 import numpy as np
 
 from cell.gap.subject.mechanism.runs import Signal
+from cell.gap.subject.mechanism.source import Source
 from drivers.errors import ConfigurationError
-from drivers.readers import MEGABYTE, read_text
 from drivers.types import Array
 
-ASSETS = ("mesh", "hfield", "skin", "texture")  # with files that are read when compiled
-REPEATERS = ("replicate", "composite", "flexcomp")
-MOST_BODIES = 2000  # loading takes the square of copies: 115 s for 20,000
-MOST_BYTES = 200 * MEGABYTE  # of a model's text, and of all files that it names
 LIGHT = 1e-3  # kg m^2 below which MuJoCo's own dry friction is too weak
 POSES = 24  # at which weights and inertias are taken
 LEAST_TORQUE = 1e-9  # N m, typical torque of a joint that neither weight nor motion loads
 LEAST_WEIGHT = 1e-12  # N m, weight by which a joint without gravity would swing
+OPTION = "opt."  # prefix of the names of fields that are options of a model
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,47 +37,37 @@ class Joint:
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
-    """Text of a model, with motors on the joints `motors`.
-
-    Its paths count from `folder`, and stay `within` that of the mechanism's file.
-    """
-
-    text: str
-    folder: Path | None = None
-    within: Path | None = None
-    motors: tuple[str, ...] = ()
-
-    def spec(self, text: str | None = None) -> Any:
-        """Specification of the model, or of its changed `text`; files are found in its folder."""
-        spec = mujoco.MjSpec.from_string(text or self.text)
-        spec.modelfiledir = "" if self.folder is None else f"{self.folder}/"
-        for joint in self.motors if text is None else ():
-            motor = spec.add_actuator(name=joint, target=joint)
-            motor.trntype = mujoco.mjtTrn.mjTRN_JOINT
-        return spec
-
-
-@dataclass(frozen=True, slots=True)
 class Mechanism:
-    """Compiled model with its joints and signals, and the `mode` in which it is simulated.
+    """Compiled model with its joints and compared signals, and the `mode` of its simulation.
 
-    `mode` is `forward`, `prescribed`, or that of pendulums, `planar`. Compared `torques` and
-    `trackings` are named with their joint's number; where there are trackings, positions are those
-    of links, and motors follow commands. `native`: MuJoCo's own dry friction is used, no law.
+    `mode` is `forward`, `prescribed`, or that of pendulums, `planar`. Where trackings are compared,
+    positions are those of links, and motors follow commands. `native`: MuJoCo's own dry friction is
+    used, no law.
     """
 
-    name: str
     mode: str
     step: float
     source: Source
     model: Any
     joints: tuple[Joint, ...]
-    actuators: tuple[str, ...]
+    signals: tuple[Signal, ...]
     encoders: tuple[str, ...]
-    torques: tuple[Signal, ...]
     native: bool
-    trackings: tuple[tuple[str, int], ...] = ()
+
+    @property
+    def torques(self) -> tuple[Signal, ...]:
+        """Compared torques, which come first among the signals of mode prescribed."""
+        return tuple(s for s in self.signals if s.kind == "torque")
+
+    @property
+    def trackings(self) -> tuple[Signal, ...]:
+        """Compared differences of measured and commanded positions."""
+        return tuple(s for s in self.signals if s.kind == "tracking")
+
+    @property
+    def actuators(self) -> tuple[str, ...]:
+        """Names of the model's actuators."""
+        return tuple(self.model.actuator(i).name for i in range(self.model.nu))
 
     @property
     def driven(self) -> Self:
@@ -121,142 +102,70 @@ def tip(mechanism: Mechanism, body: int) -> Array:
     return np.array(max(places, key=lambda p: float(np.linalg.norm(p))))
 
 
-def read_source(path: Path, folder: Path) -> Source:
-    """Read the MJCF or URDF at `path`, with what it includes, without foreign code.
+class ModelFields:
+    """Fields of one model, edited in place; `finish` writes edited scalar options back."""
 
-    Raises ConfigurationError for text that is no XML, plugins, files that are read while parsing,
-    and files outside `folder`.
-    """
-    text = read_text(path, MOST_BYTES)
-    root = _root(text, path)
-    if root.tag not in ("mujoco", "robot"):
-        raise ConfigurationError(f"{path}: root is <{root.tag}>; give MJCF or URDF")
-    if _include(root, path, folder, {path.resolve()}) or root.tag == "robot":
-        _plain_urdf(root, folder, path.parent)
-        text = ET.tostring(root, encoding="unicode")
-    for element in root.iter():
-        if element.tag in ("plugin", "extension"):
-            raise ConfigurationError(
-                f"{path}: <{element.tag}>: plugins run foreign code and are refused; remove it"
-            )
-        if element.get("file") is not None and element.tag not in ASSETS:
-            raise ConfigurationError(
-                f"{path}: <{element.tag} file>: is not read; write it into the model"
-            )
-    _check_copies(root, path)
-    return Source(text, path.parent, folder)
+    def __init__(self, model: Any) -> None:
+        self.model = model
+        self._numbers: dict[str, Array] = {}
+
+    def __getitem__(self, name: str) -> Array:
+        """Array of the field called `name`, to be edited in place."""
+        if not name.startswith(OPTION):
+            found: Array = getattr(self.model, name)
+            return found
+        value = getattr(self.model.opt, name.removeprefix(OPTION))
+        if isinstance(value, np.ndarray):
+            return value
+        return self._numbers.setdefault(name, np.array(float(value)))
+
+    def finish(self) -> None:
+        """Write edited scalar options into the model."""
+        for name, value in self._numbers.items():
+            setattr(self.model.opt, name.removeprefix(OPTION), float(value))
 
 
-def _root(text: str, path: Path) -> ET.Element:
-    if "<!ENTITY" in text or "<!DOCTYPE" in text:
-        raise ConfigurationError(f"{path}: declares XML entities; write them out")
-    builder, parser = ET.TreeBuilder(), expat.ParserCreate()  # prefixes may be undeclared in URDFs
-    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
-    parser.CharacterDataHandler = builder.data
-    try:
-        parser.Parse(text, True)
-        return builder.close()
-    except expat.ExpatError as error:
-        raise ConfigurationError(f"{path}: is not valid XML: {error}; mend it") from None
+class BatchFields:
+    """Fields of simulation `i` of a batch; the first edit of a field copies it per simulation."""
+
+    def __init__(self, expand: Callable[[str], Array], i: int) -> None:
+        self._expand, self._i = expand, i
+
+    def __getitem__(self, name: str) -> Array:
+        """Array of the field called `name` for this simulation."""
+        found: Array = self._expand(name)[self._i, ...]
+        return found
 
 
-def _include(root: ET.Element, path: Path, folder: Path, seen: set[Path]) -> bool:
-    """Put the content of included files in place of `include`; whether there was any.
-
-    Paths count from the folder of the model, and a file is included once, as MuJoCo has it.
-    """
-    found = False
-    for parent in list(root.iter()):
-        for element in parent.findall("include"):
-            place = _inside(path, path.parent / element.get("file", ""), folder)
-            if place in seen:
-                raise ConfigurationError(f"{path}: includes {place.name} twice; allowed: once")
-            seen.add(place)
-            inner = _root(read_text(place, MOST_BYTES), place)
-            _include(inner, path, folder, seen)
-            at = list(parent).index(element)
-            parent.remove(element)
-            for k, child in enumerate(inner):
-                parent.insert(at + k, child)
-            found = True
-    return found
+Fields = ModelFields | BatchFields
+"""Arrays of a model by MuJoCo's names (`dof_damping`, `opt.gravity`), to be edited in place."""
 
 
-def _plain_urdf(root: ET.Element, folder: Path, place: Path) -> None:
-    """Take out of a URDF in `place` what other programs put there; its packages are in `folder`."""
-    for parent in list(root.iter()):
-        parent[:] = [e for e in parent if e.tag != "gazebo" and ":" not in e.tag]
-        for key in [key for key in parent.attrib if ":" in key]:
-            del parent.attrib[key]
-    for mesh in root.iter("mesh"):
-        name, separator, file = mesh.get("filename", "").removeprefix("package://").partition("/")
-        if separator and mesh.get("filename", "").startswith("package://"):
-            own = name == folder.name or not (folder / name).is_dir()
-            mesh.set("filename", os.path.relpath(folder / ("" if own else name) / file, place))
+def scale_gain(fields: Fields, actuator: int, factor: float) -> None:
+    """Multiply an actuator's gain and bias by a `factor`."""
+    fields["actuator_gainprm"][actuator, :3] *= factor
+    fields["actuator_biasprm"][actuator, :3] *= factor
 
 
-def _check_copies(root: ET.Element, path: Path, copies: int = 1) -> None:
-    """Refuse elements that repeat bodies more often than can be loaded in a second."""
-    for element in root:
-        counts = re.findall(r"[0-9]+", element.get("count", "")) if element.tag in REPEATERS else ()
-        inside = copies * math.prod(max(1, int(c)) for c in counts)
-        if inside > MOST_BODIES:
-            raise ConfigurationError(
-                f"{path}: <{element.tag}>: makes {inside} copies; allowed: {MOST_BODIES}"
-            )
-        _check_copies(element, path, inside)
-
-
-def _inside(origin: Path, place: Path, folder: Path) -> Path:
-    """Resolved path of a regular file `place` in `folder`; ConfigurationError for any other."""
-    whole, name = place.resolve(), os.path.relpath(place, folder)
-    if not whole.is_relative_to(folder.resolve()):
-        raise ConfigurationError(
-            f"{origin}: {name}: lies outside {folder}; paths of a model stay in its folder"
-        )
-    if not whole.is_file():
-        raise ConfigurationError(f"{origin}: {name}: there is no such file in {folder}; add it")
-    return whole
-
-
-def _check_spec(spec: Any, source: Source, origin: str) -> None:
-    """Refuse files that a parsed model names outside its folder, and models that are too large."""
-    if len(spec.bodies) > MOST_BODIES:
-        raise ConfigurationError(f"{origin}: has {len(spec.bodies)} bodies; allowed: {MOST_BODIES}")
-    named = [(spec.meshdir, x.file) for x in (*spec.meshes, *spec.hfields, *spec.skins)]
-    textures = [name for x in spec.textures for name in (x.file, *x.cubefiles)]
-    named += [(spec.texturedir, name) for name in textures]
-    total = 0
-    for place, file in named:
-        if file and source.folder is not None and source.within is not None:
-            path = source.folder / place / (Path(file).name if spec.strippath else file)
-            total += _inside(Path(origin), path, source.within).stat().st_size
-        if total > MOST_BYTES:
-            raise ConfigurationError(
-                f"{origin}: {file}: meshes and textures hold over {MOST_BYTES // MEGABYTE} MB; "
-                "thin them, or leave those of looks out"
-            )
-
-
-def compile_model(source: Source, origin: str, slots: int, step: float,
-                  text: str | None = None) -> Any:  # fmt: skip
-    """Compile a model, or its changed `text`, with `slots` user numbers a joint and `step` [s].
-
-    RK4 replaces the Euler integrator. Raises ConfigurationError for a model that does not load.
-    """
-    try:
-        spec = source.spec(text)
-        _check_spec(spec, source, origin)
-        spec.nuser_jnt = slots
-        spec.option.timestep = step
-        if spec.option.integrator == mujoco.mjtIntegrator.mjINT_EULER:
-            spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
-        model = spec.compile()
-    except (ValueError, mujoco.FatalError) as error:
-        reason = " ".join(str(error).split())
-        raise ConfigurationError(f"{origin}: does not load: {reason[:160]}; mend it") from None
-    model.body_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # or edited frames are ignored
-    return model
+def add_point(fields: Fields, body: int, mass: float, place: Array) -> None:
+    """Add a point `mass` [kg] at `place` (3,) of the body's frame [m] to its mass and inertia."""
+    stated, com = float(fields["body_mass"][body]), np.array(fields["body_ipos"][body])
+    rotation = np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, np.array(fields["body_iquat"][body]))
+    axes = rotation.reshape(3, 3)
+    inertia = axes @ np.diag(fields["body_inertia"][body]) @ axes.T
+    offset = np.asarray(place) - com
+    reduced = stated * mass / (stated + mass)  # parallel axes, about the common centre of mass
+    inertia += reduced * (offset @ offset * np.eye(3) - np.outer(offset, offset))
+    values, vectors = np.linalg.eigh(inertia)
+    if np.linalg.det(vectors) < 0.0:  # a quaternion holds right-handed axes only
+        vectors[:, 0] *= -1.0
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, vectors.ravel())
+    fields["body_mass"][body] = stated + mass
+    fields["body_ipos"][body] = com + offset * mass / (stated + mass)
+    fields["body_iquat"][body] = quat
+    fields["body_inertia"][body] = values
 
 
 def check_joints(model: Any, origin: str) -> None:

@@ -1,7 +1,4 @@
-"""Writes an accepted mechanism: effects that MJCF can express to its model, others to its file.
-
-Effects of the cell's own arm move its gripper, and some of them have a place in cell.yaml.
-"""
+"""Writes an accepted mechanism: effects that MJCF can express to its model, others to its file."""
 
 import copy
 import math
@@ -13,49 +10,46 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import Readings
 from cell.gap.subject.mechanism.effects import effect_of, ordered_values
-from cell.gap.subject.mechanism.fields import ModelFields
 from cell.gap.subject.mechanism.load import LIMITLESS, MechanismData
-from cell.gap.subject.mechanism.model import Mechanism, Source, tip
+from cell.gap.subject.mechanism.model import Mechanism, ModelFields
+from cell.gap.subject.mechanism.source import Source
 from cell.gap.subject.subject import NamedValues
 from drivers.types import Array
 
-# N m/rad of the robot's joint impedance. Source: setJointImpedance in libfranka's examples.
-STIFFNESS = np.array([3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0])
-FIELDS = {"payload": "fci.tool", "control_delay": "twin.arm.robot_delay"}  # of cell.yaml
 KEPT_OF_ACTUATOR = ("name", "class", "group", "joint", "jointinparent", "tendon", "site", "refsite",
                     "body", "ctrlrange", "ctrllimited", "forcerange", "forcelimited", "gear",
                     "delay", "nsample", "interp", "user")  # fmt: skip
 
 
-def patch_file(
-    opened: MechanismData, base: Mapping[str, float], effects: NamedValues, source: str
-) -> dict[str, object]:
-    """Content of the mechanism's file after acceptance; old values stay in its provenance."""
-    pendulum, known = opened.pendulum, {n: dict(v) for n, v in opened.file.effects.items()}
-    described = pendulum or opened.file
-    content: dict[str, Any] = described.model_dump(mode="json", by_alias=True,
-                                                   exclude_none=pendulum is None)  # fmt: skip
+def accepted_content(
+    opened: MechanismData, content: dict[str, Any], base: Mapping[str, float],
+    effects: NamedValues, source: str,
+) -> dict[str, Any]:  # fmt: skip
+    """The `content` of a file with refitted and named effects, and old values in its provenance."""
+    known = {name: dict(values) for name, values in opened.file.effects.items()}
     notes = list(content.pop("provenance"))
     stated = {b.parameter.name: b.parameter.start for b in opened.base}
     for name, value in base.items():
         if "." in name:
             effect, key = name.split(".")
             known[effect][key] = value
-        elif pendulum is not None:
-            key, number = name.rsplit("_", 1)
-            content["links"][int(number) - 1][key] = value
         was = f"was {stated[name]:.9g}" if name in stated else "was another"
         notes.append({"key": name, "source": source, "note": f"{was}, is {value:.9g}"})
     for name, values in effects.items():
         notes.append({"key": f"effects.{name}", "source": source, "note": "was absent"})
-        if pendulum is not None or not effect_of(name).edits(opened.mechanism):
-            known[name] = _named_values(name, opened.mechanism, values)
-    if pendulum is None:
-        model = Path(opened.file.model).with_name(f"{opened.file.name}-accepted.xml")
-        content["model"] = str(model)
+        known[name] = _named_values(name, opened.mechanism, values)
     return {**content, "effects": known, "provenance": notes}
+
+
+def expressed_by_mjcf(
+    opened: MechanismData, content: dict[str, Any], effects: NamedValues
+) -> dict[str, Any]:
+    """The `content` with an accepted model, without those named `effects` that it expresses."""
+    model = Path(opened.file.model).with_name(f"{opened.file.name}-accepted.xml")
+    expressed = {name for name in effects if effect_of(name).edits(opened.mechanism)}
+    left = {name: v for name, v in content["effects"].items() if name not in expressed}
+    return {**content, "model": str(model), "effects": left}
 
 
 def _named_values(name: str, mechanism: Mechanism, values: Mapping[str, float]) -> dict[str, float]:
@@ -184,65 +178,3 @@ def _write_pairs(root: ET.Element, m: Mechanism, edited: Any) -> None:
     for i, element in enumerate(root.findall("contact/pair")):
         if _has_changed(m, edited, i, ("pair_friction",)):
             element.set("friction", _text(edited.pair_friction[i]))
-
-
-def gripper_shift(
-    opened: MechanismData, q: Array, predicted: tuple[Array, Array], readings: Readings
-) -> Array:
-    """Distances (k,) [m] by which an effect moves the tip at measured joints `q` (k, 7) [rad].
-
-    `predicted` are torques (7, k) [N m] and tracking (7, k) [rad] with an effect less those
-    without; torques that the robot does not expect push its joints out by its STIFFNESS.
-    """
-    torque, tracking = predicted
-    names = [joint.name for joint in opened.mechanism.joints]
-    bias = np.array([readings.bias.get(name, 0.0) for name in names])
-    scale = 1.0 + np.array([readings.scale.get(name, 0.0) for name in names])
-    true = (q - bias) / scale - torque.T / STIFFNESS + tracking.T
-    return np.asarray(np.linalg.norm(_tips(opened, q) - _tips(opened, true), axis=1))
-
-
-def _tips(opened: MechanismData, q: Array) -> Array:
-    """Positions (k, 3) [m] of the tip for joint angles `q` (k, 7) [rad]."""
-    model = opened.mechanism.model
-    data, number = mujoco.MjData(model), model.site("tip").id
-    found = np.empty((len(q), 3))
-    for k, joints in enumerate(q):
-        data.qpos[:] = joints
-        mujoco.mj_kinematics(model, data)
-        found[k] = data.site_xpos[number]
-    return found
-
-
-def gripper_sentences(name: str, shifts: Array) -> list[str]:
-    """Sentences for the operator on the effect `name` that moves the tip by `shifts` (k,) [m]."""
-    rms = float(np.sqrt(np.mean(shifts**2)))
-    moves = f"{name}: the gripper stands up to {1e3 * shifts.max():.2f} mm (rms {1e3 * rms:.2f})"
-    if name in FIELDS:
-        where = f"`cell gap accept` puts it into cell.yaml, {FIELDS[name]}"
-    else:
-        where = "cell.yaml has no field for it: `cell gap accept` puts it into the arm's model only"
-    return [f"{moves} from where the model has it, in these runs", f"{name}: {where}"]
-
-
-def cell_patch(
-    opened: MechanismData, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
-) -> dict[str, object] | None:
-    """Patch of cell.yaml for accepted effects, the tool's load and the arm's delay; else None."""
-    found: dict[str, object] = {}
-    delay = effects.get("control_delay", {}).get("time", base.get("control_delay.time"))
-    if delay is not None:
-        found["twin"] = {"arm": {"robot_delay": round(delay, 4)}}
-    if "payload" in effects:
-        found["fci"] = {"tool": _tool(opened, effects["payload"]["mass"])}
-    return {"effects": {}, **found} if found else None
-
-
-def _tool(opened: MechanismData, mass: float) -> dict[str, object]:
-    """Mass [kg] and centre of mass [m in the flange] of the hand with a load at the tip."""
-    model = opened.mechanism.model
-    hand, last = model.body("hand").id, model.body("link7").id
-    hand_mass, centre = float(model.body_mass[hand]), np.array(model.body_ipos[hand])
-    moment = hand_mass * centre + mass * tip(opened.mechanism, last)
-    both = moment / (hand_mass + mass) - model.site("flange").pos
-    return {"mass": round(hand_mass + mass, 4), "centre": [round(float(x), 5) for x in both]}

@@ -1,7 +1,8 @@
 """Reads a pendulum's file and its measured swings as a mechanism, a chain of hinges."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,17 +10,28 @@ import mujoco
 import numpy as np
 
 from cell.gap.subject.mechanism.effects import check_effects, torques
-from cell.gap.subject.mechanism.fields import Fields
 from cell.gap.subject.mechanism.file import MechanismFile, PendulumFile
+from cell.gap.subject.mechanism.forward_dynamics import (
+    DAMPED,
+    FLEX,
+    LEAST_COMPLIANCE,
+    STIFFEST,
+    ForwardDynamics,
+    SplitModel,
+)
 from cell.gap.subject.mechanism.load import (
     FORWARD_FLOOR,
     Base,
     MechanismData,
     mechanism_of,
+    setter,
     zone_of,
 )
-from cell.gap.subject.mechanism.model import Mechanism, Source, compile_model, joints_of
+from cell.gap.subject.mechanism.model import Mechanism, joints_of
+from cell.gap.subject.mechanism.patch import accepted_content
 from cell.gap.subject.mechanism.runs import Recording, Signal, check_angle
+from cell.gap.subject.mechanism.source import Source, compile_model
+from cell.gap.subject.mechanism.subject import Case
 from cell.gap.subject.run_folders import (
     HEADER_FILE,
     RunFolder,
@@ -28,7 +40,7 @@ from cell.gap.subject.run_folders import (
     column,
     read_table,
 )
-from cell.gap.subject.subject import Parameter
+from cell.gap.subject.subject import NamedValues, Parameter
 from cell.record.header import SwingRun
 from drivers.errors import ConfigurationError
 from drivers.settings import load
@@ -42,20 +54,71 @@ SPREADS = (("com", "m", 0.01), ("inertia", "kg m^2", 0.10), ("length", "m", 0.00
 """Name, unit and relative prior spread of what was weighed and measured of a link."""
 
 
-def open_swings(path: Path, folders: Sequence[RunFolder]) -> MechanismData:
+@dataclass(frozen=True, slots=True)
+class PendulumData(MechanismData):
+    """Pendulum with its base parameters and recordings; `pendulum` is its file."""
+
+    pendulum: PendulumFile
+
+
+class Pendulum(ForwardDynamics):
+    """Measured swings of a chain of hinges, as its file describes it."""
+
+    opened: PendulumData
+    believed = False
+
+    def _split(self) -> "SplitModel":
+        return PivotModel(self._mechanism, self.name)
+
+    def patch(
+        self, base: Mapping[str, float], effects: NamedValues, source: str
+    ) -> tuple[dict[str, object], dict[str, object] | None]:
+        """Content of the pendulum's file with refitted base and named effects."""
+        content = self.opened.pendulum.model_dump(mode="json", by_alias=True)
+        for name, value in base.items():
+            if "." not in name:
+                key, number = name.rsplit("_", 1)
+                content["links"][int(number) - 1][key] = value
+        return accepted_content(self.opened, content, base, effects, source), None
+
+    def model_text(self, base: Mapping[str, float], effects: NamedValues) -> str | None:  # noqa: ARG002
+        """None: the file itself describes the chain."""
+        return None
+
+
+class PivotModel(SplitModel):
+    """Model of a chain of hinges whose pivot slides sideways on a spring."""
+
+    def _text(self, mechanism: Mechanism) -> str:
+        root = ET.fromstring(mechanism.source.text)  # noqa: S314  our own text
+        (first,) = root.findall("worldbody/body")
+        first.insert(0, ET.Element("joint", {"name": FLEX, "type": "slide", "axis": "1 0 0"}))
+        return ET.tostring(root, encoding="unicode")
+
+    def _set_gears(self, found: Any, edited: Any, case: Case) -> None:
+        """Set the stiffness [N/m] and damping of the pivot, and lengths and springs as `edited`."""
+        mass = float(edited.body_mass.sum())
+        compliance = np.maximum(np.asarray(case.readings.elastic), LEAST_COMPLIANCE)
+        stiffness = np.minimum(1.0 / compliance, STIFFEST * mass)
+        found.body_pos[self._body] = edited.body_pos
+        found.jnt_stiffness[self._joint] = edited.jnt_stiffness
+        found.jnt_stiffness[self._flex] = stiffness
+        found.dof_damping[self._flex] = 2.0 * DAMPED * np.sqrt(stiffness * mass)
+        self._set_law_parameters(found, edited)
+
+
+def open_swings(path: Path, folders: Sequence[RunFolder]) -> PendulumData:
     """Read the pendulum at `path` and its measured swings; ConfigurationError for broken input."""
     pendulum = load(path, PendulumFile)
     heads = [_read_head(folder.path / HEADER_FILE, pendulum) for folder in folders]
     fast = open_recordings(path, pendulum, []).mechanism.joints[0].rate
     found = [_read_swing(*pair, len(pendulum.links), fast)
              for pair in zip(folders, heads, strict=True)]  # fmt: skip
-    check_indices([f.path for f in folders], [head.index for head in heads])
-    return open_recordings(path, pendulum, sorted(found, key=lambda r: r.index))
+    check_indices([f.path for f in folders], [r.index for r in found])
+    return open_recordings(path, pendulum, sorted(found, key=lambda r: r.index or 0))
 
 
-def open_recordings(
-    path: Path, pendulum: PendulumFile, found: Sequence[Recording]
-) -> MechanismData:
+def open_recordings(path: Path, pendulum: PendulumFile, found: Sequence[Recording]) -> PendulumData:
     """Mechanism of a pendulum with its recordings, base parameters and signals.
 
     Raises ConfigurationError for effects that the library lacks.
@@ -70,15 +133,16 @@ def open_recordings(
         "signals": {name: {"sensor": name, "sigma": 1.0} for name in names},
     })  # fmt: skip
     model.opt.timestep = described.step
-    signals = [Signal(name, "position", 0.0, zone_of(i, n), i, FORWARD_FLOOR, "angle")
-               for i, name in enumerate(names)]  # fmt: skip
+    sums = np.tri(n)  # absolute angles are sums of the joints'
+    signals = tuple(Signal(name, "position", 0.0, zone_of(i, n), i, sums[i], FORWARD_FLOOR, "angle")
+                    for i, name in enumerate(names))  # fmt: skip
     joints = joints_of(model, dict.fromkeys(names, (fast, 0.0)), {})
     made = mechanism_of(described, source, model, joints, signals)
     # a bias of the first encoder is a tilted base
     mechanism = replace(made, mode="planar", encoders=tuple(names[1:]), native=False)
     check_effects(pendulum.effects, mechanism, str(path))
-    return MechanismData(described, path, mechanism, tuple(_base(pendulum, mechanism)),
-                         tuple(found), tuple(signals), 0.5 * fast, np.tri(n), pendulum)  # fmt: skip
+    return PendulumData(described, path, mechanism, tuple(_base(pendulum, mechanism)),
+                        tuple(found), 0.5 * fast, pendulum)  # fmt: skip
 
 
 def _fastest(model: Any) -> float:
@@ -101,7 +165,7 @@ def _base(pendulum: PendulumFile, mechanism: Mechanism) -> list[Base]:
         most = joint.torque / joint.rate  # its links would hardly swing
         parameter = Parameter(f"damping_{i + 1}", "N m s", link.damping, 0.0, most,
                               step=1e-5 * most, spread=0.1 * most)  # fmt: skip
-        found.append(_base_in_field(parameter, "dof_damping", (i,), 1.0))
+        found.append(Base(parameter, setter("dof_damping", (i,))))
     # field, its first row, place in a row, sign; links point down, body 0 is the world
     places = {"com": ("body_ipos", 1, 2, -1.0), "inertia": ("body_inertia", 1, slice(None), 1.0),
               "length": ("body_pos", 2, 2, -1.0)}  # fmt: skip
@@ -111,17 +175,8 @@ def _base(pendulum: PendulumFile, mechanism: Mechanism) -> list[Base]:
             v = float(getattr(link, key))
             parameter = Parameter(f"{key}_{i + 1}", unit, v, 0.2 * v, 5.0 * v,
                                   step=1e-3 * spread * v, spread=spread * v)  # fmt: skip
-            found.append(_base_in_field(parameter, field, (i + first, at), sign))
+            found.append(Base(parameter, setter(field, (i + first, at), sign)))
     return found
-
-
-def _base_in_field(parameter: Parameter, field: str, at: tuple[Any, ...], sign: float) -> Base:
-    """Base parameter whose value, times `sign`, stands at the place `at` of the model's `field`."""
-
-    def put(fields: Fields, value: float) -> None:
-        fields[field][at] = sign * value
-
-    return Base(parameter, put)
 
 
 def _read_head(path: Path, pendulum: PendulumFile) -> SwingRun:
@@ -160,7 +215,7 @@ def _read_swing(folder: RunFolder, head: SwingRun, n: int, fast: float) -> Recor
         )
     hanging = {str(i): frozen(angle - np.pi) for i, angle in enumerate(angles, start=1)}
     return Recording(
-        folder.name, str(head.condition or folder.name), head.index or 0, frozen(t - t[0]), hanging,
+        folder.name, str(head.condition or folder.name), head.index, frozen(t - t[0]), hanging,
         sigma=head.sigma.angle, rates=None if rates is None else rates[:, 0],
     )  # fmt: skip
 

@@ -66,7 +66,7 @@ class Recording:
 
     name: str
     condition: str
-    index: int
+    index: int | None
     t: Array
     columns: Mapping[str, Array]
     load: Load | None = None
@@ -79,8 +79,9 @@ class Signal:
     """Compared column of a run: its `kind` of quantity, noise `sigma`, and place in the chain.
 
     `zone` is the place, `joint` the number of the joint whose encoder or motor reads the signal, or
-    of the coordinate of a site or sensor (-1: none). Signals of one `group` are shown as one. A
-    torque is read at an `actuator`, `gear` [N m] at the joint for a unit of the reading.
+    of the coordinate of a site or sensor (-1: none). Positions and rates are those of the joints,
+    summed with `weights` (joints,). Signals of one `group` are shown as one. A torque is read at an
+    `actuator`, `gear` [N m] at the joint for a unit of the reading.
     """
 
     name: str
@@ -88,6 +89,7 @@ class Signal:
     sigma: float
     zone: str
     joint: int
+    weights: Array
     floor: float = 0.0
     group: str = ""
     actuator: int = -1
@@ -133,7 +135,7 @@ def read_recording(folder: RunFolder, file: MechanismFile, hinges: Sequence[str]
     condition = str(head.origin or head.condition or folder.name)
     columns = {name: frozen(values) for name, values in table.items() if name != "t"}
     t = frozen(table["t"] - table["t"][0])
-    return Recording(folder.name, condition, head.index or 0, t, columns, head.load)
+    return Recording(folder.name, condition, head.index, t, columns, head.load)
 
 
 def _signal_table(folder: Path, file: MechanismFile, hinges: Sequence[str]) -> dict[str, Array]:
@@ -250,12 +252,12 @@ def width_of(recording: Recording, least: float) -> float:
     return max(least, float(recording.t[-1]) * PER_BLOCK / MOST_READINGS)
 
 
-def cut(recording: Recording, columns: Sequence[str], width: float) -> Cut:
+def cut_recording(recording: Recording, columns: Sequence[str], width: float) -> Cut:
     """Cut a run into samples of `width` [s], without readings in which a column is absent."""
-    whole = np.array([recording.columns[c] for c in columns])
-    good = np.flatnonzero(np.isfinite(whole).all(axis=0))
+    values = np.array([recording.columns[c] for c in columns])
+    good = np.flatnonzero(np.isfinite(values).all(axis=0))
     edges, inside = blocks(recording.t[good], width)
-    return Cut(frozen(recording.t[good[inside]]), frozen(whole[:, good[inside]]), edges)
+    return Cut(frozen(recording.t[good[inside]]), frozen(values[:, good[inside]]), edges)
 
 
 def phases(speed: Array) -> Words:
@@ -264,10 +266,10 @@ def phases(speed: Array) -> Words:
     return np.where(still, "hold", np.where(speed > 0.0, "carry", "return"))
 
 
-def samples(signals: Sequence[Signal], made: Cut, phase: Words) -> Samples:
+def samples(signals: Sequence[Signal], cut: Cut, phase: Words) -> Samples:
     """Samples of all `signals` of a cut run, signal by signal, with phases `phase` (b,)."""
-    counts = np.diff(made.edges)
-    middle = np.add.reduceat(made.t, made.edges[:-1]) / counts
+    counts = np.diff(cut.edges)
+    middle = np.add.reduceat(cut.t, cut.edges[:-1]) / counts
     # the error of a torque is ripple, supply and constants, which a mean does not make smaller
     return Samples.stack([
         {"channel": s.channel, "quantity": s.channel, "phase": phase, "zone": s.zone, "t": middle,

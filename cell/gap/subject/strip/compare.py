@@ -6,7 +6,7 @@ import numpy as np
 
 from cell.gap.subject.strip.layout import Layout, Part
 from cell.gap.subject.strip.runs import FoldMeasurement
-from cell.gap.subject.strip.simulation import SHAPE_PERIOD, SimulatedMotion
+from cell.gap.subject.strip.simulation import SimulatedMotion
 from cell.gap.subject.subject import Residuals
 from drivers.strip.curve import group_means, nearest_ends, signed_distances
 from drivers.strip.engine import Touch
@@ -24,7 +24,7 @@ from drivers.types import Array
 CONTACT_LIMIT = 1.0  # bending lengths between contacts that are still one and the same
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
     """Residuals of a measured run against simulated motions, measured minus simulated.
 
@@ -36,21 +36,21 @@ class Comparison:
     length: float
     bending_length: float
 
-    def __call__(self, model: StripModel, shown: SimulatedMotion | None) -> Residuals:
-        """Residuals of the run against the simulated motion `shown`; NaN where it is None."""
-        if shown is None:
+    def __call__(self, model: StripModel, motion: SimulatedMotion | None) -> Residuals:
+        """Residuals of the run against a simulated motion; NaN where that is None."""
+        if motion is None:
             lost = np.full(len(self.layout.samples), np.nan)
             return Residuals(lost, lost.copy())
         channels = [
-            self._profile_averages(model, shown),
-            self._contact_averages(model, shown),
-            *(self._force_averages(model, shown, axis) for axis in (0, 1)),
-            self._touch_residuals(model, shown),
+            self._profile_averages(model, motion),
+            self._contact_averages(model, motion),
+            *(self._force_averages(model, motion, axis) for axis in (0, 1)),
+            self._touch_residuals(model, motion),
         ]
         mean, square = (np.concatenate(rows) for rows in zip(*channels, strict=True))
         return Residuals(mean, square)
 
-    def _profile_averages(self, model: StripModel, shown: SimulatedMotion) -> tuple[Array, Array]:
+    def _profile_averages(self, model: StripModel, motion: SimulatedMotion) -> tuple[Array, Array]:
         """Mean and mean square (k,) of signed distances of measured points from the midline."""
         images, order = self.run.images, self.layout.profile.order
         found = np.empty(len(order))
@@ -59,11 +59,11 @@ class Comparison:
             points = true_points(model, images.points[order])
             signed_distances(
                 np.ascontiguousarray(points), images.image[order], images.s[order],
-                (time - shown.begin) / SHAPE_PERIOD, shown.shapes, shown.arc * self.length, found,
+                motion.index_at(time), motion.shapes, motion.arc * self.length, found,
             )  # fmt: skip
         return average(found, self.layout.profile)
 
-    def _contact_averages(self, model: StripModel, shown: SimulatedMotion) -> tuple[Array, Array]:
+    def _contact_averages(self, model: StripModel, motion: SimulatedMotion) -> tuple[Array, Array]:
         """Mean and mean square (k,) of contact residuals, NaN where the contacts are different.
 
         A strip with a hump, as over a crease, leaves the desk there and at the fold; which of them
@@ -73,12 +73,12 @@ class Comparison:
         order, limit = self.layout.contact.order, CONTACT_LIMIT * self.bending_length
         measured, observation = self.run.contact_x[order], model.observation
         time = np.asarray(imaged_time(observation, self.run.contact_t[order]))
-        simulated = np.interp(time, shown.t, shown.contact_x)
+        simulated = np.interp(time, motion.t, motion.contact_x)
         residuals = np.asarray(measured - measured_contact(observation, simulated))
         other = np.abs(residuals) >= limit
         ends = simulated[other]
         nearest_ends(
-            ends + residuals[other], (time[other] - shown.begin) / SHAPE_PERIOD, shown.shapes,
+            ends + residuals[other], motion.index_at(time[other]), motion.shapes,
             self.run.contact_height, ends,
         )  # fmt: skip
         residuals[other] = measured[other] - measured_contact(observation, ends)
@@ -87,24 +87,24 @@ class Comparison:
         return np.where(near, mean, np.nan), np.where(near, square, np.nan)
 
     def _force_averages(
-        self, model: StripModel, shown: SimulatedMotion, axis: int
+        self, model: StripModel, motion: SimulatedMotion, axis: int
     ) -> tuple[Array, Array]:
         """Mean and mean square (k,) of residuals of the force along one axis."""
         part = self.layout.force[axis]
         if not len(part):
             return np.empty(0), np.empty(0)
         t = self.run.force_t[part.order]
-        simulated = reported_force(model.observation, t, shown.t, shown.force)
+        simulated = reported_force(model.observation, t, motion.t, motion.force)
         return average(np.asarray((self.run.force[part.order] - simulated)[:, axis]), part)
 
-    def _touch_residuals(self, model: StripModel, shown: SimulatedMotion) -> tuple[Array, Array]:
+    def _touch_residuals(self, model: StripModel, motion: SimulatedMotion) -> tuple[Array, Array]:
         """Residuals of the touch's values and their squares (3,), NaN where none is simulated.
 
         Both are empty (0,) where the run measured no touch.
         """
         if self.run.touch is None:
             return np.empty(0), np.empty(0)
-        simulated = simulated_touch(self.run, model, shown)
+        simulated = simulated_touch(self.run, model, motion)
         if simulated is None:
             return np.full(3, np.nan), np.full(3, np.nan)
         mean = _touch_values(self.run.touch) - _touch_values(simulated)
@@ -112,15 +112,15 @@ class Comparison:
 
 
 def simulated_touch(
-    run: FoldMeasurement, model: StripModel, shown: SimulatedMotion
+    run: FoldMeasurement, model: StripModel, motion: SimulatedMotion
 ) -> Touch | None:
     """The simulated touch as the images of `run` would show it; None where there is none."""
-    if shown.touch is None:
+    if motion.touch is None:
         return None
-    grip = np.array([np.interp(shown.touch.time, shown.t, c) for c in shown.poses.T])
-    stamp = image_stamp(model.observation, shown.touch.time)
+    grip = np.array([np.interp(motion.touch.time, motion.t, c) for c in motion.poses.T])
+    stamp = image_stamp(model.observation, motion.touch.time)
     reported = np.array([np.interp(stamp, run.t, c) for c in run.poses.T])
-    return measured_touch(model, shown.touch, grip, reported)
+    return measured_touch(model, motion.touch, grip, reported)
 
 
 def _touch_values(touch: Touch) -> Array:

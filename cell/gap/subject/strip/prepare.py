@@ -6,11 +6,16 @@ from typing import cast
 
 import numpy as np
 
-from cell.gap.subject.strip.bias import common_errors, half, model_error
 from cell.gap.subject.strip.compare import Comparison
 from cell.gap.subject.strip.layout import Floors, layout
+from cell.gap.subject.strip.measurement_errors import (
+    RUN_EFFECTS,
+    RunEffect,
+    common_errors,
+    half,
+    model_error,
+)
 from cell.gap.subject.strip.runs import FoldMeasurement, MeasuredRun
-from cell.gap.subject.strip.scatter import RUN_EFFECTS, RunEffect
 from cell.gap.subject.strip.simulation import (
     COARSE,
     FINE,
@@ -22,7 +27,7 @@ from cell.gap.subject.strip.simulation import (
     Resolution,
     Simulation,
 )
-from cell.gap.subject.subject import Parameter, Residuals, Run, Samples
+from cell.gap.subject.subject import Residuals, Run, Samples
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import GripperPath
@@ -44,63 +49,6 @@ SAME_START = 1e-3  # s between the beginnings of two paths
 
 
 @dataclass(frozen=True, slots=True)
-class Fold:
-    """Measured fold: the path that drives the model, the comparison with it, and the run's index.
-
-    The rod has the fold's `resolution`.
-
-    Pushed along the desk, the strip buckles; where it does is chaotic, because friction and grip
-    compliance are unknown. Only strips with bending hysteresis keep the shape; they are simulated
-    along `lifted_path`, which has no push. The standard runs lift first and never buckle.
-
-    Per sample (n,): `grid_error`, residuals of this rod less those of a finer one, and
-    `slopes`, the change of residuals per unit of each quantity that differs from run to run.
-    """
-
-    path: HashedPath
-    lifted_path: HashedPath
-    comparison: Comparison
-    index: int
-    grid_error: Array
-    slopes: Mapping[str, Array]
-    resolution: Resolution = COARSE
-
-    def drive(self, hashed: HashedModel) -> Job:
-        """Simulation of the model along the path that suits it."""
-        has_hysteresis = hashed.model.mechanics.law.yield_curvature > 0.0
-        path = self.lifted_path if has_hysteresis else self.path
-        return Job.of(hashed, path, self.comparison.run.contact_height, self.resolution)
-
-    def correct(self, residuals: Residuals, run: Run, local: Array) -> Residuals:
-        """Residuals corrected to those of a fine rod, for values `local` (k,) of its unknowns."""
-        mean = residuals.mean - self.grid_error
-        for p, value in zip(run.local, local, strict=True):
-            mean = mean + value * self.slopes[p.name]
-        return Residuals(mean, residuals.square + mean**2 - residuals.mean**2)
-
-
-def prepare(
-    runs: Sequence[MeasuredRun], strip: StripFile, floors: Floors, simulate: Simulation,
-    scatter: Sequence[RunEffect] = RUN_EFFECTS,
-) -> list[Run]:  # fmt: skip
-    """Convert measured folds to runs for the engine; folds that yield no sample are left out.
-
-    `scatter` are the quantities that may differ from run to run.
-    """
-    folds = [_fold(run.measured, strip, floors) for run in runs]
-    stated = [HashedModel.of(describe(strip, index=f.index)) for f in folds]
-    folds = _resolve(folds, stated, simulate)
-    nominal = [f.drive(model) for f, model in zip(folds, stated, strict=True)]
-    linearised = linearise_folds(folds, nominal, simulate, scatter)
-    local = tuple(e.parameter for e in scatter)
-    return [
-        _engine_run(run, fold, linearisation, local)
-        for run, fold, linearisation in zip(runs, folds, linearised, strict=True)
-        if len(fold.comparison.layout.samples)
-    ]
-
-
-@dataclass(frozen=True, slots=True)
 class Linearisation:
     """Linearisation of a run's residuals about a model: changes per sample (n,).
 
@@ -115,22 +63,80 @@ class Linearisation:
     length: float
 
 
+@dataclass(frozen=True, slots=True)
+class Fold:
+    """Measured fold: the path that drives the model, the comparison with it, and the run's index.
+
+    The rod has the fold's `resolution`; `linearisation` corrects its residuals.
+
+    Pushed along the desk, the strip buckles; where it does is chaotic, because friction and grip
+    compliance are unknown. Only strips with bending hysteresis keep the shape; they are simulated
+    along `lifted_path`, which has no push. The standard runs lift first and never buckle.
+    """
+
+    path: HashedPath
+    lifted_path: HashedPath
+    comparison: Comparison
+    index: int
+    linearisation: Linearisation
+    resolution: Resolution = COARSE
+
+    def job(self, hashed: HashedModel) -> Job:
+        """Simulation of the model along the path that suits it."""
+        has_hysteresis = hashed.model.mechanics.law.yield_curvature > 0.0
+        path = self.lifted_path if has_hysteresis else self.path
+        return Job.of(hashed, path, self.comparison.run.contact_height, self.resolution)
+
+    def correct(self, residuals: Residuals, run: Run, local: Array) -> Residuals:
+        """Residuals corrected to those of a fine rod, for values `local` (k,) of its unknowns."""
+        about = self.linearisation
+        mean = residuals.mean - about.grid_error
+        for p, value in zip(run.local, local, strict=True):
+            mean = mean + value * about.slopes[p.name]
+        return Residuals(mean, residuals.square + mean**2 - residuals.mean**2)
+
+
+def prepare(
+    runs: Sequence[MeasuredRun], strip: StripFile, floors: Floors, simulate: Simulation,
+    scatter: Sequence[RunEffect] = RUN_EFFECTS,
+) -> list[Run]:  # fmt: skip
+    """Convert measured folds to runs for the engine; folds that yield no sample are left out.
+
+    `scatter` are the quantities that may differ from run to run.
+    """
+    folds = [_fold(run.measured, strip, floors) for run in runs]
+    stated = [HashedModel.of(describe(strip, index=f.index)) for f in folds]
+    folds = _resolve(folds, stated, simulate)
+    nominal = [f.job(model) for f, model in zip(folds, stated, strict=True)]
+    linearised = linearise_folds(folds, nominal, simulate, scatter)
+    local = tuple(e.parameter for e in scatter)
+    made = [
+        Run(run.name, run.condition, fold.comparison.layout.samples, local, fold, fold.index)
+        for run, fold in zip(runs, folds, strict=True)
+    ]
+    return [
+        relinearise(run, about)
+        for run, about in zip(made, linearised, strict=True)
+        if len(run.samples)
+    ]
+
+
 def linearise_folds(
-    folds: Sequence[Fold], drives: Sequence[Job], simulate: Simulation,
+    folds: Sequence[Fold], jobs: Sequence[Job], simulate: Simulation,
     scatter: Sequence[RunEffect],
 ) -> list[Linearisation]:  # fmt: skip
-    """Linearise the residuals of each of `folds` about its simulation in `drives`."""
-    perturbed = [f.drive(HashedModel.of(effect.apply(job.model, effect.step)))
-                 for f, job in zip(folds, drives, strict=True) for effect in scatter]  # fmt: skip
-    motions = simulate([*drives, *perturbed])
+    """Linearise the residuals of each of `folds` about its simulation in `jobs`."""
+    perturbed = [f.job(HashedModel.of(effect.apply(job.model, effect.step)))
+                 for f, job in zip(folds, jobs, strict=True) for effect in scatter]  # fmt: skip
+    motions = simulate([*jobs, *perturbed])
     nominal = [
         fold.comparison(job.model, motion).mean
-        for fold, job, motion in zip(folds, drives, motions[: len(folds)], strict=True)
+        for fold, job, motion in zip(folds, jobs, motions[: len(folds)], strict=True)
     ]
-    grid_errors = _grid_errors(folds, drives, nominal, simulate)
-    step_errors = _grid_errors(folds, drives, nominal, simulate, (MEDIUM,))
+    grid_errors = _grid_errors(folds, jobs, nominal, simulate)
+    step_errors = _grid_errors(folds, jobs, nominal, simulate, (MEDIUM,))
     linearisations = []
-    for i, (fold, job) in enumerate(zip(folds, drives, strict=True)):
+    for i, (fold, job) in enumerate(zip(folds, jobs, strict=True)):
         limit = LARGEST_CHANGE * fold.comparison.layout.samples.floor
         grid_error = _drop_large(grid_errors[i], limit)
         step_error = _drop_large(step_errors[i], limit)
@@ -149,12 +155,12 @@ def _resolve(
     folds: Sequence[Fold], models: Sequence[HashedModel], simulate: Simulation
 ) -> list[Fold]:
     """Folds with the coarsest resolution at which their `models` come near a fine rod."""
-    drives = [fold.drive(model) for fold, model in zip(folds, models, strict=True)]
+    jobs = [fold.job(model) for fold, model in zip(folds, models, strict=True)]
     coarse = [
         fold.comparison(job.model, motion).mean
-        for fold, job, motion in zip(folds, drives, simulate(drives), strict=True)
+        for fold, job, motion in zip(folds, jobs, simulate(jobs), strict=True)
     ]
-    errors = _grid_errors(folds, drives, coarse, simulate, (FINE,))
+    errors = _grid_errors(folds, jobs, coarse, simulate, (FINE,))
     return [
         replace(fold, resolution=MEDIUM) if _is_doubted(fold, error) else fold
         for fold, error in zip(folds, errors, strict=True)
@@ -163,7 +169,7 @@ def _resolve(
 
 def _grid_errors(
     folds: Sequence[Fold],
-    drives: Sequence[Job],
+    jobs: Sequence[Job],
     residuals: Sequence[Array],
     simulate: Simulation,
     finer: Sequence[Resolution] = (FINE, FINER),
@@ -176,9 +182,9 @@ def _grid_errors(
     errors = [np.zeros_like(values) for values in residuals]
     doubted = list(range(len(folds)))
     for resolution in finer:
-        motions = simulate([replace(drives[i], resolution=resolution) for i in doubted])
+        motions = simulate([replace(jobs[i], resolution=resolution) for i in doubted])
         for i, motion in zip(doubted, motions, strict=True):
-            errors[i] = residuals[i] - folds[i].comparison(drives[i].model, motion).mean
+            errors[i] = residuals[i] - folds[i].comparison(jobs[i].model, motion).mean
         doubted = [i for i in doubted if _is_doubted(folds[i], errors[i])]
     return errors
 
@@ -191,16 +197,6 @@ def _is_doubted(fold: Fold, error: Array) -> bool:
 def _rms(values: Array) -> float:
     """Root mean square of `values` (n,), NaN counted as 0; 0 of a run without samples."""
     return float(np.linalg.norm(np.nan_to_num(values)) / np.sqrt(max(len(values), 1)))
-
-
-def _engine_run(
-    run: MeasuredRun, fold: Fold, linearisation: Linearisation, local: tuple[Parameter, ...]
-) -> Run:
-    """Run for the engine, linearised about the stated strip, with unknowns `local`."""
-    samples = fold.comparison.layout.samples
-    samples = replace(samples, floor=np.zeros(len(samples)))  # raised to those of its layout
-    bare = Run(run.name, run.condition, samples, local, fold, fold.index)
-    return relinearise(bare, fold, linearisation)
 
 
 def _common_errors(
@@ -220,17 +216,17 @@ def _common_errors(
     return errors
 
 
-def relinearise(run: Run, fold: Fold, linearisation: Linearisation) -> Run:
-    """Copy of `run` linearised about another model, its floors raised by doubts of grid errors.
+def relinearise(run: Run, about: Linearisation) -> Run:
+    """Copy of `run` linearised anew `about` a model, its floors raised by doubts of grid errors.
 
     A strip with less damping than stated keeps swinging, where grids differ.
     """
+    fold = cast(Fold, run.content)
     stated = fold.comparison.layout.samples.floor
-    floor = np.maximum(run.samples.floor, np.hypot(stated, linearisation.doubt))
+    floor = np.maximum(run.samples.floor, np.hypot(stated, about.doubt))
     samples = replace(run.samples, floor=floor)
-    content = replace(fold, grid_error=linearisation.grid_error, slopes=linearisation.slopes)
-    common = _common_errors(fold.comparison.run, samples, linearisation)
-    return replace(run, samples=samples, content=content, common=common)
+    common = _common_errors(fold.comparison.run, samples, about)
+    return replace(run, samples=samples, common=common, content=replace(fold, linearisation=about))
 
 
 def _drop_large(change: Array, limit: Array) -> Array:
@@ -247,9 +243,10 @@ def _fold(run: FoldMeasurement, strip: StripFile, floors: Floors) -> Fold:
     path = GripperPath(run.t[during], run.poses[during], run.hanging)
     comparison = Comparison(run, samples_layout, strip.length, strip.bending_length)
     no_error = np.zeros(len(samples_layout.samples))
+    exact = Linearisation(no_error, no_error, {}, strip.length)
     measured, lifted = HashedPath.of(path), _lifted_path(path, run)
     lifted_path = measured if lifted is path else HashedPath.of(lifted)
-    return Fold(measured, lifted_path, comparison, run.index, no_error, {})
+    return Fold(measured, lifted_path, comparison, run.index, exact)
 
 
 def _lifted_path(path: GripperPath, run: FoldMeasurement) -> GripperPath:

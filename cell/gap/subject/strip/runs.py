@@ -5,14 +5,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cell.gap.subject.run_folders import RunFolder, check_indices
 from cell.gap.subject.strip.smooth_and_thin import Images, images_of, smooth_path
-from cell.record.files import RESULT, RUN, TICKS, is_under_way
-from cell.record.header import NOT_FOLDED, Header, Result, Sigma, is_outcome
-from cell.record.run import Run, read_run
+from cell.record.files import PROFILE, RESULT, RUN, TICKS, is_under_way
+from cell.record.header import NOT_FOLDED, Header, Sigma, is_outcome
 from cell.record.run import Run as Recorded
+from cell.record.run import read_run
 from drivers.errors import ConfigurationError
 from drivers.geometry import arc_lengths
 from drivers.readers import read_yaml
@@ -23,6 +22,7 @@ from policies.path import lift_pitch
 
 WORST_SIGMA, BEST_SIGMA = 0.05, 1e-7  # m, no instrument of a cell is worse or better
 WORST_TIME, BEST_TIME = 1.0, 1e-6  # s
+LENGTHS = ("contact_x", "profile", "gripper", "displacement")  # with a noise in metres
 FASTEST_GRIPPER = 5.0  # m/s, faster than any arm
 FASTEST_TURN = 30.0  # rad/s, faster than any arm
 SHORTEST_INTERVAL = 0.01  # s, over shorter times noise looks like speed
@@ -41,7 +41,7 @@ TOUCH_ROUNDING = 1e-3  # m by which displacement and l1 - l2 may differ as they 
 DISPLACEMENT_SIGMAS = 5  # standard deviations by which they may differ besides
 
 
-def check_plausible(folder: Path, run: Run) -> None:
+def _check_plausible(folder: Path, run: Recorded) -> None:
     """Raise ConfigurationError for a run whose numbers are impossible for a fold."""
     _check_noise(folder / RUN, run)
     if run.result is not None and not is_outcome(run.result.outcome):
@@ -52,29 +52,23 @@ def check_plausible(folder: Path, run: Run) -> None:
     _check_motion(folder / TICKS, run)
 
 
-def _check_noise(origin: Path, run: Run) -> None:
+def _check_noise(origin: Path, run: Recorded) -> None:
+    """Refuse a stated noise that no instrument of a cell has, of those that were measured."""
     sigma = run.header.sigma
-    for key in ("contact_x", "profile", "gripper", "displacement"):
-        if key in sigma.model_fields_set:  # it was measured
-            value = getattr(sigma, key)
-            hint = ", as repeated readings scatter" if value < BEST_SIGMA else ""
-            _check_sigma(f"{origin}: sigma.{key}", value, BEST_SIGMA, WORST_SIGMA, "m", hint)
-    if sigma.touch_time is not None:
-        place = f"{origin}: sigma.touch_time"
-        _check_sigma(place, sigma.touch_time, BEST_TIME, WORST_TIME, "s")
-
-
-def _check_sigma(
-    place: str, value: float, best: float, worst: float, unit: str, hint: str = ""
-) -> None:
-    if not best <= value <= worst:
+    limits = dict.fromkeys(LENGTHS, (BEST_SIGMA, WORST_SIGMA, "m"))
+    limits["touch_time"] = BEST_TIME, WORST_TIME, "s"
+    for key, (best, worst, unit) in limits.items():
+        value = getattr(sigma, key)
+        if key not in sigma.model_fields_set or value is None or best <= value <= worst:
+            continue
         limit = f"at most {worst:g}" if value > worst else f"at least {best:g}"
         raise ConfigurationError(
-            f"{place}: is {value:g} {unit}, {limit} {unit} is believable; give it in {unit}{hint}"
+            f"{origin}: sigma.{key}: is {value:g} {unit}, {limit} {unit} is believable; give it in "
+            f"{unit}, as repeated readings scatter"
         )
 
 
-def _check_motion(origin: Path, run: Run) -> None:
+def _check_motion(origin: Path, run: Recorded) -> None:
     """Refuse a run whose poses jump between rows, as they do where rows are not sorted by time."""
     ticks = run.ticks
     if len(ticks.t) < 2:
@@ -210,10 +204,9 @@ def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measur
         raise ConfigurationError(str(error).splitlines()[0]) from None
     if recorded.result is None and is_under_way(folder):
         raise ConfigurationError(f"{folder}: is still under way; let it finish")
-    _check_header(folder, recorded.header, strip)
-    check_plausible(folder, recorded)
-    _check_ticks(folder, recorded)
-    _check_profile(folder, recorded)
+    _check_header(folder / RUN, recorded.header, strip)
+    _check_plausible(folder, recorded)
+    _check_times(folder, recorded)
     touch = _touch(folder, recorded, strip)
     usable = len(recorded.ticks.t) >= LEAST
     if usable:
@@ -296,8 +289,7 @@ def _notes(name: str, run: Recorded, *, usable: bool) -> tuple[str, ...]:
     return ()
 
 
-def _check_header(folder: Path, header: Header, strip: StripFile) -> None:
-    origin = folder / "run.yaml"
+def _check_header(origin: Path, header: Header, strip: StripFile) -> None:
     if header.strip != strip.name:
         raise ConfigurationError(
             f"{origin}: strip: is {header.strip!r}, the strip file describes {strip.name!r}; "
@@ -305,9 +297,9 @@ def _check_header(folder: Path, header: Header, strip: StripFile) -> None:
         )
 
 
-def _check_ticks(folder: Path, run: Recorded) -> None:
-    t = run.ticks.t
-    origin = folder / "ticks.parquet"
+def _check_times(folder: Path, run: Recorded) -> None:
+    """Refuse a whole run of too few rows, rows that are too far apart, and stamps beside them."""
+    t, origin = run.ticks.t, folder / TICKS
     if len(t) < LEAST:
         if run.result is None:
             return
@@ -318,8 +310,8 @@ def _check_ticks(folder: Path, run: Recorded) -> None:
             f"{origin}: t: rows are {step:g} s apart, at most 0.01 s is needed (100 Hz); "
             "give times in s"
         )
-    seen = run.ticks.contact_t[np.isfinite(run.ticks.contact_t)]
-    _check_within(seen, t, f"{origin}: contact_t")
+    _check_within(run.ticks.contact_t[np.isfinite(run.ticks.contact_t)], t, f"{origin}: contact_t")
+    _check_within(run.profile.t, t, f"{folder / PROFILE}: t")
 
 
 def _check_within(stamps: Array, t: Array, origin: str) -> None:
@@ -332,15 +324,9 @@ def _check_within(stamps: Array, t: Array, origin: str) -> None:
         )
 
 
-def _check_profile(folder: Path, run: Recorded) -> None:
-    origin = folder / "profile.parquet"
-    if len(run.ticks.t) >= LEAST:
-        _check_within(run.profile.t, run.ticks.t, f"{origin}: t")
-
-
 def _check_start(folder: Path, run: Recorded, strip: StripFile) -> None:
     """Refuse a run whose first rows contradict its stated `start`."""
-    origin = folder / "ticks.parquet"
+    origin = folder / TICKS
     x, z, pitch = (float(c[0]) for c in (run.ticks.x, run.ticks.z, run.ticks.pitch))
     if run.header.start == "hanging":
         is_hanging = abs(pitch - np.pi / 2) <= HANGING_TOLERANCE
@@ -361,14 +347,15 @@ def _touch(folder: Path, run: Recorded, strip: StripFile) -> Touch | None:
     result = run.result
     if result is None or result.outcome not in TOUCHED:
         return None
-    if None in (result.t_layer_touch, result.displacement, result.l1, result.l2):
+    stated = (result.t_layer_touch, result.displacement, result.l1, result.l2)
+    numbers = [value for value in stated if value is not None]
+    if len(numbers) < len(stated):
         return None
-    origin, length = folder / "result.yaml", strip.length
-    time, displacement, l1, l2 = _touch_numbers(result)
+    origin, (time, displacement, l1, l2) = folder / RESULT, numbers
     for key, value in (("l1", l1), ("l2", l2)):
-        if not 0.0 < value < LONGEST_LAYER * length:
+        if not 0.0 < value < LONGEST_LAYER * strip.length:
             raise ConfigurationError(
-                f"{origin}: {key}: is {value:g}, must lie within the strip's {length:g} m; "
+                f"{origin}: {key}: is {value:g}, must lie within the strip's {strip.length:g} m; "
                 "give it in m"
             )
     allowed = TOUCH_ROUNDING + DISPLACEMENT_SIGMAS * run.header.sigma.displacement
@@ -383,9 +370,3 @@ def _touch(folder: Path, run: Recorded, strip: StripFile) -> Touch | None:
             f"{run.ticks.t[-1]:g} s; give it in s since the run's start"
         )
     return Touch(time, x=l2, to_grasped=l1, to_fixed=l2)
-
-
-def _touch_numbers(result: Result) -> NDArray[np.float64]:
-    """Time [s], displacement, l1 and l2 [m] of a stated touch, (4,)."""
-    values = (result.t_layer_touch, result.displacement, result.l1, result.l2)
-    return np.array([float(v or 0.0) for v in values])

@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.gap.subject.scene import Curve, Scene, Signal, Track
 from cell.gap.subject.strip.compare import simulated_touch
 from cell.gap.subject.strip.prepare import Fold
 from cell.gap.subject.strip.runs import FoldMeasurement
-from cell.gap.subject.strip.simulation import SHAPE_PERIOD, SimulatedMotion
+from cell.gap.subject.strip.simulation import SimulatedMotion
+from cell.gap.subject.subject import Curve, Scene, Signal, Track
 from drivers.strip.curve import signed_distances
 from drivers.strip.engine import Touch
 from drivers.strip.model import StripModel
@@ -23,35 +23,35 @@ def measured_scene(run: FoldMeasurement) -> Scene:
     """Drawing of a measured fold up to the touch of its layers, or to its last row."""
     images, t = run.images, run.t[run.t <= run.end][::DRAWN_STRIDE]
     grip = np.stack([np.interp(t, run.t, run.poses[:, c]) for c in range(2)], axis=1)
-    shown, seen = _images_before_end(run), run.contact_t <= run.end
-    contact_t, contact = run.contact_t[seen], run.contact_x[seen]
-    points = tuple(images.points[images.image == k] for k in shown)
+    visible, before = _images_before_end(run), run.contact_t <= run.end
+    contact_t, contact = run.contact_t[before], run.contact_x[before]
+    points = tuple(images.points[images.image == k] for k in visible)
     return Scene(
         signals=(Signal(CONTACT_SIGNAL, contact_t, 1e3 * contact),),
-        curve=Curve(images.stamps[shown], points),
+        curve=Curve(images.stamps[visible], points),
         tracks={"contact": _desk_track(contact_t, contact), "gripper": Track(t, grip)},
         events=_touch_event(run.touch),
     )
 
 
-def simulated_scene(fold: Fold, model: StripModel, shown: SimulatedMotion, length: float) -> Scene:
+def simulated_scene(fold: Fold, model: StripModel, motion: SimulatedMotion, length: float) -> Scene:
     """Drawing of `fold`, of a strip of `length` [m], as simulated with `model`.
 
     Distances are of the images that are compared: not those of the first lift and of the snap.
     """
     run = fold.comparison.run
     contact_t = run.contact_t[run.contact_t <= run.end]
-    true = np.interp(imaged_time(model.observation, contact_t), shown.t, shown.contact_x)
+    true = np.interp(imaged_time(model.observation, contact_t), motion.t, motion.contact_x)
     contact = np.asarray(measured_contact(model.observation, true))
     images = _images_before_end(run)
-    shapes = _interpolate_shapes(_shape_indices(run, model, shown)[images], shown)
-    compared, distance = _distances(fold, model, shown, length)
+    shapes = _interpolate_shapes(_shape_indices(run, model, motion)[images], motion)
+    compared, distance = _distances(fold, model, motion, length)
     return Scene(
         signals=(Signal(CONTACT_SIGNAL, contact_t, 1e3 * contact),
                  Signal(DISTANCE_SIGNAL, run.images.stamps[compared], 1e3 * distance)),
         curve=Curve(run.images.stamps[images], tuple(measured_points(model, shapes))),
         tracks={"contact": _desk_track(contact_t, contact)},
-        events=_touch_event(simulated_touch(run, model, shown)),
+        events=_touch_event(simulated_touch(run, model, motion)),
     )  # fmt: skip
 
 
@@ -60,22 +60,22 @@ def _images_before_end(run: FoldMeasurement) -> Index:
     return np.flatnonzero(run.images.stamps <= run.end)
 
 
-def _shape_indices(run: FoldMeasurement, model: StripModel, shown: SimulatedMotion) -> Array:
+def _shape_indices(run: FoldMeasurement, model: StripModel, motion: SimulatedMotion) -> Array:
     """Fractional index (m,) into the simulated shapes for each image; the last shape is held."""
     true = np.asarray(imaged_time(model.observation, run.images.stamps))
-    return np.clip((true - shown.begin) / SHAPE_PERIOD, 0.0, len(shown.shapes) - 1.0)
+    return np.clip(motion.index_at(true), 0.0, len(motion.shapes) - 1.0)
 
 
-def _interpolate_shapes(places: Array, shown: SimulatedMotion) -> Array:
+def _interpolate_shapes(places: Array, motion: SimulatedMotion) -> Array:
     """Shapes (m, nodes, 2) interpolated linearly at fractional indices `places` (m,)."""
     first = places.astype(np.int64)
-    after = np.minimum(first + 1, len(shown.shapes) - 1)
+    after = np.minimum(first + 1, len(motion.shapes) - 1)
     share = (places - first)[:, None, None]
-    return np.asarray((1 - share) * shown.shapes[first] + share * shown.shapes[after])
+    return np.asarray((1 - share) * motion.shapes[first] + share * motion.shapes[after])
 
 
 def _distances(
-    fold: Fold, model: StripModel, shown: SimulatedMotion, length: float
+    fold: Fold, model: StripModel, motion: SimulatedMotion, length: float
 ) -> tuple[Index, Array]:
     """Indices of compared images, and rms distances (k,) [m] of their points from the model."""
     run = fold.comparison.run
@@ -85,7 +85,7 @@ def _distances(
         points = true_points(model, images.points[order])
         signed_distances(
             np.ascontiguousarray(points), images.image[order], images.s[order],
-            _shape_indices(run, model, shown), shown.shapes, shown.arc * length, found,
+            _shape_indices(run, model, motion), motion.shapes, motion.arc * length, found,
         )  # fmt: skip
     compared, image = np.unique(images.image[order], return_inverse=True)
     return compared, np.sqrt(np.bincount(image, found**2) / np.bincount(image))

@@ -6,8 +6,8 @@ from itertools import product
 
 import numpy as np
 
-from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
-from cell.gap.subject.subject import Candidate, Parameter, Quantity, ScatterSource, Scope
+from cell.gap.subject.strip.measurement_errors import KNOWN_EFFECTS
+from cell.gap.subject.subject import Candidate, Parameter, Quantity, Scope
 from drivers.errors import Unsupported
 from drivers.strip.describe import describe
 from drivers.strip.effects import registry
@@ -33,7 +33,7 @@ WEIGHED = 0.05  # relative spread of an areal density by a laboratory's scale an
 SHORTEST_RETARDATION = 0.005  # s, about which the fit of an undamped strip starts
 
 
-def places(strip: StripFile, lifted: float) -> tuple[float, ...]:
+def _places(strip: StripFile, lifted: float) -> tuple[float, ...]:
     """Positions [m] along the strip at which to screen, from its lift-off at `lifted` [m] on.
 
     A bend shows a local effect while it passes, so that probes farther apart than about a bending
@@ -44,12 +44,8 @@ def places(strip: StripFile, lifted: float) -> tuple[float, ...]:
     return tuple(map(float, np.linspace(begin, strip.length, 2 * count + 1)[1::2]))
 
 
-def candidates() -> tuple[Candidate, ...]:
-    """Candidates for all generic law terms, each with its amount as the only parameter."""
-    return tuple(_candidate(term) for term in LAW_TERMS.values())
-
-
-def _candidate(term: Term) -> Candidate:
+def _term_candidate(term: Term) -> Candidate:
+    """Candidate for a generic term of the law, with its amount as the only parameter."""
     step = SECANT * term.size
     amount = Parameter("amount", term.unit, 0.0, term.low, term.most, step=step, spread=term.most)
     sizes = term.size * (term.most / term.size) ** np.array(TRIED)
@@ -57,26 +53,18 @@ def _candidate(term: Term) -> Candidate:
     return Candidate(term.name, term.sentence, "strip", (amount,), probes)
 
 
-def scope(
-    strip: StripFile,
-    lifted: float = 0.0,
-    without: Sequence[str] = (),
-    *,
-    has_force: bool = False,
-) -> Scope:
+def scope(strip: StripFile, lifted: float = 0.0, *, has_force: bool = False) -> Scope:
     """Fit problem of `strip`: base parameters, with its file's effects, candidates, quantities.
 
-    The strip is lifted off the desk from `lifted` [m] on; its part before does not move.
-    Effects `without` are withheld from the candidates. Where force is measured (`has_force`), it
-    weighs the strip.
+    The strip is lifted off the desk from `lifted` [m] on; its part before does not move. Where
+    force is measured (`has_force`), it weighs the strip.
     """
-    fresh = [e for e in registry().values() if e.name not in {*strip.effects, *without}]
+    fresh = [e for e in registry().values() if e.name not in strip.effects]
     return Scope(
-        base=(*_base(strip), *(_density_parameter(strip) if has_force else ()),
-              *_accepted_parameters(strip)),
-        candidates=tuple(candidate(e, strip, lifted) for e in fresh if can_simulate(e, strip)),
-        terms=candidates(),
-        scatter=tuple(ScatterSource(e.name, e.sentence, e.remedy) for e in KNOWN_EFFECTS),
+        base=(*_base(strip, has_force=has_force), *_accepted_parameters(strip)),
+        candidates=tuple(candidate(e, strip, lifted) for e in fresh if _can_simulate(e, strip)),
+        terms=tuple(map(_term_candidate, LAW_TERMS.values())),
+        scatter=KNOWN_EFFECTS,
         quantities={
             "profile": Quantity("profile_mm", 1e3, "mm"),
             "contact_x": Quantity("contact_x_mm", 1e3, "mm"),
@@ -88,35 +76,32 @@ def scope(
     )  # fmt: skip
 
 
-def can_simulate(effect: Effect, strip: StripFile) -> bool:
+def _can_simulate(effect: Effect, strip: StripFile) -> bool:
     """Whether the rod engine can represent the effect on this strip."""
     vector = _probes(effect, strip, 0.0)[0][0]
     try:
-        check([describe(strip, {effect.name: file_values(effect, vector) or {}})])
+        check([describe(strip, {effect.name: to_file_values(effect, vector) or {}})])
     except Unsupported:
         return False
     return True
 
 
-def _base(strip: StripFile) -> list[Parameter]:
-    """Base parameters of every strip: bending length and retardation time."""
+def _base(strip: StripFile, *, has_force: bool) -> list[Parameter]:
+    """Base parameters of a strip: bending length, retardation time, and density with a force.
+
+    At one bending length the areal density changes only force and air drag.
+    """
     c, tau = strip.bending_length, max(strip.retardation_time, SHORTEST_RETARDATION)
-    near = ((1 - SPECIMEN_SPREAD) * c, (1 + SPECIMEN_SPREAD) * c)
-    return [
+    m, near = strip.areal_density, ((1 - SPECIMEN_SPREAD) * c, (1 + SPECIMEN_SPREAD) * c)
+    found = [
         Parameter("bending_length", "m", c, max(0.002, c / 3), min(0.2, 3 * c), step=0.003 * c,
                   spread=0.5 * c, tolerated=strip.spread.get("bending_length", near)),
         Parameter("retardation_time", "s", tau, 0.1 * tau, min(10.0, 30 * tau), step=0.02 * tau,
                   spread=2 * tau, tolerated=strip.spread.get("retardation_time")),
-    ]  # fmt: skip
-
-
-def _density_parameter(strip: StripFile) -> list[Parameter]:
-    """Base parameter areal density: at one bending length it changes only force and air drag."""
-    m = strip.areal_density
-    return [
         Parameter("areal_density", "kg/m^2", m, m / 3, 3 * m, step=0.02 * m, spread=WEIGHED * m,
                   tolerated=strip.spread.get("areal_density")),
     ]  # fmt: skip
+    return found if has_force else found[:-1]
 
 
 def _accepted_parameters(strip: StripFile) -> list[Parameter]:
@@ -124,12 +109,10 @@ def _accepted_parameters(strip: StripFile) -> list[Parameter]:
     found = []
     for name, values in strip.effects.items():
         effect = registry()[name]
-        given = [p for p in effect.parameters if p.name in values]
-        for number, p in zip(given, _parameters(effect, strip, given), strict=True):
-            start = _to_engine(number, values[number.name]) if p.inverse else values[number.name]
+        for p in _parameters(effect, strip, [p for p in effect.parameters if p.name in values]):
+            start = p.stated_value(values[p.name])  # its own inverse
             spread = 0.5 * abs(start) + p.step
-            label = f"{name}.{p.name}"
-            found.append(replace(p, name=label, start=start, spread=spread))
+            found.append(replace(p, name=f"{name}.{p.name}", start=start, spread=spread))
     return found
 
 
@@ -138,13 +121,13 @@ def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
     shape = tuple(_shape_parameter(p, strip) for p in effect.parameters if p.role == "shape")
     return Candidate(
         effect.name, effect.sentence, effect.of,
-        parameters=tuple(_parameters(effect, strip, coarse(effect))),
+        parameters=tuple(_parameters(effect, strip, _coarse(effect))),
         probes=_probes(effect, strip, lifted), revealed_by=effect.revealed_by,
         model_error=UNTRUE if effect.stage is Stage.LAW else PLACE_ERROR, shape_parameters=shape,
     )  # fmt: skip
 
 
-def coarse(effect: Effect) -> list[Number]:
+def _coarse(effect: Effect) -> list[Number]:
     """Parameters of the effect but those of role `shape`, which refine its law."""
     return [p for p in effect.parameters if p.role != "shape"]
 
@@ -152,10 +135,10 @@ def coarse(effect: Effect) -> list[Number]:
 def _parameters(effect: Effect, strip: StripFile, numbers: Sequence[Number]) -> list[Parameter]:
     """Engine parameters for `numbers` of the effect, scaled by the sizes of its probes."""
     switch = effect.parameters[0]
-    sizes = [abs(_to_engine(switch, size) - _null(switch)) for size in effect.sizes(strip)]
+    sizes = [abs(_to_engine(switch, size) - (switch.null or 0.0)) for size in effect.sizes(strip)]
     return [
         _amount_parameter(p, SECANT * min(sizes), FARTHEST * max(sizes))
-        if is_amount(effect, p)
+        if _is_amount(effect, p)
         else _shape_parameter(p, strip)
         for p in numbers
     ]
@@ -173,30 +156,28 @@ def _amount_parameter(p: Number, step: float, spread: float) -> Parameter:
 
 def _shape_parameter(p: Number, strip: StripFile) -> Parameter:
     """Engine parameter for a place, time or shape of an effect."""
+    low, high = p.low, p.high
     if p.role == "place":
-        low, high = max(p.low, 0.0), min(p.high, strip.length)
-        middle = 0.5 * (low + high)
-        return Parameter(
-            p.name, p.unit, middle, low, high, step=PLACE_STEP, spread=high - low, shape=True
-        )
-    if p.role == "shape":
+        low, high = max(low, 0.0), min(high, strip.length)
+        start, step, spread = 0.5 * (low + high), PLACE_STEP, high - low
+    elif p.role == "shape":
         guess = p.guess or 0.0
         start, step, spread = p.default or 0.0, SECANT * guess, FARTHEST * guess
-        return Parameter(p.name, p.unit, start, p.low, p.high, step=step, spread=spread, shape=True)
-    start = p.default if p.default is not None else float(np.sqrt(p.low * p.high))
-    spread = (SHAPE_SPREAD if p.default is not None else UNKNOWN_SPREAD) * start
-    step = SHAPE_STEP * start
-    return Parameter(p.name, p.unit, start, p.low, p.high, step=step, spread=spread, shape=True)
+    else:
+        start = p.default if p.default is not None else float(np.sqrt(low * high))
+        share = SHAPE_SPREAD if p.default is not None else UNKNOWN_SPREAD
+        step, spread = SHAPE_STEP * start, share * start
+    return Parameter(p.name, p.unit, start, low, high, step=step, spread=spread, shape=True)
 
 
 def _probes(
     effect: Effect, strip: StripFile, lifted: float
 ) -> tuple[tuple[tuple[float, ...], ...], ...]:
     """Groups of parameter vectors to screen: a group per size and shape, a vector per amount."""
-    switch, numbers = effect.parameters[0], coarse(effect)
+    switch, numbers = effect.parameters[0], _coarse(effect)
     start = [p.start for p in _parameters(effect, strip, numbers)]
-    amounts = [i for i, p in enumerate(numbers) if is_amount(effect, p)]
-    spots = places(strip, lifted)
+    amounts = [i for i, p in enumerate(numbers) if _is_amount(effect, p)]
+    spots = _places(strip, lifted)
     tried = [_screened_values(p, v, spots) for p, v in zip(numbers, start, strict=True)]
     others = [t if i not in amounts else (start[i],) for i, t in enumerate(tried)]
     groups = []
@@ -214,7 +195,7 @@ def _screened_values(p: Number, start: float, spots: tuple[float, ...]) -> tuple
     return TRIED_TIMES if p.role == "time" else (start,)
 
 
-def is_amount(effect: Effect, p: Number) -> bool:
+def _is_amount(effect: Effect, p: Number) -> bool:
     """Whether the parameter is an amount of the effect: its first, or another one with a null."""
     return p is effect.parameters[0] or p.null is not None
 
@@ -224,11 +205,7 @@ def _to_engine(switch: Number, value: float) -> float:
     return value if switch.null is not None else 1.0 / value
 
 
-def _null(p: Number) -> float:
-    return 0.0 if p.null is None else p.null
-
-
-def file_values(effect: Effect, values: Sequence[float]) -> dict[str, float] | None:
+def to_file_values(effect: Effect, values: Sequence[float]) -> dict[str, float] | None:
     """Convert an effect's `values` to those that a strip file states; None for an absent effect.
 
     `values` may lack those of the shape, which come last.

@@ -122,26 +122,30 @@ class SimulatedMotion:
         """Memory that the motion takes [bytes]."""
         return int(self.shapes.nbytes + 7 * self.t.nbytes)
 
+    def index_at(self, time: Array) -> Array:
+        """Fractional index (k,) of the shape at times (k,) [s]; outside of them beyond its ends."""
+        return (time - self.begin) / SHAPE_PERIOD
+
 
 class Simulation:
-    """Simulates with the rod, on `jobs` threads, and caches its results.
+    """Simulates with the rod, on `threads`, and caches its results.
 
     A motion does not depend on what is simulated beside it, nor on how many threads there are.
     """
 
-    def __init__(self, jobs: int = 1) -> None:
-        self._jobs = max(1, jobs)
+    def __init__(self, threads: int = 1) -> None:
+        self._threads = max(1, threads)
         self._cache: OrderedDict[bytes, SimulatedMotion | None] = OrderedDict()
         self._size = 0
 
-    def __call__(self, drives: Sequence[Job]) -> list[SimulatedMotion | None]:
-        """Simulated motion of each of `drives`; None where the rod cannot simulate one."""
-        missing = {d.key: d for d in drives if d.key not in self._cache}
-        motions = {d.key: self._cache[d.key] for d in drives if d.key in self._cache}
-        motions |= self._simulate_batches(missing)
-        for key in dict.fromkeys(d.key for d in drives):
+    def __call__(self, jobs: Sequence[Job]) -> list[SimulatedMotion | None]:
+        """Simulated motion of each of `jobs`; None where the rod cannot simulate one."""
+        by_key = {job.key: job for job in jobs}
+        motions = {key: self._cache[key] for key in by_key if key in self._cache}
+        motions |= self._simulate_batches({k: j for k, j in by_key.items() if k not in motions})
+        for key in by_key:
             self._remember(key, motions[key])
-        return [motions[d.key] for d in drives]
+        return [motions[job.key] for job in jobs]
 
     def _simulate_batches(self, jobs: dict[bytes, Job]) -> dict[bytes, SimulatedMotion | None]:
         """Simulate jobs by key in batches of one resolution and similar duration, by thread.
@@ -149,7 +153,7 @@ class Simulation:
         Lanes of a vector then end together: one that takes more effort makes the others wait.
         """
         order = sorted(jobs, key=lambda k: -jobs[k].path.duration)
-        share_of_thread = LANE_COUNT * -(-len(order) // (LANE_COUNT * self._jobs))  # whole lanes
+        share_of_thread = LANE_COUNT * -(-len(order) // (LANE_COUNT * self._threads))  # whole lanes
         size = max(LANE_COUNT, min(AT_ONCE, share_of_thread))
         batches = [
             kind[i : i + size]
@@ -158,7 +162,7 @@ class Simulation:
         ]
         work = [[jobs[k] for k in batch] for batch in batches]
         motions: dict[bytes, SimulatedMotion | None] = {}
-        with ThreadPoolExecutor(self._jobs) as pool:
+        with ThreadPoolExecutor(self._threads) as pool:
             results = pool.map(self._simulate_batch, work)
             for batch, simulated in zip(batches, results, strict=True):
                 motions.update(zip(batch, simulated, strict=True))
@@ -174,11 +178,16 @@ class Simulation:
             return [motion for job in jobs for motion in self._simulate_batch([job])]
 
     def _simulate_together(self, jobs: Sequence[Job]) -> list[SimulatedMotion | None]:
+        """Simulate `jobs` of one resolution as one batch of the rod; None for those that failed.
+
+        Raises what the rod raises for a start that a strip cannot have.
+        """
         resolution = jobs[0].resolution
         rod = Rod(resolution.segments, strict=False, tolerance=resolution.tolerance)
-        models, paths, dt = [job.model for job in jobs], [job.path for job in jobs], resolution.dt
-        every = max(1, round(SHAPE_PERIOD / dt))
-        motions = simulate_all(rod, models, paths, dt=dt, every=every, precision=np.float32)
+        motions = simulate_all(
+            rod, [job.model for job in jobs], [job.path for job in jobs], dt=resolution.dt,
+            every=max(1, round(SHAPE_PERIOD / resolution.dt)), precision=np.float32,
+        )  # fmt: skip
         return [
             None if failed else _condense(motion, resolution)
             for motion, failed in zip(motions, rod.failed, strict=True)

@@ -11,16 +11,15 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from cell.gap.subject.run_folders import RunFolder
-from cell.gap.subject.scene import Scene
 from cell.gap.subject.strip.compare import Comparison
-from cell.gap.subject.strip.experiments import instruction, minutes, next_index, planned_runs
 from cell.gap.subject.strip.layout import Floors
+from cell.gap.subject.strip.measurement_errors import FORCE_EFFECTS, RUN_EFFECTS, RunEffect
 from cell.gap.subject.strip.prepare import Fold, linearise_folds, prepare, relinearise, replicates
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
-from cell.gap.subject.strip.scatter import FORCE_EFFECTS, RUN_EFFECTS, RunEffect
 from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
-from cell.gap.subject.strip.scope import file_values, scope
+from cell.gap.subject.strip.scope import scope, to_file_values
 from cell.gap.subject.strip.simulation import HashedModel, Job, Simulation
+from cell.gap.subject.strip.synthetic import instruction, minutes, next_index, planned_runs
 from cell.gap.subject.subject import (
     Experiment,
     NamedValues,
@@ -28,9 +27,9 @@ from cell.gap.subject.subject import (
     Request,
     Residuals,
     Run,
+    Scene,
     Subject,
 )
-from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
@@ -58,43 +57,41 @@ def patch_file(
         if "." in name:
             effect, key = name.split(".")
             notes.append(_note(f"effects.{effect}.{key}", strip_effects[effect].get(key), source))
-            strip_effects[effect][key] = round_off(value)
+            strip_effects[effect][key] = _round_off(value)
         elif name in content:
             notes.append(_note(name, content[name], source))
-            content[name] = round_off(value)
+            content[name] = _round_off(value)
     of_cell: dict[str, object] = {}
     law = dict(content.pop("law", {}))
     for name, values in effects.items():
+        rounded = {key: _round_off(value) for key, value in values.items()}
         if name in LAW_TERMS:
-            was = f"was {law[name]:.9g}" if name in law else "was absent"
-            law[name] = round_off(law.get(name, 0.0) + values["amount"])
-            notes.append({"key": f"law.{name}", "source": source,
-                          "note": f"{was}; a description, no cause"})  # fmt: skip
-            continue
-        entry = {key: round_off(value) for key, value in values.items()}
-        if registry()[name].of == "cell":
-            of_cell[name] = entry
-            continue
-        notes.append({"key": f"effects.{name}", "source": source, "note": "was absent"})
-        strip_effects[name] = entry
+            notes.append(_note(f"law.{name}", law.get(name), source, "; a description, no cause"))
+            law[name] = _round_off(law.get(name, 0.0) + values["amount"])
+        elif registry()[name].of == "cell":
+            of_cell[name] = rounded
+        else:
+            notes.append(_note(f"effects.{name}", None, source))
+            strip_effects[name] = rounded
     content |= {"effects": strip_effects, **({"law": law} if law else {}), "provenance": notes}
     return content, {"schema": 1, "effects": of_cell} if of_cell else None
 
 
-def round_off(value: float) -> float:
+def _round_off(value: float) -> float:
     """Round `value` to the digits that a fit can determine."""
     return float(f"{value:.{DIGITS}g}")
 
 
-def _note(key: str, old: float | None, source: str) -> dict[str, str]:
+def _note(key: str, old: float | None, source: str, remark: str = "") -> dict[str, str]:
+    """Entry of the provenance of `key`, which keeps its `old` value."""
     was = "was absent" if old is None else f"was {old:.9g}"
-    return {"key": key, "source": source, "note": was}
+    return {"key": key, "source": source, "note": was + remark}
 
 
 class ResidualKey(NamedTuple):
-    """Key of residuals: run, key of its motion, how it is observed."""
+    """Key of residuals: with what a motion is compared, its key, how it is observed."""
 
-    run: str
+    comparison: Comparison
     motion: bytes
     observation: Observation
 
@@ -116,18 +113,18 @@ class Strip(Subject):
 
         `scatter` are the quantities that may differ from run to run.
         """
-        self.file, self.name, self._jobs = strip, strip.name, jobs
+        self.file, self.name, self._threads = strip, strip.name, jobs
         self.notes = tuple(note for run in runs for note in run.notes)
         self._measured = tuple(run for run in runs if run.usable)
         self._floors = floors or Floors()
         has_force = any(run.measured.has_force for run in self._measured)
         lifted = _lift_off_position(self._measured)
-        self.scope = scope(strip, lifted, without, has_force=has_force)
-        self._scatter = _scatter_of(scatter, has_force=has_force)
+        self.scope = scope(strip, lifted, has_force=has_force).withhold(without, registry())
+        self._scatter = (*scatter, *(FORCE_EFFECTS if has_force else ()))
         self._ages = not AGEING.isdisjoint({*strip.effects, *strip.law})
 
         self._simulation = Simulation(jobs)
-        self._residual_cache: dict[ResidualKey, tuple[Comparison, Residuals]] = {}
+        self._residual_cache: dict[ResidualKey, Residuals] = {}
         self._model_cache = lru_cache(DESCRIBED)(partial(_describe, strip, self.scope.base))
 
         self.runs = prepare(self._measured, strip, self._floors, self._simulation, self._scatter)
@@ -139,46 +136,35 @@ class Strip(Subject):
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
         """Residuals of `requests`, measured minus simulated; each motion is simulated once."""
-        folds, drives = self._drive(requests)
+        folds, jobs = self._jobs_of(requests)
         keys = [
-            ResidualKey(request.run.name, drive.key, drive.model.observation)
-            for request, drive in zip(requests, drives, strict=True)
+            ResidualKey(fold.comparison, job.key, job.model.observation)
+            for fold, job in zip(folds, jobs, strict=True)
         ]
-        residuals = self._compare(dict(zip(keys, zip(folds, drives, strict=True), strict=True)))
+        known = self._residual_cache
+        known |= self._compare(
+            {k: job for k, job in zip(keys, jobs, strict=True) if k not in known}
+        )
         return [
-            fold.correct(residuals[key], request.run, request.local)
+            fold.correct(known[key], request.run, request.local)
             for request, fold, key in zip(requests, folds, keys, strict=True)
         ]
 
-    def _compare(
-        self, asked: Mapping[ResidualKey, tuple[Fold, Job]]
-    ) -> dict[ResidualKey, Residuals]:
-        """Residuals by key, from a cache or a new simulation; its motion is not kept."""
-        found = {}
-        for key, (fold, _) in asked.items():
-            comparison, residuals = self._residual_cache.get(key, (None, None))
-            if residuals is not None and comparison is fold.comparison:
-                found[key] = residuals
-        new = {key: each for key, each in asked.items() if key not in found}
-        compared = self._compare_new(new)
-        self._residual_cache |= {k: (new[k][0].comparison, r) for k, r in compared.items()}
-        return found | compared
-
-    def _compare_new(
-        self, asked: Mapping[ResidualKey, tuple[Fold, Job]]
-    ) -> dict[ResidualKey, Residuals]:
+    def _compare(self, jobs: Mapping[ResidualKey, Job]) -> dict[ResidualKey, Residuals]:
         """Simulate and compare by key, a portion of motions of similar duration at a time.
 
-        Keys of one motion stay together, in the order in which they are asked.
+        Keys of one motion stay together, in the order in which they are requested; motions are not
+        kept.
         """
-        first = {key.motion: i for i, key in reversed(list(enumerate(asked)))}
-        keys = iter(sorted(asked, key=lambda k: (asked[k][1].path.duration, first[k.motion])))
+        first = {key.motion: i for i, key in reversed(list(enumerate(jobs)))}
+        keys = iter(sorted(jobs, key=lambda k: (jobs[k].path.duration, first[k.motion])))
         found: dict[ResidualKey, Residuals] = {}
-        with ThreadPoolExecutor(self._jobs) as pool:
+        with ThreadPoolExecutor(self._threads) as pool:
             while portion := list(islice(keys, PORTION)):
-                folds, drives = zip(*(asked[key] for key in portion), strict=True)
-                residuals = pool.map(lambda fold, drive, motion: fold.comparison(
-                    drive.model, motion), folds, drives, self._simulation(drives))  # fmt: skip
+                motions = self._simulation([jobs[key] for key in portion])
+                residuals = pool.map(
+                    lambda key, motion: key.comparison(jobs[key].model, motion), portion, motions
+                )
                 found.update(zip(portion, residuals, strict=True))
         return found
 
@@ -188,20 +174,20 @@ class Strip(Subject):
 
     def draw_simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
         """Drawings of the simulated folds; None where the simulation gives no motion."""
-        folds, drives = self._drive(requests)
+        folds, jobs = self._jobs_of(requests)
         length = self.file.length
         return [
-            None if motion is None else simulated_scene(fold, drive.model, motion, length)
-            for fold, drive, motion in zip(folds, drives, self._simulation(drives), strict=True)
+            None if motion is None else simulated_scene(fold, job.model, motion, length)
+            for fold, job, motion in zip(folds, jobs, self._simulation(jobs), strict=True)
         ]
 
     def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
         """Runs linearised about the models of `requests`, with corrections from a finer rod."""
-        folds, drives = self._drive(requests)
-        linearised = linearise_folds(folds, drives, self._simulation, self._scatter)
+        folds, jobs = self._jobs_of(requests)
+        linearised = linearise_folds(folds, jobs, self._simulation, self._scatter)
         return [
-            relinearise(request.run, fold, about)
-            for request, fold, about in zip(requests, folds, linearised, strict=True)
+            relinearise(request.run, about)
+            for request, about in zip(requests, linearised, strict=True)
         ]
 
     def experiments(self) -> Sequence[Experiment]:
@@ -218,18 +204,17 @@ class Strip(Subject):
         """Content of the strip file with refitted base and named effects, and of the cell's."""
         return patch_file(self.file, base, effects, source)
 
-    def _drive(self, requests: Sequence[Request]) -> tuple[list[Fold], list[Job]]:
-        """Measured folds of `requests`, and the simulations to run for them."""
-        folds = [cast(Fold, request.run.content) for request in requests]
-        drives = [
-            self._simulated_fold(r, f).drive(self._model(r, f))
-            for r, f in zip(requests, folds, strict=True)
-        ]
-        return folds, drives
+    def _jobs_of(self, requests: Sequence[Request]) -> tuple[list[Fold], list[Job]]:
+        """Measured folds of `requests`, and the simulations to run for them.
 
-    def _simulated_fold(self, request: Request, fold: Fold) -> Fold:
-        """Fold whose path is simulated: for a response, one that stands for all replicates."""
-        return self._leader(fold) if request.response else fold
+        For a response, one fold is simulated that stands for all its replicates.
+        """
+        folds = [cast(Fold, request.run.content) for request in requests]
+        jobs = [
+            (self._leader(fold) if request.response else fold).job(self._model(request, fold))
+            for request, fold in zip(requests, folds, strict=True)
+        ]
+        return folds, jobs
 
     def _leader(self, fold: Fold) -> Fold:
         return self._replicates.get(fold.path.digest, fold)
@@ -240,11 +225,6 @@ class Strip(Subject):
         ages = self._ages or not AGEING.isdisjoint(request.effects)
         index = fold.index if ages else 0
         return self._model_cache(tuple(map(float, request.base)), effects, index)
-
-
-def _scatter_of(scatter: Sequence[RunEffect], *, has_force: bool) -> tuple[RunEffect, ...]:
-    """Quantities that may differ from run to run: `scatter`, and those of a measured force."""
-    return (*scatter, *FORCE_EFFECTS) if has_force else tuple(scatter)
 
 
 def _describe(
@@ -261,7 +241,7 @@ def _describe(
         else:
             numbers[p.name] = value
     fitted = strip.model_copy(update={**numbers, "effects": accepted})
-    stated = {name: file_values(registry()[name], values)
+    stated = {name: to_file_values(registry()[name], values)
               for name, values in effects if name in registry()}  # fmt: skip
     present = {name: values for name, values in stated.items() if values is not None}
     model = describe(fitted, present, index)
@@ -283,10 +263,4 @@ def open_strip(
     Raises ConfigurationError for a broken file or run, or an effect that the library lacks.
     """
     strip = load_strip(path)
-    for name in without:
-        if name not in registry():
-            known = ", ".join(sorted(registry()))
-            raise ConfigurationError(f"--without {name}: is no effect; allowed: {known}")
-    if registry().keys() <= {*without, *strip.effects}:
-        raise ConfigurationError("--without: withholds every effect; leave at least one out of it")
     return Strip(strip, read_runs(folders, strip), jobs, without=without)

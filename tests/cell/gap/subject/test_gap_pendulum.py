@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from cell.gap.subject.mechanism.file import PendulumFile
-from cell.gap.subject.mechanism.pendulum import open_recordings
+from cell.gap.subject.mechanism.pendulum import Pendulum, open_recordings
 from cell.gap.subject.mechanism.runs import Recording
 from cell.gap.subject.mechanism.subject import MechanismSubject
-from cell.gap.subject.subject import Request
 from drivers.types import Array
 from tests.support.swings import make_swings
 
@@ -37,17 +36,11 @@ def subject_of(file: PendulumFile, t: Array, angles: Array) -> MechanismSubject:
     found = [Recording("r", "r", 0, t, columns, sigma=SIGMA, rates=np.zeros(len(angles)))]
     opened = open_recordings(Path("pendulum.yaml"), file, found)
     opened.mechanism.model.opt.timestep = 0.002
-    return MechanismSubject(replace(opened, mechanism=replace(opened.mechanism, step=0.002)))
-
-
-def asked(subject: MechanismSubject, effects: dict[str, Array]) -> Request:
-    """Its run with the numbers of its file."""
-    run, base = subject.runs[0], np.array([p.start for p in subject.scope.base])
-    return Request(run, base, effects, np.array([p.start for p in run.local]))
+    return Pendulum(replace(opened, mechanism=replace(opened.mechanism, step=0.002)))
 
 
 def residuals(subject: MechanismSubject, effects: dict[str, Array]) -> Array:
-    return subject.simulate([asked(subject, effects)])[0].mean
+    return subject.simulate([subject.stated(subject.runs[0], effects)])[0].mean
 
 
 @pytest.mark.parametrize(
@@ -76,7 +69,8 @@ def test_a_yielding_pivot_lengthens_the_swing() -> None:
     yields = compliance * moment**2 * weight / inertia
     rate = np.sqrt(weight / (inertia + yields))
     subject = subject_of(file, t, np.pi + 0.02 * np.cos(rate * t)[None])
-    undamped = replace(asked(subject, {}), base=np.array([0.0, *asked(subject, {}).base[1:]]))
+    stated = subject.stated(subject.runs[0])
+    undamped = replace(stated, base=np.array([0.0, *stated.base[1:]]))
     soft = replace(undamped, effects={"pivot_compliance": np.array([compliance])})
     stiff, right = (np.abs(f.mean).max() for f in subject.simulate([undamped, soft]))
     assert right < 0.25 * stiff  # what is left is a ring of the pivot, which starts at rest

@@ -9,7 +9,6 @@ import pytest
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip import subject
 from cell.gap.subject.strip.subject import Strip, open_strip
-from cell.gap.subject.subject import Request
 from tests.support.gap_strip_cases import CELL, STRIP, folds, in_noise, residuals, whitened, written
 
 NAMES = ("there-and-back", "fast", "early-shake", "taut-lift")
@@ -42,17 +41,13 @@ def test_every_term_shows_and_vanishes_with_its_amount(plain: Strip) -> None:
 def test_a_prediction_does_not_depend_on_company_threads_or_portions(
     plain: Strip, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    base = np.array([p.start for p in plain.scope.base])
-    asked = [
-        Request(run, base * factor, {}, np.zeros(len(run.local)))
-        for factor in (1.0, 1.05, 0.97)
-        for run in plain.runs
-    ]
+    stated = [plain.stated(run) for run in plain.runs]
+    asked = [replace(r, base=r.base * factor) for factor in (1.0, 1.05, 0.97) for r in stated]
     together = plain.simulate(asked)
     plain._simulation._cache.clear()
     alone = [plain.simulate([one])[0] for one in asked]
     plain._simulation._cache.clear()
-    monkeypatch.setattr(plain._simulation, "_jobs", 2)
+    monkeypatch.setattr(plain._simulation, "_threads", 2)
     monkeypatch.setattr(subject, "PORTION", 5)
     threaded = plain.simulate(asked[::-1])[::-1]
     for a, b, c in zip(together, alone, threaded, strict=True):
@@ -61,11 +56,8 @@ def test_a_prediction_does_not_depend_on_company_threads_or_portions(
 
 
 def test_a_strip_that_cannot_lie_as_its_run_begins_leaves_the_others(plain: Strip) -> None:
-    base, run = np.array([p.start for p in plain.scope.base]), plain.runs[0]
     slack = {"length_error": np.array([0.06])}  # its layers touch before it rests
-    lost, kept = plain.simulate(
-        [Request(run, base, e, np.zeros(len(run.local))) for e in (slack, {})]
-    )
+    lost, kept = plain.simulate([plain.stated(plain.runs[0], e) for e in (slack, {})])
     assert np.isnan(lost.mean).all()
     assert np.isfinite(kept.mean).all()
 

@@ -3,14 +3,16 @@
 Further effects come from plug-ins, entry points in the group `folding_cell.mechanism_effects`.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import Effect
-from cell.gap.subject.mechanism.effects import bodies, compliance, drives, friction, terms
+from cell.gap.subject.mechanism.effect import MODES, Effect, per_joint
+from cell.gap.subject.mechanism.effects import bodies, compliance, drives, friction
+from cell.gap.subject.mechanism.effects.drives import bias_law
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.mechanism.passive import Torques
 from cell.gap.subject.subject import Candidate, NamedValues, Parameter
@@ -19,6 +21,41 @@ from drivers.plugins import plugins
 from drivers.types import Array
 
 FAMILIES = (bodies, compliance, drives, friction)
+
+
+def _cubic(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    return -p[at] * v**3
+
+
+def _cubic_spring(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    return -p[at] * q**3
+
+
+def _bent_viscous(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    return -p[at] * abs(q) * v
+
+
+def _load_dry(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    return -p[at] * abs(load) * v / (abs(v) + p[3])
+
+
+def _term(name: str, sentence: str, law: Callable[..., Array],
+          size: Callable[[Mechanism], Array], modes: tuple[str, ...]) -> Effect:  # fmt: skip
+    """Term of one parameter per joint, of a hundredth of `size` in typical torque."""
+    return Effect(f"term_{name}", sentence, "model", "a description",
+                  lambda m: per_joint(m, "torque", "N m", 0.01 * size(m), signed=True), "",
+                  keys=1, law=law, modes=modes)  # fmt: skip
+
+
+TERMS = (
+    _term("constant", "a steady torque", bias_law, lambda m: m.torque, MODES),
+    _term("cubic", "rate^3", _cubic, lambda m: m.torque / m.rate**3, MODES),
+    _term("cubic_spring", "angle^3", _cubic_spring, lambda m: m.torque, MODES),
+    _term("bent_viscous", "|angle| rate", _bent_viscous, lambda m: m.torque / m.rate, MODES),
+    _term("load_dry", "|load| sign(rate)", _load_dry, lambda m: m.torque / m.torque,
+          ("prescribed",)),
+)  # fmt: skip
+"""Generic joint torques that describe unexplained residuals and are never named as causes."""
 
 
 @cache
@@ -31,7 +68,7 @@ def registry() -> Mapping[str, Effect]:
 @cache
 def torques() -> Torques:
     """Torque laws of all effects and terms, compiled together."""
-    every = [*registry().values(), *terms.EFFECTS]
+    every = [*registry().values(), *TERMS]
     return Torques([(e.name, e.law, e.keys) for e in every if e.law is not None])
 
 
@@ -46,13 +83,13 @@ def candidates(
 
 def describing_terms(mechanism: Mechanism) -> tuple[Candidate, ...]:
     """Generic terms that describe what no effect explains in a mechanism's residuals."""
-    return tuple(t.candidate(mechanism) for t in terms.EFFECTS if t.applies(mechanism))
+    return tuple(t.candidate(mechanism) for t in TERMS if t.applies(mechanism))
 
 
 def effect_of(name: str) -> Effect:
     """Effect or descriptive term called `name`."""
     found = registry().get(name)
-    return found if found is not None else next(t for t in terms.EFFECTS if t.name == name)
+    return found if found is not None else next(t for t in TERMS if t.name == name)
 
 
 def accepted_parameters(mechanism: Mechanism, accepted: NamedValues) -> Iterator[Parameter]:
@@ -65,14 +102,12 @@ def accepted_parameters(mechanism: Mechanism, accepted: NamedValues) -> Iterator
 
 def _engine_value(p: Parameter, value: float | None) -> float:
     """Engine's value of a parameter for the stated one; its start if none is stated."""
-    if value is None:
-        return p.start
-    return 1.0 / value if p.inverse else float(value)
+    return p.start if value is None else p.stated_value(value)
 
 
 def check_effects(accepted: NamedValues, mechanism: Mechanism, origin: str) -> None:
     """Refuse effects and parameters that the library does not have, and values out of range."""
-    known = {e.name: e for e in (*registry().values(), *terms.EFFECTS) if e.applies(mechanism)}
+    known = {e.name: e for e in (*registry().values(), *TERMS) if e.applies(mechanism)}
     for name, values in accepted.items():
         if name not in known:
             raise ConfigurationError(
@@ -87,10 +122,11 @@ def check_effects(accepted: NamedValues, mechanism: Mechanism, origin: str) -> N
             )
         for key, value in values.items():
             p = parameters[key]
-            if not p.low <= _engine_value(p, value) <= p.high:
+            if not p.low <= p.stated_value(value) <= p.high:
+                low, high = sorted(map(p.stated_value, (p.low, p.high)))
                 raise ConfigurationError(
                     f"{origin}: effects.{name}.{key}: {value:g} is out of range; "
-                    f"allowed: {p.low:g} to {p.high:g} {p.unit}"
+                    f"allowed: {low:g} to {high:g} {p.unit}"
                 )
 
 

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from cell.gap.subject.mechanism.effect import MODES, Effect, add_to, per_joint, single
-from cell.gap.subject.mechanism.fields import Fields, add_point
-from cell.gap.subject.mechanism.model import Mechanism, tip
+from cell.gap.subject.mechanism.model import Fields, Mechanism, add_point, tip
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 

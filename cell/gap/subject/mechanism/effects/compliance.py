@@ -10,8 +10,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.signal import cont2discrete, lfilter
 
 from cell.gap.subject.mechanism.effect import Effect, has_gears, per_joint, single
-from cell.gap.subject.mechanism.fields import Fields
-from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.mechanism.model import Fields, Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
@@ -21,8 +20,6 @@ MOTIONS = 64  # of which momenta are cached
 
 
 def _elasticity_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    if not has_gears(mechanism):
-        return ()
     rate = 30.0 * mechanism.rate
     return per_joint(mechanism, "compliance", "rad/(N m)", 0.01 / (mechanism.inertia * rate**2))
 
@@ -103,6 +100,7 @@ JOINT_ELASTICITY = Effect(
     of="model",
     source="Spong 1987, J. Dyn. Sys. Meas. Control 109",
     parameters=_elasticity_parameters,
+    possible=has_gears,
     read=lambda _, values, readings: setattr(readings, "elastic", values),
     revealed_by="fast starts and stops: the link rings on",
 )
@@ -111,11 +109,8 @@ BACKLASH = Effect(
     sentence="gears have play",
     of="model",
     source="Nordin and Gutman 2002, Automatica 38",
-    parameters=lambda m: (
-        per_joint(m, "gap", "rad", 0.001 * np.ones(len(m.joints)), high=100.0)
-        if has_gears(m)
-        else ()
-    ),
+    parameters=lambda m: per_joint(m, "gap", "rad", 0.001 * np.ones(len(m.joints)), high=100.0),
+    possible=has_gears,
     read=lambda _, values, readings: setattr(readings, "gap", values),
     revealed_by="slow motion there and back through the load's turning point",
 )

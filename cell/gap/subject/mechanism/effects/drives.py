@@ -12,8 +12,7 @@ from cell.gap.subject.mechanism.effect import (
     put_by_encoder,
     single,
 )
-from cell.gap.subject.mechanism.fields import Fields, scale_gain
-from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.mechanism.model import Fields, Mechanism, scale_gain
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
@@ -56,11 +55,6 @@ def _edit_saturation(mechanism: Mechanism, values: Array, fields: Fields) -> Non
             most = 1.0 / inverse
             low, high = fields["actuator_forcerange"][joint.actuator]
             fields["actuator_forcerange"][joint.actuator] = (max(low, -most), min(high, most))
-
-
-def _delay_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    forward = mechanism.mode == "forward" and bool(mechanism.actuators)
-    return single("time", "s", 0.1 * mechanism.step) if forward or mechanism.trackings else ()
 
 
 TORQUE_CONSTANT = Effect(
@@ -115,7 +109,8 @@ CONTROL_DELAY = Effect(
     sentence="commands take effect late",
     of="rig",
     source="transport delay",
-    parameters=_delay_parameters,
+    parameters=lambda m: single("time", "s", 0.1 * m.step),
+    possible=lambda m: bool(m.trackings or (m.mode == "forward" and m.actuators)),
     read=lambda _, values, readings: setattr(readings, "command", float(values[0])),
     revealed_by="fast starts and stops",
 )

@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 
 from cell.gap.subject.mechanism.effect import MODES, Effect, add_to, per_joint, single
-from cell.gap.subject.mechanism.fields import Fields
-from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.mechanism.model import Fields, Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.strip.rod.compiled import entry
 from drivers.types import Array
@@ -140,9 +139,8 @@ CONTACT_FRICTION = Effect(
     sentence="contacts rub more or less than stated",
     of="model",
     source="Coulomb; MJCF pair/friction",
-    parameters=lambda m: (
-        single("coefficient", "1", 0.01, signed=True, high=50.0) if m.model.npair else ()
-    ),
+    parameters=lambda _: single("coefficient", "1", 0.01, signed=True, high=50.0),
+    possible=lambda m: bool(m.model.npair),
     edit=_edit_pairs,
     revealed_by="slide slowly along the contact",
     modes=("forward",),

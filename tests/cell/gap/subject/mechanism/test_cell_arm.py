@@ -10,9 +10,8 @@ import pytest
 import yaml
 
 from cell.config.places import CHECKOUT_CONFIGS, find_configs
-from cell.gap.subject.mechanism.subject import open_mechanism
+from cell.gap.subject.mechanism.open_mechanism import open_mechanism
 from cell.gap.subject.run_folders import RunFolder
-from cell.gap.subject.subject import Request
 from cell.gap.verdict.accept import accept, sha256, undo
 from cell.record.tables import joint_table, write_parquet
 from drivers.errors import ConfigurationError
@@ -70,9 +69,8 @@ def test_the_model_of_the_arm_is_the_published_one():
 
 def left(subject, effects) -> dict[str, float]:
     """Rms of what torques [N m] and tracking [rad] leave, by kind."""
-    base = np.array([p.start for p in subject.scope.base])
     found = {"torque": [], "tracking": []}
-    asked = [Request(run, base, effects, np.zeros(0)) for run in subject.runs]
+    asked = [subject.stated(run, effects) for run in subject.runs]
     for run, residuals in zip(subject.runs, subject.simulate(asked), strict=True):
         for kind, values in found.items():
             own = np.char.startswith(run.samples.channel.astype(str), kind)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import yaml
 
-from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
+from cell.gap.subject.mechanism.open_mechanism import open_mechanism
+from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Request
 from cell.gap.verdict.accept import MODEL_PATCH, PATCH, RECORD, accept, sha256, undo
@@ -58,7 +59,7 @@ def test_accepted_mjcf_in_plain_mujoco_moves_as_the_accepted_model(tmp_path: Pat
     own = np.array([p.start for p in run.local])
     base = np.array([BASE[p.name] for p in arm.scope.base])
     case = arm._case(Request(run, base, values, own))
-    (predicted,) = arm._engine.predict([case])
+    (predicted,) = arm.predict([case])
 
     plain = mujoco.MjModel.from_xml_path(str(file.parent / "arm-accepted.xml"))
     data = mujoco.MjData(plain)

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from cell.gap.subject.mechanism.effects import describing_terms, registry
-from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
+from cell.gap.subject.mechanism.open_mechanism import open_mechanism
+from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.run_folders import find_runs
-from cell.gap.subject.subject import Request, Residuals
+from cell.gap.subject.subject import Residuals
 from drivers.types import Array
 from tests.support.mechanisms import FORWARD, PRESCRIBED, make_arm
 
@@ -28,10 +29,7 @@ def arm(request, tmp_path_factory) -> MechanismSubject:
 
 
 def simulated(arm: MechanismSubject, effects: dict[str, Array]) -> Residuals:
-    run = arm.runs[1]
-    base = np.array([p.start for p in arm.scope.base])
-    own = np.array([p.start for p in run.local])
-    return arm.simulate([Request(run, base, effects, own)])[0]
+    return arm.simulate([arm.stated(arm.runs[1], effects)])[0]
 
 
 def test_the_library_has_what_the_contract_names() -> None:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import yaml
 
-from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
+from cell.gap.subject.mechanism.open_mechanism import open_mechanism
+from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.run_folders import find_runs, read_table
 from drivers.errors import ConfigurationError
 from tests.support.mechanisms import ARM, FORWARD, PRESCRIBED, left, make_arm, write_run
@@ -55,7 +56,7 @@ def test_a_torque_is_read_on_the_side_that_the_file_states(tmp_path: Path) -> No
     for run in runs.iterdir():
         table = read_table(run / "signals.parquet")
         write_run(run, {**table, "t2": 6.0 * table["t2"]}, {"mechanism": "arm"})
-    with pytest.raises(ConfigurationError, match=r"t2: reads .* state side: joint"):
+    with pytest.raises(ConfigurationError, match=r"t2: is .* state side: joint"):
         open_mechanism(file, find_runs([runs]))
     content = yaml.safe_load(file.read_text())
     for spec in ({"side": "joint", "actuator": "a2"}, {"joint": "elbow"}):
@@ -115,5 +116,5 @@ def test_a_closed_loop_is_driven_through_its_equality(tmp_path: Path) -> None:
     model = file.parent / "fourbar.xml"
     second = '<motor name="second" joint="rocker"/></actuator>'
     model.write_text(model.read_text().replace("</actuator>", second))
-    with pytest.raises(ConfigurationError, match="leave 1 freedoms, 2 motors"):
+    with pytest.raises(ConfigurationError, match="leave 1 degrees of freedom"):
         open_mechanism(file, find_runs([tmp_path / "case" / "runs"]))

@@ -8,10 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from cell.gap.subject.mechanism.model import Source, compile_model, read_source
-from cell.gap.subject.mechanism.subject import open_mechanism
+from cell.gap.subject.mechanism.open_mechanism import open_mechanism
+from cell.gap.subject.mechanism.source import Source, compile_model, read_source
 from cell.gap.subject.run_folders import find_runs
-from cell.gap.subject.subject import Request
 from drivers.errors import ConfigurationError
 
 CASES = Path(__file__).parents[6] / "shared" / "cases"
@@ -117,8 +116,7 @@ def test_robots_of_others_give_the_same_digits_from_any_folder(
         monkeypatch.chdir(place)
         try:
             subject = open_mechanism(Path(os.path.relpath(file)), find_runs([runs]))
-            base = np.array([p.start for p in subject.scope.base])
-            asked = [Request(run, base, {}, np.zeros(0)) for run in subject.runs]
+            asked = [subject.stated(run) for run in subject.runs]
             found.append(np.concatenate([r.mean for r in subject.simulate(asked)]).tobytes())
         except ConfigurationError as error:
             found.append(str(error).partition(": ")[2])

@@ -5,7 +5,8 @@ import pytest
 import yaml
 
 from cell.gap.subject.mechanism.effects import effect_of, ordered_values
-from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
+from cell.gap.subject.mechanism.open_mechanism import open_mechanism
+from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Request
 from tests.lab.exam import mechanisms as synthetic

@@ -1,4 +1,4 @@
-"""Closed kinematic loops of a model: its equalities leave some joints free, which lead the others.
+"""Closed kinematic loops of a model: its equalities make joints depend on independent ones.
 
 With the Jacobian J of the equalities and N, whose columns are the motions that J allows, the torque
 tau of motors with transmissions B follows from inverse dynamics f of the open tree without the
@@ -31,33 +31,42 @@ def transmissions(model: Any, data: Any) -> Array:
     return dense
 
 
-class Loop:
-    """Closed loops of a model whose joints `inputs` are measured; `free` are those that lead.
+def _with_equalities_alone(model: Any) -> Any:
+    """Copy of `model` in which only equalities add rows to the Jacobian of constraints."""
+    found, off = copy.copy(model), mujoco.mjtDisableBit
+    found.opt.disableflags = int(off.mjDSBL_CONTACT | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_LIMIT)
+    found.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    return found
 
-    Raises ConfigurationError, with the mechanism's `origin`, where motors and freedoms differ.
+
+class ClosedLoops:
+    """Closed loops of a model whose joints `inputs` are measured; `independent` ones lead.
+
+    Raises ConfigurationError, with the mechanism's `origin`, where the motors or the measured
+    joints that they drive are not as many as the degrees of freedom.
     """
 
     def __init__(self, model: Any, inputs: Sequence[int], origin: str) -> None:
-        self._model = copy.copy(model)
-        off = mujoco.mjtDisableBit
-        self._model.opt.disableflags = int(off.mjDSBL_CONTACT | off.mjDSBL_FRICTIONLOSS
-                                           | off.mjDSBL_LIMIT)  # fmt: skip
-        self._model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        self._model = _with_equalities_alone(model)
         self._data = mujoco.MjData(self._model)
-        perturbed = np.random.default_rng(0).normal(model.qpos0, PERTURBATION)
-        freedoms = model.nv - int(
-            np.linalg.matrix_rank(self._jacobian(perturbed)[0], RANK_TOLERANCE)
-        )
+        count = self._count_degrees_of_freedom()
         driven = np.asarray(transmissions(self._model, self._data).any(axis=0))
-        free = [j for j in inputs if driven[j]] if len(inputs) == model.nv else list(inputs)
-        if len(free) != freedoms or model.nu != freedoms:
+        # where all joints are measured, those with a motor lead
+        leading = [j for j in inputs if driven[j]] if len(inputs) == model.nv else list(inputs)
+        if len(leading) != count or model.nu != count:
             raise ConfigurationError(
-                f"{origin}: model: its closed loops leave {freedoms} freedoms, {model.nu} motors "
-                f"move it and {len(free)} driven joints are given as position; one of each is "
-                "needed for a freedom"
+                f"{origin}: model: its closed loops leave {count} degrees of freedom; as many "
+                f"motors and measured joints of motors are needed, found {model.nu} motors and "
+                f"{len(leading)} joints; add motors or `inputs: {{JOINT: position}}`"
             )
-        self.free = np.array(free)
-        self._rest = np.setdiff1d(np.arange(model.nv), self.free)
+        self.independent = np.array(leading)
+        self._dependent = np.setdiff1d(np.arange(model.nv), self.independent)
+
+    def _count_degrees_of_freedom(self) -> int:
+        """Degrees of freedom that the loops leave near the stated pose."""
+        perturbed = np.random.default_rng(0).normal(self._model.qpos0, PERTURBATION)
+        jacobian, _ = self._jacobian(perturbed)
+        return int(self._model.nv - np.linalg.matrix_rank(jacobian, RANK_TOLERANCE))
 
     def _jacobian(self, q: Array) -> tuple[Array, Array]:
         """Jacobian (rows, n) and gaps (rows,) of the equalities at positions `q` (n,)."""
@@ -67,34 +76,34 @@ class Loop:
         return self._data.efc_J[: rows * len(q)].reshape(rows, -1), self._data.efc_pos[:rows]
 
     def close(self, angles: Array) -> Array:
-        """Positions (m, n) of all joints where the free ones stand at `angles` (m, free)."""
+        """Positions (m, n) of all joints where the independent ones stand at `angles` (m, k)."""
         q = np.array(self._model.qpos0)
-        approach = np.linspace(q[self.free], angles[0], APPROACH_STEPS)
+        approach = np.linspace(q[self.independent], angles[0], APPROACH_STEPS)
         return np.array([self._closed(q, a) for a in (*approach, *angles)])[APPROACH_STEPS:]
 
     def _closed(self, q: Array, angles: Array) -> Array:
-        """Copy of `q` (n,), which is moved on to `angles` (free,) along its branch of assembly."""
-        q[self.free] = angles
+        """Copy of `q` (n,), which is moved on to `angles` (k,) along its branch of assembly."""
+        q[self.independent] = angles
         for _ in range(NEWTON_STEPS):
             jacobian, gap = self._jacobian(q)
             if np.abs(gap).max() < GAP_TOLERANCE:
                 break
-            q[self._rest] -= np.linalg.pinv(jacobian[:, self._rest], RANK_TOLERANCE) @ gap
+            q[self._dependent] -= np.linalg.pinv(jacobian[:, self._dependent], RANK_TOLERANCE) @ gap
         return q.copy()
 
     def maps(self, q: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Maps of torques and motions along the positions `q` (m, n).
 
         Forces of motors by torques of joints (m, actuators, n), motions of all joints by those of
-        the free ones (m, n, free), and whether the motors move the loop there (m,).
+        the independent ones (m, n, k), and whether the motors move the loop there (m,).
         """
         forces, motions, movable = [], [], []
         for row in q:
             jacobian, gap = self._jacobian(row)
-            allowed = np.zeros((len(row), len(self.free)))
-            allowed[self.free] = np.eye(len(self.free))
-            inner = np.linalg.pinv(jacobian[:, self._rest], RANK_TOLERANCE)
-            allowed[self._rest] = -inner @ jacobian[:, self.free]
+            allowed = np.zeros((len(row), len(self.independent)))
+            allowed[self.independent] = np.eye(len(self.independent))
+            inner = np.linalg.pinv(jacobian[:, self._dependent], RANK_TOLERANCE)
+            allowed[self._dependent] = -inner @ jacobian[:, self.independent]
             driven = allowed.T @ transmissions(self._model, self._data).T
             forces.append(np.linalg.pinv(driven, RANK_TOLERANCE) @ allowed.T)
             motions.append(allowed)

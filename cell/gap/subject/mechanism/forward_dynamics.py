@@ -6,19 +6,20 @@ Elastic gears or play split each joint into motor and link.
 import copy
 import xml.etree.ElementTree as ET
 from collections.abc import Hashable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch, SimulationError
 
-from cell.gap.subject.mechanism.effects import torques
-from cell.gap.subject.mechanism.engine import Case, Content, Engine
-from cell.gap.subject.mechanism.fields import BatchFields, ModelFields
+from cell.gap.subject.mechanism.effects import describing_terms, effect_of, torques
 from cell.gap.subject.mechanism.load import MechanismData, start_of
-from cell.gap.subject.mechanism.model import Mechanism, compile_model
+from cell.gap.subject.mechanism.model import BatchFields, Mechanism, ModelFields
 from cell.gap.subject.mechanism.runs import Cut, Recording, Signal
+from cell.gap.subject.mechanism.source import compile_model
+from cell.gap.subject.mechanism.subject import Case, Content, MechanismSubject
+from drivers.errors import ConfigurationError
 from drivers.types import Array, frozen
 
 TOGETHER = 256  # simulations of a batch
@@ -29,6 +30,7 @@ SHARE = 1e-3  # of a joint's inertia that its motor has where the model states n
 DAMPED = 0.02  # of critical damping, in the gear
 STIFFEST = 1e6  # N m/rad per kg m^2 of a joint's inertia, of a gear that does not twist
 LEAST_COMPLIANCE = 1e-12  # rad/(N m), against division by zero
+THIRD = 1.0 / 3.0  # of its noise, by which halving the time step may move a signal
 BODY = ("body_mass", "body_ipos", "body_iquat", "body_inertia")
 DOF = ("dof_damping", "dof_dampingpoly", "dof_armature", "dof_frictionloss")
 ACTUATOR = ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange")
@@ -36,18 +38,17 @@ CONST = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature",
 
 
 def interpolate(states: Array, t: Array, step: float) -> tuple[Array, Array]:
-    """Positions and rates (..., joints, k) at times `t` (k,) [s] between steps of `step` [s].
+    """Positions and rates (joints, k) at times `t` (k,) [s] between steps of `step` [s].
 
-    `states` (..., steps + 1, 2, joints) are interpolated by cubic Hermite polynomials in position,
+    `states` (steps + 1, 2, joints) are interpolated by cubic Hermite polynomials in position,
     linearly in rate.
     """
-    k = np.minimum((t / step).astype(np.int64), states.shape[-3] - 2)
+    k = np.minimum((t / step).astype(np.int64), len(states) - 2)
     u = (t / step - k)[:, None]
-    a, b = states[..., k, 0, :], states[..., k + 1, 0, :]
-    va, vb = step * states[..., k, 1, :], step * states[..., k + 1, 1, :]
-    rise = b - a
+    (a, va), (b, vb) = states[k].swapaxes(0, 1), states[k + 1].swapaxes(0, 1)
+    va, vb, rise = step * va, step * vb, b - a
     q = a + u * (va + u * (3 * rise - 2 * va - vb + u * (va + vb - 2 * rise)))
-    return q.swapaxes(-1, -2), ((va + u * (vb - va)) / step).swapaxes(-1, -2)
+    return q.T, ((va + u * (vb - va)) / step).T
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,15 +86,41 @@ def commands_of(recording: Recording, inputs: Sequence[str], actuators: Sequence
     return Commands(frozen(t), frozen(u))
 
 
-class Forward(Engine):
-    """Predicts a mechanism's signals by simulation, with MuJoCo's forces and `laws`."""
+class ForwardDynamics(MechanismSubject):
+    """Predicts a mechanism's signals by a simulation that its commands drive."""
 
-    def __init__(self, opened: MechanismData, jobs: int, laws: frozenset[str]) -> None:
-        super().__init__(opened)
-        self._signals, self._mix = opened.signals, opened.mix
-        self._jobs, self._laws = jobs, laws
+    def __init__(self, opened: MechanismData, jobs: int = 1, without: Sequence[str] = ()) -> None:
+        super().__init__(opened, jobs, without)
+        self._laws = self._compiled_effects()
         self._settle = round((opened.file.start.settle or 0.0) / self._mechanism.step)
         self._split_model: SplitModel | None = None
+        self.runs = tuple(map(self._run, opened.recordings))
+
+    def _compiled_effects(self) -> frozenset[str]:
+        """Effects and terms whose laws a simulation must add to MuJoCo's own forces."""
+        m = self._mechanism
+        names = [c.name for c in (*self._candidates(), *describing_terms(m))]
+        known = map(effect_of, (*names, *self.opened.file.effects))
+        return frozenset(e.name for e in known if e.law is not None and not e.edits(m))
+
+    def _split(self) -> "SplitModel":
+        """New model of the mechanism in which gears or mounts are flexible."""
+        return SplitModel(self._mechanism, self.name)
+
+    def _check_step(self, residuals: Array, origin: str) -> None:
+        m = self._mechanism
+        model = copy.copy(m.model)
+        model.opt.timestep = 0.5 * m.step
+        halved = replace(m, step=0.5 * m.step, model=model)
+        first = replace(self.opened, mechanism=halved, recordings=self.opened.recordings[:1])
+        finer = ForwardDynamics(first)._stated_residuals()
+        run = self.runs[0]
+        change = float(np.nanmax(np.abs(residuals - finer) / run.samples.reading))
+        if change > THIRD:
+            raise ConfigurationError(
+                f"{origin}: step: half of it moves run {run.name} by {change:.2g} of its noise, at "
+                f"most {THIRD:.2f} is allowed; make it smaller"
+            )
 
     def not_honoured(self) -> Iterator[str]:
         """What torques along a simulation would lack, by name; nothing where they are whole."""
@@ -106,15 +133,15 @@ class Forward(Engine):
                 name = model.actuator(sensor.actuator).name
                 yield f"torque {sensor.name} of {name}: its filter, delay, or law of force"
 
-    def _content(self, recording: Recording, made: Cut, width: float) -> Content:  # noqa: ARG002
+    def _content(self, recording: Recording, cut: Cut, width: float) -> Content:  # noqa: ARG002
         """Content of a run that is simulated forward: its commands, and its start."""
-        file = self._opened.file
+        file = self.opened.file
         commands = commands_of(recording, tuple(file.inputs), self._mechanism.actuators, file.hold)
-        return Content(made, recording.load, commands=commands,
-                       start=start_of(self._opened, recording))  # fmt: skip
+        return Content(cut, recording.load, commands=commands,
+                       start=start_of(self.opened, recording))  # fmt: skip
 
     def predict(self, cases: Sequence[Case]) -> list[Array | None]:
-        """Signals (signals, k) of each case at its readings; None where its simulation is lost."""
+        """Simulate each case and return its signals (signals, k); None where it diverges."""
         by_motion: dict[Hashable, list[int]] = {}
         for i in sorted(range(len(cases)), key=lambda i: float(cases[i].content.cut.t[-1])):
             by_motion.setdefault(cases[i].motion, []).append(i)
@@ -128,18 +155,11 @@ class Forward(Engine):
                           groups: Sequence[Sequence[int]]) -> dict[int, Array]:  # fmt: skip
         """Signals (signals, k) by number of case, for `groups` of cases that move alike."""
         simulated, control, batch = self._simulate([cases[i] for i, *_ in groups])
-        tame = np.abs(simulated).max(axis=(1, 2, 3)) < POSITION_LIMIT
-        by_times: dict[tuple[int, float], list[tuple[int, int]]] = {}
-        for row, group in enumerate(groups):
-            for i in group if tame[row] else ():
-                times = id(cases[i].content), cases[i].readings.delay
-                by_times.setdefault(times, []).append((row, i))
         found = {}
-        for (_, delay), members in by_times.items():
-            rows, numbers = zip(*members, strict=True)
-            t = np.maximum(cases[numbers[0]].content.cut.t - delay, 0.0)
-            states = interpolate(simulated[list(rows)], t, self._mechanism.step)
-            for row, i, q, v in zip(rows, numbers, *states, strict=True):
+        for row, (group, states) in enumerate(zip(groups, simulated, strict=True)):
+            for i in group if np.abs(states).max() < POSITION_LIMIT else ():
+                t = np.maximum(cases[i].content.cut.t - cases[i].readings.delay, 0.0)
+                q, v = interpolate(states, t, self._mechanism.step)
                 found[i] = self._read(cases[i], t, q, v, control[row], batch, row)
         return found
 
@@ -154,7 +174,7 @@ class Forward(Engine):
             case.edit(BatchFields(batch.expand, i))
         if any(batch.expanded(name) is not None for name in CONST):
             batch.set_const()
-        states = self._run(batch, cases, control)
+        states = self._roll_out(batch, cases, control)
         if any(_has_soft_gears(c) for c in cases):
             self._add_soft_gears(cases, control, states)
         return states, control, batch
@@ -166,7 +186,7 @@ class Forward(Engine):
         )
         return np.concatenate([np.repeat(found[:1], self._settle, axis=0), found])
 
-    def _run(
+    def _roll_out(
         self, batch: Batch, cases: Sequence[Case], control: Array, embed: Array | None = None
     ) -> Array:
         """States (n, steps + 1, 2, joints) of the joints, or of those that `embed` numbers."""
@@ -191,36 +211,34 @@ class Forward(Engine):
         rows = [i for i, c in enumerate(cases) if _has_soft_gears(c)]
         some, u = [cases[i] for i in rows], control[rows]
         if self._split_model is None:
-            chain = self._opened.pendulum is not None
-            self._split_model = (PivotModel if chain else SplitModel)(self._mechanism)
+            self._split_model = self._split()
         found = []
         for rigid, embed in ((False, self._split_model.motor), (True, None)):
             models = [self._split_model.model(case, rigid=rigid) for case in some]
             batch = Batch(models[0], len(some), self._jobs)
             batch.set_models(models)
-            found.append(self._run(batch, some, u, embed))
+            found.append(self._roll_out(batch, some, u, embed))
         soft, rigid_twin = found
         states[rows] += soft - rigid_twin
 
     def _read(self, case: Case, t: Array, q: Array, v: Array, control: Array, batch: Batch,
               row: int) -> Array:  # fmt: skip
         """Sensor readings (signals, k) at times t (k,) [s], from states q, v (joints, k) then."""
-        readings = case.readings
-        rows = np.empty((len(self._signals), len(t)))
+        signals, errors = self.opened.signals, case.readings
+        rows = np.empty((len(signals), len(t)))
         sensors: dict[str, Array] = {}
-        if any(s.kind in ("site", "sensor") for s in self._signals):
+        if any(s.kind in ("site", "sensor") for s in signals):
             sensors = self._read_sensors(batch.get_model(row), q, v)
-        for k, signal in enumerate(self._signals):
+        for k, signal in enumerate(signals):
             if signal.kind == "torque":
                 rows[k] = self._torque(signal, batch, row, q, v, control, t)
             elif signal.kind in ("site", "sensor"):
                 rows[k] = sensors[signal.name]
             else:
-                rows[k] = self._mix[k] @ (q if signal.kind == "position" else v)
-            bias, scale = readings.bias.get(signal.name), readings.scale.get(signal.name)
-            if scale:
+                rows[k] = signal.weights @ (q if signal.kind == "position" else v)
+            if scale := errors.scale.get(signal.name):
                 rows[k] *= 1.0 + scale
-            if bias:
+            if bias := errors.bias.get(signal.name):
                 rows[k] += bias
         return rows
 
@@ -228,21 +246,18 @@ class Forward(Engine):
                 t: Array) -> Array:  # fmt: skip
         """Motor torque (k,) from states; MuJoCo records that of an inner stage."""
         actuator, joint, model = signal.actuator, signal.joint, self._mechanism.model
-
-        def field(name: str) -> Array:
-            own = batch.expanded(name)
-            stated: Array = getattr(model, name)[actuator]
-            return stated if own is None else own[row, actuator]
-
-        gain, bias = field("actuator_gainprm"), field("actuator_biasprm")
-        low, high = field("actuator_forcerange")
+        edited = [batch.expanded(name) for name in ACTUATOR]  # a copy of the model would take long
+        gain, bias, limits = (
+            getattr(model, name)[actuator] if field is None else field[row, actuator]
+            for name, field in zip(ACTUATOR, edited, strict=True)
+        )
         gear = model.actuator_gear[actuator, 0]
         step = np.minimum((t / self._mechanism.step).astype(int), len(control) - 1 - self._settle)
         u = control[self._settle + step, actuator]
         if model.actuator_ctrllimited[actuator]:
             u = np.clip(u, *model.actuator_ctrlrange[actuator])
         force = gain[0] * u + bias[0] + bias[1] * gear * q[joint] + bias[2] * gear * v[joint]
-        return np.asarray(np.clip(force, low, high) * gear / signal.gear)
+        return np.asarray(np.clip(force, *limits) * gear / signal.gear)
 
     def _read_sensors(self, model: Any, q: Array, v: Array) -> dict[str, Array]:
         """Readings (k,) of sites and sensors at states q, v (joints, k), by name of signal."""
@@ -252,7 +267,7 @@ class Forward(Engine):
             mujoco.mj_forward(model, data)
             rows.append(np.concatenate([data.site_xpos.ravel(), data.sensordata]))
         whole = np.array(rows).T
-        return {s.name: whole[s.joint] for s in self._signals if s.kind in ("site", "sensor")}
+        return {s.name: whole[s.joint] for s in self.opened.signals if s.kind in ("site", "sensor")}
 
 
 def _has_soft_gears(case: Case) -> bool:
@@ -263,9 +278,9 @@ def _has_soft_gears(case: Case) -> bool:
 class SplitModel:
     """Model of a mechanism with each joint split; `motor` (joints,) are indices of motor states."""
 
-    def __init__(self, mechanism: Mechanism) -> None:
+    def __init__(self, mechanism: Mechanism, name: str) -> None:
         self._mechanism = mechanism
-        base, name = mechanism.model, mechanism.name
+        base = mechanism.model
         self._model = compile_model(mechanism.source, name, base.nuser_jnt, mechanism.step,
                                     self._text(mechanism))  # fmt: skip
         self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
@@ -351,27 +366,6 @@ class SplitModel:
         found.jnt_user[:, 0] = found.njnt
         found.jnt_user[:, 1], found.jnt_user[:, 2] = found.jnt_qposadr, found.jnt_dofadr
         found.jnt_user[:, 3] = float(np.mean(edited.jnt_user[:, 3]))
-
-
-class PivotModel(SplitModel):
-    """Model of a chain of hinges whose pivot slides sideways on a spring."""
-
-    def _text(self, mechanism: Mechanism) -> str:
-        root = ET.fromstring(mechanism.source.text)  # noqa: S314  our own text
-        (first,) = root.findall("worldbody/body")
-        first.insert(0, ET.Element("joint", {"name": FLEX, "type": "slide", "axis": "1 0 0"}))
-        return ET.tostring(root, encoding="unicode")
-
-    def _set_gears(self, found: Any, edited: Any, case: Case) -> None:
-        """Set the stiffness [N/m] and damping of the pivot, and lengths and springs as `edited`."""
-        mass = float(edited.body_mass.sum())
-        compliance = np.maximum(np.asarray(case.readings.elastic), LEAST_COMPLIANCE)
-        stiffness = np.minimum(1.0 / compliance, STIFFEST * mass)
-        found.body_pos[self._body] = edited.body_pos
-        found.jnt_stiffness[self._joint] = edited.jnt_stiffness
-        found.jnt_stiffness[self._flex] = stiffness
-        found.dof_damping[self._flex] = 2.0 * DAMPED * np.sqrt(stiffness * mass)
-        self._set_law_parameters(found, edited)
 
 
 def _body_names(model: Any) -> list[str]:

@@ -1,0 +1,107 @@
+"""The cell's own arm: its effects move the gripper, and some have a place in cell.yaml."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from cell.gap.subject.mechanism.effect import Readings, readings_of
+from cell.gap.subject.mechanism.effects import effect_of, ordered_values
+from cell.gap.subject.mechanism.inverse_dynamics import InverseDynamics
+from cell.gap.subject.mechanism.load import MechanismData
+from cell.gap.subject.mechanism.model import tip
+from cell.gap.subject.mechanism.subject import content_of
+from cell.gap.subject.subject import NamedValues, Run
+from drivers.types import Array
+
+# N m/rad of the robot's joint impedance. Source: setJointImpedance in libfranka's examples.
+STIFFNESS = np.array([3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0])
+FIELDS = {"payload": "fci.tool", "control_delay": "twin.arm.robot_delay"}  # of cell.yaml
+
+
+class CellArm(InverseDynamics):
+    """The cell's own arm along its recorded motion, whose effects may belong into cell.yaml."""
+
+    def patch(
+        self, base: Mapping[str, float], effects: NamedValues, source: str
+    ) -> tuple[dict[str, object], dict[str, object] | None]:
+        """Content of the arm's file, and the patch of cell.yaml: tool's load and arm's delay."""
+        content, _ = super().patch(base, effects, source)
+        found: dict[str, object] = {}
+        delay = effects.get("control_delay", {}).get("time", base.get("control_delay.time"))
+        if delay is not None:
+            found["twin"] = {"arm": {"robot_delay": round(delay, 4)}}
+        if "payload" in effects:
+            found["fci"] = {"tool": self._tool(effects["payload"]["mass"])}
+        return content, {"effects": {}, **found} if found else None
+
+    def _tool(self, mass: float) -> dict[str, object]:
+        """Mass [kg] and centre of mass [m in the flange] of the hand with a load at the tip."""
+        model = self._mechanism.model
+        hand, last = model.body("hand").id, model.body("link7").id
+        hand_mass, centre = float(model.body_mass[hand]), np.array(model.body_ipos[hand])
+        moment = hand_mass * centre + mass * tip(self._mechanism, last)
+        both = moment / (hand_mass + mass) - model.site("flange").pos
+        return {"mass": round(hand_mass + mass, 4), "centre": [round(float(x), 5) for x in both]}
+
+    def consequences(self, base: Mapping[str, float], effects: NamedValues) -> Sequence[str]:
+        """Sentences on how named effects move the gripper, and where `accept` puts them."""
+        sentences = list[str]()
+        for name, values in effects.items():
+            ordered = ordered_values(effect_of(name), self._mechanism, values)
+            moved = np.concatenate([self._moved_by(name, ordered, run, base) for run in self.runs])
+            sentences += _gripper_sentences(name, moved)
+        return sentences
+
+    def _moved_by(self, name: str, values: Array, run: Run, base: Mapping[str, float]) -> Array:
+        """Distances (k,) [m] by which the effect `name` alone moves the gripper along a run."""
+        about = np.array([base.get(p.name, p.start) for p in self.scope.base])
+        requests = [replace(self.stated(run, e), base=about) for e in ({name: values}, {})]
+        with_effect, without = self.predict([self._case(r) for r in requests])
+        content = content_of(run)
+        if with_effect is None or without is None:
+            return np.zeros(0)
+        q = np.array([np.interp(content.cut.t, content.motion.t, x) for x in content.motion.q.T])
+        torque, tracking = np.split(with_effect - without, [len(self._mechanism.torques)])
+        readings = readings_of([(effect_of(name), values)], self._mechanism)
+        return tip_displacement(self.opened, q.T, torque, tracking, readings)
+
+
+def tip_displacement(
+    opened: MechanismData, q: Array, torque: Array, tracking: Array, readings: Readings
+) -> Array:
+    """Distances (k,) [m] between the tip by measured joints `q` (k, 7) [rad] and by true ones.
+
+    `torque` (7, k) [N m] and `tracking` (7, k) [rad] are the differences that an effect makes, with
+    its errors of `readings`; a torque that the robot does not expect deflects a joint by torque /
+    STIFFNESS.
+    """
+    names = [joint.name for joint in opened.mechanism.joints]
+    bias = np.array([readings.bias.get(name, 0.0) for name in names])
+    scale = 1.0 + np.array([readings.scale.get(name, 0.0) for name in names])
+    corrected = (q - bias) / scale - torque.T / STIFFNESS + tracking.T
+    return np.asarray(np.linalg.norm(_tips(opened, q) - _tips(opened, corrected), axis=1))
+
+
+def _tips(opened: MechanismData, q: Array) -> Array:
+    """Positions (k, 3) [m] of the tip for joint angles `q` (k, 7) [rad]."""
+    model = opened.mechanism.model
+    data, number = mujoco.MjData(model), model.site("tip").id
+    found = np.empty((len(q), 3))
+    for k, joints in enumerate(q):
+        data.qpos[:] = joints
+        mujoco.mj_kinematics(model, data)
+        found[k] = data.site_xpos[number]
+    return found
+
+
+def _gripper_sentences(name: str, moved: Array) -> list[str]:
+    """Sentences for the operator on the effect `name` that moves the tip by `moved` (k,) [m]."""
+    rms = float(np.sqrt(np.mean(moved**2)))
+    moves = f"{name}: the gripper stands up to {1e3 * moved.max():.2f} mm (rms {1e3 * rms:.2f})"
+    if name in FIELDS:
+        where = f"`cell gap accept` puts it into cell.yaml, {FIELDS[name]}"
+    else:
+        where = "cell.yaml has no field for it: `cell gap accept` puts it into the arm's model only"
+    return [f"{moves} from where the model has it, in these runs", f"{name}: {where}"]

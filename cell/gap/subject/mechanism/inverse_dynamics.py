@@ -1,0 +1,351 @@
+"""Predicts torques by inverse dynamics on the measured motion, to compare with measured ones."""
+
+import copy
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding
+import mujoco
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from cell.gap.subject.mechanism.closed_loops import ClosedLoops, transmissions
+from cell.gap.subject.mechanism.effect import Effect, Readings
+from cell.gap.subject.mechanism.effects import registry, torques
+from cell.gap.subject.mechanism.load import MechanismData
+from cell.gap.subject.mechanism.model import Mechanism, ModelFields
+from cell.gap.subject.mechanism.motion import (
+    Motion,
+    cutoff_of,
+    interpolate_columns,
+    link_motion,
+    motion_of,
+    true_motion,
+)
+from cell.gap.subject.mechanism.passive import without_clock
+from cell.gap.subject.mechanism.runs import Cut, Recording, Signal, average, phases
+from cell.gap.subject.mechanism.subject import Case, Content, MechanismSubject, content_of
+from cell.gap.subject.subject import Run, Words
+from drivers.errors import ConfigurationError
+from drivers.strip.rod.compiled import entry
+from drivers.types import Array
+
+LIMITED = "moments at the limits of joints and tendons are left out"
+DELAYED = "filters and delays of motors are left out: torques are as read"
+KEPT = 2048  # inverse dynamics that are cached
+NEAR = 0.005  # of a range, within which a joint is at its limit
+CHECK_EVERY = 50  # readings in one of which the closure of loops is checked
+LOOP_TOLERANCE = 1e-3  # m or rad by which measured joints may leave a loop open
+STANDS = 0.05  # of its usual rate, below which a joint may be held by friction
+PLAY_SMOOTHING = 0.05  # of a torque's standard deviation, over which a link crosses its play
+
+
+class InverseDynamics(MechanismSubject):
+    """Predicts the torques of actuators along a measured motion, by inverse dynamics."""
+
+    notes: Sequence[str] = (
+        "torques of the measured motion are compared; the motion itself is not simulated",
+    )
+
+    def __init__(self, opened: MechanismData, jobs: int = 1, without: Sequence[str] = ()) -> None:
+        super().__init__(opened, jobs, without)
+        self._known: dict[bytes, Array] = {}
+        self._model = copy.copy(self._mechanism.model)
+        self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+        self._model.jnt_actgravcomp[:] = 0  # what motors are relieved of, they do not give
+        inputs = opened.file.inputs
+        given = [i for i, j in enumerate(self._mechanism.joints) if inputs.get(j.name)]
+        model, origin = self._mechanism.model, str(opened.path)
+        self._loop = ClosedLoops(model, given, origin) if model.neq else None
+        independent = given if self._loop is None else self._loop.independent
+        self._joints = [self._mechanism.joints[i].name for i in independent]
+        self._cutoff = cutoff_of(opened.recordings, self._joints, opened.pace)
+        self.notes = (*self.notes, *self._notes_on_model(given))
+        self.runs = tuple(map(self._run, opened.recordings))
+
+    def _notes_on_model(self, given: Sequence[int]) -> Iterator[str]:
+        """Notes for the report on what torques leave out, and on loops that joints leave open."""
+        model = self._mechanism.model
+        if np.any(model.jnt_limited) or np.any(model.tendon_limited):
+            yield LIMITED
+        if np.any(model.actuator_delay > 0.0) or np.any(model.actuator_dyntype > 0):
+            yield DELAYED
+        gap = 0.0
+        if self._loop is not None and len(given) == model.nv:
+            gap = self._loop_gap(self._loop)
+        if gap >= LOOP_TOLERANCE:
+            yield (
+                f"the loop does not close by {1e3 * gap:.2g} mm or mrad at the measured joints: an "
+                "encoder's zero or the geometry is off; driven joints alone are used"
+            )
+
+    def _loop_gap(self, loop: ClosedLoops) -> float:
+        """Largest gap [m or rad] of any run by which all measured joints leave `loop` open."""
+        names = [j.name for j in self._mechanism.joints]
+        rows = [np.column_stack([r.columns[n] for n in names]) for r in self.opened.recordings]
+        known = [q[np.isfinite(q).all(axis=1)][::CHECK_EVERY] for q in rows]
+        return max((loop.gap(q) for q in known if len(q)), default=0.0)
+
+    def not_honoured(self) -> Iterator[str]:
+        """What inverse dynamics would leave out of torques, by name; nothing where it is whole."""
+        model = self._mechanism.model
+        yield from (f"tendon {model.tendon(i).name}: its frictionloss"
+                    for i in np.flatnonzero(model.tendon_frictionloss > 0.0))  # fmt: skip
+        if model.npair:
+            yield "contact pairs"
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        drives = transmissions(model, data) != 0.0
+        for sensor in self._mechanism.torques:
+            others = drives[:, self._mechanism.joints[sensor.joint].dof]
+            others[sensor.actuator] = False
+            if others.any():
+                yield f"other motors on joint {self._mechanism.joints[sensor.joint].name}"
+
+    def _run(self, recording: Recording) -> Run:
+        """Run for the engine, with the noise that the measured motion adds to torques."""
+        run = super()._run(recording)
+        content, known = content_of(run), run.samples
+        error = self._encoder_error(content.motion, content.cut.t)
+        _, squares = average(error, content.cut.edges)  # torques come first
+        more = np.sqrt(np.concatenate([squares, np.zeros(len(known) - len(squares))]))
+        noise, reading = np.hypot(known.noise, more), np.hypot(known.reading, more)
+        return replace(run, samples=replace(known, noise=noise, reading=reading))
+
+    def _content(self, recording: Recording, cut: Cut, width: float) -> Content:
+        """Content of a run with its motion: filtered torques, without those near gaps."""
+        names = [s.name for s in self.opened.signals]
+        motion = motion_of(recording, self._joints, names, self._cutoff, width, self._loop,
+                           self._barred)  # fmt: skip
+        filtered = motion.below_cutoff(motion.torques, cut.t)
+        good = np.all([np.interp(cut.t, motion.t, k) == 1.0 for k in motion.known], axis=0)
+        if not good.any():
+            raise ConfigurationError(
+                f"{recording.name}: no reading is left beside gaps, limits of joints and dead "
+                "centres; mend angles, zeros or ranges, or leave the run out"
+            )
+        cut = replace(cut, values=filtered).keep(good)
+        return Content(cut, recording.load, motion=motion)
+
+    def _barred(self, q: Array, measured: Array) -> NDArray[np.bool_]:
+        """Where (m,) joints and tendons are at limits that inverse dynamics leaves out, or torques.
+
+        `q` (m, joints) are positions, `measured` (signals, m) readings of which torques come first.
+        """
+        model = self._mechanism.model
+        at = np.hstack([q, _tendon_lengths(model, q)])
+        low, high = np.vstack([model.jnt_range, model.tendon_range]).T
+        edge = np.append(model.jnt_margin, model.tendon_margin) + NEAR * (high - low)
+        limited = np.append(model.jnt_limited, model.tendon_limited) > 0
+        barred = ((at < low + edge) | (at > high - edge)) @ limited
+        for s, row in zip(self._mechanism.torques, measured, strict=False):
+            if model.jnt_actfrclimited[s.joint]:
+                most = (1.0 - NEAR) * model.jnt_actfrcrange[s.joint]
+                barred = barred | (s.gear * row < most[0]) | (s.gear * row > most[1])
+        return np.asarray(barred, dtype=bool)
+
+    def _phases(self, content: Content) -> Words:
+        """Phase (b,) of each sample, by the speed of the motion in typical rates of the joints."""
+        cut, motion = content.cut, content.motion
+        speed = np.interp(cut.t, motion.t, motion.v @ (1.0 / self._mechanism.rate))
+        return phases(average(speed[None], cut.edges)[0])
+
+    def predict(self, cases: Sequence[Case]) -> list[Array | None]:
+        """Return the signals (signals, k) of each case at the k times of its readings."""
+        with without_clock(), ThreadPoolExecutor(self._jobs) as pool:
+            return list(pool.map(self._signals, cases))
+
+    def _encoder_error(self, motion: Motion, t: Array) -> Array:
+        """Standard deviation (torques, k) of predictions at times t (k,) [s] by encoder noise."""
+        model, q, v, a = self._model, motion.q, motion.v, motion.a
+        sensors = TorqueSensors(self._mechanism, model, motion.forces)
+        plain = _inverse_dynamics(model, q, v, a)
+        squares = np.zeros((len(self._mechanism.torques), len(q)))
+        for k, (rate, acceleration) in enumerate(motion.shake.T):  # encoder by encoder
+            moved = motion.moves[:, :, k]
+            for dv, da in ((rate * moved, 0.0), (0.0, acceleration * moved)):
+                change = _inverse_dynamics(model, q, v + dv, a + da) - plain
+                squares += sensors.readings(change) ** 2
+        return np.array([np.interp(t, motion.t, row) for row in np.sqrt(squares)])
+
+    def _signals(self, case: Case) -> Array:
+        """Signals (signals, k) of one case at its readings: torques, and trackings if compared."""
+        model = copy.copy(self._model)
+        fields = ModelFields(model)
+        case.edit(fields)
+        fields.finish()
+        motion: Motion = case.content.motion
+        q, v, a = true_motion(motion, case.readings, self._mechanism)
+        inverse = self._inverse(motion, model, case.readings, q, v, a)
+        soft = ((np.multiply, case.readings.elastic), (_play_deflection, case.readings.gap))
+        gears = [(bend, values) for bend, values in soft if values is not None and np.any(values)]
+        if self._mechanism.trackings:  # measured positions are those of links
+            deflection = sum((bend(inverse, values) for bend, values in gears), np.zeros_like(q))
+            rows = [self._torques(model, case, q, v, inverse),
+                    self._tracking(motion, case, deflection)]  # fmt: skip
+            return motion.below_cutoff(np.vstack(rows), case.content.cut.t)
+        for bend, values in gears:
+            q, v, a = link_motion(motion, bend(inverse, values), q, v, a)
+            inverse = _inverse_dynamics(model, q, v, a)
+        return motion.below_cutoff(self._torques(model, case, q, v, inverse), case.content.cut.t)
+
+    def _torques(self, model: Any, case: Case, q: Array, v: Array, inverse: Array) -> Array:
+        """Readings (torques, m) that balance `inverse` (m, joints) less the torques of effects."""
+        motion: Motion = case.content.motion
+        sensors = TorqueSensors(self._mechanism, model, motion.late_forces(case.readings.delay))
+        user = np.array(model.jnt_user)
+        dofs = [j.dof for j in self._mechanism.joints]
+        user[:, torques().at["dry_friction"]] += model.dof_frictionloss[dofs]
+        applied = torques().along(q, v, inverse, user)
+        for effect, values in case.paths:
+            if effect.path is not None:
+                applied = applied + effect.path(self._mechanism, values, motion.t, q, v)
+        self._stick(applied, sensors, motion.torques, q, v, inverse, user)
+        return sensors.readings(inverse - applied)
+
+    def _stick(self, applied: Array, sensors: "TorqueSensors", measured: Array, q: Array, v: Array,
+               inverse: Array, user: Array) -> None:  # fmt: skip
+        """Replace the torques `applied` (m, joints) by static friction where a joint stands.
+
+        There it balances whatever the motor gives, by its readings `measured` (signals, m), up to a
+        limit, and no law of the rate says how much that is (Karnopp 1985, J. Dyn. Sys. Meas.
+        Control 107).
+        """
+        for sensor, reading in zip(self._mechanism.torques, measured, strict=False):
+            j = sensor.joint
+            rate, p = v[:, j], user[j]
+            standing = np.exp(-((rate / (STANDS * self._mechanism.joints[j].rate)) ** 2))
+            for effect in _friction_effects():
+                at = torques().at[effect.name]
+                if effect.law is None or effect.holds is None or not p[at : at + effect.keys].any():
+                    continue
+                sliding = effect.law(q[:, j], rate, inverse[:, j], p, at)
+                limit = effect.holds(q[:, j], rate, inverse[:, j], p, at)
+                required = sensors.joint_torque(sensor, inverse - applied)
+                given = sensors.torque_per_reading(sensor) * reading
+                static = np.clip(required + sliding - given, -limit, limit)
+                applied[:, j] += standing * (static - sliding)
+
+    def _tracking(self, motion: Motion, case: Case, deflection: Array) -> Array:
+        """Measured minus commanded positions (trackings, m), by delay and `deflection` of gears."""
+        delay, joints = case.readings.command, [s.joint for s in self._mechanism.trackings]
+        commanded = motion.q + delay * motion.v + 0.5 * delay**2 * motion.a
+        behind = interpolate_columns(motion.t + delay, motion.t, deflection)
+        return np.asarray((motion.q - commanded - behind)[:, joints].T)
+
+    def _inverse(self, motion: Motion, model: Any, readings: Readings, q: Array, v: Array,
+                 a: Array) -> Array:  # fmt: skip
+        """Torques (m, joints) of `_inverse_dynamics`, cached by model, motion and readings."""
+        key = _cache_key(motion, model, readings)
+        found = self._known.get(key)
+        if found is None:
+            found = self._known[key] = _inverse_dynamics(model, q, v, a)
+            while len(self._known) > KEPT:
+                self._known.pop(next(iter(self._known)))
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueSensors:
+    """Torque sensors of a mechanism, with the gains and gears of its edited `model`.
+
+    Along closed loops `forces` (m, actuators, joints) are those of actuators by torques of the open
+    joints.
+    """
+
+    mechanism: Mechanism
+    model: Any
+    forces: Array | None
+
+    def torque_per_reading(self, sensor: Signal) -> float:
+        """Torque [N m] of a joint per unit of the `sensor`'s reading."""
+        number, base = sensor.actuator, self.mechanism.model
+        gain = self.model.actuator_gainprm[number, 0] / base.actuator_gainprm[number, 0]
+        return float(sensor.gear * gain)
+
+    def joint_torque(self, sensor: Signal, required: Array) -> Array:
+        """Torque (m,) that the sensor's motor gives its joint, for the `required` (m, joints)."""
+        if self.forces is None:
+            return np.asarray(required[:, sensor.joint])
+        return self.torque_per_reading(sensor) * self.reading(sensor, required)
+
+    def reading(self, sensor: Signal, required: Array) -> Array:
+        """Readings (m,) of a sensor for the `required` torques (m, joints)."""
+        torque = required[:, sensor.joint]
+        if self.forces is not None:  # the loop bears on the joint, too
+            gear = float(self.model.actuator_gear[sensor.actuator, 0])
+            torque = gear * np.einsum("mn,mn->m", self.forces[:, sensor.actuator], required)
+        return np.asarray(torque / self.torque_per_reading(sensor))
+
+    def readings(self, required: Array) -> Array:
+        """Readings (torques, m) of all sensors for the `required` torques (m, joints)."""
+        return np.array([self.reading(s, required) for s in self.mechanism.torques])
+
+
+def _cache_key(motion: Motion, model: Any, readings: Readings) -> bytes:
+    """Bytes of all that the inverse dynamics along a motion, read with errors, depends on."""
+    fields = [model.body_mass, model.body_inertia, model.body_ipos, model.body_iquat,
+              model.dof_armature, model.dof_damping, model.dof_dampingpoly, model.jnt_stiffness,
+              model.qpos_spring, model.opt.gravity, np.array(model.opt.density)]  # fmt: skip
+    bias, scale = sorted(readings.bias.items()), sorted(readings.scale.items())
+    key = b"".join(np.ascontiguousarray(x).tobytes() for x in fields)
+    return key + f"{motion.name}{readings.delay}{bias}{scale}".encode()
+
+
+def _inverse_dynamics(model: Any, q: Array, v: Array, a: Array) -> Array:
+    """Torques (m, joints) of rigid bodies, springs, damping and air along a motion (m, joints)."""
+    data = mujoco.MjData(model)
+    torque = np.empty_like(q)
+    _along(model._address, data._address, data.qpos, data.qvel, data.qacc,
+            data.qfrc_inverse, q, v, a, torque)  # fmt: skip
+    return torque
+
+
+def _play_deflection(torque: Array, gap: Array) -> Array:
+    """Angles (m, joints) by which play of width `gap` (joints,) leaves links behind `torque`."""
+    crossing = PLAY_SMOOTHING * torque.std(axis=0) + 1e-12  # never zero
+    return np.asarray(0.5 * gap * np.tanh(torque / crossing))
+
+
+def _tendon_lengths(model: Any, q: Array) -> Array:
+    """Lengths (m, tendons) of tendons at positions `q` (m, joints); zeros where none is limited."""
+    lengths, data = np.zeros((len(q), model.ntendon)), mujoco.MjData(model)
+    for row, place in zip(lengths, q, strict=True) if model.tendon_limited.any() else ():
+        data.qpos[:] = place
+        mujoco.mj_fwdPosition(model, data)
+        row[:] = data.ten_length
+    return lengths
+
+
+@cache
+def _friction_effects() -> tuple[Effect, ...]:
+    """Effects of the library whose torque can hold a standing joint."""
+    return tuple(e for e in registry().values() if e.holds is not None)
+
+
+def _inverse_function() -> Any:
+    """MuJoCo's `mj_inverse` as a C function that compiled loops can call."""
+    folder = Path(mujoco.__file__).parent
+    library = next(p for p in sorted(folder.iterdir()) if p.name.startswith("libmujoco"))
+    llvmlite.binding.load_library_permanently(str(library))
+    return types.ExternalFunction("mj_inverse", types.void(types.uintp, types.uintp))
+
+
+_inverse = _inverse_function()
+
+
+@entry
+def _along(  # type: ignore[no-untyped-def]
+    model, data, qpos: Array, qvel: Array, qacc: Array, torque: Array, q: Array, v: Array, a: Array,
+    out: Array,
+) -> None:  # fmt: skip
+    """Write inverse dynamics of each row of q, v, a (m, joints) to `out`."""
+    for k in range(q.shape[0]):
+        qpos[:], qvel[:], qacc[:] = q[k], v[k], a[k]
+        _inverse(model, data)
+        out[k] = torque

@@ -1,0 +1,197 @@
+"""Measured motion of a run on an even grid, low-pass filtered, with its rates and accelerations."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+from scipy.signal import butter, filtfilt, welch
+
+from cell.gap.subject.mechanism.closed_loops import ClosedLoops
+from cell.gap.subject.mechanism.effect import Readings
+from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.mechanism.runs import Recording
+from drivers.types import Array, frozen
+
+ORDER = 3  # of the Butterworth filter, run forth and back
+CUTOFF = 1.5  # of the frequency that holds most of the rate; Butterworth's passband is flat below
+MOST, FLOOR = 0.99, 10.0  # of the rate's power; times the encoder's noise above which power counts
+SLOWEST, FASTEST = 5.0, 25.0  # bounds of the cutoff, by the pace of the motion
+WIDER = 2.0  # times the cutoff, for motion: mechanics are not linear (3 and 5 do no better)
+SETTLED = 10.0  # 1/cutoff from an end or a gap at which its effect on the filter has decayed
+GRID = 4000  # places of a run at most at which torques are computed
+Barred = Callable[[Array, Array], NDArray[np.bool_]]
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Measured motion and torques of a run on an even time grid `t` (m,) [s], low-pass filtered.
+
+    Positions, rates and accelerations `q`, `v`, `a` (m, joints) and the measured `torques`
+    (signals, m) pass one filter, at `WIDER` times the `cutoff` [rad/s] below which torques are
+    compared. `known` (signals, m) is false near gaps of the record. `shake` (2, encoders) is the
+    standard deviation of v and a that encoder noise makes in the means of samples, and `moves`
+    (m or 1, joints, encoders) how joints follow encoders. Along loops `forces` (m, actuators,
+    joints) are those of actuators by torque of the open joints.
+    """
+
+    name: str
+    t: Array
+    q: Array
+    v: Array
+    a: Array
+    torques: Array
+    known: NDArray[np.bool_]
+    cutoff: float
+    shake: Array
+    moves: Array
+    forces: Array | None = None
+
+    def below_cutoff(self, rows: Array, t: Array) -> Array:
+        """Values (n, k) at times t (k,) [s] of `rows` (n, m) along the grid, below the cutoff."""
+        slow = _low_pass(rows, self.t[1] - self.t[0], self.cutoff)
+        return np.array([np.interp(t, self.t, row) for row in slow])
+
+    def late_forces(self, delay: float) -> Array | None:
+        """The `forces` where the loops stand at readings that are stamped `delay` [s] late."""
+        if self.forces is None or not delay:
+            return self.forces
+        columns = self.forces.reshape(len(self.forces), -1)
+        late = interpolate_columns(self.t + delay, self.t, columns)
+        return late.reshape(self.forces.shape)
+
+
+def cutoff_of(recordings: Sequence[Recording], joints: Sequence[str], pace: float) -> float:
+    """Angular frequency [rad/s] below which motions at `pace` [rad/s] have most of their power.
+
+    It is the median of the `recordings`, in power of rates: what differs between them is noise.
+    Beyond it lies the encoders' noise, which in accelerations grows with the cutoff's power of 2.5.
+    """
+    found = [_cutoff(recording, joints) for recording in recordings]
+    return float(np.clip(np.median(found), SLOWEST * pace, FASTEST * pace))
+
+
+def _cutoff(recording: Recording, joints: Sequence[str]) -> float:
+    """Cutoff [rad/s] of one recording: that of its fastest joint."""
+    grid = _grid(recording)
+    q, _ = _resample(recording, joints, grid)
+    w, power = welch(q, 2.0 * np.pi / (grid[1] - grid[0]), nperseg=min(256, len(grid)))
+    # no joint moves in the upper quarter of frequencies
+    noise = np.median(power[:, len(w) * 3 // 4 :], axis=1, keepdims=True)
+    rates = np.cumsum(np.maximum(power - FLOOR * noise, 0.0) * w**2, axis=1)
+    return CUTOFF * max(float(w[np.argmax(r >= MOST * r[-1])]) for r in rates)
+
+
+def _grid(recording: Recording) -> Array:
+    """Even times (m,) [s] over a recording, with the median step of its readings."""
+    t = recording.t
+    return np.arange(0.0, t[-1], max(float(np.median(np.diff(t))), t[-1] / GRID))
+
+
+def _resample(
+    recording: Recording, names: Sequence[str], grid: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Columns (k, m) interpolated at the times `grid` (m,) [s], and the mask (k, m) of gaps."""
+    t, columns = recording.t, [recording.columns[name] for name in names]
+    present = [np.isfinite(x) for x in columns]
+    values = [np.interp(grid, t[p], x[p]) for p, x in zip(present, columns, strict=True)]
+    gaps = [np.interp(grid, t, p) < 1.0 for p in present]
+    return np.array(values), np.array(gaps, dtype=bool)
+
+
+def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str], cutoff: float,
+              width: float, loops: ClosedLoops | None, barred: Barred) -> Motion:  # fmt: skip
+    """Motion and torques of a recording below `cutoff` [rad/s], for samples of `width` [s].
+
+    `joints` are those that are measured; the others of closed `loops` follow them. Readings count
+    as gaps where positions (m, joints) and torques (signals, m) are `barred`. Both pass one filter
+    without phase (Butterworth, forth and back), and rates are those of the filtered positions: what
+    is linear in a mechanism holds as well after as before. What is not holds the better the wider
+    the filter; the narrow one follows the mechanics.
+    """
+    grid = _grid(recording)
+    dt = grid[1] - grid[0]
+    raw, joint_gaps = _resample(recording, joints, grid)
+    measured, torque_gaps = _resample(recording, torques, grid)
+    wide = min(WIDER * cutoff, 0.8 * np.pi / dt)
+    cutoff = min(cutoff, wide)
+    filtered = _low_pass(raw, dt, wide)
+    stride = max(1, int(1.0 / wide / dt))
+    q = filtered.T if loops is None else loops.close(filtered.T)
+    excluded = np.any(joint_gaps, axis=0) | barred(q, measured)
+    moves, forces = np.eye(len(joints))[None], None
+    if loops is not None:
+        forces, moves, movable = loops.maps(q[::stride])
+        excluded |= np.repeat(~movable, stride)[: len(grid)]
+    reach = min(round(SETTLED / cutoff / dt), len(grid) // 10)
+    known = np.array([~_near_gaps(row, reach) for row in torque_gaps | excluded])
+    # white noise of the encoders, of which the filter takes out the part above its cutoff
+    noise = (raw - filtered).std(axis=1) / np.sqrt(1.0 - wide * dt / np.pi)
+    shake = np.outer(_noise_gain(dt, cutoff, width), noise)
+    q, v, a = (frozen(x[::stride]) for x in _derivatives(grid, q))
+    slow = frozen(_low_pass(measured, dt, wide)[:, ::stride])
+    return Motion(recording.name, frozen(grid[::stride]), q, v, a, slow, known[:, ::stride],
+                  cutoff, frozen(shake), moves, forces)  # fmt: skip
+
+
+def _low_pass(x: Array, dt: float, cutoff: float) -> Array:
+    """Rows x (n, m) in steps of `dt` [s], filtered by a low pass at `cutoff` [rad/s]."""
+    found: Array = filtfilt(*butter(ORDER, cutoff * dt / np.pi), x, axis=-1)
+    return found
+
+
+def _derivatives(t: Array, x: Array) -> tuple[Array, Array, Array]:
+    """Columns x (m, n) over t (m,) [s], and their first and second derivatives (m, n)."""
+    spline = make_interp_spline(t, x, k=5)
+    return x, spline(t, nu=1), spline(t, nu=2)
+
+
+def _noise_gain(dt: float, cutoff: float, width: float) -> Array:
+    """One-sigma errors (2,) of mean rate and acceleration over `width` [s] by unit white noise."""
+    box = np.ones(max(1, round(width / dt)))
+    half = len(box) + round(2.0 * SETTLED / cutoff / dt)
+    begin = half - len(box) // 2
+    mean = np.zeros((1, 2 * half + 1))  # weights of a mean, in the middle of what the filter sees
+    mean[0, begin : begin + len(box)] = box / len(box)
+    t = dt * np.arange(2.0 * half + 1.0)
+    _, rate, acceleration = _derivatives(t, _low_pass(mean, dt, cutoff).T)
+    return np.array([np.linalg.norm(rate), np.linalg.norm(acceleration)])
+
+
+def _near_gaps(gaps: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+    """Mask (m,) of readings within `reach` readings of a gap in `gaps` (m,), or of an end."""
+    around = np.pad(gaps.astype(float), reach, constant_values=1.0)
+    return np.convolve(around, np.ones(2 * reach + 1), "valid") > 0.5
+
+
+def true_motion(motion: Motion, errors: Readings,
+                mechanism: Mechanism) -> tuple[Array, Array, Array]:  # fmt: skip
+    """True positions, rates and accelerations (m, joints) of a motion read with `errors`.
+
+    Readings stamped late show an earlier time, so that the motion at t is read at t + delay; in the
+    last `delay` seconds, where no reading follows, the last one is held.
+    """
+    q, v, a = motion.q, motion.v, motion.a
+    if errors.delay != 0.0:
+        stamps = motion.t + errors.delay
+        q, v, a = (interpolate_columns(stamps, motion.t, columns) for columns in (q, v, a))
+    if not errors.bias and not errors.scale:
+        return q, v, a
+    bias = np.array([errors.bias.get(name, 0.0) for name in mechanism.encoders])
+    scale = 1.0 + np.array([errors.scale.get(name, 0.0) for name in mechanism.encoders])
+    return (q - bias) / scale, v / scale, a / scale
+
+
+def interpolate_columns(at: Array, t: Array, columns: Array) -> Array:
+    """Values (k, n) at times `at` (k,) [s] of `columns` (m, n) over `t` (m,) [s], held at ends."""
+    return np.array([np.interp(at, t, column) for column in columns.T]).T
+
+
+def link_motion(motion: Motion, deflection: Array, q: Array, v: Array,
+                a: Array) -> tuple[Array, Array, Array]:  # fmt: skip
+    """Motion (m, joints) of links that stand `deflection` (m, joints) behind motors at q, v, a."""
+    behind = (q - deflection) - q  # as floating point has it: not quite -deflection
+    smooth = _low_pass(behind.T, motion.t[1] - motion.t[0], motion.cutoff)
+    offset, rate, acceleration = _derivatives(motion.t, smooth.T)
+    return q + offset, v + rate, a + acceleration

@@ -1,0 +1,180 @@
+"""Reads MuJoCo models, MJCF or URDF, without foreign code or files outside their folder."""
+
+import math
+import os
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.parsers import expat
+
+import mujoco
+
+from drivers.errors import ConfigurationError
+from drivers.readers import MEGABYTE, read_text
+
+ASSETS = ("mesh", "hfield", "skin", "texture")  # with files that are read when compiled
+REPEATERS = ("replicate", "composite", "flexcomp")
+MOST_BODIES = 2000  # loading takes the square of copies: 115 s for 20,000
+MOST_BYTES = 200 * MEGABYTE  # of a model's text, and of all files that it names
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Text of a model, with motors on the joints `motors`.
+
+    Its paths count from `folder`, and stay `within` that of the mechanism's file.
+    """
+
+    text: str
+    folder: Path | None = None
+    within: Path | None = None
+    motors: tuple[str, ...] = ()
+
+    def spec(self, text: str | None = None) -> Any:
+        """Specification of the model, or of its changed `text`; files are found in its folder."""
+        spec = mujoco.MjSpec.from_string(text or self.text)
+        spec.modelfiledir = "" if self.folder is None else f"{self.folder}/"
+        for joint in self.motors if text is None else ():
+            motor = spec.add_actuator(name=joint, target=joint)
+            motor.trntype = mujoco.mjtTrn.mjTRN_JOINT
+        return spec
+
+
+def read_source(path: Path, folder: Path) -> Source:
+    """Read the MJCF or URDF at `path`, with what it includes, without foreign code.
+
+    Raises ConfigurationError for text that is no XML, plugins, files that are read while parsing,
+    and files outside `folder`.
+    """
+    text = read_text(path, MOST_BYTES)
+    root = _root(text, path)
+    if root.tag not in ("mujoco", "robot"):
+        raise ConfigurationError(f"{path}: root is <{root.tag}>; give MJCF or URDF")
+    if _include(root, path, folder, {path.resolve()}) or root.tag == "robot":
+        _plain_urdf(root, folder, path.parent)
+        text = ET.tostring(root, encoding="unicode")
+    for element in root.iter():
+        if element.tag in ("plugin", "extension"):
+            raise ConfigurationError(
+                f"{path}: <{element.tag}>: plugins run foreign code and are refused; remove it"
+            )
+        if element.get("file") is not None and element.tag not in ASSETS:
+            raise ConfigurationError(
+                f"{path}: <{element.tag} file>: is not read; write it into the model"
+            )
+    _check_copies(root, path)
+    return Source(text, path.parent, folder)
+
+
+def _root(text: str, path: Path) -> ET.Element:
+    if "<!ENTITY" in text or "<!DOCTYPE" in text:
+        raise ConfigurationError(f"{path}: declares XML entities; write them out")
+    builder, parser = ET.TreeBuilder(), expat.ParserCreate()  # prefixes may be undeclared in URDFs
+    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    parser.CharacterDataHandler = builder.data
+    try:
+        parser.Parse(text, True)
+        return builder.close()
+    except expat.ExpatError as error:
+        raise ConfigurationError(f"{path}: is not valid XML: {error}; mend it") from None
+
+
+def _include(root: ET.Element, path: Path, folder: Path, seen: set[Path]) -> bool:
+    """Put the content of included files in place of `include`; whether there was any.
+
+    Paths count from the folder of the model, and a file is included once, as MuJoCo has it.
+    """
+    found = False
+    for parent in list(root.iter()):
+        for element in parent.findall("include"):
+            place = _inside(path, path.parent / element.get("file", ""), folder)
+            if place in seen:
+                raise ConfigurationError(f"{path}: includes {place.name} twice; allowed: once")
+            seen.add(place)
+            inner = _root(read_text(place, MOST_BYTES), place)
+            _include(inner, path, folder, seen)
+            at = list(parent).index(element)
+            parent.remove(element)
+            for k, child in enumerate(inner):
+                parent.insert(at + k, child)
+            found = True
+    return found
+
+
+def _plain_urdf(root: ET.Element, folder: Path, place: Path) -> None:
+    """Take out of a URDF in `place` what other programs put there; its packages are in `folder`."""
+    for parent in list(root.iter()):
+        parent[:] = [e for e in parent if e.tag != "gazebo" and ":" not in e.tag]
+        for key in [key for key in parent.attrib if ":" in key]:
+            del parent.attrib[key]
+    for mesh in root.iter("mesh"):
+        name, separator, file = mesh.get("filename", "").removeprefix("package://").partition("/")
+        if separator and mesh.get("filename", "").startswith("package://"):
+            own = name == folder.name or not (folder / name).is_dir()
+            mesh.set("filename", os.path.relpath(folder / ("" if own else name) / file, place))
+
+
+def _check_copies(root: ET.Element, path: Path, copies: int = 1) -> None:
+    """Refuse elements that repeat bodies more often than can be loaded in a second."""
+    for element in root:
+        counts = re.findall(r"[0-9]+", element.get("count", "")) if element.tag in REPEATERS else ()
+        inside = copies * math.prod(max(1, int(c)) for c in counts)
+        if inside > MOST_BODIES:
+            raise ConfigurationError(
+                f"{path}: <{element.tag}>: makes {inside} copies; allowed: {MOST_BODIES}"
+            )
+        _check_copies(element, path, inside)
+
+
+def _inside(origin: Path, place: Path, folder: Path) -> Path:
+    """Resolved path of a regular file `place` in `folder`; ConfigurationError for any other."""
+    whole, name = place.resolve(), os.path.relpath(place, folder)
+    if not whole.is_relative_to(folder.resolve()):
+        raise ConfigurationError(
+            f"{origin}: {name}: lies outside {folder}; paths of a model stay in its folder"
+        )
+    if not whole.is_file():
+        raise ConfigurationError(f"{origin}: {name}: there is no such file in {folder}; add it")
+    return whole
+
+
+def _check_spec(spec: Any, source: Source, origin: str) -> None:
+    """Refuse files that a parsed model names outside its folder, and models that are too large."""
+    if len(spec.bodies) > MOST_BODIES:
+        raise ConfigurationError(f"{origin}: has {len(spec.bodies)} bodies; allowed: {MOST_BODIES}")
+    named = [(spec.meshdir, x.file) for x in (*spec.meshes, *spec.hfields, *spec.skins)]
+    textures = [name for x in spec.textures for name in (x.file, *x.cubefiles)]
+    named += [(spec.texturedir, name) for name in textures]
+    total = 0
+    for place, file in named:
+        if file and source.folder is not None and source.within is not None:
+            path = source.folder / place / (Path(file).name if spec.strippath else file)
+            total += _inside(Path(origin), path, source.within).stat().st_size
+        if total > MOST_BYTES:
+            raise ConfigurationError(
+                f"{origin}: {file}: meshes and textures hold over {MOST_BYTES // MEGABYTE} MB; "
+                "thin them, or leave those of looks out"
+            )
+
+
+def compile_model(source: Source, origin: str, slots: int, step: float,
+                  text: str | None = None) -> Any:  # fmt: skip
+    """Compile a model, or its changed `text`, with `slots` user numbers a joint and `step` [s].
+
+    RK4 replaces the Euler integrator. Raises ConfigurationError for a model that does not load.
+    """
+    try:
+        spec = source.spec(text)
+        _check_spec(spec, source, origin)
+        spec.nuser_jnt = slots
+        spec.option.timestep = step
+        if spec.option.integrator == mujoco.mjtIntegrator.mjINT_EULER:
+            spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
+        model = spec.compile()
+    except (ValueError, mujoco.FatalError) as error:
+        reason = " ".join(str(error).split())
+        raise ConfigurationError(f"{origin}: does not load: {reason[:160]}; mend it") from None
+    model.body_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # or edited frames are ignored
+    return model

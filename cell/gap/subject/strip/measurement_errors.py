@@ -1,0 +1,155 @@
+"""Errors of measuring a strip: those that differ from run to run, and those that runs share."""
+
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from cell.gap.subject.subject import Samples, ScatterSource, Words
+from drivers.settings import Settings, load
+from drivers.strip.model import StripModel
+from drivers.types import Array, frozen
+
+BIAS_FILE = Path(__file__).with_name("bias.yaml")
+DAMPING_FILE = BIAS_FILE.with_name("damping.yaml")
+PATH_HALVES = ("before", "past")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunEffect(ScatterSource):
+    """Quantity of a strip or its rig that differs from run to run.
+
+    `place` is the part and field of the model to which its value is added, as a share of the field
+    where the unit is 1.
+    """
+
+    place: str
+
+    def apply(self, model: StripModel, value: float) -> StripModel:
+        """`model` with the quantity at `value` instead of zero."""
+        part, _, field = self.place.partition(".")
+        before = getattr(model, part)
+        known = getattr(before, field)
+        new = frozen(known * (1.0 + value)) if self.unit == "1" else known + value
+        return replace(model, **{part: replace(before, **{field: new})})
+
+
+GRIPPER_REMEDY, AIR_REMEDY, RIG_REMEDY = (
+    "a stop against which the strip's edge is laid, or a gripper with firmer fingers",
+    "longer rests between runs, and a steady temperature and humidity",
+    "a stiffer desk and mount, and one clock for arm and camera",
+)
+RUN_EFFECTS = (
+    RunEffect("grip_x", "where along the desk the edge is grasped", GRIPPER_REMEDY,
+              "m", 3e-4, 3e-4, place="rig.grip_x", common=True),
+    RunEffect("grip_z", "at what height the edge is grasped", GRIPPER_REMEDY,
+              "m", 3e-4, 3e-4, place="rig.grip_z", common=True),
+    RunEffect("grip_pitch", "at what angle the edge is grasped", GRIPPER_REMEDY,
+              "rad", 0.005, 0.005, place="rig.grip_tilt"),
+    RunEffect("slack", "how much strip lies between edge and grip", GRIPPER_REMEDY,
+              "m", 3e-4, 3e-4, place="mechanics.length"),
+    RunEffect("damping", "the strip's damping", AIR_REMEDY,
+              "1", 0.05, 0.05, place="mechanics.viscosity", common=True),
+    RunEffect("stiffness", "the strip's stiffness", AIR_REMEDY,
+              "1", 0.005, 0.01, place="mechanics.rigidity", common=True),
+    RunEffect("desk_height", "the height of the desk", RIG_REMEDY,
+              "m", 2e-4, 3e-4, place="rig.desk_height"),
+    RunEffect("clock_start", "the start of the camera's clock", RIG_REMEDY,
+              "s", 0.002, 0.003, place="observation.camera_latency"),
+)  # fmt: skip
+"""Spreads: grasping by two fingers 0.3 mm, damping 5 %, stiffness 0.5 % of a well kept bench."""
+
+TARE = "a tare in the posture at rest right before the grasp"
+ONE_MESSAGE = "force and place from one message of the arm"
+FORCE_EFFECTS = (
+    RunEffect("force_x", "what the tare left of the force along the desk", TARE,
+              "N", 0.02, 0.0005, place="observation.force_x", common=True),
+    RunEffect("force_z", "what the tare left of the force upwards", TARE,
+              "N", 0.02, 0.0005, place="observation.force_z", common=True),
+    RunEffect("force_delay", "how late the arm reports a force", ONE_MESSAGE,
+              "s", 0.005, 0.0005, place="observation.force_delay"),
+)  # fmt: skip
+"""What runs that measure force differ by besides. Spreads: assumed, for an arm at its best."""
+
+KNOWN_EFFECTS = (*RUN_EFFECTS, *FORCE_EFFECTS)
+
+SLACK_EFFECTS = tuple(effect for effect in RUN_EFFECTS if effect.name == "slack")
+"""What is allowed for where no runs can say more: planned runs, and sizes of hidden effects."""
+
+
+class CameraBias(Settings):
+    """Standard deviations [m, s] of perception's mean error over half a run, by quantity.
+
+    Written by `python -m tests.lab study perception`. `edge` is how far out the near edge is seen,
+    which moves the whole profile; the other errors are independent, that of the profile adds to it.
+    """
+
+    schema_: Literal[1] = Field(1, alias="schema")
+    edge: float
+    profile: float
+    contact_x: float
+    touch_time: float
+    touch_x: float
+    displacement: float
+    strips: int
+    source: str
+    belongs_to: str
+
+
+class ModelError(Settings):
+    """Standard deviation of fitted `damping` between engines, as a share.
+
+    Written by `python -m tests.lab study damping`.
+    """
+
+    schema_: Literal[1] = Field(1, alias="schema")
+    damping: float
+    strips: int
+    source: str
+    belongs_to: str
+
+
+@cache
+def bias() -> CameraBias:
+    """Load the standard deviations of the systematic errors of strip measurements in images."""
+    return load(BIAS_FILE, CameraBias)
+
+
+@cache
+def model_error() -> ModelError:
+    """Load the relative standard deviation of fitted damping between simulation engines."""
+    return load(DAMPING_FILE, ModelError)
+
+
+def half(x: float, length: float) -> str:
+    """Half of the strip over which a gripper at `x` [m] is: `before` or `past` the middle."""
+    return PATH_HALVES[int(x < length / 2)]
+
+
+def common_errors(samples: Samples, halves: Words) -> dict[str, Array]:
+    """Residuals (n,) [m, s] that one standard deviation of each systematic error makes, by name.
+
+    `halves` (n,) is `before` or `past`, as the gripper is before or past the middle: past it, a
+    lifted strip shows its near edge on the other side.
+    """
+    sizes, profile = bias(), samples.quantity == "profile"
+    found = {"near edge": frozen(sizes.edge * profile * np.where(halves == "past", 1.0, -1.0))}
+    for quantity in ("profile", "contact_x", "touch_time", "touch_x", "displacement"):
+        measured = samples.quantity == quantity
+        groups = _error_groups(quantity, samples, halves)
+        for group in dict.fromkeys(map(str, groups[measured])):
+            members = measured & (groups == group)
+            found[f"{quantity} {group}".strip()] = frozen(
+                getattr(sizes, quantity) * members.astype(np.float64)
+            )
+    return found
+
+
+def _error_groups(quantity: str, samples: Samples, halves: Words) -> Words:
+    """Label (n,) of each sample's error group: by zone and half, by half, or one group for all."""
+    if quantity == "profile":
+        return np.array([f"{z} {h}" for z, h in zip(samples.zone, halves, strict=True)])
+    return halves if quantity == "contact_x" else np.full(len(halves), "")
