@@ -8,11 +8,11 @@ import numpy as np
 
 from cell.record.columns import FARTHEST_HAND, Sights, Ticks
 from cell.record.events import Outlook
-from cell.record.header import AgreementNote, Interval, Result
+from cell.record.header import AgreementNote, Result
 from cell.record.run import Run
 from cell.report.drawing import BLUE, GREEN, INK, MUTED, ORANGE, PAPER, PURPLE, RULE, as_svg, canvas
 from cell.report.overlay import Silhouette, evenly_chosen, fold_tips
-from cell.report.words import MINUS, millimetres
+from cell.report.words import millimetres
 from drivers.types import Array
 
 CURVES = 26  # profiles that are drawn, of all that were measured
@@ -203,15 +203,8 @@ def predictions(result: Result | None) -> list[tuple[str, str]]:
     if result is None or result.foretold is None:
         return []
     final = result.foretold
-    rows = [
-        (
-            "displacement",
-            f"{millimetres(final.displacement, signed=True)} ± {millimetres(final.sigma)}",
-        ),
-        ("bending length of its rods", _interval_text(final.bending_length, 1e3, 1, "mm")),
-        ("retardation time", _interval_text(final.retardation_time, 1e3, 0, "ms")),
-        ("yarn friction", _interval_text(final.yield_curvature, 1.0, 0, "1/m")),
-    ]
+    displacement = f"{millimetres(final.displacement, signed=True)} ± {millimetres(final.sigma)}"
+    rows = [("displacement", displacement)]
     if result.agreement is not None:
         rows.append(("strip and model", _agreement_text(result.agreement)))
     return rows
@@ -248,14 +241,6 @@ def _draw_prediction(axes: Any, outlook: Outlook, name: str) -> None:
         largest = float(np.nanmax(ends, initial=0.0)) if np.isfinite(ends).any() else 0.0
         limit = min(HALF_HEIGHT, largest) + MARGIN
         axes.set_ylim(-limit, limit)
-
-
-def _interval_text(estimate: Interval, scale: float, digits: int, unit: str) -> str:
-    value, low, high = (
-        f"{scale * v:.{digits}f}".replace("-", MINUS)
-        for v in (estimate.value, estimate.low, estimate.high)
-    )
-    return f"{value} {unit} ({low} to {high})"
 
 
 def _agreement_text(note: AgreementNote) -> str:

@@ -129,7 +129,10 @@ def _verdict(
         sentences.append(f"In truth, which the twin knows: {', '.join(ranked_true)}.")
     if differing:
         sentences.append(f"They differ in {', '.join(differing)}.")
-    return Verdict("good", f"{ranked[0].partition(': ')[0]} lies best", tuple(sentences))
+    ends = [line.partition(": ")[::2] for line in ranked]
+    best = [name for name, offset in ends if offset.lstrip("+−") == ends[0][1].lstrip("+−")]
+    lies = "lies best" if len(best) == 1 else "lie equally near"
+    return Verdict("good", f"{' and '.join(best)} {lies}", tuple(sentences))
 
 
 def _ranked(names: Sequence[str], offsets: Sequence[float | None]) -> list[str]:
