@@ -233,8 +233,7 @@ def predicting(make_run, tmp_path):
 def test_page_states_and_draws_what_was_predicted(predicting) -> None:
     page = write_report(predicting).read_text()
     text = re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", " ", page)))
-    for claim in ("+0.4 mm ± 0.9 mm", "16.7 mm (16.5 to 16.9)", "27 ms (22 to 34)"):
-        assert claim in text, claim
+    assert "+0.4 mm ± 0.9 mm" in text
     assert "This strip does not behave like the model" in text
     assert "do not agree, 3.1 mm apart" in text
     assert "predicted 60 times" in text
