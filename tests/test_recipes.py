@@ -28,12 +28,12 @@ from drivers.settings import parse
 from drivers.strip.describe import load_strip
 from drivers.strip.effects import check_effects, registry
 from policies.registry import entries, make_policy, policy_names
-from tests.cell.orchestrator.test_monitors import GOOD
 from tests.lab.exam.causes import cause_of, causes
 from tests.lab.exam.run import Quiet
 from tests.lab.studies import campaign, catalogue
 from tests.lab.studies.table import markdown
 from tests.support.mechanisms import PRESCRIBED, make_arm
+from tests.support.snapshots import GOOD
 
 STRIP = """
 schema: 1

@@ -15,8 +15,8 @@ from cell.record.files import is_under_way
 from cell.record.run import read_run
 from cell.record.writer import RunWriter
 from drivers.errors import Fault
-from tests.cell.calibrating.test_calibration_kept import made
-from tests.cell.conftest import HEADER
+from drivers.twin.settings import CameraSettings
+from tests.cell.conftest import HEADER, straight_camera
 from tests.support.requests import request_for
 
 DONE = Outcome("path_done", "the path ended and no touch was seen", 1, None, None, 9.0)
@@ -117,7 +117,7 @@ def test_what_controls_a_fold_has_no_way_to_the_plant(tmp_path, monkeypatch) -> 
     monkeypatch.setattr(cell.folding.fold, "Run", blind)
     record = Recording("none")
     request = request_for("denim", "triangular", tmp_path, CHECKOUT_CONFIGS, record=record)
-    result = fold(request, made())
+    result = fold(request, straight_camera(camera=CameraSettings().identity))
     assert (result.outcome, result.exit_code) == ("path_done", 1)
     assert seen[0].plant is None
     assert seen[0].aids is None

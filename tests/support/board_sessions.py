@@ -3,12 +3,15 @@
 import numpy as np
 
 from calibration.board import BoardSettings, BoardView
+from calibration.homography import Homography
 from calibration.lens import Lens
 from calibration.wizard.coverage import WantedView, wanted_views
-from drivers.types import frozen
+from drivers.types import Array, frozen
 
 MATRIX = frozen([[3413.0, 0, 645.0], [0, 3413.0, 355.0], [0, 0, 1]])
 LENS = Lens(1280, 720, MATRIX, frozen([-0.18, 0.1, 0.0, 0.0, 0.0]))
+AWAY = np.array([[1700.0, 0, 100], [0, -1700.0, 600], [0, 0, 1]])
+MAP = Homography.of(np.linalg.inv(AWAY))
 
 
 def projected(
@@ -65,3 +68,16 @@ def _turned(wanted: WantedView) -> np.ndarray:
     about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]]).T
     about_z = np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
     return about_y @ about_x @ about_z
+
+
+def arm_steps(rng: np.random.Generator) -> Array:
+    """Ten seconds of smooth steps along x, 100 readings a second."""
+    t = np.arange(0.0, 10.0, 0.01)
+    x = 0.25 + 0.06 * (1 - np.cos(2 * np.pi * t / 1.5)) + 2e-5 * rng.standard_normal(len(t))
+    return np.column_stack([t, x, np.full(len(t), 0.15)])
+
+
+def images_of(stamps: Array, x: Array, noise: float, rng: np.random.Generator) -> Array:
+    """Images (n, 3) at `stamps` of a pointer at `x`: stamp, u, v with `noise` [px]."""
+    pixels = LENS.distort(MAP.to_image(np.column_stack([x, np.full(len(x), 0.15)])))
+    return np.column_stack([stamps, pixels + noise * rng.standard_normal(pixels.shape)])

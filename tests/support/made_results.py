@@ -1,7 +1,11 @@
 """Made-up results of folds."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
+import pytest
+
+from cell.folding import batch
 from cell.folding.result import FoldResult
 
 DONE = FoldResult(
@@ -22,3 +26,10 @@ DONE = FoldResult(
     exit_code=0,
 )
 STOPPED = replace(DONE, outcome="interrupted", displacement=None, layer_touch=None, exit_code=130)
+
+
+def fold_by(monkeypatch: pytest.MonkeyPatch, fold: Callable, **others: Callable) -> None:
+    """Batches fold by `fold`, without calibration and pages unless by `others`."""
+    plain = {"calibration_of": lambda *_: None, "write_pages": lambda _, result: result}
+    for name, function in ({"fold": fold} | plain | others).items():
+        monkeypatch.setattr(batch, name, function)

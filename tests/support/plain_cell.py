@@ -14,6 +14,7 @@ from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.run import Run
 from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo, OpenHand
+from cell.orchestrator.states import Event, State
 from cell.perception.image_reader import ImageResult, InlineReader
 from cell.perception.measurement import StripMeasurement
 from drivers.installation import Workspace
@@ -23,6 +24,7 @@ from drivers.types import ArmState, Frame, HandState, Pose, Velocity
 from policies.registry import make_policy
 
 LIMITS = Configs(CHECKOUT_CONFIGS).cell().installation.limits
+AWAY = Velocity(-0.1, 0.05, 0.0)
 
 
 class PlainArm:
@@ -149,3 +151,29 @@ def plain_bench() -> Bench:
     """All devices at rest on one clock."""
     clock = TwinClock()
     return Bench(clock, PlainArm(clock), PlainHand(clock), NoiseCamera(clock))
+
+
+def ending(event: Event):
+    """A phase that does nothing."""
+
+    def phase(record, begin):
+        yield Hold()
+        return event
+
+    return phase
+
+
+def driving(record, begin):
+    """A phase that drives away and never ends by itself."""
+    while True:
+        yield Drive(AWAY)
+
+
+def phases(**special) -> dict:
+    plain = {
+        State.PREFLIGHT: ending(Event.CHECKED),
+        State.GRASP: ending(Event.GRASPED),
+        State.LIFT: ending(Event.LIFTED),
+        State.FOLD: driving,
+    }
+    return plain | {State(name): phase for name, phase in special.items()}

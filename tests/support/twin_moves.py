@@ -1,9 +1,15 @@
 """Motions of a twin that several tests make."""
 
+from pathlib import Path
+
 import numpy as np
 
-from drivers.twin.open import Twin
+from drivers.strip.describe import load_strip
+from drivers.twin.open import Twin, open_twin
+from drivers.twin.settings import ArmSettings, CameraSettings, TwinSettings
 from drivers.types import Pose, Velocity
+
+DENIM = load_strip(Path(__file__).parents[2] / "configs" / "strips" / "denim.yaml")
 
 
 def wait(twin: Twin, seconds: float) -> None:
@@ -39,3 +45,10 @@ def lift(twin: Twin) -> None:
     v = 0.1 / np.sqrt(2)
     drive(twin, Velocity(-v, v, np.pi / 2), 1.0)
     drive(twin, Velocity(-v, v, 0.0), 1.0)
+
+
+def twin_with(seed: int = 0, **arm) -> Twin:
+    camera = CameraSettings(width=320, height=240)
+    twin = open_twin(TwinSettings(arm=ArmSettings(**arm), camera=camera), DENIM, None, seed)
+    twin.arm.connect()
+    return twin

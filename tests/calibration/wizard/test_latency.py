@@ -3,21 +3,9 @@
 import numpy as np
 import pytest
 
-from calibration.homography import Homography
 from calibration.wizard.latency import LatencySettings, LatencyVerdict, latency_verdict
 from drivers.types import Array
-from tests.support.board_sessions import LENS
-
-SETTINGS = LatencySettings()
-AWAY = np.array([[1700.0, 0, 100], [0, -1700.0, 600], [0, 0, 1]])
-MAP = Homography.of(np.linalg.inv(AWAY))
-
-
-def arm_steps(rng: np.random.Generator) -> Array:
-    """Ten seconds of smooth steps along x, 100 readings a second."""
-    t = np.arange(0.0, 10.0, 0.01)
-    x = 0.25 + 0.06 * (1 - np.cos(2 * np.pi * t / 1.5)) + 2e-5 * rng.standard_normal(len(t))
-    return np.column_stack([t, x, np.full(len(t), 0.15)])
+from tests.support.board_sessions import LENS, MAP, arm_steps, images_of
 
 
 def _verdict(latency: float, noise: float = 0.1, jitter: float = 0.0) -> LatencyVerdict:
@@ -26,13 +14,7 @@ def _verdict(latency: float, noise: float = 0.1, jitter: float = 0.0) -> Latency
     stamps = np.arange(0.5, 9.5, 0.1)
     shown = stamps - latency + jitter * rng.standard_normal(len(stamps))
     x = np.interp(shown, arm[:, 0], arm[:, 1])
-    return latency_verdict(arm, images_of(stamps, x, noise, rng), LENS, MAP, SETTINGS)
-
-
-def images_of(stamps: Array, x: Array, noise: float, rng: np.random.Generator) -> Array:
-    """Images (n, 3) at `stamps` of a pointer at `x`: stamp, u, v with `noise` [px]."""
-    pixels = LENS.distort(MAP.to_image(np.column_stack([x, np.full(len(x), 0.15)])))
-    return np.column_stack([stamps, pixels + noise * rng.standard_normal(pixels.shape)])
+    return latency_verdict(arm, images_of(stamps, x, noise, rng), LENS, MAP, LatencySettings())
 
 
 @pytest.mark.parametrize("latency", [-0.02, 0.0, 0.013, 0.06, 0.19])
@@ -58,4 +40,4 @@ def test_unsteady_stamps_are_refused() -> None:
     ],
 )
 def test_steps_that_show_no_motion_are_refused(arm: Array, seen: Array, reason: str) -> None:
-    assert reason in latency_verdict(arm, seen, LENS, MAP, SETTINGS).reasons[0]
+    assert reason in latency_verdict(arm, seen, LENS, MAP, LatencySettings()).reasons[0]

@@ -13,7 +13,7 @@ from cell.folding.request import Request
 from cell.folding.result import FoldResult
 from drivers.errors import CellError, ConfigurationError
 from tests.support.commands import run
-from tests.support.made_results import DONE, STOPPED
+from tests.support.made_results import DONE, STOPPED, fold_by
 
 
 @pytest.fixture
@@ -32,9 +32,7 @@ def folds(monkeypatch, tmp_path) -> Callable[..., tuple[int, list[dict], list[Re
                 interrupted._asked = True
             return end
 
-        monkeypatch.setattr("cell.folding.batch.fold", fold)
-        monkeypatch.setattr("cell.folding.batch.write_pages", lambda _, result: result)
-        monkeypatch.setattr("cell.folding.batch.calibration_of", lambda *_: None)
+        fold_by(monkeypatch, fold)
         words = ("fold", "--strip", "denim", "--json", "--runs", tmp_path / "r", *words)
         code = run(monkeypatch, *words)
         told = capsys.readouterr()

@@ -20,6 +20,7 @@ from cell.orchestrator.outcome import Outcome
 from drivers.errors import ConfigurationError, PreflightRefused
 from drivers.strip.describe import load_strip
 from tests.support.commands import run
+from tests.support.made_results import DONE, fold_by
 from tests.support.requests import request_for
 
 NOWHERE = "192.0.2.7"  # of the block for documentation: no robot is there
@@ -122,9 +123,7 @@ def test_way_home_and_fold_of_an_emulated_robot_say_so(configs, monkeypatch, cap
     remark = "emulated robot at 127.0.0.5, on this machine"
     assert capsys.readouterr().out == f"the arm is parked ({remark})\n"
     made = FoldResult("runs/one", "denim", "adaptive", 0, "layer_touch", "", 0, 0.001)
-    monkeypatch.setattr("cell.folding.batch.agreed", lambda requests, _: requests)
-    monkeypatch.setattr("cell.folding.batch.fold", lambda *_: made)
-    monkeypatch.setattr("cell.folding.batch.write_pages", lambda _, result: result)
+    fold_by(monkeypatch, lambda *_: made, agreed=lambda requests, _: requests)
     for words, out in (((), True), (("--json",), False)):
         run(monkeypatch, "fold", "--strip", "denim", *words, "--configs", configs)
         said = capsys.readouterr()
@@ -158,9 +157,7 @@ def test_next_run_waits_until_somebody_laid_the_strip(configs, monkeypatch, tmp_
         await_strip(lambda _: "")
     await_strip(lambda _: "\n")
     laid: list[int] = []
-    monkeypatch.setattr("cell.folding.batch.fold", lambda *_, **__: "folded")
-    monkeypatch.setattr("cell.folding.batch.write_pages", lambda _, result: result)
-    monkeypatch.setattr("cell.folding.batch.calibration_of", lambda *_: None)
+    fold_by(monkeypatch, lambda *_: DONE)
     choice = DeviceSelection(agreed=True)
     wanted = standard_requests(request_for("denim", "", tmp_path, configs, choice=choice))
     attendance = Attendance(lay_again=lambda: laid.append(1))

@@ -19,7 +19,7 @@ from cell.record.frames import FrameWriter
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError
 from drivers.types import Frame
-from tests.cell.exchange.test_import_runs import STAMPS, foreign, mapping
+from tests.support.foreign_tables import STAMPS, foreign, mapping
 
 ARRAYS = ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "contact_x", "contact_t", "f_x", "f_z")
 

@@ -22,7 +22,7 @@ from cell.record.exchange.import_runs import import_runs
 from cell.record.film import Film, FilmWriter
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError
-from tests.cell.exchange.test_import_runs import T, X, Z, in_metres, plain
+from tests.support.foreign_tables import T, X, Z, in_metres, plain
 
 ROWS = [(round((t + 7.0) * 1e9), x, z) for t, x, z in zip(T, X, Z, strict=True)]
 INTEGERS = ("double_value", "positive_int_value", "negative_int_value")

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from cell.cli.app import app
 from cell.record.run import read_run
 from drivers.types import Array
-from tests.cell.exchange.test_import_runs import LENGTH, STAMPS, T, X, Z
+from tests.support.foreign_tables import LENGTH, STAMPS, T, X, Z
 
 PITCH = np.clip(T, 0.0, 1.0) * np.pi / 2
 ALONG = np.linspace(0.0, 1.0, 12)

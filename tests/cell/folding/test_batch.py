@@ -27,7 +27,7 @@ from drivers.errors import (
     SimulationNotFinite,
     Unsupported,
 )
-from tests.support.made_results import DONE, STOPPED
+from tests.support.made_results import DONE, STOPPED, fold_by
 from tests.support.requests import request_for
 
 
@@ -67,10 +67,7 @@ def test_a_fold_without_a_calibration_yields_its_error_and_the_others_go_on(
         if (error := next(calls)) is not None:
             raise error
 
-    monkeypatch.setattr(batch, "calibration_of", calibrate)
-    monkeypatch.setattr(batch, "fold", lambda *_: DONE)
-    monkeypatch.setattr(batch, "write_pages", lambda _, result: result)
-    monkeypatch.setattr(batch, "_fold_in_process", done)
+    fold_by(monkeypatch, done, calibration_of=calibrate, _fold_in_process=done)
     first, *others = fold_all(repeated(tmp_path, 3), jobs=jobs)
     assert str(first) == "calibration: refused"
     assert others == [DONE, DONE]
@@ -230,10 +227,7 @@ def test_series_ends_with_the_first_close_or_stopped_fold(
         code, offset = next(left)
         return replace(DONE, exit_code=code, edge_offset=offset, displacement=None)
 
-    monkeypatch.setattr(batch, "fold", fold)
-    monkeypatch.setattr(batch, "write_pages", lambda _, result: result)
-    monkeypatch.setattr(batch, "calibration_of", lambda *_: None)
-    monkeypatch.setattr(batch, "with_correction", lambda request, _: request)
+    fold_by(monkeypatch, fold, with_correction=lambda request, _: request)
     assert len([*fold_all(repeated(tmp_path, 3), 2, until=0.002)]) == count
 
 
@@ -246,9 +240,7 @@ def test_a_result_is_told_before_its_page_is_written_and_again_where_that_fails(
         assert told == [DONE]
         return replace(result, outcome="record", exit_code=4)
 
-    monkeypatch.setattr(batch, "fold", lambda *_: DONE)
-    monkeypatch.setattr(batch, "calibration_of", lambda *_: None)
-    monkeypatch.setattr(batch, "write_pages", fail)
+    fold_by(monkeypatch, done, write_pages=fail)
     (result,) = fold_all(repeated(tmp_path, 1), attendance=Attendance(tell=told.append))
     assert told == [DONE, result]
     assert result.exit_code == 4

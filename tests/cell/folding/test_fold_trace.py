@@ -10,30 +10,17 @@ from cell.folding.documents import result_content
 from cell.folding.fold_trace import UNLIKE_REASON, FoldTrace
 from cell.folding.result import FoldResult
 from cell.orchestrator.outcome import Outcome
-from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
 from cell.perception.agreement import MeasuredFold
-from cell.perception.measurement import SeenTouch, StripMeasurement
+from cell.perception.measurement import StripMeasurement
 from cell.record.header import Result
 from drivers.types import ZERO_VELOCITY, ArmState, Array, HandState, Pose
-from tests.cell.perception.test_agreement import BELIEF, STRIP, measured
+from tests.support.made_folds import BELIEF, OUTCOME, STRIP, TOUCH, Notes, measured
 from tests.support.made_results import DONE
 
-TOUCH = SeenTouch(time=5.0, x=0.3, to_grasped=0.3, to_fixed=0.301, confidence=1.0, distance=0.001)
-OUTCOME = Outcome("layer_touch", "the layers touch", 0, TOUCH, -0.002, 14.0, BELIEF)
 ANOTHER_LAW = {"quadratic_damping": (("coefficient", 0.02),)}
-
-
-class Notes(Recorder):
-    """A record that keeps its events."""
-
-    def __init__(self) -> None:
-        self.events: list[tuple[str, dict[str, object]]] = []
-
-    def event(self, clock: float, kind: str, **facts: object) -> None:
-        self.events.append((kind, facts))
 
 
 def smooth(points: Array) -> Array:

@@ -12,7 +12,7 @@ import yaml
 from cell.gap.verdict import accept as acceptance
 from cell.gap.verdict.accept import accept, undo
 from drivers.errors import ConfigurationError
-from tests.cell.gap.test_gap_accept_checked import Fitted
+from tests.support.accepted_fit import Fitted
 
 pytestmark = pytest.mark.slow
 

@@ -12,7 +12,7 @@ from cell.gap.check import check, clock, identifiable, recordings, values
 from cell.gap.fit import fit
 from cell.gap.subject.run_folders import RunFolder, find_runs
 from drivers.errors import ConfigurationError
-from tests.cell.gap.test_gap_engine import Curves, nothing
+from tests.support.curves import Curves, nothing
 from tests.support.gap_strip_cases import STRIP, folds, written
 from tests.support.run_edits import edit_column
 

@@ -2,10 +2,9 @@
 
 import pytest
 
-import tests.cell.gap.test_gap_engine as engine
 from cell.gap.selection.hold_out import held_out
 from drivers.types import Array
-from tests.cell.gap.test_gap_engine import Curves, bump, nothing
+from tests.support.curves import LAWS, Curves, bump, nothing
 
 
 def medium_only(t: Array, speed: float, _: int) -> Array:
@@ -24,7 +23,7 @@ def test_one_condition_in_four_is_held_out_with_all_its_repeats() -> None:
 
 
 def test_condition_that_an_effect_hangs_on_is_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(engine.LAWS, "single", medium_only)  # type: ignore[misc]
+    monkeypatch.setitem(LAWS, "single", medium_only)  # type: ignore[misc]
     subject = Curves(nothing, names=("bump", "single"), repeats=1)
     assert conditions(subject) == {"fast"}
 
@@ -32,7 +31,7 @@ def test_condition_that_an_effect_hangs_on_is_fitted(monkeypatch: pytest.MonkeyP
 def test_of_a_repeated_condition_that_alone_tells_an_effect_one_run_judges(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setitem(engine.LAWS, "single", medium_only)  # type: ignore[misc]
+    monkeypatch.setitem(LAWS, "single", medium_only)  # type: ignore[misc]
     subject = Curves(nothing, names=("bump", "single"))
     medium = [run.name for run in subject.runs if run.condition == "medium"]
     held = held_out(subject, subject.simulate)

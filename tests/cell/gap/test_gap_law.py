@@ -15,8 +15,7 @@ from drivers.strip.describe import describe, load_strip
 from drivers.strip.law import LAW_TERMS, with_law
 from drivers.types import Array
 from drivers.yaml_text import dump_yaml
-from tests.cell.gap import test_gap_engine as engine
-from tests.cell.gap.test_gap_engine import Curves, bump, candidate, hidden, judged, nothing, wave
+from tests.support.curves import LAWS, Curves, Law, bump, candidate, hidden, judged, nothing, wave
 from tests.support.gap_strip_cases import STRIP, denim
 
 
@@ -65,7 +64,7 @@ def wide(t: Array, speed: float, _: int) -> Array:
 
 
 def test_a_law_stands_beside_a_name_that_only_imitates(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(engine.LAWS, "wide", wide)  # type: ignore[misc]
+    monkeypatch.setitem(LAWS, "wide", wide)  # type: ignore[misc]
     found, verdict = judged(Withheld(hidden(bump, 0.3), names=("wide", "dead")))
     assert [e.name for e in found.accepted.model.effects] == ["wide"]
     assert verdict.gap.shrink < 0.95
@@ -75,7 +74,7 @@ def test_a_law_stands_beside_a_name_that_only_imitates(monkeypatch: pytest.Monke
 
 
 def test_no_law_stands_beside_two_effects_that_are_there() -> None:
-    both: engine.Law = lambda t, s, i: 0.2 * bump(t, s, i) - 0.1 * wave(t, s, i)  # noqa: E731
+    both: Law = lambda t, s, i: 0.2 * bump(t, s, i) - 0.1 * wave(t, s, i)  # noqa: E731
     found, verdict = judged(Withheld(both))
     assert sorted(e.name for e in verdict.effects) == ["bump", "wave"]
     assert found.law is None

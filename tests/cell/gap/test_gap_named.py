@@ -8,8 +8,8 @@ import pytest
 
 from cell.gap.subject.subject import Candidate, Parameter, Request, Residuals, Scope
 from drivers.types import Array
-from tests.cell.gap import test_gap_engine
-from tests.cell.gap.test_gap_engine import LAWS, Curves, Law, T, bump, hidden, judged, wave
+from tests.support import curves
+from tests.support.curves import LAWS, Curves, Law, T, bump, hidden, judged, wave
 
 THRESHOLD, PROBES, CREEP = 0.5, (0.3, 1.0, 3.0), 0.02
 
@@ -104,7 +104,7 @@ def astray(*runs: int) -> Law:
 def single(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every run is of a condition of its own."""
     more = {f"v{i}": 0.6 + 0.3 * i for i in range(7)}
-    monkeypatch.setattr(test_gap_engine, "SPEEDS", {**test_gap_engine.SPEEDS, **more})
+    monkeypatch.setattr(curves, "SPEEDS", {**curves.SPEEDS, **more})
 
 
 @pytest.mark.usefixtures("single")

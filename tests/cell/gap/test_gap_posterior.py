@@ -16,8 +16,7 @@ from cell.gap.selection.prior import Beliefs, beliefs, filling_floor
 from cell.gap.selection.screening import probe
 from cell.gap.verdict.confidence import Numbers, calibration
 from drivers.types import Array
-from tests.cell.gap.test_gap_engine import Curves, bump, fitted, hidden, judged, wave
-from tests.cell.gap.test_gap_robust import validated
+from tests.support.curves import Curves, bump, fitted, hidden, judged, validated, wave
 
 PLAIN = LikelihoodScale(1.0, 1.0)
 EXACT = beliefs().model_copy(update={"immaterial": 0.0, "shares": (0.0,)})

@@ -8,13 +8,11 @@ import pytest
 
 from cell.gap.diagnosis.lack_of_fit import Repeats
 from cell.gap.fitting.base_fit import refit_fine
-from cell.gap.fitting.crossvalidation import CrossValidatedFit, folds, validate
-from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.tasks import run_one
+from cell.gap.fitting.crossvalidation import folds
 from cell.gap.subject.subject import Request, Run
 from cell.gap.verdict.decision import decide, describe_left, probability
 from drivers.types import Array
-from tests.cell.gap.test_gap_engine import Curves, T, fitted, hidden, judged, nothing, wave
+from tests.support.curves import Curves, T, fitted, hidden, judged, nothing, validated, wave
 
 GRAIN = 0.1
 
@@ -50,11 +48,6 @@ def test_repeats_that_scatter_for_no_reason_leave_the_cause_open() -> None:
     assert verdict.verdict == "unexplained"
     assert verdict.unexplained is not None
     assert "repeats of one condition differ by" in verdict.unexplained.description
-
-
-def validated(estimate: Estimate, subject: Curves | None = None) -> CrossValidatedFit:
-    simulate = (subject or Curves(nothing)).simulate
-    return run_one(simulate, validate(estimate))
 
 
 def test_loss_of_runs_left_out_is_that_of_their_normal_density() -> None:

@@ -9,7 +9,7 @@ import pytest
 from cell.gap.fitting.reml import SMALLEST, covariance, spreads
 from cell.gap.subject.subject import Parameter, Request, Residuals
 from cell.gap.verdict.compose import intervals
-from tests.cell.gap.test_gap_engine import Curves, Law, T, bump, fitted, hidden, judged, nothing
+from tests.support.curves import Curves, Law, T, bump, fitted, hidden, judged, nothing
 
 USUAL = 0.1
 SLOPE, SIGMA = 0.5, 0.2  # m/s, of the curves and of a common error that grows with time

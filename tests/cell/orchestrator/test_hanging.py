@@ -12,7 +12,7 @@ from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
 from cell.perception.measurement import StripMeasurement
 from drivers.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
-from tests.cell.folding.test_fold_trace import Notes
+from tests.support.made_folds import Notes
 
 TICK, FRAME = 0.01, 2  # s, ticks from image to image
 HAND = HandState(0.0, 0.0, "made", 0.001, True, False)

@@ -9,8 +9,7 @@ from cell.orchestrator.states import Event, State
 from cell.perception.image_reader import ImageResult, ImageTask
 from drivers.errors import Fault
 from drivers.types import Pose, Velocity
-from tests.cell.orchestrator.test_orchestrator_stops import phases
-from tests.support.plain_cell import Bench, plain_bench, result_of
+from tests.support.plain_cell import Bench, phases, plain_bench, result_of
 
 AWAY = Velocity(-0.1, 0.05, 0.0)
 

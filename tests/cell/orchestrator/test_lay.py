@@ -23,9 +23,8 @@ from cell.orchestrator.states import Event
 from cell.perception.measurement import SeenTouch
 from drivers.types import Pose, Velocity
 from policies.path import Path
-from tests.cell.orchestrator.test_monitors import GOOD
-from tests.cell.orchestrator.test_orchestrator_stops import phases
-from tests.support.plain_cell import plain_bench
+from tests.support.plain_cell import phases, plain_bench
+from tests.support.snapshots import GOOD
 
 TICK, REST, SPEED = 0.01, 0.0009, 0.1  # s, m, m/s
 FOLD = FoldSettings()

@@ -13,36 +13,9 @@ from cell.orchestrator.states import Event, State
 from cell.orchestrator.steps import close_hand, move, open_hand
 from drivers.errors import Fault
 from drivers.types import ArmState, Frame, Pose, Velocity
-from tests.support.plain_cell import Bench, plain_bench
+from tests.support.plain_cell import AWAY, Bench, ending, phases, plain_bench
 
 BEGIN = 0.5  # s, from when on things go wrong
-AWAY = Velocity(-0.1, 0.05, 0.0)
-
-
-def ending(event: Event):
-    """A phase that does nothing."""
-
-    def phase(record, begin):
-        yield Hold()
-        return event
-
-    return phase
-
-
-def driving(record, begin):
-    """A phase that drives away and never ends by itself."""
-    while True:
-        yield Drive(AWAY)
-
-
-def phases(**special) -> dict:
-    plain = {
-        State.PREFLIGHT: ending(Event.CHECKED),
-        State.GRASP: ending(Event.GRASPED),
-        State.LIFT: ending(Event.LIFTED),
-        State.FOLD: driving,
-    }
-    return plain | {State(name): phase for name, phase in special.items()}
 
 
 @pytest.fixture

@@ -14,9 +14,8 @@ from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo
 from cell.orchestrator.states import Event, State
 from cell.orchestrator.steps import move
 from drivers.types import Frame, Pose, Velocity
-from tests.cell.orchestrator.test_monitors import FRAME, GOOD
-from tests.cell.orchestrator.test_orchestrator_stops import phases
-from tests.support.plain_cell import Bench, plain_bench
+from tests.support.plain_cell import Bench, phases, plain_bench
+from tests.support.snapshots import FRAME, GOOD
 
 LIMITS = MonitorLimits()
 BEGIN, DRIVEN = 0.5, 1.8  # s, from when on images are lost: in a move, in a drive

@@ -17,8 +17,8 @@ from cell.perception.preflight import PreflightCheck
 from drivers.types import Frame
 from policies.policy import Decision
 from policies.registry import make_policy
-from tests.cell.folding.test_fold_trace import BELIEF, Notes
-from tests.cell.orchestrator.test_monitors import GOOD, POSE, showing
+from tests.support.made_folds import BELIEF, Notes
+from tests.support.snapshots import GOOD, POSE, showing
 
 CONFIGS = find_configs(None)
 FRAME = Frame(1.0, 1.0, "test", 0, np.zeros((2, 2, 3), np.uint8))

@@ -1,7 +1,5 @@
 """A strip that does not behave like the model is told from one that does."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
@@ -9,60 +7,10 @@ from cell.perception.agreement import (
     BINS,
     FEWEST_IMAGES,
     Agreement,
-    MeasuredFold,
     agreement,
     agreement_limits,
 )
-from drivers.strip.describe import describe
-from drivers.strip.file import StripFile
-from drivers.strip.rod.engine import Rod
-from policies.path import triangular
-from policies.prediction import Estimate, FoldPrediction
-from policies.profile import profiles
-from tests.support.effect_cases import simulate
-
-STRIP = StripFile(
-    name="unknown",
-    length=0.6,
-    width=0.05,
-    areal_density=0.3,
-    bending_length=0.019,
-    retardation_time=0.06,
-    thickness=0.001,
-)
-
-
-def about(value: float, spread: float) -> Estimate:
-    return Estimate(value, value / spread, value * spread)
-
-
-BELIEF = FoldPrediction(
-    displacement=0.0,
-    sigma=0.001,
-    bending_length=about(0.019, 1.01),
-    retardation_time=about(0.06, 1.3),
-    yield_curvature=Estimate(0.5, 0.0, 1.0),
-    blind=False,
-)
-
-
-@cache
-def measured(**effects: tuple[tuple[str, float], ...]) -> MeasuredFold:
-    """A fold of the strip with these effects, seen with the noise of images."""
-    rng, path = np.random.default_rng(3), triangular(0.6, 0.04)
-    t = np.arange(0.0, path.length / 0.1, 0.005)
-    held = {name: dict(values) for name, values in effects.items()}
-    model = describe(STRIP.model_copy(update={"effects": held}))
-    rod = Rod(100)
-    motion = simulate(rod, model, t, path.poses(0.1 * t), shapes=True)
-    assert motion.touch is not None
-    seen = slice(round(1.5 / 0.005), None, 3)
-    arcs = np.broadcast_to(rod.arc()[0], (len(motion.t), rod.arc().shape[1]))
-    curves = profiles(motion.shapes, arcs, motion.contact_x, motion.poses[:, :2])[seen]
-    noise = rng.normal(size=curves.shape) * 0.0003 + rng.normal(size=(1, 1, 2)) * 0.0005
-    return MeasuredFold.until(
-        motion.touch.time, t, path.poses(0.1 * t), motion.t[seen], curves + noise
-    )
+from tests.support.made_folds import BELIEF, STRIP, measured
 
 
 def test_strip_of_the_models_law_agrees() -> None:

@@ -19,8 +19,7 @@ from cell.perception.consistency import (
 from cell.record.header import Result
 from cell.record.run import read_run
 from cell.report.verdict import verdict_of
-from tests.cell.folding.test_fold_trace import OUTCOME
-from tests.cell.perception.test_laid import SEEN
+from tests.support.made_folds import OUTCOME, SEEN
 from tests.support.made_results import DONE
 
 

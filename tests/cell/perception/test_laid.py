@@ -13,14 +13,9 @@ from cell.folding.batch import fold_all
 from cell.orchestrator.context import FoldContext
 from cell.perception.consistency import LengthCheck
 from cell.perception.laid import TOP, Loop, laid_weights
-from cell.perception.measurement import StripMeasurement
 from cell.record.run import read_run
-from tests.cell.folding.test_fold_trace import TOUCH
+from tests.support.made_folds import ARCH, SEEN, TOUCH
 from tests.support.requests import request_for
-
-ANGLE = np.linspace(-np.pi / 2, np.pi / 2, 60)
-ARCH = np.column_stack([0.28 + 0.011 * np.cos(ANGLE), 0.01 + 0.01 * np.sin(ANGLE)])
-SEEN = StripMeasurement(1.0, 7, 0.28, 1.0, ARCH, 1.0, (0.291, 0.01), np.nan, np.nan)
 
 
 def test_loop_is_read_from_its_tip_its_top_and_where_it_leaves_the_desk() -> None:

@@ -20,10 +20,10 @@ from cell.report.calibration_page import write_calibration_report
 from cell.report.page import write_report
 from cell.report.runs_page import write_comparison, write_runs_page
 from drivers.types import Frame
-from tests.cell.benchmark.test_benchmark import measured
 from tests.cell.conftest import HEADER
-from tests.cell.gap.test_gap_engine import Curves, bump, hidden, judged
 from tests.support.browser import FOUND, LOOKS, Browser, Look, browser
+from tests.support.curves import Curves, bump, hidden, judged
+from tests.support.made_benchmark import measured
 
 pytestmark = [
     pytest.mark.slow,

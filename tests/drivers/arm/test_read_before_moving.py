@@ -18,7 +18,7 @@ from drivers.franka.kinematics import FLANGE_TO_TIP
 from drivers.franka.model import arm_urdf
 from drivers.types import frozen
 from tests.drivers.arm.rig import near, served, task
-from tests.drivers.fci_server.test_conformance import told_by
+from tests.support.fci_clients import told_by
 
 NARROWER = {
     "lower": ('lower="-2.7437"', 'lower="-2.0"'),

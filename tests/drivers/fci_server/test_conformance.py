@@ -3,12 +3,6 @@
 None of this was ever tried on a robot: it shows that server and client binaries agree.
 """
 
-import json
-import subprocess
-import sys
-from importlib.util import find_spec
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -22,12 +16,10 @@ from drivers.fci_server.faults import (
 from drivers.fci_server.robot import Robot
 from drivers.fci_server.server import RobotServer, ServerSettings
 from drivers.fci_server.wire import Reflex
+from tests.support.fci_clients import PACKAGES, told_by
 from tests.support.fci_wire import RawArm
 
-CLIENTS = Path(__file__).parent / "clients"
-PACKAGES = {"pylibfranka": "pylibfranka", "franky": "franky-control", "franka": "franka-rs"}
 WALL = 0.03  # m along y
-PATIENCE = 60  # s, for a client on a busy machine
 
 
 class Wall:
@@ -35,17 +27,6 @@ class Wall:
 
     def force(self, tip, time):
         return np.array([0.0, -25.0 if tip[1, 3] > WALL else 0.0, 0.0])
-
-
-def told_by(script: str, module: str, address: str, *arguments: str) -> dict[str, object]:
-    """What a client in a process of its own says at its end."""
-    if find_spec(module) is None:
-        pytest.skip(f"{PACKAGES[module]} is not installed: no wheel for this platform")
-    command = [sys.executable, str(CLIENTS / script), address, *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
-    assert done.returncode == 0, done.stderr
-    answer: dict[str, object] = json.loads(done.stdout.splitlines()[-1])
-    return answer
 
 
 @pytest.mark.parametrize(

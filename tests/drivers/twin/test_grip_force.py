@@ -13,9 +13,8 @@ from drivers.twin.chain.engine import Chain
 from drivers.twin.settings import WrenchSettings
 from drivers.types import Array
 from policies.experiments.standard import STANDARD
-from tests.drivers.twin.test_twin_arm import DENIM, twin_with
 from tests.support.effect_cases import simulate
-from tests.support.twin_moves import grasp, lift, wait
+from tests.support.twin_moves import DENIM, grasp, lift, twin_with, wait
 
 ENGINES = {"rod": Rod(120), "chain": Chain(80)}
 HEIGHT, STILL = 0.25, 2.0  # m of the gripper, s at rest there

@@ -1,25 +1,13 @@
 """The twin's arm and hand on one clock with the real chain."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from drivers.strip.describe import load_strip
-from drivers.twin.open import Twin, open_twin
-from drivers.twin.settings import ArmSettings, CameraSettings, TwinSettings
+from drivers.twin.open import Twin
 from drivers.types import Pose, Velocity
-from tests.support.twin_moves import drive, grasp, lift, move, wait
+from tests.support.twin_moves import DENIM, drive, grasp, lift, move, twin_with, wait
 
-DENIM = load_strip(Path(__file__).parents[3] / "configs" / "strips" / "denim.yaml")
 L = DENIM.length
-
-
-def twin_with(seed: int = 0, **arm) -> Twin:
-    camera = CameraSettings(width=320, height=240)
-    twin = open_twin(TwinSettings(arm=ArmSettings(**arm), camera=camera), DENIM, None, seed)
-    twin.arm.connect()
-    return twin
 
 
 @pytest.fixture(scope="module")

@@ -34,13 +34,6 @@ def test_a_study_is_drawn_from_its_seed_and_travels(name: str) -> None:
     assert study.quick <= study.usual
 
 
-def test_an_unknown_study_is_refused_with_those_that_exist() -> None:
-    with pytest.raises(
-        ConfigurationError, match=r"'lookz' is not known .did you mean 'looks'.*; known: .*looks"
-    ):
-        study_of("lookz")
-
-
 @pytest.mark.slow
 def test_an_interval_contains_the_truth_at_its_nominal_rate() -> None:
     rng = np.random.default_rng(0)
