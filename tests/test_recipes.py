@@ -33,7 +33,7 @@ from tests.lab.exam.run import Quiet
 from tests.lab.studies import campaign, catalogue
 from tests.lab.studies.table import markdown
 from tests.support.mechanisms import PRESCRIBED, make_arm
-from tests.support.snapshots import GOOD
+from tests.support.plain_cell import GOOD
 
 STRIP = """
 schema: 1

@@ -17,25 +17,16 @@ from policies.profile import profiles
 from tests.support.effect_cases import simulate
 
 STRIP = StripFile(
-    name="unknown",
-    length=0.6,
-    width=0.05,
-    areal_density=0.3,
-    bending_length=0.019,
-    retardation_time=0.06,
-    thickness=0.001,
-)
-
-
-def about(value: float, spread: float) -> Estimate:
-    return Estimate(value, value / spread, value * spread)
+    name="unknown", length=0.6, width=0.05, areal_density=0.3, bending_length=0.019,
+    retardation_time=0.06, thickness=0.001,
+)  # fmt: skip
 
 
 BELIEF = FoldPrediction(
     displacement=0.0,
     sigma=0.001,
-    bending_length=about(0.019, 1.01),
-    retardation_time=about(0.06, 1.3),
+    bending_length=Estimate(0.019, 0.019 / 1.01, 0.019 * 1.01),
+    retardation_time=Estimate(0.06, 0.06 / 1.3, 0.06 * 1.3),
     yield_curvature=Estimate(0.5, 0.0, 1.0),
     blind=False,
 )

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,14 +13,15 @@ from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.run import Run
-from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo, OpenHand
+from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo, OpenHand, Snapshot
 from cell.orchestrator.states import Event, State
+from cell.orchestrator.vision import View
 from cell.perception.image_reader import ImageResult, InlineReader
 from cell.perception.measurement import StripMeasurement
 from drivers.installation import Workspace
 from drivers.motion import TICK, MotionProfile
 from drivers.twin.clock import Rank, TwinClock
-from drivers.types import ArmState, Frame, HandState, Pose, Velocity
+from drivers.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose, Velocity
 from policies.registry import make_policy
 
 LIMITS = Configs(CHECKOUT_CONFIGS).cell().installation.limits
@@ -177,3 +178,22 @@ def phases(**special) -> dict:
         State.FOLD: driving,
     }
     return plain | {State(name): phase for name, phase in special.items()}
+
+
+POSE = Pose(0.4, 0.2, math.pi / 2)
+ARM = ArmState(10.0, 10.0, "test", POSE, ZERO_VELOCITY, POSE, moving=True, expired=False)
+HAND = HandState(10.0, 10.0, "test", width=0.001, grasped=True, moving=False)
+FRAME = Frame(9.97, 9.99, "test", 7, np.zeros((2, 2, 3), np.uint8))
+SIGHT = StripMeasurement(9.97, 7, 0.3, 1.0, np.zeros((3, 2)), 1.0, (0.5, 0.02), math.nan, math.nan)
+GOOD = Snapshot(
+    time=10.0,
+    state=State.FOLD,
+    entered=5.0,
+    arm=ARM,
+    hand=HAND,
+    view=View(frame=FRAME, fresh=True, measurement=SIGHT),
+)
+
+
+def showing(**changes) -> Snapshot:
+    return replace(GOOD, view=replace(GOOD.view, **changes))

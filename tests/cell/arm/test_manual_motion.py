@@ -16,7 +16,7 @@ from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import OpenHand
 from drivers.errors import Fault
 from drivers.types import Pose
-from tests.support.snapshots import GOOD
+from tests.support.plain_cell import GOOD
 from tests.support.twin_calibration import twin_calibration
 
 SETTINGS = find_configs(None).cell()

@@ -17,7 +17,7 @@ from cell.benchmark.summary import StripNumbers, claims
 from cell.cli.app import app
 from drivers.errors import ConfigurationError
 from tests.support.campaign_parts import Fine
-from tests.support.made_benchmark import CONFIGS, asked, image_fold, measured
+from tests.support.made_results import CONFIGS, asked, image_fold, measured
 
 pytestmark = pytest.mark.slow
 

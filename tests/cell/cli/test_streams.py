@@ -15,17 +15,15 @@ CELL = [sys.executable, "-m", "cell"]
 FOLD = """
 import sys
 from pathlib import Path
-import cell.folding.batch
-from tests.support.made_results import DONE
+from pytest import MonkeyPatch
+from tests.support.made_results import DONE, fold_by
 from dataclasses import replace
 
 def fold(request, *_more, **_named):
     Path("record").write_text("written")
     return replace(DONE, outcome="path_done", displacement=None, exit_code=1)
 
-cell.folding.batch.fold = fold
-cell.folding.batch.calibration_of = lambda *_: None
-cell.folding.batch.write_pages = lambda _, result: result
+fold_by(MonkeyPatch(), fold)
 from cell.__main__ import main
 main()
 """

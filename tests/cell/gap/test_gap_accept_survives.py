@@ -12,7 +12,7 @@ import yaml
 from cell.gap.verdict import accept as acceptance
 from cell.gap.verdict.accept import accept, undo
 from drivers.errors import ConfigurationError
-from tests.support.accepted_fit import Fitted
+from tests.support.gap_strip_cases import Fitted
 
 pytestmark = pytest.mark.slow
 

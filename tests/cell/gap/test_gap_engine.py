@@ -8,9 +8,6 @@ import pytest
 from cell.gap.diagnosis.lack_of_fit import Repeats
 from cell.gap.fitting.base_fit import weak_directions
 from cell.gap.fitting.crossvalidation import folds
-from cell.gap.fitting.gauss_newton import refit
-from cell.gap.fitting.model import Model, Point, evidence
-from cell.gap.fitting.tasks import run_all, run_one
 from cell.gap.report.sentence import sentence
 from cell.gap.selection.posterior import Posterior, SetProbability
 from cell.gap.subject.subject import (
@@ -18,12 +15,6 @@ from cell.gap.subject.subject import (
 )
 from cell.gap.verdict.compose import verdict as compose
 from tests.support.curves import Curves, Law, bump, fitted, hidden, judged, nothing, wave
-
-
-def test_base_is_refitted_to_its_true_values() -> None:
-    estimate = fitted(Curves(nothing))
-    assert estimate.shared[1] == pytest.approx(0.5, abs=0.01)
-    assert estimate.scale == pytest.approx(1.0, abs=0.1)
 
 
 def test_hidden_effect_is_named_with_an_interval_that_covers_it() -> None:
@@ -170,21 +161,6 @@ def test_direction_that_the_runs_cannot_determine_is_named() -> None:
         object.__setattr__(run, "local", (shift,))
     weak = weak_directions(fitted(subject))
     assert weak == ["offset"]
-
-
-def test_same_verdict_whatever_runs_beside_a_fit() -> None:
-    subject = Curves(hidden(bump, 0.05))
-    scope, runs = subject.scope, evidence(subject.runs)
-    models = [Model(scope.base, (c,)) for c in scope.candidates]
-
-    def task(model: Model) -> object:
-        start = Point(np.array([p.start for p in model.parameters]), runs.start())
-        return refit(model, runs, start)
-
-    crowd = run_all(subject.simulate, [task(m) for m in models])
-    single = [run_one(subject.simulate, task(m)) for m in models]
-    for a, b in zip(crowd, single, strict=True):
-        np.testing.assert_array_equal(a.shared, b.shared)
 
 
 def test_wild_samples_do_not_move_the_fit() -> None:

@@ -15,8 +15,7 @@ from cell.gap.verdict.accept import BASE_PATCH, PATCH, accept, undo
 from cell.gap.verdict.compose import deviations
 from cell.gap.verdict.schema import Interval, Verdict
 from drivers.strip.describe import load_strip
-from tests.support.accepted_fit import Fitted
-from tests.support.gap_strip_cases import STRIP, denim, folds, written
+from tests.support.gap_strip_cases import STRIP, Fitted, denim, folds, written
 
 LENGTH = Parameter("bending_length", "m", 0.017, 0.005, 0.05, 1e-5, 0.0085, tolerated=(0.015, 0.02))
 TIME = Parameter("retardation_time", "s", 0.03, 0.001, 1.0, 1e-4, 0.06)

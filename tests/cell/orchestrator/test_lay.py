@@ -23,8 +23,7 @@ from cell.orchestrator.states import Event
 from cell.perception.measurement import SeenTouch
 from drivers.types import Pose, Velocity
 from policies.path import Path
-from tests.support.plain_cell import phases, plain_bench
-from tests.support.snapshots import GOOD
+from tests.support.plain_cell import GOOD, phases, plain_bench
 
 TICK, REST, SPEED = 0.01, 0.0009, 0.1  # s, m, m/s
 FOLD = FoldSettings()

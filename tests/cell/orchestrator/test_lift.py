@@ -98,7 +98,7 @@ def test_commands_late_at_its_end_do_not_take_the_arm_out_of_reach(begin: int) -
 
     def judge(profile: MotionProfile) -> None:
         if profile.moving:
-            objections.append(guard.objection(PredictedMotion(*profile.soon(REACTION))))
+            objections.append(guard.objection(profile.predict(REACTION)))
 
     lifted(REACHABLE, late=range(begin, begin + 9), watch=judge)
     assert len(objections) > 200

@@ -11,7 +11,7 @@ from cell.orchestrator.states import State
 from drivers.errors import Fault
 from drivers.installation import AxisLimits, MotionLimits, Workspace
 from drivers.types import Pose, Velocity
-from tests.support.snapshots import ARM, FRAME, GOOD, HAND, POSE, showing
+from tests.support.plain_cell import ARM, FRAME, GOOD, HAND, POSE, showing
 
 
 def turned(by: float) -> Pose:

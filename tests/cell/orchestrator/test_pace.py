@@ -14,8 +14,7 @@ from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo
 from cell.orchestrator.states import Event, State
 from cell.orchestrator.steps import move
 from drivers.types import Frame, Pose, Velocity
-from tests.support.plain_cell import Bench, phases, plain_bench
-from tests.support.snapshots import FRAME, GOOD
+from tests.support.plain_cell import FRAME, GOOD, Bench, phases, plain_bench
 
 LIMITS = MonitorLimits()
 BEGIN, DRIVEN = 0.5, 1.8  # s, from when on images are lost: in a move, in a drive

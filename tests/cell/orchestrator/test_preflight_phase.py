@@ -18,7 +18,7 @@ from drivers.types import Frame
 from policies.policy import Decision
 from policies.registry import make_policy
 from tests.support.made_folds import BELIEF, Notes
-from tests.support.snapshots import GOOD, POSE, showing
+from tests.support.plain_cell import GOOD, POSE, showing
 
 CONFIGS = find_configs(None)
 FRAME = Frame(1.0, 1.0, "test", 0, np.zeros((2, 2, 3), np.uint8))

@@ -9,7 +9,7 @@ from cell.orchestrator.steps import TURNING, drive, is_at
 from drivers.installation import Installation
 from drivers.types import Pose
 from policies.policy import Decision
-from tests.support.snapshots import ARM, GOOD, POSE
+from tests.support.plain_cell import ARM, GOOD, POSE
 
 
 @pytest.mark.parametrize("asked", [-9.0, -2.0, 0.0, 1.6, 2.7, 9.0])

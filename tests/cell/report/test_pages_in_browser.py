@@ -23,7 +23,7 @@ from drivers.types import Frame
 from tests.cell.conftest import HEADER
 from tests.support.browser import FOUND, LOOKS, Browser, Look, browser
 from tests.support.curves import Curves, bump, hidden, judged
-from tests.support.made_benchmark import measured
+from tests.support.made_results import measured
 
 pytestmark = [
     pytest.mark.slow,
