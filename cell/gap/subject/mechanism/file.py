@@ -118,6 +118,8 @@ class MechanismFile(Settings):
             raise ValueError("mode prescribed compares torques; no signal is: torque")
         if self.mode == "prescribed" and not any(k == "position" for k in self.inputs.values()):
             raise ValueError("mode prescribed needs inputs: {JOINT: position}, the given motion")
+        if self.mode == "forward" and self.cell:
+            raise ValueError("cell: the cell's own arm is compared in mode prescribed")
         if self.mode == "forward" and any(s.is_ == "tracking" for s in self.signals.values()):
             raise ValueError("is: tracking is for mode prescribed; forward compares positions")
         if self.mode == "forward" and "position" in self.inputs.values():

@@ -155,7 +155,7 @@ class InverseDynamics(MechanismSubject):
         speed = np.interp(cut.t, motion.t, motion.v @ (1.0 / self._mechanism.rate))
         return phases(average(speed[None], cut.edges)[0])
 
-    def predict(self, cases: Sequence[Case]) -> list[Array | None]:
+    def predict(self, cases: Sequence[Case]) -> list[Array]:
         """Return the signals (signals, k) of each case at the k times of its readings."""
         with without_clock(), ThreadPoolExecutor(self._jobs) as pool:
             return list(pool.map(self._signals, cases))

@@ -127,7 +127,7 @@ class MechanismSubject(Subject):
         return ()
 
     @abstractmethod
-    def predict(self, cases: Sequence[Case]) -> list[Array | None]:
+    def predict(self, cases: Sequence[Case]) -> Sequence[Array | None]:
         """Simulate each case and return its signals (signals, k) at the k times of its readings.
 
         None where its simulation diverges.
