@@ -112,8 +112,7 @@ class ModelFields:
     def __getitem__(self, name: str) -> Array:
         """Array of the field called `name`, to be edited in place."""
         if not name.startswith(OPTION):
-            found: Array = getattr(self.model, name)
-            return found
+            return np.asarray(getattr(self.model, name))
         value = getattr(self.model.opt, name.removeprefix(OPTION))
         if isinstance(value, np.ndarray):
             return value

@@ -137,8 +137,7 @@ def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str
 
 def _low_pass(x: Array, dt: float, cutoff: float) -> Array:
     """Rows x (n, m) in steps of `dt` [s], filtered by a low pass at `cutoff` [rad/s]."""
-    found: Array = filtfilt(*butter(ORDER, cutoff * dt / np.pi), x, axis=-1)
-    return found
+    return np.asarray(filtfilt(*butter(ORDER, cutoff * dt / np.pi), x, axis=-1))
 
 
 def _derivatives(t: Array, x: Array) -> tuple[Array, Array, Array]:

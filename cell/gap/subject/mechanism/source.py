@@ -172,6 +172,8 @@ def compile_model(source: Source, origin: str, slots: int, step: float,
         spec.option.timestep = step
         if spec.option.integrator == mujoco.mjtIntegrator.mjINT_EULER:
             spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
+        of_geoms = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+        spec.compiler.discardvisual = not of_geoms  # each simulation copies the model
         model = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
