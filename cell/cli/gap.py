@@ -164,7 +164,10 @@ def rehearse(
     threads = _threads(jobs)
     chosen = engine(threads, cluster, COPY_TIMEOUT)
     made = rehearsal.plan(runs, _strip_file(strip, configs), out, excess, empty, threads)
-    with resumable(out), Meter(Console(stderr=True), rehearsal.line, quiet=as_json) as meter:
+    with (
+        resumable(out),
+        Meter(Console(stderr=True), rehearsal.progress_line, quiet=as_json) as meter,
+    ):
         records = rehearsal.rehearse(made, out, chosen, meter)
     page = rehearsal.write_page(made, records, out)
     if as_json:

@@ -30,7 +30,7 @@ PLACE_RANGE = (0.3, 0.95)  # of the length, where an effect of one place may sit
 WIDTHS = (1.0, 4.0)  # bending lengths, of an effect that has a width
 TIME_RANGE = (0.1, 2.0)  # s, of one that has a time
 RATIOS = (5.0, 12.0)  # of pre-sliding over bending stiffness
-Hidden = dict[str, dict[str, float]]
+EffectValues = dict[str, dict[str, float]]
 """Effects by name, with their values by parameter."""
 
 
@@ -41,17 +41,6 @@ class Strengths:
     effect: Effect
     others: dict[str, float]
     largest: float
-
-    @classmethod
-    def of(cls, effect: Effect, strip: StripFile, others: dict[str, float], *, up: bool) -> Self:
-        """Strengths up to the largest believable on `strip`; `up` is the sign where both exist."""
-        p, sizes = effect.parameters[0], effect.sizes(strip)
-        if p.null is None:
-            return cls(effect, others, max(p.low, min(sizes) / BELIEVABLE))
-        if p.null > 0.0:
-            return cls(effect, others, max(sizes) ** (1.0 if up else -1.0))
-        signed = BELIEVABLE * max(map(abs, sizes)) * (1.0 if up or p.low >= 0.0 else -1.0)
-        return cls(effect, others, float(np.clip(signed, p.low, p.high)))
 
     def at(self, share: float) -> dict[str, float]:
         """Parameters by name at the fraction `share` (above 0, up to 1) of the `largest` effect."""
@@ -66,7 +55,10 @@ class Strengths:
 
 
 def draw_strengths(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Strengths:
-    """Draw an effect's parameters of shape (place, width, time, ratio) and its sign."""
+    """Draw an effect's parameters of shape (place, width, time, ratio) and its sign.
+
+    Its sizes go up to the largest believable on `strip`.
+    """
     others: dict[str, float] = {}
     for p in effect.parameters[1:]:
         if p.role == "place":
@@ -79,7 +71,14 @@ def draw_strengths(effect: Effect, strip: StripFile, rng: np.random.Generator) -
             others[p.name] = float(rng.uniform(*RATIOS))
         elif p.null is not None:
             others[p.name] = p.null
-    return Strengths.of(effect, strip, others, up=bool(rng.uniform() < 0.5))
+    sign = 1.0 if rng.uniform() < 0.5 else -1.0  # where the effect has both
+    p, sizes = effect.parameters[0], effect.sizes(strip)
+    if p.null is None:
+        return Strengths(effect, others, max(p.low, min(sizes) / BELIEVABLE))
+    if p.null > 0.0:
+        return Strengths(effect, others, max(sizes) ** sign)
+    largest = BELIEVABLE * max(map(abs, sizes)) * (1.0 if p.low >= 0.0 else sign)
+    return Strengths(effect, others, float(np.clip(largest, p.low, p.high)))
 
 
 def indistinguishable_from(name: str) -> frozenset[str]:
@@ -105,11 +104,11 @@ class GapModel:
         folds = measured_along(paths, plant, sigma, 0)
         return cls(plant, [MeasuredRun("own", f"own-{i}", m, ()) for i, m in enumerate(folds)])
 
-    def excess(self, hidden: Sequence[Hidden]) -> Array:
+    def excess(self, hidden: Sequence[EffectValues]) -> Array:
         """Excess gap (k,) that each of k sets of effects leaves after the base is refitted."""
         return np.array([self.excess_of(response) for response in self.responses(hidden)])
 
-    def responses(self, hidden: Sequence[Hidden]) -> list[Array]:
+    def responses(self, hidden: Sequence[EffectValues]) -> list[Array]:
         """Whitened response (N,) to each set of effects, less what a refit of the base removes."""
         estimate = self._estimate
         base, local = estimate.shared, estimate.point.local

@@ -4,7 +4,7 @@ import hashlib
 import json
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -32,7 +32,7 @@ from cell.gap.verdict.accept import (
 from cell.gap.verdict.compose import deviations
 from cell.gap.verdict.compose import verdict as compose
 from cell.gap.verdict.findings import Findings
-from cell.gap.verdict.schema import NamedEffect, Verdict
+from cell.gap.verdict.schema import EffectValues, Values, Verdict
 from drivers.errors import ConfigurationError
 from drivers.files import write_file, writing
 from drivers.yaml_text import dump_yaml
@@ -40,7 +40,6 @@ from drivers.yaml_text import dump_yaml
 Overlay = Callable[[Findings, Verdict, Path], None]
 """Writes a recording of measured and simulated runs to a path, for a viewer."""
 
-Effects = dict[str, dict[str, float]]
 ENGINE_VERSION = "55"  # a fit that another version began starts anew
 
 
@@ -84,7 +83,7 @@ def fit(
     verdict = compose(found, time.monotonic() - began, simulate.total)
     deviates = deviations(subject.scope.base, verdict.base)
     notes = [*verdict.notes, *map(note, copies, copies.values()), *subject.notes]
-    notes += subject.consequences(*_values(verdict, verdict.effects))
+    notes += subject.consequences(*verdict.values_with(verdict.effects))
     verdict = verdict.model_copy(update={"notes": notes, "deviates": deviates})
     progress("write", 0.97)
     _write(found, verdict, file, out)
@@ -106,41 +105,31 @@ def _write(findings: Findings, verdict: Verdict, file: Path, out: Path) -> None:
               "law": findings.law and asdict(findings.law)}  # fmt: skip
     write_file(out / RECORD, json.dumps(record, indent=1))
     write_report(findings, verdict, out / "report.html")
-    source = f"cell gap fit, {out.name}"
-    if findings.law is not None:
-        terms = {name: {"amount": value} for name, value in findings.law.terms.items()}
-        law_patch, _ = findings.subject.patch(findings.law.base, terms, source)
-        write_file(out / LAW_PATCH, dump_yaml(law_patch))
-        _write_model(findings, out / LAW_MODEL_PATCH, findings.law.base, terms)
+    if (law := findings.law) is not None:
+        terms = {name: {"amount": value} for name, value in law.terms.items()}
+        _write_patch(findings, out, LAW_PATCH, LAW_MODEL_PATCH, law.base, terms)
     offers_values = bool(verdict.deviates) and not findings.accepted.model.effects
     if verdict.effects or verdict.suspected or offers_values:
         name = BASE_PATCH if offers_values else PATCH if verdict.effects else SUSPECT_PATCH
-        _write_patches(findings, verdict, out, source, name)
+        values = verdict.values_with(verdict.effects or verdict.suspected)
+        cell_patch = _write_patch(findings, out, name, MODEL_PATCH, *values)
+        if cell_patch is not None:
+            write_file(out / CELL_PATCH, dump_yaml(cell_patch))
 
 
-def _write_patches(findings: Findings, verdict: Verdict, out: Path, source: str, name: str) -> None:
-    """Write the patch of values and effects of `verdict` as `name`, its model, and the cell's."""
-    base, effects = _values(verdict, verdict.effects or verdict.suspected)
-    patch, cell_patch = findings.subject.patch(base, effects, source)
+def _write_patch(
+    findings: Findings, out: Path, name: str, model: str, base: Values, effects: EffectValues
+) -> dict[str, object] | None:
+    """Write the patch `name`, and for a subject with a model its file `model`.
+
+    Returns the patch of the cell, where effects belong to it.
+    """
+    patch, cell_patch = findings.subject.patch(base, effects, f"cell gap fit, {out.name}")
     write_file(out / name, dump_yaml(patch))
-    _write_model(findings, out / MODEL_PATCH, base, effects)
-    if cell_patch is not None:
-        write_file(out / CELL_PATCH, dump_yaml(cell_patch))
-
-
-def _write_model(
-    findings: Findings, path: Path, base: Mapping[str, float], effects: Effects
-) -> None:
-    """Write the accepted model of a subject that keeps one beside its file."""
     text = findings.subject.model_text(base, effects)
     if text is not None:
-        write_file(path, text)
-
-
-def _values(verdict: Verdict, effects: Sequence[NamedEffect]) -> tuple[dict[str, float], Effects]:
-    """Values of the base of `verdict` by name, and of each of `effects` by parameter."""
-    base = {name: v.value for name, v in verdict.base.items()}
-    return base, {e.name: {k: v.value for k, v in e.parameters.items()} for e in effects}
+        write_file(out / model, text)
+    return cell_patch
 
 
 def _key(file: Path, runs: Sequence[RunFolder], held: Sequence[str]) -> str:

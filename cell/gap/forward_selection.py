@@ -16,9 +16,8 @@ from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.reml import Spread, clearly_differ, estimate_spreads, with_scatter
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.selection import search
-from cell.gap.selection.choice import choose, is_exhausted
-from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, margin
+from cell.gap.selection.choice import choose
+from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, margin
 from cell.gap.selection.posterior import posterior
 from cell.gap.selection.screening import ranked_pairs
 from cell.gap.selection.search import BUDGET, within_reach
@@ -54,11 +53,10 @@ def revised_base(
 def leading_models(fits: Fits) -> list[CrossValidatedFit]:
     """Models that lead the base: the one that predicts clearly better, and more probable ones."""
     likelihood = fits.likelihood
-    names = (
-        [fits.best.model.names] if margin(fits.best, fits.base, likelihood).gain >= MIN_GAIN else []
-    )
     before_base = takewhile(lambda m: m.names, posterior(fits, likelihood).models)
-    names += [m.names for m in before_base if m.p > ALPHA]
+    names = [m.names for m in before_base if m.p > ALPHA]
+    if margin(fits.best, fits.base, likelihood).gain >= MIN_GAIN:
+        names = [fits.best.model.names, *names]
     return [m for name in dict.fromkeys(names) if (m := fits.of(name)) is not None]
 
 
@@ -177,16 +175,19 @@ class ForwardSelection:
     def _refit_alternatives(self, fits: Fits) -> Fits:
         """Fit an accepted pair or triple without each effect, and with others in its place.
 
-        Repeats while that changes the accepted model, since each has alternatives of its own.
+        Repeats while another set is accepted than before, since each has alternatives of its own.
         """
         tried: set[frozenset[str]] = set()
-        while len(names := self._accept(fits).model.names) > 1 and names not in tried:
+        while True:
+            accepted = self._accept(fits)
+            names = accepted.model.names
+            if len(names) < 2 or names in tried:
+                return fits
             tried.add(names)
-            subsets = search.without_each(self._accept(fits))
-            fits = search.fit_scores(self.simulate, fits, subsets, self._candidates)
-            parts = [m for name in names if (m := fits.of(names - {name})) is not None]
-            fits = search.other_signs(self.simulate, self._extend(fits, parts), parts)
-        return fits
+            smaller = search.without_each(accepted)
+            fits = search.fit_scores(self.simulate, fits, smaller, self._candidates)
+            reduced = [m for name in names if (m := fits.of(names - {name})) is not None]
+            fits = search.other_signs(self.simulate, self._extend(fits, reduced), reduced)
 
     def _extend(self, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:
         return search.extend(self.simulate, fits, models, self._candidates, self.screen.probed)
@@ -201,9 +202,7 @@ class ForwardSelection:
 
 
 def _leaves_more(fits: Fits) -> bool:
-    """Whether the best model leaves more than noise and errors of its laws, overall or in a bin."""
-    if is_exhausted(fits):
-        return False
+    """Whether the model that fits best leaves more than noise, overall or in a bin."""
     best = min(fits.models, key=lambda m: (m.estimate.scale, m.estimate.objective)).estimate
     test = ResidualTest.of(best, np.random.default_rng(1))
     return test.misfit() < ALPHA or any(place.p < ALPHA for place in test.localise())

@@ -25,7 +25,7 @@ from cell.gap.fit import fit
 from cell.gap.fitting.base_fit import refit_base
 from cell.gap.fitting.model import Model, evidence
 from cell.gap.fitting.reml import spreads
-from cell.gap.subject.run_folders import RunFolder, counted_once, find_runs
+from cell.gap.subject.run_folders import counted_once, find_runs
 from cell.gap.subject.strip.measurement_errors import KNOWN_EFFECTS
 from cell.gap.subject.strip.runs import FoldMeasurement, MeasuredRun, read_runs
 from cell.gap.subject.strip.subject import Strip
@@ -48,7 +48,7 @@ SEGMENTS, STEP = 240, 0.002  # of the copies' rod, s: finer than any grid of the
 DWELL_TIME, ROW_PERIOD = 0.6, 0.01  # s that a copy stays at the end of its path, in rows of so much
 
 
-class Hidden(Settings):
+class HiddenCopy(Settings):
     """One simulated copy: the hidden `effect` with its `values`, empty for none, and its `seed`."""
 
     key: str
@@ -68,7 +68,7 @@ class Plan(Settings):
     runs: tuple[str, ...]
     base: dict[str, float]
     scatter: dict[str, float]
-    copies: tuple[Hidden, ...]
+    copies: tuple[HiddenCopy, ...]
     unseen: tuple[str, ...]
 
 
@@ -77,9 +77,9 @@ def plan(
 ) -> Plan:
     """Load the plan that `folder` holds for these inputs, or make and store a new one.
 
-    It has every effect of the library at the size that leaves an excess gap of `excess`, and
-    `empty` copies with nothing hidden. Raises ConfigurationError for what is no strip, and where
-    the folder holds another plan.
+    It has every effect of the library at the size that leaves an excess gap of `excess` [sigma],
+    and `empty` copies with nothing hidden. Raises ConfigurationError for what is no strip, and
+    where the folder holds another plan.
     """
     (folders, _), stored = counted_once(find_runs(paths)), folder / PLAN
     inputs = f"{inputs_digest(file, folders)}-{excess:g}-{empty}"
@@ -88,28 +88,19 @@ def plan(
         if held.inputs != inputs:
             raise ConfigurationError(f"--out: {folder} holds another rehearsal; name a new folder")
         return held
-    made = _new_plan(folders, file, inputs, excess, empty, jobs)
-    with writing(f"--out: {folder}"):
-        folder.mkdir(parents=True, exist_ok=True)
-        replace_file(stored, made.model_dump_json(indent=1).encode())
-    return made
-
-
-def _new_plan(
-    folders: Sequence[RunFolder], file: Path, inputs: str, excess: float, empty: int, jobs: int
-) -> Plan:
     strip = load_strip(file)
     measured = read_runs(folders, strip)
     subject = Strip(strip, measured, jobs)
     model, known_runs = Model(subject.scope.base), evidence(subject.runs)
     base = refit_base(subject.simulate, model, known_runs)
     values = {p.name: float(v) for p, v in zip(model.base, base.shared, strict=True)}
-    plant = as_fitted(strip, values)
-    copies, unseen = copies_with_each_effect(plant, [run for run in measured if run.usable], excess)
+    usable = [run for run in measured if run.usable]
+    copies, unseen = copies_with_each_effect(as_fitted(strip, values), usable, excess)
     copies += [
-        Hidden(key=f"{NO_EFFECT}-{i}", effect=NO_EFFECT, values={}, seed=i) for i in range(empty)
+        HiddenCopy(key=f"{NO_EFFECT}-{i}", effect=NO_EFFECT, values={}, seed=i)
+        for i in range(empty)
     ]
-    return Plan(
+    made = Plan(
         inputs=inputs,
         file=str(file.resolve()),
         runs=tuple(str(run.path) for run in folders),
@@ -118,6 +109,10 @@ def _new_plan(
         copies=tuple(copies),
         unseen=tuple(unseen),
     )
+    with writing(f"--out: {folder}"):
+        folder.mkdir(parents=True, exist_ok=True)
+        replace_file(stored, made.model_dump_json(indent=1).encode())
+    return made
 
 
 def as_fitted(strip: StripFile, values: Mapping[str, float]) -> StripFile:
@@ -136,20 +131,24 @@ def path_of_run(run: MeasuredRun) -> GripperPath:
 
 
 def copies_with_each_effect(
-    plant: StripFile, runs: Sequence[MeasuredRun], excess: float
-) -> tuple[list[Hidden], list[str]]:
-    """Copies with each effect so large that it leaves the gap `excess`, and effects that cannot."""
-    gap_model = GapModel.along(plant, [path_of_run(run) for run in runs], runs[0].measured.sigma)
+    strip: StripFile, runs: Sequence[MeasuredRun], excess: float
+) -> tuple[list[HiddenCopy], list[str]]:
+    """Copies that each hide one effect, just large enough to leave the gap `excess` [sigma].
+
+    Effects that the refitted `strip` has already are left out; the noise is that of the first run.
+    Second, the names of the effects that leave such a gap at no believable size.
+    """
+    gap_model = GapModel.along(strip, [path_of_run(run) for run in runs], runs[0].measured.sigma)
     copies, unseen = [], []
-    for number, (name, effect) in enumerate(sorted(registry().items())):
-        if name in plant.effects:
-            continue
-        strengths = draw_strengths(effect, plant, np.random.default_rng([number]))
-        share = gap_model.share(strengths, excess)
-        if share is None:
-            unseen.append(name)
-        else:
-            copies.append(Hidden(key=name, effect=name, values=strengths.at(share), seed=number))
+    for seed, (name, effect) in enumerate(sorted(registry().items())):
+        if name not in strip.effects:
+            strengths = draw_strengths(effect, strip, np.random.default_rng([seed]))
+            share = gap_model.share(strengths, excess)
+            if share is None:
+                unseen.append(name)
+            else:
+                values = strengths.at(share)
+                copies.append(HiddenCopy(key=name, effect=name, values=values, seed=seed))
     return copies, unseen
 
 
@@ -158,7 +157,7 @@ class Copy:
     """A simulated copy of the runs as a part of a campaign."""
 
     plan: Plan
-    hidden: Hidden
+    hidden: HiddenCopy
     of: str
     cost: float = COPY_COST
 
@@ -184,14 +183,15 @@ class Copy:
         }
 
 
-def write_copy(plan: Plan, hidden: Hidden, folder: Path) -> None:
+def write_copy(plan: Plan, hidden: HiddenCopy, folder: Path) -> None:
     """Simulate a copy and write its run folders into `folder`."""
     strip, rng = load_strip(Path(plan.file)), np.random.default_rng([hidden.seed, 1])
-    plant = as_fitted(strip, plan.base)
     runs = [run for run in read_runs(find_runs([Path(p) for p in plan.runs]), strip) if run.usable]
     effects = {hidden.effect: hidden.values} if hidden.effect != NO_EFFECT else {}
+    fitted = as_fitted(strip, plan.base)
     models = [
-        differing(describe(plant, effects, run.measured.index), plan.scatter, rng) for run in runs
+        with_scatter(describe(fitted, effects, run.measured.index), plan.scatter, rng)
+        for run in runs
     ]
     folds = rod_folds(models, [path_of_run(run) for run in runs], SEGMENTS, STEP)
     for number, (run, fold) in enumerate(zip(runs, folds, strict=True)):
@@ -199,7 +199,7 @@ def write_copy(plan: Plan, hidden: Hidden, folder: Path) -> None:
         write_fold(folder / f"{number:02d}", strip.name, copy, instruments(run.measured), rng)
 
 
-def differing(
+def with_scatter(
     model: StripModel, scatter: Mapping[str, float], rng: np.random.Generator
 ) -> StripModel:
     """Strip model of one run, with its run-to-run differences drawn from the spreads `scatter`."""
@@ -222,7 +222,7 @@ def rehearse(plan: Plan, folder: Path, engine: Engine, watcher: Watcher) -> list
     return [r for _, r in carry_out(parts, folder / JOURNAL, engine, watcher)]
 
 
-def right(outcome: Mapping[str, Any]) -> bool:
+def is_right(outcome: Mapping[str, Any]) -> bool:
     """Whether a verdict names the hidden effect or its class, or finds no gap in an empty copy."""
     name = outcome["hidden"]
     if name == NO_EFFECT:
@@ -232,11 +232,9 @@ def right(outcome: Mapping[str, Any]) -> bool:
     return bool(outcome["named"] and set(outcome["named"]) <= likes) or bool(likes & within)
 
 
-def line(record: Record) -> str:
+def progress_line(record: Record) -> str:
     """Result of a copy in a few words, for the progress report."""
-    if record.outcome is None:
-        return f": failed: {record.reason}"
-    return f": {_answer(record.outcome)}"
+    return f": {_answer(record.outcome) if record.outcome else f'failed: {record.reason}'}"
 
 
 def _answer(outcome: Mapping[str, Any]) -> str:
@@ -251,7 +249,7 @@ def page(plan: Plan, records: Sequence[Record]) -> str:
     outcomes = [r.outcome for r in records if r.outcome is not None]
     hidden = [o for o in outcomes if o["hidden"] != NO_EFFECT]
     empty = [o for o in outcomes if o["hidden"] == NO_EFFECT]
-    rows = [(o["hidden"], _size_text(o["values"]), _answer(o), "yes" if right(o) else "**no**")
+    rows = [(o["hidden"], _size_text(o["values"]), _answer(o), "yes" if is_right(o) else "**no**")
             for o in hidden]  # fmt: skip
     return "\n\n".join([f"# Rehearsal of {len(plan.runs)} runs", *_summary(plan, hidden, empty),
                         table(("hidden", "size", "said", "right"), rows)]) + "\n"  # fmt: skip
@@ -261,8 +259,8 @@ def _summary(
     plan: Plan, hidden: Sequence[Mapping[str, Any]], empty: Sequence[Mapping[str, Any]]
 ) -> Iterator[str]:
     """Sentences on the numbers of hidden effects that would be named and of false names."""
-    good, alarms = sum(map(right, hidden)), sum(bool(o["named"]) for o in empty)
-    sure = [o["confidence"] for o in hidden if o["named"] and right(o)]
+    good, alarms = sum(map(is_right, hidden)), sum(bool(o["named"]) for o in empty)
+    sure = [o["confidence"] for o in hidden if o["named"] and is_right(o)]
     yield (
         f"Of {len(hidden)} effects, each hidden so large that it matters, {good} would have been "
         f"named or held in a class" + (f", at a confidence of {mean(sure):.2f}" if sure else "")

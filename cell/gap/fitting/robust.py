@@ -51,11 +51,6 @@ def scale(r: Array) -> float:
     return max(1.0, robust_sigma(r)) if len(r) else 1.0
 
 
-def spread(r: Array) -> float:
-    """Dispersion of residuals (n,) in units of noise and floor, at most 1."""
-    return min(1.0, robust_sigma(r)) if len(r) else 1.0
-
-
 def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
     """Statistical inefficiency: the number of samples that count as one independent sample.
 

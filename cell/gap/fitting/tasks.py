@@ -95,7 +95,7 @@ class SimulationCache:
         return answers
 
     def erase(self) -> None:
-        """Delete the cache now, with the folder that holds it."""
+        """Delete the cache now, with its parent folder; to be called after a complete fit."""
         shutil.rmtree(self._folder.parent, ignore_errors=True)
 
 
@@ -136,16 +136,12 @@ def _read(path: Path, asked: str) -> list[Residuals] | None:
 def _write(path: Path, asked: str, answers: Sequence[Residuals]) -> None:
     partial = path.with_suffix(".part")
     with writing(path, "make room, leave the folder where it is, and run the command again"):
-        _save(partial, asked, answers)
+        with partial.open("wb") as file:
+            np.savez(
+                file,
+                asked=np.array(asked),
+                counts=np.array([len(a.mean) for a in answers]),
+                mean=np.concatenate([a.mean for a in answers]),
+                square=np.concatenate([a.square for a in answers]),
+            )
         partial.replace(path)
-
-
-def _save(path: Path, asked: str, answers: Sequence[Residuals]) -> None:
-    with path.open("wb") as file:
-        np.savez(
-            file,
-            asked=np.array(asked),
-            counts=np.array([len(a.mean) for a in answers]),
-            mean=np.concatenate([a.mean for a in answers]),
-            square=np.concatenate([a.square for a in answers]),
-        )

@@ -35,6 +35,12 @@ class Replay:
     before: Scene | None
     after: Scene | None
 
+    @property
+    def scenes(self) -> dict[str, Scene]:
+        """Its scenes by word, as far as there are any."""
+        scenes = {"measured": self.measured, "before": self.before, "after": self.after}
+        return {word: scene for word, scene in scenes.items() if scene is not None}
+
 
 def folds(shapes: Mapping[str, Array]) -> str:
     """Figure (SVG) of strips where their layers touch: midlines (n, 2) [m] by name."""
@@ -188,10 +194,8 @@ def _midline(axis: Axes, run: Replay, k: int) -> None:
     """Draw image number `k`, as far as its midline was seen."""
     points = 1e3 * run.measured.curve.points[k] if run.measured.curve else np.zeros((1, 2))
     axis.plot(*points.T, "o", ms=3.5, color=INK, alpha=0.35, mew=0, label="measured")
-    for scene, colour, word in (
-        (run.before, COLOUR_BEFORE, "before"),
-        (run.after, COLOUR_AFTER, "after"),
-    ):
+    for word, colour in (("before", COLOUR_BEFORE), ("after", COLOUR_AFTER)):
+        scene = run.scenes.get(word)
         if scene is not None and scene.curve is not None:
             axis.plot(*(1e3 * scene.curve.points[k]).T, color=colour, lw=1.2, label=word)
     low, high = points.min(axis=0), points.max(axis=0)

@@ -5,7 +5,7 @@ refitted base) and `after` (the accepted model), on the run's own time `t`, and 
 sentence of the verdict is in /verdict.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +71,7 @@ def blueprint(runs: Sequence[Replay]) -> Any:
 def _run_tab(run: Replay) -> Any:
     name = f"{run.name} (held out)" if run.held_out else run.name
     root = _root(run.name)
-    titles = dict.fromkeys(s.title for _, scene in _scenes(run) for s in scene.signals)
+    titles = dict.fromkeys(s.title for scene in run.scenes.values() for s in scene.signals)
     plots = [
         rrb.TimeSeriesView(
             origin=f"{root}/signals/{rr.escape_entity_path_part(title)}",
@@ -97,7 +97,7 @@ def _log_run(recording: rr.RecordingStream, run: Replay) -> None:
     root = _root(run.name)
     if run.measured.curve is not None:
         _log_surroundings(recording, root, run.measured)
-    for word, scene in _scenes(run):
+    for word, scene in run.scenes.items():
         _log_signals(recording, root, word, scene)
         _log_curve(recording, root, word, scene)
         for name, track in scene.tracks.items():
@@ -150,12 +150,6 @@ def _send_columns(
     if len(t):
         recording.log(entity, look, static=True)
         recording.send_columns(entity, [rr.TimeColumn("t", duration=t)], columns)
-
-
-def _scenes(run: Replay) -> Iterator[tuple[str, Scene]]:
-    for word, scene in (("measured", run.measured), ("before", run.before), ("after", run.after)):
-        if scene is not None:
-            yield word, scene
 
 
 def _root(name: str) -> str:

@@ -27,10 +27,10 @@ from cell.gap.report.sentence import (
     unit,
 )
 from cell.gap.selection.likelihood import MIN_GAIN
-from cell.gap.subject.subject import Parameter, Run
+from cell.gap.subject.subject import Run
 from cell.gap.verdict.compose import SIGNIFICANT
 from cell.gap.verdict.findings import Findings
-from cell.gap.verdict.schema import CandidateEntry, Interval, Kind, Verdict
+from cell.gap.verdict.schema import CandidateEntry, Kind, Verdict
 from cell.report.html import Tone
 from cell.report.html import page as document
 from cell.report.verdict import Verdict as Card
@@ -116,28 +116,18 @@ def _candidate_row(row: CandidateEntry, best: bool) -> dict[str, Any]:
 
 def base(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on the base: a table of stated and refitted values, and a note."""
-    stated = {p.name: p for p in findings.subject.scope.base}
     weak = "; ".join(findings.base_fit.weak)
     note = f"The runs say less than was known before of: {weak}."
-    return {
-        "rows": [_base_row(stated[name], value) for name, value in verdict.base.items()],
-        "note": note if weak else "The runs determine all of it.",
-    }
-
-
-def _base_row(p: Parameter, value: Interval) -> tuple[str, ...]:
-    start, refitted = _four_digits(p.start, p.unit), _four_digits(value.value, p.unit)
-    return p.name, start, refitted, _interval_text(value.low, value.high, p.unit), unit(p.unit)
-
-
-def _interval_text(low: float | None, high: float | None, of: str) -> str:
-    if low is None or high is None:
-        return ""
-    return f"{_four_digits(low, of)} to {_four_digits(high, of)}"
-
-
-def _four_digits(value: float, of: str) -> str:
-    return number(in_small_unit(value, of), 4)
+    rows = []
+    for p in findings.subject.scope.base:
+        value = verdict.base[p.name]
+        values = (p.start, value.value, value.low, value.high)
+        start, refitted, *ends = (
+            number(in_small_unit(v, p.unit), 4) for v in values if v is not None
+        )
+        within = " to ".join(ends) if len(ends) == 2 else ""
+        rows.append((p.name, start, refitted, within, unit(p.unit)))
+    return {"rows": rows, "note": note if weak else "The runs determine all of it."}
 
 
 def compare_held_out(findings: Findings, verdict: Verdict) -> dict[str, Any]:
@@ -248,9 +238,8 @@ def _planned_folds(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """
     if findings.subject.kind != "strip" or not verdict.effects:
         return {"rows": [], "figure": ""}
-    base = {name: v.value for name, v in verdict.base.items()}
-    effects = {e.name: {k: v.value for k, v in e.parameters.items()} for e in verdict.effects}
-    patches = (findings.subject.patch(*found, "") for found in (({}, {}), (base, effects)))
+    values = verdict.values_with(verdict.effects)
+    patches = (findings.subject.patch(*found, "") for found in (({}, {}), values))
     try:
         stated, accepted = (parse(patch, StripFile, "patch") for patch, _ in patches)
         drawn = {

@@ -4,14 +4,12 @@ Accepted is the most probable set of effects of which each is needed.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from cell.gap.fitting import robust
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
-from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, margin
+from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, LikelihoodScale, margin
 from cell.gap.selection.posterior import Posterior
 from drivers.types import Array
 
@@ -36,11 +34,12 @@ def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
     what a fit gains in its own runs, others may not confirm. Beside other effects it predicts them
     clearly better than errors of their laws allow.
     """
+    likelihood = fits.likelihood
 
     def leads(model: CrossValidatedFit, part: CrossValidatedFit) -> bool:
         lead = sets.lead(model.model.names) - sets.lead(part.model.names)
-        gain = margin(model, part, fits.likelihood).each
-        beyond = gain - np.clip(gain, 0.0, _model_error(part, fits, fits.likelihood))
+        gain = margin(model, part, likelihood).each
+        beyond = gain - np.clip(gain, 0.0, _model_error(part, fits, likelihood))
         return lead > MIN_GAIN and beyond.sum() > (MIN_GAIN if part.model.effects else 0.0)
 
     for names in (m.names for m in sets.models if m.names):
@@ -48,23 +47,6 @@ def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
         parts = [m for m in fits.models if m.model.names < names]
         if model is not None and all(leads(model, part) for part in parts):
             yield model
-
-
-def is_exhausted(fits: Fits) -> bool:
-    """Whether effects of the best model leave less on runs left out than one more has to gain.
-
-    Beyond what immaterial amounts of all effects leave there. On the likelihood scale of a model
-    that leaves nothing but noise, as most samples show it: a generous floor leaves less than it
-    states.
-    """
-    model = fits.best
-    if not model.model.effects:
-        return False
-    ideal = replace(fits.likelihood, scale=1.0, inefficiency=1.0)
-    noise = [0.5 * len(r) * robust.spread(r) ** 2 for r in model.left_out]
-    left = model.losses(ideal.scale) - np.array(noise)
-    beyond = left - np.clip(left, 0.0, _model_error(model, fits, ideal))
-    return bool(beyond.sum() < fits.unresolved + MIN_GAIN)
 
 
 def _model_error(model: CrossValidatedFit, fits: Fits, likelihood: LikelihoodScale) -> Array:

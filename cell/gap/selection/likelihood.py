@@ -1,17 +1,19 @@
-"""Comparison of models by predictive likelihood: margins [nats] and their p-values."""
+"""Fitted models of the same runs, compared by predictive likelihood: margins [nats], p-values."""
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import special
 
 from cell.gap.fitting import robust
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
+from cell.gap.fitting.gauss_newton import best
 from drivers.types import Array
 
 MIN_GAIN = 4.0  # nats, 55 times as likely: "strong" (Kass and Raftery 1995, J. Am. Stat. Assoc. 90)
+GAIN_SHARE = 0.5  # of the best model's gain, below which a model is left out; set by hand
 ALPHA = 0.01  # probability of a false alarm, family-wise; customary
 
 
@@ -33,10 +35,8 @@ class LikelihoodScale:
 
 def likelihood_scale(models: Sequence[CrossValidatedFit]) -> LikelihoodScale:
     """Scale of log-likelihoods from the model of `models` that fits best."""
-    best = min(models, key=lambda m: (m.estimate.scale, m.estimate.objective))
-    scale = best.estimate.scale
-    inefficiency = robust.inefficiency(best.estimate.evidence.runs, best.estimate.residuals)
-    return LikelihoodScale(scale, inefficiency)
+    fit = min((m.estimate for m in models), key=lambda fit: (fit.scale, fit.objective))
+    return LikelihoodScale(fit.scale, robust.inefficiency(fit.evidence.runs, fit.residuals))
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +65,64 @@ def margin(
     return Margin(ahead / likelihood.inefficiency)
 
 
+@dataclass(frozen=True, slots=True)
+class Fits:
+    """Fitted models of the same runs, each set of effects once; one of them is the base.
+
+    `library` has the whitened response (N, k) to the amount of each effect that fills the floor.
+    """
+
+    models: tuple[CrossValidatedFit, ...]
+    library: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def base(self) -> CrossValidatedFit:
+        """The model without effects."""
+        return next(m for m in self.models if not m.model.effects)
+
+    @property
+    def likelihood(self) -> LikelihoodScale:
+        """Scale of log-likelihoods, from the model that fits best."""
+        return likelihood_scale(self.models)
+
+    def of_size(self, size: int) -> list[CrossValidatedFit]:
+        """Models of `size` effects, the one that predicts best first."""
+        return by_loss([m for m in self.models if len(m.model.effects) == size], self.likelihood)
+
+    def of(self, names: frozenset[str]) -> CrossValidatedFit | None:
+        """The model with exactly these effects, if it was fitted."""
+        return next((m for m in self.models if m.model.names == names), None)
+
+    @property
+    def best(self) -> CrossValidatedFit:
+        """The model that predicts best, whatever its size."""
+        return by_loss(self.models, self.likelihood)[0]
+
+    def near_best(self, size: int) -> list[CrossValidatedFit]:
+        """Models of `size` effects that gain over GAIN_SHARE of what the best of them gains."""
+        if not size:
+            return []
+        models = self.of_size(size)
+        gains = [margin(m, self.base, self.likelihood).gain for m in models]
+        return [m for m, gain in zip(models, gains, strict=True) if gain > GAIN_SHARE * gains[0]]
+
+    def merge(self, more: Sequence[CrossValidatedFit]) -> "Fits":
+        """Fits with `more` added; of two fits of the same effects the better one is kept."""
+        found = {m.model.names: m for m in self.models}
+        for m in more:
+            known = found.get(m.model.names)
+            if known is None or best([known.estimate, m.estimate]) is m.estimate:
+                found[m.model.names] = m
+        return replace(self, models=tuple(found.values()))
+
+
+def by_loss(
+    models: Sequence[CrossValidatedFit], likelihood: LikelihoodScale
+) -> list[CrossValidatedFit]:
+    """Sort `models` by their predictive loss, the best first."""
+    return sorted(models, key=lambda m: (float(m.losses(likelihood.scale).sum()), m.model.name))
+
+
 def likelihood_ratio_p(
     model: CrossValidatedFit, part: CrossValidatedFit, likelihood: LikelihoodScale
 ) -> float:
@@ -85,10 +143,7 @@ def family_wise(p: Mapping[str, float], names: Sequence[str]) -> dict[str, float
 
 def holm(p: Sequence[float]) -> list[float]:
     """Family-wise p-values (Holm 1979), in the order of `p`."""
-    order = np.argsort(p)
-    adjusted = np.empty(len(p))
-    running = 0.0
-    for rank, i in enumerate(order):
-        running = max(running, (len(p) - rank) * p[i])
-        adjusted[i] = min(1.0, running)
+    order, adjusted = np.argsort(p), np.empty(len(p))
+    steps = np.arange(len(p), 0, -1) * np.array(p)[order]
+    adjusted[order] = np.minimum(1.0, np.maximum.accumulate(steps))
     return [float(v) for v in adjusted]

@@ -11,14 +11,15 @@ from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, best, refit
 from cell.gap.fitting.model import Evidence, Model, Point
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import Simulate, Task, run_all, side_by_side
-from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import (
     ALPHA,
     MIN_GAIN,
+    Fits,
     LikelihoodScale,
     likelihood_ratio_p,
     margin,
 )
+from cell.gap.selection.posterior import immaterial
 from cell.gap.selection.screening import ProbeResponses, Score, Start, probe, ranking, starts, table
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
@@ -175,7 +176,7 @@ def extend(
     expected: dict[tuple[str, ...], tuple[float, Score]] = {}
     for fit in (m.estimate for m in models):
         before, unit = fit.objective_at(likelihood.scale), (fit.scale / likelihood.scale) ** 2
-        for score in _screen_further(simulate, fit, free, probed, fits.immaterial):
+        for score in _screen_further(simulate, fit, free, probed, immaterial(fits.library)):
             joint, after = score.joined_to(fit), before - unit * score.gain
             is_new = fits.of(frozenset(joint.names)) is None
             if is_new and unit * score.gain > MIN_GAIN * likelihood.inefficiency:
@@ -234,7 +235,7 @@ def without_each(accepted: CrossValidatedFit) -> list[Score]:
 
 
 def other_signs(simulate: Simulate, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:
-    """Add fits of `models` that start from the opposite sign of an effect that has a place.
+    """Refit `models` from the opposite sign of each two-sided effect with a place; add those fits.
 
     A stiff seam here resembles a soft one next to it, on another base or beside another effect.
     """
@@ -272,31 +273,21 @@ def _with_other_sign(fit: Estimate, effect: Candidate, beside: Estimate) -> Task
 
 def shape_parameters(simulate: Simulate, fits: Fits) -> list[CrossValidatedFit]:
     """Free the shape parameters of the best models; returns those that gain significantly."""
-    likelihood = fits.likelihood
-    best_models = [m for m in fits.near_best(len(fits.best.model.effects)) if _has_shape(m.model)]
-    tasks = []
-    for m in best_models:
-        fit, model = m.estimate, _with_shape(m.model)
+    likelihood, tasks = fits.likelihood, []
+    near_best = fits.near_best(len(fits.best.model.effects))
+    plain = [m for m in near_best if any(e.shape_parameters for e in m.model.effects)]
+    for fit in (m.estimate for m in plain):
+        model = replace(fit.model, effects=tuple(e.with_shape() for e in fit.model.effects))
         shared, effects = fit.model.split(fit.shared)
         points = [Point(model.join(shared, v), fit.point.local) for v in _guesses(model, effects)]
         # the start that ends lower may be the higher one after a few steps
-        tasks.append(_best_of([refit(model, fit.evidence, p, None, ROUGH_GAIN) for p in points]))
-    validated = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
-    pairs = zip(validated, best_models, strict=True)
-    return [free for free, plain in pairs if _better(free, plain, likelihood)]
-
-
-def _best_of(tasks: Sequence[Task[Estimate]]) -> Task[Estimate]:
-    """Best of several fits of a model; yields simulations."""
-    return best((yield from side_by_side(tasks)))
-
-
-def _has_shape(model: Model) -> bool:
-    return any(e.shape_parameters for e in model.effects)
-
-
-def _with_shape(model: Model) -> Model:
-    return replace(model, effects=tuple(e.with_shape() for e in model.effects))
+        tasks.append(
+            side_by_side([refit(model, fit.evidence, p, None, ROUGH_GAIN) for p in points])
+        )
+    ends = [best(tried) for tried in run_all(simulate, tasks)]
+    validated = run_all(simulate, [validate(e) for e in ends])
+    pairs = zip(validated, plain, strict=True)
+    return [free for free, fixed in pairs if _better(free, fixed, likelihood)]
 
 
 def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array]]:

@@ -3,15 +3,16 @@
 import hashlib
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from cell.config.settings import CellSettings
+from cell.gap.fitting.reml import Spread
 from cell.gap.subject.mechanism.file import MechanismFile
 from drivers.errors import ConfigurationError
 from drivers.files import lock_folders, write_file
@@ -37,16 +38,6 @@ class StoredFile(Settings):
     model_config = ConfigDict(extra="ignore")
 
 
-class StoredSpread(StoredFile):
-    """A quantity that differs from run to run, with its standard deviation and 95 % interval."""
-
-    name: str
-    unit: str
-    value: float
-    low: float
-    high: float
-
-
 class StoredLaw(StoredFile):
     """The law that was offered: amounts by term."""
 
@@ -64,7 +55,7 @@ class FitRecord(StoredFile):
     file_sha256: str
     effects: tuple[str, ...]
     values: tuple[str, ...] = ()
-    scatter: tuple[StoredSpread, ...] = ()
+    scatter: tuple[Spread, ...] = ()
     steadier: Mapping[str, float] = Field(default_factory=dict)
     law: StoredLaw | None = None
 
@@ -79,6 +70,13 @@ class Acceptance(StoredFile):
 
     before: dict[str, str]
     after: dict[str, str]
+
+    def state(self, name: str, path: Path) -> Literal["before", "after", "changed"]:
+        """Whether the file `name` at `path` is as before or after the acceptance, or as neither."""
+        current = sha256(path) if path.exists() else _hash(ABSENT)
+        if current == self.after.get(name):
+            return "after"
+        return "before" if current == _hash(self.before[name]) else "changed"
 
 
 class Patch(StoredFile):
@@ -129,34 +127,28 @@ def accept(
     there is nothing to accept, or where a patch is incomplete.
     """
     with lock_folders([out_folder(out), *_folders(file, cell_file)]):
-        return _accept(out, file, cell_file, law=law, force=force)
-
-
-def _accept(
-    out: Path, file: Path, cell_file: Path | None, *, law: bool, force: bool
-) -> AcceptResult:
-    record = _read_fit_record(out)
-    _restore_interrupted(out, file, cell_file)
-    patch = _patch(out, law=law, force=force)
-    if not patch.exists():
-        raise ConfigurationError(f"{out}: {_nothing_to_accept(out, law=law)}")
-    if sha256(file) != record.file_sha256:
-        raise ConfigurationError(
-            f"{file}: has changed since it was fitted (or is another file); fit again"
-        )
-    _check_patch(patch)
-    changes = _changes(out, patch, file, cell_file, law=law)
-    _check_writable(list(changes))
-    before = {_name(p): read_text(p) if p.exists() else ABSENT for p in changes}
-    after = {_name(p): _hash(text) for p, text in changes.items()}
-    kept = {"schema": 1, "before": before, "after": after}
-    write_file(out / ACCEPTED, json.dumps(kept, indent=1))  # first: from it half a change is undone
-    try:
-        _write(changes)
-    except ConfigurationError:
-        with suppress(ConfigurationError):  # the next command tries again
-            _restore_interrupted(out, file, cell_file)
-        raise
+        record = _read_fit_record(out)
+        _restore_interrupted(out, file, cell_file)
+        patch = _patch(out, law=law, force=force)
+        if not patch.exists():
+            raise ConfigurationError(f"{out}: {_nothing_to_accept(out, law=law)}")
+        if sha256(file) != record.file_sha256:
+            raise ConfigurationError(
+                f"{file}: has changed since it was fitted (or is another file); fit again"
+            )
+        _check_patch(patch)
+        changes = _changes(out, patch, file, cell_file, law=law)
+        _check_writable(changes)
+        before = {_name(p): read_text(p) if p.exists() else ABSENT for p in changes}
+        after = {_name(p): _hash(text) for p, text in changes.items()}
+        kept = {"schema": 1, "before": before, "after": after}
+        write_file(out / ACCEPTED, json.dumps(kept, indent=1))  # first: it undoes half a change
+        try:
+            _write(changes)
+        except ConfigurationError:
+            with suppress(ConfigurationError):  # the next command tries again
+                _restore_interrupted(out, file, cell_file)
+            raise
     return AcceptResult(tuple(changes), record.laws if law else record.effects or record.values)
 
 
@@ -204,33 +196,56 @@ def undo(out: Path, file: Path, cell_file: Path | None = None) -> AcceptResult:
 
     Refuses when a file has changed since the acceptance. An interrupted undo is finished.
     """
-    with lock_folders([out_folder(out), *_folders(file, cell_file)]):
-        return _undo(out, file, cell_file)
-
-
-def _undo(out: Path, file: Path, cell_file: Path | None) -> AcceptResult:
-    kept = out / ACCEPTED
-    if not kept.exists():
-        raise ConfigurationError(f"{out}: was not accepted, so there is nothing to undo")
-    stored, record = read_stored(kept, Acceptance), _read_fit_record(out)
-    paths = _files_by_name(stored, kept, file, cell_file, _model_paths(out, file))
-    for name, path in paths.items():
-        if _current_hash(path) not in (stored.after.get(name), _hash(stored.before[name])):
-            raise ConfigurationError(f"{path}: has changed since the acceptance; edit it by hand")
-    _check_writable(list(paths.values()))
-    _write({path: stored.before[name] for name, path in paths.items()})
-    kept.unlink()
+    kept = out_folder(out) / ACCEPTED
+    with lock_folders([out, *_folders(file, cell_file)]):
+        if not kept.exists():
+            raise ConfigurationError(f"{out}: was not accepted, so there is nothing to undo")
+        stored, record = read_stored(kept, Acceptance), _read_fit_record(out)
+        paths = _files_by_name(stored, kept, file, cell_file)
+        for name, path in paths.items():
+            if stored.state(name, path) == "changed":
+                raise ConfigurationError(
+                    f"{path}: has changed since the acceptance; edit it by hand"
+                )
+        _check_writable(paths.values())
+        _restore(kept, stored, paths)
     return AcceptResult(tuple(paths.values()), record.effects or record.laws or record.values)
 
 
+def _restore_interrupted(out: Path, file: Path, cell_file: Path | None) -> None:
+    """Restore the files of an acceptance or undo that was interrupted between two files.
+
+    One that changed all of its files was complete, and files that somebody changed since are left
+    alone.
+    """
+    kept = out / ACCEPTED
+    stored = read_stored(kept, Acceptance) if kept.exists() else None
+    if stored is None or _name(file) not in stored.before:
+        return
+    paths = _files_by_name(stored, kept, file, cell_file)
+    states = {stored.state(name, path) for name, path in paths.items()}
+    if "before" in states and "changed" not in states:
+        _restore(kept, stored, paths)
+
+
+def _restore(kept: Path, stored: Acceptance, paths: Mapping[str, Path]) -> None:
+    """Write the files as they were before the acceptance `stored` in `kept`, and forget it."""
+    _write({path: stored.before[name] for name, path in paths.items()})
+    kept.unlink()
+
+
 def _files_by_name(
-    stored: Acceptance, kept: Path, file: Path, cell_file: Path | None, made: Sequence[Path]
-) -> Mapping[str, Path]:
+    stored: Acceptance, kept: Path, file: Path, cell_file: Path | None
+) -> dict[str, Path]:
     """Paths of the files of an acceptance, by their stored names.
 
-    Raises ConfigurationError for any but `file`, `cell_file` and the models `made` beside it.
+    Raises ConfigurationError for any but `file`, `cell_file` and the models beside it that the
+    patches in the folder of `kept` name.
     """
-    given = {_name(p): p for p in (file, cell_file, *made) if p is not None}
+    names = (PATCH, SUSPECT_PATCH, LAW_PATCH, BASE_PATCH)
+    patches = [read_yaml(kept.parent / name) for name in names if (kept.parent / name).exists()]
+    models = [file.parent / str(p["model"]) for p in patches if p.get("kind") == "mechanism"]
+    given = {_name(p): p for p in (file, cell_file, *models) if p is not None}
     if _name(file) not in stored.before:
         raise ConfigurationError(f"{file}: is not the file that was accepted into")
     for name in stored.before:
@@ -242,28 +257,6 @@ def _files_by_name(
     return {name: given[name] for name in stored.before}
 
 
-def _restore_interrupted(out: Path, file: Path, cell_file: Path | None) -> None:
-    """Restore the files of an acceptance or undo that was interrupted between two files.
-
-    One that changed all of its files, or none, was complete, and files that somebody changed since
-    are left alone.
-    """
-    kept = out / ACCEPTED
-    if not kept.exists():
-        return
-    stored = read_stored(kept, Acceptance)
-    if _name(file) not in stored.before:
-        return
-    paths = _files_by_name(stored, kept, file, cell_file, _model_paths(out, file))
-    found = {name: _current_hash(path) for name, path in paths.items()}
-    old = {name for name in paths if found[name] == _hash(stored.before[name])}
-    new = {name for name in paths if found[name] == stored.after.get(name)} - old
-    if not old or len(old) + len(new) < len(paths):
-        return
-    _write({paths[name]: stored.before[name] for name in new})
-    kept.unlink()
-
-
 def _write(changes: Mapping[Path, str]) -> None:
     """Write the files one after the other; delete those whose text is ABSENT."""
     for path, text in changes.items():
@@ -271,11 +264,6 @@ def _write(changes: Mapping[Path, str]) -> None:
             path.unlink(missing_ok=True)
         else:
             write_file(path, text)
-
-
-def _current_hash(path: Path) -> str:
-    """Hash of the file at `path`, or of ABSENT where there is none."""
-    return sha256(path) if path.exists() else _hash(ABSENT)
 
 
 def _folders(*files: Path | None) -> list[Path]:
@@ -289,17 +277,6 @@ def out_folder(out: Path) -> Path:
         what = "is a file" if out.exists() else "no such folder"
         raise ConfigurationError(f"{out}: {what}; name the folder that `cell gap fit --out` wrote")
     return out
-
-
-def _model_paths(out: Path, file: Path) -> list[Path]:
-    """Paths of the models that an acceptance of the fit in `out` writes beside `file`."""
-    patches = [
-        p
-        for p in (out / PATCH, out / SUSPECT_PATCH, out / LAW_PATCH, out / BASE_PATCH)
-        if p.exists()
-    ]
-    contents = [read_yaml(p) for p in patches]
-    return [file.parent / str(c["model"]) for c in contents if c.get("kind") == "mechanism"]
 
 
 def _check_patch(patch: Path) -> None:
@@ -334,7 +311,7 @@ def _check_cell(content: Mapping[str, object], path: Path) -> None:
     parse(known, CellSettings, str(path))
 
 
-def _check_writable(paths: Sequence[Path]) -> None:
+def _check_writable(paths: Iterable[Path]) -> None:
     """Refuse paths that cannot be written before the first file is changed."""
     for path in paths:
         for place in (path, path.parent):

@@ -12,6 +12,7 @@ from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.reml import Spread, covariance, degrees_of_freedom
 from cell.gap.selection.likelihood import family_wise, likelihood_ratio_p, margin
+from cell.gap.selection.screening import Score
 from cell.gap.subject.subject import Candidate, Parameter
 from cell.gap.verdict.decision import (
     GAP,
@@ -57,7 +58,7 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
         NamedEffect(
             name=e.name,
             of=e.of,
-            parameters=_values_by_parameter(e, values[e.name]),
+            parameters=values[e.name],
             confidence=probability(findings, e.name),
         )
         for e in findings.separable
@@ -68,8 +69,8 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
         ambiguous=[] if verdict_kind == "no_gap" else list(map(list, tests.classes)),
         unexplained=_unexplained(findings, verdict_kind),
         base={
-            p.name: Interval(value=v.value, low=v.low, high=v.high)
-            for p, v in zip(findings.subject.scope.base, values["base"], strict=True)
+            name: Interval(value=v.value, low=v.low, high=v.high)
+            for name, v in values["base"].items()
         },
         where=_where(findings),
         gap=_gap(findings),
@@ -87,22 +88,21 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
 
 def intervals(
     estimate: Estimate, inefficiency: float, scatter: Sequence[Spread]
-) -> dict[str, list[ValueWithUnit]]:
-    """95 % intervals of the base's parameters (`base`) and of each effect's, in their order.
+) -> dict[str, dict[str, ValueWithUnit]]:
+    """95 % intervals of the parameters of the base (`base`) and of each effect, by their names.
 
     They cover noise, run-to-run scatter and measurement errors common to all runs; they are wider
     where few runs show how large the scatter is.
     """
     spread = np.sqrt(np.diag(covariance(estimate, inefficiency)))
     reach = special.stdtrit(degrees_of_freedom(estimate, inefficiency, scatter), 0.975)
-    model = estimate.model
-    owners = ["base"] * len(model.base)
-    owners += [e.name for e in model.effects for _ in e.parameters]
-    by_owner: dict[str, list[ValueWithUnit]] = {name: [] for name in ("base", *owners)}
-    rows = zip(owners, model.parameters, estimate.shared, reach * spread, strict=False)
-    for owner, parameter, value, half in rows:
-        by_owner[owner].append(_interval(parameter, float(value), float(half)))
-    return by_owner
+    owners = {"base": estimate.model.base}
+    owners |= {e.name: e.parameters for e in estimate.model.effects}
+    numbers = zip(estimate.shared, reach * spread, strict=False)
+    return {
+        owner: {p.name: _interval(p, *map(float, next(numbers))) for p in parameters}
+        for owner, parameters in owners.items()
+    }
 
 
 def _interval(p: Parameter, value: float, half: float) -> ValueWithUnit:
@@ -113,12 +113,6 @@ def _interval(p: Parameter, value: float, half: float) -> ValueWithUnit:
     return ValueWithUnit(
         value=middle if np.isfinite(middle) else HUGE, low=low, high=high, unit=p.unit
     )
-
-
-def _values_by_parameter(
-    candidate: Candidate, values: list[ValueWithUnit]
-) -> dict[str, ValueWithUnit]:
-    return {p.name: v for p, v in zip(candidate.parameters, values, strict=True)}
 
 
 def _where(findings: Findings) -> list[WhereBin]:
@@ -168,67 +162,53 @@ def _posterior(findings: Findings) -> Probable:
 
 def _candidates(findings: Findings) -> list[CandidateEntry]:
     """Candidates by their gain, the best first: refitted models, and others as screened."""
-    fits = findings.choice.fits
-    base, others = fits.base, [m for m in fits.models if m.model.effects]
-    singles = [m for m in others if len(m.model.effects) == 1]
-    family = _family(findings, base, singles)
-    rows = [_compare_with_base(findings, base, m, family) for m in others]
-    refitted = {m.model.name for m in singles}
-    gains = {p.candidate.name: 0.0 for p in findings.screen.probed}
-    gains |= {score.names[0]: score.gain for score in findings.screen.singles}
+    fits, scope = findings.choice.fits, findings.subject.scope
+    raw = {m.model.name: likelihood_ratio_p(m, fits.base, findings.likelihood)
+           for m in fits.models if m.model.effects}  # fmt: skip
+    p = raw | family_wise(raw, [c.name for c in scope.candidates])
+    rows = [_compare_with_base(findings, m, p[m.model.name])
+            for m in fits.models if m.model.effects]  # fmt: skip
+    scores = {score.names[0]: score for score in findings.screen.singles}
     rows += [
-        _compare_by_screen(findings, name, gain)
-        for name, gain in gains.items()
-        if name not in refitted
+        _compare_by_screen(findings, each.candidate, scores.get(each.candidate.name))
+        for each in findings.screen.probed
+        if each.candidate.name not in raw
     ]
     return sorted(rows, key=lambda row: -row.elpd_gain)
 
 
-def _family(
-    findings: Findings, base: CrossValidatedFit, singles: list[CrossValidatedFit]
-) -> dict[str, float]:
-    """Family-wise p-values of single candidates over the whole library."""
-    raw = {m.model.name: likelihood_ratio_p(m, base, findings.likelihood) for m in singles}
-    return family_wise(raw, [c.name for c in findings.subject.scope.candidates])
-
-
-def _compare_with_base(
-    findings: Findings, base: CrossValidatedFit, model: CrossValidatedFit, family: dict[str, float]
-) -> CandidateEntry:
-    likelihood = findings.likelihood
-    ahead = margin(model, base, likelihood)
+def _compare_with_base(findings: Findings, model: CrossValidatedFit, p: float) -> CandidateEntry:
+    likelihood, effects = findings.likelihood, model.model.effects
+    ahead = margin(model, findings.choice.fits.base, likelihood)
     values = intervals(model.estimate, likelihood.inefficiency, findings.model_tests.scatter)
-    several = len(model.model.effects) > 1
-    p = family[model.model.name] if not several else likelihood_ratio_p(model, base, likelihood)
-    parameters = {}
-    for e in model.model.effects:
-        for name, value in _values_by_parameter(e, values[e.name]).items():
-            parameters[f"{e.name}.{name}" if several else name] = value
+    parameters = {
+        f"{e.name}.{name}" if len(effects) > 1 else name: value
+        for e in effects
+        for name, value in values[e.name].items()
+    }
     return CandidateEntry(
-        name=model.model.name,
-        elpd_gain=ahead.gain,
-        se=ahead.se,
-        p=p,
-        parameters=parameters,
+        name=model.model.name, elpd_gain=ahead.gain, se=ahead.se, p=p, parameters=parameters
     )
 
 
-def _compare_by_screen(findings: Findings, name: str, gain: float) -> CandidateEntry:
+def _compare_by_screen(
+    findings: Findings, candidate: Candidate, score: Score | None
+) -> CandidateEntry:
     """Row of a candidate that was not refitted, with its gain in the linear screen."""
-    score = next((s for s in findings.screen.singles if s.names == (name,)), None)
-    candidate = next(c for c in findings.subject.scope.candidates if c.name == name)
-    values = score.start.get(name, candidate.null) if score is not None else candidate.null
-    parameters = {}
-    for p, v in zip(candidate.parameters, values, strict=True):
-        value = p.stated_value(float(v))
-        if np.isfinite(value):
-            parameters[p.name] = ValueWithUnit(value=value, low=None, high=None, unit=p.unit)
+    start = {} if score is None else score.start
+    values = zip(candidate.parameters, start.get(candidate.name, candidate.null), strict=True)
+    stated = [(p, p.stated_value(float(v))) for p, v in values]
+    gain = 0.0 if score is None else score.gain
     return CandidateEntry(
-        name=name,
+        name=candidate.name,
         elpd_gain=gain / findings.likelihood.inefficiency,
         se=0.0,
-        p=findings.screen.p.get(name, 1.0),
-        parameters=parameters,
+        p=findings.screen.p.get(candidate.name, 1.0),
+        parameters={
+            p.name: ValueWithUnit(value=value, low=None, high=None, unit=p.unit)
+            for p, value in stated
+            if np.isfinite(value)
+        },
     )
 
 

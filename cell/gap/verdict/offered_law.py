@@ -11,8 +11,8 @@ from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.selection import search
-from cell.gap.selection.choice import Choice, is_exhausted, needed_models
-from cell.gap.selection.fits import Fits
+from cell.gap.selection.choice import Choice, needed_models
+from cell.gap.selection.likelihood import Fits
 from cell.gap.selection.posterior import posterior
 from cell.gap.selection.screening import probe, ranked_pairs, ranking, table
 from cell.gap.subject.subject import Subject
@@ -72,8 +72,7 @@ def _fit_laws(subject: Subject, simulate: Simulate, fits: Fits) -> Fits:
     scores = [*ranking(known)[:SINGLES], *ranked_pairs(known, PAIRS)]
     fits = search.fit_scores(simulate, fits, scores, terms)
     for size in range(1, MOST_TERMS):
-        if fits.of_size(size) and not is_exhausted(fits):
-            fits = search.extend(simulate, fits, fits.near_best(size)[:1], plain, probed)
+        fits = search.extend(simulate, fits, fits.near_best(size)[:1], plain, probed)
     return fits
 
 

@@ -1,5 +1,6 @@
 """Schema of verdict.json, as other programs read it (contract of `cell gap fit`)."""
 
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from typing import Annotated, Literal
@@ -12,6 +13,9 @@ from drivers.settings import parse
 
 LARGEST_VERDICT = 8 * MEGABYTE
 Kind = Literal["named", "ambiguous", "no_gap", "unexplained"]
+Values = dict[str, float]
+EffectValues = dict[str, Values]
+"""Values by effect and parameter."""
 
 
 class Entry(BaseModel):
@@ -154,6 +158,11 @@ class Verdict(Entry):
     notes: list[str] = Field(default_factory=list)
     deviates: list[Deviation] = Field(default_factory=list)
     suspected: list[NamedEffect] = Field(default_factory=list)
+
+    def values_with(self, effects: Sequence[NamedEffect]) -> tuple[Values, EffectValues]:
+        """Values of the base by name, and of each of `effects` by parameter."""
+        base = {name: v.value for name, v in self.base.items()}
+        return base, {e.name: {k: v.value for k, v in e.parameters.items()} for e in effects}
 
     def _repr_html_(self) -> str:
         """What is missing, and bars of the held-out gap before and after, for a notebook."""

@@ -9,10 +9,8 @@ from scipy import integrate, stats
 from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.fitting.tasks import run_all
 from cell.gap.selection.choice import choose
-from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import LikelihoodScale
-from cell.gap.selection.posterior import Posterior, posterior
-from cell.gap.selection.prior import Beliefs, beliefs, filling_floor
+from cell.gap.selection.likelihood import Fits, LikelihoodScale
+from cell.gap.selection.posterior import Beliefs, Posterior, beliefs, filling_floor, posterior
 from cell.gap.selection.screening import probe
 from cell.gap.verdict.confidence import Numbers, calibration
 from drivers.types import Array

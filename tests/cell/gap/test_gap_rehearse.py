@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cell.gap import rehearse
-from cell.gap.rehearse import Hidden, Plan, plan, right, write_copy
+from cell.gap.rehearse import HiddenCopy, Plan, is_right, plan, write_copy
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from drivers.strip.describe import load_strip
@@ -45,7 +45,7 @@ def test_a_copy_follows_the_measured_paths_with_their_noise(
     made: Plan, runs: Path, tmp_path: Path
 ) -> None:
     still = made.model_copy(update={"scatter": {}})
-    write_copy(still, Hidden(key="n", effect="nothing", values={}, seed=3), tmp_path / "copy")
+    write_copy(still, HiddenCopy(key="n", effect="nothing", values={}, seed=3), tmp_path / "copy")
     strip = load_strip(STRIP)
     before, after = (read_runs(find_runs([p]), strip) for p in (runs, tmp_path / "copy"))
     for real, copy in zip(before, after, strict=True):
@@ -68,10 +68,10 @@ def outcome(hidden: str, *named: str, classes: tuple[tuple[str, ...], ...] = ())
 
 
 def test_a_copy_is_right_by_its_name_or_by_a_class_that_holds_it() -> None:
-    assert right(outcome("seam", "seam"))
-    assert not right(outcome("seam", "crease"))
-    assert not right(outcome("seam", "seam", "crease"))
-    assert right(outcome("seam", classes=(("crease", "seam"),)))
-    assert right(outcome("control_delay", "camera_latency"))
-    assert right(outcome("nothing"))
-    assert not right(outcome("nothing", "seam"))
+    assert is_right(outcome("seam", "seam"))
+    assert not is_right(outcome("seam", "crease"))
+    assert not is_right(outcome("seam", "seam", "crease"))
+    assert is_right(outcome("seam", classes=(("crease", "seam"),)))
+    assert is_right(outcome("control_delay", "camera_latency"))
+    assert is_right(outcome("nothing"))
+    assert not is_right(outcome("nothing", "seam"))

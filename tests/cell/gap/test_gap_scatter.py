@@ -94,7 +94,7 @@ def telling(subject: Curves) -> Curves:
 
 
 def holds(subject: Curves) -> bool:
-    slope = intervals(fitted(subject), 1.0, ())["base"][1]
+    slope = intervals(fitted(subject), 1.0, ())["base"]["slope"]
     assert slope.low is not None
     assert slope.high is not None
     return slope.low < SLOPE < slope.high

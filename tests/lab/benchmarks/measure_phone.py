@@ -19,7 +19,7 @@ from calibration.board import BoardSettings
 from cell.config.places import find_configs
 from cell.folding.observe import FilmMeasurement, observe
 from cell.gap.fit import fit
-from cell.gap.rehearse import NO_EFFECT, right
+from cell.gap.rehearse import NO_EFFECT, is_right
 from cell.gap.subject.strip.synthetic import Fold, rod_folds
 from cell.record.film import FilmWriter
 from cell.record.run import read_run
@@ -193,7 +193,7 @@ def measure(place: Path, strip: str, hidden: dict[str, Values]) -> dict[str, obj
     verdict = fit([place / "runs"], find_configs(None).strip_path(strip), place / "fit")
     outcome = {"strip": strip, "hidden": next(iter(hidden), NO_EFFECT), "verdict": verdict.verdict}
     outcome |= {"named": [e.name for e in verdict.effects], "classes": verdict.ambiguous}
-    return {**outcome, "right": right(outcome)}
+    return {**outcome, "right": is_right(outcome)}
 
 
 def main(out: Path, strips: int = 10, films: int = 10, seed: int = 1, every: int = 1) -> None:

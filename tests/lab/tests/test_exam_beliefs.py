@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from itertools import product
 
-from cell.gap.selection.prior import BELIEFS_FILE, Beliefs, beliefs
+from cell.gap.selection.posterior import BELIEFS_FILE, Beliefs, beliefs
 from tests.lab.studies.catalogue.beliefs import IMMATERIAL, STUDY, WRONG_SIGMAS, fit_beliefs
 from tests.lab.studies.study import Case as StudyCase
 from tests.lab.studies.study import Outcome

@@ -19,10 +19,9 @@ from cell.gap.fit import quiet
 from cell.gap.investigate import investigate
 from cell.gap.open_subject import open_subject
 from cell.gap.selection import search
-from cell.gap.selection.fits import Fits
 from cell.gap.selection.hold_out import held_out
-from cell.gap.selection.posterior import Posterior, posterior
-from cell.gap.selection.prior import beliefs
+from cell.gap.selection.likelihood import Fits
+from cell.gap.selection.posterior import Posterior, beliefs, posterior
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.verdict.findings import Findings
 from tests.lab.exam.case import Case
