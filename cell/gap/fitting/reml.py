@@ -278,7 +278,10 @@ def with_own_scatter(
 
 
 def with_spreads(evidence: Evidence, spreads: Sequence[Spread]) -> Evidence:
-    """Copy of `evidence` with the random unknowns that `spreads` names, and these prior widths."""
+    """Copy of `evidence` whose random unknowns are those that `spreads` names, with these priors.
+
+    Other random unknowns are removed.
+    """
     spread_of = {s.name: s.value for s in spreads}
     runs = []
     for run in evidence.runs:

@@ -1,11 +1,10 @@
 """HTML page of a check: what is wrong with the recordings, and what they cannot identify."""
 
 from cell.gap.check import IDENTIFIABLE, Check, Level
-from cell.report.html import Tone, page
+from cell.report.html import page
 from cell.report.verdict import Verdict
 from cell.report.words import plural
 
-TONES: dict[Level, Tone] = {"good": "good", "fair": "fair", "bad": "bad"}
 HEADLINES: dict[Level, str] = {
     "good": "These runs can be fitted",
     "fair": "These runs can be fitted; mind the findings below",
@@ -25,7 +24,7 @@ def check_page(found: Check, subject: str) -> str:
         f"{subject}: check of its runs",
         kicker=f"Check of {len(found.runs)} runs",
         name=subject,
-        said=Verdict(TONES[found.level], HEADLINES[found.level], (_summary(found),)),
+        said=Verdict(found.level, HEADLINES[found.level], (_summary(found),)),
         groups=[
             (title, [(f.what, f.run or "all", f.words, f.remedy) for f in some])
             for title, some in groups.items()

@@ -34,12 +34,12 @@ STEEP = 0.3  # times the response per amount farther off, below which an effect 
 class Score:
     """Predicted gain [nats] of effects added together, with values to start their fit from.
 
-    The gain is that at the values `start`, by effect. `linear`: they follow from the secants at
-    null, so that a fit from null finds them by itself. `probe_starts` are unscaled probes: below
-    its threshold an effect does nothing, so that a scaled probe may be no start. `opposite_sign`
-    is a start for an effect with a place: elsewhere the other sign may leave the same response.
-    `origin` is the fit to extend, the base if None. `secants` (N, parameters) by effect are
-    whitened, at null.
+    The gain is that at the values `start`, by effect. Where these are `linear`, they follow from
+    the secants at null, and a fit from null finds them by itself. `probe_starts` are unscaled
+    probes, for effects that do nothing below a threshold, so that a scaled probe may be no start.
+    `opposite_sign` is a start for an effect with a place: elsewhere the other sign may leave the
+    same response. `origin` is the fit to extend, the base if None. `secants` (N, parameters) by
+    effect are whitened, at null.
     """
 
     names: tuple[str, ...]
@@ -312,7 +312,8 @@ def _probes_to_fit(
 def _has_threshold(p: ProbeResponses) -> bool:
     """Whether an effect responds far less per amount at its smallest probe than at larger ones.
 
-    False for a two-sided effect with a place: its response may be larger at another place.
+    By the first probe of each group. False for a two-sided effect with a place: its response may
+    be larger at another place.
     """
     if p.candidate.two_sided and _shape_mask(p.candidate).any():
         return False

@@ -53,10 +53,19 @@ def named_effects(findings: Findings) -> list[Candidate]:
 
 def credible_effects(findings: Findings) -> list[Candidate]:
     """Accepted effects that are probable, where they predict what they were not fitted to."""
-    runs, quantities = _gains(findings)
-    if sum(runs) <= 0.0 or min([*runs, *quantities]) <= -MIN_GAIN:
+    if _failed_prediction(findings):
         return []
     return [e for e in findings.accepted.model.effects if probability(findings, e.name) >= LEAST]
+
+
+def _failed_prediction(findings: Findings) -> str:
+    """Words on unseen runs that the accepted model does not predict better; empty if it does."""
+    runs, quantities = _gains(findings)
+    if sum(runs) <= 0.0:
+        return "runs that the fit has not seen are predicted no better"
+    if min([*runs, *quantities]) <= -MIN_GAIN:
+        return "a run or a quantity that the fit has not seen is predicted worse"
+    return ""
 
 
 def probability(findings: Findings, effect: str) -> float:
@@ -153,15 +162,14 @@ def refuted_values(fit: Estimate, subject: Subject) -> list[list[str]]:
         return []
     moved = fit.shared - np.array([p.start for p in fit.model.parameters])
     responses = stacked_jacobian(fit)[:, : len(moved)] * moved
-    names = [p.name for p in fit.model.base]
-    strained = responses[:, [names.index(name) for name in strained_names]].sum(axis=1)
-    classes, column = [], len(names)
-    for effect in fit.model.effects:
-        response = responses[:, column : column + len(effect.parameters)].sum(axis=1)
-        column += len(effect.parameters)
-        if abs(_cosine(response, strained)) > ALIKE:
-            classes.append([effect.name, *strained_names])
-    return classes
+    base, by_effect = fit.model.split(responses.T)
+    is_strained = [p.name in strained_names for p in fit.model.base]
+    strained = base[is_strained].sum(axis=0)
+    return [
+        [name, *strained_names]
+        for name, rows in by_effect.items()
+        if abs(_cosine(rows.sum(axis=0), strained)) > ALIKE
+    ]
 
 
 def _cosine(a: Array, b: Array) -> float:
@@ -176,12 +184,8 @@ def reasons(findings: Findings) -> list[str]:
         p = probability(findings, effect.name)
         if p < LEAST:
             words.append(f"{effect.name} is right with probability {p:.2f} (named from {LEAST:g})")
-    if fit.model.effects:
-        runs, quantities = _gains(findings)
-        if sum(runs) <= 0.0:
-            words.append("runs that the fit has not seen are predicted no better")
-        elif min([*runs, *quantities]) <= -MIN_GAIN:
-            words.append("a run or a quantity that the fit has not seen is predicted worse")
+    if fit.model.effects and (failed := _failed_prediction(findings)):
+        words.append(failed)
     by_run = held_out_gap.rms_by_run(fit, findings.subject.scope.quantities)
     rms, run = max(zip(by_run, (r.name for r in fit.evidence.runs), strict=True))
     if rms > ASTRAY * float(np.median(by_run)):
