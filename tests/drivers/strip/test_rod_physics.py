@@ -59,8 +59,8 @@ def test_cantilever_hangs_along_the_heavy_elastica(length: float) -> None:
         assert np.linalg.norm(shape - there, axis=1).max() < 0.002 * length
 
 
-def _displacements(path: Path, segments: int, dt: float, order: int = 2) -> Array:
-    rod = Rod(segments, order)
+def _displacements(path: Path, segments: int, dt: float) -> Array:
+    rod = Rod(segments)
     rod.reset(paper_grid())
     rod.advance(for_all(steady(path, dt), 25), dt)
     return np.array([touch.displacement for touch in rod.touch if touch])
@@ -83,11 +83,11 @@ def test_displacements_are_those_of_the_paper_and_converged(
     assert error.max() < 0.0008
 
 
-def _swing(order: int, dt: float) -> tuple[Array, Array]:
+def _swing(dt: float) -> tuple[Array, Array]:
     """Energy [J] (k,) of a hanging strip pushed for 0.4 s, and what viscosity took, from 0.5 s."""
     model, segments = describe(_fabric(0.0233, 0.6, 0.004)), 60
     hung = np.array([0.45, 0.25, np.pi / 2])
-    rod = Rod(segments, order)
+    rod = Rod(segments)
     rod.reset([model], hung[None])
     t = np.arange(1, round(1.5 / dt) + 1) * dt
     push = 0.04 * np.sin(np.pi * np.clip(t / 0.4, 0.0, 1.0)) ** 2
@@ -114,6 +114,6 @@ def _strains(shapes: Array) -> Array:
 
 
 def test_free_swing_loses_the_energy_that_viscosity_dissipates() -> None:
-    energy, taken = _swing(2, 0.0005)
+    energy, taken = _swing(0.0005)
     assert energy[0] - energy[-1] == pytest.approx(taken[-1], rel=0.06)
     assert np.diff(energy).max() < 0.01 * (energy[0] - energy[-1])
