@@ -205,23 +205,13 @@ def follow_joints(
     return list(state.q)
 
 
-class Duration(NamedTuple):
-    """Time [s] of a robot's state, with the interface of the library's durations."""
-
-    seconds: float
-
-    def to_sec(self) -> float:
-        """This time [s]."""
-        return self.seconds
-
-
 class CartesianState:
-    """A robot's state at `time` [s] with the hand's commanded pose, twist and acceleration."""
+    """A robot's state at `seconds`, with the hand's commanded pose, twist and acceleration."""
 
     def __init__(
-        self, state: Any, time: float, pose: Numbers, twist: Numbers, acceleration: Numbers
+        self, state: Any, seconds: float, pose: Numbers, twist: Numbers, acceleration: Numbers
     ) -> None:
-        self._state, self.time = state, Duration(time)
+        self._state, self.seconds = state, seconds
         self.O_T_EE_c, self.O_dP_EE_c, self.O_ddP_EE_c = pose, twist, acceleration
 
     def __getattr__(self, name: str) -> Any:

@@ -81,7 +81,7 @@ class ServoLoop:
         self._profile = MotionProfile(limits, workspace, start)
         self._guard = ReachGuard(self._plane, limits, state.q)
         self._state = state = self._wait_until_followed(state)  # missed commands count from here
-        self._time = state.time.to_sec()
+        self._time = state.seconds
         self._publish(state)
 
     def _wait_until_followed(self, state: Any) -> Any:
@@ -173,7 +173,7 @@ class ServoLoop:
         A robot that receives a command too late extrapolates the motion, and a command that
         does not continue it is a discontinuity, which stops the robot.
         """
-        before, self._time = self._time, state.time.to_sec()
+        before, self._time = self._time, state.seconds
         ticks = round((self._time - before) / TICK)
         if ticks > 1 or largest_difference(state.O_T_EE_c, sent) >= POSE_ROUNDING:
             self._resume(state, ticks - 1)
@@ -210,7 +210,7 @@ class ServoLoop:
         """Write the report of `state`; brake where its pose is not finite or off the plane."""
         self.success = state.control_command_success_rate
         here = self._checked_place(state.O_T_EE)
-        self._path.append((*here, state.time.to_sec()))
+        self._path.append((*here, state.seconds))
         if self._joints is not None:
             self._joints.add(self.ticks * TICK if self._lock_step else self._now(), state)
         rate = self._rate()

@@ -58,7 +58,7 @@ class FakeRobot:
     def read(self, motion: object) -> SimpleNamespace:
         self.clock += 1
         return SimpleNamespace(
-            time=SimpleNamespace(to_sec=lambda now=self.clock: 1e-3 * now),
+            seconds=1e-3 * self.clock,
             O_dP_EE_c=self.twist,
             O_ddP_EE_c=self.twist_change,
             q=self.joints,

@@ -8,8 +8,8 @@ from cell.gap.subject.strip.layout import Layout, Part
 from cell.gap.subject.strip.runs import FoldMeasurement
 from cell.gap.subject.strip.simulation import SimulatedMotion
 from cell.gap.subject.subject import Residuals
-from drivers.strip.curve import group_means, nearest_ends, signed_distances
 from drivers.strip.engine import Touch
+from drivers.strip.midline_residuals import group_means, nearest_ends, signed_distances
 from drivers.strip.model import StripModel
 from drivers.strip.observation import (
     image_stamp,

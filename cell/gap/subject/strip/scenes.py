@@ -8,8 +8,8 @@ from cell.gap.subject.strip.prepare import Fold
 from cell.gap.subject.strip.runs import FoldMeasurement
 from cell.gap.subject.strip.simulation import SimulatedMotion
 from cell.gap.subject.subject import Curve, Scene, Signal, Track
-from drivers.strip.curve import signed_distances
 from drivers.strip.engine import Touch
+from drivers.strip.midline_residuals import signed_distances
 from drivers.strip.model import StripModel
 from drivers.strip.observation import imaged_time, measured_contact, measured_points, true_points
 from drivers.types import Array

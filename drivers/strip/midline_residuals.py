@@ -42,12 +42,14 @@ def curvature(before: Any, after: Any) -> Any:
 
 
 @kernel
-def distances_to_segment(curve: Any, q: int, chosen: Any, bend: float, x: float, z: float) -> Any:
+def distances_to_segment(
+    curve: Any, q: int, base: Any, bend: float, x: float, z: float
+) -> Any:
     """Distance [m] of (x, z) from segment `q`, and its signed distance from the arc, left positive.
 
-    The arc over the segment's chord `chosen` has the mean curvature `bend` [1/m].
+    The arc over the segment's chord `base` has the mean curvature `bend` [1/m].
     """
-    dx, dz, length = chosen
+    dx, dz, length = base
     tx, tz = dx / length, dz / length
     along = ((x - curve[q, 0]) * tx + (z - curve[q, 1]) * tz) / length
     across = (z - curve[q, 1]) * tx - (x - curve[q, 0]) * tz
