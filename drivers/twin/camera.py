@@ -1,7 +1,7 @@
 """The twin's camera: rendered frames of the simulated cell, on either clock."""
 
+from collections.abc import Callable
 from math import floor, inf
-from typing import Protocol
 
 import numpy as np
 
@@ -21,15 +21,12 @@ AS_CALIBRATED = Observation()
 SLOW_PERIOD = 0.1  # s, image period above which drawing and reading fit into one tick
 
 
-class Visible(Protocol):
-    """Source of the recent scenes that a camera renders, such as the twin's world."""
-
-    def scene(self, stamp: float) -> Scene:
-        """The scene of the cell at `stamp` [s]."""
+View = Callable[[float], Scene]
+"""The scene of the cell that a camera sees at a time [s of the run]."""
 
 
 class TwinCamera:
-    """Simulated camera (`drivers.protocols.Camera`) that renders scenes of the twin's world.
+    """Simulated camera (`drivers.protocols.Camera`) that renders the scenes of its `view`.
 
     Frame k is exposed about k / rate, its stamp, and delivered `transport_delay` later; a share of
     them, `lost`, never is. Only frames that are read are rendered. `observation` holds what changed
@@ -42,7 +39,7 @@ class TwinCamera:
 
     def __init__(
         self,
-        world: Visible,
+        view: View,
         clock: Clock,
         settings: CameraSettings,
         look: StripLook,
@@ -51,7 +48,7 @@ class TwinCamera:
         desk_height: float = 0.0,
         surround: Look = PLAIN,
     ) -> None:
-        self._world = world
+        self._view = view
         self._clock = clock
         self._settings = settings
         optics = displaced_optics(settings, observation, desk_height)
@@ -121,7 +118,7 @@ class TwinCamera:
         count = self._settings.sub_shapes
         offsets = (np.arange(count) + 0.5) / count - 0.5
         moments = middle + offsets * self._settings.exposure
-        return [self._world.scene(max(float(moment), 0.0)) for moment in moments]
+        return [self._view(max(float(moment), 0.0)) for moment in moments]
 
 
 def displaced_optics(

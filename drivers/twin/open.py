@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.model import Effects, StripModel
 from drivers.twin.arm_and_hand import TwinArm, TwinHand
-from drivers.twin.camera import TwinCamera, Visible
+from drivers.twin.camera import TwinCamera, View
 from drivers.twin.chain.engine import Chain
 from drivers.twin.clock import Rank, TwinClock
 from drivers.twin.renderer.looks import LOOKS, StripLook
@@ -28,20 +29,15 @@ BEHIND = 0.005  # s that a measured pose may be old before the gripper counts as
 MeasuredPose = Callable[[], tuple[float, Pose] | None]
 
 
-def unchanged(world: World) -> Visible:
-    """The default view: the camera sees `world` unchanged."""
-    return world
-
-
 @dataclass(frozen=True, slots=True)
 class PlantOptions:
     """Parts of a twin that can be replaced: its plant, and the camera's view of its world.
 
-    `engine` makes the plant from a number of links; `view` makes what the camera looks at.
+    `engine` makes the plant from a number of links; `view` makes what the camera sees of a world.
     """
 
     engine: Callable[[int], Plant] = Chain
-    view: Callable[[World], Visible] = unchanged
+    view: Callable[[World], View] = attrgetter("scene")
 
 
 DEFAULT_PLANT = PlantOptions()

@@ -23,7 +23,7 @@ from drivers.strip.engine import Observables
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import GripperPath
-from drivers.twin.camera import Visible
+from drivers.twin.camera import View
 from drivers.twin.chain.engine import Chain
 from drivers.twin.scene import Scene
 from drivers.types import Array, frozen
@@ -158,21 +158,21 @@ class Specimen:
 class LaggedView:
     """Scene source for a camera whose image stamps differ, by `causes`, from the true time."""
 
-    def __init__(self, world: Visible, causes: Sequence[Cause]) -> None:
-        self._world, self._causes = world, tuple(causes)
+    def __init__(self, view: View, causes: Sequence[Cause]) -> None:
+        self._view, self._causes = view, tuple(causes)
         self._grasped: float | None = None
 
-    def scene(self, stamp: float) -> Scene:
+    def __call__(self, stamp: float) -> Scene:
         """Scene that an image stamped `stamp` [s] shows: the world at the image's true time."""
         if self._grasped is None:
-            seen = self._world.scene(stamp)
+            seen = self._view(stamp)
             if not seen.holds_strip:
                 return seen
             self._grasped = stamp
         since = stamp - self._grasped
         for cause in self._causes:
             since = cause.image_time(since)
-        return replace(self._world.scene(self._grasped + since), stamp=stamp)
+        return replace(self._view(self._grasped + since), stamp=stamp)
 
 
 TREMOR = 0.0002  # m, one sigma in x and in z

@@ -159,7 +159,7 @@ class ExamTwin:
         cv2.setNumThreads(1)
         staging = PlantOptions(
             engine=lambda links: Specimen(links, self._causes, self._seed, self._scatter),
-            view=lambda world: LaggedView(world, self._causes),
+            view=lambda world: LaggedView(world.scene, self._causes),
         )
         devices = twin_devices(
             self._change_lens(settings), strip, choice, calibrating=calibrating, staging=staging
