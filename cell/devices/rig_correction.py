@@ -67,7 +67,7 @@ class CorrectedArm:
     """Arm that wraps another one and compensates for the known errors `rig`.
 
     States give the gripper's true pose over the true desk at their stamp; commanded poses are true
-    ones. As in `grip_path`, offsets grow from where `hand` first holds the strip.
+    ones. As in `drivers.strip.observation`, offsets grow from where `hand` first holds the strip.
     """
 
     def __init__(self, arm: Arm, hand: Hand, rig: Rig) -> None:

@@ -172,7 +172,7 @@ class Rig:
     """Errors of gripper pose and desk height, true minus reported, and delay of the arm's stamps.
 
     `grip_x`, `grip_z` [m] and `grip_tilt` [rad] of the gripper's pose, `desk_height` [m] of the
-    desk, `delay` [s] of the gripper's stamps; applied in `grip_path` and `observation`. Engines get
+    desk, `delay` [s] of the gripper's stamps; applied in `observation`. Engines get
     true poses over the true desk and do not use them.
     """
 

@@ -67,7 +67,7 @@ class Grasp:
 class RigOffsets:
     """Converter of reported gripper poses to true poses over the true desk.
 
-    The offsets of `rig` grow as in `grip_path`: from zero at the grasp.
+    The offsets of `rig` grow as in `drivers.strip.observation`: from zero at the grasp.
     """
 
     def __init__(self, rig: Rig) -> None:
