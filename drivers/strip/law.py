@@ -45,22 +45,9 @@ def _add_force(model: StripModel, amount: float) -> StripModel:
     return with_field(model, "boundary.gravity", (gx + amount, gz))
 
 
-def _add_gradient(model: StripModel, amount: float) -> StripModel:
-    return scale_rigidity(model, 1.0 + amount * _position(model))
-
-
-def _add_drift(model: StripModel, amount: float) -> StripModel:
-    return scale_rigidity(model, max(SOFTEST, 1.0 + amount * model.index))
-
-
 def _add_curl(model: StripModel, amount: float) -> StripModel:
     rest = model.mechanics.rest_curvature + amount * _position(model)
     return with_field(model, "mechanics.rest_curvature", frozen(rest))
-
-
-def _add_bulge(model: StripModel, amount: float) -> StripModel:
-    arched = 1.0 - 4.0 * _position(model) ** 2
-    return scale_rigidity(model, 1.0 + amount * arched)
 
 
 def _add_weight_gradient(model: StripModel, amount: float) -> StripModel:
@@ -78,6 +65,11 @@ def _position(model: StripModel) -> Array:
     return np.asarray(model.mechanics.cells / model.mechanics.length - 0.5)
 
 
+def _arch(model: StripModel) -> Array:
+    """Parabola (CELLS,) over the cells: 1 in the middle of the strip, 0 at its ends."""
+    return np.asarray(1.0 - 4.0 * _position(model) ** 2)
+
+
 _TERMS = (
     Term("term_curvature", "moment over stiffness as curvature^3", "m^2", 2e-5, 1e-3,
          "mechanics.law.cubic", least=-5e-6),
@@ -91,9 +83,12 @@ _TERMS = (
          "mechanics.drag.coefficient", least=0.0),
     Term("term_force", "steady force along the desk per mass", "m/s^2", 0.05, 2.0, _add_force),
     Term("term_weight", "weight growing towards the grip", "1", 0.05, 1.8, _add_weight_gradient),
-    Term("term_place", "stiffness growing towards the grip", "1", 0.2, 1.8, _add_gradient),
-    Term("term_middle", "stiffness greater in the middle", "1", 0.2, 5.0, _add_bulge, least=-0.9),
-    Term("term_run", "stiffness growing with the run", "1", 0.005, 0.3, _add_drift),
+    Term("term_place", "stiffness growing towards the grip", "1", 0.2, 1.8,
+         lambda model, amount: scale_rigidity(model, 1.0 + amount * _position(model))),
+    Term("term_middle", "stiffness greater in the middle", "1", 0.2, 5.0,
+         lambda model, amount: scale_rigidity(model, 1.0 + amount * _arch(model)), least=-0.9),
+    Term("term_run", "stiffness growing with the run", "1", 0.005, 0.3,
+         lambda model, amount: scale_rigidity(model, max(SOFTEST, 1.0 + amount * model.index))),
     Term("term_even", "rest curvature everywhere", "1/m", 0.5, 30.0, "mechanics.rest_curvature"),
     Term("term_set", "rest curvature growing towards the grip", "1/m", 1.0, 30.0, _add_curl),
     Term("term_length", "strip longer than stated", "m", 3e-4, 0.02, "mechanics.length"),
