@@ -42,9 +42,7 @@ def curvature(before: Any, after: Any) -> Any:
 
 
 @kernel
-def distances_to_segment(
-    curve: Any, q: int, base: Any, bend: float, x: float, z: float
-) -> Any:
+def distances_to_segment(curve: Any, q: int, base: Any, bend: float, x: float, z: float) -> Any:
     """Distance [m] of (x, z) from segment `q`, and its signed distance from the arc, left positive.
 
     The arc over the segment's chord `base` has the mean curvature `bend` [1/m].
