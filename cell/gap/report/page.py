@@ -186,13 +186,12 @@ def _shrinkage_words(verdict: Verdict) -> str:
 
 def remains(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on what the accepted model leaves, and on detection limits."""
-    rest, law = verdict.unexplained, findings.law
-    stable = "stable" if rest is not None and rest.stable else "not stable"
-    what = "" if rest is None else capital(rest.description)
+    rest, law, open_ = verdict.unexplained, findings.law, verdict.verdict == "unexplained"
     return {
-        "rest": what and f"{what}. A description, not a cause, {stable} over the runs",
-        "law": "" if rest is None else rest.law,
-        "share": f"{100 * law.shrink:.0f} %" if law else "none",
+        "open": open_,
+        "rest": capital(rest.description) if rest and not open_ else "",  # the card says it
+        "law": law.words if law else "",
+        "share": f"{100 * law.shrink:.0f} %" if law else "",
         "alike": "; ".join(" or ".join(group) for group in verdict.ambiguous),
         "silent": ", ".join(undetectable(findings)),
         "detectable": [
