@@ -28,7 +28,7 @@ def profiles(shapes: Array, arc: Array, contact_x: Array, grip: Array) -> Array:
 
 
 def seen_profile(points: Array, contact_x: float, gripper: tuple[float, float]) -> Array:
-    """One profile (1, POINTS, 2) [m] from `points` (m, 2) measured in an image.
+    """Profile (1, POINTS, 2) [m] at equal arc lengths along `points` (m, 2) [m] of an image.
 
     It begins at the desk contact `contact_x` [m] and ends at the `gripper`'s x, z [m]: points of
     images begin up to 2 mm past the contact, and the fingers hide the last ones before the gripper.

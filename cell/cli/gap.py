@@ -196,7 +196,7 @@ def fit(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Refit, localise, name, and judge on held-out runs; says so when it cannot decide."""
+    """Name the effects that a model lacks in measured runs; says so where they cannot decide."""
     file = _subject_file(strip, model, configs, subject)
     from cell.gap.fit import fit as judge
     from cell.gap.open_subject import option_for

@@ -14,9 +14,9 @@ from drivers.arm.process import (
     END_PATIENCE,
     Task,
     TerminationFlag,
+    apply_realtime,
     fault_sent,
     receive,
-    schedule,
     send,
 )
 from drivers.arm.robot import Robot
@@ -164,7 +164,7 @@ def _run_loop(
     clock = WallClock(task.origin)
     warm_up(task.installation)
     robot = Robot(task.address, task.settings)
-    schedule(task.settings.realtime)
+    apply_realtime(task.settings.realtime)
     robot.require_ready()
     robot.require_tool()
     robot.configure(task.settings.collision)

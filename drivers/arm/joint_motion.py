@@ -20,7 +20,7 @@ from drivers.types import Array
 AXES = 7
 JOINT_SPEED = 0.5  # rad/s
 JOINT_ACCELERATION = 1.5  # rad/s^2
-JOINT_JERK = 50.0  # rad/s^3 at full speed
+JOINT_JERK = 50.0  # rad/s^3 at any share of full speed
 HARD_ACCELERATION, HARD_JERK = 8.0, 2000.0  # rad/s^2, rad/s^3 of a stop out of contact
 HARD_GAIN = 30.0  # 1/s, likewise: stable with commands lost for 15 ms
 ROUNDING = 3e-7  # rad: more than the rounding of the state

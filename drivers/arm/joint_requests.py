@@ -17,9 +17,9 @@ from drivers.arm.process import (
     END_PATIENCE,
     Task,
     TerminationFlag,
+    apply_realtime,
     fault_sent,
     receive,
-    schedule,
     send,
 )
 from drivers.arm.settings import CollisionSettings, FciSettings
@@ -94,7 +94,7 @@ def carry_out(pipe: Connection, task: Task, request: GoTo | None) -> None:
         from drivers.arm.robot import Robot
 
         robot = Robot(task.address, task.settings)
-        schedule(task.settings.realtime)
+        apply_realtime(task.settings.realtime)
         if request is None:
             robot.require_tool()
             send(pipe, list(robot.state().O_T_EE))

@@ -88,15 +88,16 @@ def send(pipe: Connection, message: object) -> None:
         pipe.send(message)
 
 
-def schedule(mode: RealTime) -> None:
-    """Schedule this thread by `fci.realtime`; to be called once the library has connected.
+def apply_realtime(mode: RealTime) -> None:
+    """Give this thread the scheduling that `fci.realtime` names; the library has connected before.
 
-    Raises ArmFault where the user may not have the required real-time priority.
+    The library itself takes the priority for `enforce`. Raises ArmFault where the user may not have
+    the priority.
     """
-    if mode != "ignore":
+    if mode == "ignore":
+        wake_promptly()
+    else:
         lock_memory()
     if mode == "priority" and not take_priority(PRIORITY):
         reason = f"this user may not have real-time priority {PRIORITY}, see `ulimit -r`"
         raise ArmFault(Cause.REALTIME, reason)
-    if mode == "ignore":
-        wake_promptly()

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import cell.folding.fold
-from cell.devices.devices import Devices
 from cell.record.run import read_run
 from cell.report.page import write_report
+from drivers.twin.world import World
 from tests.lab.faults.blow import Blow, strike
 from tests.lab.studies.kit.folds import cached_calibration
 from tests.support.children import wait_for_state
@@ -46,16 +46,8 @@ def test_fault_stops_the_arm_in_time_and_is_named(
 
 
 def test_no_strip_on_the_desk_is_refused_before_the_grasp(monkeypatch, tmp_path) -> None:
-    open_cell = cell.folding.fold.open_cell
-
-    def empty(*arguments, **options) -> Devices:
-        devices = open_cell(*arguments, **options)
-        world = devices.plant.twin.world
-        scene = world.scene
-        monkeypatch.setattr(world, "scene", lambda t: replace(scene(t), strip=False))
-        return devices
-
-    monkeypatch.setattr(cell.folding.fold, "open_cell", empty)
+    scene = World.scene
+    monkeypatch.setattr(World, "scene", lambda world, t: replace(scene(world, t), strip=False))
     result = cell.folding.fold.fold(
         request_for("denim", "triangular", tmp_path), cached_calibration()
     )

@@ -27,7 +27,7 @@ class Stage(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """Uniform or log-uniform distribution from `low` to `high`, optionally in strip lengths."""
+    """Uniform or log-uniform from `low` to `high`, which are in strip lengths if `of_length`."""
 
     low: float
     high: float
@@ -37,8 +37,9 @@ class Span:
     def draw(self, rng: np.random.Generator, length: float) -> float:
         """Draw a value for a strip of `length` [m]."""
         if self.log:
-            return float(np.exp(rng.uniform(np.log(self.low), np.log(self.high))))
-        value = self.low if self.low == self.high else float(rng.uniform(self.low, self.high))
+            value = float(np.exp(rng.uniform(np.log(self.low), np.log(self.high))))
+        else:
+            value = self.low if self.low == self.high else float(rng.uniform(self.low, self.high))
         return value * length if self.of_length else value
 
 

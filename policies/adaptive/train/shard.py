@@ -254,7 +254,7 @@ def _shard_of(explorer: Explorer, folds: Folds, strips: list[StripFile], *, tria
 
 
 def truth(strip: StripFile) -> tuple[float, float, float]:
-    """True values of the critic's `Belief`: ln length, ln time, ln(1 + curvature / YIELD_UNIT)."""
-    friction = strip.effects.get("bending_hysteresis", {}).get("yield_curvature", 0.0)
-    logs = np.log([strip.bending_length, strip.retardation_time, 1.0 + friction / YIELD_UNIT])
+    """True `Belief` of a strip: ln(bending length), ln(time), ln(1 + curvature / YIELD_UNIT)."""
+    curvature = strip.effects.get("bending_hysteresis", {}).get("yield_curvature", 0.0)
+    logs = np.log([strip.bending_length, strip.retardation_time, 1.0 + curvature / YIELD_UNIT])
     return float(logs[0]), float(logs[1]), float(logs[2])

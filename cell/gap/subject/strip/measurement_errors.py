@@ -29,7 +29,7 @@ class RunEffect(ScatterSource):
     place: str
 
     def apply(self, model: StripModel, value: float) -> StripModel:
-        """`model` with the quantity at `value` instead of zero."""
+        """Copy of `model` whose field `place` differs by `value`."""
         part, _, field = self.place.partition(".")
         before = getattr(model, part)
         known = getattr(before, field)
