@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import cell.folding.fold
+from cell.folding.fold import fold
 from cell.record.run import read_run
 from cell.report.page import write_report
 from drivers.twin.world import World
@@ -48,9 +48,7 @@ def test_fault_stops_the_arm_in_time_and_is_named(
 def test_no_strip_on_the_desk_is_refused_before_the_grasp(monkeypatch, tmp_path) -> None:
     scene = World.scene
     monkeypatch.setattr(World, "scene", lambda world, t: replace(scene(world, t), strip=False))
-    result = cell.folding.fold.fold(
-        request_for("denim", "triangular", tmp_path), cached_calibration()
-    )
+    result = fold(request_for("denim", "triangular", tmp_path), cached_calibration())
     assert (result.outcome, result.exit_code) == ("preflight_refused", 3)
     assert len(read_run(Path(result.run)).ticks.t) == 0
 

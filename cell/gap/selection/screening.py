@@ -410,7 +410,7 @@ def _mixed_values(chosen: Sequence[tuple[ProbeResponses, int]], amounts: Array) 
 def detectable(
     projection: Projection, probed: Sequence[ProbeResponses], likelihood: LikelihoodScale
 ) -> dict[str, float | None]:
-    """Smallest detectable value of each effect's main parameter; None where none would show.
+    """Value at which each effect would just show, in its main parameter's unit; None if at none.
 
     The probe whose response, less what a refit of the base absorbs, is nearest to DETECTED_SIGMA
     is scaled to it. None also where the value would lie beyond the parameter's bounds.
@@ -423,21 +423,17 @@ def detectable(
 def _detectable(
     projection: Projection, probed: ProbeResponses, likelihood: LikelihoodScale
 ) -> float | None:
-    """Detectable value of an effect's main parameter, by the probe nearest to DETECTED_SIGMA."""
-    sizes: list[tuple[float, float | None]] = []
+    """Detectable value of an effect in its main parameter's unit, by the probe nearest to it."""
+    main, sizes = probed.candidate.parameters[0], list[tuple[float, float | None]]()
     for group, responses in zip(probed.groups, probed.responses, strict=True):
         curvature = projection.form(projection.weigh(responses)).curvature
         power = np.diag(curvature) / likelihood.inefficiency
         for vector, square in zip(group, power, strict=True):
-            if square > LEAST_POWER:
-                sigma = float(np.sqrt(square))
-                factor = DETECTED_SIGMA / sigma
-                sizes.append((abs(np.log(factor)), _scaled_value(probed.candidate, vector, factor)))
+            known = zip(probed.candidate.parameters, vector, strict=True)
+            p, probe = next((p, value) for p, value in known if value != p.start)
+            if square > LEAST_POWER and p.unit == main.unit:
+                factor = DETECTED_SIGMA / float(np.sqrt(square))
+                value = float(p.start + (probe - p.start) * factor)
+                inside = p.low <= value <= p.high
+                sizes.append((abs(np.log(factor)), p.stated_value(value) if inside else None))
     return min(sizes, key=lambda each: each[0])[1] if sizes else None
-
-
-def _scaled_value(candidate: Candidate, probe: Array, factor: float) -> float | None:
-    """Main parameter of `probe` at `factor` times its distance from null; None beyond bounds."""
-    k, p = next((k, p) for k, p in enumerate(candidate.parameters) if probe[k] != p.start)
-    value = float(p.start + (probe[k] - p.start) * factor)
-    return p.stated_value(value) if p.low <= value <= p.high else None

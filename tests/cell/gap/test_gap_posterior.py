@@ -1,6 +1,7 @@
 """Which sets of effects are probable, and what is stated of a name."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from cell.gap.fitting.tasks import run_all
 from cell.gap.selection.choice import choose
 from cell.gap.selection.likelihood import Fits, LikelihoodScale
 from cell.gap.selection.posterior import Beliefs, Posterior, beliefs, filling_floor, posterior
-from cell.gap.selection.screening import probe
+from cell.gap.selection.screening import ProbeResponses, detectable, probe
+from cell.gap.subject.subject import Candidate, Parameter
 from cell.gap.verdict.confidence import Numbers, calibration
 from drivers.types import Array
 from tests.support.curves import Curves, bump, fitted, hidden, judged, validated, wave
@@ -122,3 +124,11 @@ def test_a_verdict_states_what_its_signs_are_worth() -> None:
     assert effect.confidence == calibration("mechanism").probability(found)
     assert found.left == pytest.approx(1.0, abs=0.2)
     assert abs(found.correlation) < 0.3
+
+
+def test_what_would_show_is_stated_in_the_unit_of_the_main_parameter() -> None:
+    pair = tuple(Parameter(of, of, 0.0, 0.0, 9.0, step=1.0) for of in ("N m", "1"))
+    candidate, steps = Candidate("e", "", "model", pair, ()), tuple(np.eye(2)[::-1])
+    seen = ProbeResponses(candidate, (steps,), (np.diag([8.0, 4.0]),))
+    bare = SimpleNamespace(weigh=lambda r: r, form=lambda r: SimpleNamespace(curvature=r @ r.T))
+    assert detectable(bare, [seen], PLAIN) == {"e": 2.0}
