@@ -243,7 +243,7 @@ def maps_figure(results: Results) -> str:
 
 
 def force_figure(results: Results) -> str:
-    """Figure (SVG) of the force on the fixed edge, over the paper's range."""
+    """Figure (SVG) of the force on the fixed edge by policy, 5 to 95 % of the paper's strips."""
     policies = results.asked.policies
     with canvas(PAGE_WIDTH, 0.34 * len(policies) + 0.7) as figure:
         axes = figure.add_subplot()

@@ -163,7 +163,7 @@ def resumable(folder: Path) -> "Iterator[None]":
         yield
     except KeyboardInterrupt:
         sys.stderr.write(
-            f"interrupted; what is finished is kept in {folder}: the same command goes on\n"
+            f"interrupted; what is finished is kept in {folder}: run the command again to resume\n"
         )
         sys.exit(INTERRUPTED_CODE)
 

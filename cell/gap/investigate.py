@@ -109,7 +109,7 @@ class Stages:
         )
 
     def screen(self, fitted: BaseFit) -> Screen:
-        """Probe all candidates at the refitted base, and score them."""
+        """Simulate the probes of every candidate at the fitted base; predict what each gains."""
         tasks = [probe(fitted.base.estimate, c) for c in self.subject.scope.candidates]
         return self.score_candidates(fitted, run_all(self.simulate, tasks))
 

@@ -105,7 +105,7 @@ def _grid(x: Array, z: Array) -> Array:
 
 
 def shares_along(levels: Image, calibration: Calibration, strip: StripFile, rise: float) -> Array:
-    """Shares of strip (n,) along its near side, from the smoothed matte `levels` (h, w).
+    """How far its near side looks like strip (n,), 0 to 1, in the smoothed matte `levels` (h, w).
 
     The midline rests at a height `rise` [m].
     """

@@ -94,13 +94,14 @@ def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) 
     )
 
 
-def _fold_tone(result: Result, d: float) -> Tone:
+def _fold_tone(result: Result, displacement: float) -> Tone:
+    """Good within FOLDED_TOLERANCE, fair beyond it or where a laid fold is doubted, else bad."""
     if result.outcome in LAID:
         return "fair"
     if result.outcome != "layer_touch":
         return "bad"
-    off = max(abs(d), abs(result.edge_offset or 0.0))
-    return "good" if off <= FOLDED_TOLERANCE else "fair"
+    largest = max(abs(displacement), abs(result.edge_offset or 0.0))
+    return "good" if largest <= FOLDED_TOLERANCE else "fair"
 
 
 def _fold_headline(result: Result) -> str:

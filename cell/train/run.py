@@ -69,7 +69,7 @@ class Meter:
         )
         self._task: TaskID = self._bar.add_task("begins", total=total, completed=known)
         if known:
-            console.print(f"goes on after {known} of {total}", highlight=False)
+            console.print(f"resumed after {known} of {total}", highlight=False)
 
     def __enter__(self) -> Self:
         """Show the bar."""
@@ -80,7 +80,7 @@ class Meter:
         """Remove the bar; after Ctrl-C, print how to resume."""
         self._bar.stop()
         if kind is KeyboardInterrupt:
-            self._console.print("interrupted; the same command goes on", highlight=False)
+            self._console.print("interrupted; run the command again to resume", highlight=False)
 
     def show(self, done: int, text: str) -> None:
         """Show the number of steps `done`, and `text` on the last one."""

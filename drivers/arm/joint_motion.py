@@ -341,6 +341,7 @@ def _is_still(state: Any) -> bool:
 
 
 def _plan(start: Numbers, goal: Numbers, share: float) -> Any:
+    """Ruckig's input from rest to rest (7,) [rad] at a `share` of full speed and acceleration."""
     plan = ruckig.InputParameter(AXES)
     plan.synchronization = ruckig.Synchronization.Phase  # straight from start to goal
     plan.current_position, plan.target_position = start, goal

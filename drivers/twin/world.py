@@ -158,7 +158,7 @@ class World:
     def follow_lazily(self, stamp: float, pose: Callable[[], Pose]) -> None:
         """Add a reported pose at `stamp` [s], computed only if a step of the strip needs it.
 
-        Of an arm that reports every millisecond that is one pose in five.
+        An arm reports each millisecond, the strip steps each five; later stamps alone are added.
         """
         if stamp > self._path[-1][0]:
             self._path.append((stamp, pose))

@@ -25,7 +25,7 @@ def in_small_unit(value: float, of: str) -> float:
 
 
 def unit(text: str) -> str:
-    """Symbol of a unit as pages show it, powers raised; a pure number has none."""
+    """Symbol of the unit in which pages show `text`: mm for m, ms for s; none for pure numbers."""
     text = SMALL_UNITS.get(text, (1.0, text))[1]
     for plain, raised in POWERS.items():
         text = text.replace(plain, raised)

@@ -187,7 +187,7 @@ class Table:
     gain_bounds: Array
 
     def bounds_of(self, members: Sequence[ProbeResponses]) -> Array:
-        """Most [nats] that one candidate gains by group (groups,), two by both (groups, groups)."""
+        """Upper bounds [nats] of gains: by a group of probes (G,), by a pair of groups (G, G)."""
         order = list(self.columns)
         rows = [[order.index((p.candidate.name, g)) for g in range(len(p.groups))] for p in members]
         if len(rows) == 1:

@@ -53,7 +53,7 @@ def within_reach(gain: float, most: float) -> bool:
 def fit_scores(
     simulate: Simulate, fits: Fits, scores: Sequence[Score], candidates: Sequence[Candidate]
 ) -> Fits:
-    """Fit the models of `scores` together with the base, and add them to `fits`.
+    """`fits` with the models of `scores` added, each fitted along with the base.
 
     Each fit starts at null and at the values of the screen; it replaces a fit of the same model in
     `fits` only if it gains more. Models that gain far less than the best after a few steps are not

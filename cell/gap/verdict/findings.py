@@ -140,7 +140,7 @@ class Findings:
 
     @property
     def likelihood(self) -> LikelihoodScale:
-        """The scale on which models were compared."""
+        """Dispersion and inefficiency by which log-likelihoods of all models are divided."""
         return self.choice.fits.likelihood
 
     @property

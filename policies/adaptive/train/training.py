@@ -28,7 +28,7 @@ COVERAGES = ((0.68, ONE), (0.95, TWO))  # share of outcomes, and sigmas that are
 
 
 class CriticTraining:
-    """A training that begins in an empty folder, or continues one of the same settings.
+    """Training of the critic of `adaptive` in a folder, resumed where that holds its settings.
 
     Raises ConfigurationError for a folder of other settings, or one that cannot be written.
     """

@@ -46,7 +46,7 @@ def test_run_killed_twice_ends_with_the_weights_of_one_left_alone(
     killed_after(killed, 4)
     assert run(monkeypatch, "train", "--out", killed, "--jobs", 2, *TINY) == 0
     told = capsys.readouterr()
-    assert "goes on after 4 of 6" in told.err or "goes on after 5 of 6" in told.err
+    assert "resumed after 4 of 6" in told.err or "resumed after 5 of 6" in told.err
     assert "chain (the plant)" in told.out
     assert (alone / "feedback.json").read_bytes() == (killed / "feedback.json").read_bytes()
     judged = [json.loads((f / "evaluation.json").read_text()) for f in (alone, killed)]
