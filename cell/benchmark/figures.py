@@ -11,7 +11,7 @@ from cell.report.drawing import GREEN, INK, MUTED, PAPER, RULE, as_svg, canvas
 from cell.report.words import MINUS
 from drivers.types import Array
 from policies.registry import look_of
-from policies.strips import DAMPING_RATIO, STIFFNESS_RANGE
+from policies.strip_sampling import DAMPING_RATIO, STIFFNESS_RANGE
 
 PAGE_WIDTH = 8.4  # inch, of a page
 NOTE = 8.0  # points

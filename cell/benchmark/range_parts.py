@@ -15,7 +15,7 @@ from policies.planned import Planned
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import IMAGE_SENSING
-from policies.strips import EFFECTS, effect, friction, grid, plain_strip
+from policies.strip_sampling import EFFECTS, effect, friction, grid, plain_strip
 
 SEGMENTS, LINKS = 100, 80
 STRIP_COST = {"rod": 0.03, "chain": 0.3}  # s of a strip

@@ -187,7 +187,7 @@ def _strip_name(strip: str, length: float | None, thickness: float | None) -> st
         )
     if length is None:
         return strip
-    from cell.config.unknown import name_of
+    from cell.config.unmeasured_strip import name_of
 
     return name_of(length, thickness)
 

@@ -54,7 +54,7 @@ class Configs:
 
     def strip(self, name: str) -> "StripFile":
         """Read and check the strip called `name`; `unknown:LENGTH` is one without a file."""
-        from cell.config.unknown import MARK, unknown_strip
+        from cell.config.unmeasured_strip import MARK, unknown_strip
         from drivers.strip.describe import load_strip
 
         if name.startswith(MARK):

@@ -13,7 +13,7 @@ from cell.calibrating.calibration_in_use import record_entry
 from cell.config.cell import CellFile
 from cell.folding.request import Request
 from cell.orchestrator.outcome import Outcome
-from cell.perception.consistency import disagreements
+from cell.perception.length_checks import disagreements
 from drivers.files import write_file
 from drivers.readers import MEGABYTE, read_bytes
 from drivers.strip.file import Provenance, StripFile

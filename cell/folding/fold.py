@@ -10,12 +10,12 @@ from typing import Any
 
 from calibration.calibration import Calibration, save_calibration
 from cell.calibrating.calibration_in_use import check_usable
-from cell.config.unknown import UNKNOWN_NAME as UNKNOWN
+from cell.config.unmeasured_strip import UNKNOWN_NAME as UNKNOWN
 from cell.devices.devices import Devices
 from cell.devices.open import open_cell
 from cell.devices.rig_correction import corrected_calibration
 from cell.folding.documents import CHECKPOINT_BYTES, offer_strip, result_content, run_header
-from cell.folding.feasible import check_feasible
+from cell.folding.feasibility import check_feasible
 from cell.folding.fold_trace import FoldTrace
 from cell.folding.realtime import realtime_thread
 from cell.folding.request import Request, memory_of
@@ -27,8 +27,8 @@ from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
 from cell.orchestrator.recorder import FileRecorder, Recorder
 from cell.orchestrator.run import Observer, Run
 from cell.orchestrator.safe_stop import run_suppressed
-from cell.perception.consistency import disagreements
 from cell.perception.image_reader import InlineReader, Measurer, ProcessReader, Reader, StripInputs
+from cell.perception.length_checks import disagreements
 from cell.record.files import CALIBRATION, CHECKPOINT
 from cell.record.truth import write_truth
 from cell.record.writer import RunWriter

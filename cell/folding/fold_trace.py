@@ -8,7 +8,7 @@ from cell.orchestrator.outcome import Outcome, StopReason
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
-from cell.perception.agreement import Agreement, MeasuredFold, agreement
+from cell.perception.model_agreement import Agreement, MeasuredFold, agreement
 from drivers.errors import CellError
 from drivers.strip.file import StripFile
 from policies.profile import seen_profile

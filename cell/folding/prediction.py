@@ -14,7 +14,7 @@ from cell.arm.run_settings import at_speed
 from cell.calibrating.calibration_in_use import check_current
 from cell.config.cell import CellFile
 from cell.devices.open import real_camera
-from cell.folding.feasible import corner_strips, path_problems, simulate
+from cell.folding.feasibility import corner_strips, path_problems, simulate
 from cell.folding.request import Request
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe

@@ -16,7 +16,7 @@ from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.steps import Motion, close_hand, move, open_hand
 from drivers.arm.reach import densify, plan_reach
 from drivers.errors import ConfigurationError
-from drivers.franka.inverse import ELBOW_JOINT
+from drivers.franka.inverse_kinematics import ELBOW_JOINT
 from drivers.installation import MotionLimits
 from drivers.strip.file import StripFile
 from drivers.types import Array, Pose, Velocity

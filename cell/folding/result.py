@@ -6,11 +6,11 @@ from math import inf
 from pathlib import Path
 from typing import Any, Self
 
-from cell.config.unknown import UNKNOWN_NAME as UNKNOWN
+from cell.config.unmeasured_strip import UNKNOWN_NAME as UNKNOWN
 from cell.folding.documents import LEARNED
 from cell.folding.request import Request
 from cell.orchestrator.outcome import Outcome, StopReason
-from cell.perception.consistency import LengthCheck
+from cell.perception.length_checks import LengthCheck
 from cell.record.header import LAID, NOT_FOLDED
 from drivers.errors import CellError
 

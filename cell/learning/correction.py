@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 
 from cell.config.settings import LearningSettings
-from cell.config.unknown import UNKNOWN_NAME as UNKNOWN
+from cell.config.unmeasured_strip import UNKNOWN_NAME as UNKNOWN
 from cell.learning.bias import Bias, bias
 from cell.learning.experience import Experience, Memory
 from policies.policy import Policy

@@ -16,8 +16,8 @@ from cell.orchestrator.operator import Operator, Unattended
 from cell.orchestrator.outcome import StopReason
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.steps import Motion
-from cell.perception.consistency import LengthCheck, disagreements
 from cell.perception.image_reader import Reader
+from cell.perception.length_checks import LengthCheck, disagreements
 from cell.perception.measurement import SeenTouch
 from drivers.arm.obstacles import desk_end
 from drivers.strip.file import StripFile

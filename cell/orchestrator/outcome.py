@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 from cell.orchestrator.operator import Interrupted
-from cell.perception.agreement import Agreement
-from cell.perception.consistency import LengthCheck
+from cell.perception.length_checks import LengthCheck
 from cell.perception.measurement import SeenTouch
+from cell.perception.model_agreement import Agreement
 from drivers.errors import CellError, Fault, PreflightRefused
 from policies.prediction import FoldPrediction
 

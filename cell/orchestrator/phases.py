@@ -30,9 +30,9 @@ from cell.orchestrator.steps import (
     wait_for,
 )
 from cell.perception.camera_watch import UNWATCHED
-from cell.perception.consistency import LengthCheck, compare_grip, held_end
 from cell.perception.image_reader import ImageResult, ImageTask, Reader
 from cell.perception.laid import Loop, edge_offset, laid_length, laid_weights
+from cell.perception.length_checks import LengthCheck, compare_grip, held_end
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.preflight import PreflightCheck, camera_check
 from drivers.errors import Fault, PreflightRefused

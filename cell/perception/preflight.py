@@ -7,8 +7,8 @@ import numpy as np
 
 from calibration.calibration import Calibration
 from calibration.landmarks import CameraShift, LandmarkSettings
-from cell.perception.consistency import BY_HAND, LengthCheck
 from cell.perception.kernels import ZERO_LEVEL, Floats, smooth_matte
+from cell.perception.length_checks import BY_HAND, LengthCheck
 from cell.perception.region import Region, motion_mask
 from cell.perception.resting import (
     Samples,

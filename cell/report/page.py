@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cell.perception.consistency import KINDS
+from cell.perception.length_checks import KINDS
 from cell.record.columns import FARTHEST_HAND
 from cell.record.events import Event, Outlook
 from cell.record.files import (

@@ -18,7 +18,7 @@ from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from policies.policy import Policy
 from policies.rollout import Misses, Rollout, roll_out
-from policies.strips import CONDITIONS, STRIP_LENGTH, grid, strip_under_condition
+from policies.strip_sampling import CONDITIONS, STRIP_LENGTH, grid, strip_under_condition
 from policies.train.objective import JUDGING_SEGMENTS
 
 Key = TypeVar("Key")

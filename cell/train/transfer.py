@@ -15,7 +15,7 @@ from cell.campaign.journal import digest
 from cell.campaign.run import Engine, Watcher, carry_out
 from cell.campaign.versions import code
 from cell.config.places import find_configs
-from cell.config.unknown import name_of
+from cell.config.unmeasured_strip import name_of
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold
 from cell.folding.request import Recording, Request
@@ -24,7 +24,7 @@ from drivers.errors import ConfigurationError
 from policies.adaptive.bias import Bias
 from policies.adaptive.checkpoint import THROUGH_IMAGES, about, load_critic, save_critic
 from policies.adaptive.train.transfer import FitQuality, FoldedBatch, fit_transfer
-from policies.strips import random_strip
+from policies.strip_sampling import random_strip
 
 UNTRANSFERRED, JOURNAL = "untransferred.npz", "transfer"
 SECONDS = 10.0  # of processor, a fold

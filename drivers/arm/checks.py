@@ -12,7 +12,7 @@ import numpy as np
 from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.settings import ToolSettings
 from drivers.franka import limits
-from drivers.franka.inverse import rotation_vector
+from drivers.franka.inverse_kinematics import rotation_vector
 from drivers.franka.kinematics import FLANGE_TO_TIP
 from drivers.types import Array
 

@@ -12,7 +12,7 @@ import ruckig
 
 from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.force import ForceGuard
-from drivers.franka.inverse import ELBOW_JOINT, joint_step
+from drivers.franka.inverse_kinematics import ELBOW_JOINT, joint_step
 from drivers.franka.kinematics import forward, pose_and_jacobian
 from drivers.motion import TICK
 from drivers.types import Array
@@ -341,7 +341,6 @@ def _is_still(state: Any) -> bool:
 
 
 def _plan(start: Numbers, goal: Numbers, share: float) -> Any:
-    """Ruckig's input from rest to rest (7,) [rad] at a `share` of full speed and acceleration."""
     plan = ruckig.InputParameter(AXES)
     plan.synchronization = ruckig.Synchronization.Phase  # straight from start to goal
     plan.current_position, plan.target_position = start, goal

@@ -26,7 +26,7 @@ from drivers.arm.settings import CollisionSettings, FciSettings
 from drivers.child import Child
 from drivers.franka import limits
 from drivers.franka.collision import Solids
-from drivers.franka.inverse import straight
+from drivers.franka.inverse_kinematics import straight
 from drivers.types import Array
 
 REQUEST_TIMEOUT = 180.0  # s for a request

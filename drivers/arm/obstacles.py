@@ -9,7 +9,7 @@ from drivers.arm.failure import ArmFault, Cause
 from drivers.errors import Fault
 from drivers.franka import limits
 from drivers.franka.collision import Box, Solids, self_clearance
-from drivers.franka.inverse import straight
+from drivers.franka.inverse_kinematics import straight
 from drivers.franka.kinematics import HOME
 from drivers.installation import Installation
 from drivers.types import Array, Pose

@@ -5,7 +5,7 @@ from math import atan2, cos, pi, sin
 
 import numpy as np
 
-from drivers.franka.inverse import rotation, rotation_vector
+from drivers.franka.inverse_kinematics import rotation, rotation_vector
 from drivers.geometry import CellInRobot
 from drivers.motion import TICK
 from drivers.types import Array

@@ -89,10 +89,9 @@ def send(pipe: Connection, message: object) -> None:
 
 
 def apply_realtime(mode: RealTime) -> None:
-    """Give this thread the scheduling that `fci.realtime` names; the library has connected before.
+    """Give this thread the scheduling that `fci.realtime` names, once the library has connected.
 
-    The library itself takes the priority for `enforce`. Raises ArmFault where the user may not have
-    the priority.
+    For `enforce` the library takes the priority. Raises ArmFault where the user may not have it.
     """
     if mode == "ignore":
         wake_promptly()

@@ -7,7 +7,7 @@ import numpy as np
 
 from drivers.arm.plane import StripPlane
 from drivers.franka import limits
-from drivers.franka.inverse import (
+from drivers.franka.inverse_kinematics import (
     ELBOW_JOINT,
     Unreachable,
     joint_rates,

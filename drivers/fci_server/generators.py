@@ -16,7 +16,7 @@ from drivers.fci_server.limits import (
 )
 from drivers.fci_server.posture import Posture, twist_of
 from drivers.fci_server.wire import Generator, Reflex, RobotCommand, usable
-from drivers.franka.inverse import joint_step, rotation
+from drivers.franka.inverse_kinematics import joint_step, rotation
 from drivers.motion import TICK
 from drivers.types import Array
 

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from drivers.franka import limits
-from drivers.franka.inverse import ELBOW_JOINT, twist_between
+from drivers.franka.inverse_kinematics import ELBOW_JOINT, twist_between
 from drivers.franka.kinematics import ELBOW_FLIP, pose_and_jacobian
 from drivers.motion import TICK
 from drivers.types import Array

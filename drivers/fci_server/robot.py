@@ -27,7 +27,7 @@ from drivers.fci_server.wire import (
     RobotCommand,
     Status,
 )
-from drivers.franka.inverse import manipulability
+from drivers.franka.inverse_kinematics import manipulability
 from drivers.franka.kinematics import HOME
 from drivers.types import Array
 

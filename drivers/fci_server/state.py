@@ -5,7 +5,7 @@ import numpy as np
 from drivers.fci_server.configuration import Configuration
 from drivers.fci_server.robot import NO_CONTACT, Contact, Robot
 from drivers.fci_server.wire import Controller, Generator, Reflex
-from drivers.franka.inverse import ELBOW_JOINT
+from drivers.franka.inverse_kinematics import ELBOW_JOINT
 from drivers.franka.model import GRAVITY, HAND_INERTIA, holding_torques
 from drivers.types import Array
 

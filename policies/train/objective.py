@@ -16,7 +16,7 @@ from drivers.types import Array
 from policies.feedback import Feedback
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import Sensing
-from policies.strips import grid, sample
+from policies.strip_sampling import grid, sample
 
 PIECE = 12  # candidates a piece; fixed, so that no result depends on the number of workers
 JUDGING_SEGMENTS = 100  # segments of the rod in a validation

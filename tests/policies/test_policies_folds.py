@@ -14,7 +14,7 @@ from drivers.twin.chain.engine import Chain
 from policies.feedback import COMMITTED, load_checkpoint
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
-from policies.strips import grid
+from policies.strip_sampling import grid
 from policies.train.objective import TrainingSettings
 
 pytestmark = pytest.mark.slow

@@ -22,7 +22,7 @@ def fitted_literals(source: str) -> list[str]:
 
 
 @pytest.mark.parametrize("room", ["policies", "cell/learning", "cell/perception/laid.py",
-                                  "cell/perception/agreement.py"])  # fmt: skip
+                                  "cell/perception/model_agreement.py"])  # fmt: skip
 def test_no_fitted_number_stands_in_the_source(room: str) -> None:
     place = ROOT / room
     modules = sorted(place.rglob("*.py")) if place.is_dir() else [place]

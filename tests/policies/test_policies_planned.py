@@ -11,7 +11,7 @@ from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from policies.planned import Planned, plan
 from policies.rollout import Rollout, roll_out
-from policies.strips import grid, strip_at
+from policies.strip_sampling import grid, strip_at
 
 pytestmark = pytest.mark.slow
 

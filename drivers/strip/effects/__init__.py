@@ -7,11 +7,11 @@ from typing import Literal
 
 from drivers.errors import ConfigurationError, suggestion
 from drivers.plugins import plugins
-from drivers.strip.effects import bending, cell, mass
+from drivers.strip.effects import bending, mass, rig
 from drivers.strip.effects.effect import Effect
 from drivers.strip.model import Effects, StripModel
 
-FAMILIES = (bending, cell, mass)
+FAMILIES = (bending, mass, rig)
 
 
 @cache

@@ -21,7 +21,7 @@ from policies.adaptive.features import COUNT, RISE_AT
 from policies.policy import Decision, Observation
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import IMAGE_SENSING, TRAINING
-from policies.strips import STRIP_LENGTH, plain_strip, random_strip
+from policies.strip_sampling import STRIP_LENGTH, plain_strip, random_strip
 
 ABSURD = 0.2  # m, to which displacements are clipped
 RATES, TRIAL_RATE = (45.0, 75.0), 60.0  # Hz, of the camera in training and in trials

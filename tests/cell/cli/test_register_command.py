@@ -15,7 +15,7 @@ from cell.cli.app import app
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from drivers.fci_server.posture import Posture
 from drivers.fci_server.server import RobotServer
-from drivers.franka.inverse import solve
+from drivers.franka.inverse_kinematics import solve
 from drivers.franka.kinematics import HOME
 from drivers.installation import Mounting
 from drivers.types import frozen

@@ -2,7 +2,7 @@
 
 import pytest
 
-from cell.config.unknown import MARK, THICKNESS_RANGE, name_of, unknown_strip
+from cell.config.unmeasured_strip import MARK, THICKNESS_RANGE, name_of, unknown_strip
 from drivers.errors import ConfigurationError
 
 

@@ -12,7 +12,7 @@ import pytest
 from calibration.calibration import Calibration
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
-from cell.folding.feasible import check_feasible, corner_strips, path_problems
+from cell.folding.feasibility import check_feasible, corner_strips, path_problems
 from cell.folding.fold import fold
 from cell.folding.prediction import predict
 from drivers.errors import ConfigurationError, PreflightRefused

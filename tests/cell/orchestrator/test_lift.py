@@ -21,7 +21,7 @@ from cell.orchestrator.vision import View
 from drivers.arm.loop import plane_of
 from drivers.arm.reach import REACTION, PredictedMotion, ReachGuard, densify
 from drivers.arm.settings import REACHABLE
-from drivers.franka.inverse import solve
+from drivers.franka.inverse_kinematics import solve
 from drivers.franka.kinematics import forward
 from drivers.installation import MotionLimits
 from drivers.motion import TICK, MotionProfile

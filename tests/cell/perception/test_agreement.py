@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cell.perception.agreement import (
+from cell.perception.model_agreement import (
     BINS,
     FEWEST_IMAGES,
     Agreement,

@@ -8,7 +8,7 @@ import pytest
 
 from cell.folding.documents import result_content
 from cell.folding.fold import _warning
-from cell.perception.consistency import (
+from cell.perception.length_checks import (
     DOUBTED,
     REFUTED,
     LengthCheck,

@@ -6,7 +6,7 @@ import pytest
 from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.mailbox import CommandKind
 from drivers.arm.plane import StripPlane
-from drivers.franka.inverse import rotation
+from drivers.franka.inverse_kinematics import rotation
 from tests.drivers.arm.rig import (
     JOINTS,
     PLANE,

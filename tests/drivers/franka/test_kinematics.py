@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drivers.franka.inverse import Unreachable, solve, twist_between
+from drivers.franka.inverse_kinematics import Unreachable, solve, twist_between
 from drivers.franka.kinematics import HOME, forward, jacobian
 from drivers.franka.limits import (
     POSITION_HIGH,

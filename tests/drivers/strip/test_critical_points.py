@@ -9,7 +9,7 @@ from drivers.strip.describe import describe
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
 from policies.path import Path
-from policies.strips import strip_at
+from policies.strip_sampling import strip_at
 
 pytestmark = pytest.mark.slow
 

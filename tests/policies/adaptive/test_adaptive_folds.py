@@ -14,7 +14,7 @@ from policies.policy import Observation
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import IMAGE_SENSING, Sensing
-from policies.strips import friction, plain_strip
+from policies.strip_sampling import friction, plain_strip
 
 pytestmark = pytest.mark.slow
 

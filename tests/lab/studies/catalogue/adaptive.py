@@ -10,7 +10,7 @@ from policies.policy import Policy
 from policies.prediction import Estimate, FoldPrediction
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
-from policies.strips import EFFECTS, STRIP_LENGTH, effect, plain_strip
+from policies.strip_sampling import EFFECTS, STRIP_LENGTH, effect, plain_strip
 from tests.lab.studies.kit.folds import SIGMAS_95
 from tests.lab.studies.kit.rollouts import Kept, rough, sensing_of, stepper, stretchy
 from tests.lab.studies.study import Quantity, Statistic, Study, Values

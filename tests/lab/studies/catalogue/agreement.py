@@ -1,7 +1,7 @@
 """Study of how often `adaptive` reports a strip unlike its model, rightly and wrongly.
 
 Strips as they may come are compared with a rod of what the policy believed at the touch
-(`cell.perception.agreement`). Laws that no description of a strip holds are causes of the exam.
+(`cell.perception.model_agreement`). Laws that no description of a strip has are causes of the exam.
 """
 
 from collections.abc import Callable, Sequence
@@ -9,14 +9,14 @@ from functools import partial
 
 import numpy as np
 
-from cell.config.unknown import unknown_strip
-from cell.perception.agreement import MeasuredFold, agreement
+from cell.config.unmeasured_strip import unknown_strip
+from cell.perception.model_agreement import MeasuredFold, agreement
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.twin.chain.engine import Chain
 from policies.adaptive.checkpoint import load_critic
 from policies.rollout import Rollout, roll_out
-from policies.strips import STRIP_LENGTH, effect, plain_strip, random_strip
+from policies.strip_sampling import STRIP_LENGTH, effect, plain_strip, random_strip
 from tests.lab.exam.causes import cause_of
 from tests.lab.studies.kit.rollouts import Kept, Traced, rough, sensing_of, stretchy
 from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
@@ -104,7 +104,7 @@ STUDY = Study(
         Quantity("residual", Statistic.WORST_SIZE, label="worst residual"),
         Quantity("d", Statistic.MEAN_SIZE, label="mean |d|"),
     ),
-    fits=(Fit("cell/perception/agreement.yaml", limits),),
+    fits=(Fit("cell/perception/model_agreement.yaml", limits),),
     usual=40 * len(CONDITIONS),
     quick=1,
     seconds=4.0,

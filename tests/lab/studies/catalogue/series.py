@@ -15,7 +15,7 @@ from cell.learning.experience import Memory, learn_from_ruler
 from cell.record.run import read_run
 from drivers.strip.file import StripFile
 from policies.adaptive.train.shard import truth
-from policies.strips import STRIP_LENGTH, friction, plain_strip
+from policies.strip_sampling import STRIP_LENGTH, friction, plain_strip
 from tests.lab.studies.kit.folds import changed_since, compare, fold_unknown
 from tests.lab.studies.study import Quantity, Statistic, Study, Values
 

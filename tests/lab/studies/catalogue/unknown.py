@@ -16,7 +16,7 @@ from drivers.types import Array
 from policies.adaptive.bias import untrained_spread
 from policies.adaptive.train.shard import truth
 from policies.adaptive.train.transfer import COVERAGE
-from policies.strips import EFFECTS, STRIP_LENGTH, effect, friction, plain_strip
+from policies.strip_sampling import EFFECTS, STRIP_LENGTH, effect, friction, plain_strip
 from tests.lab.studies.kit.folds import QUANTITIES, SIGMAS_95, cell_with_twin, compare, fold_unknown
 from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
 

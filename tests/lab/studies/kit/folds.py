@@ -12,7 +12,7 @@ from calibration.calibration import Calibration
 from cell.calibrating.calibration_in_use import calibration_of
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
-from cell.config.unknown import name_of
+from cell.config.unmeasured_strip import name_of
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold
 from cell.folding.request import Learning, Recording, Request, with_correction

@@ -16,7 +16,7 @@ from policies.adaptive.adaptive import Adaptive
 from policies.policy import Decision, Observation
 from policies.prediction import FoldPrediction
 from policies.sensing import IMAGE_SENSING, Sensing
-from policies.strips import STRIP_LENGTH, friction, plain_strip
+from policies.strip_sampling import STRIP_LENGTH, friction, plain_strip
 
 LINKS, SEGMENTS = 80, 100
 LOUD = replace(IMAGE_SENSING, contact_sigma=0.003, tip_sigma=0.003, profile_sigma=0.003)
