@@ -10,13 +10,13 @@ import pytest
 from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.joint_log import EDGES_MS, Timing
 from drivers.arm.mailbox import Mailbox
-from drivers.arm.process import PRIORITY, schedule
+from drivers.arm.process import PRIORITY, apply_realtime
 from drivers.child import Child
 
 PROMPT = """
 import os
-from drivers.arm.process import schedule
-schedule("ignore")
+from drivers.arm.process import apply_realtime
+apply_realtime("ignore")
 print(os.sched_getscheduler(0))
 """
 
@@ -29,9 +29,9 @@ def test_prompt_wake_up_leaves_the_ordinary_scheduler() -> None:
 def test_real_time_priority_is_asked_for_this_process_and_not_its_children(monkeypatch) -> None:
     asked = []
     monkeypatch.setattr(os, "sched_setscheduler", lambda *given: asked.append(given))
-    schedule("enforce")  # the library has done it
+    apply_realtime("enforce")  # the library has done it
     assert not asked
-    schedule("priority")
+    apply_realtime("priority")
     ((_, policy, priority),) = asked
     assert policy == os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
     assert priority.sched_priority == PRIORITY
@@ -43,7 +43,7 @@ def test_priority_that_is_not_allowed_is_refused_by_name(monkeypatch) -> None:
 
     monkeypatch.setattr(os, "sched_setscheduler", forbidden)
     with pytest.raises(ArmFault, match="real-time priority") as failed:
-        schedule("priority")
+        apply_realtime("priority")
     assert failed.value.cause is Cause.REALTIME
 
 

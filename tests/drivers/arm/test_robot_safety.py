@@ -110,7 +110,7 @@ def test_force_is_tared_at_rest_in_each_posture_of_the_way_home(monkeypatch, rat
     way = [np.array(near(0.02)), np.array(near(0.04))]
     monkeypatch.setattr("drivers.arm.robot.Robot", Still)
     monkeypatch.setattr(requests, "clear_path", lambda *_: way)
-    monkeypatch.setattr(requests, "schedule", lambda _: None)
+    monkeypatch.setattr(requests, "apply_realtime", lambda _: None)
     monkeypatch.setattr(
         requests, "TerminationFlag", lambda: SimpleNamespace(is_set=False, check=bool)
     )

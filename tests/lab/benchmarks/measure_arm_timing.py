@@ -34,7 +34,7 @@ from cell.folding.request import Recording
 from cell.record.run import read_run
 from drivers.arm.joint_log import Timing
 from drivers.arm.joint_requests import go_to
-from drivers.arm.process import PRIORITY, Task, schedule
+from drivers.arm.process import PRIORITY, Task, apply_realtime
 from drivers.arm.settings import RealTime
 from drivers.errors import Fault
 from drivers.fci_server.server import RobotServer, ServerSettings
@@ -94,7 +94,7 @@ def hold_still(address: str, seconds: float, realtime: RealTime) -> None:
     robot = franka.Robot(address, franka.RealtimeConfig.kIgnore)
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     if realtime == "priority":
-        schedule(realtime)
+        apply_realtime(realtime)
     motion = robot.start_cartesian_pose_control(franka.ControllerMode.JointImpedance)
     state, _ = motion.readOnce()
     pose, timing, end = list(state.O_T_EE_c), Timing(), time.monotonic() + seconds
