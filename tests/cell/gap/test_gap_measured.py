@@ -19,8 +19,8 @@ def test_triple_pendulum_has_air_drag_and_dry_friction(tmp_path: Path) -> None:
     triple = DATA / "triple"
     verdict = fit([triple / "runs"], triple / "pendulum.yaml", tmp_path / "out")
     assert verdict.verdict == "named"
-    sure = [e.name for e in verdict.effects if e.confidence > 0.85]
-    assert sorted(sure) == ["air_drag", "dry_friction"]
+    assert sorted(e.name for e in verdict.effects) == ["air_drag", "dry_friction"]
+    assert min(e.confidence for e in verdict.effects) > 0.8
     assert 1.5 < verdict.gap.before["angle_mrad"] < 3.0
     assert verdict.gap.after["angle_mrad"] <= 0.9
     assert verdict.gap.shrink_low > 0.4
