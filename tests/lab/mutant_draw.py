@@ -17,7 +17,7 @@ from tests.support.rooms import imports, lines, modules
 ROOMS = (
     *("cell/orchestrator", "cell/learning", "cell/calibrating", "cell/folding/feasibility.py"),
     *("drivers/arm", "drivers/franka/limits.py", "drivers/motion.py", "calibration"),
-    *("cell/perception/agreement", "cell/perception/camera_watch", "cell/perception/contact"),
+    *("cell/perception/model_agreement", "cell/perception/camera_watch", "cell/perception/contact"),
     *("cell/perception/held_end", "cell/perception/laid", "cell/perception/layer_touch"),
     *("cell/perception/preflight", "cell/perception/resting", "cell/perception/image_reader"),
 )
