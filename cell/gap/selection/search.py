@@ -1,6 +1,6 @@
 """Search over models of up to three effects: which are fitted, from which starts and shapes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
 
@@ -272,36 +272,32 @@ def _with_other_sign(fit: Estimate, effect: Candidate, beside: Estimate) -> Task
 
 
 def shape_parameters(simulate: Simulate, fits: Fits) -> list[CrossValidatedFit]:
-    """Free the shape parameters of the best models; returns those that gain significantly."""
-    likelihood, tasks = fits.likelihood, []
+    """Free the shape parameters of the best models; returns those that gain significantly.
+
+    These fits go on to the end: a rough one stops short of the gain that is asked of them.
+    """
     near_best = fits.near_best(len(fits.best.model.effects))
     plain = [m for m in near_best if any(e.shape_parameters for e in m.model.effects)]
-    for fit in (m.estimate for m in plain):
-        model = replace(fit.model, effects=tuple(e.with_shape() for e in fit.model.effects))
-        shared, effects = fit.model.split(fit.shared)
-        points = [Point(model.join(shared, v), fit.point.local) for v in _guesses(model, effects)]
-        # the start that ends lower may be the higher one after a few steps
-        tasks.append(
-            side_by_side([refit(model, fit.evidence, p, None, ROUGH_GAIN) for p in points])
-        )
-    ends = [best(tried) for tried in run_all(simulate, tasks)]
+    ends = run_all(simulate, [_with_free_shape(m.estimate) for m in plain])
     validated = run_all(simulate, [validate(e) for e in ends])
     pairs = zip(validated, plain, strict=True)
-    return [free for free, fixed in pairs if _better(free, fixed, likelihood)]
+    return [free for free, fixed in pairs if _better(free, fixed, fits.likelihood)]
 
 
-def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array]]:
-    """Start values (k,) by effect, with shape parameters at their start, and a little off it.
+def _with_free_shape(fit: Estimate) -> Task[Estimate]:
+    """Fit of the model of `fit` with free shape parameters; yields simulations.
 
-    They are off by a share of their prior spread: at the start itself some do nothing yet.
+    They begin off their start by a share of their prior spread: at it some do nothing yet.
     """
-    at_start = {e.name: e.complete(effects[e.name]) for e in model.effects}
-    off_start = {}
+    model = replace(fit.model, effects=tuple(e.with_shape() for e in fit.model.effects))
+    shared, fixed = fit.model.split(fit.shared)
+    values = {}
     for e in model.effects:
-        added = np.array([BUDGET.shape_start * p.spread for p in e.parameters])
-        added[: len(effects[e.name])] = 0.0
-        off_start[e.name] = at_start[e.name] + added
-    return [at_start, off_start]
+        off_start = np.array([BUDGET.shape_start * p.spread for p in e.parameters])
+        off_start[: len(fixed[e.name])] = 0.0
+        values[e.name] = e.complete(fixed[e.name]) + off_start
+    start = Point(model.join(shared, values), fit.point.local)
+    return (yield from refit(model, fit.evidence, start))
 
 
 def _better(new: CrossValidatedFit, plain: CrossValidatedFit, likelihood: LikelihoodScale) -> bool:
