@@ -20,7 +20,6 @@ from cell.report.drawing import BLUE, INK, MUTED, ORANGE, RULE, as_svg, canvas
 from drivers.types import Array
 
 FAINT_COLOUR, COLOUR_BEFORE, COLOUR_AFTER = MUTED, ORANGE, BLUE
-CHARACTER = 0.08  # inch, width of a letter of a tick's label
 COLUMN = 0.34  # inch, width of a column of the heat map
 MOST_BARS = 14  # candidates in a figure
 
@@ -91,7 +90,8 @@ def heat_map(places: Sequence[Bin]) -> str:
         axis.grid(visible=False)
         image = axis.imshow(np.ma.masked_invalid(grid), cmap="YlOrRd", aspect="auto", norm=scale)
         axis.set_yticks(range(len(rows)), [" · ".join(row) for row in rows])
-        _name_columns(axis, [motion(condition) for condition in columns], COLUMN)
+        axis.set_xticks(range(len(columns)), [motion(condition) for condition in columns],
+                        rotation=40, ha="right", rotation_mode="anchor")  # fmt: skip
         for i, j in zip(*np.nonzero(significant), strict=True):
             axis.plot(j, i, "o", ms=2.5, color=INK)
         _add_colour_bar(figure, axis, image, highest)
@@ -106,13 +106,6 @@ def _add_colour_bar(figure: Figure, axis: Axes, image: AxesImage, highest: float
     ticks = [z for z in steps if z <= highest]
     bar.set_ticks(ticks, labels=[str(z) for z in ticks])
     bar.set_label("sigma beyond noise")
-
-
-def _name_columns(axis: Axes, names: Sequence[str], width: float) -> None:
-    """Name columns of `width` [inch], aslant where the names would overlap."""
-    axis.set_xticks(range(len(names)), names)
-    if CHARACTER * max(map(len, names), default=0) > width:
-        axis.set_xticks(range(len(names)), names, rotation=40, ha="right", rotation_mode="anchor")
 
 
 def candidate_bars(rows: Sequence[CandidateEntry], accepted: str) -> str:
@@ -211,16 +204,15 @@ def _legend_above(figure: Figure, axis: Axes) -> None:
 
 def run_bars(names: Sequence[str], before: Array, after: Array | None) -> str:
     """Bars of the excess gap (R,) [noise] of each held-out run, before and, if given, after."""
-    at = np.arange(len(names))
-    with canvas(max(4.0, 1.0 + 0.7 * len(names)), 2.3) as figure:
+    at, fits = np.arange(len(names)), [("before", before, COLOUR_BEFORE)]
+    fits += [] if after is None else [("after", after, COLOUR_AFTER)]
+    with canvas(6.0, 1.2 + 0.4 * len(names)) as figure:
         axis = figure.add_subplot()
-        if after is None:
-            axis.bar(at, before, 0.38, color=COLOUR_BEFORE)
-        else:
-            axis.bar(at - 0.2, before, 0.38, color=COLOUR_BEFORE, label="before")
-            axis.bar(at + 0.2, after, 0.38, color=COLOUR_AFTER, label="after")
-            _legend_above(figure, axis)
-        _name_columns(axis, names, 0.7)
-        axis.set_ylim(0.0, 1.05 * max(1e-9, *before, *([] if after is None else after)))
-        axis.set_ylabel("excess gap [noise]")
+        for k, (word, excess, colour) in enumerate(fits):
+            axis.barh(at + 0.4 * k, excess, 0.38, color=colour, label=word)
+        axis.set_yticks(at + 0.2 * (len(fits) - 1), names)
+        axis.invert_yaxis()
+        axis.set_xlim(0.0, 1.05 * max(1e-9, *(e for _, excess, _ in fits for e in excess)))
+        axis.set_xlabel("excess gap [noise]")
+        _legend_above(figure, axis)
         return as_svg(figure)
