@@ -131,7 +131,7 @@ def _verdict(
         sentences.append(f"They differ in {', '.join(differing)}.")
     ends = [line.partition(": ")[::2] for line in ranked]
     best = [name for name, offset in ends if offset.lstrip("+−") == ends[0][1].lstrip("+−")]
-    lies = "lies best" if len(best) == 1 else "lie equally near"
+    lies = "lies nearest" if len(best) == 1 else "lie equally near"
     return Verdict("good", f"{' and '.join(best)} {lies}", tuple(sentences))
 
 
@@ -184,14 +184,14 @@ def _shapes(runs: Sequence[Run]) -> str:
                 _, points = min(curves, key=lambda curve: abs(curve[0] - time))
                 near = points[(np.abs(points) < FARTHEST_HAND).all(axis=1)]
                 said = f"{_short_name(run)}, {time:.1f} s"
-                axes.plot(*(1e3 * near).T, color=_colour(number), lw=0.9, gid=said)
+                axes.plot(*(1e3 * near).T, color=_colour(number), lw=0.7, gid=said)
         axes.set(xlabel="x  [mm]", ylabel="z  [mm]")
         figure.legend(loc="outside lower left", ncols=2)
         return as_svg(figure)
 
 
 def _line(number: int, run: Run) -> dict[str, object]:
-    return {"color": _colour(number), "lw": 1.2, "label": _short_name(run)}
+    return {"color": _colour(number), "lw": 1.8, "label": _short_name(run)}
 
 
 def _colour(number: int) -> str:
