@@ -1,275 +1,363 @@
-"""Makes runs of simulated mechanisms with one hidden cause, by another integrator and step.
+"""Makes runs of modelled mechanisms with hidden causes and bases that are wrong.
 
-Chains of motors on hinges, or a pendulum on a cart; damping and the last mass differ from run to
-run. Torques are read with noise; what is measured is written as runs beside the mechanism's file.
+Models are those that others wrote, in a folder of their packages, and chains of motors on hinges
+beside this module, one of them on a cart.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from cell.gap.subject.mechanism.model import ModelFields, add_point, tip
+from cell.gap.subject.mechanism.source import read_source
+from drivers.errors import ConfigurationError
 from drivers.files import replace_file
+from drivers.readers import read_yaml
 from drivers.types import Array
 from drivers.yaml_text import dump_yaml
 from tests.support.mechanisms import write_run
 
-RUNS, SPAN, STEP, EVERY = 8, 4.0, 4e-4, 10  # number, s, s, steps per reading
-LINK, CENTRE = 0.3, 0.15  # m, length of a link and distance of its centre of mass from its joint
-JOINT_DAMPING, JOINT_ARMATURE = 0.05, 0.01  # s, s^2 (per m on a slide), of the weight it bears
-SIDE_INERTIA, AXIAL_INERTIA = 0.008, 0.001  # m^2: of a link across and along it, of its mass
-TAPER = 0.7  # mass of a link over that of the one before
-ANGLE, TORQUE = 3e-4, 0.02  # rad, share of a joint's weight: one sigma of a reading
-STIFF = 3e4  # 1/rad: gain of a servo that follows its command to 0.02 mrad, of the weight it bears
-SERVO = 12.0  # 1/rad: gain of other servos, of the weight they bear
-# causes at size one: s, rad under a joint's weight; shares of weight, constant, last mass; rad
-DELAY, TWIST = 0.006, 0.02
-BIAS, CONSTANT_ERROR, LOAD_SHARE, ENCODER_BIAS = 0.06, 0.15, 0.15, 0.05
-Columns = dict[str, Array]
+HERE = Path(__file__).parent
+LISTS = read_yaml(Path(__file__).with_suffix(".yaml"))
+RUNS, SPAN, STEP, EVERY = 4, 4.0, 1e-3, 4  # number, s, s, steps per reading
+SETTLE = 1.0  # s before a record, in which the servo takes the mechanism to its first place
+SERVO = 40.0  # 1/s of a servo: critically damped
+ANGLE, TORQUE = 1e-4, 0.02  # rad or m, share of a joint's torque: one sigma of a reading
+REACH, SLIDE, INSIDE = 0.5, 0.05, 0.35  # rad, m, share of a joint's range: the most of a motion
+CLOSED = (4.0 * STEP, 1.0)  # s, damping ratio of the spring that closes loops
+HARD = 0.9999  # impedance of dry friction: joints do not creep where it holds them
+CREEP = 0.02  # rad/s or m/s of a wanted rate, above which a servo adds what friction takes
+LIGHT = 0.01  # of the moving mass; a body below it has no stated uncertainty
+TWIST, RIPPLE, TURN = 0.01, 0.15, 6.0  # rad under a joint's torque; share of it; ripples in a turn
+# causes at size one: s; shares of a joint's torque and of its motor's constant; rad
+DELAY, BIAS, CONSTANT_ERROR, ENCODER_BIAS = 0.006, 0.06, 0.15, 0.05
+PAYLOAD, TILT, BENT = 0.03, 0.06, 0.25  # share of the moving mass, rad, rad
+HEAVIER, SHIFT = 0.6, 0.03  # share of a link's mass, m: errors of a base, beyond its spread
+# rad/s of a base, its damping ratio, its inertia over that of what it carries, and its joint
+ROCKS, LOSS, HEAVY, ROCKING = 12.0, 0.05, 4.0, "rocking base"
 
 
-@dataclass(frozen=True, slots=True)
-class Chain:
-    """Chain of links on motorised `joints`, the first of which may be the slide of a `cart`.
+@dataclass(slots=True)
+class Rig:
+    """True mechanism whose `driven` joints are moved, `weight` (driven,) [N m] their torques.
 
-    `weight` (joints,) [N m or N] is gravity's typical load; a motor's gain is `gain` times that.
+    `gear` (driven,) [N m] is at a joint for a unit of its motor, `keys` are columns of all joints.
     """
 
-    joints: int
-    cart: bool
-    gain: float
+    model: Any
+    mode: str
+    joints: int  # driven ones
+    driven: list[int]
+    actuators: list[int]
+    gear: Array
     weight: Array
 
-    @classmethod
-    def of(cls, joints: int, *, cart: bool, gain: float = SERVO) -> "Chain":
-        """Chain of links of equal length, each lighter than the one before, and its weights."""
-        masses = 1.0 * TAPER ** np.arange(joints)
-        places = LINK * np.arange(joints) + CENTRE
-        weight = [9.81 * float(masses[i:] @ (places[i:] - LINK * i)) for i in range(joints)]
-        if cart:
-            weight[0] = 9.81 * float(masses.sum())
-        return cls(joints, cart, gain, np.array(weight))
+    @property
+    def keys(self) -> list[str]:
+        """Columns of all joints, the driven ones called as by the causes of `READINGS`."""
+        rows = {j: f"j{i + 1}" for i, j in enumerate(self.driven)}
+        return [rows.get(j, f"passive {j}") for j in range(self.model.njnt)]
 
-    def xml(self) -> str:
-        """MJCF text of the chain as its owner knows it, without the hidden cause."""
-        bodies = "".join(self._body(i) for i in range(self.joints))
-        ends = "</body>" * self.joints
-        motors = "".join(self._motor(i) for i in range(self.joints))
-        return (
-            '<mujoco model="chain"><compiler angle="radian"/><option integrator="RK4"/>'
-            f"<worldbody>{bodies}{ends}</worldbody><actuator>{motors}</actuator></mujoco>\n"
-        )
-
-    def _body(self, i: int) -> str:
-        """Link `i` with its joint in MJCF; the element stays open for the next link."""
-        kind = "slide" if self.cart and i == 0 else "hinge"
-        at_base = i == 0 or (self.cart and i == 1)  # a cart carries its first link on its joint
-        place = "" if at_base else f' pos="0 0 -{LINK}"'
-        mass, weight = TAPER**i, self.weight[i]
-        across, along = SIDE_INERTIA * mass, AXIAL_INERTIA * mass
-        return (
-            f'<body name="link{i + 1}"{place}><joint name="j{i + 1}" axis="{self._joint_axis(i)}" '
-            f'type="{kind}" damping="{JOINT_DAMPING * weight:.6g}" '
-            f'armature="{JOINT_ARMATURE * weight:.6g}"/>'
-            f'<inertial pos="0 0 -{CENTRE}" mass="{mass:.6g}" '
-            f'diaginertia="{across:.6g} {across:.6g} {along:.6g}"/>'
-            f'<site name="s{i + 1}" pos="0 0 -{LINK}"/>'
-        )
-
-    def _joint_axis(self, i: int) -> str:
-        """Axis of joint `i` in MJCF: y and x in turn, but a cart slides along x, under a y."""
-        along_x = i % 2 == 1
-        if self.cart and i < 2:
-            along_x = i == 0
-        return "1 0 0" if along_x else "0 1 0"
-
-    def _motor(self, i: int) -> str:
-        """Position servo of joint `i` in MJCF."""
-        gain = self.gain * self.weight[i]
-        return f'<position name="a{i + 1}" joint="j{i + 1}" kp="{gain:.6g}"/>'
-
-    def file(self, *, tracking: bool) -> dict[str, Any]:
-        """Content of the chain's mechanism file, with signals of tracking if `tracking`."""
-        names = range(1, self.joints + 1)
-        signals: dict[str, Any] = {
-            f"t{i}": {"actuator": f"a{i}", "is": "torque",
-                      "sigma": round(TORQUE * float(self.weight[i - 1]), 6)}
-            for i in names
-        }  # fmt: skip
-        if tracking:
-            signals |= {f"e{i}": {"joint": f"j{i}", "is": "tracking", "sigma": ANGLE}
-                        for i in names}  # fmt: skip
-        return {"schema": 1, "kind": "mechanism", "name": "chain", "model": "chain.xml",
-                "mode": "prescribed", "signals": signals,
-                "inputs": {f"j{i}": "position" for i in names},
-                "uncertain": [{"joint": "*", "field": "damping", "spread": "50%"},
-                              {"body": "*", "field": "mass", "spread": "1%"},
-                              {"body": "*", "field": "com", "spread": 0.002}]}  # fmt: skip
+    def moving(self) -> list[int]:
+        """Bodies with a name and a mass that matters, which joints move."""
+        m = self.model
+        heavy = m.body_mass > LIGHT * m.body_mass[m.body_weldid > 0].sum()
+        return [i for i in range(1, m.nbody) if m.body_weldid[i] and heavy[i] and m.body(i).name]
 
 
-Edit = Callable[[Any, Chain, float], None]
-Reading = Callable[[Columns, Chain, float, np.random.Generator], None]
+Columns = dict[str, Array]
+Edit = Callable[[Rig, float, np.random.Generator], None]
+Reading = Callable[[Columns, Rig, float, np.random.Generator], None]
 
 
-def _payload(m: Any, _c: Chain, s: float) -> None:
-    """Hidden payload: a point mass at the end of the last link, CENTRE beyond its centre."""
-    last, mass = m.nbody - 1, float(m.body_mass[m.nbody - 1])
-    payload = LOAD_SHARE * s * mass
-    whole = mass + payload
-    m.body_ipos[last, 2] -= CENTRE * payload / whole
-    m.body_inertia[last, :2] += CENTRE**2 * payload * mass / whole
-    m.body_mass[last] = whole
+def _payload(rig: Rig, size: float, _: np.random.Generator) -> None:
+    m, last = rig.model, int(np.max(rig.model.jnt_bodyid))
+    mass = PAYLOAD * size * float(m.body_mass[m.body_weldid > 0].sum())
+    add_point(ModelFields(m), last, mass, tip(rig, last))  # type: ignore[arg-type]
 
 
-def _bend_link(m: Any, _c: Chain, s: float) -> None:
-    """Foreign cause: a link that is bent and twisted, so that the last joint's axis is skewed.
-
-    It is bent across the axis: a bend about the axis would look like an encoder's bias.
-    """
-    turn = np.zeros(4)
-    x, y, _ = m.jnt_axis[-1]
-    mujoco.mju_axisAngle2Quat(turn, np.array([0.6 * y, -0.6 * x, 0.8]), 0.25 * s)
-    m.body_quat[-1] = turn
+def _tilt(rig: Rig, size: float, _: np.random.Generator) -> None:
+    angle, g = TILT * size, rig.model.opt.gravity
+    g[1:] = g[1] * np.cos(angle) - g[2] * np.sin(angle), g[1] * np.sin(angle) + g[2] * np.cos(angle)
 
 
-def _constant(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
+def _heavier(rig: Rig, size: float, rng: np.random.Generator) -> None:
+    body = rng.choice(rig.moving())
+    rig.model.body_mass[body] *= 1.0 + HEAVIER * size
+    rig.model.body_inertia[body] *= 1.0 + HEAVIER * size
+
+
+def _shift(rig: Rig, size: float, rng: np.random.Generator, field: str) -> None:
+    """Wrong base: a body, or its centre of mass, that lies elsewhere than the file says."""
+    way = rng.standard_normal(3)
+    getattr(rig.model, field)[rng.choice(rig.moving())] += SHIFT * size * way / np.linalg.norm(way)
+
+
+def _bend(rig: Rig, size: float, rng: np.random.Generator) -> None:
+    """Foreign cause: a joint whose axis is skewed."""
+    turn, quat = np.zeros(4), rig.model.body_quat[rig.model.jnt_bodyid[rng.choice(rig.driven)]]
+    mujoco.mju_axisAngle2Quat(turn, rng.dirichlet(np.ones(3)) ** 0.5, BENT * size)
+    mujoco.mju_mulQuat(quat, quat.copy(), turn)
+
+
+EDITS: dict[str, Edit] = {"payload": _payload, "base_tilt": _tilt, "bent_link": _bend,
+    "wrong_mass": _heavier, "wrong_com": partial(_shift, field="body_ipos"),
+    "wrong_geometry": partial(_shift, field="body_pos")}  # fmt: skip
+FIELDS = {  # MuJoCo's field, and share of a joint's torque at size one
+    "dry_friction": ("dof_frictionloss", 0.06), "quadratic_damping": ("dof_dampingpoly", 0.03),
+    "cable_spring": ("jnt_stiffness", 0.15), "armature": ("dof_armature", 0.01),
+}  # fmt: skip
+
+
+def _constant(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
     """Hidden error of motor constants, larger than stated, which are known to 10 to 20 %."""
-    for i in range(c.joints):
-        columns[f"t{i + 1}"] /= 1.0 + CONSTANT_ERROR * s
+    for i in range(rig.joints):
+        columns[f"t{i + 1}"] /= 1.0 + CONSTANT_ERROR * size
 
 
-def _torque_bias(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
-    for i in range(c.joints):
-        columns[f"t{i + 1}"] += (-1) ** i * BIAS * s * c.weight[i]
+def _torque_bias(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
+    for i in range(rig.joints):
+        columns[f"t{i + 1}"] += (-1) ** i * BIAS * size * rig.weight[i]
 
 
-def _encoder_bias(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
-    columns[f"j{c.joints}"] += ENCODER_BIAS * s
+def _encoder_bias(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
+    columns[f"j{rig.joints}"] += ENCODER_BIAS * size
 
 
-def _bolt(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
+def _bolt(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
     """Foreign cause: a loose bolt, a gap of the last joint that opens where its load is large."""
-    load = columns[f"t{c.joints}"] / c.weight[-1]
-    columns[f"j{c.joints}"] += 0.06 * s * np.sign(load) * (np.abs(load) > 0.25)
+    load = columns[f"t{rig.joints}"] / rig.weight[-1]
+    columns[f"j{rig.joints}"] += 0.06 * size * np.sign(load) * (np.abs(load) > 0.25)
 
 
-def _cable(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
+def _cable(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
     """Foreign cause: a cable that catches at one angle of the last joint, and pulls only there."""
-    angle = columns[f"j{c.joints}"]
-    columns[f"t{c.joints}"] += 0.3 * s * c.weight[-1] * np.exp(-(((angle - 0.2) / 0.08) ** 2))
+    near = np.exp(-(((columns[f"j{rig.joints}"] - 0.2) / 0.08) ** 2))
+    columns[f"t{rig.joints}"] += 0.3 * size * rig.weight[-1] * near
 
 
-def _supply(columns: Columns, c: Chain, s: float, rng: np.random.Generator) -> None:
+def _supply(columns: Columns, rig: Rig, size: float, rng: np.random.Generator) -> None:
     """Foreign cause: a supply voltage that wanders, and torques estimated from currents with it."""
-    steps = rng.standard_normal(8)
-    t = columns["t"]
+    steps, t = rng.standard_normal(8), columns["t"]
     slow = np.interp(t, np.linspace(0.0, t[-1], 8), steps)
-    for i in range(c.joints):
-        columns[f"t{i + 1}"] *= 1.0 + 0.08 * s * slow
+    for i in range(rig.joints):
+        columns[f"t{i + 1}"] *= 1.0 + 0.08 * size * slow
 
 
-EDITS: Mapping[str, Edit] = {"payload": _payload, "bent_link": _bend_link}
-FIELDS = {  # MuJoCo's field, the library's parameter, and share of a joint's weight at size one
-    "dry_friction": ("dof_frictionloss", "torque", 0.06),
-    "quadratic_damping": ("dof_dampingpoly", "coefficient", 0.03),
-    "cable_spring": ("jnt_stiffness", "stiffness", 0.15),
-    "armature": ("dof_armature", "inertia", 0.01),
-}
-READINGS: Mapping[str, Reading] = {
+def _twist(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
+    for i, weight in enumerate(rig.weight):
+        columns[f"j{i + 1}"] += TWIST * size * columns[f"t{i + 1}"] / weight
+
+
+def _ripple(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
+    for i, weight in enumerate(rig.weight):
+        wave = np.sin(TURN * columns[f"j{i + 1}"] + i)
+        columns[f"t{i + 1}"] += RIPPLE * size * weight * wave
+
+
+def _sensor_delay(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
+    for key in rig.keys:
+        columns[key] = np.interp(columns["t"] - DELAY * size, columns["t"], columns[key])
+
+
+READINGS: dict[str, Reading] = {
     "torque_bias": _torque_bias, "torque_constant": _constant, "encoder_bias": _encoder_bias,
     "loose_bolt": _bolt, "catching_cable": _cable, "wandering_supply": _supply,
+    "joint_elasticity": _twist, "torque_ripple": _ripple, "sensor_delay": _sensor_delay,
 }  # fmt: skip
-TRACKED = ("control_delay", "joint_elasticity")
-OUTSIDE = ("loose_bolt", "catching_cable", "wandering_supply", "bent_link")
 
 
-def amounts(hidden: str, joints: int, size: float, *, cart: bool = False) -> dict[str, float]:
-    """True values of the library's parameters for `hidden` at `size`; none for foreign causes."""
-    weight = Chain.of(joints, cart=cart).weight
-    names = [f"j{i + 1}" for i in range(joints)]
-    each = {name: (key, share * weight) for name, (_, key, share) in FIELDS.items()}
-    each |= {"joint_elasticity": ("compliance", TWIST / weight),
-             "torque_bias": ("torque", -BIAS * (-1.0) ** np.arange(joints) * weight),
-             "torque_constant": ("error", CONSTANT_ERROR * np.ones(joints))}  # fmt: skip
-    if hidden in each:
-        key, values = each[hidden]
-        return {f"{key}_{n}": size * float(v) for n, v in zip(names, values, strict=True)}
-    single = {"payload": ("mass", LOAD_SHARE * TAPER ** (joints - 1)),
-              "control_delay": ("time", DELAY),
-              "encoder_bias": (f"bias_{names[-1]}", ENCODER_BIAS)}  # fmt: skip
-    return {key: size * value for name, (key, value) in single.items() if name == hidden}
+def _rocking(spec: Any) -> Any:
+    """Compiled model of `spec` on a body that turns about a level axis."""
+    whole = mujoco.MjSpec()
+    whole.modelfiledir, whole.option.gravity = spec.modelfiledir, spec.option.gravity
+    base = whole.worldbody.add_body(mass=1.0, inertia=np.ones(3), explicitinertial=True)
+    base.add_joint(name=ROCKING)
+    whole.attach(spec, frame=base.add_frame(), prefix="")
+    return whole.compile()
 
 
-def make_runs(
-    folder: Path, hidden: str, joints: int, size: float, seed: int, *, cart: bool = False
-) -> Path:
-    """Write runs with the cause `hidden` to `folder`/runs; returns the mechanism's file."""
-    rng, tracked = np.random.default_rng(seed), hidden in TRACKED
-    chain = Chain.of(joints, cart=cart, gain=STIFF if tracked else SERVO)
-    folder.mkdir(parents=True, exist_ok=True)
-    replace_file(folder / "chain.xml", chain.xml().encode())
-    file = folder / "chain.yaml"
-    replace_file(file, dump_yaml(chain.file(tracking=tracked)).encode())
+def _rock(rig: Rig, size: float, rng: np.random.Generator) -> None:
+    """Let the base rock about an axis, the slower the larger the `size`."""
+    m, along = rig.model, int(rng.integers(2))
+    m.jnt_axis[0] = np.eye(3)[along]
+    mujoco.mj_setConst(m, mujoco.MjData(m))
+    inertia, rate = (1.0 + HEAVY) * m.dof_M0[0], ROCKS / np.sqrt(size)
+    m.body_inertia[m.jnt_bodyid[0]] = HEAVY * m.dof_M0[0]
+    m.jnt_stiffness[0], m.dof_damping[0] = inertia * rate**2, 2.0 * LOSS * inertia * rate
+
+
+def _source(folder: Path, name: str) -> tuple[Path, dict[str, Any]]:
+    """Folder with all that the model `name` needs, in that of others' packages, and its entry."""
+    if name in LISTS["chains"]:
+        return HERE / "chains", {"folder": "chains", "file": f"{name}.xml"}
+    known = LISTS["models"][name]
+    return folder / known["folder"], known
+
+
+def open_rig(folder: Path, name: str, *, rocks: bool = False) -> Rig:
+    """The mechanism `name` of `folder`, on a base that `rocks`; ConfigurationError if absent."""
+    home, known = _source(folder, name)
+    path = (home / known["file"]).resolve()
+    if not path.is_file():
+        raise ConfigurationError(
+            f"{name}: {known['folder']}/{known['file']} is not in {folder.name}; install its "
+            "package there (pip install --no-deps --target), and give the folder as --models"
+        )
+    spec, off = read_source(path, path.parent).spec(), mujoco.mjtDisableBit
+    m = _rocking(spec) if rocks else spec.compile()
+    mode = known.get("mode", "prescribed")
+    m.opt.timestep, m.opt.integrator = STEP, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    m.opt.disableflags |= int(off.mjDSBL_CONTACT)
+    m.opt.disableflags |= 0 if mode == "forward" else int(off.mjDSBL_ACTUATION)
+    m.eq_solref[:], m.dof_solimp[:, :2] = CLOSED, HARD
+    m.body_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+    motors = np.flatnonzero(m.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT)
+    pairs = {int(m.actuator_trnid[a, 0]): int(a) for a in motors}
+    bare = [m.joint(joint).id for joint in known.get("motors", ())] or range(rocks, m.njnt)
+    pairs = pairs or dict.fromkeys(bare, -1)
+    gear = [m.actuator_gear[a, 0] if a >= 0 else 1.0 for a in pairs.values()]
+    n = len(pairs)
+    return Rig(m, mode, n, list(pairs), list(pairs.values()), np.array(gear), np.ones(n))
+
+
+def make_runs(folder: Path, name: str, hidden: Sequence[str], size: float, seed: int,
+              out: Path) -> Path:  # fmt: skip
+    """Write the model `name` of `folder` and runs with `hidden` causes to `out`; its file."""
+    rng, rig = np.random.default_rng(seed), open_rig(folder, name)
+    plain = _simulate(rig, _places(rig, np.random.default_rng(seed), 1.0))
+    rig.weight = 2.0 * np.array([plain[f"t{i + 1}"].std() for i in range(rig.joints)])
+    home, known = _source(folder, name)
+    shutil.copytree(home, out, dirs_exist_ok=True)
+    replace_file(out / "study.yaml", dump_yaml(_content(rig, known["file"])).encode())
+    if "base_compliance" in hidden:
+        rig = replace(open_rig(folder, name, rocks=True), weight=rig.weight)
+        _rock(rig, size, rng)
+    for cause in hidden:
+        if cause in FIELDS:
+            field, share = FIELDS[cause]
+            rows = getattr(rig.model, field).reshape(rig.model.nv, -1)
+            rows[rig.model.jnt_dofadr[rig.driven], 0] += share * size * rig.weight
+        if cause in EDITS:
+            EDITS[cause](rig, size, rng)
+    mujoco.mj_setConst(rig.model, mujoco.MjData(rig.model))
     for k in range(RUNS):
-        model = _model_with(hidden, chain, size)
-        model.dof_damping[:] *= 1.0 + 0.02 * rng.standard_normal(joints)
-        columns = _simulate_motion(model, chain, hidden, size, float(rng.uniform(0.5, 1.5)), rng)
-        if hidden in READINGS:
-            READINGS[hidden](columns, chain, size, rng)
-        for i in range(joints):
-            columns[f"j{i + 1}"] += rng.normal(0.0, ANGLE, len(columns["t"]))
-            noise = rng.normal(0.0, 0.5 * TORQUE * chain.weight[i], len(columns["t"]))
-            columns[f"t{i + 1}"] += noise
-            columns[f"e{i + 1}"] = columns[f"j{i + 1}"] - columns.pop(f"c{i + 1}")
-        write_run(folder / "runs" / f"{k:02d}", columns, {"mechanism": "chain", "index": k})
-    return file
+        delay = DELAY * size if "control_delay" in hidden else 0.0
+        columns = _simulate(rig, _places(rig, rng, None), delay)
+        for cause in hidden:
+            if cause in READINGS:
+                READINGS[cause](columns, rig, size, rng)
+        table = _measured(columns, rig, rng)
+        write_run(out / "study-runs" / f"{k:02d}", table, {"mechanism": "study", "index": k})
+    return out / "study.yaml"
 
 
-def _model_with(hidden: str, chain: Chain, size: float) -> Any:
-    """Compiled model of a chain with the cause `hidden`, where that is in the model."""
-    model = mujoco.MjModel.from_xml_string(chain.xml())
-    model.opt.timestep = STEP
-    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    if hidden in FIELDS:
-        field, _, share = FIELDS[hidden]
-        getattr(model, field).reshape(chain.joints, -1)[:, 0] += share * size * chain.weight
-    if hidden in EDITS:
-        EDITS[hidden](model, chain, size)
-    return model
+def _content(rig: Rig, model: str) -> dict[str, Any]:
+    """Content of the mechanism's file, as one would write it who has no reason to doubt a model."""
+    m = rig.model
+    names, bodies = [m.joint(i).name for i in range(m.njnt)], [m.body(i).name for i in rig.moving()]
+    free = [{"body": n, "field": "mass", "spread": "2%"} for n in bodies]
+    free.append({"joint": "*", "field": "damping", "spread": "50%"})
+    if rig.mode == "prescribed":
+        free += [{"body": n, "field": "com", "spread": 0.003} for n in bodies]
+    common = {"schema": 1, "kind": "mechanism", "name": "study", "model": model, "uncertain": free}
+    if rig.mode == "forward":
+        at = [m.actuator(a).name for a in rig.actuators]
+        signals: Any = {f"q{i + 1}": {"joint": n, "is": "position", "sigma": ANGLE}
+                        for i, n in enumerate(names)}  # fmt: skip
+        start = {"position": "measured", "velocity": "measured", "spread": 1e-3}
+        forward = {"mode": "forward", "step": 2.0 * STEP, "hold": EVERY * STEP, "start": start}
+        return {**common, **forward, "signals": signals, "inputs": dict.fromkeys(at, "ctrl")}
+    given = [names[i] for i in rig.driven] if rig.mode == "loop" else names
+    sigma = 0.5 * TORQUE * rig.weight / np.abs(rig.gear)
+    signals = {f"t{i + 1}": {"joint": names[j], "is": "torque", "side": "motor",
+                             "sigma": float(f"{sigma[i]:.4g}")}
+               for i, j in enumerate(rig.driven)}  # fmt: skip
+    return {**common, "mode": "prescribed", "signals": signals,
+            "inputs": dict.fromkeys(given, "position")}  # fmt: skip
 
 
-def _simulate_motion(
-    model: Any, chain: Chain, hidden: str, size: float, pace: float, rng: np.random.Generator
-) -> Columns:
-    """Columns (m,) of a motion there and back: time `t`, joints `j1`, torques `t1`, commands `c1`.
+def _places(rig: Rig, rng: np.random.Generator, pace: float | None) -> Array:
+    """Wanted places (k, driven) at each step: there and back in range, at a drawn pace if None."""
+    m, n = rig.model, rig.joints
+    low, high = m.jnt_range[rig.driven].T
+    limited, start = m.jnt_limited[rig.driven] > 0, m.qpos0[m.jnt_qposadr[rig.driven]]
+    slides = m.jnt_type[rig.driven] == mujoco.mjtJoint.mjJNT_SLIDE
+    reach = np.where(slides, SLIDE, REACH)
+    reach = np.where(limited, np.minimum(reach, INSIDE * (high - low)), reach)
+    inside = np.clip(start, low + 1.2 * reach, high - 1.2 * reach)
+    rates, phases = 1.5 + 0.6 * rng.random((2, n)), rng.uniform(0.0, 6.3, (2, n))
+    pace = float(rng.uniform(0.6, 1.4)) if pace is None else pace
+    t = pace * (np.arange(round((SPAN + SETTLE) / STEP)) * STEP - SETTLE)[:, None]
+    begin = np.clip(1.0 + t / SETTLE, 0.0, 1.0)
+    smooth = begin**3 * (10 - 15 * begin + 6 * begin**2)
+    swing = np.sin(rates[0] * t + phases[0]) + 0.5 * np.sin(1.7 * rates[1] * t + phases[1])
+    middle = np.where(limited, inside, start)
+    return np.asarray(start + smooth * (middle + reach * swing / 1.5 - start))
 
-    Behind an elastic gear, the link swings on a spring, with its motor at the command.
+
+def _simulate(rig: Rig, wanted: Array, delay: float = 0.0) -> Columns:
+    """Columns (m,) of a motion to `wanted` places: joints, torques `t1` and on, commands `u0`.
+
+    Torques are what a servo needs along the motion, or what commands give `delay` [s] late.
     """
-    data, rows, n = mujoco.MjData(model), list[Array](), chain.joints
-    delay = DELAY * size if hidden == "control_delay" else 0.0
-    if hidden == "joint_elasticity":  # the servo's gain is the gear's stiffness: the link springs
-        stiffness = chain.weight / (TWIST * size)
-        model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1] = stiffness, -stiffness
-    rates = pace * (1.5 + 0.6 * rng.random((2, n)))
-    phases = rng.uniform(0.0, 6.3, (2, n))
-    reach = 0.5 * 0.85 ** np.arange(n)
-
-    def command(t: float) -> Array:
-        begin = min(max(t, 0.0) / 0.5, 1.0)  # 0 to 1 smoothly, in half a second
-        swing = np.sin(rates[0] * t + phases[0]) + 0.5 * np.sin(1.7 * rates[1] * t + phases[1])
-        return np.asarray(reach * begin**3 * (10 - 15 * begin + 6 * begin**2) * swing)
-
-    for k in range(round(SPAN / STEP)):
-        data.ctrl[:] = command(data.time - delay)
+    m, data, forward = rig.model, mujoco.MjData(rig.model), rig.mode == "forward"
+    at, dofs = m.jnt_qposadr[rig.driven], m.jnt_dofadr[rig.driven]
+    begun = SETTLE
+    if m.joint(0).name == ROCKING:  # its record begins at rest, as it leans
+        begun = 0.0
+        mujoco.mj_forward(m, data)
+        data.qpos[0] -= data.qfrc_bias[0] / m.jnt_stiffness[0]
+    rows, inertia, commands = [], np.zeros((m.nv, m.nv)), [np.zeros(m.nu)]
+    for k, (place, rate) in enumerate(zip(wanted, np.gradient(wanted, STEP, axis=0), strict=True)):
         if k % EVERY == 0:
-            mujoco.mj_forward(model, data)
-            force = data.actuator_force.copy()
-            rows.append(np.concatenate([[data.time], data.qpos, force, command(data.time)]))
-        mujoco.mj_step(model, data)
-    columns = np.array(rows).T
-    names = ["t", *(f"{key}{i + 1}" for key in "jtc" for i in range(n))]
-    return {name: np.array(column) for name, column in zip(names, columns, strict=True)}
+            mujoco.mj_fullM(m, data, inertia)
+        if not forward or k % EVERY == 0:
+            error = SERVO**2 * (place - data.qpos[at]) + 2.0 * SERVO * (rate - data.qvel[dofs])
+            force = inertia[np.ix_(dofs, dofs)] @ error + (data.qfrc_bias - data.qfrc_passive)[dofs]
+            force += m.dof_frictionloss[dofs] * np.tanh(rate / CREEP)
+        if forward and k % EVERY == 0:
+            commands.append(_command(rig, place, force))
+        if forward:
+            late = min(len(commands) - 1, 1 + round((k - round(delay / STEP)) // EVERY))
+            data.ctrl[:] = commands[max(late, 0)]
+        else:
+            data.qfrc_applied[dofs] = force
+        mujoco.mj_step1(m, data)
+        if k % EVERY == 0:
+            torque = data.qfrc_actuator[dofs] if forward else force
+            rows.append(np.concatenate([[k * STEP - begun], data.qpos, torque, commands[-1]]))
+        mujoco.mj_step2(m, data)
+    table = np.array([row for row in rows if row[0] >= 0.0]).T
+    keys = ["t", *rig.keys, *(f"t{i + 1}" for i in range(rig.joints)),
+            *(f"u{i}" for i in range(m.nu))]  # fmt: skip
+    return dict(zip(keys, table, strict=True))
+
+
+def _command(rig: Rig, place: Array, force: Array) -> Array:
+    """Commands (actuators,) that take the driven joints to a `place`, or give a motor's `force`."""
+    m, u = rig.model, np.zeros(rig.model.nu)
+    servo = m.actuator_biasprm[rig.actuators, 1] != 0.0
+    unit = rig.gear * m.actuator_gainprm[rig.actuators, 0]
+    u[rig.actuators] = np.where(servo, place, force / unit)
+    return np.where(m.actuator_ctrllimited > 0, np.clip(u, *m.actuator_ctrlrange.T), u)
+
+
+def _measured(columns: Columns, rig: Rig, rng: np.random.Generator) -> Columns:
+    """Columns (m,) as a log has them, with noise: by joints' names, or `q1` and motors' names."""
+    m, n, forward = rig.model, len(columns["t"]), rig.mode == "forward"
+    found = {"t": columns["t"]}
+    for i, key in enumerate(rig.keys):
+        name = f"q{i + 1}" if forward else m.joint(i).name
+        found[name] = columns[key] + rng.normal(0.0, ANGLE, n)
+    for i, (weight, gear) in enumerate(zip(rig.weight, rig.gear, strict=True)):
+        noise = rng.normal(0.0, 0.25 * TORQUE * weight, n)
+        found[f"t{i + 1}"] = (columns[f"t{i + 1}"] + noise) / gear
+    commands = range(m.nu) if forward else ()
+    return {**found, **{m.actuator(i).name: columns[f"u{i}"] for i in commands}}

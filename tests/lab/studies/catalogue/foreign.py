@@ -6,7 +6,7 @@ airo-models example-robot-data`, and `cases` in it are those of `../shared`.
 
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from cell.gap.fit import fit
 from cell.gap.verdict.schema import Verdict
-from tests.lab.exam.foreign import LISTS, make_runs
+from tests.lab.exam.mechanisms import LISTS, make_runs
 from tests.lab.exam.score import signs
 from tests.lab.studies.catalogue.confidence import reliable
 from tests.lab.studies.study import Ledger, Outcome, Quantity, Statistic, Study, Values
@@ -26,10 +26,15 @@ WITHHELD = 0.5  # of causes outside the library, those that are withheld from it
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """Draw what is hidden, a fifth of each kind, in one of the models."""
+    """Draw what is hidden, a fifth of each kind, in one of the models of others."""
+    return draw_in(LISTS["models"], number, rng)
+
+
+def draw_in(models: Mapping[str, Values], number: int, rng: np.random.Generator) -> Values:
+    """Draw what is hidden in one of `models`, the entries of the exam's list by name."""
     kind = KINDS[number % len(KINDS)]
-    name = str(rng.choice(list(LISTS["models"])))
-    known = LISTS["models"][name]
+    name = str(rng.choice(list(models)))
+    known = models[name]
     mode = known.get("mode", "prescribed")
     count = {"nothing": 0, "two effects": 2}.get(kind, 1)
     library = LISTS["library"][mode] + ["base_compliance"] * ("sways" in known)
