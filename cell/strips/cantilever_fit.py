@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from cell.strips.photograph import Photograph
 from drivers.strip.cantilever import HangingStrip, NoRest, hang, hinges
@@ -16,21 +17,19 @@ from drivers.types import Array
 # place of each unknown, and of the first coefficient of the rest curvature's fields
 LN_LENGTH, LEDGE, ROLL, CLAMP, X, Z, FIRST_FIELD = range(7)
 TYPICAL = 0.02  # m, bending length
-LN_SPREAD = 1.5  # of ln(bending length) around the typical one
+LN_SPREAD, MOST_LN_LENGTH = 1.5, 4.0  # of ln(bending length) around the typical one
 LEDGE_WIDTHS, LEDGE_SPREAD = 0.7, 0.002  # widths, or m, between picture's border and ledge
 ROLL_SPREAD = 0.02  # rad
 CLAMP_SPREAD = 0.02  # rad
 TIP = 0.3  # widths, one sigma of where the midline ends
-ROBUST = 2.5  # sigmas from which a miss counts less
+ROBUST = 2.5  # sigmas from which a miss counts less: Huber's loss
 KNOT_SPACING = 2.0  # widths: over less no strip changes its set
 MOST_KNOTS = 60
 RULER = 0.001  # m, one sigma of a measured overhang
 FIRST_SIGMA = 12.0  # times sigma for the first fit, which has to find its way
 START_LENGTHS = (0.5, 1.0, 2.5)  # typical bending lengths from which it sets out
 ITERATIONS = 80
-LARGEST_LOG_STEP = 0.3  # of ln(bending length)
 COST_TOLERANCE = 1e-5  # of the cost
-LM_DAMPING, FACTOR, LARGEST_DAMPING = 1e-3, 8.0, 1e10
 
 
 class RestCurvature(StrEnum):
@@ -67,17 +66,15 @@ class RestCurvaturePrior:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """Residuals of the strip with one set of `values` (p,), their slopes, and the cost.
+    """Residuals of the strip with one set of `values` (p,), and their slopes.
 
     `misses` (2 n,) from the midline, across and then along it, in sigmas, `slopes` (2 n, p) their
-    negative derivatives by the values, `cost` twice the negative log posterior.
+    negative derivatives by the values.
     """
 
-    values: Array
     hanging: HangingStrip
     misses: Array
     slopes: Array
-    cost: float
 
 
 class Problem:
@@ -124,25 +121,39 @@ class Problem:
         motions[..., ROLL] = curve[:, ::-1] * (-1, 1)
         motions[..., [X, Z]] = np.eye(2)
         misses = self._project_motion(seen.points - values[[X, Z]] - curve)
-        return Trial(
-            values, hanging, misses, self._project_motion(motions), self._cost(values, misses)
-        )
+        return Trial(hanging, misses, self._project_motion(motions))
 
-    def normal_equations(self, trial: Trial) -> tuple[Array, Array]:
-        """Half the second derivative (p, p) of the cost, and the downhill direction (p,)."""
-        weight = np.minimum(1.0, ROBUST / np.maximum(np.abs(trial.misses), 1e-12))
-        matrix = trial.slopes.T @ (weight[:, None] * trial.slopes) + np.diag(self._weights**2)
-        return matrix, trial.slopes.T @ (weight * trial.misses) - self._weights**2 * trial.values
+    def residuals(self, values: Array) -> Array:
+        """Misses and deviates (2 n + p,) of `values` (p,), in sigmas; NaN where no strip rests."""
+        try:
+            misses = self.trial(values).misses
+        except NoRest:
+            misses = np.full(2 * len(self.photograph.points), np.nan)
+        return np.concatenate([misses, values * self._weights])
+
+    def jacobian(self, values: Array) -> Array:
+        """Derivatives (2 n + p, p) of the residuals at `values` (p,)."""
+        return np.concatenate([-self.trial(values).slopes, np.diag(self._weights)])
+
+    def loss(self, squares: Array) -> Array:
+        """Loss (3, 2 n + p) of squared residuals and its slope: Huber's of the misses."""
+        is_far = squares > ROBUST**2
+        is_far[-self.size :] = False  # priors
+        sigmas = np.sqrt(squares.clip(ROBUST**2))
+        loss = np.where(is_far, 2 * ROBUST * sigmas - ROBUST**2, squares)
+        weight = np.where(is_far, ROBUST / sigmas, 1.0)
+        return np.array([loss, weight, np.zeros_like(loss)])  # without curvature: reweighting
+
+    def precision(self, values: Array) -> Array:
+        """Inverse covariance (p, p) of the unknowns at `values` (p,)."""
+        residuals, slopes = self.residuals(values), self.jacobian(values)
+        _, weight, _ = self.loss(residuals**2)
+        return np.asarray(slopes.T @ (weight[:, None] * slopes))
 
     def _project_motion(self, motion: Array) -> Array:
         """Components (2 n, ...) across and along the midline of a motion (n, 2, ...), in sigmas."""
         parts = np.einsum("knc,nc...->kn...", self._local_frames, motion)
         return np.asarray(parts.reshape(-1, *motion.shape[2:]))
-
-    def _cost(self, values: Array, misses: Array) -> float:
-        z = np.abs(misses)
-        data = np.where(z < ROBUST, z**2, 2 * ROBUST * z - ROBUST**2).sum()
-        return float(data + ((values * self._weights) ** 2).sum())
 
 
 class _Along:
@@ -274,39 +285,21 @@ def _fit_straight(photograph: Photograph) -> Fit:
 
 
 def _minimise(problem: Problem, values: Array) -> Fit:
-    """Minimise the problem's cost from `values` (p,) by Levenberg-Marquardt."""
-    here = problem.trial(values)
-    damping = LM_DAMPING
-    for _ in range(ITERATIONS):
-        there, damping = _damped_step(problem, here, damping)
-        if there is None:
-            break
-        gain, here = here.cost - there.cost, there
-        if gain < COST_TOLERANCE * (1 + here.cost):
-            break
-    matrix, _ = problem.normal_equations(here)
+    """Fit from `values` (p,): the top of the posterior, and its normal approximation there."""
+    bounds = np.full(problem.size, np.inf)
+    bounds[LN_LENGTH] = MOST_LN_LENGTH
+    found = least_squares(
+        problem.residuals, values, problem.jacobian, (-bounds, bounds), x_scale="jac",
+        loss=problem.loss, ftol=COST_TOLERANCE, max_nfev=ITERATIONS,
+    )  # fmt: skip
+    best = problem.trial(found.x)
+    matrix = problem.precision(found.x)
     return Fit(
         photograph=problem.photograph,
         prior=problem.prior,
-        values=here.values,
+        values=found.x,
         covariance=np.asarray(np.linalg.inv(matrix), dtype=np.float64),
-        hanging=here.hanging,
-        misses=here.misses[: len(problem.photograph.arc)] * problem.photograph.sigma,
-        evidence=-0.5 * float(here.cost + np.linalg.slogdet(matrix)[1]),
+        hanging=best.hanging,
+        misses=best.misses[: len(problem.photograph.arc)] * problem.photograph.sigma,
+        evidence=-float(found.cost + 0.5 * np.linalg.slogdet(matrix)[1]),
     )
-
-
-def _damped_step(problem: Problem, here: Trial, damping: float) -> tuple[Trial | None, float]:
-    """Make one Levenberg-Marquardt step; returns a better trial or None, and the next damping."""
-    matrix, downhill = problem.normal_equations(here)
-    while damping < LARGEST_DAMPING:
-        step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), downhill)
-        step[LN_LENGTH] = np.clip(step[LN_LENGTH], -LARGEST_LOG_STEP, LARGEST_LOG_STEP)
-        try:
-            there = problem.trial(here.values + step)
-        except NoRest:
-            there = here
-        if there.cost < here.cost:
-            return there, damping / FACTOR
-        damping *= FACTOR
-    return None, damping
