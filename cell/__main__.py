@@ -10,10 +10,7 @@ if TYPE_CHECKING:
 
 
 def main(app: "Typer | None" = None) -> None:
-    """Run the command line `app`, `cell` if not given.
-
-    An error is printed in one line and sets the exit code.
-    """
+    """Run the command line `app`; an error is printed in one line and sets the exit code."""
     from cell.cli.output import guard_streams, why_lost
 
     out = guard_streams()

@@ -19,10 +19,7 @@ TIME_LIMITS = {"duration": 900.0, "state_duration": 300.0}  # s, that a slow run
 
 
 def confirm(settings: CellFile, ask: Callable[[str], str]) -> None:
-    """Have the operator type the cell's name before the first motion.
-
-    Raises PreflightRefused where it was not typed.
-    """
+    """Have the operator type the cell's name before a motion; raises PreflightRefused if not."""
     question = f"A real robot will move. Type the cell's name ({settings.name}) to go on: "
     if ask(question).strip() != settings.name:
         raise PreflightRefused(
@@ -44,10 +41,7 @@ def agree(
 
 
 def await_strip(ask: Callable[[str], str]) -> None:
-    """Wait until the operator has laid the strip again.
-
-    Raises PreflightRefused where nobody is there.
-    """
+    """Wait until the strip is laid again; raises PreflightRefused where nobody is there."""
     if not ask("Lay the strip again, flat and straight, then press Enter: "):
         raise PreflightRefused(
             "the input ended before Enter was pressed: nobody says that the strip lies there and "

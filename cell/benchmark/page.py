@@ -25,7 +25,7 @@ from cell.benchmark.summary import (
 )
 from cell.record.documents import plain
 from cell.report.html import Tone, page
-from cell.report.verdict import Verdict
+from cell.report.verdict import PageVerdict
 from cell.report.words import NO_VALUE, millimetres
 from drivers.files import write_file
 
@@ -83,12 +83,12 @@ def page_of(results: Results) -> str:
     )  # fmt: skip
 
 
-def verdict_of(results: Results) -> Verdict:
+def verdict_of(results: Results) -> PageVerdict:
     """Sentence on the paper's main claim: feedback under 20 mm on every strip, from images."""
     limit = f"{1e3 * PAPER_WORST['feedback']:.0f} mm"
     row = next((row for row in rows(results) if row.policy == "feedback"), None)
     if row is None or row.strips.folded == 0:
-        return Verdict("fair", "Feedback was not folded", ("Its claim was not tried.",))
+        return PageVerdict("fair", "Feedback was not folded", ("Its claim was not tried.",))
     main = claims(results)[0]
     strips = row.strips
     headline = f"Under {limit} on every strip: {'held' if main.held else 'not held'}"
@@ -99,7 +99,7 @@ def verdict_of(results: Results) -> Verdict:
         NOT_IN_SOURCE,
     )
     tone: Tone = "good" if main.held else "bad"
-    return Verdict(tone, headline, sentences, millimetres(strips.worst), "worst |d|, feedback")
+    return PageVerdict(tone, headline, sentences, millimetres(strips.worst), "worst |d|, feedback")
 
 
 def _outside_sentence(results: Results) -> str:

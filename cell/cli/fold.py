@@ -283,7 +283,7 @@ class _ProgressLine:
         self._strip = strip
         self._count = 0
 
-    def see(self, snapshot: "Snapshot") -> None:
+    def handle_tick(self, snapshot: "Snapshot") -> None:
         """Show every TICKS_BETWEEN_LOOKS-th tick."""
         self._count += 1
         if self._count % TICKS_BETWEEN_LOOKS:

@@ -55,7 +55,7 @@ class SigmaSettings(Settings):
     gripper: Metres = Field(gt=0, le=0.1)
     displacement: Metres = Field(gt=0, le=0.1)
     touch_time: Seconds = Field(gt=0, le=1.0)
-    edge_offset: Metres = Field(0.00055, gt=0, le=0.1)  # rms by folds; laid.yaml has 0.44 mm
+    edge_offset: Metres = Field(0.00055, gt=0, le=0.1)  # rms by folds; laid_fold.yaml has 0.44 mm
     force: float | None = Field(None, gt=0, le=10.0, exclude_if=lambda force: force is None)
 
 
@@ -116,7 +116,7 @@ class LearningSettings(Settings):
     changed: float = Field(0.003, gt=0, le=0.02)  # of the cell after something moved
     repeat: float = Field(0.0003, gt=0, le=0.01)  # of a specimen's folds; 0.2 mm on the twin
     ruler: float = Field(0.0005, gt=0, le=0.01)  # of an edge offset read by eye
-    laid: float = Field(0.0006, gt=0, le=0.01)  # of laid edges by the camera; laid.yaml has 0.44 mm
+    laid: float = Field(0.0006, gt=0, le=0.01)  # of laid edges by camera; laid_fold.yaml: 0.44 mm
     off: float = Field(0.2, gt=0, lt=1)  # share of cells and specimens with something off
     usual: float = Field(0.0004, gt=0, le=0.01)  # of specimens in a right cell; critic's left_out
     misread: float = Field(0.00025, gt=0, le=0.01)  # of a specimen's touch by the camera

@@ -67,10 +67,7 @@ def _arm(settings: CellFile, choice: DeviceSelection, seconds: float) -> Iterato
 
 
 def check_motion(settings: CellFile, choice: DeviceSelection, *, camera: bool = False) -> None:
-    """Check a real robot, and with `camera` a real camera, before a motion by hand.
-
-    Does nothing for another arm. Raises PreflightRefused where a check failed.
-    """
+    """Check robot and, with `camera`, real camera before a motion; raises PreflightRefused."""
     if not is_real(settings, choice):
         return
     found = [machine.versions(), machine.cores(), *_arm(settings, choice, BRIEF)]

@@ -1,1 +1,1 @@
-"""Commands around a fold: one fold, batches, prediction, replay, the standard runs."""
+"""Folds and what surrounds them: single folds, batches, prediction, rehearsal, replay, films."""

@@ -1,4 +1,4 @@
-"""Several folds: in sequence, in parallel processes, or until one lies well."""
+"""Batches of folds: in sequence, in parallel processes, or until one has its edges aligned."""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -24,16 +24,18 @@ POLL_INTERVAL = 0.1  # s between looks at the keyboard
 
 
 def _no_observers(_strip: str) -> AbstractContextManager[tuple[Observer, ...]]:
+    """Context without observers of the fold."""
     return nullcontext(())
 
 
 def _nobody_lays() -> None:
+    """Raise PreflightRefused, as nobody is there to lay the strip again."""
     raise PreflightRefused("nobody lays the strip again for the next fold of a real robot")
 
 
 @dataclass(frozen=True, slots=True)
 class Attendance:
-    """Callbacks to the person at the cell between folds; by default nobody is there.
+    """Callbacks to the person at the cell during a batch of folds; by default nobody is there.
 
     `interrupt` makes a context that asks for a controlled stop, `report` takes a remark,
     `lay_again` waits until the strip lies for the next fold of a real robot, `observe` makes a
@@ -54,7 +56,7 @@ def fold_all(
     until: float | None = None,
     attendance: Attendance = Attendance(),
 ) -> Iterator[FoldResult | CellError]:
-    """Make the folds, `jobs` at a time, and yield their results in order.
+    """Carry out the folds of `requests`, `jobs` at a time, and yield their results in order.
 
     A fold that cannot begin yields its error, and the others follow. With `until` each is corrected
     by those before it, and the first one whose edges lie as close [m] is the last, as is one that
@@ -78,7 +80,7 @@ def fold_all(
 
 
 def agreed(requests: Sequence[Request], ask: Callable[[str], str]) -> tuple[Request, ...]:
-    """Return `requests` with the operator's consent to the motion of a real robot, if there is one.
+    """Copies of `requests` with the operator's consent to a real robot's motion, where one folds.
 
     Raises PreflightRefused where the consent is not typed, or a check of the hardware fails.
     """
@@ -94,6 +96,7 @@ def agreed(requests: Sequence[Request], ask: Callable[[str], str]) -> tuple[Requ
 def _until(
     requests: Sequence[Request], until: float, attendance: Attendance
 ) -> Iterator[FoldResult | CellError]:
+    """Fold in sequence, correcting each fold by those before, until edges lie `until` [m] apart."""
     corrected = (with_correction(request, "on") for request in requests)
     for result in _in_turn(corrected, attendance):
         yield result
@@ -104,6 +107,7 @@ def _until(
 def _in_turn(
     requests: Iterator[Request] | Sequence[Request], attendance: Attendance
 ) -> Iterator[FoldResult | CellError]:
+    """Fold in sequence, with the strip laid again in between; a page follows each fold."""
     for number, request in enumerate(requests):
         if request.choice.agreed and number > 0:
             attendance.lay_again()
@@ -125,13 +129,14 @@ def _in_turn(
 
 
 def _unless_interrupted(result: FoldResult | CellError) -> FoldResult | CellError:
+    """Return `result`; raises it where it says that the fold was interrupted."""
     if isinstance(result, Interrupted):
         raise result
     return result
 
 
 class ParallelFolds:
-    """Folds that share a pool of processes, and their results in order."""
+    """Folds carried out by a pool of processes, their results in the order of the requests."""
 
     def __init__(
         self, requests: Sequence[Request], jobs: int, report: Callable[[str], None]
@@ -144,7 +149,7 @@ class ParallelFolds:
         self._stops = 0
 
     def results(self, interrupted: Callable[[], bool]) -> Iterator[FoldResult | CellError]:
-        """Yield results in the order of the requests, up to the last one that was begun.
+        """Yield the folds' results in the order of the requests, up to the last one started.
 
         Once `interrupted`, the folds under way stop under control and no other begins; after a
         KeyboardInterrupt they stop at once, and a second one is raised.
@@ -165,7 +170,7 @@ class ParallelFolds:
             yield self._done.pop(number)
 
     def close(self) -> None:
-        """End all processes, folds under way under control."""
+        """End all processes; folds under way are stopped under control."""
         self._pool.close()
 
     def _begin(self, interrupted: Callable[[], bool]) -> None:
@@ -192,6 +197,7 @@ class ParallelFolds:
             self._done[number] = result
 
     def _stop(self) -> None:
+        """Start no further fold, and ask those under way to stop."""
         self._stops += 1
         self._waiting.clear()
         self._pool.stop()
@@ -200,6 +206,7 @@ class ParallelFolds:
 def _fold_in_process(
     request: Request, calibration: Calibration, stop: StopSignal
 ) -> FoldResult | CellError:
+    """Run in a process of the pool: fold, write the page; errors are returned as results."""
     try:
         return write_pages(request, fold(request, calibration, (), stop))
     except KeyboardInterrupt:

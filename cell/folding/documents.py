@@ -29,7 +29,7 @@ PACKAGES = ("folding-cell", "mujoco", "opencv-python-headless", "numpy", "ruckig
 def run_header(
     request: Request, settings: CellFile, calibration: Calibration, camera_rate: float
 ) -> dict[str, Any]:
-    """Content of run.yaml: all that readers need, versions, and a hash of the plant.
+    """Content of run.yaml for a fold: settings, strip, versions, and a hash of the plant.
 
     `settings` are those that the run uses, `camera_rate` is that of the open camera [Hz].
     """
@@ -59,7 +59,7 @@ def run_header(
 
 
 def result_content(outcome: Outcome) -> dict[str, Any]:
-    """Content of result.yaml for an outcome."""
+    """Content of result.yaml for the `outcome` of a run."""
     content: dict[str, Any] = {"outcome": outcome.name, "reason": outcome.reason}
     content["duration"] = outcome.duration
     if outcome.touch is not None:
@@ -80,6 +80,7 @@ def result_content(outcome: Outcome) -> dict[str, Any]:
 
 
 def _hash(plant: StripFile) -> str:
+    """SHA-256 of the content of the file `plant`."""
     content = plant.model_dump(mode="json", by_alias=True)
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
@@ -93,7 +94,7 @@ def _replaced_weights(checkpoint: Path | None) -> dict[str, Any]:
 
 
 def learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> StripFile:
-    """Copy of `strip` with the estimates of a fold, each with its interval and source."""
+    """Copy of `strip` with the parameters that a fold estimated, each with interval and source."""
     length, time = predicted.bending_length, predicted.retardation_time
     friction = predicted.yield_curvature
     source = f"fold {run}, as the policy judged it at the touch"
@@ -123,7 +124,7 @@ def learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> Stri
 
 
 def offer_strip(folder: Path, strip: StripFile, predicted: FoldPrediction) -> Path:
-    """Write a strip file with the estimates of the run in `folder` about `strip`; returns its path.
+    """Write a strip file with the parameters estimated in the run `folder`; returns its path.
 
     Raises ConfigurationError where it cannot be written.
     """

@@ -41,7 +41,7 @@ def check_feasible(
     limits: MotionLimits,
     desk: float = 0.0,
 ) -> tuple[float, float] | None:
-    """Check a fold and return the displacement [m] that the model expects, with its deviation [m].
+    """Check that the cell can fold `strip`; returns displacement and sigma [m] of the model.
 
     None where the layers do not touch in the model. The policy is reset. Raises PreflightRefused
     for a strip that this cell cannot see, reach or fold with an arm that moves within `limits`,
@@ -77,7 +77,7 @@ def path_problems(
     limits: MotionLimits,
     carry_at: Callable[[float], Array],
 ) -> Iterator[str]:
-    """Yield a line for each reason why an arm within `limits` cannot follow a fold.
+    """Yield a text for each limit that keeps an arm within `limits` from following a fold.
 
     The gripper passes `places` (n, 2) [m], and carries the strip along `carry` (k, 2) [m];
     `carry_at` gives the latter at another speed [m/s].
@@ -109,6 +109,7 @@ def path_problems(
 def _desk_collisions(
     carry: Array, settings: CellSettings, strip: StripFile, desk: float
 ) -> Iterator[str]:
+    """Yield a text where the hand would meet the desk, which ends at x = `desk` [m]."""
     home, limits = settings.fold.clear_height, settings.installation.limits
     whole, _ = whole_path(strip.length, home, settings.fold, limits, carry)
     try:
@@ -120,9 +121,9 @@ def _desk_collisions(
 def gripper_path(
     settings: CellSettings, strip: StripFile, policy: Policy, folds: Folds | None
 ) -> Array:
-    """Gripper positions (n, 2) [m] of approach, the first of the model's `folds`, and retreat.
+    """Gripper positions (n, 2) [m] of a whole fold: approach, simulated fold, retreat.
 
-    Where the simulation fails, the lift takes the place of the fold.
+    The fold is the first of `folds`; where the simulation failed (None), the lift takes its place.
     """
     beyond, aside = strip.length + settings.fold.approach, settings.fold.approach
     before = [(beyond, settings.fold.clear_height), (beyond, 0.0), (strip.length, 0.0)]
@@ -134,10 +135,7 @@ def gripper_path(
 
 
 def _simulate(settings: CellSettings, strip: StripFile, policy: Policy) -> Folds | None:
-    """Simulated folds of `strip` and, unless the policy predicts, of its parameters' corners.
-
-    None where the simulation fails.
-    """
+    """Simulated folds of `strip` and, unless the policy predicts, of its corners; None if lost."""
     strips = [strip, *(() if isinstance(policy, Predictor) else corner_strips(strip))]
     try:
         models = [describe(each, settings.effects) for each in strips]
@@ -154,16 +152,15 @@ def simulate(
     speed: float,
     seed: int = 0,
 ) -> Folds:
-    """Fold each of `models` at path `speed` [m/s] by `policy`, which assumes `strip`."""
+    """Simulate a fold of each of `models` at `speed` [m/s] by `policy`, which assumes `strip`."""
     rollout, rng = Rollout(speed=speed, sensing=IMAGE_DELAY), np.random.default_rng(seed)
     return roll_out(policy, rod, strip, models, settings=rollout, rng=rng)
 
 
 def _expected(folds: Folds, repeats: float) -> tuple[float, float] | None:
-    """Displacement [m] of the first of `folds`, and its standard deviation [m].
+    """Displacement [m] of the first of `folds`, and its standard deviation with `repeats` [m].
 
-    Of the strip's parameter corners and of repeated folds, `repeats` [m], together. None
-    where a fold does not touch.
+    That of repeated folds is `repeats`. None where a fold does not touch.
     """
     if not np.isfinite(folds.displacement).all():
         return None
@@ -172,7 +169,7 @@ def _expected(folds: Folds, repeats: float) -> tuple[float, float] | None:
 
 
 def corner_strips(strip: StripFile) -> list[StripFile]:
-    """Copies of `strip` at the corners of its parameters' uncertainty."""
+    """Copies of `strip` at the corners of the intervals of its uncertain parameters."""
     spans = []
     for key, spread in UNKNOWN_SPREADS.items():
         value = getattr(strip, key)
@@ -182,6 +179,7 @@ def corner_strips(strip: StripFile) -> list[StripFile]:
 
 
 def _height_problems(settings: CellSettings, strip: StripFile, policy: Policy) -> Iterator[str]:
+    """Yield a text where the policy's path does not rise to the take-over height."""
     top, takeover = float(policy.lift().points[:, 1].max()), settings.fold.takeover_height
     if top <= takeover:
         yield (
@@ -191,6 +189,7 @@ def _height_problems(settings: CellSettings, strip: StripFile, policy: Policy) -
 
 
 def _workspace_problems(path: Array, installation: Installation) -> Iterator[str]:
+    """Yield a text for each axis on which `path` (n, 2) [m] leaves the workspace."""
     box = installation.workspace
     for axis, name, (low, high) in ((0, "x", box.x), (1, "z", box.z)):
         least, most = float(path[:, axis].min()), float(path[:, axis].max())
@@ -203,6 +202,7 @@ def _workspace_problems(path: Array, installation: Installation) -> Iterator[str
 
 
 def _reach_problems(path: Array, installation: Installation) -> Iterator[str]:
+    """Yield a text where `path` (n, 2) [m] is beyond the reach of the arm's hand."""
     mounting = installation.mounting
     away = np.hypot(
         mounting.x + path[:, 0] * np.cos(mounting.yaw),
@@ -217,6 +217,7 @@ def _reach_problems(path: Array, installation: Installation) -> Iterator[str]:
 
 
 def _view_problems(path: Array, strip: StripFile, calibration: Calibration) -> Iterator[str]:
+    """Yield a text where the camera does not see the strip or the gripper on `path` (n, 2) [m]."""
     lens = calibration.lens
     lying = np.array([(0.0, 0.0), (strip.length, 0.0)])
     held = path[(path[:, 0] >= 0) & (path[:, 0] <= strip.length)]

@@ -1,4 +1,4 @@
-"""Calibrates the camera of a film by the printed board that stands in the strip's plane at first.
+"""Calibration of a film's camera by a printed board that first stands in the strip's plane.
 
 The board gives lens and plane; the strip's own ends and its line on the desk give its place.
 """
@@ -14,7 +14,7 @@ from calibration.board import BoardSettings, BoardView, find_board
 from calibration.calibration import Calibration, change_calibration, make_calibration
 from calibration.homography import Homography, fit_homography
 from calibration.lens import fit_lens
-from cell.perception.resting import face_height, sample_plane
+from cell.perception.resting_strip import face_height, sample_plane
 from cell.perception.scene import colour_distances
 from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
@@ -43,7 +43,7 @@ SURE, UNLIKE = 0.004, 4.0  # m of foreign colour that end the strip; colour dist
 def calibrate_film(
     film: Path, frames: Iterator[Frame], boards: BoardSettings, strip: StripFile
 ) -> tuple[Calibration, float]:
-    """Calibration by the first seconds of `frames`, and when [s] the strip then lies still.
+    """Calibrate by the first seconds of `frames`; also returns when [s] the strip lies still.
 
     Raises ConfigurationError that names what the film at `film` does not show: the board, a still
     scene after it, the strip, its ends.
@@ -56,7 +56,7 @@ def calibrate_film(
 def _until_still(
     film: Path, frames: Iterator[Frame], boards: BoardSettings
 ) -> tuple[list[BoardView], Frame]:
-    """Views of the board, and the first image after it in which nothing moves."""
+    """Views of the board, and the first image after the board in which nothing moves."""
     board = boards.board()
     detector = cv2.aruco.CharucoDetector(board)
     views: list[BoardView] = []

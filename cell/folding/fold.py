@@ -1,4 +1,4 @@
-"""Folds one strip: opens devices and calibration, runs, records, scores."""
+"""A single fold: opens devices, checks, folds, records, scores by the twin's truth."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -53,7 +53,7 @@ def fold(
     devices: Devices | None = None,
     policy: Policy | None = None,
 ) -> FoldResult:
-    """Fold one strip, measured through `calibration`, and record the run.
+    """Fold one strip, measured through `calibration`, and record the run in a new folder.
 
     Other `devices` or another `policy` than the request names may be given; the devices are closed
     at the end. `write_pages` then draws the record. Raises CellError for errors before the run;
@@ -96,7 +96,7 @@ def fold(
 
 @contextmanager
 def _reader(subject: StripInputs, *, real_time: bool) -> Iterator[Reader]:
-    """Reader of images for the block: a process where the run is on the wall clock."""
+    """Reader of images within the block: a separate process where the run is in `real_time`."""
     if not real_time:
         yield InlineReader(Measurer(subject), subject.calibration.latency)
         return
@@ -154,10 +154,7 @@ def conduct(
     recorder: FileRecorder,
     review: Callable[[Outcome, Recorder], Outcome] = lambda outcome, _: outcome,
 ) -> Outcome:
-    """Execute `run`, close the devices and record the outcome, whatever happens.
-
-    `review` completes the outcome once the arm is at rest.
-    """
+    """Execute `run`, close the devices, `review` the outcome, record it, whatever errors occur."""
     try:
         devices.connect()
         with realtime_thread(devices.real_time):
@@ -188,7 +185,7 @@ def conduct(
 
 
 def write_pages(request: Request, result: FoldResult) -> FoldResult:
-    """Write the page of a fold and, where its request says so, its recording for Rerun.
+    """Write the page of a recorded fold and, if its request says so, its recording for Rerun.
 
     The record is complete before, so that a result can be told first. Returns the result, with a
     failure to write.
@@ -207,7 +204,7 @@ def write_pages(request: Request, result: FoldResult) -> FoldResult:
 
 
 def _warning(outcome: Outcome, preflight: str) -> str | None:
-    """Warnings about lengths that disagree, an unlike strip and by `preflight`; None without."""
+    """Text on lengths that disagree, on a strip unlike its model, and of `preflight`; else None."""
     agreed = outcome.agreement
     doubts = [witness.sentence() for witness in disagreements(outcome.witnesses)]
     unlike = "" if agreed is None or agreed.like_model else agreed.sentence()

@@ -1,4 +1,4 @@
-"""Trace of a fold, recorded to compare the strip with the model afterwards."""
+"""Gripper path and strip profiles of a fold, by which the strip is compared with its model."""
 
 from dataclasses import asdict, replace
 
@@ -18,7 +18,7 @@ UNLIKE_REASON = "unlike_model"
 
 
 class FoldTrace:
-    """Observer that keeps the gripper's path from the lift on and the profiles of the fold."""
+    """Observer of a fold that stores gripper poses from the lift on, and measured profiles."""
 
     def __init__(self, strip: StripFile) -> None:
         """Trace a fold of `strip`, as the controller knows it."""
@@ -27,8 +27,8 @@ class FoldTrace:
         self._stamps: list[float] = []
         self._profiles: list[np.ndarray] = []
 
-    def see(self, snapshot: Snapshot) -> None:
-        """Store pose and profile of one tick."""
+    def handle_tick(self, snapshot: Snapshot) -> None:
+        """Store the gripper's pose, and the profile where it is new."""
         if snapshot.state not in MOVING_STATES:
             return
         pose, seen = snapshot.arm.pose, snapshot.view.measurement
@@ -38,10 +38,10 @@ class FoldTrace:
             self._profiles.append(seen_profile(seen.profile, seen.contact_x, seen.gripper)[0])
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
-        """Ignore an event."""
+        """Ignore an event of the run."""
 
     def review(self, outcome: Outcome, record: Recorder) -> Outcome:
-        """Add the agreement of strip and model to `outcome`, which fails where they disagree."""
+        """Add the strip's agreement with its model to `outcome`, which fails where it is poor."""
         agreed = self._agreement(outcome, record.origin)
         outcome = replace(outcome, agreement=agreed)
         if agreed is None or agreed.like_model:

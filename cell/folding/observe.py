@@ -1,4 +1,4 @@
-"""Reads a film of a fold, made without the cell's arm, into a run folder."""
+"""Measurement of a fold on a film, made without the cell's arm, into a run folder."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ Progress = Callable[[float], None]
 
 @dataclass(frozen=True, slots=True)
 class FilmMeasurement:
-    """Result of reading a film: number of images up to the `touch`, and of those well `read`.
+    """Result of measuring a film: `images` up to the `touch`, of which `read` had confidence.
 
     The run begins `begin` [s] after the film.
     """
@@ -65,7 +65,7 @@ def observe(
     configs: str | Path | None = None,
     progress: Progress = lambda _time: None,
 ) -> FilmMeasurement:
-    """Read the film at `film` into the new run `folder`, with an overlay film to look at.
+    """Measure the fold on the film at `film`; writes the run `folder` with an overlay film.
 
     The film begins with the strip lying flat and still; without a `calibration`, with the printed
     board that stands in the plane of its edge, and the strip lies still after that, held by a clip.
@@ -158,7 +158,7 @@ def _read(
     for frame in frames:
         image = frame.image
         if touch is None:
-            held = follow.look(frame.restamp(-calibration.latency))
+            held = follow.measure(frame.restamp(-calibration.latency))
             read.append(held)
             image = _draw_measurement(image, held, calibration)
             if held.end is not None and _is_confident(held):
@@ -181,10 +181,12 @@ def _draw_measurement(image: Image, held: HeldMeasurement, calibration: Calibrat
 
 
 def _is_confident(held: HeldMeasurement) -> bool:
+    """Whether the held end was found and its image measured with enough confidence."""
     return held.end is not None and held.measurement.confidence >= PROFILE_CONFIDENCE
 
 
 def _check_enough(read: Sequence[HeldMeasurement], film: Path) -> None:
+    """Raise ConfigurationError where too few images show the lifted strip."""
     found = sum(map(_is_confident, read))
     if found < FEWEST_IMAGES:
         raise ConfigurationError(
@@ -220,6 +222,7 @@ def _write(
 def _header(
     cell: CellFile, strip: StripFile, calibration: Calibration, read: Sequence[HeldMeasurement]
 ) -> dict[str, object]:
+    """Content of run.yaml for a film: noise of its measurements, and the calibration."""
     period = float(np.median(np.diff([held.measurement.stamp for held in read])))
     floors = SIGMA_FLOORS | {"touch_time": period}
     return {

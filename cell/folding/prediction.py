@@ -1,4 +1,4 @@
-"""Prediction of a fold: the policy in the model, its path checked against the limits."""
+"""Prediction of a fold by simulating the policy; its path is checked against the limits."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ from policies.rollout import Folds
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """Predicted displacement [m] with its bounds, None without a touch, and extent of the path."""
+    """Predicted displacement [m] with bounds, None without a touch, and range of the path [m]."""
 
     strip: str
     policy: str
@@ -38,7 +38,7 @@ class Prediction:
     arm: ArmPrediction | None = None
 
     def line(self) -> dict[str, Any]:
-        """Object that `cell fold --dry-run --json` prints."""
+        """JSON object of the prediction, as `cell fold --dry-run --json` prints it."""
         x_min, x_max, z_min, z_max = self.reach
         return {
             "strip": self.strip,
@@ -51,7 +51,7 @@ class Prediction:
         }
 
     def text(self) -> str:
-        """Text for the operator."""
+        """Text of the prediction for the operator."""
         x_min, x_max, z_min, z_max = (1e3 * value for value in self.reach)
         d, ends = self.displacement, ""
         expected = "no touch" if d is None else f"displacement {1e3 * d:+.1f} mm"
@@ -67,7 +67,7 @@ class Prediction:
 
 
 def predict(request: Request) -> Prediction:
-    """Simulate the fold of `request`; raises ConfigurationError for a path beyond its limits.
+    """Predict the fold of `request`; raises ConfigurationError for a path beyond its limits.
 
     The calibration that the cell file names is checked as a fold does.
     """
@@ -96,17 +96,14 @@ def predict(request: Request) -> Prediction:
 
 
 def simulate_policy(request: Request, settings: CellFile, variants: Sequence[StripFile]) -> Folds:
-    """Simulate the policy of `request`, which assumes its strip, on rods like each of `variants`.
-
-    `settings` are those of the cell at the wanted speed.
-    """
+    """Simulate folds of the strips `variants` by the policy of `request`, which assumes its own."""
     policy = make_policy(request.policy, request.checkpoint, in_rod=True)
     models, seed = [describe(variant) for variant in variants], request.choice.seed
     return simulate(policy, Rod(), request.strip, models, settings.fold.speed, seed)
 
 
 def laid_at(folds: Folds) -> float | None:
-    """Position x [m] at which the first of `folds` lays the grasped edge; None without a touch."""
+    """Position x [m] at which the first simulated fold lays the grasped edge; None if no touch."""
     touch = folds.touch[0]
     return None if touch is None else touch.x - touch.to_grasped
 

@@ -1,4 +1,4 @@
-"""Keeps a run free of long pauses by the interpreter."""
+"""Real-time scheduling of the control loop's thread, and garbage collection during a run."""
 
 import gc
 import os
@@ -13,26 +13,13 @@ SWITCH_INTERVAL = 0.0005  # s after which a thread that computes hands the inter
 
 
 @contextmanager
-def without_long_collections() -> Iterator[None]:
-    """Within the block, exclude all objects made before it from garbage collection.
-
-    A whole collection looks at some half a million objects of the libraries and takes longer than
-    an arm follows a velocity target; what a run itself leaves is looked at in under a millisecond.
-    """
-    gc.collect()
-    gc.freeze()
-    try:
-        yield
-    finally:
-        gc.unfreeze()
-
-
-@contextmanager
 def realtime_thread(real_time: bool) -> Iterator[None]:
     """Within the block, keep the control loop's thread on time, if the run is in `real_time`.
 
     It takes precedence over threads that record or show: by real-time priority where this user may
-    have it, else by short slices of processor time; memory is locked, garbage collection is short.
+    have it, else by short slices of processor time. Memory is locked, and objects made before are
+    excluded from garbage collection: to look at half a million of the libraries takes longer than
+    an arm follows a velocity target.
     """
     if not real_time:
         yield
@@ -42,9 +29,11 @@ def realtime_thread(real_time: bool) -> Iterator[None]:
     lock_memory()
     if not take_priority(PRIORITY):
         wake_promptly()
+    gc.collect()
+    gc.freeze()
     try:
-        with without_long_collections():
-            yield
+        yield
     finally:
+        gc.unfreeze()
         sys.setswitchinterval(interval)
         os.sched_setscheduler(0, *before)

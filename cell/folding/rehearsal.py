@@ -1,4 +1,4 @@
-"""Rehearses a fold in the air: follows the gripper's path, raised, with empty fingers."""
+"""Rehearsal of a fold in the air: the gripper's path, raised, with empty fingers."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -33,14 +33,14 @@ LOOKAHEAD = 0.02  # s over which the path's velocity is taken
 
 @dataclass(frozen=True, slots=True)
 class Rehearsal:
-    """Raised path of a rehearsal: poses (n, 3) of x, z [m], pitch [rad], speeds (n,) [m/s]."""
+    """Raised path of a rehearsal: poses (n, 3) of x, z [m] and pitch [rad], `speeds` (n,) [m/s]."""
 
     path: Array
     speeds: Array
     limits: MotionLimits
 
     def motion(self, _: Snapshot) -> Motion:
-        """Move through approach, grasp, fold, lay, release and retreat."""
+        """Move through approach, grasp, fold, lay, release and retreat, without a strip."""
         begin, end = APPROACH_POINT - 1, len(self.path) - 2
         yield from move(Pose(*self.path[0].tolist()))
         yield from open_hand()
@@ -84,9 +84,9 @@ class Rehearsal:
 def rehearsal(
     settings: CellFile, strip: StripFile, path: Array, speeds: Array, elbow: float | None = None
 ) -> Rehearsal:
-    """Rehearsal of the fold along `path` (n, 3) at `speeds` (n,) [m/s], raised by HOVER_HEIGHT.
+    """Path of the rehearsal of a fold along `path` (n, 3), raised by HOVER_HEIGHT.
 
-    Without the parts that only avoid a lying strip: the way over it at first, the rise at the end.
+    `speeds` (n,) [m/s] are those of the fold. Parts that only avoid a lying strip are left out.
     With an `elbow` [rad] a Franka arm must reach the path. Raises ConfigurationError where the
     workspace or the arm ends below the fold.
     """
@@ -108,7 +108,7 @@ def rehearsal(
 
 
 def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) -> Outcome:
-    """Carry out the motion of `request` in the air, without a strip or a grasp."""
+    """Carry out the motion of the fold of `request` in the air, without strip or grasp."""
     settings, strip = request.settings, request.strip
     folds = simulate_policy(request, settings, [strip])
     path, speeds = fold_poses(settings, strip, folds.trace[:, 0], laid_at(folds))
@@ -128,4 +128,5 @@ def _eased_time(time: float, duration: float) -> float:
 
 
 def _pose_at(time: float, due: Array, poses: Array) -> Array:
+    """Pose (3,) at `time` [s] among `poses` (n, 3) at the times `due` (n,) [s]."""
     return np.array([np.interp(time, due, column) for column in poses.T])

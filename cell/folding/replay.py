@@ -1,7 +1,7 @@
-"""Repeats perception and decisions of a run on its stored images, and compares the results."""
+"""Repetition of a run's perception and decisions on its stored images and measurements."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -10,10 +10,10 @@ import numpy as np
 from calibration.calibration import Calibration, load_calibration
 from cell.config.cell import CellFile
 from cell.learning.correction import correction_of
+from cell.orchestrator.phases import observation
 from cell.perception.measurement import StripMeasurement
 from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
-from cell.record.columns import Sights
 from cell.record.events import Event
 from cell.record.files import CALIBRATION, CHECKPOINT, EVENTS, TICKS
 from cell.record.frames import INDEX, frame_file
@@ -21,18 +21,16 @@ from cell.record.run import Run, read_run
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
 from drivers.strip.file import StripFile
-from drivers.types import Array, Frame
-from policies.policy import Observation
-from policies.profile import seen_profile
+from drivers.types import Frame, Pose
 from policies.registry import make_policy
 
-NO_PROFILE: Array = np.empty((0, 2))
+Measured = dict[int, StripMeasurement]  # by the sequence number of the image
 POSE_ROUNDING = 1e-9  # m, rad: effect of rounding, as times are shifted by the run's origin
 
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """Result of a replay: counts of repeated images and decisions, and their differences."""
+    """Result of a replay: numbers of repeated images and decisions, and texts of `differences`."""
 
     images: int
     decisions: int
@@ -40,12 +38,12 @@ class Replay:
 
     @property
     def same(self) -> bool:
-        """Whether everything that could be repeated gave the same result."""
+        """Whether every repeated image and decision equals the recorded one."""
         return not self.differences and self.decisions > 0
 
 
 def replay(folder: Path) -> Replay:
-    """Repeat perception on every stored image and decide again on every measurement.
+    """Repeat perception on every stored image of the run in `folder`, and every decision.
 
     For a run without images, only the decisions. Raises ConfigurationError for a run that lacks the
     data: a laboratory's run, or one that ended before any decision.
@@ -58,9 +56,9 @@ def replay(folder: Path) -> Replay:
         raise ConfigurationError(f"{folder}: nothing was decided in this run, nothing to replay")
     if run.ticks.t.size == 0:
         raise ConfigurationError(f"{run.folder}: {TICKS}: holds no row, nothing to replay")
-    sights = run.sights()
-    images, seen = _repeat_perception(run, settings, strip, sights)
-    other = [*_other_decisions(run, settings, strip, decided, sights)]
+    measured = {seen.sequence: seen for seen in run.measurements()}
+    images, seen = _repeat_perception(run, settings, strip, measured)
+    other = [*_other_decisions(run, settings, strip, decided, measured)]
     return Replay(images, len(decided), (*seen, *other))
 
 
@@ -89,7 +87,7 @@ class _Decision:
 
 
 def _repeat_perception(
-    run: Run, settings: CellFile, strip: StripFile, sights: Sights
+    run: Run, settings: CellFile, strip: StripFile, measured: Measured
 ) -> tuple[int, list[str]]:
     """Measure the stored images again; returns their number, and differences from the record."""
     frames = run.frames()
@@ -105,19 +103,19 @@ def _repeat_perception(
     if appearance is None:
         return 0, ["the picture before the grasp shows no strip now"]
     perception = Perception(calibration, settings.perception, strip, appearance)
-    recorded = {int(sequence): row for row, sequence in enumerate(sights.sequence)}
     images, differences = 0, list[str]()
     for frame in frames:
         _check_size(run, frame, calibration)
-        row = recorded.get(frame.sequence)
-        if row is not None:
-            measurement = perception.look(frame, run.ticks.pose_at(float(sights.stamp[row])))
-            differences.extend(_differences(measurement, sights, row))
+        then = measured.get(frame.sequence)
+        if then is not None:
+            now = perception.measure(frame, run.ticks.pose_at(then.stamp))
+            differences.extend(_differences(now, then))
             images += 1
     return images, differences
 
 
 def _check_size(run: Run, frame: Frame, calibration: Calibration) -> None:
+    """Raise ConfigurationError for a stored image of another size than the calibration."""
     found, lens = frame.image.shape, calibration.lens
     if found[:2] != (lens.height, lens.width):
         raise ConfigurationError(
@@ -126,55 +124,38 @@ def _check_size(run: Run, frame: Frame, calibration: Calibration) -> None:
         )
 
 
-def _differences(measurement: StripMeasurement, sights: Sights, row: int) -> Iterator[str]:
-    now = {"contact_x": measurement.contact_x}
-    now |= {"tip_x": measurement.tip[0], "tip_z": measurement.tip[1]}
-    now |= {"gap": measurement.gap, "gap_x": measurement.gap_x}
-    for name, value in now.items():
-        then = float(getattr(sights, name)[row])
-        if not np.isclose(value, then, rtol=0, atol=POSE_ROUNDING, equal_nan=True):
-            yield f"image {measurement.sequence}: {name} was {then:.6f}, is {value:.6f} m"
+def _differences(now: StripMeasurement, then: StripMeasurement) -> Iterator[str]:
+    """Yield a text for each value that is measured differently `now` than it was `then`."""
+    for name, value in _values(now).items():
+        before = _values(then)[name]
+        if not np.isclose(value, before, rtol=0, atol=POSE_ROUNDING, equal_nan=True):
+            yield f"image {now.sequence}: {name} was {before:.6f}, is {value:.6f} m"
+
+
+def _values(seen: StripMeasurement) -> dict[str, float]:
+    """Measured lengths [m] by their column in the record."""
+    (tip_x, tip_z), gap, gap_x = seen.tip, seen.gap, seen.gap_x
+    return {"contact_x": seen.contact_x, "tip_x": tip_x, "tip_z": tip_z, "gap": gap, "gap_x": gap_x}
 
 
 def _other_decisions(
-    run: Run, settings: CellFile, strip: StripFile, decided: list[_Decision], sights: Sights
+    run: Run, settings: CellFile, strip: StripFile, decided: list[_Decision], measured: Measured
 ) -> Iterator[str]:
     """Decide again on the recorded measurements; yields decisions that differ from the record."""
     policy = make_policy(str(_header_value(run, "policy")), _checkpoint(run))
     correction_of(run.header.learning).apply(policy)
     policy.reset(strip, settings.fold.speed, 1)
-    rows = {int(sequence): row for row, sequence in enumerate(sights.sequence)}
-    curves = dict(run.profile.curves())
     for then in decided:
-        row = rows.get(then.sequence)
-        if row is None:
+        seen = measured.get(then.sequence)
+        if seen is None:
             yield f"image {then.sequence}: was decided on, but its sight is not in the record"
             continue
-        decision = policy.decide(_observe(then, run, sights, row, curves))
+        held = run.ticks.pose_at(seen.stamp)
+        seen = replace(seen, gripper=(held.x, held.z))
+        decision = policy.decide(observation(then.time, Pose(then.x, then.z, 0.0), seen))
         now = float(decision.direction[0])
         if not abs(now - then.direction) <= POSE_ROUNDING or bool(decision.done[0]) != then.done:
             yield f"image {then.sequence}: direction was {then.direction:.6f}, is {now:.6f} rad"
-
-
-def _observe(
-    then: _Decision, run: Run, sights: Sights, row: int, curves: dict[float, Array]
-) -> Observation:
-    """Observation for the policy: the recorded measurement in `row`, the gripper as measured."""
-    stamp = float(sights.stamp[row])
-    gripper = run.ticks.pose_at(stamp)
-    return Observation(
-        time=np.array([then.time]),
-        x=np.array([then.x]),
-        z=np.array([then.z]),
-        stamp=sights.stamp[row : row + 1],
-        contact_x=sights.contact_x[row : row + 1],
-        tip_x=sights.tip_x[row : row + 1],
-        tip_z=sights.tip_z[row : row + 1],
-        profile=seen_profile(
-            curves.get(stamp, NO_PROFILE), float(sights.contact_x[row]), (gripper.x, gripper.z)
-        ),
-        profile_confidence=sights.profile_confidence[row : row + 1],
-    )
 
 
 def _checkpoint(run: Run) -> Path | None:
@@ -185,10 +166,12 @@ def _checkpoint(run: Run) -> Path | None:
 
 
 def _header_entry(run: Run, key: str, model: type[Any]) -> Any:
+    """Parse the entry `key` of the run's header as a `model`."""
     return parse(_header_value(run, key), model, f"{run.folder}/run.yaml: {key}")
 
 
 def _header_value(run: Run, key: str) -> Any:
+    """Value of `key` in the run's header; raises ConfigurationError where it is missing."""
     fact = getattr(run.header, key)
     if fact is None:
         raise ConfigurationError(f"{run.folder}/run.yaml: {key}: is missing; not a run of a cell")

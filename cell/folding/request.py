@@ -1,4 +1,4 @@
-"""Specification of a fold, and all that can be refused of it before anything is compiled."""
+"""Requests of folds, and what can be refused of them before anything is compiled."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -27,11 +27,7 @@ UNCORRECTED = Correction(0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """Options of a fold's record beside its tables.
-
-    Its `frames`, where None is the cell's own choice, a film by an encoder, the twin's truth, and a
-    recording for Rerun.
-    """
+    """Options of a fold's record beside its tables: images, film, truth, recording for Rerun."""
 
     frames: Keep | None = None
     film: Encoder | None = None
@@ -41,7 +37,7 @@ class Recording:
 
 @dataclass(frozen=True, slots=True)
 class Learning:
-    """Correction of a fold by the cell's learned bias, and whether the cell `learns` from it.
+    """Correction of a fold by the cell's learned bias; the cell `learns` from the fold or not.
 
     `specimen` names the piece of fabric; `memory` is a folder instead of the user's.
     """
@@ -54,7 +50,7 @@ class Learning:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """Specification of one fold; values alone, so that another process can execute it.
+    """Request of one fold: values alone, so that another process can carry it out.
 
     `runs` is the folder for its record, `speed` [m/s] on the path replaces the cell's own, and a
     real robot is slowed down unless at `full_speed`.
@@ -73,12 +69,12 @@ class Request:
 
     @property
     def settings(self) -> CellFile:
-        """Settings of the cell as this fold uses them, by `settings_of_run`."""
+        """Settings of the cell for this fold, with its speed and the limits of its arm."""
         return settings_of_run(self.cell, self.choice, self.speed, full_speed=self.full_speed)
 
 
 def repetitions(base: Request, plants: Sequence[StripFile], repeat: int = 1) -> tuple[Request, ...]:
-    """Requests of a batch: fold number i, plants outermost, then repeats, uses seed S + i."""
+    """Requests of a batch: `repeat` folds on each of `plants`; fold number i has seed S + i."""
     lying: Sequence[StripFile | None] = plants or [None]
     folds = [(plant, index) for plant in lying for index in range(repeat)]
     return tuple(
@@ -90,7 +86,7 @@ def repetitions(base: Request, plants: Sequence[StripFile], repeat: int = 1) -> 
 
 
 def standard_requests(base: Request) -> tuple[Request, ...]:
-    """Requests of the standard runs, shuffled by the seed S; number i has seed S + i, index i."""
+    """Requests of the standard runs in an order shuffled by seed S; number i has seed S + i."""
     order = standard_order(np.random.default_rng(base.choice.seed))
     return tuple(
         replace(
@@ -104,7 +100,7 @@ def standard_requests(base: Request) -> tuple[Request, ...]:
 
 
 def standard_run(request: Request) -> tuple[str, str]:
-    """Name of the standard run that `request` asks for, and the effects that it reveals."""
+    """Name of the standard run that `request` carries out, and the effects that it reveals."""
     name = request.policy.removeprefix(MOTION)
     return name, STANDARD[name].reveals
 
@@ -117,14 +113,14 @@ def check_request(request: Request) -> None:
 
 
 def doubts_about(requests: Sequence[Request]) -> tuple[str, ...]:
-    """Warnings about strips and plants outside the range in which an engine was validated."""
+    """Warnings about strips and plants outside the range for which an engine was validated."""
     plants = [r.choice.plant for r in requests if r.choice.plant is not None]
     known = (requests[0].strip, *plants)
     return tuple(dict.fromkeys(doubt for strip in known for doubt in doubts(strip)))
 
 
 def with_correction(request: Request, learning: str | None) -> Request:
-    """Copy of `request` with the correction for its fold, and with the choice to learn from it.
+    """Copy of `request`, corrected by what the cell has learned, as `learning` states.
 
     `learning` is `auto`, `on`, `off`, a length to correct by without learning, or None for the
     cell's own setting. Raises ConfigurationError for other text.
@@ -140,12 +136,13 @@ def with_correction(request: Request, learning: str | None) -> Request:
 
 
 def memory_of(request: Request) -> Memory:
-    """Memory of the cell, or of its twin, to which the fold belongs."""
+    """Memory of learned biases to which the fold belongs: the cell's, or that of its twin."""
     twin = not is_physical(request.cell, request.choice)
     return Memory(request.cell.name, request.learning.memory, twin=twin)
 
 
 def _should_learn(request: Request, learning: str | None, memory: Memory) -> bool:
+    """Whether the fold is corrected and learned from, by option, memory and settings."""
     use = request.cell.learning.use
     if learning in {"on", "off"}:
         return learning == "on"

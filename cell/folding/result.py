@@ -1,4 +1,4 @@
-"""Result of a fold, as one line for a program and as text for a person."""
+"""Result of a fold, as JSON for a program and as text for a person."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -56,7 +56,7 @@ class FoldResult:
 
     @classmethod
     def refusal(cls, request: Request, error: CellError) -> Self:
-        """Result of a fold that did not begin: `error` is the reason, and nothing was recorded."""
+        """Result of a fold that did not begin because of `error`; nothing was recorded."""
         known = "", request.strip.name, request.policy, request.choice.seed
         stopped = StopReason.from_error(error)
         return cls(*known, stopped.name, stopped.reason, stopped.exit_code)
@@ -72,7 +72,7 @@ class FoldResult:
         wall: float,
         warning: str | None,
     ) -> Self:
-        """Result of the run in `folder`: its `outcome`, and the plant's `truth` on the twin."""
+        """Result of the fold recorded in `folder`: its `outcome`, and the twin's `truth`."""
         touch = outcome.touch
         return cls(
             run=str(folder),
@@ -99,17 +99,17 @@ class FoldResult:
 
     @property
     def offset(self) -> float:
-        """Offset [m] of the laid edges, else the displacement of the layers, else infinity."""
+        """Size [m] of the edges' offset, else of the displacement; infinity without either."""
         seen = (self.edge_offset, self.displacement)
         return next((abs(value) for value in seen if value is not None), inf)
 
     def ends(self, until: float) -> bool:
-        """Whether a series of folds ends: stopped, or the edges lie as close as `until` [m]."""
+        """Whether a series of folds ends with this one: stopped, or edges within `until` [m]."""
         return self.exit_code > 1 or (self.exit_code == 0 and self.offset <= until)
 
     @property
     def went_as_planned(self) -> bool:
-        """Whether a standard run ended so that all of it can be used for a fit.
+        """Whether a standard run is complete enough to be used for a fit.
 
         A lift there and back ends without a touch, and how the strip lies afterwards is not
         compared with anything.
@@ -117,7 +117,7 @@ class FoldResult:
         return self.outcome in NOT_FOLDED | {"layer_touch", "path_done"}
 
     def line(self) -> dict[str, Any]:
-        """Object that `cell fold --json` prints, with the contract's keys only."""
+        """JSON object of the result, as `cell fold --json` prints it."""
         values = {name: getattr(self, name) for name in LINE_COLUMNS}
         values |= {key: values[key] or None for key in ("run", "calibration")}
         for key, digits in LINE_DIGITS.items():
@@ -127,7 +127,7 @@ class FoldResult:
         return values
 
     def sentence(self) -> str:
-        """Text of the result for the operator."""
+        """Text of the fold's result for the operator."""
         if self.displacement is None:
             warning = "" if self.warning is None else f"\n  {self.warning}"
             return f"{self.strip}: {self.outcome}: {self.reason}{warning}"
@@ -154,4 +154,5 @@ class FoldResult:
 
 
 def _true_words(true: float | None) -> str:
+    """Text of the `true` length [m] on the twin; empty where it is unknown."""
     return "" if true is None else f" (true {1e3 * true:+.1f} mm)"

@@ -74,10 +74,7 @@ class Memory:
         return self._off.exists()
 
     def switch(self, *, on: bool) -> None:
-        """Switch learning on or off; no experience is lost.
-
-        Raises ConfigurationError where the folder cannot be written.
-        """
+        """Switch learning on or off, without loss; ConfigurationError if it cannot be written."""
         with self._file_lock():
             if on:
                 self._off.unlink(missing_ok=True)
@@ -106,10 +103,7 @@ class Memory:
         return tuple(one for one in self._all() if _is_of(one, key, name))
 
     def add(self, experience: Experience) -> None:
-        """Append one experience; it is on disk on return.
-
-        Raises ConfigurationError where it cannot be written.
-        """
+        """Append one experience to the file on disk; ConfigurationError where it is refused."""
         with self._file_lock():
             last = self._lines()[-1:]
             mend = b"\n" if last and not last[0].endswith(b"\n") else b""  # after a crash

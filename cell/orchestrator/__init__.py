@@ -1,1 +1,1 @@
-"""Orchestration of a run: the control loop, its monitors, and a generator for each state."""
+"""Orchestration of a run: control loop, monitors, and a generator of commands per state."""

@@ -34,14 +34,14 @@ POINTER_OUT = Question(Ask.POINTER_OUT, "take the pointer out and keep clear of 
 STEP_REST = 0.3  # s at rest after a step of the latency measurement
 
 
-def go_calibrate(_cell: CalibrationContext, _record: Recorder, _begin: Snapshot) -> Phase:
-    """Phase that leads to calibration directly, without a check of a strip."""
+def begin_calibration(_cell: CalibrationContext, _record: Recorder, _begin: Snapshot) -> Phase:
+    """Begin a calibration at once, without a check of a strip."""
     yield from pause(0.0)
     return Event.NEEDS_CALIBRATION
 
 
 def calibrate(cell: CalibrationContext, record: Recorder, begin: Snapshot) -> Phase:
-    """Phase that touches all points; where a map is fitted, it measures latency and landmarks."""
+    """Touch all points; where a map is fitted, measure latency and landmarks too."""
     points = cell.points
     first = replace(begin.arm.commanded, pitch=points.plan[0].pitch)
     require_clear([begin.arm.commanded, first, *points.plan], cell.desk)
@@ -128,7 +128,7 @@ def _step(steps: LatencySteps, pose: Pose) -> Doing:
 
 
 def _take_landmarks(cell: CalibrationContext, homography: Homography) -> Doing:
-    """Record landmarks from an image of the empty hand; none where no finger tip is visible."""
+    """Store landmarks from an image of the empty hand; none where no finger tip is visible."""
     yield from open_hand()
     yield from _wait_for_answer(cell, POINTER_OUT)
     pose = cell.settings.landmarks.pose

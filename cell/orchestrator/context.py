@@ -1,8 +1,8 @@
-"""Inputs and results of a run: one context each for a fold, a calibration, a motion by hand."""
+"""Inputs and results of one run: of a fold, of a calibration, of a manual motion."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass, field
 from math import degrees
 
 from calibration.calibration import Calibration
@@ -26,29 +26,31 @@ from policies.policy import Policy
 from policies.prediction import FoldPrediction
 
 
+@dataclass
 class Context(ABC):
-    """Base of a run's context: settings, results that most runs leave empty, and its completion."""
+    """Base of a run's inputs and results: settings, results that most runs leave empty."""
 
     settings: CellSettings
+    _: KW_ONLY
     reader: Reader | None = None
     seen_touch: SeenTouch | None = None
     edge_offset: float | None = None
     predicted: FoldPrediction | None = None
-    witnesses: Sequence[LengthCheck] = ()
+    witnesses: list[LengthCheck] = field(default_factory=list)
 
     @property
     def desk(self) -> float:
-        """Position x [m] at which the desk ends: as configured, or the end of the workspace."""
+        """Position x [m] of the desk's end: as configured, else the end of the workspace."""
         return desk_end(self.settings.installation)
 
     @abstractmethod
     def completion(self) -> StopReason:
-        """Name, reason and exit code of the run once it has completed."""
+        """Name, reason and exit code of a run that ended by itself."""
 
 
 @dataclass
 class FoldContext(Context):
-    """Context of a fold: the controller's knowledge of cell and strip, and the results so far.
+    """Inputs and results of a fold: what the controller knows of cell and strip.
 
     `sight` checks the image of the strip before the grasp, and is the `reader` of images from then
     on. `seen_touch` is the layer_touch once it is seen, `edge_offset` [m] that of the laid edges as
@@ -59,24 +61,18 @@ class FoldContext(Context):
     preflight is for the operator.
     """
 
-    settings: CellSettings
     strip: StripFile
     policy: Policy
     calibration: Calibration
     sight: Reader
-    reader: Reader | None = None
-    seen_touch: SeenTouch | None = None
-    edge_offset: float | None = None
     released: bool = False
-    predicted: FoldPrediction | None = None
     expected: tuple[float, float] | None = None
-    witnesses: list[LengthCheck] = field(default_factory=list)
     place: float = 0.0
     desk: float = 0.0
     warning: str = ""
 
-    def note_expected(self, touch: SeenTouch) -> None:
-        """Compare the displacement at `touch` with the policy's prediction, or with the model's."""
+    def check_displacement(self, touch: SeenTouch) -> None:
+        """Check the displacement at `touch` against the policy's prediction, else the model's."""
         expected, known = self.expected, self.predicted
         if known is not None:
             expected = None if known.blind else (known.displacement, known.sigma)
@@ -85,7 +81,7 @@ class FoldContext(Context):
             self.witnesses.append(LengthCheck("displacement", off, {"prediction": expected[1]}))
 
     def completion(self) -> StopReason:
-        """Outcome and exit code: 0 where the layers touched and all witnesses agree, else 1."""
+        """Outcome's name, reason and exit code: 0 where the layers touched and lengths agree."""
         if self.seen_touch is None:
             return StopReason("path_done", "the path ended and no touch was seen", 1)
         if self.released and self.edge_offset is None:
@@ -103,14 +99,13 @@ class FoldContext(Context):
 
 @dataclass
 class CalibrationContext(Context):
-    """Context of a homography calibration: settings, points to touch, operator, and the results.
+    """Inputs and results of a homography calibration: `points` to touch, `operator`, map.
 
     The `operator` is asked before the arm moves, `watch` receives its progress. Only a run that
     `remembers` leaves `landmarks`. Where `points` only check a calibration, nothing is fitted.
     No strip is read.
     """
 
-    settings: CellSettings
     points: TouchedPoints
     operator: Operator = field(default_factory=Unattended)
     watch: Observer = ignore
@@ -126,9 +121,8 @@ class CalibrationContext(Context):
 
 @dataclass
 class ManualContext(Context):
-    """Context of a manual motion, which `motion` makes from a snapshot; `end` is the last pose."""
+    """Inputs and results of a manual motion: `motion` makes it, `end` is the last pose."""
 
-    settings: CellSettings
     motion: Callable[[Snapshot], Motion]
     end: Pose | None = None
 

@@ -1,4 +1,4 @@
-"""Lay motion: lowers the grasped edge to the desk behind the touch and pushes it to its place."""
+"""Lay motion: lowers the grasped edge to the desk behind the touch, pushes it to its place."""
 
 from math import sqrt
 
@@ -22,7 +22,7 @@ PULL = 0.01  # m by which an upper layer that is too short is pulled along at mo
 
 
 def edge_place(touch: SeenTouch, place: float = 0.0) -> float:
-    """Target x [m] of the grasped edge: `place`, at most `PULL` from the taut upper layer's edge.
+    """Target x [m] of the grasped edge: `place`, limited to PULL from the taut upper layer's end.
 
     `place` is 0, on the fixed edge, unless a learned correction of the camera's bias moves it.
     """
@@ -48,11 +48,12 @@ def lay_path(touch: SeenTouch, gripper: Pose, rest: float, end: float, fold: Fol
 
 
 def _taut_edge(touch: SeenTouch) -> float:
+    """Position x [m] that the grasped edge would have if the upper layer lay taut."""
     return touch.x - touch.to_grasped
 
 
 def follow_lay(path: Path, speed: float, begin: Snapshot) -> Motion:
-    """Follow the lay path while the pitch turns from hanging to lying backward.
+    """Follow the lay path at `speed` [m/s], the pitch turning from hanging to lying backward.
 
     Most of the turn comes at the end: an edge that lies back early pushes what hangs from it. The
     gripper slows down in time: one that brakes at the end of the path only meets the desk.

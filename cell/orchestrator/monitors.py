@@ -1,4 +1,4 @@
-"""Safety checks of each command: it slows down as images age, and any monitor stops the arm."""
+"""Monitors of each control cycle: slow an arm down as images age, or stop it with a reason."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -45,7 +45,7 @@ Check = Callable[[Snapshot, Rules], str | None]
 
 @dataclass(frozen=True, slots=True)
 class Monitor:
-    """A named check that is active in `states` and returns a reason to stop, or None."""
+    """Named safety check, active in `states`, that returns a reason to stop the arm, or None."""
 
     name: str
     states: frozenset[State]
@@ -53,6 +53,7 @@ class Monitor:
 
 
 def _stale(what: str, age: float, limit: float, known: str = "") -> str | None:
+    """Reason to stop where the `age` [s] of `what` exceeds `limit` [s]; `known` is added to it."""
     if abs(age) <= limit:  # a stamp of the future would hide how old all later ones are
         return None
     return f"{what} is {1e3 * age:.0f} ms old, allowed {1e3 * limit:.0f} ms{known}"
@@ -203,6 +204,7 @@ def _grip_lost(snapshot: Snapshot, _: Rules) -> str | None:
 
 
 def _lasting(what: str, spent: float, limit: float) -> str | None:
+    """Reason to stop where `what` has lasted longer than `limit` [s]."""
     return f"{what} lasts {spent:.0f} s, allowed {limit:.0f} s" if spent > limit else None
 
 
@@ -250,7 +252,7 @@ MONITORS: tuple[Monitor, ...] = (
 
 
 def slow_for_images(command: Command, snapshot: Snapshot, limits: MonitorLimits) -> Command:
-    """Slow `command` down by how far the newest image is older than usual.
+    """Copy of `command`, slowed down by how much older than usual the newest image is.
 
     At the allowed age, or where the newest image repeats the one before, a driven arm stands, and a
     move to a pose is held until a newer image arrives. Images of low confidence do not stop the
@@ -272,7 +274,7 @@ def slow_for_images(command: Command, snapshot: Snapshot, limits: MonitorLimits)
 
 
 def check_all(snapshot: Snapshot, command: Command, rules: Rules) -> None:
-    """Check `command` and all monitors of this state; raises Fault for the first that trips."""
+    """Raise Fault for the first monitor that trips, or for a `command` beyond its limits."""
     reasons = [
         (monitor.name, reason)
         for monitor in MONITORS

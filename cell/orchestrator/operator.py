@@ -1,4 +1,4 @@
-"""The operator at the cell: questions with answers that may come later, and Ctrl-C."""
+"""Operator at the cell: questions, which may be answered later, and Ctrl-C."""
 
 import signal
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from drivers.errors import CellError
 
 
 class Ask(StrEnum):
-    """Kinds of questions to the operator."""
+    """Kinds of questions to the operator during a calibration."""
 
     VIEW = "view"
     POINTER_IN = "pointer_in"
@@ -20,7 +20,7 @@ class Ask(StrEnum):
 
 
 class Answer(StrEnum):
-    """Kinds of answers by the operator: continue, skip, repeat the previous one."""
+    """Answers of the operator to a question: continue, skip, repeat the previous step."""
 
     GO = "go"
     SKIP = "skip"
@@ -29,24 +29,24 @@ class Answer(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """Question to the operator: its kind and its text."""
+    """Question to the operator: its kind `ask` and its text `words`."""
 
     ask: Ask
     words: str
 
 
 class Operator(Protocol):
-    """Protocol of an operator, polled by a run on each tick while its monitors stay active."""
+    """Protocol of an operator, whom a run asks on each tick while its monitors stay active."""
 
     def answer(self, question: Question) -> Answer | None:
-        """Answer to `question`, or None until there is one."""
+        """Answer to `question`; None while the operator has not answered."""
 
 
 class Unattended:
-    """An operator that always continues."""
+    """Operator that answers every question with "continue"."""
 
     def answer(self, _: Question) -> Answer | None:
-        """Continue at once."""
+        """Continue at once, whatever the question."""
         return Answer.GO
 
 
@@ -60,7 +60,7 @@ class Interrupted(CellError):
 
 
 class Interrupt:
-    """Context manager that counts SIGNALS; the first is only remembered, later ones raise."""
+    """Context manager that remembers the first of SIGNALS and raises at a later one."""
 
     def __init__(self) -> None:
         self._asked = False
@@ -81,6 +81,7 @@ class Interrupt:
             signal.signal(number, before)
 
     def _count_signal(self, _number: int, _frame: FrameType | None) -> None:
+        """Remember the first signal; raise KeyboardInterrupt at a later one."""
         if self._asked:
             raise KeyboardInterrupt
         self._asked = True

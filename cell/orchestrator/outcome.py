@@ -1,4 +1,4 @@
-"""Outcome of a run: touch, completion or fault."""
+"""Outcome of a run: its name, reason and exit code, and what was measured."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -15,7 +15,7 @@ NAMES = {PreflightRefused: "preflight_refused", Interrupted: "interrupted"}
 
 @dataclass(frozen=True, slots=True)
 class StopReason:
-    """Reason why a run stops, with the exit code of the command line."""
+    """Name and reason of a run's end, with the exit code of the command line."""
 
     name: str
     reason: str
@@ -23,7 +23,7 @@ class StopReason:
 
     @classmethod
     def from_error(cls, error: Exception) -> Self:
-        """Stop reason for an exception; an unexpected one is an `internal_error`."""
+        """Name, reason and exit code for an exception; unexpected ones are `internal_error`."""
         if isinstance(error, Fault):
             return cls(error.name, error.reason, error.exit_code)
         if isinstance(error, CellError):
@@ -37,7 +37,7 @@ INTERRUPTED_AT_ONCE = StopReason("interrupted", "stopped at once from the keyboa
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Result of a run; `name` is layer_touch, path_done, calibrated or a fault's name.
+    """Result of a run; `name` is layer_touch, path_done, calibrated or the name of a fault.
 
     Times are from the lift [s]; `touch` is the measured one, `edge_offset` the offset of the laid
     edges [m], `duration` the whole run on the cell's clock [s], `predicted` by the policy,
@@ -57,11 +57,11 @@ class Outcome:
 
     @classmethod
     def stopped_by(cls, stopped: StopReason, duration: float) -> Self:
-        """Outcome of a run that stopped without a measurement."""
+        """Outcome of a run that was `stopped` without a measurement, after `duration` [s]."""
         return cls(stopped.name, stopped.reason, stopped.exit_code, None, None, duration)
 
     def overridden_by(self, stopped: StopReason) -> Self:
-        """Outcome with the name and reason of a later failure, and the higher exit code."""
+        """Outcome with name and reason of the later failure `stopped`, and the higher exit code."""
         if self.name == stopped.name:
             return self
         code = max(self.exit_code, stopped.exit_code)

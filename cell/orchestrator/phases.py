@@ -1,4 +1,4 @@
-"""Phases of a fold, one generator for each state."""
+"""Phases of a fold: one generator of commands for each state."""
 
 from collections.abc import Callable, Generator
 from dataclasses import asdict
@@ -9,10 +9,16 @@ from typing import Any
 import numpy as np
 
 from calibration.landmarks import camera_shift
-from cell.orchestrator.calibration_phase import calibrate, go_calibrate
+from cell.orchestrator.calibration_phase import begin_calibration, calibrate
 from cell.orchestrator.context import CalibrationContext, Context, FoldContext, ManualContext
-from cell.orchestrator.hanging import hang_still
-from cell.orchestrator.lay import CLEARANCE, HANGING, TURN_GAIN, edge_place, follow_lay, lay_path
+from cell.orchestrator.lay import (
+    CLEARANCE,
+    HANGING,
+    TURN_GAIN,
+    edge_place,
+    follow_lay,
+    lay_path,
+)
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
 from cell.orchestrator.states import Event, State
@@ -29,10 +35,11 @@ from cell.orchestrator.steps import (
     still_picture,
     wait_for,
 )
+from cell.orchestrator.wait_until_still import wait_until_still
 from cell.perception.camera_watch import UNWATCHED
 from cell.perception.image_reader import ImageResult, ImageTask, Reader
-from cell.perception.laid import Loop, edge_offset, laid_length, laid_weights
-from cell.perception.length_checks import LengthCheck, compare_grip, held_end
+from cell.perception.laid_fold import Loop, edge_offset, laid_length, laid_weights
+from cell.perception.length_checks import LengthCheck, compare_grip, held_end_offset
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.preflight import PreflightCheck, camera_check
 from drivers.errors import Fault, PreflightRefused
@@ -74,10 +81,7 @@ def preflight(context: FoldContext, record: Recorder, _: Snapshot) -> Phase:
 def _inspect(
     sight: Reader, picture: StillPicture
 ) -> "Generator[Command, Snapshot, tuple[PreflightCheck, ...]]":
-    """Check the strip before the grasp, and wait for the checks.
-
-    Raises Fault `image_reader_dead` where the reader has ended.
-    """
+    """Check the image before the grasp; Fault `image_reader_dead` where its reader has ended."""
     sight.submit(ImageTask(picture.frame), picture.time)
     while not isinstance(checks := sight.result(), tuple):
         if sight.failure:
@@ -102,7 +106,7 @@ def grasp(context: FoldContext, _record: Recorder, _begin: Snapshot) -> Phase:
 
 
 def lift(context: FoldContext, record: Recorder, _begin: Snapshot) -> Phase:
-    """Follow the first section of the policy's path while the pitch grows to hanging.
+    """Lift the grasped edge along the policy's path while the pitch grows to hanging.
 
     In a run that starts hanging the strip then comes to rest, and measured time begins.
     """
@@ -120,31 +124,28 @@ def lift(context: FoldContext, record: Recorder, _begin: Snapshot) -> Phase:
         rate = _lift_pitch_rate(travel, speed, pose.pitch, acceleration)
         snapshot = yield drive(decision, rate)
     if context.settings.fold.start == "hanging":
-        snapshot = yield from hang_still(context.settings.fold.longest_rest, record)
+        snapshot = yield from wait_until_still(context.settings.fold.longest_rest, record)
         record.begin(snapshot.time)
     return Event.LIFTED
 
 
 def fold(context: FoldContext, record: Recorder, begin: Snapshot) -> Phase:
-    """Decide on each new frame and command on each tick, until the layers touch.
-
-    Ends with PATH_DONE where the policy's path ends before a touch is seen.
-    """
+    """Command the policy's decision on each image, until the layers touch or the path ends."""
     command, offsets = Drive(begin.velocity), list[float]()
     while True:
         snapshot = yield command
         seen = snapshot.view.measurement
         if not snapshot.view.read or seen is None or seen.stamp < record.origin:
             continue
-        offsets.append(held_end(seen))
+        offsets.append(held_end_offset(seen))
         if snapshot.view.touch is not None:
             context.seen_touch = snapshot.view.touch
             context.witnesses += compare_grip(offsets, context.calibration.residual)
-            context.note_expected(snapshot.view.touch)
+            context.check_displacement(snapshot.view.touch)
             return Event.LAYER_TOUCH
-        decision = context.policy.decide(observe(snapshot))
+        decision = context.policy.decide(observation(snapshot.time, snapshot.arm.pose, seen))
         record.decision(snapshot, decision)
-        _note_predicted(context, record, snapshot)
+        _record_prediction(context, record, snapshot)
         if decision.done[0]:
             return Event.PATH_DONE
         # rad/s that takes out the error of pitch, by which the gripper no longer hangs upright
@@ -152,8 +153,8 @@ def fold(context: FoldContext, record: Recorder, begin: Snapshot) -> Phase:
         command = drive(decision, float(decision.pitch_rate[0]) + upright)
 
 
-def _note_predicted(context: FoldContext, record: Recorder, snapshot: Snapshot) -> None:
-    """Store and record the policy's prediction, and an event when it loses or regains sight."""
+def _record_prediction(context: FoldContext, record: Recorder, snapshot: Snapshot) -> None:
+    """Record the policy's prediction, and an event where it loses or regains its images."""
     if not isinstance(context.policy, Predictor):
         return
     before, context.predicted = context.predicted, context.policy.prediction()
@@ -173,7 +174,7 @@ def continue_to_lay(_context: FoldContext, record: Recorder, begin: Snapshot) ->
 
 
 def lay(context: FoldContext, record: Recorder, begin: Snapshot) -> Phase:
-    """Lower the grasped edge to the desk past the taut layer's end, and push it to its place."""
+    """Lower the grasped edge to the desk beyond the taut layer's end, push it to its place."""
     touch, settings = _seen_touch(context), context.settings.fold
     rest = max(context.strip.thickness, touch.distance) + CLEARANCE
     end = edge_place(touch, context.place)
@@ -226,8 +227,8 @@ def _visible_loop(context: FoldContext, seen: StripMeasurement | None) -> Loop |
     return Loop.seen_in(seen) if missing <= 2.0 * context.settings.perception.length_error else None
 
 
-def move_by_hand(context: ManualContext, _: Recorder, snapshot: Snapshot) -> Phase:
-    """Carry out the one motion of a manual run."""
+def move_manually(context: ManualContext, _: Recorder, snapshot: Snapshot) -> Phase:
+    """Carry out the motion of a manual run."""
     context.end = (yield from context.motion(snapshot)).arm.pose
     return Event.MOVED
 
@@ -243,28 +244,22 @@ _PHASES: dict[type[Context], dict[State, Callable[[Any, Recorder, Snapshot], Pha
         State.LAY: lay,
         State.RELEASE: release,
     },
-    CalibrationContext: {State.PREFLIGHT: go_calibrate, State.CALIBRATE: calibrate},
-    ManualContext: {State.PREFLIGHT: move_by_hand},
+    CalibrationContext: {State.PREFLIGHT: begin_calibration, State.CALIBRATE: calibrate},
+    ManualContext: {State.PREFLIGHT: move_manually},
 }
 
 
 def phases_of(context: Context) -> dict[State, PhaseFactory]:
-    """Phases of a run with this context; each starts from the snapshot of the transition."""
+    """Phases of the run with this `context`, by state."""
     return {state: partial(phase, context) for state, phase in _PHASES[type(context)].items()}
 
 
-def observe(snapshot: Snapshot) -> Observation:
-    """Observation for the policy: the gripper now, the strip in the newest image.
-
-    Raises Fault without an image.
-    """
-    seen, pose = snapshot.view.measurement, snapshot.arm.pose
-    if seen is None:
-        raise Fault("image_stale", "a policy was asked to decide without an image")
+def observation(time: float, gripper: Pose, seen: StripMeasurement) -> Observation:
+    """Observation for the policy at `time` [s]: the `gripper` now, the strip as last `seen`."""
     return Observation(
-        time=np.array([snapshot.time]),
-        x=np.array([pose.x]),
-        z=np.array([pose.z]),
+        time=np.array([time]),
+        x=np.array([gripper.x]),
+        z=np.array([gripper.z]),
         stamp=np.array([seen.stamp]),
         contact_x=np.array([seen.contact_x]),
         tip_x=np.array([seen.tip[0]]),
@@ -303,6 +298,7 @@ def _camera_checks(
 
 
 def _seen_touch(context: FoldContext) -> SeenTouch:
+    """Measured touch of the layers; raises Fault where there is none."""
     if context.seen_touch is None:
         raise Fault("illegal_event", "LAY was entered without a touch")
     return context.seen_touch

@@ -1,4 +1,4 @@
-"""Recording interface of the orchestrator; measured time begins with the lift, or after it."""
+"""Recorders of a run; measured time begins with the lift, or once the strip hangs still."""
 
 from dataclasses import replace
 from typing import Any
@@ -13,37 +13,37 @@ from policies.policy import Decision
 
 
 class Recorder:
-    """Recorder that keeps nothing, base of those that do; times on the cell's clock [s]."""
+    """Recorder of a run that stores nothing; base of those that do; clock times in [s]."""
 
     @property
     def origin(self) -> float:
-        """Clock time of t = 0 [s]."""
+        """Clock time [s] at which measured time is t = 0."""
         return 0.0
 
     def describe(self, **facts: Any) -> None:
-        """Add facts to the header that were not known at the start."""
+        """Add `facts` to the run's header that were not known at its start."""
 
     def begin(self, clock: float) -> None:
-        """Start measured time at `clock` [s], that of the lift; a second call starts it anew."""
+        """Start measured time at the clock time `clock` [s]; a second call starts it anew."""
 
     def tick(self, snapshot: Snapshot, cost: float) -> None:
-        """Add one cycle of the control loop that took `cost` [s] to compute."""
+        """Record a control cycle: its `snapshot`, and the time `cost` [s] to compute it."""
 
     def sight(self, measurement: StripMeasurement) -> None:
-        """Add the measurement from one image."""
+        """Record the measurement of the strip in one image."""
 
     def frame(self, frame: Frame) -> None:
-        """Add an image that was processed."""
+        """Record an image that was measured."""
 
     def decision(self, snapshot: Snapshot, decision: Decision) -> None:
-        """Add the policy's decision on a measurement."""
+        """Record the policy's `decision` on the newest measurement."""
 
     def event(self, clock: float, kind: str, **facts: Any) -> None:
-        """Add an event at `clock` [s]."""
+        """Record an event at the clock time `clock` [s]."""
 
 
 class FileRecorder(Recorder):
-    """Recorder that writes a run's folder; t = 0 where the strip is still and held.
+    """Recorder that writes the folder of a run; t = 0 is where the strip is still and held.
 
     Ticks and measurements are recorded from the lift on. Earlier images are kept until then and get
     negative times; events carry the cell's clock, and the event `origin` states where t = 0 is. A
@@ -61,15 +61,15 @@ class FileRecorder(Recorder):
 
     @property
     def origin(self) -> float:
-        """Clock time of t = 0 [s]; 0 before it is known."""
+        """Clock time [s] at which measured time is t = 0; 0 before it has begun."""
         return self._origin or 0.0
 
     def describe(self, **facts: Any) -> None:
-        """Add facts to run.yaml that were not known at the start."""
+        """Add `facts` to run.yaml that were not known at its start."""
         self._writer.describe(**facts)
 
     def begin(self, clock: float) -> None:
-        """Start measured time with the lift at `clock` [s], or again where `hanging`."""
+        """Start measured time with the lift at `clock` [s]; again where the strip is `hanging`."""
         if self._lift is None:
             self._lift = clock
             self._flush_early()
@@ -80,26 +80,26 @@ class FileRecorder(Recorder):
         self._writer.event(clock, ORIGIN)
 
     def tick(self, snapshot: Snapshot, cost: float) -> None:
-        """Add one cycle of the control loop; nothing before the lift."""
+        """Record a control cycle; none before the lift."""
         if self._lift is None:
             return
         row = Tick.from_state(snapshot.arm, snapshot.state, cost)
         self._writer.tick(replace(row, t=row.t - self._lift))
 
     def sight(self, measurement: StripMeasurement) -> None:
-        """Add the measurement from one image."""
+        """Record the measurement of the strip in one image; none before the lift."""
         if self._lift is not None and measurement.stamp >= self._lift:
             self._writer.sight(replace(measurement, stamp=measurement.stamp - self._lift))
 
     def frame(self, frame: Frame) -> None:
-        """Add an image that perception processed."""
+        """Record an image that was measured; before the lift it waits for the time of t = 0."""
         if self._lift is None:
             self._early.append(frame)
         else:
             self._writer.frame(_shift_times(frame, -self._lift))
 
     def decision(self, snapshot: Snapshot, decision: Decision) -> None:
-        """Add the policy's decision on the newest measurement, for `cell replay`."""
+        """Record the policy's `decision` on the newest measurement, for `cell replay`."""
         seen = snapshot.view.measurement
         if seen is None:
             return
@@ -109,21 +109,21 @@ class FileRecorder(Recorder):
         self._writer.event(snapshot.time, "decision", **facts)
 
     def event(self, clock: float, kind: str, **facts: Any) -> None:
-        """Add an event at `clock` [s]."""
+        """Record an event at the clock time `clock` [s]."""
         self._writer.event(clock, kind, **facts)
 
     def joints(self, rows: Array) -> None:
-        """Add the robot's joints at every tick, rows (n, 29) on the cell's clock."""
+        """Record the robot's joints at each of its ticks: `rows` (n, 29) on the cell's clock."""
         if rows.size:
             self._writer.joints(rows, self.origin)
 
     def finish(self, result: dict[str, Any]) -> None:
-        """Complete the record with `result`; may be called twice."""
+        """Complete the run's folder with the content `result` of result.yaml; allowed twice."""
         self._flush_early()
         self._writer.finish(result)
 
     def close(self) -> None:
-        """Close the files."""
+        """Close the files of the run's folder."""
         self._writer.close()
 
     def _flush_early(self) -> None:

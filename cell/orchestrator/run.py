@@ -1,4 +1,4 @@
-"""Control loop of one run: sense, decide, check, command and record at the control rate."""
+"""Control loop of a run: sense, decide, check, command and record at the control rate."""
 
 import signal
 import threading
@@ -27,17 +27,17 @@ PROMPT = 1.0  # s, limit on the wall clock for a control cycle
 
 
 class Observer(Protocol):
-    """Observer of a run, such as the live view or the progress line. Must not block or fail."""
+    """Protocol of an observer of a run, such as the live view; it must not block or fail."""
 
-    def see(self, snapshot: Snapshot) -> None:
-        """Observe a tick; called on every one."""
+    def handle_tick(self, snapshot: Snapshot) -> None:
+        """Receive the state of the cell at a tick; called on every tick."""
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
-        """Observe an event; called on every one."""
+        """Receive an event at `time` [s] of the cell's clock; called for every event."""
 
 
 class Run:
-    """Drives the devices through the states of one run and records everything."""
+    """Drives the devices through the states of one run, and records it."""
 
     def __init__(
         self,
@@ -70,10 +70,7 @@ class Run:
         self._velocity = ZERO_VELOCITY
 
     def execute(self) -> Outcome:
-        """Run to DONE or FAULT, and until the arm is at rest or its time to stop has passed.
-
-        Any error in a cycle stops the arm first.
-        """
+        """Run to DONE or FAULT, then until the arm rests; any error in a cycle stops it first."""
         clock = self._devices.clock
         period = 1.0 / self._context.settings.fold.control_rate
         start, tick = clock.now(), 0
@@ -87,6 +84,7 @@ class Run:
         return self._outcome(clock.now() - start)
 
     def _guard(self, action: Callable[[], None]) -> None:
+        """Carry out `action`; any exception in it stops the arm."""
         try:
             action()
         except Exception as error:  # noqa: BLE001  an edge: the arm stops whatever went wrong
@@ -106,8 +104,9 @@ class Run:
         return self._stopped is None and not self._machine.over
 
     def _limited_cycle(self, due: float) -> None:
+        """Execute a cycle within the limit of its computing time."""
         limit = self._rules.limits.turn
-        with at_most(min(limit, PROMPT) if self._devices.real_time else limit):
+        with time_limit(min(limit, PROMPT) if self._devices.real_time else limit):
             self._cycle(due)
 
     def _cycle(self, due: float) -> None:
@@ -126,7 +125,7 @@ class Run:
         else:
             self._rests = True
         self._recorder.tick(snapshot, time.perf_counter() - begun)
-        self._notify(lambda observer: observer.see(snapshot))
+        self._notify(lambda observer: observer.handle_tick(snapshot))
 
     def _decide(self, snapshot: Snapshot) -> Command | None:
         """Next command of the phase; when a phase ends, the next state's phase takes over."""
@@ -151,14 +150,14 @@ class Run:
                 self._snapshot, time=arm.arrival, state=self._machine.state, arm=arm, view=view
             )
             run_suppressed(lambda: self._recorder.tick(snapshot, float("nan")))
-            self._notify(lambda observer: observer.see(snapshot))
+            self._notify(lambda observer: observer.handle_tick(snapshot))
         self._rests = self._safe_stop.has_ended(arm)
         if self._rests and not self._machine.over:
             run_suppressed(lambda: self._apply_event(Event.STOPPED, self._devices.clock.now()))
 
     def _apply_event(self, event: Event, now: float) -> None:
         """Apply an event to the state machine; the lift starts measured time."""
-        state = self._machine.take(event)
+        state = self._machine.apply(event)
         self._entered = now
         if state is State.LIFT:
             self._recorder.begin(now)
@@ -171,7 +170,7 @@ class Run:
         self._stopped = stopped
         if not self._machine.over:
             self._entered = now = self._devices.clock.now()
-            state = self._machine.take(Event.STOP)
+            state = self._machine.apply(Event.STOP)
             facts = {"name": stopped.name, "reason": stopped.reason}
             run_suppressed(lambda: self._record_event(now, "fault", **facts))
             run_suppressed(lambda: self._record_event(now, "state", state=state, event=Event.STOP))
@@ -189,7 +188,7 @@ class Run:
         state, arm = self._machine.state, self._devices.arm.state()
         self._arm_history.add(arm)
         now = self._devices.clock.now()
-        view = self._vision.look(state, now, self._arm_history, self._context.reader)
+        view = self._vision.update(state, now, self._arm_history, self._context.reader)
         self._record(view, state)
         self._snapshot = Snapshot(
             time=now,
@@ -204,6 +203,7 @@ class Run:
         return self._snapshot
 
     def _record(self, view: View, state: State) -> None:
+        """Record the measurement and the image that are new in `view`."""
         if view.read and state in MEASURED_STATES and view.measurement is not None:
             self._recorder.sight(view.measurement)
         if view.fresh and state in RECORDED and view.frame is not None:
@@ -239,7 +239,7 @@ class Run:
 
 
 @contextmanager
-def at_most(limit: float) -> Iterator[None]:
+def time_limit(limit: float) -> Iterator[None]:
     """Raise Fault `turn_overtime` within the block once it takes longer than `limit` [s].
 
     Uses SIGALRM, so it has no effect outside the main thread, and does not end code that never

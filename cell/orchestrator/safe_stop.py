@@ -28,7 +28,7 @@ class SafeStop:
         self._heard_stop = False
 
     def apply(self, hand: HandState | None) -> None:
-        """Stop the arm, and the fingers if they were moving in the last state."""
+        """Stop the arm, and also the fingers if `hand` shows them moving or is not known."""
         self._heard_stop = run_suppressed(self._devices.arm.stop)
         if hand is None or hand.moving:
             run_suppressed(self._devices.hand.stop)

@@ -1,4 +1,4 @@
-"""State of the cell at one tick, and the commands."""
+"""State of the cell at one tick, and the commands to arm and hand."""
 
 from dataclasses import dataclass
 
@@ -28,31 +28,31 @@ class Snapshot:
 
 @dataclass(frozen=True, slots=True)
 class MoveTo:
-    """Command to move to rest at a pose; repeated on every tick of the move."""
+    """Command to the arm: move to rest at `pose`; repeated on every tick of the move."""
 
     pose: Pose
 
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """Command to follow a velocity until the next tick."""
+    """Command to the arm: follow `velocity` until the next tick."""
 
     velocity: Velocity
 
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """Command to stay at rest; brakes a moving arm."""
+    """Command to the arm: stay at rest, or brake to it."""
 
 
 @dataclass(frozen=True, slots=True)
 class OpenHand:
-    """Command to open the fingers."""
+    """Command to the hand: open the fingers."""
 
 
 @dataclass(frozen=True, slots=True)
 class CloseHand:
-    """Command to close the fingers on the strip."""
+    """Command to the hand: close the fingers on the strip."""
 
 
 Command = MoveTo | Drive | Hold | OpenHand | CloseHand

@@ -1,4 +1,4 @@
-"""State machine of a run: an event without a transition is an error."""
+"""State machine of a run; an event without a transition is an error."""
 
 from enum import StrEnum
 
@@ -6,7 +6,7 @@ from drivers.errors import Fault
 
 
 class State(StrEnum):
-    """States of a run."""
+    """States of a run's state machine."""
 
     IDLE = "IDLE"
     PREFLIGHT = "PREFLIGHT"
@@ -23,7 +23,7 @@ class State(StrEnum):
 
 
 class Event(StrEnum):
-    """Events that change the state."""
+    """Events that change the state of a run."""
 
     START = "start"
     NEEDS_CALIBRATION = "needs_calibration"
@@ -68,12 +68,12 @@ TRANSITIONS: dict[tuple[State, Event], State] = {**_FORWARD, **_STOPS}
 
 
 class Machine:
-    """State machine of a run, whose `state` changes only along `TRANSITIONS`."""
+    """State machine of a run, whose `state` changes only along TRANSITIONS."""
 
     def __init__(self) -> None:
         self.state = State.IDLE
 
-    def take(self, event: Event) -> State:
+    def apply(self, event: Event) -> State:
         """Apply `event` and return the new state; raises Fault where it has no transition."""
         try:
             self.state = TRANSITIONS[self.state, event]
@@ -86,5 +86,5 @@ class Machine:
 
     @property
     def over(self) -> bool:
-        """Whether the run has ended, successfully or not."""
+        """Whether the run has ended, by itself or with a fault."""
         return self.state in TERMINAL

@@ -8,6 +8,8 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from math import cos, sin
 
+import numpy as np
+
 from cell.devices.fold_path import TURNING
 from cell.orchestrator.snapshot import CloseHand, Command, Drive, Hold, MoveTo, OpenHand, Snapshot
 from cell.orchestrator.states import Event
@@ -23,7 +25,7 @@ POSE_TOLERANCE = 0.002  # m, rad: how near a finished move must have come
 
 @dataclass(frozen=True, slots=True)
 class StillPicture:
-    """An image taken at rest: its time [s], and the gripper's pose."""
+    """Image `frame` taken at rest, when it arrived, `time` [s], and the gripper's pose."""
 
     time: float
     frame: Frame
@@ -31,7 +33,7 @@ class StillPicture:
 
 
 def wait_for(condition: Callable[[Snapshot], bool]) -> Motion:
-    """Hold until `condition` is true; returns the snapshot that satisfied it."""
+    """Keep the arm at rest until `condition` holds; returns the snapshot that satisfied it."""
     snapshot = yield Hold()
     while not condition(snapshot):
         snapshot = yield Hold()
@@ -39,14 +41,14 @@ def wait_for(condition: Callable[[Snapshot], bool]) -> Motion:
 
 
 def pause(duration: float) -> Motion:
-    """Hold for `duration` [s]."""
+    """Keep the arm at rest for `duration` [s]."""
     snapshot = yield Hold()
     end = snapshot.time + duration
     return (yield from wait_for(lambda now: now.time >= end))
 
 
 def move(pose: Pose) -> Motion:
-    """Move to rest at `pose`."""
+    """Move the gripper to rest at `pose`."""
     snapshot = yield MoveTo(pose)
     snapshot = yield MoveTo(pose)
     while not is_at(snapshot, pose):
@@ -55,10 +57,7 @@ def move(pose: Pose) -> Motion:
 
 
 def still_picture(*, settle: bool = True) -> "Generator[Command, Snapshot, StillPicture]":
-    """Wait until arm, strip and image are at rest; returns the first image taken after that.
-
-    Without `settle` they are assumed to be, and the next image is used.
-    """
+    """First image taken once arm and strip rest; without `settle` they are assumed to rest."""
     still = (yield from pause(SETTLE if settle else 0.0)).time
     while True:
         snapshot = yield Hold()
@@ -68,13 +67,13 @@ def still_picture(*, settle: bool = True) -> "Generator[Command, Snapshot, Still
 
 
 def open_hand() -> Motion:
-    """Open the fingers and wait for them."""
+    """Open the fingers and wait until they rest."""
     yield OpenHand()
     return (yield from _fingers_rest())
 
 
 def close_hand() -> Motion:
-    """Close the fingers and wait for them."""
+    """Close the fingers and wait until they rest."""
     yield CloseHand()
     return (yield from _fingers_rest())
 
@@ -85,7 +84,7 @@ def _fingers_rest() -> Motion:
 
 
 def rotate_hand(pitch: float) -> "Generator[Command, Snapshot, Pose]":
-    """Turn the hand to `pitch` [rad] in place; returns the pose before the turn.
+    """Rotate the hand to `pitch` [rad] in place; returns the gripper's earlier pose.
 
     An arm that turns its hand while it reaches far can run into the limits of its joints.
     """
@@ -95,16 +94,13 @@ def rotate_hand(pitch: float) -> "Generator[Command, Snapshot, Pose]":
 
 
 def is_at(snapshot: Snapshot, pose: Pose) -> bool:
-    """Whether the arm is at rest at `pose`."""
-    return not snapshot.arm.moving and _distance(snapshot.arm.commanded, pose) <= POSE_TOLERANCE
-
-
-def _distance(a: Pose, b: Pose) -> float:
-    return max(abs(a.x - b.x), abs(a.z - b.z), abs(a.pitch - b.pitch))
+    """Whether the arm is at rest at `pose`, within POSE_TOLERANCE."""
+    error = np.abs(snapshot.arm.commanded.as_array() - pose.as_array()).max()
+    return not snapshot.arm.moving and bool(error <= POSE_TOLERANCE)
 
 
 def drive(decision: Decision, pitch_rate: float) -> Drive:
-    """The command that carries out a `decision` on one strip, turning at `pitch_rate` [rad/s].
+    """Velocity command for a `decision` on one strip, with a rotation at `pitch_rate` [rad/s].
 
     The rate is bounded: after a late tick the correction of the pitch may ask for more than an arm
     gives.

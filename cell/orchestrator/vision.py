@@ -1,4 +1,4 @@
-"""Vision of a run: from camera frames to measurement, layer touch, and warnings."""
+"""Vision of a run: measurement, layer touch and warnings from the newest camera image."""
 
 from bisect import bisect_right
 from collections import deque
@@ -23,17 +23,17 @@ IDLE_IMAGE_PERIOD = 0.1  # s between images where nothing is measured in them
 
 
 class ArmHistory:
-    """The last `STATES_KEPT` arm states, oldest first."""
+    """The last STATES_KEPT measured states of the arm, oldest first."""
 
     def __init__(self) -> None:
         self._states: deque[ArmState] = deque(maxlen=STATES_KEPT)
 
     def add(self, state: ArmState) -> None:
-        """Append the newest measured state."""
+        """Append the newest measured state of the arm."""
         self._states.append(state)
 
     def pose_at(self, stamp: float) -> Pose:
-        """Gripper pose at `stamp` [s], interpolated between the stamps of the arm's states."""
+        """Gripper pose at `stamp` [s], interpolated between measured states of the arm."""
         states, last = self._states, len(self._states) - 1
         after = bisect_right(states, stamp, 1, max(last, 1), key=lambda state: state.stamp)
         pair = states[after - 1], states[min(after, last)]
@@ -43,7 +43,7 @@ class ArmHistory:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """Results of the camera so far; times in seconds of the cell's clock.
+    """What the camera has shown so far in a run; times in seconds of the cell's clock.
 
     `frame` is the newest image and `fresh` whether it arrived on this tick; `identical` counts the
     successive images that equal it byte for byte although the gripper moved. `measurement` is the
@@ -71,7 +71,7 @@ class View:
 
 
 class Vision:
-    """Takes the newest frame on each tick and measures the strip where the state needs it."""
+    """Takes the newest image on each tick, and has it measured where the state needs that."""
 
     def __init__(self, camera: Camera, limits: MonitorLimits) -> None:
         """Read from `camera`; `limits` are those of confidence, camera shift and image age."""
@@ -81,7 +81,7 @@ class Vision:
         self._view = View()
         self._waiting: Frame | None = None  # the newest frame to be measured
 
-    def look(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> View:
+    def update(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> View:
         """Update the view at `now` [s] in `state`; raises Fault where a due image has no reader."""
         fresh = self._take_frame(state, arm)
         self._view = replace(self._view, fresh=fresh, read=False)
@@ -123,6 +123,7 @@ class Vision:
             self._add(found)
 
     def _add(self, found: ImageResult) -> None:
+        """Add the results of one measured image to the view."""
         before, seen = self._view, found.measurement
         since = seen.stamp if before.doubtful_since is None else before.doubtful_since
         self._view = replace(

@@ -1,1 +1,1 @@
-"""Image processing: measures strip, layer touch and laid fold, and checks the strip model."""
+"""Measurement from camera images: strip, layer touch, laid edges, motion of the camera."""

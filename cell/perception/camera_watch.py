@@ -1,4 +1,4 @@
-"""Watch over the camera: images that do not change, and motion since the preflight."""
+"""Detection of a frozen camera, and of a camera that was moved since the preflight."""
 
 from dataclasses import dataclass
 from math import hypot
@@ -21,7 +21,7 @@ STRIDE = 64  # rows from one to the next that are compared first
 
 
 class FrozenImages:
-    """Detects a frozen camera by comparing every frame with the one before.
+    """Detects a camera that repeats one image, by comparing every frame with the one before.
 
     A camera is frozen when it repeats the same image, byte for byte, although the gripper has
     moved. Equal images of a scene at rest prove nothing: a camera without noise delivers them.
@@ -33,7 +33,7 @@ class FrozenImages:
         self._identical = 0
 
     def count(self, frame: Frame, gripper: Pose) -> int:
-        """Number of images in a row that equal `frame`, between which the gripper moved.
+        """Number of equal images in a row, up to `frame`, between which the gripper moved.
 
         `gripper` is the measured pose at the frame's stamp; 1 for a new image.
         """
@@ -92,7 +92,7 @@ class CameraWatch:
         calibration: Calibration,
         strip: StripFile,
     ) -> Self:
-        """Choose the patches of least position error, below the waiting hand and off the strip."""
+        """Choose the best located patches, off the strip's zone and below the waiting hand."""
         grey = grey_of(appearance.scene.background.image)
         sigma = _deviation(grey, appearance.scene.sensor)
         hidden = strip_zone(calibration, strip.length)
@@ -108,7 +108,7 @@ class CameraWatch:
         return cls(places, patches, np.array(weights), calibration)
 
     def check(self) -> PreflightCheck:
-        """Report whether enough patches are known to notice camera motion; always passes."""
+        """Passing check that states whether enough patches are known to notice camera motion."""
         found = len(self.patches)
         watched = found >= FEWEST_PATCHES
         reason = f"{found} static patches are visible, {FEWEST_PATCHES} are needed"
@@ -122,7 +122,7 @@ class CameraWatch:
         )
 
     def shift(self, image: Image, gripper: Pose) -> float:
-        """Apparent shift [m] of the scene in `image` (height, width, 3), in the near edge's plane.
+        """Apparent shift [m] of the scene in `image` (h, w, 3), in the plane of the near edge.
 
         The weighted median over the patches, where most of them agree, so that shadows on some do
         not count; brightness does not either. NaN where too few patches are found. `gripper` is the
@@ -196,4 +196,5 @@ def _find(window: Image, patch: Image) -> Array:
 
 
 def _soft(grey: Image) -> Image:
+    """Blurred copy of `grey` (h, w), in which noise is averaged over NOISE_WINDOW."""
     return np.asarray(cv2.GaussianBlur(grey, (0, 0), NOISE_WINDOW), dtype=np.uint8)

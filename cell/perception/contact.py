@@ -1,4 +1,4 @@
-"""Desk contact in an image: the end of the strip on the line where its underside would rest."""
+"""Desk contact in an image: where the strip ends along the line of its resting underside."""
 
 from dataclasses import dataclass
 
@@ -40,7 +40,7 @@ class SearchLine:
         thickness: float,
         span: tuple[float, float],
     ) -> "SearchLine":
-        """Search line over `span` [m] of x for a midline that is `height` [m] over its rest."""
+        """Search line over `span` [m] of x, for a midline `height` [m] above the resting one."""
         x = np.arange(span[0], span[1], SAMPLE_SPACING)
         z = appearance.rest_height(x) + height - thickness / 2
         near = x[: len(x) // 2 : 20]  # some points in front of the strip's fixed half
@@ -58,7 +58,7 @@ class Contact:
 
 
 def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
-    """Find where the strip leaves the desk: the last point along `line` where lying strip ends.
+    """Find the desk contact: the last point along `line` at which lying strip ends.
 
     As `drivers.strip.shape.desk_contact` defines it, so that a hump over a crease is no contact. In
     images that are shifted the line begins beside the strip, and crosses its end.

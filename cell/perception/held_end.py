@@ -1,4 +1,4 @@
-"""Tracking of a strip's held end in images alone, where no arm reports its pose."""
+"""Tracking of a strip's held end in images alone, for films without the poses of an arm."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ import numpy as np
 from calibration.calibration import Calibration
 from cell.perception.measurement import StripMeasurement
 from cell.perception.perception import Perception
-from cell.perception.resting import sample_rectangle, sample_scene
+from cell.perception.resting_strip import sample_rectangle, sample_scene
 from cell.perception.scene import Appearance, colour_distances
 from cell.perception.settings import PerceptionSettings
 from drivers.geometry import arc_lengths
@@ -37,7 +37,7 @@ SEARCH_STEPS = (-0.03, -0.015, 0.015, 0.03)  # m about the expected end, where i
 
 @dataclass(frozen=True, slots=True)
 class Face:
-    """The visible face of a clip: `area` [px], `front` (2,) [m], `axis` [rad], `slenderness`.
+    """Visible face of the clip that holds a strip: `area` [px], `front` (2,) [m], `axis` [rad].
 
     The front is where its axis enters it from the strip: fingers hide a part of the other end.
     """
@@ -50,14 +50,14 @@ class Face:
 
 @dataclass(frozen=True, slots=True)
 class Clip:
-    """A clip's `colour` (3,) BGR, and its `face` at rest, relative to the strip's end."""
+    """Clip that holds a strip: `colour` (3,) BGR, `face` at rest, `front` from the strip's end."""
 
     colour: Array
     face: Face
 
     @classmethod
     def learn(cls, image: Image, calibration: Calibration, strip: StripFile) -> Self | None:
-        """Learn the clip at the end of `strip`, at rest in `image` (h, w, 3); None without one."""
+        """Learn the clip at the end of `strip` from `image` (h, w, 3) at rest; None without one."""
         end = np.array([strip.length, 0.0])
         span, height = FACE
         held = sample_rectangle(image, calibration, (end[0] + span[0], end[0] + span[1]), height)
@@ -72,7 +72,7 @@ class Clip:
         return cls(colour, replace(face, front=offset)) if abs(offset[0]) < FARTHEST else None
 
     def find(self, image: Image, calibration: Calibration, last: Pose) -> Pose | None:
-        """Find the end that the clip holds in `image` (h, w, 3), near `last`; None if hidden."""
+        """Pose of the strip's end by its clip in `image` (h, w, 3), near `last`; None if hidden."""
         seen = _face(image, calibration, self.colour, last)
         if seen is None or not SMALLEST < seen.area / self.face.area < LARGEST:
             return None
@@ -111,14 +111,14 @@ def _face(image: Image, calibration: Calibration, colour: Array, last: Pose) -> 
 
 @dataclass(frozen=True, slots=True)
 class HeldMeasurement:
-    """Measurement of one image, and the pose of the held `end`, None where it was not found."""
+    """Strip measured in one image, and the pose of its held `end`, None where not found."""
 
     measurement: StripMeasurement
     end: Pose | None
 
 
 class HeldEnd:
-    """Tracks the held end of a strip from image to image.
+    """Tracks the pose of a strip's held end from image to image of a film.
 
     The end is the point at the strip's full length along the extrapolated profile. Its place in
     turn limits where the profile is measured, so both are iterated from the expected end. Where a
@@ -138,13 +138,13 @@ class HeldEnd:
         self._length = strip.length
         self._past: list[tuple[float, Pose]] = []
 
-    def look(self, frame: Frame) -> HeldMeasurement:
-        """Measure the strip and its held end in `frame`; frames must come in their order."""
+    def measure(self, frame: Frame) -> HeldMeasurement:
+        """Measure the strip and its held end in `frame`, which is later than all before it."""
         last = self._past[-1][1] if self._past else Pose(self._length, 0.0, 0.0)
         clip = self._clip
         held = None if clip is None else clip.find(frame.image, self._calibration, last)
         if held is not None:
-            best = HeldMeasurement(self._perception.look(frame, held), held)
+            best = HeldMeasurement(self._perception.measure(frame, held), held)
         else:
             best = self._search(frame)
         if best.end is not None:
@@ -153,7 +153,7 @@ class HeldEnd:
         return best if sure else replace(best, end=None)
 
     def _search(self, frame: Frame) -> HeldMeasurement:
-        """Measure the strip and its held end by the first of the guesses that succeeds."""
+        """Measure from guesses of the held end's pose, until one gives a sure profile."""
         first, *others = self._guesses(frame.stamp)
         best = self._settle(frame, first)
         for guess in others:
@@ -181,6 +181,7 @@ class HeldEnd:
             yield replace(expected, z=max(expected.z + step, 0.0))
 
     def _predict(self, stamp: float) -> Pose:
+        """Pose of the end at `stamp` [s], linearly extrapolated from the last two."""
         if len(self._past) < 2:
             return self._past[-1][1]
         (before, start), (then, last) = self._past[-2:]
@@ -191,7 +192,7 @@ class HeldEnd:
     def _settle(self, frame: Frame, guess: Pose) -> HeldMeasurement:
         """Measure by fixed-point iteration from `guess`; no end where it does not converge."""
         for _ in range(ROUNDS):
-            measurement = self._perception.look(frame, guess)
+            measurement = self._perception.measure(frame, guess)
             end = self._end(measurement)
             if end is None:
                 return HeldMeasurement(measurement, None)

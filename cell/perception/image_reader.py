@@ -1,4 +1,4 @@
-"""Measurement of a strip image by image, within the control loop or in a process beside it."""
+"""Measurement of a strip image by image, in the control loop or in a separate process."""
 
 import gc
 import os
@@ -33,10 +33,7 @@ NICE = -10
 
 @dataclass(frozen=True, slots=True)
 class ImageResult:
-    """Results from one image; `shift` [m] is the camera's apparent motion, NaN where unknown.
-
-    `resting` [m] is the distance of layers that rest apart, as of `LayerTouch`.
-    """
+    """Measurement of one image, camera `shift` [m], and distance of `resting` layers, else NaN."""
 
     measurement: StripMeasurement
     touch: SeenTouch | None
@@ -49,7 +46,7 @@ Answer = ImageResult | tuple[PreflightCheck, ...]
 
 @dataclass(frozen=True, slots=True)
 class StripInputs:
-    """Inputs of strip measurement that are known before a fold."""
+    """Inputs to the measurement of a strip in images, all known before the fold."""
 
     calibration: Calibration
     settings: PerceptionSettings
@@ -57,7 +54,7 @@ class StripInputs:
 
 
 class Measurer:
-    """Measures the strip of `inputs` once `inspect` has accepted an image of it."""
+    """Measures a strip in images, once `inspect` has learnt its colours from one."""
 
     def __init__(self, inputs: StripInputs) -> None:
         self._known = inputs.calibration, inputs.settings, inputs.strip
@@ -66,7 +63,7 @@ class Measurer:
         self._touch = LayerTouch(inputs.settings, inputs.strip)
 
     def inspect(self, frame: Frame) -> tuple[PreflightCheck, ...]:
-        """Check the image taken before the grasp, and store the strip's colours for `look`."""
+        """Check the image taken before the grasp, and learn the strip's colours from it."""
         calibration, settings, strip = self._known
         found = inspect(frame, calibration, settings, strip)
         if found.appearance is None:
@@ -75,14 +72,14 @@ class Measurer:
         self._camera = CameraWatch.choose(found.appearance, calibration, strip)
         return *found.checks, self._camera.check()
 
-    def look(self, frame: Frame, gripper: Pose, *, touches: bool) -> ImageResult:
-        """Measure the strip in `frame`, taken at `gripper`; with `touches`, detect layer touch too.
+    def measure(self, frame: Frame, gripper: Pose, *, touches: bool) -> ImageResult:
+        """Measure the strip in `frame`, taken at `gripper`; if `touches`, detect layer touch.
 
         Raises Fault `no_perception` before an accepted image.
         """
         if self._perception is None or self._camera is None:
             raise Fault("no_perception", "a frame came before the preflight image was accepted")
-        measurement = self._perception.look(frame, gripper)
+        measurement = self._perception.measure(frame, gripper)
         touch = self._touch.update(measurement, gripper) if touches else None
         shift = self._camera.shift(frame.image, gripper)
         return ImageResult(measurement, touch, shift, self._touch.resting())
@@ -93,48 +90,45 @@ Maker = Callable[[StripInputs], Measurer]
 
 @dataclass(frozen=True, slots=True)
 class ImageTask:
-    """Request to measure the strip in `frame`, taken at `gripper`; `touches` detects touch too.
-
-    Without a `gripper`, to check the image taken before the grasp.
-    """
+    """Image to measure: `frame` at the pose `gripper` (None: before the grasp), for `touches`."""
 
     frame: Frame
     gripper: Pose | None = None
     touches: bool = False
 
     def answer(self, measurer: Measurer) -> Answer:
-        """Results by `measurer`, or the checks before the grasp."""
+        """Measurement of the image by `measurer`; without a gripper's pose, its checks."""
         if self.gripper is None:
             return measurer.inspect(self.frame)
-        return measurer.look(self.frame, self.gripper, touches=self.touches)
+        return measurer.measure(self.frame, self.gripper, touches=self.touches)
 
 
 class Reader(Protocol):
-    """Protocol that measures images: submit one at a time, fetch its result when it is ready."""
+    """Protocol of a measurer of images: submit one image at a time, fetch its result when ready."""
 
     latency: float
     """How much earlier than its stamp an image shows the world [s]."""
 
     @property
     def busy_since(self) -> float | None:
-        """Time [s] at which the image in progress was submitted; None while idle."""
+        """Time [s] at which the image being measured was submitted; None while idle."""
 
     @property
     def failure(self) -> str:
         """Reason why no more images are measured; empty while the reader works."""
 
     def submit(self, request: ImageTask, now: float) -> None:
-        """Start to measure the image of `request` at `now` [s].
+        """Begin to measure the image of `request`; `now` [s] is the cell's clock.
 
         Raises Fault `image_size` for an image of another size than the calibrated ones.
         """
 
     def result(self) -> Answer | None:
-        """Answer to the last request, returned once; None until it is ready."""
+        """Measurement or checks of the last image, returned once; None until they are ready."""
 
 
 class InlineReader:
-    """Measures images within the control loop's cycle, for runs on a virtual clock."""
+    """Measures images within a cycle of the control loop, for runs on a virtual clock."""
 
     busy_since: float | None = None
     failure = ""
@@ -144,11 +138,11 @@ class InlineReader:
         self._result: Answer | None = None
 
     def submit(self, request: ImageTask, now: float) -> None:  # noqa: ARG002
-        """Carry out `request`."""
+        """Measure the image of `request` at once."""
         self._result = request.answer(self._measurer)
 
     def result(self) -> Answer | None:
-        """Answer to the last request, returned once."""
+        """Measurement or checks of the last image, returned once."""
         result, self._result = self._result, None
         return result
 
@@ -179,11 +173,11 @@ class ProcessReader:
 
     @property
     def pid(self) -> int:
-        """ID of the process that measures images."""
+        """Identifier of the process that measures images."""
         return self._child.pid
 
     def submit(self, request: ImageTask, now: float) -> None:
-        """Hand `request` over to the idle process, at `now` [s].
+        """Send the image of `request` to the idle process; `now` [s] is the cell's clock.
 
         Raises Fault `image_size` for an image of another size than the calibrated ones.
         """
@@ -196,7 +190,7 @@ class ProcessReader:
         self._child.send(replace(request, frame=replace(request.frame, image=NO_IMAGE)))
 
     def result(self) -> Answer | None:
-        """Answer to the last request, returned once; None until it is ready, after a `failure`."""
+        """Measurement or checks of the last image, once; None until ready or after a failure."""
         if self.failure:
             return None
         ends = self._child.ends  # read first, so that its last message is still received
@@ -212,7 +206,7 @@ class ProcessReader:
         return answer
 
     def close(self) -> None:
-        """End the process."""
+        """End the process that measures images, and free the shared memory."""
         self._child.close()
         self._image.close()
 
@@ -220,7 +214,7 @@ class ProcessReader:
 def read_images(
     pipe: Connection, inputs: StripInputs, maker: Maker, shape: tuple[int, ...], image: SharedImage
 ) -> None:
-    """Run in the process: answer each request until the other end closes `pipe`."""
+    """Main function of the measuring process: answers each image until `pipe` is closed."""
     _raise_priority()
     cv2.setNumThreads(1)
     measurer = maker(inputs)

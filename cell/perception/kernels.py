@@ -1,4 +1,4 @@
-"""Compiled loops over pixels: change detection by cells, matting of the strip, its borders."""
+"""Compiled loops over pixels: changed cells, share of strip in each pixel, mask of the strip."""
 
 from typing import Any
 
@@ -13,12 +13,12 @@ ZERO_LEVEL, LEVEL_SPAN = 48, 160  # grey levels: all background, and from there 
 
 
 def smooth_matte(levels: Image) -> Image:
-    """Matte levels (h, w), smoothed to half the noise without moving borders."""
+    """Smooth matte `levels` (h, w), grey levels of strip share, to half their noise."""
     return np.asarray(cv2.GaussianBlur(levels, (3, 3), 0), dtype=np.uint8)
 
 
 def strip_share(levels: Array | Image) -> Array:
-    """Shares of strip (...,) from matte grey levels (...,): 0 to 1 and slightly beyond."""
+    """Convert matte grey levels (...,) to shares of strip (...,), 0 to 1 and slightly beyond."""
     return np.asarray((np.asarray(levels, dtype=np.float64) - ZERO_LEVEL) / LEVEL_SPAN)
 
 
@@ -54,7 +54,7 @@ _compiled_fisher = kernel(_fisher)
 def discriminants(
     colour: Floats, scene: Floats, shade: Floats, variance: float
 ) -> tuple[Floats, Floats]:
-    """Squared separation (n,) of `colour` (3,) from each background `scene` (n, 3) [sigma^2].
+    """Squared separation (n,) [sigma^2] of `colour` (3,) from background colours (n, 3).
 
     Also returns the length (n,) of Fisher's linear discriminant. `shade` (n,) is the share of
     brightness by which the background may differ, `variance` the sensor's [grey levels squared].
@@ -195,7 +195,7 @@ def segment(
     variance: float,
     corner: tuple[int, int],
 ) -> Image:
-    """Matte levels (CELL_PX n, CELL_PX m) of the strip, in those `cells` (n, m) that are not 0.
+    """Matte levels (CELL_PX n, CELL_PX m) of the strip in those `cells` (n, m) that are not 0.
 
     Other cells have ZERO_LEVEL.
     The images (height, width, 3) and `shade` (height, width) are whole, `light` (n + 2, m + 2)

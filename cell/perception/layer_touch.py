@@ -1,4 +1,4 @@
-"""Detection of layer_touch in an image sequence: the gap closes and the falling fold stops."""
+"""Detection of the layers' touch in an image sequence: the gap closes, the fold stops falling."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ UNEVEN = 0.5  # of the strip's length that the layers may differ by, where anyon
 
 @dataclass(frozen=True, slots=True)
 class Fall:
-    """Falling fold in one frame, at `time` [s]: the `gap` [m] between the layers at `x` [m].
+    """Falling fold in one image at `time` [s]: `gap` [m] between the layers, at the place `x` [m].
 
     `to_grasped` [m] is the arc length from there along the upper layer to the gripper point.
     """
@@ -33,7 +33,7 @@ class Fall:
 
 
 class LayerTouch:
-    """Detects layer_touch in a sequence of measurements once two signals agree.
+    """Detects the touch of the layers in a sequence of measurements, where two signals agree.
 
     The first signal is the gap: within `touch_margin` of the touching distance. The second is the
     fall: its speed drops to `touch_stop` of what it was while the gap closed. The time of the touch
@@ -51,7 +51,7 @@ class LayerTouch:
         self._touch: SeenTouch | None = None
 
     def update(self, measurement: StripMeasurement, gripper: Pose) -> SeenTouch | None:
-        """Add a measurement; returns the touch once the evidence for it is complete, else None.
+        """Add a measurement; returns the layers' touch once it is certain, until then None.
 
         `gripper` is the measured pose at the measurement's stamp. The touch's own time is earlier.
         """
@@ -63,10 +63,7 @@ class LayerTouch:
         return self._touch
 
     def resting(self) -> float:
-        """Distance [m] at which the layers rest, farther apart than the strip is thick; else NaN.
-
-        The strip is thicker than stated then, or something lies between its layers.
-        """
+        """Distance [m] at which thick layers rest without touching; NaN where none rest apart."""
         falls, margin = self._falls, self._settings.touch_margin
         recent = [fall.gap for fall in falls[-RESTING_FALLS:]]
         rests = len(recent) == RESTING_FALLS and max(recent) - min(recent) < margin
@@ -169,13 +166,11 @@ def _knee(t: Array, gap: Array, time: float, speed: float) -> float:
 
 
 def _without_spikes(values: Sequence[float]) -> Array:
-    """Running median (n,) over three of `values` (n,), which drops single outliers.
-
-    Values that only rise or only fall stay as they are.
-    """
+    """Running median (n,) over three of `values` (n,), which drops single outliers."""
     threes = np.lib.stride_tricks.sliding_window_view(np.pad(values, 1, mode="edge"), 3)
     return np.asarray(np.median(threes, axis=1))
 
 
 def _at(time: float, t: Array, values: Array) -> float:
+    """Value at `time` [s] of `values` (n,) given at `t` (n,) [s], linearly interpolated."""
     return float(np.interp(time, t, values))

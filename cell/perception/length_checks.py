@@ -1,4 +1,4 @@
-"""Checks that lengths agree which camera, arm and prediction measure independently."""
+"""Consistency checks of lengths that camera, arm and prediction measure independently."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ KINDS = {
 
 @dataclass(frozen=True, slots=True)
 class LengthCheck:
-    """Difference [m] of two sources of the length `name`, one of KINDS.
+    """Difference [m] between two independent measurements of the length `name`, one of KINDS.
 
     `parts` are the standard deviations [m] that the difference usually has, by their origin.
     """
@@ -49,21 +49,21 @@ class LengthCheck:
 
     @property
     def spread(self) -> float:
-        """Standard deviation [m] of all parts together."""
+        """Standard deviation [m] that the difference of the two measurements usually has."""
         return hypot(*self.parts.values())
 
     @property
     def ratio(self) -> float:
-        """Size of the difference, in spreads."""
+        """Size of the difference in units of its standard deviation `spread`."""
         return abs(self.difference) / self.spread
 
     @property
     def refuted(self) -> bool:
-        """Whether the difference is so large that the measurement is not to be trusted."""
+        """Whether the two lengths differ so much that the measurement is not trustworthy."""
         return self.ratio > REFUTED
 
     def sentence(self) -> str:
-        """The disagreement as text for the operator: what, by how much, and what to look at."""
+        """Text for the operator: which lengths disagree, by how much, what to check."""
         sources, remedy = KINDS[self.name]
         origin = ", ".join(f"{what} {1e3 * sigma:.2f} mm" for what, sigma in self.parts.items())
         return (
@@ -73,7 +73,7 @@ class LengthCheck:
         )
 
     def facts(self) -> dict[str, str | float]:
-        """Name, difference and spread [m] for programs."""
+        """Entry of result.yaml: name of the length, difference and spread [m]."""
         return {
             "name": self.name,
             "difference": round(self.difference, 6),
@@ -82,13 +82,13 @@ class LengthCheck:
 
 
 def disagreements(witnesses: Iterable[LengthCheck]) -> tuple[LengthCheck, ...]:
-    """The checks that differ by more than DOUBTED spreads, the worst first."""
+    """Checks whose lengths differ by more than DOUBTED standard deviations, the worst first."""
     doubted = (witness for witness in witnesses if witness.ratio > DOUBTED)
     return tuple(sorted(doubted, key=lambda witness: -witness.ratio))
 
 
-def held_end(seen: StripMeasurement) -> float:
-    """Offset [m] along x of an upright strip's visible end from the gripper; NaN where hidden."""
+def held_end_offset(seen: StripMeasurement) -> float:
+    """Offset x [m] of an upright strip's visible end from the gripper; NaN where hidden."""
     if len(seen.profile) == 0:
         return float("nan")
     dx, dz = seen.profile[-1] - seen.gripper
@@ -96,10 +96,7 @@ def held_end(seen: StripMeasurement) -> float:
 
 
 def compare_grip(offsets: Sequence[float], residual: float) -> tuple[LengthCheck, ...]:
-    """LengthCheck of the held end from its `offsets` [m] in images; none where too few show it.
-
-    `residual` [m] is that of the calibration's map.
-    """
+    """Check of the held end by its `offsets` [m] and the map's `residual` [m]; none where few."""
     known = np.array(offsets)[np.isfinite(offsets)]
     if len(known) < FEWEST_IMAGES:
         return ()

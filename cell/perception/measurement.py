@@ -1,4 +1,4 @@
-"""Measurement of the strip from one camera frame, in the cell frame."""
+"""Measured values of a strip in one image, and of the layers' touch in several."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class StripMeasurement:
-    """Strip measured in one frame: lengths [m], NaN where not seen; confidences 0 to 1.
+    """Strip measured in one image: lengths [m], NaN where hidden; confidences from 0 to 1.
 
     `profile` (m, 2) is the visible midline from the desk contact to the gripper; `tip` the fold's
     rightmost point; `gap` the smallest visible vertical distance between the layers' midlines and
@@ -28,13 +28,13 @@ class StripMeasurement:
 
     @property
     def confidence(self) -> float:
-        """Confidence in the frame as a whole: the lowest of its parts."""
+        """Confidence in the measurement: the lower one of contact and profile."""
         return min(self.contact_confidence, self.profile_confidence)
 
 
 @dataclass(frozen=True, slots=True)
 class SeenTouch:
-    """layer_touch measured in images: time [s], x [m], lengths l1 and l2 [m], confidence.
+    """Layers' touch measured in images: `time` [s], `x` [m], lengths l1 and l2 [m], confidence.
 
     `confidence` is the agreement of its two signals, the closing gap and the stopping fold;
     `distance` [m] that of the midlines, the strip's thickness where it is not below 1 mm.
@@ -49,10 +49,10 @@ class SeenTouch:
 
     @property
     def displacement(self) -> float:
-        """Displacement d = l1 - l2 [m] of the fold."""
+        """Displacement d = l1 - l2 [m] between the edges of the fold."""
         return self.to_grasped - self.to_fixed
 
     def facts(self) -> dict[str, float]:
-        """Entries of result.yaml about the touch: time [s], lengths [m], confidence."""
+        """Entries of result.yaml about the layers' touch: time [s], lengths [m], confidence."""
         lengths = {"displacement": self.displacement, "l1": self.to_grasped, "l2": self.to_fixed}
         return {"t_layer_touch": self.time, **lengths, "confidence": self.confidence}

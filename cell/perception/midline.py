@@ -24,7 +24,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Midline:
-    """Points (n, 2) u, v [px] at equal steps from entry to tip, and the object's width [px]."""
+    """Midline of an object in an image: `points` (n, 2) u, v [px]; `width` [px] of the object."""
 
     points: Array
     width: float
@@ -36,10 +36,10 @@ class Midline:
 
 
 def extract_midline(image: Image, count: int = 200) -> Midline:
-    """Trace the midline, `count` points, of the object at the left border of `image` (h, w, 3).
+    """Trace the midline of the object at the left border of `image` (h, w, 3) by `count` points.
 
-    Fluff, specks and background gradients are ignored. An image without such an object is a
-    ConfigurationError.
+    Points are at equal steps from the border to the tip; fluff, specks and background gradients are
+    ignored. Raises ConfigurationError for an image without such an object.
     """
     scale = max(1.0, image.shape[0] / WORKING_HEIGHT)
     small = cv2.resize(image, None, fx=1 / scale, fy=1 / scale, interpolation=cv2.INTER_AREA)
@@ -51,6 +51,7 @@ def extract_midline(image: Image, count: int = 200) -> Midline:
 
 
 def _brightness(image: Image) -> Image:
+    """Brightness (h, w) of an image (h, w) or (h, w, 3): its strongest channel."""
     return cast(Image, image.max(axis=2) if image.ndim == 3 else image)
 
 

@@ -1,4 +1,4 @@
-"""Agreement of a strip with the model: fits a simulated rod to profiles measured in images."""
+"""Agreement of a strip with its model: fits a simulated rod to profiles measured in images."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -25,10 +25,10 @@ TOUCH_MARGIN = 0.03  # s before the touch without images: the layers hide each o
 
 
 class MeasuredFold(NamedTuple):
-    """Measured gripper path and strip profiles of one fold.
+    """Gripper path and strip profiles of one fold, measured from the rest to the layers' touch.
 
-    Gripper `poses` (m, 3) at times `t` (m,) [s] from the rest to the touch; `profile`
-    (k, POINTS, 2) [m] at the stamps `stamp` (k,) [s], the take-over to just before the touch.
+    Gripper `poses` (m, 3) at times `t` (m,) [s]; `profile` (k, POINTS, 2) [m] at the stamps `stamp`
+    (k,) [s], from the take-over to just before the touch.
     """
 
     t: Array
@@ -38,18 +38,18 @@ class MeasuredFold(NamedTuple):
 
     @classmethod
     def until(cls, touch: float, t: Array, poses: Array, stamp: Array, profile: Array) -> Self:
-        """Measured fold up to the `touch` [s], from poses (m, 3) and profiles (k, POINTS, 2)."""
+        """Select what lies before `touch` [s] of poses (m, 3) and profiles (k, POINTS, 2)."""
         seen = (stamp < touch - TOUCH_MARGIN) & np.isfinite(profile).all(axis=(1, 2))
         before = t <= touch
         return cls(t[before], poses[before], stamp[seen], profile[seen])
 
     @property
     def usable(self) -> bool:
-        """Whether there are enough images for a comparison."""
+        """Whether the fold has enough images to fit a rod to it."""
         return len(self.t) > 1 and len(self.stamp) >= BINS * FEWEST_IMAGES
 
     def bin_curves(self, curves: Array) -> Array:
-        """Robust average (BINS, POINTS, 2) of `curves` (k, POINTS, 2) in each bin; NaN where few.
+        """Robust mean (BINS, POINTS, 2) of `curves` (k, POINTS, 2) in each time bin; NaN where few.
 
         A linear motion is removed before the median, which would otherwise rest on the few images
         in the bin's middle.
@@ -66,7 +66,7 @@ class MeasuredFold(NamedTuple):
 
     @property
     def noise(self) -> float:
-        """Noise [m] of a point of `bin_curves`, root mean square along x and z together."""
+        """Noise [m] of a point of a binned profile: root mean square of x and z together."""
         steps = np.abs(np.diff(self.profile, n=2, axis=0))  # removes a uniform motion
         sigma = MAD * np.median(steps, axis=0) / np.sqrt(6.0)  # variances of 1, -2, 1 add to 6
         variance_share = 0.5 * np.pi * BINS / len(self.stamp)  # of a median of a bin's images
@@ -74,10 +74,11 @@ class MeasuredFold(NamedTuple):
 
     @property
     def spacing(self) -> float:
-        """Time [s] from one bin to the next."""
+        """Time [s] between neighbouring bins of the profiles."""
         return float(self.stamp[-1] - self.stamp[0]) / BINS
 
     def _bins(self) -> NDArray[np.intp]:
+        """Number (k,) of the time bin to which each profile belongs."""
         share = (self.stamp - self.stamp[0]) / max(self.stamp[-1] - self.stamp[0], 1e-9)
         place: NDArray[np.intp] = np.minimum((BINS * share).astype(np.intp), BINS - 1)
         return place
@@ -98,7 +99,7 @@ IMAGE_SIGMAS = np.array([BIAS_SIGMA, BIAS_SIGMA, BIAS_SIGMA, STAMP_SIGMA])
 
 
 class AgreementLimits(Settings):
-    """Largest `residual` [m] and `yield_curvature` [1/m] of a fold that behaves like the model.
+    """Largest `residual` [m] and `yield_curvature` [1/m] of a strip that behaves like its model.
 
     Written by `python -m tests.lab study agreement`: a `share` of such folds stays below.
     """
@@ -114,13 +115,13 @@ class AgreementLimits(Settings):
 
 @cache
 def agreement_limits() -> AgreementLimits:
-    """Load the limits of agreement that ship with the package."""
+    """Load the limits of a strip's agreement with its model that ship with the package."""
     return load(LIMITS, AgreementLimits)
 
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Result of fitting a rod to a fold: rms `residual` [m] and fitted `yield_curvature` [1/m].
+    """Fit of a rod to a measured fold: rms `residual` [m] and fitted `yield_curvature` [1/m].
 
     The residual is that of the profiles, beyond the noise of the images.
     """
@@ -135,7 +136,7 @@ class Agreement:
         return self.residual <= most.residual and self.yield_curvature <= most.yield_curvature
 
     def sentence(self) -> str:
-        """Text for the operator: the problem and its remedy."""
+        """Text for the operator: whether the strip behaves like its model, and what to do."""
         if self.like_model:
             return f"the strip behaves like the model, within {1e3 * self.residual:.1f} mm"
         return (
@@ -144,6 +145,7 @@ class Agreement:
         )
 
     def _why(self) -> str:
+        """Text that names the value beyond its limit."""
         most, off, friction = agreement_limits(), 1e3 * self.residual, self.yield_curvature
         if self.residual > most.residual:
             return f"its profile is {off:.1f} mm off, up to {1e3 * most.residual:.1f} mm are usual"
@@ -153,7 +155,7 @@ class Agreement:
 
 
 def agreement(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -> Agreement | None:
-    """Fit a rod like `strip` to a measured `fold`, starting from the `predicted` parameters.
+    """Fit a rod like `strip` to a measured `fold`, from the policy's `predicted` parameters.
 
     The parameters stay near their predicted intervals; a constant bias of the images and an error
     of their stamps are fitted too. None where too little was measured, or where the rod cannot
@@ -187,7 +189,7 @@ def _fit_strip(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) 
 
 
 def simulate_profiles(models: list[StripModel], fold: MeasuredFold) -> Array | None:
-    """Binned profiles (n, BINS, POINTS, 2) of `models` on the path of `fold`; None if one fails."""
+    """Binned profiles (n, BINS, POINTS, 2) [m] of `models` on the path of `fold`; None if lost."""
     curves = [_simulate_profile(model, fold) for model in models]
     return None if any(curve is None for curve in curves) else np.array(curves)
 
@@ -253,8 +255,5 @@ def _model(strip: StripFile, at: Array) -> StripModel:
 
 
 def _unknowns(length: float, time: float, friction: float) -> Array:
-    """The fit's parameters (3,) of a bending length [m], a retardation time [s] and friction [1/m].
-
-    ln length, ln time, ln(1 + friction / YIELD_UNIT).
-    """
+    """ln length [m], ln time [s], ln(1 + friction [1/m] / YIELD_UNIT): unknowns (3,) of the fit."""
     return np.array([np.log(length), np.log(time), np.log1p(friction / YIELD_UNIT)])

@@ -1,4 +1,4 @@
-"""Measurement of the strip in one camera frame."""
+"""Measurement of one strip in camera frames: desk contact, profile, fold tip, gap of layers."""
 
 from dataclasses import dataclass
 
@@ -33,7 +33,7 @@ FEWEST_POINTS = 8  # of the lifted midline, from which it is a profile
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """The lifted midline (n, 2) [m] from contact to gripper, and the visible share of it."""
+    """Midline `points` (n, 2) [m] of the lifted strip, contact to gripper, and its `confidence`."""
 
     points: Array
     confidence: float
@@ -43,7 +43,7 @@ UNSEEN = Curve(np.empty((0, 2)), 0.0)
 
 
 class Perception:
-    """Measures one strip in frames of one calibrated camera; has no state between frames."""
+    """Measures one strip in the frames of one calibrated camera; has no state between frames."""
 
     def __init__(
         self,
@@ -70,7 +70,7 @@ class Perception:
         self._rest = appearance.rest_height
         self._contact_bias = settings.contact_bias + calibration.contact_bias
 
-    def look(self, frame: Frame, gripper: Pose) -> StripMeasurement:
+    def measure(self, frame: Frame, gripper: Pose) -> StripMeasurement:
         """Measure the strip in `frame`; `gripper` is the measured pose at the frame's stamp.
 
         Never raises because of an image: what is not seen is NaN with confidence 0.
@@ -107,10 +107,7 @@ class Perception:
     def _levels(
         self, frame: Frame, gripper: Pose, around: float = 0.0
     ) -> tuple[Image, Image, Region]:
-        """Matte levels (h, w), smoothed matte levels, and the image region that both cover.
-
-        `around` [m] is masked around the hand too.
-        """
+        """Matte levels (h, w), smoothed ones, their region; `around` the hand [m] is masked."""
         region = strip_region(self._calibration, self._strip.length, gripper, CELL_PX)
         visible = without_hand(region, self._calibration, gripper)
         if around > 0:
@@ -120,6 +117,7 @@ class Perception:
         return levels, smooth_matte(levels), region
 
     def _mask(self, smooth: Image, region: Region) -> Image:
+        """Mask (h, w) of the strip, 255 inside, from smoothed matte levels (h, w) of `region`."""
         zone, high = region.of(self._zone), region.of(self._above_shadow)
         return silhouette(smooth, self._faint, zone, high, self._sizes.hanging)
 

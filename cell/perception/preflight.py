@@ -1,4 +1,4 @@
-"""Check of one image before grasping: the right strip lies there, flat and well visible."""
+"""Checks of the image before the grasp: the right strip lies there, flat and well visible."""
 
 from dataclasses import dataclass
 
@@ -10,20 +10,20 @@ from calibration.landmarks import CameraShift, LandmarkSettings
 from cell.perception.kernels import ZERO_LEVEL, Floats, smooth_matte
 from cell.perception.length_checks import BY_HAND, LengthCheck
 from cell.perception.region import Region, motion_mask
-from cell.perception.resting import (
+from cell.perception.resting_strip import (
     Samples,
     Underside,
     inner_pixels,
     resting_line,
     sample_scene,
-    shares_along,
+    strip_shares,
     underside,
 )
 from cell.perception.scene import (
     DESK_SHADE,
     Appearance,
     Segmenter,
-    learn,
+    learn_segmenter,
     resting_place,
     sensor_noise,
     separation,
@@ -47,7 +47,7 @@ BLOT_SIZE = 61  # px, window in which pixels like the strip are counted
 
 @dataclass(frozen=True, slots=True)
 class PreflightCheck:
-    """Result of one named check: the finding, the remedy for a failure, the lengths compared."""
+    """Result of one check before the grasp: `reason` is its finding, `remedy` is for a failure."""
 
     name: str
     passed: bool
@@ -56,7 +56,7 @@ class PreflightCheck:
     witness: LengthCheck | None = None
 
     def sentence(self) -> str:
-        """The check as text for the operator: its name, the finding, the remedy."""
+        """Text for the operator: name of the check, its finding, its remedy."""
         return f"{self.name}: {self.reason}; {self.remedy}"
 
 
@@ -73,7 +73,7 @@ def _check_size(image: Image, calibration: Calibration) -> PreflightCheck:
 
 
 def check_scope(strip: StripFile) -> tuple[PreflightCheck, ...]:
-    """Check whether images are read of strips as wide and as thick as `strip`."""
+    """Check whether perception is validated for a strip as wide and as thick as `strip`."""
     return tuple(
         PreflightCheck(
             key,
@@ -108,11 +108,11 @@ def _check_desk(scene: Segmenter, desk: Array, settings: PerceptionSettings) -> 
 def _check_solid(
     levels: Image, calibration: Calibration, strip: StripFile, rise: float
 ) -> PreflightCheck:
-    """Check whether every part of the strip stands out from the desk in `levels` (h, w).
+    """Check whether every part of the strip stands out from the desk in the matte (h, w).
 
-    These are the smoothed matte; the strip's midline rests at a height `rise` [m].
+    The strip's midline rests at a height `rise` [m].
     """
-    least = float(np.quantile(shares_along(levels, calibration, strip, rise), 0.05))
+    least = float(np.quantile(strip_shares(levels, calibration, strip, rise), 0.05))
     return PreflightCheck(
         "solid",
         least >= SOLID,
@@ -218,7 +218,7 @@ def _heaviest(alike: Floats) -> Array:
 
 
 def camera_check(shift: CameraShift, settings: LandmarkSettings) -> PreflightCheck:
-    """Check whether the `shift` of the landmarks shows that the camera has been moved."""
+    """Check whether the camera was moved, by the apparent `shift` of its landmarks."""
     seen = np.isfinite([shift.x, shift.z]).all()
     desk = f", the desk's line by {shift.desk:+.1f} mm" if np.isfinite(shift.desk) else ""
     moved = f"the gripper appears moved by x {shift.x:+.1f}, z {shift.z:+.1f} mm{desk}"
@@ -235,7 +235,7 @@ MARGINS = (0.005, 0.002)  # m about the resting strip: before its height is know
 
 @dataclass(frozen=True, slots=True)
 class Preflight:
-    """Checks of one image, and the `appearance` learnt from it, None where no strip is visible."""
+    """Checks of one image, and the `appearance` learnt from it; None where no strip is visible."""
 
     checks: tuple[PreflightCheck, ...]
     appearance: Appearance | None
@@ -266,7 +266,7 @@ def inspect(
     for margin in MARGINS:
         place = resting_place(calibration, strip, rise, margin)
         inner = inner_pixels(image, calibration, strip, rise)
-        scene = learn(image, noise, inner, calibration, strip, place)
+        scene = learn_segmenter(image, noise, inner, calibration, strip, place)
         levels = smooth_matte(_levels(scene, image))
         lying = underside(levels, calibration, strip)
         rise = float(np.median(lying.z[lying.present])) if lying.present.any() else rise

@@ -1,4 +1,4 @@
-"""Midline in the plane of the near edge from the strip's borders in the image."""
+"""Midline of the lifted strip, in the plane of its near edge, from its borders in an image."""
 
 from dataclasses import dataclass
 
@@ -40,7 +40,7 @@ class Crossings:
 
 
 def crossings(levels: Image, side: Side, band: Array, sizes: Sizes) -> Crossings:
-    """Find the strip's borders on a line across each point of `side` in matte `levels` (h, w).
+    """Find both borders of the strip on a line across each point of `side`, its outline.
 
     `band` (n,) [px] is how wide geometry says the band is there. A border lies where the share
     passes half of the strongest one within the band, kept within PLATEAU.
@@ -88,7 +88,7 @@ KERNEL = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35  # parabola through five 
 
 @dataclass(frozen=True, slots=True)
 class Geometry:
-    """Imaging geometry of a strip: thickness and width [m], and `origin` (2,) [px] of a window."""
+    """Imaging geometry of a strip: thickness, width [m], and `origin` (2,) [px] of the window."""
 
     calibration: Calibration
     thickness: float
@@ -97,19 +97,19 @@ class Geometry:
     sizes: Sizes
 
     def plane(self, pixels: Array) -> Array:
-        """Points (n, 2), x and z [m], in the plane of the near edge from window pixels (n, 2)."""
+        """Convert window pixels (n, 2) to points (n, 2) x, z [m] in the plane of the near edge."""
         return self.calibration.to_plane(pixels + self.origin)
 
     @property
     def sweep(self) -> float:
-        """Apparent shift of the far edge, as a share of the distance to the camera's foot point."""
+        """Ratio of the far edge's apparent shift to its distance from the camera's foot point."""
         return self.calibration.viewpoint.sweep(self.width)
 
 
 def midline_points(
     levels: Image, side: Side, geometry: Geometry, spacing: float
 ) -> tuple[Array, float]:
-    """Midline (m, 2) [m] in order, some `spacing` [m] apart, by the strip's outer side in `levels`.
+    """Midline (m, 2) [m] of the lifted strip, `spacing` [m] apart, from its outer side.
 
     Also returns the share of the side's points at which the band in the matte levels (h, w) is as
     wide as geometry says. The outer side is the near edge where it faces away from the foot, the

@@ -1,4 +1,4 @@
-"""Image region in which the strip can appear, the hand's mask, and sizes in a camera's pixels."""
+"""Image regions in which the strip can appear, the hand's mask, and sizes in pixels."""
 
 from dataclasses import dataclass
 from typing import Self, TypeVar
@@ -20,7 +20,7 @@ PROBE_DEPTH = 0.014
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
-    """Lengths on the strip in pixels of one camera with a resolution of `scale` [m/px]."""
+    """Sizes [px] of windows and gaps on the strip, for a camera that resolves `scale` [m/px]."""
 
     scale: float  # m/px
     light: int  # patches (odd) over whose median light is read: a strip covers less than half
@@ -31,9 +31,9 @@ class Sizes:
 
     @classmethod
     def at_patch(cls, calibration: Calibration, patch: int) -> Self:
-        """Sizes for the camera of `calibration`; brightness is read by patches, `patch` [px] wide.
+        """Sizes for the camera of `calibration`; its brightness is read in patches of `patch` [px].
 
-        At least what a strip of two pixels needs, however coarse the camera is.
+        Windows are at least what a strip of two pixels needs, however coarse the camera is.
         """
         scale = metres_per_pixel(calibration)
         return cls(
@@ -54,6 +54,7 @@ def metres_per_pixel(calibration: Calibration) -> float:
 
 
 def _odd(size: float) -> int:
+    """Odd whole number nearest to `size`."""
     return 2 * round((size - 1) / 2) + 1
 
 
@@ -72,7 +73,7 @@ HAND_SIZE = (0.60, 0.100)  # m: hand and wrist
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """A rectangle of the image [px]: first column and row, and one past the last."""
+    """Rectangle of an image [px]: first column and row, and one past the last."""
 
     left: int
     top: int
@@ -81,29 +82,29 @@ class Region:
 
     @classmethod
     def whole(cls, image: Image) -> Self:
-        """Region of the full `image` (height, width, ...)."""
+        """Region that covers all of `image` (height, width, ...)."""
         return cls(0, 0, image.shape[1], image.shape[0])
 
     @property
     def origin(self) -> Array:
-        """Image point (2,) [px] of the region's first pixel."""
+        """Image point (2,) u, v [px] of the region's first pixel."""
         return np.array([self.left, self.top], dtype=np.float64)
 
     def of(self, image: NDArray[T]) -> NDArray[T]:
-        """View of the part of `image` (height, width, ...) within the region."""
+        """View of the pixels of `image` (height, width, ...) within the region."""
         return image[self.top : self.bottom, self.left : self.right]
 
     def cells(self, cell: int) -> tuple[int, int]:
-        """Number of rows and columns of cells, `cell` [px] wide, that cover the region."""
+        """Numbers of rows and columns of cells, `cell` [px] wide, that cover the region."""
         height, width = self.bottom - self.top, self.right - self.left
         return -(-height // cell), -(-width // cell)  # rounded up
 
 
 def strip_region(calibration: Calibration, length: float, gripper: Pose, cell: int) -> Region:
-    """Region in which a strip of `length` [m] can appear, in whole cells of `cell` [px].
+    """Region of the image in which a strip of `length` [m], held at `gripper`, can appear.
 
-    The strip is fixed at x = 0 and held by the gripper: the region ends on the right half way
-    between its length and the gripper.
+    It covers whole cells of `cell` [px]. The strip is fixed at x = 0: the region ends on the right
+    half way between its length and the gripper.
     """
     top = max(gripper.z + ABOVE_GRIPPER, FOLD)
     right = float(np.clip((length + gripper.x) / 2, length / 2, length)) + BEYOND
@@ -118,9 +119,9 @@ def strip_region(calibration: Calibration, length: float, gripper: Pose, cell: i
 
 
 def motion_mask(calibration: Calibration, length: float) -> Image:
-    """Mask (height, width) of the background along the motion of a strip, `length` [m] long.
+    """Mask (height, width), 255 where background shows along the motion of a strip of `length` [m].
 
-    Above the desk; where the hand waits before the grasp only the low part.
+    Only above the desk, and below the hand that waits for the grasp.
     """
     start, middle, end, top = (share * length for share in SWEPT)
     outline = [(start, LOW_HEIGHT), (end, LOW_HEIGHT), (end, HIGH_HEIGHT)]
@@ -144,7 +145,7 @@ def _fill(calibration: Calibration, corners: Array) -> Image:
 
 
 def without_hand(region: Region, calibration: Calibration, gripper: Pose) -> Image:
-    """Mask (h, w) of `region`, 0 where the hand may hide the strip and 255 elsewhere."""
+    """Mask (h, w) of `region`, 0 where the hand at `gripper` may hide the strip, else 255."""
     approach = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
     aside = np.array([-approach[1], approach[0]])
     (finger, slim), (hand, wide) = FINGER_SIZE, HAND_SIZE

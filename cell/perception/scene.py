@@ -1,4 +1,4 @@
-"""Appearance learnt before a fold: colours of the strip, the background, their separation."""
+"""Appearance learnt before a fold: colours of the strip, background, separation of both."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +21,7 @@ from cell.perception.kernels import (
     segment,
 )
 from cell.perception.region import Region, Sizes, motion_mask
-from cell.perception.resting import face_height
+from cell.perception.resting_strip import face_height
 from drivers.strip.file import StripFile
 from drivers.types import Array, Image, frozen
 
@@ -50,12 +50,12 @@ def palette(samples: Array) -> Array:
 
 
 def match_none(samples: Array, colours: Array) -> NDArray[np.bool_]:
-    """Mask (n,) of the samples (n, 3) that match none of the colours (k, 3)."""
+    """Mask (n,) of the samples (n, 3) that resemble none of the colours (k, 3)."""
     return np.asarray(colour_distances(samples, colours).min(axis=1) > OTHER_COLOUR)
 
 
 def colour_distances(samples: Array, colours: Array) -> Array:
-    """Distances (n, k) [sigma] of `samples` from `colours`; brightness counts less than colour."""
+    """Distances (n, k) [sigma] of samples (n, 3) from colours (k, 3), less for brightness."""
     away = samples[:, None] - colours
     bright = colours / np.maximum(np.linalg.norm(colours, axis=1), 1.0)[:, None]
     along = (away * bright).sum(axis=2)
@@ -93,7 +93,7 @@ LIFTED_SHADE, DESK_SHADE = 0.06, 0.15  # shares of brightness by which evened li
 
 @dataclass(frozen=True, slots=True)
 class Background:
-    """The scene without the strip: `image` (height, width, 3) BGR of the whole picture.
+    """Image of the scene without the strip: `image` (height, width, 3) BGR of the whole picture.
 
     `shade` (height, width) is the share of brightness by which the light may still differ after
     it was evened out: more on the desk, where the strip throws its own shadow. Light is the median
@@ -105,7 +105,7 @@ class Background:
     about: int
 
     def light(self, image: Image, region: Region, visible: Image) -> Floats:
-        """Relative brightness (n + 2, m + 2) of the cells of `region` and a border of one cell.
+        """Relative brightness (n + 2, m + 2) of the cells of `region`, with a border of one cell.
 
         EVEN_LIGHT where unchanged since preflight. Shadow and flicker are smooth, a strip is thin:
         the median over a neighbourhood is light only. Pixels where `visible` (h, w) is 0, such as
@@ -138,7 +138,7 @@ class Background:
 
 @dataclass(frozen=True, slots=True)
 class RestingPlace:
-    """Rectangle [m] in the plane of the near edge in which the resting strip appears.
+    """Rectangle [m], in the plane of the near edge, in which the resting strip appears.
 
     From x = 0 to `length`, between the heights `low` and `high`, its blur and shadow included; its
     midline lies `rise` over the desk's.
@@ -153,7 +153,7 @@ class RestingPlace:
 def learn_background(
     image: Image, calibration: Calibration, place: RestingPlace, about: int
 ) -> Background:
-    """Background of `image` (height, width, 3), with the strip at `place` interpolated over."""
+    """Background of `image` (height, width, 3), interpolated where the strip lies at `place`."""
     x = np.linspace(0.0, place.length + END_MARGIN, 60)
     ends = calibration.to_image(np.column_stack([x[[0, -1]], [0.0, 0.0]]))[:, 0]
     columns = np.arange(max(int(ends[0]), 0), min(int(ends[1]) + 1, image.shape[1] - 1))
@@ -189,11 +189,10 @@ SCALE_ENDS = (20, 235)  # grey levels beyond which a camera clips its noise
 
 @dataclass(frozen=True, slots=True)
 class Segmenter:
-    """Segmentation model of a scene: `colours` (k, 3) BGR of the strip, and the `background`.
+    """Segments the strip from its background, by `colours` (k, 3) BGR of the strip.
 
-    `sensor` [grey levels] is the noise of a pixel's difference from the background, `smooth` what
-    is left of it where borders are read, `noise` that of the pixel's share of strip: standard
-    deviations.
+    `sensor` [grey levels] is the standard deviation of a pixel's difference from the background,
+    `smooth` the same after smoothing, `noise` that of a pixel's share of strip.
     """
 
     colours: Array
@@ -249,17 +248,17 @@ class Segmenter:
         return np.asarray(cells)
 
     def separation(self, where: Image) -> Floats:
-        """Separation (k, n) [sigma] of the k colours from the background in the mask's n pixels."""
+        """Separation (k, n) [sigma] of the k strip colours from the mask's n pixels."""
         scene, shade = self.background.image[where > 0], self.background.shade[where > 0]
         return np.stack([separation(c, scene, shade, self.smooth) for c in self.colours])
 
 
 def separation(colour: Array, scene: Array | Image, shade: Floats, sensor: float) -> Floats:
-    """Separation (n,) of `colour` (3,) from scene colours (n, 3), in standard deviations."""
+    """Separation (n,) [sigma] of `colour` (3,) from the background colours `scene` (n, 3)."""
     return np.sqrt(discriminants(_floats(colour), _floats(scene), shade, sensor**2)[0])
 
 
-def learn(
+def learn_segmenter(
     image: Image,
     noise: float,
     samples: Array,
@@ -267,7 +266,7 @@ def learn(
     strip: StripFile,
     place: RestingPlace,
 ) -> Segmenter:
-    """Learn the segmentation model from `image` (h, w, 3) with the strip at `place`.
+    """Learn to segment the strip, from an `image` (h, w, 3) in which it lies at `place`.
 
     `samples` (n, 3) are pixels of the strip, `noise` [grey levels] is that of the image.
     """
@@ -283,7 +282,7 @@ def learn(
 def resting_place(
     calibration: Calibration, strip: StripFile, rise: float, margin: float
 ) -> RestingPlace:
-    """Place where `strip` rests, its midline `rise` [m] over the desk's, with a `margin` [m]."""
+    """Rectangle of `strip` at rest `rise` [m] above the desk, with a `margin` [m] around it."""
     half = strip.thickness / 2
     top = half + face_height(calibration, strip)
     return RestingPlace(strip.length, rise, rise - half - margin, rise + top + margin)
@@ -320,12 +319,13 @@ def _share_noise(colours: Array, background: Image, smooth: float) -> float:
 
 
 def _floats(values: Array | Image | Floats) -> Floats:
+    """Contiguous copy of `values` in single precision, as the kernels take them."""
     return np.ascontiguousarray(values, dtype=np.float32)
 
 
 @dataclass(frozen=True, slots=True)
 class Appearance:
-    """Appearance model learnt before a fold: the `scene`, and the `rest` line of the strip in it.
+    """Appearance learnt before a fold: segmentation of the `scene`, and the strip's `rest` line.
 
     `rest` (k,) are polynomial coefficients, constant first, of the resting midline's height [m]
     over x [m] as the homography maps it.

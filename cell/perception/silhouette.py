@@ -1,4 +1,4 @@
-"""Silhouette of the strip, and its outer side in order from the desk to the gripper."""
+"""Mask of the strip in an image, and its outer side in order from desk contact to gripper."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -26,10 +26,10 @@ Outline = NDArray[np.int32]
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """Outer side of the strip in order from the desk contact to the gripper.
+    """Outer side of the strip in the image window, in order from desk contact to gripper.
 
-    `points` (n, 2) [px] in the window, unit `normals` (n, 2) out of the strip; `missing` [px]
-    between its end and the grip.
+    `points` (n, 2) [px], unit `normals` (n, 2) out of the strip; `missing` [px] from its end to the
+    grip.
     """
 
     points: Array
@@ -51,7 +51,7 @@ class Grip:
     aside: float
 
     def cuts(self, outline: Array) -> NDArray[np.bool_]:
-        """Mask (n,) of the points (n, 2) of an outline that the fingers cover."""
+        """Mask (n,) of the points of an `outline` (n, 2) [px] that the fingers cover."""
         away = outline - self.point
         along = away @ self.approach
         aside = np.abs(away @ np.array([-self.approach[1], self.approach[0]]))
@@ -59,7 +59,7 @@ class Grip:
 
 
 def silhouette(levels: Image, faint: float, strip: Image, lifted: Image, length: int) -> Image:
-    """Mask (h, w) of the strip from smoothed matte `levels` (h, w), with one threshold per zone.
+    """Mask (h, w) of the strip, 255 inside, from smoothed matte `levels` (h, w).
 
     The share of strip is SOLID in the zone `strip`, `faint` in its part `lifted`: on the backdrop
     there is no shadow, and an edge-on strip is fainter than its colour. Averaging over `length`
@@ -68,22 +68,22 @@ def silhouette(levels: Image, faint: float, strip: Image, lifted: Image, length:
     solid, least = (round(ZERO_LEVEL + LEVEL_SPAN * share) for share in (SOLID, faint))
     reach = length // 2
     wide = cv2.copyMakeBorder(levels, reach, reach, reach, reach, cv2.BORDER_REPLICATE)
-    return silhouette_of(wide, strip, lifted, lines(length), solid, least)
+    return silhouette_of(wide, strip, lifted, line_offsets(length), solid, least)
 
 
 @lru_cache
-def lines(length: int) -> Offsets:
-    """Rows and columns (k, n, 2) [px] of lines at the angles of SLANTS, of n = `length` points."""
+def line_offsets(length: int) -> Offsets:
+    """Offsets (k, n, 2), row and column [px], of the n = `length` points on lines at SLANTS."""
     steps = np.arange(length) - length // 2
     ways = [(np.cos(angle), np.sin(angle)) for angle in np.radians(SLANTS)]
     return np.rint(steps[None, :, None] * np.array(ways)[:, None]).astype(np.int64)
 
 
 def outer_side(mask: Image, contact: Array, grip: Grip, step: int, sizes: Sizes) -> Side | None:
-    """Outer side of the silhouette from `contact` (2,) [px] to the grip, a point every `step`.
+    """Outer side of the strip in `mask` (h, w), from `contact` (2,) [px] to the grip.
 
-    With the strip on its left the outline runs from under the contact around the fold, up to the
-    fingers. None where no region of strip is seen at the contact.
+    A point every `step` [px]. With the strip on its left the outline runs from under the contact
+    around the fold, up to the fingers. None where no region of strip is seen at the contact.
     """
     outline = _body(mask, contact, grip.point, sizes)
     if outline is None:
@@ -125,7 +125,7 @@ def _body(mask: Image, contact: Array, gripper: Array, sizes: Sizes) -> Array | 
     body = _nearest(outlines, contact)
     if _bridge_regions(mask, body, outlines, gripper, sizes.bridge):
         body = _nearest(_outlines(mask), contact)
-    for here, there in _breaks(body, sizes.bridge):
+    for here, there in _facing_tips(body, sizes.bridge):
         cv2.line(mask, here.tolist(), there.tolist(), 255, 1)
         body = _nearest(_outlines(mask), contact)
     if len(body) < 4 * AVERAGE:
@@ -163,21 +163,19 @@ def _outlines(mask: Image) -> list[Outline]:
 
 
 def _nearest(outlines: list[Outline], point: Array) -> Outline:
+    """Outline that comes nearest to `point` (2,) [px]."""
     return min(outlines, key=lambda outline: float(np.hypot(*(outline - point).T).min()))
 
 
-def _breaks(outline: Outline, longest: float) -> list[tuple[Outline, Outline]]:
-    """Pairs of an outline's tips (2,) that point at each other over a break of the strip.
-
-    Over less than `longest` [px].
-    """
+def _facing_tips(outline: Outline, longest: float) -> list[tuple[Outline, Outline]]:
+    """Pairs of an outline's tips (2,) [px] that face each other over less than `longest` [px]."""
     tips, directions = _tips(outline)
     found = []
     for i, j in combinations(range(len(tips)), 2):
         across = (tips[j] - tips[i]).astype(np.float64)
         length = float(np.hypot(*across))
-        facing = min(directions[i] @ across, -(directions[j] @ across)) > FACING * length
-        if 0.0 < length < longest and facing:
+        aligned = min(directions[i] @ across, -(directions[j] @ across))  # px, cosine times length
+        if 0.0 < length < longest and aligned > FACING * length:
             found.append((tips[i], tips[j]))
     return found
 

@@ -15,9 +15,9 @@ from drivers.yaml_text import dump_yaml, parse_yaml
 
 
 def plain(value: object) -> Any:
-    """Convert `value` to text, numbers, lists and mappings; a non-finite number becomes None.
+    """Convert `value` to text, numbers, lists, mappings; TypeError for other objects.
 
-    Raises TypeError for anything that has no plain form.
+    A number that is not finite becomes None.
     """
     return to_jsonable_python(value, inf_nan_mode="null", fallback=_plain_array)
 

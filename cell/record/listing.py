@@ -254,10 +254,7 @@ def _size(folder: Path) -> int:
 
 
 def _start_time(folder: Path) -> datetime:
-    """Time in the name of `folder`; for another name, that at which its run.yaml was written.
-
-    1970 where neither is a time of the calendar.
-    """
+    """Time in the name of `folder`, else that of writing its run.yaml, 1970 for no such time."""
     stamp = BEGAN.match(folder.name)
     with suppress(ValueError):
         if stamp is not None:

@@ -5,12 +5,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache, wraps
 from html import escape
+from math import nan
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+import numpy as np
 import pyarrow as pa
 
 from calibration.calibration import Calibration, load_calibration
+from cell.perception.measurement import StripMeasurement
 from cell.record.columns import Profile, Sights, Ticks
 from cell.record.events import Event, origin_of, read_events
 from cell.record.files import (
@@ -128,6 +131,29 @@ class Run:
             return Sights.parse(assemble(self.folder).sights, str(self.folder / SIGHT_STREAM))
         return Sights.none()
 
+    def measurements(self) -> list[StripMeasurement]:
+        """Measurements of the strip, one per image; of a laboratory's run its profiles alone."""
+        sights, curves = self.sights(), self.profile.curves()
+        if sights.stamp.size == 0:
+            return [
+                StripMeasurement(t, 0, nan, 0.0, p, 1.0, (nan, nan), nan, nan) for t, p in curves
+            ]
+        points_at = dict(curves)
+        return [
+            StripMeasurement(
+                stamp=float(stamp),
+                sequence=int(sights.sequence[i]),
+                contact_x=float(sights.contact_x[i]),
+                contact_confidence=float(sights.contact_confidence[i]),
+                profile=points_at.get(float(stamp), np.empty((0, 2))),
+                profile_confidence=float(sights.profile_confidence[i]),
+                tip=(float(sights.tip_x[i]), float(sights.tip_z[i])),
+                gap=float(sights.gap[i]),
+                gap_x=float(sights.gap_x[i]),
+            )
+            for i, stamp in enumerate(sights.stamp)
+        ]
+
     @_cached_part(lambda: frozen([]))
     def costs(self) -> Array:
         """Computing time of each cycle of the loop (n,) [s]; empty where not recorded."""
@@ -190,10 +216,7 @@ def read_broken_run(folder: Path) -> Run:
 
 
 def read_result(folder: Path) -> Result | None:
-    """Read the result of the run in `folder`; None where none was written.
-
-    Raises ConfigurationError for one that cannot be read.
-    """
+    """Read the result of the run in `folder`, None without; ConfigurationError for a broken one."""
     path = folder / RESULT
     return load(path, Result, bare=True) if path.exists() else None
 

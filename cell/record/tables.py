@@ -70,10 +70,7 @@ class Tick:
 
 
 class StreamFile:
-    """Arrow stream being written; `append` returns once the operating system has the row.
-
-    Raises OSError when the disk refuses.
-    """
+    """Arrow stream being written; `append` returns when the system has the row, or OSError."""
 
     def __init__(self, path: Path, schema: pa.Schema) -> None:
         self._row = pa.struct(list(schema))
@@ -159,10 +156,7 @@ class Tables:
 
 
 def assemble(folder: Path) -> Tables:
-    """Make the tables of a run from its streams, complete or truncated.
-
-    Raises ConfigurationError when a stream cannot be read or was changed after the run.
-    """
+    """Make the tables of a run from its streams, even truncated; ConfigurationError if changed."""
     begin = lift_time(folder)
     ticks = _from_time(begin, read_stream(folder / TICK_STREAM, TICK_ROWS), "t")
     sights = _from_time(begin, read_stream(folder / SIGHT_STREAM, SIGHT_ROWS), "stamp")

@@ -1,1 +1,1 @@
-"""Reports of a run: a self-contained page; `viz` shows runs and wizards in Rerun."""
+"""Self-contained HTML pages on runs and calibrations; `viz` shows runs and wizards in Rerun."""

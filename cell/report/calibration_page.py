@@ -1,4 +1,4 @@
-"""HTML pages of a calibration and of its wizard's session: quality, and the plane in the image."""
+"""HTML pages of a calibration and of a wizard's session: error, and the plane in an image."""
 
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from calibration.wizard.session import PICTURE_FILE, VERDICT_FILE
 from cell.record.files import CALIBRATION, REPORT
 from cell.report.html import jpeg_text, page
 from cell.report.overlay import KeyPicture
-from cell.report.verdict import Verdict
+from cell.report.verdict import PageVerdict
 from cell.report.words import millimetres, milliseconds
 from drivers.files import write_file
 from drivers.readers import read_picture, read_yaml
@@ -28,17 +28,35 @@ SCALE_STEP = 1e-3  # m, over which the scale of the image is taken
 
 
 def write_calibration_report(path: Path) -> Path:
-    """Write the page of the calibration file at `path` beside it, and return its path.
+    """Write the HTML page of the calibration file at `path` beside it; returns the page's path.
 
     Raises ConfigurationError for a file that is no calibration, or a folder that cannot be written.
     """
+    calibration = load_calibration(path)
+    good = calibration.residual_mm <= GOOD_RESIDUAL and not calibration.accepted_anyway
+    said = PageVerdict(
+        "good" if good else "bad",
+        "Touched points lie where the image shows them" if good else "Use it with care",
+        (f"It was made on {calibration.date[:10]} and has the id {calibration.id}.",),
+        f"{calibration.residual_mm:.2f} mm",
+        "rms at points kept back",
+    )
     made = path.with_suffix(".html")
-    write_file(made, calibration_report(path))
+    text = _page(
+        f"calibration {calibration.id}",
+        calibration,
+        path.parent,
+        kicker="Calibration of a camera",
+        name=path.name,
+        said=said,
+        refused=[f"The wizard refused it: {reason}" for reason in calibration.accepted_anyway],
+    )
+    write_file(made, text)
     return made
 
 
 def write_session_page(folder: Path) -> Path:
-    """Write the page of a wizard's session into its `folder`, and return its path.
+    """Write the HTML page of a wizard's session into its `folder`; returns the page's path.
 
     Raises ConfigurationError for a folder without a verdict, or one that cannot be written.
     """
@@ -46,7 +64,7 @@ def write_session_page(folder: Path) -> Path:
     passed = bool(verdict.get("passed", verdict.get("accepted")))
     lines = [str(line) for line in verdict.get("lines", ())]
     made = folder / CALIBRATION
-    said = Verdict("good" if passed else "bad", lines[-1] if lines else "Nothing was seen", ())
+    said = PageVerdict("good" if passed else "bad", lines[-1] if lines else "Nothing was seen", ())
     text = _page(
         f"session {folder.name}",
         load_calibration(made) if made.is_file() else None,
@@ -61,10 +79,7 @@ def write_session_page(folder: Path) -> Path:
 
 
 def _pictures(folder: Path, calibration: Calibration | None) -> list[KeyPicture]:
-    """Images from the session or run in `folder`, with the strip's plane drawn over them.
-
-    None for a calibration that lies alone.
-    """
+    """Image from the session or run in `folder` with the strip's plane drawn in; none without."""
     kept = (folder / PICTURE_FILE, *sorted(folder.glob("frames/*.png")))
     path = next(filter(Path.is_file, kept), None)
     if path is None:
@@ -74,28 +89,6 @@ def _pictures(folder: Path, calibration: Calibration | None) -> list[KeyPicture]
         _draw_plane(image, calibration)
     where = str(path.relative_to(folder))
     return [KeyPicture(jpeg_text(image, PICTURE_WIDTH), f"what the camera saw: {where}", where)]
-
-
-def calibration_report(path: Path) -> str:
-    """HTML page of the calibration file at `path`, with a picture that lies beside it."""
-    calibration = load_calibration(path)
-    good = calibration.residual_mm <= GOOD_RESIDUAL and not calibration.accepted_anyway
-    said = Verdict(
-        "good" if good else "bad",
-        "Touched points lie where the image shows them" if good else "Use it with care",
-        (f"It was made on {calibration.date[:10]} and has the id {calibration.id}.",),
-        f"{calibration.residual_mm:.2f} mm",
-        "rms at points kept back",
-    )
-    return _page(
-        f"calibration {calibration.id}",
-        calibration,
-        path.parent,
-        kicker="Calibration of a camera",
-        name=path.name,
-        said=said,
-        refused=[f"The wizard refused it: {reason}" for reason in calibration.accepted_anyway],
-    )
 
 
 def _page(title: str, calibration: Calibration | None, folder: Path, **parts: Any) -> str:
@@ -110,6 +103,7 @@ def _page(title: str, calibration: Calibration | None, folder: Path, **parts: An
 
 
 def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
+    """Table rows (quantity, value) on a calibration."""
     lens, middle = calibration.lens, np.array([[0.3, 0.1]])
     around = middle + SCALE_STEP * np.array([[0, 0], [1, 0], [0, 1]])
     pixels = calibration.to_image(around)

@@ -69,7 +69,7 @@ Facts = dict[str, Any]
 def canvas(
     width: float, height: float, layout: Literal["constrained"] | None = "constrained"
 ) -> Iterator[Any]:
-    """An empty figure of `width` x `height` [inch] in the style of the report."""
+    """Matplotlib figure of `width` x `height` [inch] in the report's style, within the block."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
@@ -78,7 +78,7 @@ def canvas(
 
 
 def as_svg(figure: Any) -> str:
-    """Render `figure` as an SVG element; the same figure gives the same text."""
+    """Render a Matplotlib `figure` as an SVG element; the same figure gives the same text."""
     from matplotlib import rc_context
 
     text = io.StringIO()
@@ -90,7 +90,7 @@ def as_svg(figure: Any) -> str:
 
 
 def page_svg(text: str) -> str:
-    """Convert an SVG document to an element of a page that inherits width, fonts and colours."""
+    """Convert an SVG document to an element that inherits width, fonts and colours of its page."""
     svg = text[text.index("<svg") :].strip()
     svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
     svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", svg, count=1)
@@ -101,7 +101,7 @@ def page_svg(text: str) -> str:
 
 
 def name_artists(figure: Any) -> None:
-    """Give axes, curves, bars and texts of `figure` names that its SVG keeps.
+    """Give axes, curves, bars and texts of a Matplotlib `figure` names that its SVG keeps.
 
     An artist is read under its gid where it has one, or else under its label.
     """
@@ -115,7 +115,7 @@ def name_artists(figure: Any) -> None:
 
 
 def readings(figure: Any) -> str:
-    """Data attribute for the SVG of the drawn `figure`; empty where it holds nothing to read."""
+    """Attribute `data-chart` for a figure's SVG: axes, curves, cells as JSON; empty if none."""
     found = [_axes(axes, figure) for axes in figure.axes]
     read = [facts for facts in found if facts["curves"] or facts["cells"]]
     text = json.dumps(read, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
@@ -123,6 +123,7 @@ def readings(figure: Any) -> str:
 
 
 def _axes(axes: Any, figure: Any) -> Facts:
+    """Facts of one axes for the page's script: place, axis limits, curves, cells, texts."""
     shared = axes.get_shared_x_axes().get_siblings(axes)
     (left, bottom), (right, top) = axes.bbox.min, axes.bbox.max
     x, y = _axis(axes.xaxis, axes.get_xlim()), _axis(axes.yaxis, axes.get_ylim())
@@ -223,6 +224,7 @@ def _span_text(axis: Facts, start: float, size: float) -> str:
 
 
 def _number(value: float) -> str:
+    """Text of a `value` to four digits."""
     return f"{value:.4g}".replace("-", MINUS)
 
 

@@ -1,4 +1,4 @@
-"""Figures of a run: the strip and the signals over time, the policy's predictions."""
+"""Figures of a run: strip and signals over time, and the policy's predictions."""
 
 from collections.abc import Sequence
 from itertools import groupby
@@ -50,7 +50,7 @@ HALF_HEIGHT, MARGIN = 40.0, 1.0  # mm, displacements shown to either side of 0, 
 
 
 def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
-    """Figure (SVG) of the strip over time, its `outlines` once laid, and the gripper's path."""
+    """Figure (SVG) of strip profiles over time, `outlines` of the laid strip, gripper's path."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LinearSegmentedColormap, Normalize
 
@@ -79,7 +79,7 @@ def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
 
 
 def signals_figure(run: Run) -> str:
-    """Figure (SVG) of contact, fold tip, gripper and gap over time, under the run's states.
+    """Figure (SVG) of contact, fold tip, gripper and gap over time, above the run's states.
 
     Its attributes state the times [s] at its edges, for a film beside it.
     """
@@ -103,6 +103,7 @@ def signals_figure(run: Run) -> str:
 
 
 def _time_range(run: Run) -> tuple[float, float]:
+    """First and last time [s] of the profiles, else of the ticks."""
     times = run.profile.t if run.profile.t.size else run.ticks.t
     return (float(times.min()), float(times.max())) if times.size else (0.0, 1.0)
 
@@ -120,6 +121,7 @@ def _draw_outlines(axes: Any, outlines: Sequence[Silhouette]) -> None:
 
 
 def _draw_desk(axes: Any, run: Run) -> None:
+    """Draw the desk, the measured desk contacts and the fixed edge."""
     axes.axhline(0, color=MUTED, lw=0.8)
     contact = 1e3 * run.ticks.contact_x[np.isfinite(run.ticks.contact_x)]
     axes.plot(contact, np.full_like(contact, -6), "|", color=BLUE, ms=5, mew=0.5, alpha=0.5)
@@ -128,6 +130,7 @@ def _draw_desk(axes: Any, run: Run) -> None:
 
 
 def _draw_path(axes: Any, ticks: Ticks) -> None:
+    """Draw the commanded and the measured path of the gripper."""
     commanded, measured = 1e3 * ticks.x_cmd, 1e3 * ticks.x
     axes.plot(commanded, 1e3 * ticks.z_cmd, color=MUTED, lw=0.8, ls=(0, (1, 2)), gid="commanded")
     axes.plot(measured, 1e3 * ticks.z, color=INK, lw=1.5, gid="gripper")
@@ -139,6 +142,7 @@ def _draw_path(axes: Any, ticks: Ticks) -> None:
 
 
 def _draw_touch(axes: Any, run: Run) -> None:
+    """Mark the place at which the layers touched."""
     if run.result is None or run.result.l2 is None:
         return
     axes.plot(1e3 * run.result.l2, 0, "o", color=ORANGE, ms=6, zorder=5)
@@ -154,6 +158,7 @@ def _draw_touch(axes: Any, run: Run) -> None:
 
 
 def _draw_lanes(axes: Any, ticks: Ticks) -> None:
+    """Draw a bar for each state of the run, named where there is room."""
     axes.set_axis_off()
     first = 0
     for state, rows in groupby(ticks.state):
@@ -168,6 +173,7 @@ def _draw_lanes(axes: Any, ticks: Ticks) -> None:
 
 
 def _draw_positions(axes: Any, ticks: Ticks, sights: Sights) -> None:
+    """Draw x of gripper, contact and fold tip over time."""
     seen = np.isfinite(ticks.contact_x)
     axes.plot(ticks.t, 1e3 * ticks.x, color=INK, label="gripper x")
     axes.plot(
@@ -181,6 +187,7 @@ def _draw_positions(axes: Any, ticks: Ticks, sights: Sights) -> None:
 
 
 def _draw_heights(axes: Any, ticks: Ticks, sights: Sights) -> None:
+    """Draw z of gripper and fold tip, and the gap of the layers, over time."""
     axes.plot(ticks.t, 1e3 * ticks.z, color=INK, label="gripper z")
     axes.plot(
         sights.stamp, 1e3 * fold_tips(sights, ticks)[:, 1], color=GREEN, lw=1, label="fold tip z"
@@ -191,7 +198,7 @@ def _draw_heights(axes: Any, ticks: Ticks, sights: Sights) -> None:
 
 
 def image_ages(run: Run) -> Array:
-    """Age (n,) [s] of the newest image at each control cycle that reads images."""
+    """Ages (n,) [s] of the newest image in the control cycles of a `run` that measure images."""
     ticks = run.ticks
     reading = np.array([state in READING for state in ticks.state], dtype=bool)
     used = reading if reading.any() else np.ones(ticks.t.size, dtype=bool)
@@ -199,7 +206,7 @@ def image_ages(run: Run) -> Array:
 
 
 def predictions(result: Result | None) -> list[tuple[str, str]]:
-    """Rows of the last prediction before the touch, and of the strip's agreement with its model."""
+    """Table rows on a run's last prediction and on the strip's agreement with its model."""
     if result is None or result.foretold is None:
         return []
     final = result.foretold
@@ -211,7 +218,7 @@ def predictions(result: Result | None) -> list[tuple[str, str]]:
 
 
 def outlook_figure(run: Run, outlook: Outlook) -> str:
-    """Figure (SVG) of predicted displacement and strip parameters over time, with one sigma."""
+    """Figure (SVG) of the predicted displacement and strip parameters over time, with one sigma."""
     with canvas(8.4, 4.2, layout=None) as figure:
         frame = {"left": LEFT, "right": RIGHT, "top": 0.985, "bottom": 0.105}
         grid = figure.subplots(
@@ -244,5 +251,6 @@ def _draw_prediction(axes: Any, outlook: Outlook, name: str) -> None:
 
 
 def _agreement_text(note: AgreementNote) -> str:
+    """Text on the strip's agreement with its model, with the profiles' residual."""
     verdict = "agree" if note.like_model else "do not agree"
     return f"{verdict}, {millimetres(note.residual)} apart"

@@ -20,14 +20,14 @@ Tone = Literal["good", "fair", "bad"]
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """Table cell that links to `href`, a path from the page."""
+    """Cell of an HTML table that links to `href`, a path relative to the page."""
 
     text: str
     href: str
 
 
 def page(template: str, title: str, /, **facts: Any) -> str:
-    """Render `template`, a path in the package `cell`, with `facts` to a whole HTML document.
+    """Render `template`, a path in the package `cell`, with `facts` as a whole HTML document.
 
     What `title` and `facts` hold is escaped. Raises jinja2.UndefinedError for a fact that the
     template uses and that is not there.
@@ -40,7 +40,7 @@ def page(template: str, title: str, /, **facts: Any) -> str:
 
 
 def jpeg_text(image: "Image", width: int = 640, quality: int = 82) -> str:
-    """Encode `image` (h, w, 3) as a JPEG `width` [px] wide, as base64 text."""
+    """Encode `image` (h, w, 3) as a JPEG, `width` [px] wide, in base64 text."""
     import cv2
 
     size = (width, max(1, round(image.shape[0] * width / image.shape[1])))
@@ -51,6 +51,7 @@ def jpeg_text(image: "Image", width: int = 640, quality: int = 82) -> str:
 
 @cache
 def _environment() -> "Environment":
+    """Jinja2 environment with the filters of the pages."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     made = Environment(

@@ -1,4 +1,4 @@
-"""Kept images of a run with the measurements and the laid strip's outline drawn into them."""
+"""Kept images of a run with measurements and outlines of the strip drawn into them."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -41,7 +41,7 @@ SILHOUETTE_STATES = ("LAY", "RELEASE")
 
 @dataclass(frozen=True, slots=True)
 class Silhouette:
-    """Outline in image `sequence`, in `state`: `pixels` (n, 2) [px], `plane` (n, 2) x, z [m]."""
+    """Outline of the strip in image `sequence`: `pixels` (n, 2) [px], `plane` (n, 2) x, z [m]."""
 
     sequence: int
     state: str
@@ -51,7 +51,7 @@ class Silhouette:
 
 @dataclass(frozen=True, slots=True)
 class KeyPicture:
-    """A kept image as JPEG in text form, its caption, and its file's path from the page."""
+    """Image for a page: `jpeg` as base64 text, caption, and the path of its file `whole`."""
 
     jpeg: str
     caption: str
@@ -59,10 +59,7 @@ class KeyPicture:
 
 
 def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPicture, ...]:
-    """Up to six kept images over the run, with profile, contact, fold tip and `outlines` drawn.
-
-    An image that cannot be read is skipped.
-    """
+    """Up to SHOWN_IMAGES readable images of a run, its measurements and `outlines` drawn in."""
     calibration, pictures = run.calibration(), []
     for note, recorded in _readable(evenly_chosen(run.kept_images(), SHOWN_IMAGES)):
         image = recorded
@@ -75,7 +72,7 @@ def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPict
 
 
 def evenly_chosen(items: Sequence[Item], count: int) -> list[Item]:
-    """At most `count` of `items`, evenly spread from the first to the last."""
+    """At most `count` of `items`, evenly spaced from the first to the last."""
     places = np.linspace(0, len(items) - 1, min(count, len(items))).round().astype(int)
     return [items[i] for i in np.unique(places)]
 
@@ -95,10 +92,7 @@ def _picture(image: Image, width: int, caption: str, note: FrameNote) -> KeyPict
 
 
 def close_ups(run: Run) -> tuple[KeyPicture, ...]:
-    """Kept images at the touch of the layers and at the end, cropped to the fold.
-
-    Empty without a calibration; an image that cannot be read is skipped.
-    """
+    """Readable images at the layers' touch and at the end, cropped by the run's calibration."""
     kept = run.kept_images()
     calibration, touch = run.calibration(), None if run.result is None else run.result.t_layer_touch
     if not kept or calibration is None:
@@ -131,7 +125,7 @@ def _laid_part(image: Image, calibration: Calibration, reach: float) -> Image:
 
 
 def poster(run: Run) -> str:
-    """First readable kept image, as JPEG in text form; empty without one."""
+    """First readable kept image of a run, as JPEG in base64 text; empty without one."""
     return next((jpeg_text(image) for _, image in _readable(run.kept_images())), "")
 
 
@@ -141,7 +135,7 @@ def _matches_size(image: Image, calibration: Calibration) -> bool:
 
 
 def window_on(ticks: Ticks, calibration: Calibration) -> Region:
-    """Window around the whole motion, of the image's proportions and SMALLEST_WINDOW at least."""
+    """Image window around the gripper's motion, of the image's proportions."""
     width, height = calibration.lens.width, calibration.lens.height
     x = (-VIEW_MARGIN, float(np.max(ticks.x, initial=0.0)) + VIEW_MARGIN)
     z = (-VIEW_MARGIN, float(np.max(ticks.z, initial=0.0)) + VIEW_MARGIN)
@@ -157,7 +151,7 @@ def window_on(ticks: Ticks, calibration: Calibration) -> Region:
 
 
 def fold_tips(sights: Sights, ticks: Ticks) -> Array:
-    """Fold tip (n, 2) x, z [m] in each image; NaN while the strip is not folded."""
+    """Fold tip (n, 2) x, z [m] in each image of a run; NaN while the strip is not folded."""
     tips = np.stack([sights.tip_x, sights.tip_z], axis=1)
     if ticks.t.size == 0:
         return tips
@@ -168,7 +162,7 @@ def fold_tips(sights: Sights, ticks: Ticks) -> Array:
 def draw_sight(
     image: Image, calibration: Calibration, curve: Array, contact_x: float, tip: Array
 ) -> Image:
-    """Draw the profile (m, 2), the contact and the fold's tip (2,) [m] into a copy of `image`."""
+    """Copy of `image` with profile (m, 2), contact and fold tip (2,) [m] drawn into it."""
     import cv2
 
     drawn = image.copy()
@@ -206,6 +200,7 @@ def _with_sight(image: Image, note: FrameNote, run: Run, calibration: Calibratio
 
 
 def _with_outline(image: Image, sequence: int, outlines: Sequence[Silhouette]) -> Image:
+    """Copy of `image` with those of `outlines` drawn that belong to the image `sequence`."""
     import cv2
 
     rings = [np.rint(o.pixels).astype(np.int32) for o in outlines if o.sequence == sequence]
@@ -213,6 +208,7 @@ def _with_outline(image: Image, sequence: int, outlines: Sequence[Silhouette]) -
 
 
 def _caption(note: FrameNote, run: Run) -> str:
+    """Caption of an image: its time, the run's state, and the measured contact."""
     words, sights = [seconds(note.stamp)], run.sights()
     if note.stamp < 0:
         words.append("before the lift")
@@ -225,7 +221,7 @@ def _caption(note: FrameNote, run: Run) -> str:
 
 
 def silhouettes(run: Run) -> tuple[Silhouette, ...]:
-    """Outlines of the strip in up to SHOWN_IMAGES kept images of LAY and RELEASE, in order of time.
+    """Outlines of the strip in kept images of LAY and RELEASE, in order of time.
 
     Empty where the picture before the grasp, calibration, strip or ticks are not in the record.
     """
@@ -236,6 +232,7 @@ def silhouettes(run: Run) -> tuple[Silhouette, ...]:
 
 
 def _outlines(run: Run) -> Iterator[Silhouette]:
+    """Yield outlines of the strip, by the appearance learnt from the image before the grasp."""
     kept = run.kept_images()
     laying = [note for note in kept if state_at(run, note.stamp) in SILHOUETTE_STATES]
     flat = next((note for note in kept if note.stamp < 0), None)
@@ -258,7 +255,7 @@ def _outlines(run: Run) -> Iterator[Silhouette]:
 
 
 def state_at(run: Run, stamp: float) -> str:
-    """State of the run at `stamp` [s], empty before the lift and without states."""
+    """State of the run at `stamp` [s]; empty before the lift, or where states are not recorded."""
     if stamp < 0 or not run.ticks.state:
         return ""
     place = int(np.searchsorted(run.ticks.t, stamp))

@@ -66,7 +66,7 @@ Rows = list[tuple[str, str]]
 
 
 def write_report(folder: Path) -> Path:
-    """Write report.html into the run's folder and return its path.
+    """Write the HTML page of the run in `folder` into it, and return the page's path.
 
     A run that died or is damaged is reported as far as it can be read. Raises ConfigurationError
     for a folder without a readable run.yaml, or one that cannot be written.
@@ -75,14 +75,14 @@ def write_report(folder: Path) -> Path:
 
 
 def write_page(run: Run) -> Path:
-    """Write report.html of the `run` into its folder and return its path, as `write_report`."""
+    """Write the HTML page of the `run` into its folder, and return the page's path."""
     path = run.folder / REPORT
     write_file(path, report(run))
     return path
 
 
 def report(run: Run) -> str:
-    """HTML page of `run`."""
+    """Text of the HTML page of the `run`."""
     policy = f", policy {run.header.policy}" if run.header.policy else ""
     under_way = is_under_way(run.folder)
     truth, spoilt = truth_of(run)
@@ -121,7 +121,7 @@ def _figures(run: Run) -> dict[str, Any]:
 
 
 def truth_of(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
-    """Truth of the run, None where it cannot be read, and lines on broken parts of its folder."""
+    """Truth of a run on the twin, None where it cannot be read; texts on broken parts."""
     spoilt = list(run.problems)
     try:
         return read_truth(run.folder), spoilt
@@ -130,7 +130,7 @@ def truth_of(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
 
 
 def film_of(run: Run) -> dict[str, Any] | None:
-    """Film for a page: `begin`, its first stamp [s], `source`, content or address, and `poster`.
+    """Film of a run for its page: time [s] of its first image, source, poster, curves.
 
     A page with the content can be mailed; a film of more than LARGEST_FILM stays beside it.
     """
@@ -163,12 +163,13 @@ def _files(run: Run) -> list[tuple[Link, str]]:
 
 
 def measures(run: Run) -> Rows:
-    """Rows of the run's main numbers."""
+    """Table rows (name, text) of a run's main numbers."""
     rows = Rows() if run.result is None else _result_rows(run.result)
     return [*rows, ("duration", seconds(_duration(run), 1)), *_timing_rows(run)]
 
 
 def _result_rows(result: Result) -> Rows:
+    """Table rows (name, text) of a run's result."""
     rows = Rows()
     if result.l1 is not None:
         rows.append(("upper layer l1", millimetres(result.l1)))
@@ -194,21 +195,19 @@ def _duration(run: Run) -> float | None:
 
 
 def settings_rows(run: Run) -> Rows:
-    """Rows of the run's settings: nested keys joined by dots, long lists by their length.
-
-    Empty values, and a correction of zero, are left out.
-    """
+    """Table rows (key, text) of a run's settings: keys joined by dots, without empty values."""
     content = run.header.model_dump(by_alias=True, exclude_none=True)
     rows = [(key, _text(key, value)) for key, value in flatten(content)]
     return [(k, text) for k, text in rows if text and not _is_null_correction(k, text)]
 
 
 def _is_null_correction(key: str, text: str) -> bool:
+    """Whether a row states that nothing was corrected by learning."""
     return key.startswith("learning.") and text in {"0", "None"}
 
 
 def checks(run: Run) -> list[tuple[str, str, str]]:
-    """Rows of the checks before the motion: name, result, reason; a remedy where one failed."""
+    """Table rows (name, result, reason) of the checks before a run's motion."""
     listed = [event.facts.get("checks") for event in run.events() if event.kind == PREFLIGHT]
     return [
         _check(item)
@@ -220,7 +219,7 @@ def checks(run: Run) -> list[tuple[str, str, str]]:
 
 
 def listed_events(run: Run) -> list[tuple[str, str, str]]:
-    """Rows of events: time, kind, facts. Kinds that come with every frame are only counted."""
+    """Table rows (time, kind, facts) of a run's events; frequent kinds are only counted."""
     events = [event for event in run.events() if event.kind not in SHOWN_ELSEWHERE]
     counts = Counter(event.kind for event in events)
     rare = [event for event in events if counts[event.kind] <= FREQUENT]
@@ -233,7 +232,7 @@ def listed_events(run: Run) -> list[tuple[str, str, str]]:
 
 
 def left_files(run: Run) -> Rows:
-    """Table rows (file, content) for the files of a run that died before it wrote its result."""
+    """Table rows (file, content) on the files of a run that died before it wrote its result."""
     notes = run.frame_index()
     kept = sum(note.file is not None for note in notes)
     source = TICK_STREAM if (run.folder / TICK_STREAM).exists() else "ticks.parquet"
@@ -246,7 +245,7 @@ def left_files(run: Run) -> Rows:
 
 
 def advice(run: Run) -> list[str]:
-    """Next steps for the operator after a run that died, a sentence each."""
+    """Sentences for the operator on what to do after a run that died."""
     steps = [
         *_steps_at_the_arm(run),
         "A motion is never resumed: start a new run.",
@@ -260,6 +259,7 @@ def advice(run: Run) -> list[str]:
 
 
 def _steps_at_the_arm(run: Run) -> list[str]:
+    """Sentences on what to do with arm and strip after a run that died."""
     if run.header.drivers is not None and run.header.drivers.arm == "twin":
         return ["Nothing needs to be put right: the twin's arm ended with its process."]
     lifted = run.ticks.t.size > 0 and float(run.ticks.z[-1]) > HEIGHT_ON_DESK
@@ -272,6 +272,7 @@ def _steps_at_the_arm(run: Run) -> list[str]:
 
 
 def _check(item: Mapping[str, Any]) -> tuple[str, str, str]:
+    """Table row (name, result, reason) of one check; a remedy where it failed."""
     passed, reason = bool(item.get("passed")), str(item.get("reason", ""))
     why = reason if passed else f"{reason}; {item.get('remedy', '')}"
     return str(item.get("name", "")), "pass" if passed else "fail", why
@@ -294,11 +295,12 @@ def _median_and_most(times: Any) -> str:
 
 
 def _time_span(t: Any) -> float:
+    """Time [s] from the first to the last of `t` (n,) [s]."""
     return float(t[-1] - t[0]) if t.size else 0.0
 
 
 def flatten(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Keys of nested settings joined by dots, and their values, but for what is LEFT_OUT."""
+    """Yield nested settings as (key, value), keys joined by dots; those of LEFT_OUT are not."""
     for key, value in content.items():
         if key in LEFT_OUT:
             continue
@@ -309,6 +311,7 @@ def flatten(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str,
 
 
 def _text(key: str, value: Any) -> str:
+    """Text of the setting `key`: lengths in mm, long lists by their length."""
     name = key.rpartition(".")[2]
     if key.startswith("sigma.") and name not in SIGNAL_UNITS and isinstance(value, float):
         return millimetres(value)
@@ -319,6 +322,7 @@ def _text(key: str, value: Any) -> str:
 
 
 def _sentence(event: Event) -> str:
+    """Text of an event's facts in one line."""
     if set(event.facts) == {"state", "event"}:
         return f"{event.facts['state']}, after {str(event.facts['event']).replace('_', ' ')}"
     return ", ".join(
@@ -327,6 +331,7 @@ def _sentence(event: Event) -> str:
 
 
 def _value(name: str, value: Any) -> str:
+    """Text of the fact `name`: lengths in mm, other numbers with their unit."""
     if isinstance(value, dict):
         return " ".join(f"{key.replace('_', ' ')} {_value(key, v)}" for key, v in value.items())
     if not isinstance(value, int | float) or isinstance(value, bool):

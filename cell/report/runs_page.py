@@ -1,4 +1,4 @@
-"""HTML pages on several runs: the list with thumbnails, and the comparison of some."""
+"""HTML pages on several runs: their list with thumbnails, and the comparison of some."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from cell.record.run import Run, read_broken_run
 from cell.report.drawing import MUTED, as_svg, canvas
 from cell.report.html import Link, jpeg_text, page
 from cell.report.page import film_of, flatten, settings_rows, truth_of
-from cell.report.verdict import Verdict
+from cell.report.verdict import PageVerdict
 from cell.report.words import NO_VALUE, millimetres, plural, seconds
 from drivers.errors import ConfigurationError
 from drivers.files import write_file
@@ -34,30 +34,28 @@ PER_RUN_KEYS = frozenset({"seed", "index", "condition", "calibration.age_days"})
 
 
 def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
-    """Write the page that lists `rows`, oldest first, to `out`; returns its path.
+    """Write the HTML page that lists the runs `rows`, oldest first, to `out`; returns `out`.
 
     Raises ConfigurationError where it cannot be written.
     """
-    write_file(out, runs_page(rows, out.parent))
-    return out
-
-
-def runs_page(rows: Sequence[RunRow], place: Path) -> str:
-    """HTML page that lists `rows`, for a file in the folder `place`."""
     pictured = {row.name for row in rows[-PICTURED:]}
-    return page(
+    text = page(
         "report/templates/runs.html",
         plural(len(rows), "run"),
         title=plural(len(rows), "run"),
         head=COLUMN_HEADINGS,
         wide=THUMBNAIL_WIDTH,
         rows=[
-            (_thumbnail(row) if row.name in pictured else "", _cells(row, place)) for row in rows
+            (_thumbnail(row) if row.name in pictured else "", _cells(row, out.parent))
+            for row in rows
         ],
     )
+    write_file(out, text)
+    return out
 
 
 def _cells(row: RunRow, place: Path) -> tuple[str | Link, ...]:
+    """Table cells of a run in the list."""
     lengths = ("" if v is None else f"{1e3 * v:+.1f}" for v in (row.edge_offset, row.displacement))
     lasted = "" if row.duration is None else f"{row.duration:.1f}"
     outcome = row.outcome.replace("_", " ")
@@ -76,7 +74,7 @@ def _thumbnail(row: RunRow) -> str:
 
 
 def write_comparison(folders: Sequence[Path], out: Path) -> Path:
-    """Write the page that compares the runs in `folders` to `out`, and return its path.
+    """Write the HTML page that compares the runs in `folders` to `out`; returns `out`.
 
     Raises ConfigurationError for a folder that is no run, more than `MOST_RUNS`, or a place that
     cannot be written.
@@ -87,28 +85,24 @@ def write_comparison(folders: Sequence[Path], out: Path) -> Path:
             "`cell runs --where`"
         )
     runs = [read_broken_run(folder) for folder in folders]
-    write_file(out, comparison(runs, out.parent))
-    return out
-
-
-def comparison(runs: Sequence[Run], place: Path) -> str:
-    """HTML page that compares `runs`, for a file in the folder `place`."""
     title = f"{len(runs)} runs of {', '.join(sorted({run.header.strip for run in runs}))}"
     truths = [truth_of(run)[0] or {} for run in runs]
     rows = [read_row(run.folder) for run in runs]
     table = _differences(runs, truths)
     films = [(_short_name(run), film_of(run)) for run in runs[:MOST_FILMS]]
-    return page(
+    text = page(
         "report/templates/compare.html",
         title,
         title=title,
         said=_verdict(runs, rows, truths, [row[0] for row in table[1:]]),
         films=[(name, film) for name, film in films if film and film["source"] != FILM],
         head=("run", "outcome", "displacement", "true", "edges apart", "true", "touch"),
-        numbers=[_numbers(row, truth, place) for row, truth in zip(rows, truths, strict=True)],
+        numbers=[_numbers(row, true, out.parent) for row, true in zip(rows, truths, strict=True)],
         differences=list(zip(*table, strict=True)) if len(runs) > MOST_COLUMNS else table,
         shapes=_shapes(runs),
     )
+    write_file(out, text)
+    return out
 
 
 def _verdict(
@@ -116,14 +110,14 @@ def _verdict(
     rows: Sequence[RunRow],
     truths: Sequence[Mapping[str, Any]],
     differing: Sequence[str],
-) -> Verdict:
-    """Name the run whose edges lie nearest, and the settings `differing` between the runs."""
+) -> PageVerdict:
+    """Verdict that names the run whose edges lie nearest, and the settings that differ."""
     names = [_short_name(run) for run in runs]
     measured = [row.displacement if row.edge_offset is None else row.edge_offset for row in rows]
     true = [truth.get("edge_offset", truth.get("displacement")) for truth in truths]
     ranked, ranked_true = _ranked(names, measured), _ranked(names, true)
     if not ranked:
-        return Verdict("fair", "No run has a displacement", ())
+        return PageVerdict("fair", "No run has a displacement", ())
     sentences = [f"By the camera: {', '.join(ranked)}."]
     if ranked_true:
         sentences.append(f"In truth, which the twin knows: {', '.join(ranked_true)}.")
@@ -132,7 +126,7 @@ def _verdict(
     ends = [line.partition(": ")[::2] for line in ranked]
     best = [name for name, offset in ends if offset.lstrip("+−") == ends[0][1].lstrip("+−")]
     lies = "lies nearest" if len(best) == 1 else "lie equally near"
-    return Verdict("good", f"{' and '.join(best)} {lies}", tuple(sentences))
+    return PageVerdict("good", f"{' and '.join(best)} {lies}", tuple(sentences))
 
 
 def _ranked(names: Sequence[str], offsets: Sequence[float | None]) -> list[str]:
@@ -142,6 +136,7 @@ def _ranked(names: Sequence[str], offsets: Sequence[float | None]) -> list[str]:
 
 
 def _numbers(row: RunRow, truth: Mapping[str, Any], place: Path) -> tuple[str | Link, ...]:
+    """Table cells of a run in the comparison: outcome, lengths as measured and in truth, touch."""
     lengths = (row.displacement, truth.get("displacement"), row.edge_offset)
     shown = (millimetres(v, signed=True) for v in (*lengths, truth.get("edge_offset")))
     outcome = row.outcome.replace("_", " ")
@@ -191,6 +186,7 @@ def _shapes(runs: Sequence[Run]) -> str:
 
 
 def _line(number: int, run: Run) -> dict[str, object]:
+    """Style of a run's gripper path in the figure."""
     return {"color": _colour(number), "lw": 1.8, "label": _short_name(run)}
 
 

@@ -1,4 +1,4 @@
-"""Verdict on a run in one to three sentences, for its page."""
+"""Verdict on a run, or on several, in one to three sentences for its page."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ FOLDED_TOLERANCE = 0.020  # m, within this the paper calls a strip folded
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
-    """Verdict as text: its `headline` states the outcome, `sentences` explain it.
+class PageVerdict:
+    """Verdict at the head of a page: `headline` states the outcome, `sentences` explain it.
 
     `figure` and `error` are the displacement where there is one; `tone` is its colour.
     """
@@ -50,20 +50,20 @@ def _calibration_error(run: Run) -> float | None:
 
 
 def verdict(run: Run) -> str:
-    """Text of the verdict on `run` in one line, from the record only."""
+    """Text of the verdict on `run` in one line, from its record without the truth."""
     found = verdict_of(run, None, is_under_way(run.folder))
     figure = f": {found.figure} ({found.error.replace(LINE_BREAK, ', ')})" if found.figure else ""
     return f"{run.header.strip}: {found.headline}{figure}"
 
 
-def verdict_of(run: Run, truth: Mapping[str, Any] | None, under_way: bool = False) -> Verdict:
-    """Verdict on `run`, with what the `truth` of the plant's motion adds where it is known."""
+def verdict_of(run: Run, truth: Mapping[str, Any] | None, under_way: bool = False) -> PageVerdict:
+    """Verdict on `run`; `truth`, where it is known, is the plant's motion on the twin."""
     if under_way:
-        return Verdict("fair", "Still under way", (_last_seen(run, "so far"),))
+        return PageVerdict("fair", "Still under way", (_last_seen(run, "so far"),))
     if run.result is None and (run.folder / RESULT).exists():
         sentences = (f"What {RESULT} holds cannot be read.", _last_seen(run, "at the last row"))
         headline = "How the run ended cannot be read"
-        return Verdict("bad", headline, tuple(filter(None, sentences)), spoilt=True)
+        return PageVerdict("bad", headline, tuple(filter(None, sentences)), spoilt=True)
     if run.result is None:
         return _verdict_of_dead_run(run)
     if run.result.displacement is None:
@@ -71,7 +71,7 @@ def verdict_of(run: Run, truth: Mapping[str, Any] | None, under_way: bool = Fals
     return _fold_verdict(run, run.result, run.result.displacement, truth or {})
 
 
-def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) -> Verdict:
+def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) -> PageVerdict:
     """Verdict on a fold: how the edges lie where that was measured, or else how the layers met."""
     edge = result.edge_offset
     sentences = [
@@ -85,7 +85,7 @@ def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) 
         sentences.append(_sentence(agreed.reason))
     if result.outcome != "layer_touch":
         sentences.insert(0, _sentence(result.reason))
-    return Verdict(
+    return PageVerdict(
         tone=_fold_tone(result, d),
         headline=_fold_headline(result),
         sentences=tuple(filter(None, sentences)),
@@ -105,6 +105,7 @@ def _fold_tone(result: Result, displacement: float) -> Tone:
 
 
 def _fold_headline(result: Result) -> str:
+    """Headline on a fold: how far the edges lie apart, or when the layers touched."""
     if result.outcome != "layer_touch":
         return outcome_title(result.outcome)
     if result.edge_offset is None:
@@ -136,13 +137,15 @@ def _touch_sentences(result: Result, displacement: float, truth: Mapping[str, An
 
 
 def _true_words(seen: float, true: float, what: str) -> str:
+    """Sentence on the `true` length [m] and the error of the measured one, `seen` [m]."""
     return (
         f"The twin knows the true {what}, {millimetres(true, signed=True)}: "
         f"the camera was off by {millimetres(seen - true, signed=True)}."
     )
 
 
-def _without_displacement(run: Run, result: Result) -> Verdict:
+def _without_displacement(run: Run, result: Result) -> PageVerdict:
+    """Verdict on a run that ended without a displacement."""
     done = result.outcome == "path_done"
     sentences = [_sentence(result.reason), _last_seen(run, "at the end")]
     if done:
@@ -153,23 +156,26 @@ def _without_displacement(run: Run, result: Result) -> Verdict:
             "and start a new run."
         )
     tone: Tone = "fair" if done else "bad"
-    return Verdict(tone, outcome_title(result.outcome), tuple(filter(None, sentences)))
+    return PageVerdict(tone, outcome_title(result.outcome), tuple(filter(None, sentences)))
 
 
-def _verdict_of_dead_run(run: Run) -> Verdict:
+def _verdict_of_dead_run(run: Run) -> PageVerdict:
+    """Verdict on a run whose process died before it wrote a result."""
     if run.ticks.t.size == 0:
         sentence = "The process died before the arm moved; nothing was measured."
-        return Verdict("bad", "The process died at the start", (sentence,))
+        return PageVerdict("bad", "The process died at the start", (sentence,))
     state = f" in state {run.ticks.state[-1]}" if run.ticks.state else ""
     headline = f"The process died at t = {seconds(float(run.ticks.t[-1]))}{state}"
-    return Verdict("bad", headline, (_last_seen(run, "then"), "There is no result."))
+    return PageVerdict("bad", headline, (_last_seen(run, "then"), "There is no result."))
 
 
 def _sentence(reason: str | None) -> str:
+    """The `reason` as a sentence: capital letter and full stop; empty for none."""
     return f"{reason[:1].upper()}{reason[1:].rstrip('.')}." if reason else ""
 
 
 def _last_seen(run: Run, when: str) -> str:
+    """Sentence on the gripper's last recorded position; empty without ticks."""
     if run.ticks.t.size == 0:
         return ""
     x, z = millimetres(float(run.ticks.x[-1])), millimetres(float(run.ticks.z[-1]))

@@ -1,4 +1,4 @@
-"""Formatting of numbers and outcomes as text for a technician."""
+"""Numbers and outcomes as text for a technician."""
 
 import math
 
@@ -19,12 +19,12 @@ OUTCOMES = {
 
 
 def plural(count: int, noun: str) -> str:
-    """Text of `count` with the `noun`, in the plural but for one."""
+    """Text of `count` things called `noun`, in the plural unless there is one."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def millimetres(value: float | None, signed: bool = False) -> str:
-    """Text of a length [m] in millimetres with one decimal, with two where one would show zero."""
+    """Text of a length [m] in mm with one decimal; with two where one decimal shows zero."""
     if value is None or not math.isfinite(value):
         return NO_VALUE
     decimals = 2 if 5e-6 <= abs(value) < 5e-5 else 1
@@ -34,14 +34,14 @@ def millimetres(value: float | None, signed: bool = False) -> str:
 
 
 def seconds(value: float | None, decimals: int = 2) -> str:
-    """Text of a time [s] in seconds."""
+    """Text of a time `value` [s] in seconds, with `decimals`."""
     if value is None or not math.isfinite(value):
         return NO_VALUE
     return f"{value:.{decimals}f}".replace("-", MINUS) + " s"
 
 
 def milliseconds(value: float | None) -> str:
-    """Text of a time [s] in milliseconds."""
+    """Text of a time `value` [s] in milliseconds."""
     if value is None or not math.isfinite(value):
         return NO_VALUE
     digits = ".0f" if abs(value) >= 0.1 else ".3g"
@@ -49,15 +49,15 @@ def milliseconds(value: float | None) -> str:
 
 
 def event_title(kind: str) -> str:
-    """Text of the `kind` of an event, with spaces for underscores."""
+    """Text of the `kind` of an event in a run: spaces instead of underscores."""
     return EVENT_TITLES.get(kind, kind).replace("_", " ")
 
 
 def outcome_title(outcome: str) -> str:
-    """Text of an outcome as the start of a sentence; a fault keeps its own name."""
+    """Text of an `outcome` as the start of a sentence; a fault is called by its name."""
     return OUTCOMES.get(outcome, f"Stopped by a fault: {outcome.replace('_', ' ')}")
 
 
 def side(displacement: float) -> str:
-    """Word for the upper layer at a displacement d = l1 - l2 [m]: longer or shorter."""
+    """Word for the upper layer at a `displacement` d = l1 - l2 [m]: longer or shorter."""
     return "longer" if displacement > 0 else "shorter"

@@ -87,10 +87,7 @@ def _source(text: str) -> tuple[str, str]:
 
 
 def save(measurement: Measurement, folder: Path) -> None:
-    """Write a picture for each photograph and then the numbers into `folder`.
-
-    Raises ConfigurationError where the folder cannot be written.
-    """
+    """Write a picture of each photograph and the numbers to `folder`; raises ConfigurationError."""
     bending = measurement.bending
     pairs = zip(bending.fits, bending.straight, strict=True)
     pictures = {

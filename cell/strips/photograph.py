@@ -71,10 +71,7 @@ def read_photographs(paths: Sequence[Path], overhangs: Sequence[float]) -> list[
 
 
 def read_photograph(path: Path, overhang: float) -> Photograph:
-    """Read the picture at `path` of a strip whose free part is `overhang` [m] long.
-
-    ConfigurationError when it cannot be read or shows no strip.
-    """
+    """Read the picture at `path` of a strip with `overhang` [m]; ConfigurationError if unfit."""
     image = read_picture(path)
     return _photograph(path, overhang, image, _trace_midline(path, image))
 

@@ -18,8 +18,8 @@ ROOMS = (
     *("cell/orchestrator", "cell/learning", "cell/calibrating", "cell/folding/feasibility.py"),
     *("drivers/arm", "drivers/franka/limits.py", "drivers/motion.py", "calibration"),
     *("cell/perception/model_agreement", "cell/perception/camera_watch", "cell/perception/contact"),
-    *("cell/perception/held_end", "cell/perception/laid", "cell/perception/layer_touch"),
-    *("cell/perception/preflight", "cell/perception/resting", "cell/perception/image_reader"),
+    *("cell/perception/held_end", "cell/perception/laid_fold", "cell/perception/layer_touch"),
+    *("cell/perception/preflight", "cell/perception/resting_strip", "cell/perception/image_reader"),
 )
 IMMATERIAL = Path(__file__).with_name("mutants_immaterial.yaml")
 PLACE = re.compile(r":\d+:\d+")  # in a mutant's name

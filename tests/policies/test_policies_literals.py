@@ -21,7 +21,7 @@ def fitted_literals(source: str) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("room", ["policies", "cell/learning", "cell/perception/laid.py",
+@pytest.mark.parametrize("room", ["policies", "cell/learning", "cell/perception/laid_fold.py",
                                   "cell/perception/model_agreement.py"])  # fmt: skip
 def test_no_fitted_number_stands_in_the_source(room: str) -> None:
     place = ROOT / room

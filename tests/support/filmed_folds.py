@@ -17,7 +17,7 @@ class Filming:
         self._writer = writer
         self.begin: float | None = None
 
-    def see(self, snapshot: Snapshot) -> None:
+    def handle_tick(self, snapshot: Snapshot) -> None:
         frame = snapshot.view.frame
         if snapshot.view.fresh and frame is not None:
             self.begin = frame.stamp if self.begin is None else self.begin

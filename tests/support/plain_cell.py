@@ -128,10 +128,9 @@ class Bench:
     def run(self) -> Outcome:
         settings = Configs(CHECKOUT_CONFIGS).cell()
         strip = Configs(CHECKOUT_CONFIGS).strip("denim")
-        reader = self.reader or InlineReader(SimpleNamespace(look=result_of), 0.0)
-        context = FoldContext(
-            settings.controller, strip, make_policy("triangular"), None, reader, reader
-        )
+        reader = self.reader or InlineReader(SimpleNamespace(measure=result_of), 0.0)
+        folding = settings.controller, strip, make_policy("triangular"), None, reader
+        context = FoldContext(*folding, reader=reader)
         devices = Devices(self.clock, self.arm, self.hand, self.camera, "none", None, None)
         return Run(devices, context, self.record, self.observers, self.interrupted).execute()
 

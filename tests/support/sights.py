@@ -20,7 +20,7 @@ class PlainSight:
     def inspect(self, frame) -> tuple[PreflightCheck, ...]:
         return (PreflightCheck("bright", bool(frame.image[0, 0, 0] > 9), "it is", "a lamp"),)
 
-    def look(self, frame, gripper, *, touches: bool) -> ImageResult:
+    def measure(self, frame, gripper, *, touches: bool) -> ImageResult:
         value = int(frame.image[0, 0, 0])
         if value == HANGS:
             time.sleep(60.0)

@@ -2,7 +2,7 @@
 
 from cell.gap.check import IDENTIFIABLE, Check, Level
 from cell.report.html import page
-from cell.report.verdict import Verdict
+from cell.report.verdict import PageVerdict
 from cell.report.words import plural
 
 HEADLINES: dict[Level, str] = {
@@ -24,7 +24,7 @@ def check_page(found: Check, subject: str) -> str:
         f"{subject}: check of its runs",
         kicker=f"Check of {len(found.runs)} runs",
         name=subject,
-        said=Verdict(found.level, HEADLINES[found.level], (_summary(found),)),
+        said=PageVerdict(found.level, HEADLINES[found.level], (_summary(found),)),
         groups=[
             (title, [(f.what, f.run or "all", f.words, f.remedy) for f in some])
             for title, some in groups.items()

@@ -1,1 +1,1 @@
-"""Visualisation in Rerun: live, saved, or rebuilt from the record."""
+"""Recordings of runs and wizards for the viewer Rerun: live, saved, or from the record."""

@@ -1,4 +1,4 @@
-"""Conversion of a run to a sequence of ticks and log lines for display."""
+"""Ticks and log lines of a recorded run in order of time, for display."""
 
 import heapq
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, slots=True)
 class TickView:
-    """A tick for display, with the measurement, image and prediction that are new in it.
+    """One tick for display, with the measurement, image and prediction that are new at it.
 
     `clock` [s], `t` since the lift [s] (NaN before), gripper `pose` (3,); `outlook` is a row of
     `cell.record.events`.
@@ -38,7 +38,7 @@ class TickView:
 
 @dataclass(frozen=True, slots=True)
 class LogLine:
-    """A line for the log at `clock` [s] and `t` [s]; `alarm` marks what stopped the run."""
+    """Line of the log at `clock` [s] and `t` [s]; `alarm` marks a fault."""
 
     clock: float
     text: str
@@ -47,7 +47,7 @@ class LogLine:
 
 
 def moments_of(run: Run) -> Iterator[TickView | LogLine]:
-    """Ticks and log lines of a run in the order of time, with sights, and images if not filmed."""
+    """Yield ticks and log lines of a run in the order of time."""
     origin = run.origin()
     words: Iterator[TickView | LogLine] = (
         LogLine(
@@ -64,6 +64,7 @@ def moments_of(run: Run) -> Iterator[TickView | LogLine]:
 
 
 def _ticks(run: Run, origin: float) -> Iterator[TickView]:
+    """Yield the run's ticks, each with what is new at it; before them the images before t = 0."""
     frames = iter(()) if (run.folder / FILM).is_file() else run.frames()
     frame = next(frames, None)
     no_pose = np.full(3, np.nan)
@@ -74,7 +75,7 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
     later_frames = frames if frame is None else chain([frame], frames)
     news = zip(
-        _newest_at(ticks.t, ((each.stamp, each) for each in _sights(run))),
+        _newest_at(ticks.t, ((each.stamp, each) for each in run.measurements())),
         _newest_at(ticks.t, ((each.stamp, each.image) for each in later_frames)),
         _newest_at(ticks.t, zip(outlook.t, outlook.rows, strict=True)),
         strict=True,
@@ -100,30 +101,3 @@ def _newest_at(times: Array, stamped: Iterator[tuple[float, Item]]) -> Iterator[
         while following is not None and following[0] <= t:
             newest, following = following[1], next(stamped, None)
         yield newest
-
-
-def _sights(run: Run) -> list[StripMeasurement]:
-    """Measurements of a run, one per image; of a laboratory's run only the profiles."""
-    sights, curves = run.sights(), run.profile.curves()
-    if sights.stamp.size == 0:
-        return [_curve_only(t, points) for t, points in curves]
-    points_at = dict(curves)
-    return [
-        StripMeasurement(
-            stamp=float(stamp),
-            sequence=int(sights.sequence[i]),
-            contact_x=float(sights.contact_x[i]),
-            contact_confidence=float(sights.contact_confidence[i]),
-            profile=points_at.get(float(stamp), np.empty((0, 2))),
-            profile_confidence=float(sights.profile_confidence[i]),
-            tip=(float(sights.tip_x[i]), float(sights.tip_z[i])),
-            gap=float(sights.gap[i]),
-            gap_x=float(sights.gap_x[i]),
-        )
-        for i, stamp in enumerate(sights.stamp)
-    ]
-
-
-def _curve_only(t: float, points: Array) -> StripMeasurement:
-    nothing = float("nan")
-    return StripMeasurement(t, 0, nothing, 0.0, points, 1.0, (nothing, nothing), nothing, nothing)

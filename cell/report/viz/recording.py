@@ -1,4 +1,4 @@
-"""Rerun recording of a run: to a file, to a viewer, or rebuilt from the record.
+"""Recording of a run for the viewer Rerun: to a file, to a viewer, or from the record.
 
 A strip simulated by its model, driven by the measured gripper, is drawn beside the measured one.
 """
@@ -64,7 +64,7 @@ NO_SHAPE = np.empty((0, 2))
 
 
 def viz_from_run(folder: Path) -> Path:
-    """Write the Rerun recording of a run from its record, and return its path.
+    """Write the Rerun recording of the run in `folder` from its record; returns its path.
 
     Broken parts of the record are left out. Raises ConfigurationError for a folder that cannot be
     read as a run or cannot be written, and for a run under way.
@@ -98,7 +98,7 @@ def open_recording(
     live: bool = False,
     viewer: Callable[[str], None] | None = None,
 ) -> Iterator[rr.RecordingStream]:
-    """Open a recording into the file `name` of `folder`; complete after the block.
+    """Open a Rerun recording of a run in the file `name` of `folder`; complete after the block.
 
     `live` serves it too, and `viewer` opens a viewer on the served address. Raises OSError,
     RuntimeError or ValueError when the file cannot be written.
@@ -112,7 +112,7 @@ def open_recording(
 def bare_recording(
     application: str, path: Path, *, live: bool, viewer: Callable[[str], None] | None
 ) -> Iterator[rr.RecordingStream]:
-    """Open a recording of `application` in the file at `path`, without a layout.
+    """Open a Rerun recording without a layout in the file at `path`; complete after the block.
 
     `live` also serves it on loopback and starts `viewer`, by default Rerun's own, there; without a
     viewer the file is still written. Raises OSError where the file cannot be written.
@@ -131,7 +131,7 @@ def bare_recording(
 
 
 def open_viewer(address: str) -> None:
-    """Start Rerun's viewer on `address` as an independent process, which reports no usage."""
+    """Start Rerun's viewer on `address` as an independent process that reports no usage."""
     command = [sys.executable, "-m", "rerun_cli"]
     quiet: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
     quiet["env"] = {**os.environ, "XDG_CONFIG_HOME": str(cache_folder() / "viewer")}
@@ -141,7 +141,7 @@ def open_viewer(address: str) -> None:
 
 
 class Screen:
-    """Draws ticks and log lines into a recording; the only user of its entity paths."""
+    """Draws ticks and log lines into a Rerun recording; only it uses the entity paths."""
 
     def __init__(
         self,
@@ -159,7 +159,7 @@ class Screen:
         self._log_surroundings(1.0 if strip is None else strip.length)
 
     def draw(self, item: TickView | LogLine) -> None:
-        """Add a tick or a line of the log."""
+        """Draw a tick, or add a line to the log."""
         self._set_times(item)
         if isinstance(item, LogLine):
             level = rr.TextLogLevel.ERROR if item.alarm else rr.TextLogLevel.INFO
@@ -168,6 +168,7 @@ class Screen:
             self._draw_tick(item)
 
     def _draw_tick(self, tick: TickView) -> None:
+        """Draw what is new at a tick: state, image, measurement, prediction, motion."""
         has_begun = math.isfinite(tick.t)
         if tick.state and (tick.state, has_begun) != self._state:
             self._state = (tick.state, has_begun)
@@ -187,7 +188,7 @@ class Screen:
         self._draw_motion(tick)
 
     def finish(self) -> None:
-        """Send the buffered signals."""
+        """Send the signals that are still buffered."""
         for rows, names in zip(self._rows, SIGNALS, strict=True):
             if not rows:
                 continue
@@ -199,11 +200,11 @@ class Screen:
                 self._to.send_columns(f"signals/{name}", times, columns)
 
     def _buffer(self, tick: TickView, names: dict[str, int], values: list[float]) -> None:
-        """Keep `values` of the signals `names` at a tick until they are sent."""
+        """Store `values` of the signals `names` at a tick until they are sent."""
         self._rows[SIGNALS.index(names)].append((tick.t, tick.tick, values))
 
     def log_verdict(self, run: Run) -> None:
-        """Add the verdict on `run`."""
+        """Add the text of the verdict on `run`."""
         verdict = verdict_of(run, None)
         error = verdict.error.replace(LINE_BREAK, ", ")
         figure = [f"**{verdict.figure}** ({error})"] if verdict.figure else []
@@ -212,10 +213,7 @@ class Screen:
         self._to.log("verdict", document, static=True)
 
     def log_film(self, folder: Path) -> None:
-        """Add the film of the run in `folder`, each image at its time stamp, if there is one.
-
-        Raises ValueError for a file that is no film.
-        """
+        """Add the film of the run in `folder`, each image at its time; ValueError if no film."""
         path = folder / FILM
         notes = read_index(folder) if path.is_file() else ()
         if not any(note.film is not None for note in notes):
@@ -233,6 +231,7 @@ class Screen:
         )
 
     def _log_surroundings(self, length: float) -> None:
+        """Draw what does not change: desk, names and colours of states and signals."""
         desk = [MM * np.array([(-0.1, 0.0), (length + 0.15, 0.0)])]
         self._to.log("desk", rr.LineStrips2D(desk, colors=0x8A9099FF, radii=1.0), static=True)
         lanes = rr.StateConfiguration(
@@ -245,6 +244,7 @@ class Screen:
             self._to.log(f"signals/{name}", line, static=True)
 
     def _set_times(self, item: TickView | LogLine) -> None:
+        """Set the times at which `item` is drawn."""
         self._to.reset_time()
         self._to.set_time("clock", duration=item.clock)
         if math.isfinite(item.t):
@@ -253,11 +253,13 @@ class Screen:
             self._to.set_time("tick", sequence=item.tick)
 
     def _draw_measurement(self, moment: TickView, measurement: StripMeasurement) -> None:
+        """Draw the measured profile, and buffer contact, fold tip and gap."""
         values = [measurement.contact_x, *measurement.tip, measurement.gap]
         self._buffer(moment, SEEN_SIGNALS, values)
         self._to.log("strip/measured", _curve(measurement.profile, SEEN_RGBA, 2.0))
 
     def _draw_overlay(self, measurement: StripMeasurement, calibration: Calibration) -> None:
+        """Draw profile, contact and fold tip over the camera's image."""
         pixels = calibration.to_image(measurement.profile)
         self._to.log(
             "camera/overlay/profile", rr.LineStrips2D([pixels], colors=SEEN_RGBA, radii=1.5)
@@ -269,6 +271,7 @@ class Screen:
         self._to.log("camera/overlay/marks", points)
 
     def _draw_motion(self, moment: TickView) -> None:
+        """Draw the gripper, its path and the simulated strip."""
         x, z = float(moment.pose[0]), float(moment.pose[1])
         self._buffer(moment, HAND_SIGNALS, [x, z])
         shape = NO_SHAPE if self._shadow is None else self._shadow.follow(moment.t, moment.pose)
@@ -290,7 +293,7 @@ def _curve(points: Array, colour: int, radius: float) -> Any:
 
 
 def jpeg(image: Image) -> Any:
-    """Compress `image` (height, width, 3) BGR for Rerun."""
+    """Compress `image` (h, w, 3) BGR as a JPEG for Rerun."""
     import cv2
 
     _, content = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 70])
@@ -298,17 +301,14 @@ def jpeg(image: Image) -> Any:
 
 
 def free_port() -> int:
-    """Number of a free port on the loopback."""
+    """Number of a free TCP port on the loopback."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
 
 def blueprint(*, filmed: bool) -> Any:
-    """Layout: camera and side view on the left; states, signals and log on the right.
-
-    The camera's view is the film where the run was `filmed`.
-    """
+    """Rerun's layout: camera, or film if `filmed`, and side view; right states, signals, log."""
     side = rrb.Spatial2DView(
         origin="/",
         contents=["/strip/**", "/gripper/**", "/desk/**"],
@@ -356,7 +356,7 @@ def _plot(group: str, name: str, corner: rrb.Corner2D) -> Any:
 
 
 class Shadow:
-    """Rod simulated beside the real strip, from t = 0, where both lie flat or hang still."""
+    """Rod simulated beside a real strip from t = 0, where both lie flat or hang still."""
 
     def __init__(self, strip: StripFile) -> None:
         self._rod, self._model = Rod(SEGMENTS), describe(strip)
@@ -369,7 +369,7 @@ class Shadow:
             self._lost = True
 
     def follow(self, t: float, pose: Array) -> Array:
-        """Midline (nodes, 2) [m] at the increasing time `t` [s], with the gripper at `pose` (3,).
+        """Midline (nodes, 2) [m] of the rod at time `t` [s], with the gripper at `pose` (3,).
 
         Empty once the model has diverged or the gripper was not measured for too long; the rest of
         the view goes on without it.

@@ -1,4 +1,4 @@
-"""Saving of a Rerun recording in a file, which survives a full disk."""
+"""Writing of a Rerun recording to a file; a full disk does not block the process."""
 
 import os
 import threading
@@ -18,7 +18,7 @@ CHUNK_SIZE = 1 << 20  # bytes per write
 
 @contextmanager
 def saving(recording: rr.RecordingStream, path: Path, *others: Any) -> Iterator[None]:
-    """Save `recording` in the file at `path`, complete after the block, and send it to `others`.
+    """Write `recording` to the file at `path`, complete after the block, and send it to `others`.
 
     Raises OSError where the file cannot be written. `others` are sinks of Rerun. A file that
     Rerun writes itself makes it wait for good, and the process with it, once the disk is full; so
@@ -46,7 +46,7 @@ def saving(recording: rr.RecordingStream, path: Path, *others: Any) -> Iterator[
 
 
 def send_blueprint(recording: rr.RecordingStream, blueprint: Any) -> None:
-    """Send the viewer's layout `blueprint` to `recording`, and free its memory.
+    """Send the viewer's layout `blueprint` to the Rerun `recording`, and free its memory.
 
     `RecordingStream.send_blueprint` does the same, but Rerun 0.41 keeps the stream that it makes of
     the layout, with two threads and 0.8 MB, for as long as the process lives.

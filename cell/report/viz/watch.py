@@ -29,7 +29,7 @@ CLOSING_TIMEOUT = 30.0  # s to draw the queue after the run
 
 
 class Viz:
-    """Observer that shows a run in Rerun without blocking it; drops the oldest ticks when it lags.
+    """Observer that shows a run in Rerun without blocking it; drops old ticks when it lags.
 
     It writes run.rrd into the run's folder, serves it on loopback and opens a viewer there. The
     viewer connects to us, so that one that hangs or dies cannot block anything.
@@ -63,8 +63,8 @@ class Viz:
         )
         self._thread.start()
 
-    def see(self, snapshot: Snapshot) -> None:
-        """Queue one control cycle for drawing."""
+    def handle_tick(self, snapshot: Snapshot) -> None:
+        """Queue the state of the cell at a tick for drawing."""
         measurement = snapshot.view.measurement
         if measurement is not None and measurement.sequence == self._sequence:
             measurement = None
@@ -87,19 +87,19 @@ class Viz:
         )
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
-        """Queue one event for drawing."""
+        """Queue an event of the run for drawing, at `time` [s] of the cell's clock."""
         if kind == "state" and facts.get("state") == self._begins:
             self._origin = time
         self._put(LogLine(time, log_text(kind, facts), kind == "fault", time - self._origin))
 
     def close(self, timeout: float = CLOSING_TIMEOUT) -> None:
-        """Let the thread finish its work, for at most `timeout` [s]; allowed twice."""
+        """Wait at most `timeout` [s] until the queue is drawn; allowed twice."""
         self._over.set()
         self._news.set()
         self._thread.join(timeout)
 
     def _image(self, snapshot: Snapshot) -> Image | None:
-        """The newest image, if one is due and the thread keeps up."""
+        """Newest image of `snapshot`, if one is due and the thread keeps up; else None."""
         if (
             not snapshot.view.fresh
             or snapshot.view.frame is None
@@ -112,6 +112,7 @@ class Viz:
         return None if late else snapshot.view.frame.image
 
     def _put(self, item: TickView | LogLine) -> None:
+        """Queue `item`, dropping the oldest one where the queue is full."""
         if not self._thread.is_alive():
             return
         if len(self._waiting) >= WAITING:
@@ -153,10 +154,7 @@ class Viz:
 def watching(
     folder: Path, strip: StripFile, *, live: bool, hanging: bool = False
 ) -> Iterator[tuple[Viz, ...]]:
-    """Observers that show the fold in `folder` within the block, none unless `live`.
-
-    `hanging` is where the measured time of the fold begins; see `Viz`.
-    """
+    """Observers that show the fold in `folder` in Rerun within the block; none unless `live`."""
     if not live:
         yield ()
         return

@@ -1,4 +1,4 @@
-"""View of a calibration in Rerun: image with measurements, coverage, next request."""
+"""Recording of a calibration for Rerun: image with measurements, coverage, next request."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -26,10 +26,7 @@ WANTED_RGBA = 0xFFAA32FF
 def wizard_screen(
     folder: Path, *, live: bool = False, viewer: Callable[[str], None] | None = None
 ) -> Iterator["WizardScreen"]:
-    """Open a screen that draws into wizard.rrd of `folder`, which must exist by the first drawing.
-
-    `live` serves it on loopback too, and `viewer` opens a viewer there.
-    """
+    """Draw a wizard's steps into wizard.rrd of `folder`; if `live`, `viewer` opens it too."""
     path = folder / WIZARD_RECORDING
     with bare_recording("cell-wizard", path, live=live, viewer=viewer) as recording:
         send_blueprint(recording, _blueprint())
@@ -37,7 +34,7 @@ def wizard_screen(
 
 
 class WizardScreen:
-    """Draws the steps of a calibration wizard in Rerun; the only user of its entity paths."""
+    """Draws the steps of a calibration wizard in Rerun; only it uses the entity paths."""
 
     def __init__(self, recording: rr.RecordingStream) -> None:
         self._to = recording
@@ -71,7 +68,7 @@ class WizardScreen:
             self._to.log("wizard/log", rr.TextLog(step.answer))
 
     def log_verdict(self, verdict: str) -> None:
-        """Show the wizard's verdict, given as text."""
+        """Add the text `verdict` of the wizard to the log."""
         self._to.log("wizard/log", rr.TextLog(verdict))
         self._to.log("wizard/words", rr.TextDocument(verdict))
 

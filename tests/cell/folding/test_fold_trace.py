@@ -46,7 +46,7 @@ def traced(fold: MeasuredFold) -> FoldTrace:
         pose = Pose(float(x), float(z), float(pitch))
         arm = ArmState(float(time), float(time), "made", pose, ZERO_VELOCITY, pose, True, False)
         state, new_image = State.FOLD if time > 1.4 else State.LIFT, seen is not None
-        trace.see(
+        trace.handle_tick(
             Snapshot(time, state, 0.0, arm, hand, View(None, new_image, 0, seen, read=new_image))
         )
     return trace

@@ -6,12 +6,12 @@ import sys
 
 import pytest
 
-from cell.folding.realtime import realtime_thread, without_long_collections
+from cell.folding.realtime import realtime_thread
 
 
 def test_a_whole_collection_looks_at_no_object_from_before() -> None:
     before = [[] for _ in range(50_000)]
-    with without_long_collections():
+    with realtime_thread(True):
         assert gc.get_freeze_count() > len(before)
         assert len(gc.get_objects()) < 5_000
     assert gc.get_freeze_count() == 0

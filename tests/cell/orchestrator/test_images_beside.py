@@ -1,9 +1,11 @@
 """With images read beside the loop it keeps its rate, and a reader that fails stops the arm."""
 
+from types import SimpleNamespace
+
 import pytest
 
 import cell.orchestrator.run as orchestrator
-from cell.orchestrator.run import at_most
+from cell.orchestrator.run import time_limit
 from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.states import Event, State
 from cell.perception.image_reader import ImageResult, ImageTask
@@ -53,8 +55,7 @@ def folding(bench: Bench, monkeypatch, reader: LateReader, fold=None) -> list[Sn
         orchestrator, "phases_of", lambda context: phases(FOLD=fold or driving(100))
     )
     bench.reader, seen = reader, []
-    note = type("Note", (), {"see": lambda _, s: seen.append(s), "handle_event": lambda *_: None})
-    bench.observers = (note(),)
+    bench.observers = (SimpleNamespace(handle_tick=seen.append, handle_event=lambda *_: None),)
     return seen
 
 
@@ -109,15 +110,15 @@ def test_a_turn_that_hangs_is_ended_and_stops_the_arm(bench, monkeypatch) -> Non
             pass
 
     folding(bench, monkeypatch, LateReader(0), hanging)
-    monkeypatch.setattr(orchestrator, "at_most", lambda _: at_most(0.1))
+    monkeypatch.setattr(orchestrator, "time_limit", lambda _: time_limit(0.1))
     assert bench.run().name == "turn_overtime"
     assert bench.at_rest
 
 
 def test_a_turn_in_time_leaves_no_alarm_behind() -> None:
-    with at_most(0.02):
+    with time_limit(0.02):
         pass
-    with pytest.raises(Fault, match="longer than 0.02 s".replace(".", r"\.")), at_most(0.02):
+    with pytest.raises(Fault, match="longer than 0.02 s".replace(".", r"\.")), time_limit(0.02):
         forever()
 
 

@@ -171,8 +171,8 @@ def test_an_observer_that_fails_holds_nothing_up(bench, monkeypatch) -> None:
         raise ZeroDivisionError
 
     seen: list[Snapshot] = []
-    good = SimpleNamespace(see=seen.append, handle_event=lambda *news: None)
-    bad = SimpleNamespace(see=broken, handle_event=broken)
+    good = SimpleNamespace(handle_tick=seen.append, handle_event=lambda *news: None)
+    bad = SimpleNamespace(handle_tick=broken, handle_event=broken)
     bench.observers = (bad, good)
     monkeypatch.setattr(
         orchestrator, "phases_of", lambda context: phases(FOLD=ending(Event.PATH_DONE))
@@ -246,11 +246,10 @@ def test_a_fault_is_never_resumed(bench, monkeypatch) -> None:
     """The camera fails once and is well again: the run has ended all the same."""
     bench.camera.read = later(bench, bench.camera.read, until=BEGIN + 0.02)
     states, seen = list[str](), list[Snapshot]()
-    note = SimpleNamespace(
-        see=seen.append,
+    bench.observers = (SimpleNamespace(
+        handle_tick=seen.append,
         handle_event=lambda time, kind, facts: states.append(str(facts.get("state", kind))),
-    )
-    bench.observers = (note,)
+    ),)  # fmt: skip
     bench.run()
     assert states[-3:] == ["fault", "STOPPING", "FAULT"]
     braking = [shown.view for shown in seen if shown.state is State.STOPPING]

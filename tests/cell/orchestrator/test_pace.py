@@ -126,7 +126,7 @@ class Watch:
     def __init__(self, bench: Bench, rested: list[bool]) -> None:
         self._bench, self._rested = bench, rested
 
-    def see(self, snapshot) -> None:
+    def handle_tick(self, snapshot) -> None:
         if snapshot.view.stale_since is not None:
             waited = snapshot.time - snapshot.view.stale_since
             if waited >= BRAKES:

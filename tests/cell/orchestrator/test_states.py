@@ -16,5 +16,5 @@ def test_every_state_can_be_stopped_and_no_stop_resumes() -> None:
 
 def test_an_event_that_has_no_transition_names_those_that_have() -> None:
     with pytest.raises(Fault, match="laid in state IDLE; allowed here: start, stop") as refused:
-        Machine().take(Event.LAID)
+        Machine().apply(Event.LAID)
     assert refused.value.name == "illegal_event"

@@ -20,7 +20,7 @@ class Hanging:
     def __init__(self, *_: object) -> None:
         self.guesses: list[Pose] = []
 
-    def look(self, end: SimpleNamespace, guess: Pose) -> StripMeasurement:
+    def measure(self, end: SimpleNamespace, guess: Pose) -> StripMeasurement:
         self.guesses.append(guess)
         seen = np.hypot(guess.x - end.x, guess.z - end.z) < 0.035
         slope = np.array([np.cos(end.pitch), np.sin(end.pitch)])
@@ -40,7 +40,7 @@ def followed(monkeypatch) -> tuple[HeldEnd, Hanging]:
 def test_held_end_is_followed_from_the_lift_on(followed) -> None:
     follow, images = followed
     for count, place in enumerate(WAY):
-        found = follow.look(SimpleNamespace(stamp=0.1 * count, **pose(place)))
+        found = follow.measure(SimpleNamespace(stamp=0.1 * count, **pose(place)))
         assert found.end.as_array() == pytest.approx(place, abs=1e-6)
         assert found.measurement.gripper == pytest.approx(place[:2], abs=1e-6)
     assert images.guesses[-1].as_array() == pytest.approx((0.515, 0.09, 1.2), abs=1e-6)
@@ -49,9 +49,9 @@ def test_held_end_is_followed_from_the_lift_on(followed) -> None:
 def test_end_that_is_not_where_it_should_be_is_looked_for_nearby(followed) -> None:
     follow, _ = followed
     for count, place in enumerate([*WAY[:3], (0.56, 0.1, 1.5)]):
-        found = follow.look(SimpleNamespace(stamp=0.1 * count, **pose(place)))
+        found = follow.measure(SimpleNamespace(stamp=0.1 * count, **pose(place)))
     assert found.end.as_array() == pytest.approx((0.56, 0.1, 1.5), abs=1e-6)
-    lost = follow.look(SimpleNamespace(stamp=0.5, **pose((0.1, 0.4, 1.5))))
+    lost = follow.measure(SimpleNamespace(stamp=0.5, **pose((0.1, 0.4, 1.5))))
     assert lost.end is None
     assert lost.measurement.confidence == 0.0
 

@@ -55,7 +55,7 @@ def test_what_the_process_sees_is_what_the_loop_gets(process, touches) -> None:
     process.submit(ImageTask(image(40), POSE, touches), 3.0)
     assert process.busy_since == 3.0
     found = awaited(process.result)
-    here = PlainSight(None).look(image(40), POSE, touches=touches)
+    here = PlainSight(None).measure(image(40), POSE, touches=touches)
     assert process.busy_since is None
     assert found.touch == here.touch
     np.testing.assert_array_equal(found.measurement.profile, here.measurement.profile)
@@ -121,12 +121,12 @@ def test_a_fold_is_judged_and_then_read_by_the_process(process) -> None:
     assert awaited(process.result)[0].passed
     history, vision = ArmHistory(), Vision(OneFrame(), MonitorLimits())
     history.add(arm)
-    first = vision.look(State.FOLD, 1.6, history, process)
+    first = vision.update(State.FOLD, 1.6, history, process)
     assert first.fresh
     assert first.read or first.reading_since == 1.6
 
     def look() -> View | None:
-        view = vision.look(State.FOLD, 1.7, history, process)
+        view = vision.update(State.FOLD, 1.7, history, process)
         assert not view.fresh
         return view if view.read else None
 

@@ -115,7 +115,7 @@ def test_edge_that_slid_on_the_desk_takes_neither_contact_nor_profile_away(slid:
     perception, camera, fold = _ready()
     away = np.array([slid, 0.0])
     moved = replace(fold, shapes=fold.shapes + away, poses=fold.poses + np.array([slid, 0, 0]))
-    sight = perception.look(camera.frame(moved, 200), moved.pose(200 / 60))
+    sight = perception.measure(camera.frame(moved, 200), moved.pose(200 / 60))
     assert sight.contact_x == pytest.approx(fold.contact_x(200 / 60) + slid, abs=0.0015)
     assert sight.contact_confidence > 0.9
     assert abs(sight.profile[0, 0] - sight.contact_x) < 0.004
@@ -126,5 +126,5 @@ def test_blank_image_is_no_sight_and_no_exception(level: int) -> None:
     perception, camera, fold = _ready()
     frame = camera.frame(fold, 200)
     blank = replace(frame, image=np.full_like(frame.image, level))
-    sight = perception.look(blank, fold.pose(200 / 60))
+    sight = perception.measure(blank, fold.pose(200 / 60))
     assert sight.confidence < 0.3

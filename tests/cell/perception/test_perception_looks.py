@@ -64,7 +64,7 @@ def test_strip_that_preflight_admits_is_read_as_it_is(look: str, strip: str) -> 
     perception = perception_of(camera, fold.strip, twin_calibration(CAMERA))
     for sequence in FRAMES:
         stamp = sequence / CAMERA.rate
-        seen = perception.look(camera.frame(fold, sequence), fold.pose(stamp))
+        seen = perception.measure(camera.frame(fold, sequence), fold.pose(stamp))
         assert seen.contact_x == pytest.approx(fold.contact_x(stamp), abs=0.003)
         assert seen.confidence > 0.6
         off = distances(seen.profile, fold.shape(stamp))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cell.perception.preflight import Preflight, _check_rest, inspect
-from cell.perception.resting import Underside, sample_scene
+from cell.perception.resting_strip import Underside, sample_scene
 from cell.perception.settings import PerceptionSettings
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile

@@ -183,7 +183,7 @@ class Until:
     def __init__(self, state: State) -> None:
         self._state, self._reached = state, False
 
-    def see(self, snapshot: Snapshot) -> None:
+    def handle_tick(self, snapshot: Snapshot) -> None:
         """Ignore a tick."""
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:

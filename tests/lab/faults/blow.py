@@ -63,7 +63,7 @@ class Striker:
         """Whether the operator stops the run now, for a fault that strikes during the stop."""
         return self._blow.state == "STOPPING" and self._begun is not None
 
-    def see(self, snapshot: Snapshot) -> None:
+    def handle_tick(self, snapshot: Snapshot) -> None:
         """Inject the fault when it is due."""
         begun = self._begun
         if begun is None or self.at is not None or self._blow.state == "STOPPING":

@@ -59,7 +59,7 @@ def unseen(_address: str) -> None:
 def watch(viz: Viz, count: int) -> None:
     viz.handle_event(0.0, "state", {"state": State.LIFT, "event": "grasped"})
     for k in range(count):
-        viz.see(snapshot(k, State.LIFT if k < 50 else State.FOLD))
+        viz.handle_tick(snapshot(k, State.LIFT if k < 50 else State.FOLD))
 
 
 @pytest.fixture(scope="module")
@@ -127,10 +127,10 @@ def test_thread_that_hangs_drops_the_oldest_and_holds_nothing_up(tmp_path, monke
 
     monkeypatch.setattr(Screen, "draw", slow)
     viz = Viz(tmp_path, STRIP, unseen)
-    viz.see(snapshot(0))
+    viz.handle_tick(snapshot(0))
     assert stuck.wait(60)
     for k in range(1, WAITING + 301):
-        viz.see(snapshot(k))
+        viz.handle_tick(snapshot(k))
     viz.close(timeout=0.01)
     assert viz.dropped == 300
     gate.set()

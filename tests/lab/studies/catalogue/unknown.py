@@ -144,7 +144,7 @@ STUDY = Study(
         ),
     ),
     fits=(
-        Fit("cell/perception/laid.yaml", laid_weights),
+        Fit("cell/perception/laid_fold.yaml", laid_weights),
         Fit("policies/adaptive/untrained.yaml", untrained_sigma),
     ),
     usual=10 * len(CONDITIONS),

@@ -79,7 +79,7 @@ def sights(
         if stamp < near_touch and sequence % every:
             continue
         pose = fold.pose(stamp)
-        seen = perception.look(twin.frame(fold, sequence), pose)
+        seen = perception.measure(twin.frame(fold, sequence), pose)
         touch = detector.update(seen, pose)
         yield Sight(stamp, pose, seen, touch, fold)
         if touch is not None:

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cell.orchestrator.hanging import REST_TRAVEL as AT_REST
-from cell.orchestrator.hanging import hang_still
 from cell.orchestrator.snapshot import MoveTo, Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
+from cell.orchestrator.wait_until_still import REST_TRAVEL as AT_REST
+from cell.orchestrator.wait_until_still import wait_until_still
 from cell.perception.measurement import StripMeasurement
 from drivers.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
 from tests.support.made_folds import Notes
@@ -25,7 +25,7 @@ def paused(swing: float, decay: float, longest: float = 4.0, noise: float = 0.0)
     The swing halves every `decay` [s]; each point is read with `noise` [m].
     """
     notes, commands, rng = Notes(), [], np.random.default_rng(1)
-    motion, pose, k = hang_still(longest, notes), Pose(0.5, 0.1, 1.45), 0
+    motion, pose, k = wait_until_still(longest, notes), Pose(0.5, 0.1, 1.45), 0
     command = next(motion)
     try:
         while True:

@@ -1,4 +1,4 @@
-"""Pause after a lift until gripper and strip hang still, as far as the camera can see."""
+"""Wait after a lift until gripper and strip are at rest, as far as the camera shows."""
 
 from collections import deque
 
@@ -17,11 +17,10 @@ AVERAGED_IMAGES = 3  # images in a running mean, in which their noise averages o
 REST_TRAVEL = 0.0005  # m that the profile's mean travels, below which a strip rests
 
 
-def hang_still(longest: float, record: Recorder) -> Motion:
+def wait_until_still(longest: float, record: Recorder) -> Motion:
     """Bring the gripper to rest, upright, and wait at most `longest` [s] until the strip rests.
 
-    Returns the snapshot at the end of the pause. The event `hanging` says whether the strip came
-    to rest, and how far it still moved [m].
+    The event `hanging` says whether the strip came to rest, and how far it still moved [m].
     """
     snapshot = yield from wait_for(lambda now: not now.arm.moving)
     place = snapshot.arm.commanded
@@ -29,14 +28,14 @@ def hang_still(longest: float, record: Recorder) -> Motion:
     begun, swing = snapshot.time, Swing()
     while not swing.still and snapshot.time - begun < longest:
         snapshot = yield Hold()
-        swing.see(snapshot, begun)
+        swing.add(snapshot, begun)
     facts = {"waited": snapshot.time - begun, "still": swing.still, "moved": swing.moved}
     record.event(snapshot.time, "hanging", **facts)
     return snapshot
 
 
 class Swing:
-    """Measures how far a strip swings: the travel of its profile's mean within `COMPARED_TIME`."""
+    """Motion of a hanging strip: travel [m] of its profile's mean within COMPARED_TIME."""
 
     def __init__(self) -> None:
         self.moved = float("nan")
@@ -44,11 +43,11 @@ class Swing:
 
     @property
     def still(self) -> bool:
-        """Whether the strip has moved less than `REST_TRAVEL` over enough images."""
+        """Whether the strip has moved less than REST_TRAVEL over enough images."""
         return self.moved < REST_TRAVEL
 
-    def see(self, snapshot: Snapshot, since: float) -> None:
-        """Add the measurement in `snapshot`, if it is new and from an image after `since` [s]."""
+    def add(self, snapshot: Snapshot, since: float) -> None:
+        """Add the profile in `snapshot`, if it is new and from an image after `since` [s]."""
         seen = snapshot.view.measurement
         if not snapshot.view.read or seen is None or seen.stamp < since:
             return

@@ -14,7 +14,7 @@ from cell.perception.length_checks import (
     LengthCheck,
     compare_grip,
     disagreements,
-    held_end,
+    held_end_offset,
 )
 from cell.record.header import Result
 from cell.record.run import read_run
@@ -37,7 +37,7 @@ def test_what_differs_by_more_than_its_spread_allows_is_doubted_then_refuted() -
 def test_held_end_is_one_witness_by_the_images_that_show_it_close_to_the_gripper() -> None:
     held = replace(SEEN, profile=np.array([(0.3, 0.1), (0.304, 0.2)]), gripper=(0.3, 0.204))
     hidden = replace(held, gripper=(0.3, 0.23)), replace(held, profile=np.empty((0, 2)))
-    offsets = [held_end(seen) for seen in (held, *hidden)] + [0.004] * 8
+    offsets = [held_end_offset(seen) for seen in (held, *hidden)] + [0.004] * 8
     assert compare_grip(offsets, 0.0003) == ()
     (witness,) = compare_grip([*offsets, 0.2], 0.0003)
     assert witness.difference == pytest.approx(0.004)

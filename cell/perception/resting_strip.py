@@ -24,7 +24,7 @@ NAN = float("nan")
 
 @dataclass(frozen=True, slots=True)
 class Underside:
-    """Lower border of the resting strip, as midline heights `z` (n,) [m] at `x` (n,) [m].
+    """Underside of the resting strip: heights `z` (n,) [m] of its midline at `x` (n,) [m].
 
     `z` is NaN where no strip is seen; `end` [m] is x of the strip's free edge.
     """
@@ -35,13 +35,13 @@ class Underside:
 
     @property
     def present(self) -> NDArray[np.bool_]:
-        """Mask of the columns in which a strip is visible."""
+        """Mask (n,) of the places `x` at which a strip is visible."""
         return np.isfinite(self.z)
 
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """Pixels (n, 3) BGR of the resting strip, the desk before it and the backdrop above it."""
+    """Sampled pixels (n, 3) BGR of the resting strip, the desk before it, the backdrop above it."""
 
     strip: Array
     desk: Array
@@ -49,12 +49,12 @@ class Samples:
 
     @property
     def desk_colour(self) -> Array:
-        """Median colour (3,) BGR of the desk."""
+        """Median colour (3,) BGR of the sampled desk."""
         return np.asarray(np.median(self.desk, axis=0))
 
 
 def sample_scene(image: Image, calibration: Calibration, strip: StripFile) -> Samples:
-    """Sample `image` (h, w, 3) where strip, desk and backdrop are expected."""
+    """Sample pixels of `image` (h, w, 3) where strip, desk and backdrop are expected."""
     lower = max(strip.thickness - THIN, 0.0) / 2
     front = (FRONT_HEIGHTS[0] - lower, FRONT_HEIGHTS[1] - lower)
     face = face_height(calibration, strip)
@@ -68,31 +68,32 @@ def sample_scene(image: Image, calibration: Calibration, strip: StripFile) -> Sa
 def inner_pixels(
     image: Image, calibration: Calibration, strip: StripFile, rise: float = 0.0
 ) -> Array:
-    """Pixels (n, 3) BGR well within the strip's face, whose edge appears at a height `rise` [m]."""
+    """Pixels (n, 3) BGR well inside the strip's face; its near edge appears at z = `rise` [m]."""
     face = face_height(calibration, strip)
     height = (rise + INNER[0] * face, rise + INNER[1] * face)
     return sample_rectangle(image, calibration, _span(strip, 0.0), height)
 
 
 def face_height(calibration: Calibration, strip: StripFile) -> float:
-    """Apparent height of the resting strip's far edge in the plane of its near edge [m]."""
+    """Height [m] at which the resting strip's far edge appears in the plane of its near edge."""
     return calibration.viewpoint.sweep(strip.width) * calibration.viewpoint.z
 
 
 def _span(strip: StripFile, margin: float) -> tuple[float, float]:
+    """Range of x [m] over the strip without its ends: a `margin` [m] and 1 cm are left out."""
     return margin + 0.01, strip.length - margin - 0.01
 
 
 def sample_rectangle(
     image: Image, calibration: Calibration, span: tuple[float, float], height: tuple[float, float]
 ) -> Array:
-    """Pixels (n, 3) BGR over a rectangle of x and z [m] in the plane of the near edge."""
+    """Pixels (n, 3) BGR over a rectangle, `span` of x and `height` of z [m], of the edge plane."""
     grid = _grid(np.linspace(*span, 250), np.linspace(*height, 12))
     return sample_plane(image, calibration, grid).reshape(-1, 3)
 
 
 def sample_plane(image: Image, calibration: Calibration, points: Array) -> Array:
-    """Values of `image` (n, m) or (n, m, 3) at points (n, m, 2) of the plane [m]."""
+    """Values of `image` at `points` (n, m, 2) [m] of the plane of the near edge: (n, m, ...)."""
     pixels = calibration.to_image(points.reshape(-1, 2)).reshape(points.shape)
     at = pixels.astype(np.float32)
     sampled = cv2.remap(image, at[..., 0], at[..., 1], cv2.INTER_LINEAR, None, cv2.BORDER_REPLICATE)
@@ -104,10 +105,10 @@ def _grid(x: Array, z: Array) -> Array:
     return np.stack(np.meshgrid(x, z, indexing="ij"), axis=-1)
 
 
-def shares_along(levels: Image, calibration: Calibration, strip: StripFile, rise: float) -> Array:
-    """How far its near side looks like strip (n,), 0 to 1, in the smoothed matte `levels` (h, w).
+def strip_shares(levels: Image, calibration: Calibration, strip: StripFile, rise: float) -> Array:
+    """Shares of strip (n,), 0 to 1, at each mm along the near side of a strip at rest.
 
-    The midline rests at a height `rise` [m].
+    From the smoothed matte `levels` (h, w); the midline rests at a height `rise` [m].
     """
     x = np.arange(*_span(strip, 0.0), 0.001)
     z = rise + np.linspace(-strip.thickness / 4, INNER[0] * face_height(calibration, strip), 5)
@@ -115,7 +116,7 @@ def shares_along(levels: Image, calibration: Calibration, strip: StripFile, rise
 
 
 def underside(levels: Image, calibration: Calibration, strip: StripFile) -> Underside:
-    """Locate the strip's lower border in the smoothed matte `levels` (h, w) of the whole image."""
+    """Locate the resting strip's underside in the smoothed matte `levels` (h, w) of an image."""
     x = np.arange(0.005, strip.length + PAST_END, 0.002)
     z = np.arange(-SEARCH, SEARCH, 0.0001)
     across = strip_share(sample_plane(levels, calibration, _grid(x, z)))
@@ -140,7 +141,7 @@ def _end(levels: Image, calibration: Calibration, strip: StripFile) -> float:
 
 
 def resting_line(seen: Underside) -> Array:
-    """Fit a polynomial (DEGREE + 1,) of x to the resting midline's height, robust to a bump."""
+    """Fit the resting midline's height [m] by a polynomial (DEGREE + 1,) of x, robust to a bump."""
     x, z = seen.x[seen.present], seen.z[seen.present]
     kept = np.ones(len(x), dtype=bool)
     fit: Array = np.zeros(DEGREE + 1)

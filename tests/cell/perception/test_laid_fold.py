@@ -11,7 +11,7 @@ from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.batch import fold_all
 from cell.orchestrator.context import FoldContext
-from cell.perception.laid import TOP, Loop, laid_weights
+from cell.perception.laid_fold import TOP, Loop, laid_weights
 from cell.perception.length_checks import LengthCheck
 from cell.record.run import read_run
 from tests.support.made_folds import ARCH, SEEN, TOUCH

@@ -1,4 +1,4 @@
-"""Offset between the edges of a laid fold, from its loop."""
+"""Offset between the edges of a laid fold, from the size of its loop in an image."""
 
 from functools import cache
 from pathlib import Path
@@ -16,7 +16,7 @@ TOP = 5  # points of the profile whose mean height is the loop's
 
 
 class Loop(NamedTuple):
-    """Loop of a laid fold [m]: x of its tip, its height, its width from the desk contact."""
+    """Loop of a laid fold [m]: x of its tip, its height, its width from desk contact to tip."""
 
     tip_x: float
     height: float
@@ -24,7 +24,7 @@ class Loop(NamedTuple):
 
     @classmethod
     def seen_in(cls, measurement: StripMeasurement) -> Self | None:
-        """Loop of a laid strip from its `measurement`; None where it is not visible."""
+        """Loop of a laid strip from its `measurement`; None where the loop is hidden."""
         tip_x, heights = measurement.tip[0], np.sort(measurement.profile[:, 1:].ravel())
         if len(heights) < TOP or not np.isfinite(tip_x + measurement.contact_x):
             return None
@@ -32,7 +32,7 @@ class Loop(NamedTuple):
 
 
 class LaidWeights(Settings):
-    """Weights of a linear model for the strip length [m] in a loop beyond the loop's own length.
+    """Linear model of the strip length [m] that a fold's loop takes up, and what it was fitted to.
 
     A constant [m], and per m of its height, its width and the strip's thickness. Written by
     `python -m tests.lab study unknown`, with what it was fitted to.
@@ -49,19 +49,19 @@ class LaidWeights(Settings):
     belongs_to: str
 
     def excess_length(self, loop: Loop, thickness: float) -> float:
-        """Strip length [m] in a `loop` beyond its own length, for layers of `thickness` [m]."""
+        """Strip length [m] that a `loop` takes up, for layers of `thickness` [m]."""
         seen = self.constant + self.height * loop.height + self.width * loop.width
         return seen + self.thickness * thickness
 
 
 @cache
 def laid_weights() -> LaidWeights:
-    """Load the weights of a laid loop that ship with the package."""
+    """Load the model of a fold's loop that ships with the package."""
     return load(WEIGHTS_FILE, LaidWeights)
 
 
 def laid_length(measurement: StripMeasurement) -> float:
-    """Measured length [m] of a laid strip up to its release point; NaN without a profile.
+    """Measured length [m] of a laid strip from edge to edge; NaN without a profile.
 
     Along every PROFILE_STRIDE-th point of the profile: of layers that lie on one another the points
     in between hold noise, which makes the curve longer by a tenth.
@@ -74,7 +74,7 @@ def laid_length(measurement: StripMeasurement) -> float:
 
 
 def edge_offset(length: float, thickness: float, loop: Loop) -> float:
-    """Offset [m] of the grasped edge beyond the fixed one, with the sign of the displacement d.
+    """Offset [m] of the grasped edge of a laid fold beyond the fixed edge, from its `loop`.
 
     For a folded strip of `length` and `thickness` [m]. Its layers lie flat, so a tip 1 mm to the
     left leaves 2 mm more for the upper layer. What the loop holds follows from its size as seen,
