@@ -9,6 +9,7 @@ import pytest
 
 import cell.gap.subject.mechanism.effects
 import drivers.strip.effects
+from cell.campaign.progress import Meter
 from cell.campaign.run import measure
 from cell.cli.options import policy_names as typed_policies
 from cell.config.drivers import arms, cameras
@@ -29,7 +30,6 @@ from drivers.strip.describe import load_strip
 from drivers.strip.effects import check_effects, registry
 from policies.registry import entries, make_policy, policy_names
 from tests.lab.exam.causes import cause_of, causes
-from tests.lab.exam.run import Quiet
 from tests.lab.studies import campaign, catalogue
 from tests.lab.studies.table import markdown
 from tests.support.mechanisms import PRESCRIBED, make_arm
@@ -342,6 +342,6 @@ def test_a_driver_is_a_package_of_one_file(installed: Path) -> None:
 def test_study_is_one_file(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     only(installed, monkeypatch, catalogue, "coins", STUDY)
     asked = campaign.StudyRequest(catalogue.study_of("coins"), 0, 40, installed / "out")
-    campaign.measure(asked, Here(), Quiet(), (1, 1), again=False)
+    campaign.measure(asked, Here(), Meter(), (1, 1), again=False)
     assert "| all | 40 |" in markdown(campaign.read_study(asked))
     sys.modules.pop(f"{catalogue.__name__}.coins")

@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from cell.config.places import Configs
+from cell.train.evaluation import EngineName
 from drivers.errors import ConfigurationError
 from drivers.settings import Settings
 from drivers.types import Array
@@ -121,7 +122,7 @@ class RangeFolds(Settings):
 
     kind: Literal["range"] = "range"
     policy: str
-    engine: Literal["rod", "chain"]
+    engine: EngineName
     side: int
     displacement: tuple[float | None, ...]
     force: tuple[float, ...]

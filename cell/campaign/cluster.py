@@ -65,23 +65,23 @@ class Cluster:
                     yield record
             patience = ABSENCE
 
+    @contextmanager
+    def executor(self) -> Iterator[Executor]:
+        """Open an executor over the cluster; the work of a worker that died is done by another.
 
-@contextmanager
-def executor(address: str) -> Iterator[Executor]:
-    """Provide an executor over the cluster at `address`, for work that keeps its own journal.
+        Raises ConfigurationError for an address without a usable cluster, WorkersLost when the
+        cluster is gone.
+        """
+        with _silence_dask(), connect(self.address, CONNECT_TIMEOUT) as client:
+            from distributed import KilledWorker
 
-    The scheduler reassigns the work of a worker that died. Raises ConfigurationError for an address
-    without a usable cluster, WorkersLost when the cluster is gone.
-    """
-    with _silence_dask(), connect(address, CONNECT_TIMEOUT) as client:
-        from distributed import KilledWorker
-
-        try:
-            yield client.get_executor(pure=False)
-        except KilledWorker:
-            raise WorkersLost(f"{address}: several workers died over the same piece") from None
-        except (CancelledError, ConnectionError):
-            raise WorkersLost(f"{address}: the connection to the cluster was lost") from None
+            try:
+                yield client.get_executor(pure=False)
+            except KilledWorker:
+                lost = "several workers died over the same piece"
+                raise WorkersLost(f"{self.address}: {lost}") from None
+            except (CancelledError, ConnectionError):
+                raise WorkersLost(f"{self.address}: the connection was lost") from None
 
 
 @contextmanager

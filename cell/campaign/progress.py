@@ -1,15 +1,16 @@
-"""Progress of a campaign in the terminal: parts done, time left, failures."""
+"""Progress of a campaign or a training in the terminal: steps done, time left, failures."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from typing import Self
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn
 
 from cell.campaign.journal import Record
-from cell.campaign.run import Part
 
 Describe = Callable[[Record], str]
+LINES = 20  # printed of a training, and of its evaluation, where there is no terminal
 
 
 def failure_text(record: Record) -> str:
@@ -20,67 +21,74 @@ def failure_text(record: Record) -> str:
 
 
 class Meter:
-    """Progress bar weighted by the parts' cost; without a terminal, a line for each part.
+    """Progress bar of steps, weighted by their cost; off a terminal, lines.
 
-    Parts that failed stay on the screen.
+    A measured part is a line, and one that failed stays on the screen; a training, whose steps are
+    many, prints every twentieth of them. Without a `console` nothing is shown.
     """
 
-    def __init__(
-        self, console: Console, describe: Describe = failure_text, *, quiet: bool = False
-    ) -> None:
-        self._console, self._describe, self._quiet = console, describe, quiet
-        self._count = self._done = self._failed = 0
-        self._total = self._known = self._before = 0.0
+    def __init__(self, console: Console | None = None, describe: Describe = failure_text) -> None:
+        self._console, self._describe = console or Console(quiet=True), describe
+        self._count = self._number = self._failed = 0
+        self._total = self._done = self._before = 0.0
         self._started_at = time.monotonic()
         self._bar = Progress(BarColumn(bar_width=28), TextColumn("{task.description}"),
-                             console=console, transient=True)  # fmt: skip
+                             console=self._console, transient=True)  # fmt: skip
         self._task: TaskID | None = None
 
-    def begin(self, parts: Sequence[Part], known: Sequence[Part]) -> None:
-        """Show the initial progress."""
-        self._count, self._done = len(parts), len(known)
-        self._total, self._known = sum(p.cost for p in parts), sum(p.cost for p in known)
-        self._before = self._known
+    def begin(
+        self, count: int, known: int, cost: float | None = None, known_cost: float | None = None
+    ) -> None:
+        """Start with `known` of `count` steps done, each costs 1 unless both costs are given."""
+        self._count, self._number = count, known
+        self._total = float(count) if cost is None else cost
+        self._done = self._before = float(known) if known_cost is None else known_cost
         self._started_at = time.monotonic()
-        if self._quiet:
-            return
         if known:
-            self._print(f"{len(known)} of {len(parts)} are known already")
-        if self._console.is_terminal and len(known) < len(parts):
+            self._print(f"resumed after {known} of {count}")
+        if self._console.is_terminal and known < count:
             self._task = self._bar.add_task("", total=self._total)
-            self._bar.update(self._task, completed=self._known)
+            self._bar.update(self._task, completed=self._done)
             self._bar.start()
 
-    def finish(self, part: Part, record: Record) -> None:
-        """Advance the bar by one part."""
-        self._done += 1
+    def finish(self, key: str, cost: float, record: Record) -> None:
+        """Advance by the part `key`, which was measured with this `record`."""
+        self._number += 1
         self._failed += record.state != "measured"
-        self._known += part.cost
-        if self._quiet:
-            return
         failed = f", {self._failed} failed" if self._failed else ""
-        text = f"{self._done} of {self._count}{failed}{self._time_left()}  {part.key}"
-        text += self._describe(record)
-        if self._task is None or record.state != "measured":
-            self._print(text)
-        if self._task is not None:
-            self._bar.update(self._task, completed=self._known, description=text)
+        self._done += cost
+        text = f"{self._number} of {self._count}{failed}{self._time_left()}  {key}"
+        kept = self._task is None or record.state != "measured"
+        self._show(text + self._describe(record), kept=kept)
+
+    def step(self, done: int, text: str) -> None:
+        """Advance to the step `done` of a training or of its evaluation, of which `text` tells."""
+        self._done = float(done)
+        due = done % max(1, self._count // LINES) == 0 or done == self._count
+        self._show(text + self._time_left(), kept=self._task is None and due)
 
     def close(self) -> None:
         """Remove the bar."""
         if self._task is not None:
             self._bar.stop()
 
-    def __enter__(self) -> "Meter":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def _show(self, text: str, *, kept: bool) -> None:
+        """Show `text` beside the bar; where it is `kept`, as a line above."""
+        if kept:
+            self._print(text)
+        if self._task is not None:
+            self._bar.update(self._task, completed=self._done, description=text)
+
     def _time_left(self) -> str:
-        """Estimated time left, from the time of the parts measured here."""
-        here, passed = self._known - self._before, time.monotonic() - self._started_at
-        left = self._total - self._known
+        """Estimated time left, from the time of the steps made here."""
+        here, passed = self._done - self._before, time.monotonic() - self._started_at
+        left = self._total - self._done
         return f", {duration_text(left * passed / here)} left" if here > 0 and left > 0 else ""
 
     def _print(self, text: str) -> None:

@@ -5,7 +5,9 @@ import os
 import resource
 import time
 from collections import Counter, deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -15,7 +17,8 @@ from pydantic import BaseModel
 from pydantic_core import to_json
 
 from cell.campaign.journal import Cost, Journal, Record
-from cell.campaign.processes import ProcessPool
+from cell.campaign.processes import ProcessPool, workers
+from cell.campaign.progress import Meter
 from cell.campaign.versions import versions
 from drivers.child import ChildDied
 from drivers.errors import CellError, Unexpected
@@ -25,23 +28,24 @@ POLL_INTERVAL = 0.2  # s between looks at the time that parts take
 TRIES = 2  # of a part that kills its process: the first may have been the machine's fault
 
 
-class Part(Protocol):
-    """Measurement that another process can run, after pickling; equal parts give equal outcomes."""
+Outcome = Mapping[str, Any] | BaseModel
+"""What a part measures; JSON can hold it."""
 
-    @property
-    def key(self) -> str:
-        """Unique name among the parts."""
 
-    @property
-    def of(self) -> str:
-        """Digest of the code and files that the outcome depends on."""
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Measurement that another process can make: a call of `function`, known there by its name.
 
-    @property
-    def cost(self) -> float:
-        """Estimated time on one core [s]."""
+    `key` is unique among the parts, `of` the digest of the code and files that the outcome depends
+    on, `cost` the estimated time on one core [s]. Equal parts give equal outcomes; the function
+    raises CellError where there is none.
+    """
 
-    def measure(self) -> Mapping[str, Any] | BaseModel:
-        """Measure the part: an outcome that JSON can hold; raises CellError where there is none."""
+    key: str
+    of: str
+    cost: float
+    function: Callable[..., Outcome]
+    arguments: tuple[Any, ...] = ()
 
 
 def measure(part: Part, folder: Path, versions: Mapping[str, str]) -> Record:
@@ -56,7 +60,7 @@ def measure(part: Part, folder: Path, versions: Mapping[str, str]) -> Record:
         return known
     begun, processor_before, outcome, reason = time.perf_counter(), _processor_time(), None, ""
     try:
-        outcome = plain(part.measure())
+        outcome = plain(part.function(*part.arguments))
     except CellError as error:
         reason = str(error)
     except Exception as error:  # noqa: BLE001  an edge: the other parts go on
@@ -76,7 +80,7 @@ def measure(part: Part, folder: Path, versions: Mapping[str, str]) -> Record:
     return record
 
 
-def plain(outcome: Mapping[str, Any] | BaseModel) -> dict[str, Any]:
+def plain(outcome: Outcome) -> dict[str, Any]:
     """Convert `outcome` to plain JSON values; a number that is not finite becomes None."""
     content = to_json(dict(outcome), inf_nan_mode="null", fallback=lambda value: value.tolist())
     found: dict[str, Any] = json.loads(content)
@@ -116,6 +120,9 @@ class Engine(Protocol):
     ) -> Iterator[Record]:
         """Yield the records of `parts` as they finish, each stored in the journal at `folder`."""
 
+    def executor(self) -> AbstractContextManager[Executor]:
+        """Open an executor, for a search that keeps a journal of its own."""
+
 
 @dataclass(frozen=True, slots=True)
 class Local:
@@ -133,6 +140,10 @@ class Local:
             yield from measure_in(pool, parts, folder, versions, self.limit)
         finally:
             pool.kill()
+
+    def executor(self) -> AbstractContextManager[Executor]:
+        """Open an executor over the processes; raises WorkersLost when one of them dies."""
+        return workers(self.jobs)
 
 
 def measure_in(
@@ -168,18 +179,8 @@ def measure_in(
                 yield result
 
 
-class Watcher(Protocol):
-    """Protocol of an observer of a campaign, called at its start and after each part."""
-
-    def begin(self, parts: Sequence[Part], known: Sequence[Part]) -> None:
-        """Called first: `parts` are to be measured, of which `known` are done."""
-
-    def finish(self, part: Part, record: Record) -> None:
-        """Called after each part."""
-
-
 def carry_out(
-    parts: Sequence[Part], folder: Path, engine: Engine, watcher: Watcher, *, again: bool = False
+    parts: Sequence[Part], folder: Path, engine: Engine, meter: Meter, *, again: bool = False
 ) -> Iterator[tuple[Part, Record]]:
     """Yield every part with its record, finished ones first, then the others as they finish.
 
@@ -192,7 +193,8 @@ def carry_out(
         journal.forget(wanted)
     found = {name: journal.get(*name) for name in wanted}
     known = {name: record for name, record in found.items() if record and record.done}
-    watcher.begin(parts, [wanted[name] for name in known])
+    done = sum(wanted[name].cost for name in known)
+    meter.begin(len(parts), len(known), sum(part.cost for part in parts), done)
     for name, record in known.items():
         yield wanted[name], record
     left = [part for name, part in wanted.items() if name not in known]
@@ -201,7 +203,7 @@ def carry_out(
     make_folder(folder)
     for record in engine.measure(left, folder, versions()):
         part = wanted[record.key, record.of]
-        watcher.finish(part, record)
+        meter.finish(part.key, part.cost, record)
         yield part, record
 
 

@@ -164,10 +164,8 @@ def rehearse(
     threads = _threads(jobs)
     chosen = engine(threads, cluster, COPY_TIMEOUT)
     made = rehearsal.plan(runs, _strip_file(strip, configs), out, excess, empty, threads)
-    with (
-        resumable(out),
-        Meter(Console(stderr=True), rehearsal.progress_line, quiet=as_json) as meter,
-    ):
+    console = None if as_json else Console(stderr=True)
+    with resumable(out), Meter(console, rehearsal.progress_line) as meter:
         records = rehearsal.rehearse(made, out, chosen, meter)
     page = rehearsal.write_page(made, records, out)
     if as_json:

@@ -13,9 +13,9 @@ from cell.cli.output import print_json, print_table, say
 from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-    from contextlib import AbstractContextManager
+    from rich.console import Console
 
+    from cell.campaign.run import Engine
     from cell.train.run import Trained
 
 PART_TIMEOUT = 7200.0  # s of a part of the benchmark
@@ -56,17 +56,26 @@ def train(
     and ends with folds of the chain through images that correct what the rod has taught it.
     Killed or interrupted, the same command goes on and ends with the same weights.
     """
-    default = f"adaptive-{seed}" if policy == "adaptive" else f"seed-{seed}"
-    folder = out or Path("runs/training") / default
-    if checkpoint is not None:
-        _only_adaptive(policy)
-        _print_transfer(_transfer(checkpoint, folder, seed, folds, jobs, cluster), as_json=as_json)
-        return
-    size = {"generations": generations, "population": population, "strips": strips}
-    trained = _train(policy, folder, seed, size, _workers(jobs, cluster), grid)
-    corrected: dict[str, Any] = {}
-    if policy == "adaptive":
-        corrected = _transfer(trained.checkpoint, folder, seed, folds, jobs, cluster)
+    from rich.console import Console
+
+    from cell.campaign.processes import cores
+    from cell.train.transfer import TIME_LIMIT
+
+    adaptive = policy == "adaptive"
+    if checkpoint is not None and not adaptive:
+        raise ConfigurationError("--checkpoint: is for --policy adaptive; leave it out")
+    folder = out or Path("runs/training") / (f"adaptive-{seed}" if adaptive else f"seed-{seed}")
+    by = engine(jobs or (1 if cluster else cores()), cluster, TIME_LIMIT)
+    console = Console(stderr=True)
+    with resumable(folder):
+        if checkpoint is not None:
+            _print_transfer(_transfer(checkpoint, folder, seed, folds, by, console), as_json)
+            return
+        size = {"generations": generations, "population": population, "strips": strips}
+        trained = _train(policy, folder, seed, size, by, grid, console)
+        corrected: dict[str, Any] = {}
+        if adaptive:
+            corrected = _transfer(trained.checkpoint, folder, seed, folds, by, console)
     if as_json:
         print_json(trained.line() | corrected)
         return
@@ -87,49 +96,38 @@ def _train(
     folder: Path,
     seed: int,
     size: dict[str, int],
-    workers: "AbstractContextManager[Executor]",
+    by: "Engine",
     grid: int,
+    console: "Console",
 ) -> "Trained":
     """Train `policy` in the rod and evaluate it on a `grid`; `size` is for `feedback` alone."""
-    from rich.console import Console
-
     from cell.extras import require_library
 
-    require_library("torch" if policy == "adaptive" else "cmaes")
+    adaptive = policy == "adaptive"
+    require_library("torch" if adaptive else "cmaes")
     from cell.train.run import train
     from policies.adaptive.train.shard import CriticSettings
     from policies.train.objective import TrainingSettings
 
-    adaptive = policy == "adaptive"
     settings = CriticSettings(seed=seed) if adaptive else TrainingSettings(seed=seed, **size)
-    return train(settings, folder, workers, grid, Console(stderr=True))
-
-
-def _only_adaptive(policy: Learned) -> None:
-
-    if policy != "adaptive":
-        raise ConfigurationError("--checkpoint: is for --policy adaptive; leave it out")
+    return train(settings, folder, by, grid, console)
 
 
 def _transfer(
-    checkpoint: Path, folder: Path, seed: int, folds: int, jobs: int | None, cluster: str | None
+    checkpoint: Path, folder: Path, seed: int, folds: int, by: "Engine", console: "Console"
 ) -> dict[str, Any]:
     """Correct the weights by `folds` folds through images; returns facts on the new checkpoint."""
-    from rich.console import Console
-
-    from cell.campaign.processes import cores
     from cell.campaign.progress import Meter
-    from cell.train.transfer import TIME_LIMIT, transfer
+    from cell.train.transfer import transfer
     from policies.adaptive.train.training import CHECKPOINT
 
-    by = engine(jobs or (1 if cluster else cores()), cluster, TIME_LIMIT)
     out = folder / CHECKPOINT
-    with Meter(Console(stderr=True)) as meter:
+    with Meter(console) as meter:
         found, quality = transfer(checkpoint, folder, out, seed, folds, by, meter)
     return {"checkpoint": str(out), "transfer": found.facts(), "left_out": asdict(quality)}
 
 
-def _print_transfer(facts: dict[str, Any], *, as_json: bool) -> None:
+def _print_transfer(facts: dict[str, Any], as_json: bool) -> None:
     if as_json:
         print_json({"schema": 1, **facts})
         return
@@ -138,17 +136,6 @@ def _print_transfer(facts: dict[str, Any], *, as_json: bool) -> None:
         f"{held_out['folds']} folds through images; of folds left out the displacement is "
         f"{1e3 * held_out['rms']:.2f} mm rms off the prediction; {facts['checkpoint']}\n"
     )
-
-
-def _workers(jobs: int | None, address: str | None) -> "AbstractContextManager[Executor]":
-    from cell.campaign.cluster import executor
-    from cell.campaign.processes import cores, workers
-
-    if address is None:
-        return workers(jobs or cores())
-    if jobs is not None:
-        raise ConfigurationError("--jobs: a cluster has its own workers; leave --jobs out")
-    return executor(address)
 
 
 def benchmark(
@@ -197,7 +184,7 @@ def benchmark(
     by = engine(jobs, cluster, PART_TIMEOUT)
     place = runs or out / "runs"
     with resumable(out), Meter(Console(stderr=True), summarise) as meter:
-        results = measure(spec, found, out, place, engine=by, again=again, watcher=meter)
+        results = measure(spec, found, out, place, engine=by, again=again, meter=meter)
     page = write_results(results, out)
     if picture is not None:
         write_main_picture(results, picture)

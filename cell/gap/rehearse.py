@@ -8,7 +8,7 @@ copies is what it could have said of the runs.
 import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from statistics import mean
 from tempfile import TemporaryDirectory
@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from cell.campaign.journal import Record
-from cell.campaign.run import Engine, Watcher, carry_out
+from cell.campaign.progress import Meter
+from cell.campaign.run import Engine, Part, carry_out
 from cell.campaign.versions import verdicts
 from cell.gap.check import inputs_digest
 from cell.gap.effect_size import GapModel, draw_strengths, indistinguishable_from
@@ -152,35 +153,21 @@ def copies_with_each_effect(
     return copies, unseen
 
 
-@dataclass(frozen=True, slots=True)
-class Copy:
-    """A simulated copy of the runs as a part of a campaign."""
-
-    plan: Plan
-    hidden: HiddenCopy
-    of: str
-    cost: float = COPY_COST
-
-    @property
-    def key(self) -> str:
-        """Name of the hidden effect; of copies without one, with the copy's number."""
-        return self.hidden.key
-
-    def measure(self) -> Mapping[str, Any]:
-        """Simulate and diagnose the copy; returns the hidden effect beside the verdict."""
-        file = Path(self.plan.file)
-        with TemporaryDirectory(ignore_cleanup_errors=True) as name:
-            folder = Path(name)
-            write_copy(self.plan, self.hidden, folder / "runs")
-            verdict = fit([folder / "runs"], file, folder / "out")
-        return {
-            "hidden": self.hidden.effect,
-            "values": self.hidden.values,
-            "verdict": verdict.verdict,
-            "named": [effect.name for effect in verdict.effects],
-            "classes": verdict.ambiguous,
-            "confidence": min((effect.confidence for effect in verdict.effects), default=None),
-        }
+def diagnose_copy(plan: Plan, hidden: HiddenCopy) -> Mapping[str, Any]:
+    """Simulate and diagnose a copy of the runs; returns the hidden effect beside the verdict."""
+    file = Path(plan.file)
+    with TemporaryDirectory(ignore_cleanup_errors=True) as name:
+        folder = Path(name)
+        write_copy(plan, hidden, folder / "runs")
+        verdict = fit([folder / "runs"], file, folder / "out")
+    return {
+        "hidden": hidden.effect,
+        "values": hidden.values,
+        "verdict": verdict.verdict,
+        "named": [effect.name for effect in verdict.effects],
+        "classes": verdict.ambiguous,
+        "confidence": min((effect.confidence for effect in verdict.effects), default=None),
+    }
 
 
 def write_copy(plan: Plan, hidden: HiddenCopy, folder: Path) -> None:
@@ -215,11 +202,13 @@ def instruments(run: FoldMeasurement) -> Instruments:
     return replace(Instruments(**stated), force=run.sigma.force if run.has_force else None)
 
 
-def rehearse(plan: Plan, folder: Path, engine: Engine, watcher: Watcher) -> list[Record]:
+def rehearse(plan: Plan, folder: Path, engine: Engine, meter: Meter) -> list[Record]:
     """Measure all copies and return their records, resuming in `folder`; raises as `carry_out`."""
     of = hashlib.sha256(f"{plan.model_dump_json()}{verdicts()}".encode()).hexdigest()[:16]
-    parts = [Copy(plan, hidden, of) for hidden in plan.copies]
-    return [r for _, r in carry_out(parts, folder / JOURNAL, engine, watcher)]
+    parts = [
+        Part(hidden.key, of, COPY_COST, diagnose_copy, (plan, hidden)) for hidden in plan.copies
+    ]
+    return [r for _, r in carry_out(parts, folder / JOURNAL, engine, meter)]
 
 
 def is_right(outcome: Mapping[str, Any]) -> bool:

@@ -3,13 +3,13 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
 from dataclasses import asdict, dataclass
-from enum import StrEnum
 from functools import partial
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from cell.campaign.progress import Meter
 from drivers.strip.describe import describe
 from drivers.strip.engine import Stepper
 from drivers.strip.file import StripFile
@@ -23,20 +23,16 @@ from policies.train.objective import JUDGING_SEGMENTS
 
 Key = TypeVar("Key")
 Table = tuple[Sequence[str], Sequence[Sequence[str]], str]
-Watch = Callable[[int, int], None]  # number of pieces done, and of all
+EngineName = Literal["rod", "chain"]
+ENGINES: dict[EngineName, str] = {"rod": "rod (the model)", "chain": "chain (the plant)"}
 LINKS = 80  # of the chain that plays the plant; 60 are 3 mm off for the softest strips
 STRIPS_PER_EFFECT = 64  # folded for each effect
 EFFECTS_STREAM = 4  # of random numbers, apart from those of the training
 
 
-class Engine(StrEnum):
-    """Engine of the evaluation: the rod of the training, or the independent chain."""
-
-    ROD = "rod"
-    CHAIN = "chain"
-
-
-ENGINE_NAMES = {Engine.ROD: "rod (the model)", Engine.CHAIN: "chain (the plant)"}
+def stepper(name: EngineName) -> Stepper:
+    """Engine in which policies are judged: the rod of the training, or the independent chain."""
+    return Rod(JUDGING_SEGMENTS, strict=False) if name == "rod" else Chain(LINKS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +41,7 @@ class Evaluation:
     touch; in `misses` a fold without a touch counts as off by half the strip's length.
     """
 
-    engine: Engine
+    engine: EngineName
     displacement: Array
     misses: Misses
 
@@ -58,9 +54,9 @@ class Evaluation:
         """Numbers of the evaluation for a record in JSON, lengths in metres."""
         gone = [None if np.isnan(d) else round(float(d), 6) for d in self.displacement.ravel()]
         return {
-            "engine": self.engine.value,
+            "engine": self.engine,
             "side": len(self.displacement),
-            **numbers(self.misses),
+            **miss_numbers(self.misses),
             "untouched": self.untouched,
             "displacement": gone,
         }
@@ -76,13 +72,13 @@ class EffectErrors:
     def facts(self) -> dict[str, float | int]:
         """Bias, mean, 95 % quantile and largest |d| [m], and how many folds did not touch."""
         d = self.displacement
-        return {"strips": len(d), "bias": float(np.nanmean(d)), **numbers(Misses.of(d))}
+        return {"strips": len(d), "bias": float(np.nanmean(d)), **miss_numbers(Misses.of(d))}
 
 
-def numbers(misses: Misses) -> dict[str, float | int]:
+def miss_numbers(misses: Misses) -> dict[str, float | int]:
     """Content of `misses` as a record in JSON names it."""
-    found = asdict(misses)
-    return {"p95" if name == "quantile_95" else name: found[name] for name in found}
+    numbers = asdict(misses)
+    return {"p95" if name == "quantile_95" else name: numbers[name] for name in numbers}
 
 
 def evaluate(
@@ -91,15 +87,15 @@ def evaluate(
     seed: Sequence[int],
     side: int,
     executor: Executor,
-    watch: Watch = lambda _done, _pieces: None,
+    meter: Meter,
 ) -> tuple[Evaluation, ...]:
     """Fold a grid of `side` x `side` strips on each engine, a row for each task of `executor`.
 
     Engines get the same noise and delays, of random numbers by `seed` and row.
     """
-    pieces = [(engine, row) for engine in reversed(Engine) for row in range(side)]
-    rows = _gather(executor, partial(_fold_row, policy, rollout, seed, side), pieces, watch)
-    found = {engine: np.array([rows[engine, row] for row in range(side)]) for engine in Engine}
+    pieces = [(engine, row) for engine in reversed(ENGINES) for row in range(side)]
+    rows = _gather(executor, partial(_fold_row, policy, rollout, seed, side), pieces, meter)
+    found = {engine: np.array([rows[engine, row] for row in range(side)]) for engine in ENGINES}
     half = 0.5 * grid(side)[0].length
     return tuple(
         Evaluation(engine, d, Misses.of(np.where(np.isnan(d), half, d)))
@@ -108,41 +104,37 @@ def evaluate(
 
 
 def evaluate_effects(
-    policy: Policy,
-    rollout: Rollout,
-    segments: int,
-    executor: Executor,
-    watch: Watch = lambda _done, _pieces: None,
+    policy: Policy, rollout: Rollout, segments: int, executor: Executor, meter: Meter
 ) -> tuple[EffectErrors, ...]:
     """Fold unmeasured strips in the rod with nothing, friction and each effect hidden in turn.
 
     The strips are the same for every policy.
     """
-    found = _gather(executor, partial(_fold_with, policy, rollout, segments), CONDITIONS, watch)
+    found = _gather(executor, partial(_fold_with, policy, rollout, segments), CONDITIONS, meter)
     return tuple(EffectErrors(name, found[name]) for name in CONDITIONS)
 
 
 def _gather(
-    executor: Executor, fold: Callable[[Key], Array], keys: Iterable[Key], watch: Watch
+    executor: Executor, fold: Callable[[Key], Array], keys: Iterable[Key], meter: Meter
 ) -> dict[Key, Array]:
     """Displacements by `fold(key)` of each of `keys`, computed by `executor`."""
     waiting = {executor.submit(fold, key): key for key in keys}
     found: dict[Key, Array] = {}
+    meter.begin(len(waiting), 0)
     for done in as_completed(waiting):
         found[waiting[done]] = done.result()
-        watch(len(found), len(waiting))
+        count = f"{len(found)} of {len(waiting)} pieces"
+        meter.step(len(found), f"folds strips that training never folded: {count}")
     return found
 
 
 def _fold_row(
-    policy: Policy, rollout: Rollout, seed: Sequence[int], side: int, piece: tuple[Engine, int]
+    policy: Policy, rollout: Rollout, seed: Sequence[int], side: int, piece: tuple[EngineName, int]
 ) -> Array:
     """Displacements (side,) [m] of one row of the grid on one engine."""
     engine, row = piece
-    strips = grid(side)[row * side : (row + 1) * side]
-    rod = engine is Engine.ROD
-    stepper: Stepper = Rod(JUDGING_SEGMENTS, strict=False) if rod else Chain(LINKS)
-    return _displacements(policy, rollout, stepper, strips, np.random.default_rng([*seed, row]))
+    strips, rng = grid(side)[row * side : (row + 1) * side], np.random.default_rng([*seed, row])
+    return _displacements(policy, rollout, stepper(engine), strips, rng)
 
 
 def _fold_with(policy: Policy, rollout: Rollout, segments: int, name: str) -> Array:
@@ -169,7 +161,7 @@ def tables(evaluations: Sequence[Evaluation], errors: Sequence[EffectErrors]) ->
     """Columns, rows and title of the final evaluation, and of the errors by hidden effect."""
     side = len(evaluations[0].displacement)
     rows = [
-        (ENGINE_NAMES[e.engine], *(f"{1e3 * v:.1f}" for v in (m.mean, m.quantile_95, m.worst)),
+        (ENGINES[e.engine], *(f"{1e3 * v:.1f}" for v in (m.mean, m.quantile_95, m.worst)),
          str(e.untouched))
         for e in evaluations for m in (e.misses,)
     ]  # fmt: skip

@@ -4,16 +4,15 @@ import fcntl
 import json
 import os
 from collections.abc import Iterator
-from concurrent.futures import Executor
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.progress import BarColumn, TaskID, TextColumn, TimeRemainingColumn
-from rich.progress import Progress as Bar
 
+from cell.campaign.progress import Meter
+from cell.campaign.run import Engine
 from cell.train.evaluation import EffectErrors, Evaluation, evaluate, evaluate_effects
 from drivers.errors import ConfigurationError
 from drivers.files import write_file, writing
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
     from policies.train.search import Search
 
 EVALUATION = "evaluation.json"
-LINES = 20  # printed of a training, and of its evaluation, where there is no terminal
 SUBSTEPS = 4  # between decisions of the evaluation: 4.2 ms, which the chain takes in one part
 
 
@@ -55,53 +53,10 @@ class Trained:
         }
 
 
-class Meter:
-    """Progress bar of a training of `total` steps, `known` done before; lines off a terminal."""
-
-    def __init__(self, console: Console, total: int, known: int) -> None:
-        self._console, self._total = console, total
-        self._bar = Bar(
-            BarColumn(bar_width=28),
-            TextColumn("{task.description}"),
-            TimeRemainingColumn(compact=True),
-            console=console,
-            disable=not console.is_terminal,
-        )
-        self._task: TaskID = self._bar.add_task("begins", total=total, completed=known)
-        if known:
-            console.print(f"resumed after {known} of {total}", highlight=False)
-
-    def __enter__(self) -> Self:
-        """Show the bar."""
-        self._bar.start()
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Remove the bar; after Ctrl-C, print how to resume."""
-        self._bar.stop()
-        if kind is KeyboardInterrupt:
-            self._console.print("interrupted; run the command again to resume", highlight=False)
-
-    def show(self, done: int, text: str) -> None:
-        """Show the number of steps `done`, and `text` on the last one."""
-        self._advance(done, self._total, text)
-
-    def show_evaluation(self, done: int, pieces: int) -> None:
-        """Show that `done` of `pieces` of the final evaluation are done."""
-        text = f"folds strips that training never folded: {done} of {pieces} pieces"
-        self._advance(done, pieces, text)
-
-    def _advance(self, done: int, total: int, text: str) -> None:
-        self._bar.update(self._task, total=total, completed=done, description=text)
-        due = done % max(1, total // LINES) == 0 or done == total
-        if due and not self._console.is_terminal:
-            self._console.print(text, highlight=False, soft_wrap=True)
-
-
 def train(
     settings: TrainingSettings | CriticSettings,
     folder: Path,
-    workers: AbstractContextManager[Executor],
+    engine: Engine,
     side: int,
     console: Console,
 ) -> Trained:
@@ -113,20 +68,28 @@ def train(
     """
     with alone_in(folder):
         training = _open_training(settings, folder)
-        with workers as executor, Meter(console, training.total, training.known) as meter:
-            for step in training.run(executor):
-                meter.show(step.done, step.text)
-            policy, watch = training.policy, meter.show_evaluation
-            errors: tuple[EffectErrors, ...] = ()
+        with engine.executor() as executor:
+            with Meter(console) as meter:
+                meter.begin(training.total, training.known)
+                for step in training.run(executor):
+                    meter.step(step.done, step.text)
+            effects: tuple[EffectErrors, ...] = ()
             if isinstance(settings, TrainingSettings):
                 rollout, seed = settings.rollout, [settings.seed, 3]
             else:
                 rollout = Rollout(speed=settings.speed, sensing=IMAGE_SENSING)
                 seed = [settings.seed]
-                errors = evaluate_effects(policy, rollout, settings.segments, executor, watch)
+                with Meter(console) as meter:
+                    effects = evaluate_effects(
+                        training.policy, rollout, settings.segments, executor, meter
+                    )
             finer = replace(rollout, substeps=SUBSTEPS)
-            found = evaluate(policy, finer, seed, side, executor, watch)
-        return keep(Trained(training.checkpoint, settings, found, training.trial, errors), folder)
+            with Meter(console) as meter:
+                found = evaluate(training.policy, finer, seed, side, executor, meter)
+        trained = Trained(training.checkpoint, settings, found, training.trial, effects)
+        content = json.dumps(trained.line(), indent=1) + "\n"
+        write_file(folder / EVALUATION, content, "make room and run the command again")
+        return trained
 
 
 def _open_training(
@@ -139,13 +102,6 @@ def _open_training(
     from policies.adaptive.train.training import CriticTraining
 
     return CriticTraining(settings, folder)
-
-
-def keep(trained: Trained, folder: Path) -> Trained:
-    """Write the evaluation of `trained` to `folder`; raises ConfigurationError if that fails."""
-    content = json.dumps(trained.line(), indent=1) + "\n"
-    write_file(folder / EVALUATION, content, "make room and run the command again")
-    return trained
 
 
 @contextmanager

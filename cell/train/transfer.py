@@ -1,8 +1,8 @@
-"""Last training stage of `adaptive`: fits corrections to folds of the chain through images."""
+"""Last stage of training `adaptive`: corrects the critic by folds of the chain through images."""
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,7 +12,8 @@ import numpy as np
 
 from cell.calibrating.calibration_in_use import calibration_of
 from cell.campaign.journal import digest
-from cell.campaign.run import Engine, Watcher, carry_out
+from cell.campaign.progress import Meter
+from cell.campaign.run import Engine, Part, carry_out
 from cell.campaign.versions import code
 from cell.config.places import find_configs
 from cell.config.unmeasured_strip import name_of
@@ -32,51 +33,39 @@ TIME_LIMIT = 900.0  # s of wall time, after which a fold is set aside
 COMPLETE_SHARE = 0.75  # share of the folds that must have come to their end
 
 
-@dataclass(frozen=True, slots=True)
-class FoldPart:
-    """Campaign part: fold `number` of those drawn by `seed`, through images, by `checkpoint`."""
+def fold_drawn(number: int, seed: int, checkpoint: Path) -> Mapping[str, Any]:
+    """Fold strip `number` of those drawn by `seed` through images, by the critic in `checkpoint`.
 
-    number: int
-    seed: int
-    checkpoint: Path
-    of: str
-    cost: float = SECONDS
-
-    @property
-    def key(self) -> str:
-        """Name of the fold."""
-        return f"{self.seed}-{self.number:04d}"
-
-    def measure(self) -> Mapping[str, Any]:
-        """Fold the strip; returns a row of `FoldedBatch`, empty where the fold failed."""
-        strip = random_strip(np.random.default_rng([self.seed, self.number]))
-        with TemporaryDirectory() as name:
-            configs, known = find_configs(None), name_of(strip.length, strip.thickness)
-            request = Request(
-                configs.cell(),
-                configs.strip(known),
-                "adaptive",
-                Path(name),
-                DeviceSelection(plant=strip, seed=self.number),
-                self.checkpoint,
-                record=Recording("none"),
-            )
-            result = fold(request, calibration_of(request.cell))
-            stored = read_run(Path(result.run)).result
-        predicted = None if stored is None else stored.foretold
-        if result.exit_code != 0 or predicted is None or result.displacement_true is None:
-            return {}
-        return {
-            "displacement": result.displacement_true,
-            "predicted": predicted.displacement,
-            "sigma": predicted.sigma,
-            "log_length": math.log(predicted.bending_length.value),
-            "thickness": strip.thickness,
-        }
+    Returns a row of `FoldedBatch`, empty where the fold failed.
+    """
+    strip = random_strip(np.random.default_rng([seed, number]))
+    with TemporaryDirectory() as name:
+        configs, known = find_configs(None), name_of(strip.length, strip.thickness)
+        request = Request(
+            configs.cell(),
+            configs.strip(known),
+            "adaptive",
+            Path(name),
+            DeviceSelection(plant=strip, seed=number),
+            checkpoint,
+            record=Recording("none"),
+        )
+        result = fold(request, calibration_of(request.cell))
+        stored = read_run(Path(result.run)).result
+    predicted = None if stored is None else stored.foretold
+    if result.exit_code != 0 or predicted is None or result.displacement_true is None:
+        return {}
+    return {
+        "displacement": result.displacement_true,
+        "predicted": predicted.displacement,
+        "sigma": predicted.sigma,
+        "log_length": math.log(predicted.bending_length.value),
+        "thickness": strip.thickness,
+    }
 
 
 def transfer(
-    checkpoint: Path, folder: Path, out: Path, seed: int, count: int, engine: Engine, watch: Watcher
+    checkpoint: Path, folder: Path, out: Path, seed: int, count: int, engine: Engine, meter: Meter
 ) -> tuple[Bias, FitQuality]:
     """Fit a bias to `count` folds by the critic in `checkpoint`, and write both to `out`.
 
@@ -89,8 +78,11 @@ def transfer(
     folder.mkdir(parents=True, exist_ok=True)
     save_critic(bare, critic, facts)
     of = digest(code(), sha256(bare.read_bytes()).hexdigest()[:12])
-    parts = [FoldPart(number, seed, bare.resolve(), of) for number in range(count)]
-    records = [record for _, record in carry_out(parts, folder / JOURNAL, engine, watch)]
+    parts = [
+        Part(f"{seed}-{number:04d}", of, SECONDS, fold_drawn, (number, seed, bare.resolve()))
+        for number in range(count)
+    ]
+    records = [record for _, record in carry_out(parts, folder / JOURNAL, engine, meter)]
     rows = [record.outcome for record in sorted(records, key=lambda r: r.key) if record.outcome]
     if len(rows) < COMPLETE_SHARE * count:
         raise ConfigurationError(

@@ -84,11 +84,11 @@ def exam(
     out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
     chosen = engine(wide, cluster, CASE_TIMEOUT)
     _check_places(out, report, made=only_judge and not ledger)
-    with resumable(out), Meter(console, summarise, quiet=as_json) as meter:
+    with resumable(out), Meter(None if as_json else console, summarise) as meter:
         drawn = (lambda *_: None) if as_json else _print_progress
         wanted = load_or_draw(out, tier, cases, seed, repeats, kind, force, drawn, wide)
         entries = run_exam(
-            wanted, out, engine=chosen, watcher=meter, steps=steps, again=again, ledger=ledger
+            wanted, out, engine=chosen, meter=meter, steps=steps, again=again, ledger=ledger
         )
     if only_make:
         failed = sum(e.state == "failed" for e in entries)

@@ -117,7 +117,7 @@ def _measure(
     from cell.campaign.progress import Meter
     from tests.lab.studies.campaign import measure
 
-    with resumable(asked.folder), Meter(Console(stderr=True), quiet=quiet) as meter:
+    with resumable(asked.folder), Meter(None if quiet else Console(stderr=True)) as meter:
         measure(asked, by, meter, shard, again=again)
 
 

@@ -36,7 +36,7 @@ def test_benchmark_goes_on_where_it_stopped(
 ) -> None:
     marks = tmp_path / "marks"
     parts = (Fine("one", marks), Fine("three", marks))
-    monkeypatch.setattr(run, "order", lambda *_: parts)
+    monkeypatch.setattr(run, "parts_of", lambda *_: parts)
     monkeypatch.setattr(run, "calibration_of", lambda _: None)
     arguments = ["benchmark", "--quick", "--out", str(tmp_path), "--json", "--picture"]
     arguments += [str(tmp_path / "main.png"), "--configs", str(CONFIGS.folder)]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cell.benchmark.range_parts import FRICTION_EFFECT, EffectPart, RangePart
+from cell.benchmark.parts import FRICTION_EFFECT, fold_effect, fold_range
 from cell.benchmark.summary import misses_text
 from cell.report.words import NO_VALUE
 
@@ -12,7 +12,7 @@ pytestmark = pytest.mark.slow
 
 def test_circle_pulls_ten_times_as_hard_at_the_fixed_edge_as_the_triangle() -> None:
     forces = {
-        name: float(np.mean(RangePart(name, "rod", 3, 0.1, "").measure().force))
+        name: float(np.mean(fold_range(name, "rod", 3, 0.1).force))
         for name in ("triangular", "circular")
     }
     assert forces["circular"] == pytest.approx(2.4, abs=0.3)
@@ -21,8 +21,7 @@ def test_circle_pulls_ten_times_as_hard_at_the_fixed_edge_as_the_triangle() -> N
 
 def test_unknown_friction_spoils_a_plan_and_hardly_the_feedback_of_adaptive() -> None:
     adaptive, planned = (
-        EffectPart(policy, FRICTION_EFFECT, 4, 0.1, "").measure()
-        for policy in ("adaptive", "planned")
+        fold_effect(policy, FRICTION_EFFECT, 4, 0.1) for policy in ("adaptive", "planned")
     )
     assert np.abs(adaptive.displacement).max() < 0.006
     assert np.abs(planned.displacement).mean() > 0.008

@@ -12,17 +12,17 @@ from pathlib import Path
 import pytest
 
 from cell.campaign.journal import Journal, Record
+from cell.campaign.progress import Meter
 from cell.campaign.run import Local, carry_out
 from drivers.errors import ConfigurationError
-from tests.support.campaign_parts import Broken, Deadly, Endless, Fine, Impossible, Noted
+from tests.support.campaign_parts import Broken, Deadly, Endless, Fine, Impossible
 
 ROOT = Path(__file__).parents[3]
 
 
 def run(parts, folder: Path, jobs: int = 1, limit: float | None = None, **asked):
-    watcher = Noted()
-    found = carry_out(parts, folder, Local(jobs, limit), watcher, **asked)
-    return {part.key: record for part, record in found}, watcher
+    found = carry_out(parts, folder, Local(jobs, limit), Meter(), **asked)
+    return {part.key: record for part, record in found}
 
 
 def record(key: str, of: str = "first", **facts) -> Record:
@@ -32,7 +32,7 @@ def record(key: str, of: str = "first", **facts) -> Record:
 @pytest.mark.slow
 def test_parts_that_fail_die_or_never_end_leave_the_others_measured(tmp_path: Path) -> None:
     parts = [Fine("a"), Impossible("b"), Deadly("c"), Broken("d"), Endless("e"), Fine("f")]
-    found, _ = run(parts, tmp_path, jobs=2, limit=6.0)
+    found = run(parts, tmp_path, jobs=2, limit=6.0)
     assert {key: record.state for key, record in found.items()} == {
         "a": "measured", "b": "failed", "c": "set_aside", "d": "failed", "e": "set_aside",
         "f": "measured",
@@ -78,11 +78,12 @@ def test_a_folder_that_cannot_be_written_is_refused_in_one_line(tmp_path: Path) 
 KILLED = """
 import sys
 from pathlib import Path
+from cell.campaign.progress import Meter
 from cell.campaign.run import Local, carry_out
-from tests.support.campaign_parts import Fine, Noted
+from tests.support.campaign_parts import Fine
 marks = Path(sys.argv[1])
 parts = [Fine(f"part {n}", marks, seconds=0.05) for n in range(40)]
-for _ in carry_out(parts, Path(sys.argv[2]), Local(2), Noted()):
+for _ in carry_out(parts, Path(sys.argv[2]), Local(2), Meter()):
     pass
 """
 
@@ -106,6 +107,6 @@ def test_killed_at_any_moment_it_goes_on_and_ends_with_the_same_records(tmp_path
     measured = marks.read_text().split("\n")[:-1]
     assert len(set(measured)) == 40
     assert len(measured) <= 40 + 2 * kills  # what was under way when it was killed
-    alone, _ = run([Fine(f"part {n}") for n in range(40)], tmp_path / "alone", jobs=2)
+    alone = run([Fine(f"part {n}") for n in range(40)], tmp_path / "alone", jobs=2)
     for found in Journal(folder).records():
         assert found.outcome == alone[found.key].outcome

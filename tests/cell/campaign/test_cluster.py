@@ -15,8 +15,9 @@ import pytest
 from cell.campaign import cluster
 from cell.campaign.cluster import Cluster
 from cell.campaign.journal import Journal
+from cell.campaign.progress import Meter
 from cell.campaign.run import carry_out
-from tests.support.campaign_parts import Fine, Noted
+from tests.support.campaign_parts import Fine
 
 pytestmark = pytest.mark.long
 
@@ -75,7 +76,7 @@ def grid(monkeypatch: pytest.MonkeyPatch) -> Iterator[Grid]:
 
 
 def outcomes(parts, folder: Path, engine) -> dict[str, tuple[str, object]]:
-    found = carry_out(parts, folder, engine, Noted())
+    found = carry_out(parts, folder, engine, Meter())
     return {part.key: (record.state, record.outcome) for part, record in found}
 
 

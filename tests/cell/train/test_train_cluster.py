@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cell.campaign.cluster import event_loop
-from cell.campaign.cluster import executor as cluster
+from cell.campaign.cluster import Cluster, event_loop
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 from policies.train.objective import TrainingSettings
@@ -74,7 +73,7 @@ def test_worker_killed_in_mid_run_changes_nothing(local, tmp_path: Path) -> None
             os.kill(pid, signal.SIGSTOP)
             Thread(target=kill_at_work, daemon=True).start()
 
-        with cluster(local.scheduler_address) as there:
+        with Cluster(local.scheduler_address).executor() as there:
             together = trained(tmp_path / "there", there, stop)
         assert killed.is_set()
         assert pid not in watcher.run(os.getpid).values()
@@ -89,7 +88,7 @@ def test_workers_of_another_version_are_refused(local, monkeypatch) -> None:
     monkeypatch.setattr("cell.campaign.versions.version", lambda _: "0.0")
     with (
         pytest.raises(ConfigurationError, match=r"numpy \S+, here 0\.0"),
-        cluster(local.scheduler_address),
+        Cluster(local.scheduler_address).executor(),
     ):
         pass
 
@@ -97,7 +96,10 @@ def test_workers_of_another_version_are_refused(local, monkeypatch) -> None:
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere at all"])
 def test_address_without_a_scheduler_is_one_line(monkeypatch, address: str) -> None:
     monkeypatch.setattr("cell.campaign.cluster.CONNECT_TIMEOUT", 0.2)
-    with pytest.raises(ConfigurationError, match="no scheduler answers") as told, cluster(address):
+    with (
+        pytest.raises(ConfigurationError, match="no scheduler answers") as told,
+        Cluster(address).executor(),
+    ):
         pass
     assert "\n" not in str(told.value)
     clients = [each for each in gc.get_objects() if type(each) is library().Client]
@@ -144,7 +146,10 @@ def test_cluster_with_tls_serves_who_has_the_certificate_alone(tmp_path: Path, m
     ):
         address = started.scheduler_address
         assert address.startswith("tls://")
-        with pytest.raises(ConfigurationError, match="no scheduler answers"), cluster(address):
+        with (
+            pytest.raises(ConfigurationError, match="no scheduler answers"),
+            Cluster(address).executor(),
+        ):
             pass
-        with pytest.importorskip("dask").config.set(known), cluster(address) as executor:
+        with pytest.importorskip("dask").config.set(known), Cluster(address).executor() as executor:
             assert executor.submit(max, 1, 2).result(timeout=400) == 2

@@ -14,7 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from drivers.files import replace_file
-from tests.lab.exam.ledger import Ledger
+from tests.lab.exam.ledger import read_ledger
 from tests.lab.exam.page import TIERS, by_tier, write_report
 
 
@@ -24,7 +24,7 @@ def main(
     cases: Path = Path("tests/lab/ledgers/cases.md"),
 ) -> int:
     """Write the page; 1 where it has no section of a tier that a ledger holds."""
-    entries = [entry for ledger in ledgers for entry in Ledger(ledger).entries]
+    entries = [entry for ledger in ledgers for entry in read_ledger(ledger).values()]
     entries.sort(key=lambda entry: entry.case.name)
     pages = {path: path.read_text(encoding="utf-8") for path in (page, cases)}
     with TemporaryDirectory() as name:

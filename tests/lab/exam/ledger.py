@@ -1,4 +1,4 @@
-"""Ledger of an exam: the result of every case, from which an interrupted exam resumes."""
+"""Ledger of an exam: the results of its journal in one file, to go on elsewhere."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field, ValidationError
 
 from cell.record.documents import json_line
-from drivers.files import append_line, replace_file, writing
+from drivers.files import replace_file, writing
 from drivers.readers import MEGABYTE, read_json_lines
 from drivers.settings import Settings
 from tests.lab.exam.case import Case
@@ -36,35 +36,21 @@ class Entry(Settings):
     reason: str = ""
 
 
-class Ledger:
-    """Ledger file of JSON lines at `path`, one a case; the last line of a case counts.
+def read_ledger(path: Path) -> dict[str, Entry]:
+    """The newest entry of every case in the JSON lines at `path`, by the case's name.
 
-    Raises ConfigurationError where `path` cannot be written.
+    Lines that another version wrote, or a kill cut off, are left out.
     """
+    entries = filter(None, map(_entry, read_json_lines(path, LARGEST_LEDGER)))
+    return {entry.case.name: entry for entry in entries}
 
-    def __init__(self, path: Path, *, again: bool = False) -> None:
-        """Open the ledger without a truncated last line, or begin one; `again` empties it."""
-        self.path = path
-        with writing(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            lines = [] if again else read_json_lines(path, LARGEST_LEDGER)
-            replace_file(path, b"".join(map(json_line, lines)))
-        self._known = {e.case.name: e for e in map(_entry, lines) if e is not None}
 
-    @property
-    def entries(self) -> tuple[Entry, ...]:
-        """The newest entry of every case."""
-        return tuple(self._known.values())
-
-    def of(self, cases: Iterable[Case]) -> tuple[Entry, ...]:
-        """The entries of these cases, in their order."""
-        return tuple(self._known[c.name] for c in cases if c.name in self._known)
-
-    def put(self, entry: Entry) -> None:
-        """Append the entry of a case; it is on disk on return."""
-        self._known[entry.case.name] = entry
-        with writing(self.path):
-            append_line(self.path, json_line(entry.model_dump(mode="json")))
+def write_ledger(path: Path, entries: Iterable[Entry]) -> None:
+    """Write `entries` to `path`, a line each; raises ConfigurationError where that fails."""
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lines = (json_line(entry.model_dump(mode="json")) for entry in entries)
+        replace_file(path, b"".join(lines))
 
 
 def _entry(line: dict[str, object]) -> Entry | None:

@@ -4,14 +4,15 @@ import json
 import shutil
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from operator import itemgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 from cell.campaign.journal import Journal, Record
-from cell.campaign.run import Engine, Local, Part, Watcher, carry_out
+from cell.campaign.progress import Meter
+from cell.campaign.run import Engine, Local, Part, carry_out
 from cell.config.places import find_configs
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.verdict.schema import Verdict, read_verdict
@@ -21,7 +22,7 @@ from drivers.strip.describe import load_strip
 from tests.lab.exam.case import Case, Kind
 from tests.lab.exam.cases import Sources, case_hash, sources
 from tests.lab.exam.diagnosis import NOTES, VERDICT_FILE, Effort, diagnose
-from tests.lab.exam.ledger import Entry, Ledger
+from tests.lab.exam.ledger import Entry, read_ledger, write_ledger
 from tests.lab.exam.score import Baselines, oracle, same, score
 
 Steps = Literal["all", "make", "judge"]
@@ -44,49 +45,31 @@ def made_by_tier(case: Case, folder: Path) -> None:
     make_runs(case, folder)
 
 
-@dataclass(frozen=True, slots=True)
-class ExamPart:
-    """An exam case as a part of a campaign, with its ledger entry as outcome.
+def measure_case(
+    case: Case,
+    folder: Path,
+    workdirs: Path,
+    by: Sources,
+    steps: Steps,
+    make: Maker,
+    again: bool,
+) -> Mapping[str, Any]:
+    """Make the runs of `case`, diagnose them, score the verdict: its ledger entry as plain values.
 
-    Its runs and verdict lie in `folder`; diagnoses work within `workdirs`, or among the temporary
-    files of a machine that has no such folder.
+    Runs and verdict lie in `folder`; the diagnosis works within `workdirs`, or among the temporary
+    files of a machine that has no such folder. Raises CellError where a step fails.
     """
-
-    case: Case
-    folder: Path
-    workdirs: Path
-    sources: Sources
-    entry: str
-    steps: Steps
-    make: Maker
-    again: bool = False
-    cost: float = CASE_COST
-
-    @property
-    def key(self) -> str:
-        """Name of the case."""
-        return self.case.name
-
-    @property
-    def of(self) -> str:
-        """Digest of engine, case and scorer, marked where the runs alone are made."""
-        return self.entry + (MADE_ALONE if self.steps == "make" else "")
-
-    def measure(self) -> Mapping[str, Any]:
-        """Make the runs, diagnose them, score the verdict; raises CellError where a step fails."""
-        case = self.case
-        place = self.folder / RUNS_FOLDER / case.name
-        if self.steps != "judge":
-            keep_runs(case, place, self.make)
-        if self.steps == "make":
-            return Entry(case=case, of=self.entry, state="made").model_dump(mode="json")
-        if read_stamp(place) != case_hash(case):
-            made = Journal(self.folder / JOURNAL).get(self.key, self.entry + MADE_ALONE)
-            reason = (made and made.reason) or "holds no runs of this case; make them first"
-            raise ConfigurationError(f"{place}: {reason}")
-        workdirs = self.workdirs if self.workdirs.is_dir() else None
-        entry = judge(case, self.folder, self.sources, workdirs=workdirs, again=self.again)
-        return entry.model_dump(mode="json")
+    place = folder / RUNS_FOLDER / case.name
+    if steps != "judge":
+        keep_runs(case, place, make)
+    if steps == "make":
+        return Entry(case=case, of=by.entry(case), state="made").model_dump(mode="json")
+    if read_stamp(place) != case_hash(case):
+        made = Journal(folder / JOURNAL).get(case.name, by.entry(case) + MADE_ALONE)
+        reason = (made and made.reason) or "holds no runs of this case; make them first"
+        raise ConfigurationError(f"{place}: {reason}")
+    shared = workdirs if workdirs.is_dir() else None
+    return judge(case, folder, by, workdirs=shared, again=again).model_dump(mode="json")
 
 
 def keep_runs(case: Case, place: Path, make: Maker) -> None:
@@ -161,7 +144,7 @@ def run_exam(
     folder: Path,
     *,
     engine: Engine | None = None,
-    watcher: Watcher | None = None,
+    meter: Meter | None = None,
     steps: Steps = "all",
     again: bool = False,
     make: Maker = made_by_tier,
@@ -174,31 +157,26 @@ def run_exam(
     that fails is an entry with its reason, tried again at the next start. Kinds take turns, so that
     an exam that ends early has seen all of them.
     """
-    kept, now, named = Ledger(ledger or folder / LEDGER), sources(), {c.name: c for c in cases}
+    place, path, now = folder / JOURNAL, ledger or folder / LEDGER, sources()
+    kept, named = read_ledger(path), {case.name: case for case in cases}
+    write_ledger(path, kept.values())  # fails now, and not after hours
+    ending = MADE_ALONE if steps == "make" else ""
+    anew = again or steps == "make"
     with TemporaryDirectory(prefix="exam-", ignore_cleanup_errors=True) as workdirs:
+        given = (folder, Path(workdirs), now, steps, make, again)
         parts = [
-            ExamPart(case, folder, Path(workdirs), now, now.entry(case), steps, make, again)
+            Part(case.name, now.entry(case) + ending, CASE_COST, measure_case, (case, *given))
             for case in spread(cases)
         ]
-        anew = again or steps == "make"
         if not anew:
-            _import_ledger(kept, Journal(folder / JOURNAL), parts)
-        place, seen = folder / JOURNAL, watcher or Quiet()
-        for part, record in carry_out(parts, place, engine or Local(), seen, again=anew):
+            _import_ledger(kept, Journal(place), parts)
+        measured = carry_out(parts, place, engine or Local(), meter or Meter(), again=anew)
+        for part, record in measured:
             entry = entry_of(named[part.key], now, record)
-            if entry.state != "made" and kept.of([entry.case]) != (entry,):
-                kept.put(entry)
-    return kept.of(cases)
-
-
-class Quiet:
-    """Observer of a campaign that shows nothing."""
-
-    def begin(self, parts: Sequence[Part], known: Sequence[Part]) -> None:
-        """Show nothing at the start."""
-
-    def finish(self, part: Part, record: Record) -> None:
-        """Show nothing after a part."""
+            if entry.state != "made" and kept.get(part.key) != entry:
+                kept[part.key] = entry
+                write_ledger(path, kept.values())
+    return tuple(kept[case.name] for case in cases if case.name in kept)
 
 
 def entry_of(case: Case, now: Sources, record: Record) -> Entry:
@@ -208,12 +186,13 @@ def entry_of(case: Case, now: Sources, record: Record) -> Entry:
     return Entry.model_validate(record.outcome)
 
 
-def _import_ledger(kept: Ledger, journal: Journal, parts: Sequence[ExamPart]) -> None:
+def _import_ledger(kept: Mapping[str, Entry], journal: Journal, parts: Sequence[Part]) -> None:
     """Copy a ledger's outcomes into the journal, so that an exam can resume elsewhere."""
-    known = {(entry.case.name, entry.of): entry for entry in kept.entries}
     for part in parts:
-        entry = known.get((part.key, part.of))
-        if entry is not None and entry.state == "scored" and not journal.get(part.key, part.of):
+        entry = kept.get(part.key)
+        if entry is None or (entry.state, entry.of) != ("scored", part.of):
+            continue
+        if not journal.get(part.key, part.of):
             outcome = entry.model_dump(mode="json")
             record = Record(schema=1, key=part.key, of=part.of, state="measured", outcome=outcome)
             journal.put(record)

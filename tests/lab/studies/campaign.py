@@ -9,8 +9,8 @@ from statistics import median
 from typing import Any
 
 from cell.campaign.journal import Cost, Journal, Record, digest
-from cell.campaign.progress import duration_text
-from cell.campaign.run import Engine, Watcher, carry_out
+from cell.campaign.progress import Meter, duration_text
+from cell.campaign.run import Engine, Part, carry_out
 from cell.campaign.versions import code, data, sources
 from cell.config.places import find_configs
 from drivers.errors import ConfigurationError
@@ -24,38 +24,20 @@ WORKING_PARTS = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class CasePart:
-    """A case of the study `study` as a part of a campaign; `of` is the digest of its inputs."""
+def measure_case(name: str, case: Case, of: str) -> Mapping[str, Any]:
+    """Measure a case of the study `name`; returns its values with those of its outcome.
 
-    study: str
-    case: Case
-    of: str
-    cost: float
-
-    @property
-    def key(self) -> str:
-        """Name of the case."""
-        return self.case.key
-
-    def measure(self) -> Mapping[str, Any]:
-        """Measure the case; returns its values with those of its outcome.
-
-        Raises ConfigurationError where code or configuration are not those of the campaign.
-        """
-        study = study_of(self.study)
-        if inputs(study) != self.of:
-            raise ConfigurationError(
-                f"{self.study}: this machine has other code or configuration than the campaign; "
-                "install the same"
-            )
-        found = study.measure(self.case.values)
-        return {
-            "seed": self.case.seed,
-            "number": self.case.number,
-            "case": dict(self.case.values),
-            "values": dict(found),
-        }
+    Raises ConfigurationError where code or configuration are not those of the campaign, `of`.
+    """
+    study = study_of(name)
+    if inputs(study) != of:
+        raise ConfigurationError(
+            f"{name}: this machine has other code or configuration than the campaign; "
+            "install the same"
+        )
+    outcome = dict(study.measure(case.values))
+    facts = {"seed": case.seed, "number": case.number, "case": dict(case.values)}
+    return {**facts, "values": outcome}
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,11 +54,11 @@ class StudyRequest:
         """Folder of the study's journal."""
         return self.folder / JOURNAL
 
-    def parts(self, shard: tuple[int, int] = (1, 1)) -> tuple[CasePart, ...]:
+    def parts(self, shard: tuple[int, int] = (1, 1)) -> tuple[Part, ...]:
         """Parts of all cases, or of every n-th from the i-th on for the shard i of n."""
         made_of, study, (number, count) = inputs(self.study), self.study, shard
         return tuple(
-            CasePart(study.name, case, made_of, study.seconds)
+            Part(case.key, made_of, study.seconds, measure_case, (study.name, case, made_of))
             for case in study.cases(self.seed, self.count)[number - 1 :: count]
         )
 
@@ -102,11 +84,11 @@ class StudyRecord:
 
 
 def measure(
-    asked: StudyRequest, engine: Engine, watcher: Watcher, shard: tuple[int, int], *, again: bool
+    asked: StudyRequest, engine: Engine, meter: Meter, shard: tuple[int, int], *, again: bool
 ) -> None:
     """Measure the cases that have no record in the journal; raises as `carry_out`."""
     parts = asked.parts(shard)
-    for _ in carry_out(parts, asked.journal, engine, watcher, again=again):
+    for _ in carry_out(parts, asked.journal, engine, meter, again=again):
         pass
 
 

@@ -6,14 +6,15 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from cell.campaign.run import Local
 from cell.gap.verdict.schema import Verdict
 from drivers.errors import ConfigurationError
 from tests.lab.__main__ import app
 from tests.lab.exam.case import Case
 from tests.lab.exam.cases import DRAWN_FILE, KEYS_FOLDER, Sources, load_or_draw
-from tests.lab.exam.ledger import Entry, Ledger
+from tests.lab.exam.ledger import Entry, write_ledger
 from tests.lab.exam.page import markdown
-from tests.lab.exam.run import LEDGER, ExamPart
+from tests.lab.exam.run import LEDGER
 from tests.lab.exam.score import Baselines, Oracle, score
 from tests.lab.exam.targets import targets
 from tests.support.exam_cases import case, named, verdict
@@ -112,7 +113,7 @@ def test_the_page_lists_every_miss_and_nothing_else_as_one() -> None:
 def by_these_sources(monkeypatch: pytest.MonkeyPatch) -> None:
     """Entries were made by the sources of today, and whoever makes one again fails."""
     monkeypatch.setattr(Sources, "entry", lambda *_: "engine-case-scorer")
-    monkeypatch.setattr(ExamPart, "measure", lambda _: pytest.fail("judged again"))
+    monkeypatch.setattr(Local, "measure", lambda *_: pytest.fail("judged again"))
 
 
 @pytest.fixture
@@ -123,9 +124,7 @@ def kept(tmp_path: Path) -> Path:
     (tmp_path / KEYS_FOLDER).mkdir()
     cases = {"cases": [e.case.model_dump(mode="json") for e in every]}
     (tmp_path / KEYS_FOLDER / DRAWN_FILE).write_text(json.dumps(asked | cases), encoding="utf-8")
-    ledger = Ledger(tmp_path / LEDGER)
-    for entry in every:
-        ledger.put(entry)
+    write_ledger(tmp_path / LEDGER, every)
     return tmp_path
 
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from cell.campaign.journal import Record
-from cell.campaign.run import Part
+from cell.campaign.progress import Meter
 from tests.lab.exam.case import Kind
 from tests.lab.exam.cases import Sources
 from tests.lab.exam.diagnosis import FILES, NoVerdict, diagnose, stage
-from tests.lab.exam.ledger import Entry, Ledger
-from tests.lab.exam.run import JOURNAL, LEDGER, VERDICTS_FOLDER, Quiet, run_exam, spread, summarise
+from tests.lab.exam.ledger import Entry, read_ledger
+from tests.lab.exam.run import JOURNAL, LEDGER, VERDICTS_FOLDER, run_exam, spread, summarise
 from tests.support.exam_cases import case, few_runs
 from tests.support.gap_strip_cases import STRIP
 
@@ -56,20 +56,21 @@ def test_an_exam_that_ends_early_has_seen_every_kind_in_its_share() -> None:
 def test_a_case_that_fails_is_reported_and_the_others_go_on(tmp_path: Path) -> None:
     cases = [case("bad", "nothing", {}, seed=13), case("good", "nothing", {})]
     seen = Seen()
-    run_exam(cases, tmp_path, steps="make", make=few_runs, watcher=seen)
+    run_exam(cases, tmp_path, steps="make", make=few_runs, meter=seen)
     assert any("bad: failed: unexpected RuntimeError" in line for line in seen.lines)
     assert "good: runs made" in seen.lines
-    assert [e.state for e in Ledger(tmp_path / LEDGER).entries] == ["failed"]
+    assert [e.state for e in read_ledger(tmp_path / LEDGER).values()] == ["failed"]
 
 
-class Seen(Quiet):
-    """A watcher that notes what came of each case."""
+class Seen(Meter):
+    """A meter that notes what came of each case."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.lines: list[str] = []
 
-    def finish(self, part: Part, record: Record) -> None:
-        self.lines.append(part.key + summarise(record))
+    def finish(self, key: str, cost: float, record: Record) -> None:
+        self.lines.append(key + summarise(record))
 
 
 @pytest.mark.long

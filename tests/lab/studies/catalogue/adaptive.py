@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cell.train.evaluation import stepper
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from policies.adaptive.checkpoint import load_critic
@@ -12,7 +13,7 @@ from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
 from policies.strip_sampling import EFFECTS, STRIP_LENGTH, effect, plain_strip
 from tests.lab.studies.kit.folds import SIGMAS_95
-from tests.lab.studies.kit.rollouts import Kept, rough, sensing_of, stepper, stretchy
+from tests.lab.studies.kit.rollouts import Kept, rough, sensing_of, stretchy
 from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 STRANGE = {"friction 20-60": rough(20.0, 60.0), "friction 90": rough(90.0, 90.1),

@@ -9,8 +9,6 @@ import numpy as np
 from drivers.strip.engine import Observables, Stepper
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
-from drivers.strip.rod.engine import Rod
-from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from policies.adaptive.adaptive import Adaptive
 from policies.policy import Decision, Observation
@@ -18,7 +16,6 @@ from policies.prediction import FoldPrediction
 from policies.sensing import IMAGE_SENSING, Sensing
 from policies.strip_sampling import STRIP_LENGTH, friction, plain_strip
 
-LINKS, SEGMENTS = 80, 100
 LOUD = replace(IMAGE_SENSING, contact_sigma=0.003, tip_sigma=0.003, profile_sigma=0.003)
 Draw = Callable[[np.random.Generator], StripFile]
 
@@ -69,11 +66,6 @@ class Traced:
     def arc(self) -> Array:
         """Arc lengths (n, nodes) [m] of the engine."""
         return self._engine.arc()
-
-
-def stepper(name: str) -> Stepper:
-    """The engine called `rod` or `chain`."""
-    return Rod(SEGMENTS, strict=False) if name == "rod" else Chain(LINKS)
 
 
 def rough(low: float, high: float) -> Draw:

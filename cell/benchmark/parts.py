@@ -1,0 +1,151 @@
+"""Parts of a benchmark: folds through images, and folds of many strips in the rod or the chain."""
+
+import hashlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+import policies
+from cell.benchmark.results import (
+    BenchmarkSpec,
+    EffectFolds,
+    ImageFold,
+    RangeFolds,
+    finite_or_none,
+)
+from cell.calibrating.calibration_in_use import calibration_of
+from cell.campaign.journal import digest
+from cell.campaign.run import Part
+from cell.campaign.versions import code
+from cell.config.places import Configs
+from cell.devices.devices import DeviceSelection
+from cell.folding.fold import fold
+from cell.folding.request import Request
+from cell.train.evaluation import EngineName, stepper
+from drivers.strip.describe import describe
+from drivers.strip.engine import Stepper
+from drivers.strip.file import StripFile
+from policies.planned import Planned
+from policies.registry import make_policy
+from policies.rollout import Folds, Rollout, roll_out
+from policies.sensing import IMAGE_SENSING
+from policies.strip_sampling import EFFECTS, effect, friction, grid, plain_strip
+
+FRICTION_EFFECT = "bending_hysteresis"
+YIELD_RANGE = (20.0, 60.0)  # 1/m, as laboratories measure it
+HIDDEN_EFFECTS = ("", FRICTION_EFFECT, *EFFECTS)
+"""Effects that are hidden in turn; the empty name stands for none."""
+STRIP_COST = {"rod": 0.03, "chain": 0.3}  # s of a strip of the paper's range
+PLANNING_FOLDS = 16  # folds of the rod, about, that planning takes
+EFFECT_COST, PLANNED_COST = 0.1, 5  # s of a fold with an effect; times as much where it is planned
+IMAGES_COST = 10.0  # s of a fold through images
+
+
+def parts_of(spec: BenchmarkSpec, configs: Configs, runs: Path) -> tuple[Part, ...]:
+    """All parts of a benchmark by its `spec`, the longest first; runs are written to `runs`."""
+    speed = configs.cell().fold.speed
+    return (*_simulated_parts(spec, speed), *_image_parts(spec, configs, runs))
+
+
+def weights_digest(policy: str = "*") -> str:
+    """Digest of the committed weights of `policy`, or of all policies."""
+    folder = Path(policies.__file__).parent / "weights"
+    files = sorted([*folder.glob(f"{policy}.json"), *folder.glob(f"{policy}.npz")])
+    return digest(*(hashlib.sha256(path.read_bytes()).hexdigest() for path in files))
+
+
+def _simulated_parts(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
+    """Yield the parts without images: ranges and hidden effects."""
+    size = spec.extent
+    for policy in spec.policies:
+        of, plans = digest(code(), weights_digest(policy)), policy == Planned.name
+        sides: tuple[tuple[EngineName, int], ...] = (("rod", size.grid), ("chain", size.chain))
+        for engine, side in sides:
+            key = f"{policy} over {side} x {side} on the {engine} at {speed}"
+            planning = (PLANNING_FOLDS if plans else 1) * STRIP_COST["rod"]
+            cost = side**2 * (STRIP_COST[engine] + planning)
+            yield Part(key, of, cost, fold_range, (policy, engine, side, speed))
+        for name in HIDDEN_EFFECTS:
+            key = f"{policy} on {size.hidden} strips with {name or 'nothing'} hidden"
+            cost = size.hidden * EFFECT_COST * (PLANNED_COST if plans else 1)
+            yield Part(key, of, cost, fold_effect, (policy, name, size.hidden, speed))
+
+
+def _image_parts(spec: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[Part]:
+    """Yield the folds through images: every strip once, then the repeats with the next seeds."""
+    firsts = [(strip, policy, 0) for strip in spec.strips for policy in spec.policies]
+    repeats = [
+        (spec.repeated, policy, k) for policy in spec.policies for k in range(1, spec.repeats)
+    ]
+    for name, policy, repeat in (*firsts, *repeats):
+        cell, strip, seed = configs.cell(), configs.strip(name), spec.seed + repeat
+        inputs = (cell.model_dump_json(), strip.model_dump_json(), weights_digest(policy))
+        request = Request(cell, strip, policy, runs, DeviceSelection(seed=seed))
+        key = f"fold {strip.name} by {policy}, seed {seed}"
+        yield Part(key, digest(code(), *inputs), IMAGES_COST, fold_images, (request,))
+
+
+def fold_images(request: Request) -> ImageFold:
+    """Fold a strip through images by `request`, without a page: `cell report` makes that later."""
+    done, strip = fold(request, calibration_of(request.cell)), request.strip
+    stated = {name: getattr(strip, name) for name in ("bending_length", "retardation_time")}
+    result = {name: getattr(done, name) for name in ImageFold.model_fields if name not in stated
+              and name != "kind"}  # fmt: skip
+    return ImageFold(**stated, **result)
+
+
+def fold_range(policy: str, engine: EngineName, side: int, speed: float) -> RangeFolds:
+    """Fold a logarithmic grid of side x side strips in `engine` by `policy` at `speed` [m/s].
+
+    A policy that uses images gets late and noisy observations, as in training.
+    """
+    folds = _fold_known(policy, grid(side), stepper(engine), Rollout(speed=speed))
+    return RangeFolds(
+        policy=policy,
+        engine=engine,
+        side=side,
+        displacement=finite_or_none(folds.displacement),
+        force=tuple(folds.pull.tolist()),
+    )
+
+
+def fold_effect(policy: str, name: str, count: int, speed: float) -> EffectFolds:
+    """Fold `count` strips with the effect `name` of textile size hidden in the rod.
+
+    Every policy folds the same strips at `speed` [m/s], observed as through images.
+    """
+    rng = np.random.default_rng(1)
+    strips = [_strip_with(name, rng) for _ in range(count)]
+    known = [strip.model_copy(update={"effects": {}}) for strip in strips]
+    settings = Rollout(speed=speed, sensing=IMAGE_SENSING)
+    folds = _fold_known(policy, strips, stepper("rod"), settings, known=known, rng=rng)
+    return EffectFolds(policy=policy, effect=name, displacement=finite_or_none(folds.displacement))
+
+
+def _fold_known(
+    policy: str,
+    strips: Sequence[StripFile],
+    engine: Stepper,
+    settings: Rollout,
+    *,
+    known: Sequence[StripFile] = (),
+    rng: np.random.Generator | None = None,
+) -> Folds:
+    """Fold `strips` side by side in `engine` by `policy`, which knows the files `known` of them.
+
+    By default it knows the strips as they are, and noise is drawn from the seed 0.
+    """
+    known = known or strips
+    decide = Planned(known) if policy == Planned.name else make_policy(policy, in_rod=True)
+    models = [describe(strip) for strip in strips]
+    rng = rng or np.random.default_rng(0)
+    return roll_out(decide, engine, known[0], models, settings=settings, rng=rng)
+
+
+def _strip_with(name: str, rng: np.random.Generator) -> StripFile:
+    """Draw a strip of the paper's range with the effect `name`, with none for an empty name."""
+    if name == FRICTION_EFFECT:
+        return plain_strip(rng, bending_hysteresis=friction(rng, *YIELD_RANGE))
+    bare = plain_strip(rng)
+    return bare.model_copy(update={"effects": {name: effect(name, rng)}}) if name else bare
