@@ -30,7 +30,6 @@ from drivers.errors import ConfigurationError, WorkersLost
 
 if TYPE_CHECKING:
     from distributed import Client, Future
-    from distributed.utils import LoopRunner
     from tornado.ioloop import IOLoop
 
 CONNECT_TIMEOUT = 20.0  # s in which scheduler and first worker must answer at the start
@@ -120,25 +119,21 @@ def event_loop() -> Iterator["IOLoop"]:
     Dask asserts that it begins within 10 s, which no setting changes: a machine that stands still
     for longer is given another try.
     """
-    runner = _start_runner(TRIES)
+    from distributed.utils import LoopRunner
+
+    for tries_left in reversed(range(TRIES)):
+        runner = LoopRunner()
+        try:
+            runner.start()
+            break
+        except AssertionError:
+            if not tries_left:
+                raise
     try:
         yield runner.loop
     finally:
         with suppress(TimeoutError):
             runner.stop()
-
-
-def _start_runner(tries: int) -> "LoopRunner":
-    from distributed.utils import LoopRunner
-
-    runner = LoopRunner()
-    try:
-        runner.start()
-    except AssertionError:
-        if tries == 1:
-            raise
-        return _start_runner(tries - 1)
-    return runner
 
 
 def _run_until_lost(

@@ -67,16 +67,13 @@ class Meter:
         due = done % max(1, self._count // LINES) == 0 or done == self._count
         self._show(text + self._time_left(), kept=self._task is None and due)
 
-    def close(self) -> None:
-        """Remove the bar."""
-        if self._task is not None:
-            self._bar.stop()
-
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
+        """Remove the bar."""
+        if self._task is not None:
+            self._bar.stop()
 
     def _show(self, text: str, *, kept: bool) -> None:
         """Show `text` beside the bar; where it is `kept`, as a line above."""

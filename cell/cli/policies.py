@@ -1,22 +1,15 @@
 """Commands `cell train`, `cell benchmark` (of policies), and `cell twin serve` (of the arm)."""
 
 import sys
-from dataclasses import asdict
 from ipaddress import ip_address
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
 from cell.cli.options import Cluster, Configs, Json, engine, resumable
 from cell.cli.output import print_json, print_table, say
 from drivers.errors import ConfigurationError
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from cell.campaign.run import Engine
-    from cell.train.run import Trained
 
 PART_TIMEOUT = 7200.0  # s of a part of the benchmark
 Learned = Literal["feedback", "adaptive"]
@@ -59,83 +52,49 @@ def train(
     from rich.console import Console
 
     from cell.campaign.processes import cores
-    from cell.train.transfer import TIME_LIMIT
+    from cell.campaign.progress import Meter
+    from cell.extras import require_library
+    from cell.train.evaluation import tables
+    from cell.train.transfer import TIME_LIMIT, transfer
 
     adaptive = policy == "adaptive"
     if checkpoint is not None and not adaptive:
         raise ConfigurationError("--checkpoint: is for --policy adaptive; leave it out")
-    folder = out or Path("runs/training") / (f"adaptive-{seed}" if adaptive else f"seed-{seed}")
-    by = engine(jobs or (1 if cluster else cores()), cluster, TIME_LIMIT)
-    console = Console(stderr=True)
-    with resumable(folder):
-        if checkpoint is not None:
-            _print_transfer(_transfer(checkpoint, folder, seed, folds, by, console), as_json)
-            return
-        size = {"generations": generations, "population": population, "strips": strips}
-        trained = _train(policy, folder, seed, size, by, grid, console)
-        corrected: dict[str, Any] = {}
-        if adaptive:
-            corrected = _transfer(trained.checkpoint, folder, seed, folds, by, console)
-    if as_json:
-        print_json(trained.line() | corrected)
-        return
-    from cell.train.evaluation import tables
-
-    for table in tables(trained.evaluations, trained.effects):
-        print_table(*table)
-    if corrected:
-        _print_transfer(corrected, as_json=False)
-    sys.stdout.write(
-        f"  fold with it: cell fold --strip denim --policy {policy} "
-        f"--checkpoint {trained.checkpoint}\n"
-    )
-
-
-def _train(
-    policy: Learned,
-    folder: Path,
-    seed: int,
-    size: dict[str, int],
-    by: "Engine",
-    grid: int,
-    console: "Console",
-) -> "Trained":
-    """Train `policy` in the rod and evaluate it on a `grid`; `size` is for `feedback` alone."""
-    from cell.extras import require_library
-
-    adaptive = policy == "adaptive"
-    require_library("torch" if adaptive else "cmaes")
-    from cell.train.run import train
+    if checkpoint is None:
+        require_library("torch" if adaptive else "cmaes")
+    from cell.train.run import train as train_in
     from policies.adaptive.train.shard import CriticSettings
     from policies.train.objective import TrainingSettings
 
+    size = {"generations": generations, "population": population, "strips": strips}
     settings = CriticSettings(seed=seed) if adaptive else TrainingSettings(seed=seed, **size)
-    return train(settings, folder, by, grid, console)
-
-
-def _transfer(
-    checkpoint: Path, folder: Path, seed: int, folds: int, by: "Engine", console: "Console"
-) -> dict[str, Any]:
-    """Correct the weights by `folds` folds through images; returns facts on the new checkpoint."""
-    from cell.campaign.progress import Meter
-    from cell.train.transfer import transfer
-    from policies.adaptive.train.training import CHECKPOINT
-
-    out = folder / CHECKPOINT
-    with Meter(console) as meter:
-        found, quality = transfer(checkpoint, folder, out, seed, folds, by, meter)
-    return {"checkpoint": str(out), "transfer": found.facts(), "left_out": asdict(quality)}
-
-
-def _print_transfer(facts: dict[str, Any], as_json: bool) -> None:
+    folder = out or Path("runs/training") / (f"adaptive-{seed}" if adaptive else f"seed-{seed}")
+    by = engine(jobs or (1 if cluster else cores()), cluster, TIME_LIMIT)
+    console, trained = Console(stderr=True), None
+    corrected: dict[str, Any] = {}
+    with resumable(folder):
+        if checkpoint is None:
+            trained = train_in(settings, folder, by, grid, console)
+            checkpoint = trained.checkpoint
+        if adaptive:
+            with Meter(console) as meter:
+                corrected = transfer(checkpoint, folder, seed, folds, by, meter)
     if as_json:
-        print_json({"schema": 1, **facts})
+        print_json((trained.line() if trained else {"schema": 1}) | corrected)
         return
-    held_out = facts["left_out"]
-    sys.stdout.write(
-        f"{held_out['folds']} folds through images; of folds left out the displacement is "
-        f"{1e3 * held_out['rms']:.2f} mm rms off the prediction; {facts['checkpoint']}\n"
-    )
+    for table in () if trained is None else tables(trained.evaluations, trained.effects):
+        print_table(*table)
+    if corrected:
+        held_out = corrected["left_out"]
+        sys.stdout.write(
+            f"{held_out['folds']} folds through images; of folds left out the displacement is "
+            f"{1e3 * held_out['rms']:.2f} mm rms off the prediction; {corrected['checkpoint']}\n"
+        )
+    if trained is not None:
+        sys.stdout.write(
+            f"  fold with it: cell fold --strip denim --policy {policy} "
+            f"--checkpoint {trained.checkpoint}\n"
+        )
 
 
 def benchmark(

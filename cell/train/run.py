@@ -71,8 +71,8 @@ def train(
         with engine.executor() as executor:
             with Meter(console) as meter:
                 meter.begin(training.total, training.known)
-                for step in training.run(executor):
-                    meter.step(step.done, step.text)
+                for done, text in enumerate(training.run(executor), training.known + 1):
+                    meter.step(done, text)
             effects: tuple[EffectErrors, ...] = ()
             if isinstance(settings, TrainingSettings):
                 rollout, seed = settings.rollout, [settings.seed, 3]

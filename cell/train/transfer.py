@@ -13,7 +13,7 @@ import numpy as np
 from cell.calibrating.calibration_in_use import calibration_of
 from cell.campaign.journal import digest
 from cell.campaign.progress import Meter
-from cell.campaign.run import Engine, Part, carry_out
+from cell.campaign.run import Engine, Part, carry_out, make_folder
 from cell.campaign.versions import code
 from cell.config.places import find_configs
 from cell.config.unmeasured_strip import name_of
@@ -22,12 +22,11 @@ from cell.folding.fold import fold
 from cell.folding.request import Recording, Request
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError
-from policies.adaptive.bias import Bias
 from policies.adaptive.checkpoint import THROUGH_IMAGES, about, load_critic, save_critic
-from policies.adaptive.train.transfer import FitQuality, FoldedBatch, fit_transfer
+from policies.adaptive.train.transfer import FoldedBatch, fit_transfer
 from policies.strip_sampling import random_strip
 
-UNTRANSFERRED, JOURNAL = "untransferred.npz", "transfer"
+UNTRANSFERRED, TRAINED, JOURNAL = "untransferred.npz", "adaptive.npz", "transfer"
 SECONDS = 10.0  # of processor, a fold
 TIME_LIMIT = 900.0  # s of wall time, after which a fold is set aside
 COMPLETE_SHARE = 0.75  # share of the folds that must have come to their end
@@ -65,17 +64,17 @@ def fold_drawn(number: int, seed: int, checkpoint: Path) -> Mapping[str, Any]:
 
 
 def transfer(
-    checkpoint: Path, folder: Path, out: Path, seed: int, count: int, engine: Engine, meter: Meter
-) -> tuple[Bias, FitQuality]:
-    """Fit a bias to `count` folds by the critic in `checkpoint`, and write both to `out`.
+    checkpoint: Path, folder: Path, seed: int, count: int, engine: Engine, meter: Meter
+) -> dict[str, Any]:
+    """Correct the critic in `checkpoint` by a bias fitted to `count` folds, and save it.
 
-    `folder` keeps the finished folds, with which the same call goes on. Raises ConfigurationError
-    where files cannot be used or most folds fail.
+    Returns facts on the new checkpoint in `folder`, which keeps the finished folds: with them the
+    same call resumes. Raises ConfigurationError where files cannot be used or most folds fail.
     """
-    bare = folder / UNTRANSFERRED
+    bare, out = folder / UNTRANSFERRED, folder / TRAINED
     facts = {k: v for k, v in about(checkpoint).items() if k != THROUGH_IMAGES}
     critic = load_critic(checkpoint)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     save_critic(bare, critic, facts)
     of = digest(code(), sha256(bare.read_bytes()).hexdigest()[:12])
     parts = [
@@ -89,7 +88,7 @@ def transfer(
             f"{folder}: {len(rows)} of {count} folds came to their end, {COMPLETE_SHARE:.0%} are "
             "needed; see the reasons in its journal"
         )
-    found, quality = fit_transfer(FoldedBatch.of(rows))
-    origin = {"transfer": found.facts(), "seed": seed, "code": code(), "left_out": asdict(quality)}
+    bias, quality = fit_transfer(FoldedBatch.of(rows))
+    origin = {"transfer": bias.facts(), "seed": seed, "code": code(), "left_out": asdict(quality)}
     save_critic(out, critic, facts | {THROUGH_IMAGES: origin})
-    return found, quality
+    return {"checkpoint": str(out), **{key: origin[key] for key in ("transfer", "left_out")}}

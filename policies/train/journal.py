@@ -6,7 +6,6 @@ begins; a truncated last line is dropped.
 """
 
 import json
-from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -18,14 +17,6 @@ from drivers.settings import Settings
 Line = dict[str, Any]
 LARGEST_JOURNAL = 512 * MEGABYTE  # of hundreds of thousands of generations
 OTHER_FOLDER = "name another output folder"
-
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """Progress of a training: `done` of its steps; `text` describes the last one."""
-
-    done: int
-    text: str
 
 
 class Journal:
@@ -43,18 +34,13 @@ class Journal:
         self.path, self._keys = path, keys
         with writing(path, OTHER_FOLDER):
             path.parent.mkdir(parents=True, exist_ok=True)
-        text = read_text(path, LARGEST_JOURNAL) if path.exists() else ""
-        complete = text[: text.rfind("\n") + 1]  # a kill may have cut off the last line
-        lines = self._parse(complete)
-        if not lines and text and not text.startswith("{"):
-            raise self._not_a_journal()
+        lines = self._read() if path.exists() else []
         self.lines: list[Line] = lines[1:]
         asked = settings.model_dump(mode="json")
         if lines:
             self._check(lines[0].get("settings"), asked)
         header = {"schema": 1, "settings": asked}
-        if lines[:1] != [header] or complete != text:
-            write_file(path, "".join(map(_line, [header, *self.lines])), OTHER_FOLDER)
+        write_file(path, "".join(map(_line, [header, *self.lines])), OTHER_FOLDER)
 
     def append(self, line: Line) -> None:
         """Write `line` to disk; it is kept after a crash."""
@@ -62,14 +48,20 @@ class Journal:
             append_line(self.path, _line(line).encode())
         self.lines.append(line)
 
-    def _parse(self, text: str) -> list[Line]:
-        """Lines of `text`, settings first; refuses what is no training journal."""
+    def _read(self) -> list[Line]:
+        """Lines of the file, settings first, without a truncated last one."""
+        text = read_text(self.path, LARGEST_JOURNAL)
+        complete = text[: text.rfind("\n") + 1]
         try:
-            lines = [json.loads(line) for line in text.splitlines()]
+            lines = [json.loads(line) for line in complete.splitlines()]
         except json.JSONDecodeError:
             raise self._not_a_journal() from None
         mappings = all(isinstance(line, dict) for line in lines)
         if not mappings or not all(line.keys() >= self._keys for line in lines[1:]):
+            raise self._not_a_journal()
+        if (
+            not lines and text and not text.startswith("{")
+        ):  # a kill cuts off the settings' line at most
             raise self._not_a_journal()
         return lines
 

@@ -22,7 +22,7 @@ from policies.feedback import (
     Training,
     save_checkpoint,
 )
-from policies.train.journal import Journal, Line, Progress
+from policies.train.journal import Journal, Line
 from policies.train.objective import TrainingSettings, evaluate, validate
 
 JOURNAL, CHECKPOINT = "feedback.jsonl", "feedback.json"
@@ -90,11 +90,11 @@ class Search:
         """The policy with the best weights so far."""
         return Feedback(self.weights)
 
-    def run(self, executor: Executor) -> Iterator[Progress]:
-        """Run the remaining generations, folds by `executor`; those in the journal are replayed.
+    def run(self, executor: Executor) -> Iterator[str]:
+        """Run the remaining generations, folds by `executor`; yields a text on each.
 
-        A checkpoint is saved whenever a generation validates better than all before, and at the
-        end.
+        Those in the journal are replayed. A checkpoint is saved whenever a generation validates
+        better than all before, and at the end.
         """
         for line in list(self._journal.lines):
             self._replay(line)
@@ -102,7 +102,7 @@ class Search:
             yield self._generation(executor)
         self._save_checkpoint()
 
-    def _generation(self, executor: Executor) -> Progress:
+    def _generation(self, executor: Executor) -> str:
         """Run one generation: ask, evaluate, update, validate if due, write to the journal."""
         number = self._optimiser.generation
         start = time.monotonic()
@@ -121,10 +121,9 @@ class Search:
         )  # fmt: skip
         if validated is not None and self._keep_best(validated):
             self._save_checkpoint()
-        return Progress(
-            number + 1,
+        return (
             f"generation {number + 1} of {self.total}  |d| best {1e3 * best:.1f} "
-            f"mean {1e3 * mean:.1f} mm{self._last_validation}",
+            f"mean {1e3 * mean:.1f} mm{self._last_validation}"
         )
 
     def _is_validated(self, number: int) -> bool:

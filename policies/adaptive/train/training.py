@@ -19,7 +19,7 @@ from policies.adaptive.critic import Critic, Prediction
 from policies.adaptive.train.regression import fit
 from policies.adaptive.train.shard import CriticSettings, Shard, concatenate, simulate
 from policies.rollout import Misses
-from policies.train.journal import Journal, Progress
+from policies.train.journal import Journal
 
 SETTINGS, CHECKPOINT = "adaptive.json", "adaptive.npz"
 LAST = 16  # kept decisions before the touch, about a second, on which sigmas are set
@@ -61,11 +61,10 @@ class CriticTraining:
             raise RuntimeError("the training has not run to its end")
         return self._trial
 
-    def run(self, executor: Executor) -> Iterator[Progress]:
-        """Run the remaining steps, folds by `executor`; ends with the weights saved."""
-        steps = self._steps(executor)
-        for done, text in enumerate(steps, 1):
-            yield Progress(done, f"{done} of {self.total}: {text}")
+    def run(self, executor: Executor) -> Iterator[str]:
+        """Run the remaining steps, folds by `executor`, and save the weights; yields texts."""
+        for done, text in enumerate(self._steps(executor), 1):
+            yield f"{done} of {self.total}: {text}"
         self._finish()
 
     def _steps(self, executor: Executor) -> Iterator[str]:

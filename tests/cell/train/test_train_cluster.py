@@ -48,8 +48,8 @@ def library() -> Any:
 
 def trained(folder: Path, executor: Executor, between: object = None) -> Array:
     run = Search(TINY, folder)
-    for step in run.run(executor):
-        if between is not None and step.done == 1:
+    for done, _ in enumerate(run.run(executor), 1):
+        if between is not None and done == 1:
             between()
     return run.weights
 

@@ -27,8 +27,8 @@ def trained(folder: Path, settings: CriticSettings = TINY, stop_after: int = 99)
 
     training = CriticTraining(settings, folder)
     with workers(1) as executor:
-        for step in training.run(executor):
-            if step.done == stop_after:
+        for done, _ in enumerate(training.run(executor), 1):
+            if done == stop_after:
                 return None
     return training.policy.critic
 
