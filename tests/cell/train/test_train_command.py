@@ -6,19 +6,13 @@ import os
 import signal
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from cell.campaign.processes import workers
-from cell.campaign.progress import Meter
-from cell.train.evaluation import evaluate
-from cell.train.run import SUBSTEPS
 from drivers.errors import WorkersLost
 from policies.registry import make_policy
-from policies.train.objective import TrainingSettings
 from tests.support.commands import refused, run
 
 TINY = ["--generations", "6", "--population", "4", "--strips", "1", "--grid", "2"]
@@ -55,22 +49,6 @@ def test_run_killed_twice_ends_with_the_weights_of_one_left_alone(
     assert judged[0]["evaluations"] == judged[1]["evaluations"]
     assert [e["engine"] for e in line["evaluations"]] == ["rod", "chain"]
     assert make_policy("feedback", Path(line["checkpoint"])).name == "feedback"
-
-
-@pytest.mark.slow
-def test_committed_weights_keep_their_displacement_on_the_chain() -> None:
-    policy, rollout = (
-        make_policy("feedback"),
-        replace(TrainingSettings().rollout, substeps=SUBSTEPS),
-    )
-    with workers(1) as executor:
-        rod, chain = evaluate(policy, rollout, (0, 3), 3, executor, Meter())
-    assert (rod.engine, chain.engine) == ("rod", "chain")
-    assert rod.untouched == chain.untouched == 0
-    assert rod.misses.mean < 0.007
-    assert rod.misses.worst < 0.016
-    assert abs(chain.misses.mean - rod.misses.mean) < 0.002
-    assert not np.array_equal(rod.displacement, chain.displacement)
 
 
 def test_worker_that_dies_ends_the_training_in_one_line() -> None:
