@@ -1,4 +1,4 @@
-"""The application of a cell that folds fabric strips: command line, Python API, record, report.
+"""Application of a cell that folds fabric strips: commands, Python API, records, reports.
 
 `import cell` offers the functions of `cell.api`; they are imported when one is used.
 """

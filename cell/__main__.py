@@ -1,4 +1,4 @@
-"""Entry point of `python -m cell` and the command `cell`: prints each error in one line."""
+"""Entry point of `python -m cell` and of the command `cell`; an error is printed in one line."""
 
 import sys
 from typing import TYPE_CHECKING, Any

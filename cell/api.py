@@ -1,4 +1,4 @@
-"""Python interface of the cell, as `import cell` offers it, typed and in SI units.
+"""Python interface of the cell, `import cell`: typed functions in SI units, a command each.
 
 Every function raises CellError, of which ConfigurationError is one: `file: key: reason`, in one
 line. Paths may be text.
@@ -63,7 +63,7 @@ def fold(
     frames: Literal["all", "key", "none"] | None = None,
     truth: bool = True,
 ) -> FoldResult:
-    """Fold a strip once, as `cell fold` does, and record it in a new folder under `runs`.
+    """Fold a strip once and record the run in a new folder below `runs`, as `cell fold` does.
 
     `strip` is a name, a path to a strip file, or `unknown:0.6` with a length [m]; `plant` the file
     of another strip on the twin's desk; `speed` [m/s] replaces the cell's own. An error before the
@@ -79,14 +79,14 @@ def fold(
 def predict(
     strip: str, policy: str = "adaptive", speed: float | None = None, configs: Place | None = None
 ) -> Prediction:
-    """Predict a fold as `cell fold --dry-run` does; nothing is moved, nothing is written."""
+    """Predict a fold by simulation, as `cell fold --dry-run` does; nothing moves or is written."""
     found = find_configs(configs)
     request = Request(found.cell(), found.strip(strip), policy, Path("runs"), speed=speed)
     return predict_fold(request)
 
 
 def compare(runs: Sequence[Place], out: Place = "compare.html") -> Path:
-    """Write the page that compares `runs`, as `cell report` of several does; returns its path."""
+    """Write the HTML page that compares `runs`, as `cell report` does; returns the page's path."""
     return write_comparison([Path(run) for run in runs], Path(out))
 
 
@@ -96,7 +96,7 @@ def read_run(folder: Place) -> Run:
 
 
 def list_runs(folder: Place = "runs", where: str = "", sort: str = "") -> tuple[RunRow, ...]:
-    """Runs in `folder` for which the SQL expression `where` holds, as in `cell runs`.
+    """List the runs in `folder` for which the SQL expression `where` holds, as `cell runs` does.
 
     Oldest first, or by the column `sort`, downwards with a leading `-`.
     """
@@ -136,7 +136,7 @@ def observe(
     out: Place,
     configs: Place | None = None,
 ) -> Run:
-    """Measure the strip on the film of a fold; returns the run, written to the new folder `out`.
+    """Measure the fold on a film, as `cell observe` does; returns the run, written to `out`.
 
     The camera stands still, `calibration` is its own, and the strip lies flat at the beginning; no
     arm is needed. Profile, contact, tip and confidence are those of the cell's perception.
@@ -158,7 +158,7 @@ def fit_gap(
     configs: Place | None = None,
     progress: Callable[[str, float], None] = quiet,
 ) -> Verdict:
-    """Find which effects the model of a strip or mechanism misses in `runs`; returns the verdict.
+    """Identify the effects that the model of a strip or mechanism lacks in measured `runs`.
 
     `model` is the file of a mechanism. The verdict is written into the folder `out` with report,
     overlay and patch, as `cell gap fit` does. Effects `without` are withheld
@@ -172,7 +172,7 @@ def fit_gap(
 def check(
     runs: Sequence[Place], subject: Place, jobs: int = 1, configs: Place | None = None
 ) -> Check:
-    """Look at recordings before a fit, as `cell gap check` does.
+    """Check recordings before a fit, as `cell gap check` does: sampling, clocks, duplicates.
 
     `subject` is a strip by name, or the file of a strip or mechanism.
     """
@@ -187,7 +187,7 @@ def accept(
     force: bool = False,
     configs: Place | None = None,
 ) -> AcceptResult:
-    """Put what the fit in `out` names into the file of its `subject`, or into cell.yaml.
+    """Write the effects that the fit in `out` named into the `subject` file, or into cell.yaml.
 
     With `law`, the law that describes what nothing explains; with `force`, what is suspected.
     """
@@ -196,7 +196,7 @@ def accept(
 
 
 def undo(out: Place, subject: Place, configs: Place | None = None) -> AcceptResult:
-    """Bring the files back as they were before `accept` of the fit in `out`."""
+    """Restore the files as they were before `accept` of the fit in `out`."""
     cell_file = find_configs(configs).folder / "cell.yaml"
     return undo_fit(Path(out), _subject_file(subject, configs), cell_file)
 
@@ -207,17 +207,17 @@ def _subject_file(subject: Place, configs: Place | None) -> Path:
 
 
 def read_verdict(out: Place) -> Verdict:
-    """Read the verdict that `fit_gap` has written into the folder `out`."""
+    """Read the verdict that `fit_gap` wrote into the folder `out`."""
     return read_verdict_file(Path(out) / "verdict.json")
 
 
 def read_strip(name: str, configs: Place | None = None) -> StripFile:
-    """Read and check the strip file called `name`, or at that path."""
+    """Read and check the strip file called `name`, or the one at that path."""
     return find_configs(configs).strip(name)
 
 
 def read_calibration(path: Place) -> Calibration:
-    """Read a calibration from its file, or that of the run in the folder `path`.
+    """Read the calibration file at `path`, or that of the run in the folder `path`.
 
     `to_image` maps points (n, 2) [m] of the strip's plane to pixels (n, 2), `to_plane` back.
     """
@@ -226,5 +226,5 @@ def read_calibration(path: Place) -> Calibration:
 
 
 def effects() -> Mapping[str, Effect]:
-    """Library of effects by name, those of installed plug-ins included."""
+    """Effects of the library by name, with those of installed plug-ins."""
     return registry()

@@ -1,4 +1,4 @@
-"""Optional libraries: the features that need them, and the command that installs them."""
+"""Optional libraries: what needs them, whether they are installed, how to install them."""
 
 import re
 import sys
@@ -22,13 +22,13 @@ FEATURES: Mapping[str, str] = MappingProxyType(
 
 
 def require_library(module: str) -> None:
-    """Raise the ConfigurationError of `missing_library` where `module` is not installed."""
+    """Raise ConfigurationError where the optional library `module` is not installed."""
     if find_spec(module) is None:
         raise missing_library(module)
 
 
 def missing_library(module: str) -> ConfigurationError:
-    """Error for the optional library `module`: what needs it, and how to install it here."""
+    """Error for the missing library `module`: what needs it, and how to install it here."""
     return ConfigurationError(
         f"{FEATURES[module]} needs the library {module}, which is not installed here; install it "
         f"with `{pip_line([module])}`"
@@ -36,12 +36,12 @@ def missing_library(module: str) -> ConfigurationError:
 
 
 def missing_features() -> Mapping[str, str]:
-    """Optional libraries that are not installed, and what each is needed for."""
+    """Optional libraries that are not installed, each with what needs it."""
     return {module: use for module, use in FEATURES.items() if find_spec(module) is None}
 
 
 def pip_line(modules: Iterable[str]) -> str:
-    """Command that installs the optional libraries `modules` here."""
+    """Command line that installs the optional libraries `modules` here."""
     wanted = dict.fromkeys(each for module in modules for each in _requirements(module))
     return f"{sys.executable} -m pip install {' '.join(map(repr, wanted))}"
 

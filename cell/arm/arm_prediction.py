@@ -17,18 +17,18 @@ POINT_SPACING = 0.01  # m between points of the path that are kept
 
 @dataclass(frozen=True, slots=True)
 class ArmPrediction:
-    """Prediction of the arm's motion in a whole fold; `clearance` [m] of hand over desk."""
+    """Predicted motion of a Franka arm in a whole fold; `clearance` [m] of hand over desk."""
 
     reach: Reach
     clearance: float
 
     @property
     def allowed(self) -> bool:
-        """Whether the arm can follow the whole fold."""
+        """Whether the arm can follow the whole fold without touching the desk."""
         return self.reach.allowed and self.clearance > 0
 
     def line(self) -> dict[str, Any]:
-        """Facts of the prediction as JSON, added to `cell fold --dry-run --arm fci --json`."""
+        """JSON object of the prediction, part of `cell fold --dry-run --arm fci --json`."""
         return {
             "reachable": self.allowed,
             "hand_turned": self.reach.turned,
@@ -40,7 +40,7 @@ class ArmPrediction:
         }
 
     def text(self) -> str:
-        """Text of the prediction for the operator."""
+        """Text of the arm's predicted motion for the operator."""
         reach = self.reach
         if not reach.allowed:
             problems = "\n    ".join(str(problem) for problem in reach.problems)
@@ -71,10 +71,7 @@ def predict_arm(
 def fold_poses(
     settings: CellFile, strip: StripFile, trace: Array, end: float | None
 ) -> tuple[Array, Array]:
-    """Poses (n, 3) and speeds (n,) of a whole fold by a Franka arm, from its home to the retreat.
-
-    The strip is carried along `trace` (k, 2) [m] from take-over to touch, and laid at `end` [m].
-    """
+    """Poses (n, 3) and speeds (n,) of a whole fold with a strip carried along `trace` (k, 2)."""
     carry = _thin_out(np.concatenate([[(strip.length, 0.0)], trace]))
     limits = settings.fci.limit(settings.installation).limits
     home = settings.twin.arm.home_height

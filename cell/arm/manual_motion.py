@@ -29,7 +29,7 @@ def move_manually(
     interrupted: Asked = lambda: False,
     strip: StripFile = NO_STRIP,
 ) -> Outcome:
-    """Open the cell, carry out one `motion`, and close it; CellError for errors before it."""
+    """Open the cell, carry out one `motion`, close it; CellError for errors before the motion."""
     devices = open_cell(settings, strip, choice, calibrating=False)
     try:
         devices.arm.connect()
@@ -41,7 +41,7 @@ def move_manually(
 
 
 def jog(x: float, z: float, pitch: float) -> Callable[[Snapshot], Motion]:
-    """Motion by x, z [m] and pitch [rad] from the gripper's present pose."""
+    """Motion by `x`, `z` [m] and `pitch` [rad] from the gripper's present pose."""
 
     def motion(snapshot: Snapshot) -> Motion:
         here = snapshot.arm.commanded
@@ -51,17 +51,17 @@ def jog(x: float, z: float, pitch: float) -> Callable[[Snapshot], Motion]:
 
 
 def to_pose(pose: Pose) -> Callable[[Snapshot], Motion]:
-    """Motion that ends at rest at `pose`."""
+    """Motion of the gripper to rest at `pose`."""
     return lambda _: move(pose)
 
 
 def open_fingers(_: Snapshot) -> Motion:
-    """Motion that opens the fingers."""
+    """Motion that opens the fingers of the hand."""
     return open_hand()
 
 
 def home_pose(settings: CellFile, strip: StripFile) -> Pose:
-    """The gripper's home pose: over the strip's edge."""
+    """Pose of the gripper at its home, over the edge of `strip`."""
     return Pose(strip.length, settings.twin.arm.home_height, 0.0)
 
 
@@ -73,14 +73,14 @@ def go_joints(
     recover: bool,
     reset_tool: bool = False,
 ) -> None:
-    """Bring the robot at the cell's address to `joints` (7,) [rad]; Fault where it refuses."""
+    """Move the robot at the cell's address to `joints` (7,) [rad]; Fault where it refuses."""
     from drivers.arm.joint_requests import go_to
 
     go_to(robot_task(settings), list(joints), share, recover=recover, reset_tool=reset_tool)
 
 
 def home_joints(settings: CellFile, strip: StripFile) -> tuple[float, ...]:
-    """Joints (7,) [rad] at the home pose from which a fold of `strip` can be followed best."""
+    """Joints (7,) [rad] of a Franka arm at its home, chosen to follow a fold of `strip` best."""
     check_drivers(settings, DeviceSelection(arm="fci"))
     from cell.devices.fci import start_joints
 
@@ -90,7 +90,7 @@ def home_joints(settings: CellFile, strip: StripFile) -> tuple[float, ...]:
 
 
 def robot_task(settings: CellFile) -> "Task":
-    """Specification of the connection to the cell's robot; ConfigurationError without address."""
+    """Connection to the robot of the cell; ConfigurationError where cell.yaml has no address."""
     check_drivers(settings, DeviceSelection(arm="fci"))
     if settings.fci.address is None:
         raise ConfigurationError(

@@ -1,4 +1,4 @@
-"""Registers the cell frame in the robot's base by three points that the fingers touch."""
+"""Registration of the cell frame in the robot's base, by three points that the fingers touch."""
 
 import re
 from datetime import UTC, datetime
@@ -24,7 +24,7 @@ MOUNTING_LINE = re.compile(r"^(?P<indent>\s*)mounting:[ \t]*\{[^}]*\}[^\n]*$", r
 
 
 def mounting_from(points: Array, length: float) -> Mounting:
-    """The mounting from touched TOUCH_POINTS (3, 3) [m] in the robot's base.
+    """Mounting of the robot, from touched `points` (3, 3) [m] at TOUCH_POINTS in its base.
 
     Raises CellError for a strip of another `length` [m] or a desk that is not level.
     """
@@ -54,7 +54,7 @@ def mounting_from(points: Array, length: float) -> Mounting:
 
 
 def write_mounting(configs: Configs, mounting: Mounting) -> Path:
-    """Put `mounting` into cell.yaml, the old one kept as a comment; returns the file, checked.
+    """Write `mounting` into cell.yaml, the old one as a comment; returns the file's path.
 
     Raises ConfigurationError where the file has no such line.
     """

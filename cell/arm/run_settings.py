@@ -1,4 +1,4 @@
-"""Settings of a run by its arm; for a real one, consent, slow motion and a strip laid again."""
+"""Settings of a run with its arm; for a real robot, consent, slow motion, a strip laid again."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -30,9 +30,9 @@ def confirm(settings: CellFile, ask: Callable[[str], str]) -> None:
 def agree(
     settings: CellFile, choice: DeviceSelection, ask: Callable[[str], str], *, full_speed: bool
 ) -> tuple[CellFile, DeviceSelection]:
-    """Have the operator agree to a real robot's motion; returns the settings and selection to use.
+    """Have the operator agree to a real robot's motion; returns settings and device selection.
 
-    Its speeds are then those of a first run, unless `full_speed`.
+    Speeds are then those of a first run, unless `full_speed`.
     """
     if not is_real(settings, choice):
         return settings, choice
@@ -50,7 +50,7 @@ def await_strip(ask: Callable[[str], str]) -> None:
 
 
 def slow_down(settings: CellFile) -> CellFile:
-    """The cell's settings at FIRST_RUN_SPEED of all speeds, with time limits for such a run."""
+    """Settings of the cell with all speeds at FIRST_RUN_SPEED of theirs, and longer time limits."""
     fold = settings.fold.model_copy(
         update={
             "speed": max(FIRST_RUN_SPEED * settings.fold.speed, LEAST_SPEED),
@@ -75,10 +75,7 @@ def slow_down(settings: CellFile) -> CellFile:
 def settings_of_run(
     settings: CellFile, choice: DeviceSelection, speed: float | None, *, full_speed: bool
 ) -> CellFile:
-    """The cell's settings for a run at path `speed` [m/s], if given, with the chosen arm.
-
-    A real robot is slowed down, unless at `full_speed`.
-    """
+    """Settings of a run with path `speed` [m/s], if given; a robot is slow unless `full_speed`."""
     settings = at_speed(settings, speed)
     if is_real(settings, choice) and not full_speed:
         settings = slow_down(settings)
@@ -86,7 +83,7 @@ def settings_of_run(
 
 
 def at_speed(settings: S, speed: float | None) -> S:
-    """Copy of the cell's settings with path speed `speed` [m/s]; unchanged if it is None.
+    """Copy of the cell's settings with path speed `speed` [m/s]; unchanged where it is None.
 
     Raises ConfigurationError for a speed outside its limits.
     """
@@ -97,7 +94,7 @@ def at_speed(settings: S, speed: float | None) -> S:
 
 
 def suit_to_arm(settings: CellFile, choice: DeviceSelection) -> CellFile:
-    """The cell's settings with the limits of the chosen arm and its start of measured time.
+    """Settings of the cell with the limits of the selected arm and its start of measured time.
 
     The start is `fold.start` where that is stated. If not, a run of the in-process arm begins flat:
     it follows the lift as planned, so that a model can repeat it. That of a robot, whose own limits

@@ -1,1 +1,1 @@
-"""Calibration of a cell: lens, homography and their check, by wizards or on the twin."""
+"""Calibration of a cell's camera by wizards or on the twin, and its check and validity."""

@@ -1,4 +1,4 @@
-"""The calibration that a cell uses: its file, made first where the twin has none; its validity."""
+"""Calibration that a cell uses: its file, made first where the twin has none, its validity."""
 
 import fcntl
 import hashlib
@@ -31,7 +31,7 @@ def calibration_of(
     report: Callable[[str], None] = lambda _: None,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> Calibration:
-    """Load the calibration that the cell uses, or make one on the twin.
+    """Load the calibration that the cell uses; on the twin, make it where there is none.
 
     That of the cell file if it names one; else, on the twin, one made with boards and touched
     points before: for the next run, or for the shipped settings, with which it comes. `report` is
@@ -59,7 +59,7 @@ def calibration_of(
 def calibrate_anew(
     settings: CellFile, interrupted: Callable[[], bool] = lambda: False
 ) -> tuple[Calibration, Path]:
-    """Calibrate the twin and keep the result for later runs; returns it and its file's path."""
+    """Calibrate the twin and store the result for later runs; returns it and its path."""
     from cell.calibrating.wizard import calibrate_now
 
     path = kept_calibration(settings)
@@ -81,7 +81,7 @@ def _file_lock(path: Path) -> Iterator[None]:
 
 
 def kept_calibration(settings: CellFile) -> Path:
-    """Path at which the twin's calibration is kept, unique to its settings and its renderer."""
+    """Path of the twin's stored calibration, unique to its settings and its renderer."""
     facts = settings.model_dump_json(include={"twin", "touches", "boards", "latency"})
     identity = hashlib.sha256(f"{facts}{RENDERING}".encode()).hexdigest()[:12]
     return cache_folder() / "calibration" / f"twin-{identity}.yaml"
@@ -102,10 +102,7 @@ def age_days(calibration: Calibration, now: datetime) -> float:
 def check_usable(
     calibration: Calibration, devices: Devices, allowed_days: float, now: datetime
 ) -> None:
-    """Refuse a calibration of another camera, and on hardware one that has expired.
-
-    Raises ConfigurationError and PreflightRefused.
-    """
+    """Raise ConfigurationError or PreflightRefused for another camera's or an old calibration."""
     if calibration.camera != devices.camera_identity:
         raise ConfigurationError(
             f"calibration: {calibration.id} belongs to camera {calibration.camera}, this one is "
@@ -115,7 +112,7 @@ def check_usable(
 
 
 def use_calibration(cell_file: Path, calibration: Path) -> None:
-    """Name the file `calibration` in `cell_file`, a cell.yaml whose comments stay.
+    """Name the file `calibration` in `cell_file`, a cell.yaml, without loss of comments.
 
     Raises ConfigurationError for a file that cannot be read or written.
     """
@@ -130,10 +127,7 @@ def use_calibration(cell_file: Path, calibration: Path) -> None:
 def check_current(
     calibration: Calibration, allowed_days: float, now: datetime, *, on_twin: bool
 ) -> None:
-    """Refuse a calibration that is implausible, from the future, or, on hardware, expired.
-
-    Raises ConfigurationError and PreflightRefused.
-    """
+    """Raise ConfigurationError, or PreflightRefused, for an implausible or expired calibration."""
     _check_plausible(calibration)
     age = age_days(calibration, now)
     if age < -CLOCK_TOLERANCE:
@@ -163,7 +157,7 @@ def _check_plausible(calibration: Calibration) -> None:
 
 
 def record_entry(calibration: Calibration, now: datetime) -> dict[str, Any]:
-    """Entry of run.yaml about a calibration: id, error [m], age, reason of an override."""
+    """Entry of run.yaml about a calibration: id, error [m], age [days], reason of an override."""
     facts: dict[str, Any] = {
         "id": calibration.id,
         "error": calibration.residual_mm / 1e3,

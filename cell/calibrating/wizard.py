@@ -1,4 +1,4 @@
-"""Calibration of a cell's camera by one wizard over two tasks, lens and homography, and its check.
+"""Wizard that calibrates a cell's camera, its lens and homography, and checks a calibration.
 
 A session is a folder: what was measured is written at once, it can go on after an interruption, and
 it can be solved again from its images.
@@ -62,7 +62,7 @@ Interruption = Callable[[], bool]
 
 @dataclass(frozen=True, slots=True)
 class Wizard:
-    """Calibrates the camera among the `devices` of a cell with an `operator`.
+    """Calibrates the camera among the `devices` of a cell, together with an `operator`.
 
     `watch` is told the progress. Every method raises Interrupted when the operator stops it, and
     Fault where a monitor stops the arm or the camera delivers nothing; what was measured until then
@@ -76,7 +76,7 @@ class Wizard:
     interrupted: Interruption = lambda: False
 
     def calibrate_lens(self, folder: Path, length: float | None) -> LensVerdict:
-        """Ask for views of the board until they suffice; session and lens are kept in `folder`.
+        """Request views of the board until they suffice, and fit the lens; stored in `folder`.
 
         `length` [m] is the ruler's length of the board's squares; on the twin it is measured there,
         and a session that goes on knows it.
@@ -109,9 +109,9 @@ class Wizard:
         *,
         accept_anyway: bool = False,
     ) -> MapVerdict:
-        """Calibrate homography and latency with the arm; the session is kept in `folder`.
+        """Touch the poses of a `plan`, by default a grid, and fit homography and latency.
 
-        The grid of the settings is touched, or the poses of a `plan`.
+        The session is stored in `folder`.
         """
         settings, devices = self.settings, self.devices
         if (folder / SESSION_FILE).exists():
@@ -150,10 +150,7 @@ class Wizard:
         return verdict
 
     def check(self, calibration: Calibration) -> CheckVerdict:
-        """Touch each pose of the check's plan and return the verdict on `calibration`.
-
-        Raises ConfigurationError for one of another camera.
-        """
+        """Judge `calibration` by a few touches; raises ConfigurationError for another camera's."""
         if calibration.camera != self.devices.camera_identity:
             raise ConfigurationError(
                 f"calibration: {calibration.id} belongs to camera {calibration.camera}, this one "
@@ -166,7 +163,7 @@ class Wizard:
         return check_verdict(points.touches, calibration, touches)
 
     def _begin(self, kind: Kind, folder: Path, size: tuple[int, int], **facts: Any) -> Session:
-        """Session of images of width and height `size` [px]: that of `folder`, or a new one."""
+        """Session of images of `size` (width, height) [px]: that in `folder`, or a new one."""
         session = Session(
             schema=1,
             kind=kind,
@@ -180,7 +177,7 @@ class Wizard:
 
 
 def refit_lens(folder: Path, without: Collection[int], out: Path | None) -> LensVerdict:
-    """Fit the lens of the session in `folder` again, `without` some images, into `out` if given.
+    """Fit the lens of the session in `folder` again, `without` some images; written to `out`.
 
     Boards are detected anew in the saved images. Raises ConfigurationError for broken files.
     """
@@ -233,14 +230,14 @@ def refit_homography(
 
 
 class TwinOperator:
-    """Operator of the twin with simulated hands; `person` confirms each step before it is done."""
+    """Operator who simulates the hands at the twin; `person` confirms each step before it."""
 
     def __init__(self, aids: CalibrationAids, person: Operator) -> None:
         self._aids = aids
         self._person = person
 
     def answer(self, question: Question) -> Answer | None:
-        """Ask the person; an answer on the pointer mounts it on the twin, or removes it."""
+        """Answer of the person; one on the pointer puts it into the twin's hand, or removes it."""
         answer = self._person.answer(question)
         if answer is not None and question.ask in POINTER:
             self._aids.hold_pointer(question.ask is Ask.POINTER_IN)
@@ -248,7 +245,7 @@ class TwinOperator:
 
 
 def calibrate_now(settings: CellFile, interrupted: Interruption) -> Calibration:
-    """Calibrate lens and homography of the twin's camera without an operator or a session.
+    """Calibrate lens and homography of the twin's camera without operator or session.
 
     Raises CellError when they are not good enough, Fault when a monitor stopped the arm, and
     Interrupted when the operator did.
@@ -270,7 +267,7 @@ def calibrate_now(settings: CellFile, interrupted: Interruption) -> Calibration:
 
 
 def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
-    """Fit the lens to as many board views as it takes; raises CellError for a poor result."""
+    """Fit the lens to as many board views as are needed; raises CellError for a poor fit."""
     views = BoardViews(settings.boards)
     show_board(views, aids.show_board, Unattended(), ignore)
     verdict = views.verdict(aids.measure_board())
@@ -301,10 +298,7 @@ def show_board(
     watch: Observer,
     interrupted: Interruption = lambda: False,
 ) -> None:
-    """Request views of the board one after the other until enough are accepted.
-
-    Raises Interrupted when the operator stops it.
-    """
+    """Request views of the board until enough are accepted; raises Interrupted if stopped."""
     while (wanted := views.ask()) is not None:
         _check(interrupted)
         progress = views.progress()
@@ -325,6 +319,7 @@ def show_board(
 
 
 def _check(interrupted: Interruption) -> None:
+    """Raise Interrupted where the operator has interrupted the calibration."""
     if interrupted():
         raise Interrupted("the calibration was interrupted")
 
@@ -350,18 +345,18 @@ def _live_images(devices: Devices) -> Source:
 
 
 class PosesFile(Settings):
-    """Contents of poses.yaml: x, z [m] and pitch [rad] of every touch, for editing and replay."""
+    """Contents of poses.yaml: x, z [m] and pitch [rad] of each touch, to be edited and replayed."""
 
     poses: tuple[tuple[float, float, float], ...]
 
 
 def read_poses(path: Path) -> tuple[Pose, ...]:
-    """Pose of every touch (x, z, pitch) in a poses.yaml; ConfigurationError for a broken file."""
+    """Read the pose of each touch from a poses.yaml; ConfigurationError for a broken file."""
     return tuple(Pose(x, z, pitch) for x, z, pitch in load(path, PosesFile).poses)
 
 
 def lens_of(folder: Path) -> Lens:
-    """Lens of the touch session in `folder`; raises ConfigurationError where it has none."""
+    """Lens of the homography session in `folder`; raises ConfigurationError where it has none."""
     session = read_session(folder, "homography")
     if session.lens is None:
         raise ConfigurationError(f"{folder}: session.yaml: lens: is missing; add it")
@@ -369,7 +364,7 @@ def lens_of(folder: Path) -> Lens:
 
 
 def newest_lens(folder: Path, camera: str) -> Path:
-    """Newest lens file of `camera` under `folder`; raises ConfigurationError without one."""
+    """Path of the newest lens file of `camera` in `folder`; raises ConfigurationError if none."""
     for path in sorted(folder.glob(f"*/{ROS}"), reverse=True):
         if f"camera_name: {camera}\n" in read_text(path):
             return path

@@ -1,4 +1,4 @@
-"""Terminal of a wizard: next step and its reason, coverage, single keys, and Ctrl-C."""
+"""Terminal of a calibration wizard: panel, coverage, single keys, and Ctrl-C."""
 
 import os
 import select
@@ -50,7 +50,7 @@ MARK_LEGEND = "o fitted   h held out   x twice touched   > wanted   . to come"
 
 
 class WizardPanel:
-    """Live view of a calibration in a terminal; elsewhere, a plain line for each result."""
+    """Live view of a calibration in a terminal; elsewhere, one plain line for each result."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -85,7 +85,7 @@ class WizardPanel:
             self._console.print(answer, markup=False, highlight=False, soft_wrap=True)
 
     def ask(self, words: str) -> None:
-        """Show a question in the panel, until the next one or an empty text replaces it."""
+        """Show a `question` in the panel, until another one or an empty text replaces it."""
         self._question = words
         if self._live is not None:
             view = Text(words) if self._news is None else self.draw(self._news)
@@ -117,7 +117,7 @@ class WizardPanel:
 
 
 def verdict_text(lines: Iterable[Line]) -> Text:
-    """Coloured text of a verdict, one line for each fact."""
+    """Coloured text of a verdict, one line for each of its facts."""
     text = Text()
     for line in lines:
         text.append(f"{MARKS[line.level]} {line.text}\n", style=STYLES[line.level])
@@ -125,7 +125,7 @@ def verdict_text(lines: Iterable[Line]) -> Text:
 
 
 def views_table(progress: Progress) -> Table:
-    """Table of the coverage's gates, with a sketch of the requested and of the detected board."""
+    """Table of the gates of coverage, beside a sketch of the requested and the detected board."""
     table = Table.grid(padding=(0, 2))
     sketch = [] if progress.sketch is None else [sketch_text(progress.sketch)]
     table.add_row(gates_table(progress.coverage), *sketch)
@@ -161,7 +161,7 @@ def _braille_line(corners: Array | None, scale: Array) -> NDArray[np.intp]:
 
 
 def gates_table(gates: Sequence[Gate]) -> Table:
-    """Table of the gates of coverage: name, bar and ratio of each."""
+    """Table of the gates of a lens calibration: name, bar and ratio of each."""
     table = Table.grid(padding=(0, 1))
     for _ in range(3):
         table.add_column(no_wrap=True, overflow="ellipsis")
@@ -174,7 +174,7 @@ def gates_table(gates: Sequence[Gate]) -> Table:
 
 
 def points_map(plan: Sequence[PlannedPoint]) -> RenderableType:
-    """Map of the planned poses in the plane, one character for the state of each."""
+    """Map of the planned poses in the plane, one character for the state of each pose."""
     table = Table.grid(padding=(0, 2))
     for height in sorted({round(point.z, 3) for point in plan}, reverse=True):
         row = sorted(point for point in plan if round(point.z, 3) == height)
@@ -197,7 +197,7 @@ ANSWERS = {ENTER: Answer.GO, ALONE: Answer.GO, "s": Answer.SKIP, "r": Answer.AGA
 
 
 class Keys:
-    """Reader of keys from `stream`: single ones within `single_keys`, else whole lines."""
+    """Reader of keys from `stream`: single keys within `single_keys`, else whole lines."""
 
     def __init__(self, stream: TextIO) -> None:
         self._number = _descriptor(stream)
@@ -269,10 +269,7 @@ class Keyboard:
         self._alone = False
 
     def answer(self, question: Question) -> Answer | None:
-        """Answer to `question`; None until a key was typed, or when interrupted.
-
-        Raises Interrupted at the end of the input.
-        """
+        """Answer by a typed key, None until then; raises Interrupted at the end of the input."""
         if self._alone and question.ask not in POINTER:
             return Answer.GO
         if question != self._asked:
@@ -295,10 +292,7 @@ class Keyboard:
 
 @dataclass(slots=True)
 class TerminalSession:
-    """Session of a wizard at a terminal: its `panel`, what else watches, and Ctrl-C.
-
-    `record` adds a verdict's lines to the recording.
-    """
+    """Wizard's session at a terminal: `panel`, observer, Ctrl-C; `record` adds a verdict."""
 
     panel: WizardPanel
     watch: Observer
@@ -306,7 +300,7 @@ class TerminalSession:
     record: Callable[[Iterable[Line]], None] = lambda _: None
 
     def wizard(self, settings: CellFile, devices: Devices, *, interactive: bool) -> Wizard:
-        """Wizard for `devices` whose operator answers at this terminal; on the twin if asked to."""
+        """Wizard for `devices` whose operator answers here; on the twin only if `interactive`."""
         aids, stop = devices.aids, self.interrupted
         keyboard = Keyboard(
             Keys(sys.stdin), self.panel.ask, waits=aids is not None, interrupted=stop
@@ -319,7 +313,7 @@ class TerminalSession:
 
 @contextmanager
 def terminal_session() -> Iterator[TerminalSession]:
-    """Open a session at the terminal, with panel, single keys and Ctrl-C."""
+    """Open a wizard's session at the terminal within the block: panel, keys, and Ctrl-C."""
     panel = WizardPanel(Console(stderr=True))
     with Interrupt() as interrupted, single_keys(sys.stdin), panel:
         yield TerminalSession(panel, panel, interrupted)
@@ -327,9 +321,9 @@ def terminal_session() -> Iterator[TerminalSession]:
 
 @contextmanager
 def wizard_session(folder: Path, kind: str, viz: str) -> Iterator[TerminalSession]:
-    """Open a wizard's session; unless `viz` is off, all is drawn into wizard.rrd too.
+    """Open a wizard's session within the block, recorded in wizard.rrd unless `viz` is off.
 
-    Raises Interrupted that says what `folder` keeps, after one Ctrl-C as after two.
+    Raises Interrupted with what is in `folder`, after one Ctrl-C as after two.
     """
     try:
         with terminal_session() as session:

@@ -34,10 +34,10 @@ COMMANDS: dict[str, dict[str, Any]] = {
 
 
 class Grouped(TyperGroup):
-    """Group of commands whose help lists them under the headings of COMMANDS."""
+    """Command group whose help lists the commands under the headings of COMMANDS."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002  typer's
-        """Write a section for each heading."""
+        """Write the commands of each heading as a section of the help."""
         room = formatter.width - 6 - max(map(len, self.commands))
         for heading, named in COMMANDS.items():
             shown = [(name, self.commands[name].get_short_help_str(room)) for name in named]

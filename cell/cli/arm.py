@@ -1,4 +1,4 @@
-"""Commands that move the arm by hand: `cell home`, `park`, `jog`, `open`, `register`."""
+"""Commands that move the arm without a fold: `cell home`, `park`, `jog`, `open`, `register`."""
 
 import sys
 from math import radians
@@ -35,7 +35,7 @@ def home(
     full_speed: FullSpeed = False,
     configs: Configs = None,
 ) -> None:
-    """Bring the gripper over the strip's edge, in the posture from which a fold is followed."""
+    """Move the gripper over the strip's edge, into the arm posture that can follow a fold."""
     check_names(configs, strip)
     from cell.arm import manual_motion
     from cell.config.places import find_configs
@@ -58,7 +58,7 @@ def park(
     full_speed: FullSpeed = False,
     configs: Configs = None,
 ) -> None:
-    """Fold the robot upright, out of the way; a twin of the cell's own just goes home."""
+    """Move the robot upright, out of the way; the cell's own twin moves to its home instead."""
     from cell.arm import manual_motion
     from cell.config.places import find_configs
     from cell.devices.open import NO_STRIP
@@ -82,7 +82,7 @@ def jog(
     full_speed: FullSpeed = False,
     configs: Configs = None,
 ) -> None:
-    """Move the gripper a little from where it is."""
+    """Move the gripper a little from its present pose: along the strip, up, or in pitch."""
     if not (x or z or pitch):
         raise ConfigurationError("--x, --z, --pitch: give one at least, as --z 20mm")
     from cell.arm import manual_motion
@@ -93,7 +93,7 @@ def jog(
 
 
 def open_hand(arm: Arm = None, configs: Configs = None) -> None:
-    """Open the fingers."""
+    """Open the fingers of the hand."""
     from cell.arm import manual_motion
     from cell.config.places import find_configs
 
@@ -102,7 +102,7 @@ def open_hand(arm: Arm = None, configs: Configs = None) -> None:
 
 
 def register(strip: Strip = "denim", configs: Configs = None) -> None:
-    """Find desk and fixed edge by three points that you touch with the closed fingers."""
+    """Locate desk and fixed edge for the robot: touch three points with its closed fingers."""
     check_names(configs, strip)
     import numpy as np
 
@@ -127,7 +127,7 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
 def _agree_to_motion(
     settings: "CellFile", arm: str | None, full_speed: bool, *, recover: bool = False
 ) -> "tuple[CellFile, DeviceSelection]":
-    """Have the operator agree to a real robot's motion; returns the settings and selection.
+    """Have the operator agree to a robot's motion; returns the settings and device selection.
 
     The doctor checks the robot first, except to `recover`, which must always be possible.
     """
@@ -142,12 +142,14 @@ def _agree_to_motion(
 
 
 def _speed_share(*, full_speed: bool) -> float:
+    """Share of full speed at which joints move: that of a first run unless at full speed."""
     from cell.arm.run_settings import FIRST_RUN_SPEED
 
     return 1.0 if full_speed else FIRST_RUN_SPEED
 
 
 def _at_address(settings: "CellFile", choice: "DeviceSelection") -> bool:
+    """Whether the selected arm is a robot, or an emulated one, at the cell's address."""
     return choice.arm_driver(settings).real and settings.fci.address is not None
 
 
@@ -167,6 +169,7 @@ def _move(
 
 
 def _print_result(text: str, settings: "CellFile", choice: "DeviceSelection") -> None:
+    """Print `text`, with a remark where the robot is emulated."""
     from cell.devices.open import emulation
 
     remark = emulation(settings, choice)

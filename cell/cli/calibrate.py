@@ -1,4 +1,4 @@
-"""`cell calibrate`: the twin's own calibration, and the wizards `camera`, `homography`, `check`."""
+"""Commands `cell calibrate`: calibration of the twin, and of a camera by a wizard."""
 
 import sys
 from pathlib import Path
@@ -64,7 +64,7 @@ def twin(
     out: Annotated[Path | None, typer.Option(help="Also write the calibration here.")] = None,
     configs: Configs = None,
 ) -> None:
-    """Without a wizard: calibrate the twin's camera anew, for the folds to come."""
+    """Without a further command: calibrate the twin's camera anew, for all later folds."""
     if context.invoked_subcommand is not None:
         return
     from calibration.calibration import save_calibration
@@ -103,7 +103,7 @@ def calibrate_camera(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Find the lens from views of a ChArUco board; says which view is wanted next, and why."""
+    """Find the camera's lens from views of a ChArUco board; says which view is next, and why."""
     from cell.calibrating.wizard import ROS, refit_lens
     from cell.calibrating.wizard_panel import wizard_session
 
@@ -155,7 +155,7 @@ def calibrate_homography(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Find the map to the plane and the latency from touches of the gripper's tip."""
+    """Find the camera's map to the strip's plane, and its latency, by touches of the gripper."""
     from cell.calibrating.wizard import read_poses, refit_homography
     from cell.calibrating.wizard_panel import wizard_session
 
@@ -201,7 +201,7 @@ def calibrate_check(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Touch a few points again: does the calibration still hold?"""
+    """Check a calibration: touch a few points again and compare them with the image."""
     from calibration.calibration import load_calibration
     from cell.calibrating.calibration_in_use import calibration_of
     from cell.calibrating.wizard_panel import print_verdict, terminal_session
@@ -223,6 +223,7 @@ def calibrate_check(
 
 
 def _settings(configs: Path | None) -> "CellFile":
+    """Settings of the cell from its configuration."""
     from cell.config.places import find_configs
 
     return find_configs(configs).cell()
@@ -258,10 +259,7 @@ def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str)
 def _open_devices(
     settings: "CellFile", arm: str | None, camera: str | None, *, full_speed: bool = False
 ) -> "tuple[CellFile, Devices]":
-    """Open the cell without a strip for a calibration; returns its settings and devices.
-
-    The doctor looks at a real robot first, and the operator has to agree to its motion.
-    """
+    """Open the cell without a strip, once doctor and operator agree; returns settings, devices."""
     from cell.arm.run_settings import agree
     from cell.devices.devices import DeviceSelection
     from cell.devices.open import NO_STRIP, open_cell
@@ -284,10 +282,7 @@ def _find_lens(file: Path | None, resume: Path | None, camera: str) -> "Lens":
 
 
 def _use_calibration(configs: Path | None, made: "Calibration", place: Path | None) -> Path:
-    """Name the calibration `made` in the session's folder `place` in cell.yaml; returns its path.
-
-    Raises ConfigurationError where it is not kept there.
-    """
+    """Name the calibration `made` in cell.yaml; ConfigurationError where `place` lacks it."""
     from calibration.calibration import load_calibration
     from cell.calibrating.calibration_in_use import use_calibration
     from cell.config.places import find_configs
@@ -301,6 +296,7 @@ def _use_calibration(configs: Path | None, made: "Calibration", place: Path | No
 
 
 def _print_board(settings: "CellFile", path: Path) -> None:
+    """Write the calibration board as a PDF to `path`, and print how to use it."""
     from calibration.board import print_board
 
     sheet = print_board(settings.boards, path)

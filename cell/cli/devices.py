@@ -1,4 +1,4 @@
-"""Commands `cell doctor`: checks machine, files and devices; `cell camera`: lists cameras."""
+"""Commands `cell doctor`, which checks machine and devices, and `cell camera`."""
 
 import json
 import sys
@@ -27,7 +27,7 @@ def doctor(
     ] = 60.0,
     as_json: Json = False,
 ) -> None:
-    """Check machine, files, robot and camera; says what was found, why it matters, what to do."""
+    """Check machine, files, robot and camera; prints findings, reasons and remedies."""
     from cell.config.places import find_configs
     from cell.devices.devices import DeviceSelection
     from cell.doctor.check import State
@@ -53,7 +53,7 @@ def camera(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """List cameras with their formats and controls, or take a picture with one."""
+    """List cameras with their formats and controls, or take a picture with one of them."""
     if grab is not None:
         _grab(_settings(device, configs), grab, as_json=as_json)
         return
@@ -85,6 +85,7 @@ def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
 
 
 def _grab(settings: "V4l2Settings", path: Path, *, as_json: bool) -> None:
+    """Take a picture with the camera of `settings` into the PNG file at `path`."""
     from cell.devices.real_camera import grab, save
 
     taken = grab(settings)
@@ -106,6 +107,7 @@ def _grab(settings: "V4l2Settings", path: Path, *, as_json: bool) -> None:
 
 
 def _grab_line(taken: "Grab") -> dict[str, Any]:
+    """JSON object of a taken picture."""
     return {
         **asdict(taken.setup.picture),
         "measured_rate": taken.rate,
@@ -117,6 +119,7 @@ def _grab_line(taken: "Grab") -> dict[str, Any]:
 
 
 def _print_cameras(found: "Iterator[CameraReport | UnusableDevice]", *, as_json: bool) -> None:
+    """Print cameras with their formats and controls."""
     from drivers.camera.camera import UnusableDevice
 
     count = 0
@@ -133,6 +136,7 @@ def _print_cameras(found: "Iterator[CameraReport | UnusableDevice]", *, as_json:
 
 
 def _camera_facts(entry: "CameraReport | UnusableDevice") -> dict[str, Any]:
+    """JSON object of one camera."""
     from drivers.camera.camera import UnusableDevice
 
     if isinstance(entry, UnusableDevice):
@@ -141,6 +145,7 @@ def _camera_facts(entry: "CameraReport | UnusableDevice") -> dict[str, Any]:
 
 
 def _mode_facts(entry: "CameraReport") -> dict[str, Any] | None:
+    """Settings for a camera as cell.yaml states them; None without a format that is read."""
     from cell.devices.real_camera import suggest_settings
 
     settings = suggest_settings(entry)
@@ -148,6 +153,7 @@ def _mode_facts(entry: "CameraReport") -> dict[str, Any] | None:
 
 
 def _camera_lines(entry: "CameraReport") -> Iterator[str]:
+    """Yield lines on one camera: formats, controls, and settings for cell.yaml."""
     from drivers.camera.formats import READABLE_FORMATS
 
     who = entry.identity

@@ -1,4 +1,4 @@
-"""Commands `cell import` and `export`: runs in formats of other programs; `observe`: films."""
+"""Commands `cell import` and `cell export` of runs, and `cell observe` of films."""
 
 import sys
 from functools import partial
@@ -44,7 +44,7 @@ def import_runs(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Write run folders from tables of other programs, checked and converted, ready for a fit."""
+    """Convert tables of other programs to run folders, checked and ready for `cell gap fit`."""
     from cell.config.places import find_configs
 
     found = find_configs(configs)
@@ -73,7 +73,7 @@ def import_runs(
 
 
 def _propose(places: list[Path], out: Path, strip: "StripFile | None") -> None:
-    """Write a mapping for the person to read, and print it."""
+    """Propose a mapping for the tables of one run, write it to `out`, and print it."""
     from cell.record.exchange.guess import guess_mapping
     from drivers.files import check_free, write_file
 
@@ -87,6 +87,7 @@ def _propose(places: list[Path], out: Path, strip: "StripFile | None") -> None:
 def _convert(
     places: list[Path], mapping: Path | None, out: Path, model: Path | None, found: "Found"
 ) -> tuple[Path, ...]:
+    """Import the runs in `places` to `out`: folds, or runs of the mechanism in the file `model`."""
     from cell.record.exchange.import_runs import import_runs as convert
     from cell.record.exchange.mapping import SignalMapping
 
@@ -129,7 +130,7 @@ def export_runs(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Write runs, stamps exact and read by `cell import`, or strips, for other programs."""
+    """Write runs for other programs, with exact time stamps, or strips as simulation models."""
     from cell.config.places import find_configs
     from cell.record.exchange.export_runs import export_runs as convert
     from cell.strips.export_strip import export_strips
@@ -166,9 +167,9 @@ def observe(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Read a film into a run folder: profile, contact, tip, confidence, and an overlay to look at.
+    """Measure a fold on a film: writes a run folder, and the film with what was measured.
 
-    The film begins with the strip lying flat and still. No arm need be in the picture.
+    The strip lies flat and still as the film begins. No arm need be in view.
     """
     check_names(configs, strip)
     if board == (calibration is not None):

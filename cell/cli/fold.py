@@ -1,4 +1,4 @@
-"""The command `cell fold`: folds a strip and reports the result."""
+"""Command `cell fold`: folds a strip and reports the result."""
 
 import math
 import sys
@@ -114,51 +114,36 @@ def fold(
     until: Until = None,
     as_json: Json = False,
 ) -> None:
-    """Fold a strip in half and say how well it went."""
+    """Fold a strip in half, record the run, and print how well its edges are aligned."""
     check_names(configs, strip, policy)
-    known_strip = _strip_name(strip, length, thickness)
+    name = _strip_name(strip, length, thickness)
     from cell.config.length import metres
-    from cell.config.places import check_recordable, find_configs
+    from cell.config.places import find_configs
 
     close = None if until is None else metres("--until", until, LARGEST_OFFSET)
     _check_until(close, learning, rehearse=rehearse)
-    for path in plant or []:
-        check_readable(path)
-    if checkpoint is not None:
-        check_readable(checkpoint, "; name another checkpoint or train one")
-    if not (dry_run or rehearse):
-        check_recordable(runs)
+    _check_files(plant or [], checkpoint, None if dry_run or rehearse else runs)
     from cell.devices.devices import DeviceSelection
-    from cell.folding.request import (
-        Learning,
-        Recording,
-        Request,
-        check_request,
-        doubts_about,
-        repetitions,
-        with_correction,
-    )
+    from cell.folding.request import Learning, Recording, Request, repetitions, with_correction
     from drivers.strip.describe import load_plant
 
     found = find_configs(configs)
     settings = found.cell()
-    kept = film or settings.record.film
+    encoder = film or settings.record.film
     base = Request(
         settings,
-        found.strip(known_strip),
+        found.strip(name),
         policy,
         runs,
         DeviceSelection(arm, camera, seed=seed),
         checkpoint,
         full_speed=full_speed,
-        record=Recording(frames, None if kept == "none" else kept, not no_truth, viz),
+        record=Recording(frames, None if encoder == "none" else encoder, not no_truth, viz),
         learning=Learning(specimen),
     )
     base = with_correction(base, learning or (None if close is None else "on"))
     requests = repetitions(base, [load_plant(path) for path in plant or []], repeat)
-    check_request(base)
-    for doubt in doubts_about(requests):
-        notice(doubt)
+    _check_requests(requests)
     if dry_run:
         _predict(base, as_json=as_json)
     elif rehearse:
@@ -167,8 +152,29 @@ def fold(
         sys.exit(_fold_all(requests, jobs, close, as_json=as_json))
 
 
+def _check_files(plants: "Sequence[Path]", checkpoint: Path | None, runs: Path | None) -> None:
+    """Raise ConfigurationError for files that cannot be read, or `runs` that cannot be written."""
+    from cell.config.places import check_recordable
+
+    for path in plants:
+        check_readable(path)
+    if checkpoint is not None:
+        check_readable(checkpoint, "; name another checkpoint or train one")
+    if runs is not None:
+        check_recordable(runs)
+
+
+def _check_requests(requests: "Sequence[Request]") -> None:
+    """Raise ConfigurationError for folds that are impossible, and print doubts about others."""
+    from cell.folding.request import check_request, doubts_about
+
+    check_request(requests[0])
+    for doubt in doubts_about(requests):
+        notice(doubt)
+
+
 def _check_until(close: float | None, learning: object, *, rehearse: bool) -> None:
-    """Refuse options that say the contrary of `--until`, which folds and learns."""
+    """Refuse options that contradict `--until`, which folds and learns."""
     if close is not None and rehearse:
         raise ConfigurationError("--until: folds on the desk; leave it or --rehearse out")
     if close is not None and learning not in {None, "on", "auto"}:
@@ -176,7 +182,7 @@ def _check_until(close: float | None, learning: object, *, rehearse: bool) -> No
 
 
 def _strip_name(strip: str, length: float | None, thickness: float | None) -> str:
-    """Name of the strip for requests; one without a file is named by length and thickness."""
+    """Name of the strip; one without a file is named by `length` and `thickness` [m]."""
     if (strip == "unknown") != (length is not None):
         raise ConfigurationError(
             "--length: goes with `--strip unknown`, which needs it; other strips have a file"
@@ -195,7 +201,7 @@ def _strip_name(strip: str, length: float | None, thickness: float | None) -> st
 def _fold_all(
     requests: "Sequence[Request]", jobs: int, until: float | None, *, as_json: bool
 ) -> int:
-    """Make the folds and report each; returns the exit code.
+    """Carry out folds and print each result; returns the exit code.
 
     That is the largest of the folds', or with `until` [m] that of the last one, 1 where no edges
     lie as close.
@@ -235,6 +241,7 @@ def _fold_all(
 
 
 def _print_line(result: "FoldResult") -> None:
+    """Print the result as JSON, and a failure on standard error too."""
     print_json(result.line())
     sys.stdout.flush()
     if result.exit_code != 0:
@@ -252,7 +259,7 @@ def _print_result(result: "FoldResult", robot: str) -> None:
 
 
 def _rehearse(request: "Request", *, as_json: bool) -> int:
-    """Rehearse the fold once and report it; returns the exit code."""
+    """Carry out the fold in the air and print the outcome; returns the exit code."""
     from cell.devices.open import emulation
     from cell.folding.batch import agreed
     from cell.folding.rehearsal import rehearse
@@ -268,6 +275,7 @@ def _rehearse(request: "Request", *, as_json: bool) -> int:
 
 
 def _predict(request: "Request", *, as_json: bool) -> None:
+    """Predict the fold by simulation and print the prediction."""
     with busy("predicting the fold"):
         from cell.folding.prediction import predict
 

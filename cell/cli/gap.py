@@ -1,4 +1,4 @@
-"""The command `cell gap`: finds where simulation and measurement disagree, and why."""
+"""Commands `cell gap`: where simulation and measurements disagree, and which effect is missing."""
 
 import json
 import os
@@ -77,7 +77,7 @@ def plan(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Fold the standard runs: speeds, heights, a hold, there and back, shakes, repeats."""
+    """Fold the standard runs, by which `cell gap fit` identifies what a strip's model lacks."""
     check_names(configs, strip)
     from cell.config.places import check_recordable, find_configs
     from cell.record.files import check_empty
@@ -110,7 +110,7 @@ def plan(
 
 
 def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int:
-    """Make the runs and report each; returns the largest exit code of those that went wrong."""
+    """Fold the standard runs and print each result; returns the largest exit code of a failure."""
     from cell.arm.run_settings import await_strip
     from cell.folding.batch import Attendance, agreed, fold_all
 
@@ -130,6 +130,7 @@ def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int
 
 
 def _run_line(request: "Request", result: "FoldResult") -> str:
+    """Text on a standard run: name, outcome, displacement, effects that it reveals, folder."""
     from cell.folding.request import standard_run
 
     name, reveals = standard_run(request)
@@ -152,9 +153,9 @@ def rehearse(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Hide each effect in turn in simulated copies of these runs: which would have been named?
+    """Hide each effect in turn in simulated copies of these runs: would a fit name it?
 
-    What is finished is kept in OUT: the same command goes on where it stopped.
+    Finished copies are kept in OUT: run the command again to resume.
     """
     from rich.console import Console
 
@@ -194,7 +195,7 @@ def fit(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Name the effects that a model lacks in measured runs; says so where they cannot decide."""
+    """Name the effects that a model lacks in measured runs; says so where runs cannot decide."""
     file = _subject_file(strip, model, configs, subject)
     from cell.gap.fit import fit as judge
     from cell.gap.open_subject import option_for
@@ -226,7 +227,7 @@ def check(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Look at recordings before anything is fitted: samples, clocks, copies, what they can say.
+    """Check recordings before a fit: samples, clocks, duplicates, and what they can show.
 
     Exit code 2 where `cell gap fit` refuses them.
     """
@@ -261,9 +262,9 @@ def accept(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Put the named effects into the strip file, or into cell.yaml where they belong to the cell.
+    """Write the named effects into the strip's file, or into cell.yaml if they are the cell's.
 
-    Of a mechanism, into an MJCF beside its model, and into its file what MJCF cannot say.
+    For a mechanism: into an MJCF file beside its model; what MJCF cannot state, into its file.
     """
     from cell.gap.verdict.accept import accept as put
 
@@ -282,7 +283,7 @@ def undo(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Bring the files back as they were before the acceptance."""
+    """Restore the files as they were before `cell gap accept`."""
     from cell.gap.verdict.accept import undo as take_back
 
     file = _subject_file(strip, model, configs, subject)
@@ -291,13 +292,14 @@ def undo(
 
 
 def _print_changed(what: str, changed: "AcceptResult", *, as_json: bool) -> None:
+    """Print which effects were accepted or undone, and in which files."""
     text = "\n  ".join([f"{what}: {', '.join(changed.effects)}", *map(str, changed.files)])
     say({what: changed.effects, "files": changed.files}, text, as_json=as_json)
 
 
 @gap.command()
 def advise(fitted: Fitted, as_json: Json = False) -> None:
-    """Say which experiment would separate the explanations best."""
+    """Print the further runs that would best separate the remaining explanations."""
     from cell.gap.verdict.schema import read_verdict
 
     verdict = read_verdict(fitted / "verdict.json")
@@ -392,7 +394,7 @@ def _threads(jobs: int | None) -> int:
 
 
 def _next_command(verdict: "Verdict", out: Path, option: str, *, law: bool) -> str:
-    """Command that the user types next."""
+    """Command that the operator runs next, by the verdict of the fit in `out`."""
     from cell.gap.verdict.accept import BASE_PATCH
 
     if verdict.verdict == "named" or (out / BASE_PATCH).is_file():
@@ -407,6 +409,7 @@ def _next_command(verdict: "Verdict", out: Path, option: str, *, law: bool) -> s
 
 
 def _cell_file(configs: Path | None) -> Path:
+    """Path of cell.yaml; raises ConfigurationError where it cannot be read."""
     from cell.config.places import find_configs
 
     found = find_configs(configs)
@@ -416,6 +419,7 @@ def _cell_file(configs: Path | None) -> Path:
 
 @contextmanager
 def _progress(*, quiet: bool) -> Iterator[Callable[[str, float], None]]:
+    """Yield a function that shows stage and share of the work; shows nothing off a terminal."""
     from rich.console import Console
     from rich.progress import Progress
 

@@ -1,4 +1,4 @@
-"""The command `cell learn`: shows or changes what the cell learned from its folds."""
+"""Command `cell learn`: shows or changes what the cell has learned from its folds."""
 
 import sys
 from dataclasses import asdict
@@ -45,7 +45,7 @@ def learn(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Show or change what the cell learned from its folds; a ruler counts more than the camera."""
+    """Show or change what the cell has learned from folds, or enter a ruler's measurement."""
     from cell.config.places import find_configs
     from cell.learning.experience import Memory
 
@@ -74,7 +74,7 @@ def learn(
 
 
 def _memory_of(settings: "CellFile", run: Path) -> "Memory":
-    """The memory that knows `run`, of the twin or of the real cell."""
+    """Memory that has learned from `run`: that of the twin, or else of the real cell."""
     from cell.learning.experience import Memory
 
     real, twin = (Memory(settings.name, twin=of_twin) for of_twin in (False, True))
@@ -82,6 +82,7 @@ def _memory_of(settings: "CellFile", run: Path) -> "Memory":
 
 
 def _learn_from_ruler(settings: "CellFile", run: Path, edges: str, *, sure: bool) -> None:
+    """Learn from the ruler's offset `edges` of the laid edges of `run`."""
     from cell.config.length import metres
     from cell.learning.experience import learn_from_ruler
 
@@ -94,6 +95,7 @@ def _learn_from_ruler(settings: "CellFile", run: Path, edges: str, *, sure: bool
 
 
 def _forget(settings: "CellFile", memory: "Memory", run: Path | None) -> None:
+    """Set aside what was learned from `run`, or everything."""
     aside = memory.forget() if run is None else _memory_of(settings, run).forget(run)
     if aside is None and run is not None:
         raise ConfigurationError(
@@ -103,6 +105,7 @@ def _forget(settings: "CellFile", memory: "Memory", run: Path | None) -> None:
 
 
 def _list(memory: "Memory", *, as_json: bool) -> None:
+    """Print everything that was learned, an entry for each fold."""
     from cell.learning.summary import listing
 
     if as_json:
@@ -113,6 +116,7 @@ def _list(memory: "Memory", *, as_json: bool) -> None:
 
 
 def _show(memory: "Memory", settings: "CellFile", *, as_json: bool) -> None:
+    """Print the learned biases, by policy, strip and specimen."""
     from cell.learning.summary import largest, summaries, table
 
     rows = summaries(memory.experiences(), settings.learning)

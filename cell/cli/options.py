@@ -1,4 +1,4 @@
-"""Options that several commands share."""
+"""Options that several commands share, and checks of them."""
 
 import os
 import sys
@@ -23,7 +23,7 @@ INTERRUPTED_CODE = 130  # exit code
 
 
 def length_parser(option: str, bare: str = "m", least: float = -inf) -> "Callable[[str], float]":
-    """Parser of an `option` that takes a length of `least` [m] or more, as `metres` reads it."""
+    """Parser of an `option` that takes a length of `least` [m] or more, such as 3.5mm."""
 
     def parse(text: str) -> float:
         from cell.config.length import metres
@@ -34,22 +34,19 @@ def length_parser(option: str, bare: str = "m", least: float = -inf) -> "Callabl
 
 
 def length_option(option: str, says: str, bare: str = "m") -> Any:
-    """An `option` that takes a length, in metres for the command, whatever unit was typed."""
+    """Option that takes a length with a unit, in metres for the command."""
     return typer.Option(option, parser=length_parser(option, bare), metavar="LENGTH", help=says)
 
 
 def policy_names() -> list[str]:
-    """Names of the policies; plug-ins are not imported, which makes `--help` slow."""
+    """Names of all policies; plug-ins are not imported, which would slow `--help` down."""
     from policies.registry import OWN_POLICIES
 
     return sorted({*OWN_POLICIES, *plugin_names("policies")})
 
 
 def strip_names(context: typer.Context) -> list[str]:
-    """Names of strips for completion by a shell, from the folder that the command line names.
-
-    Empty where that folder is no configuration: a shell shows no errors.
-    """
+    """Names of strips for completion in a shell; empty without a configuration."""
     from cell.config.places import find_configs
 
     try:
@@ -59,7 +56,7 @@ def strip_names(context: typer.Context) -> list[str]:
 
 
 def check_names(configs: Path | None, strip: str, policy: str | None = None) -> None:
-    """Raise ConfigurationError for a strip or a policy that no file is named after.
+    """Raise ConfigurationError for the name of a strip or policy that does not exist.
 
     Reads no file and imports nothing heavy, so that a misspelt name is answered at once.
     """
@@ -76,7 +73,7 @@ def check_names(configs: Path | None, strip: str, policy: str | None = None) -> 
 
 
 def run_folder(text: str) -> Path:
-    """Folder of a run that is named by its path, by the end of its name, or as the `last` one.
+    """Folder of a run that is named by its path, by the end of its name, or as `last`.
 
     The latter two are looked for in ./runs; what is not found there stays a path.
     """
@@ -88,7 +85,7 @@ def run_folder(text: str) -> Path:
 
 
 def writable(configs: Path | None) -> "Found":
-    """Folder of configuration, unless it is the package's own, which updates replace."""
+    """Folder of configuration; raises ConfigurationError for the package's own folder."""
     from cell.config.places import PACKAGED, find_configs
 
     found = find_configs(configs)
@@ -108,7 +105,7 @@ def check_readable(path: Path, remedy: str = "") -> None:
 
 
 def _choice_of(kind: str, names: tuple[str, ...]) -> Any:
-    """An option whose value is one of `names`."""
+    """Option whose value is one of `names`, the drivers of a `kind` of device."""
 
     def check(value: str) -> str:
         if value not in names:
@@ -150,7 +147,7 @@ Cluster = Annotated[
 
 
 def ask(question: str) -> str:
-    """Print `question` and return the line that the operator types in answer."""
+    """Print `question` and return the line that the operator types as an answer."""
     sys.stderr.write(question)
     sys.stderr.flush()
     return sys.stdin.readline()
@@ -158,7 +155,7 @@ def ask(question: str) -> str:
 
 @contextmanager
 def resumable(folder: Path) -> "Iterator[None]":
-    """On Ctrl-C, print what the command leaves in `folder`, and exit with code 130."""
+    """Within the block, answer Ctrl-C by printing how to resume, and exit with code 130."""
     try:
         yield
     except KeyboardInterrupt:
@@ -169,9 +166,9 @@ def resumable(folder: Path) -> "Iterator[None]":
 
 
 def engine(jobs: int, address: str | None, limit: float | None) -> "Engine":
-    """Return the engine that runs work items: `jobs` local processes, or a cluster at `address`.
+    """Engine of a campaign: `jobs` processes here, or a Dask cluster at `address`.
 
-    An item may take `limit` [s]. Raises ConfigurationError for an address with several jobs.
+    A part may take `limit` [s]. Raises ConfigurationError for an address with several jobs.
     """
     from cell.campaign.run import Local
 

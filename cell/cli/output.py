@@ -1,4 +1,4 @@
-"""Output of the commands: streams that never fail a command, JSON lines, tables, progress."""
+"""Output of the commands: streams that never fail, lines of JSON, tables, progress."""
 
 import errno
 import io
@@ -17,16 +17,15 @@ GONE_ERRNOS = {errno.EPIPE, errno.EBADF, errno.EIO}  # the reader is gone
 
 
 class Outlet(io.FileIO):
-    """File that accepts every byte; `failure` is the system's error for the first one refused.
+    """Output file that accepts every byte; `failure` is the first error of the system, or None.
 
-    A fold does not end, and its exit code does not change, because the reader of its output has
-    gone.
+    A fold does not end because the reader of its output has gone.
     """
 
     failure: OSError | None = None
 
     def write(self, content: Any) -> int:
-        """Write what the system accepts, drop the rest after an error; always claims every byte."""
+        """Write what the system accepts, and drop the rest after an error; claims every byte."""
         block = memoryview(content)
         rest = block.cast("B")
         while self.failure is None and rest.nbytes:
@@ -65,7 +64,7 @@ def guard_streams() -> Outlet | None:
 
 
 def _text_stream(outlet: Outlet, before: TextIO | None) -> io.TextIOWrapper:
-    """A stream like `before` that escapes what it cannot encode."""
+    """Text stream on `outlet`, like `before`, that escapes what it cannot encode."""
     encoding = getattr(before, "encoding", None) or "utf-8"
     at_once = outlet.isatty() or outlet.fileno() == 2
     return io.TextIOWrapper(
@@ -74,21 +73,21 @@ def _text_stream(outlet: Outlet, before: TextIO | None) -> io.TextIOWrapper:
 
 
 def why_lost(outlet: Outlet | None) -> str:
-    """Reason why the printed text did not arrive; empty where it did or nobody was reading."""
+    """Reason why printed text was lost; empty where it arrived, or nobody was reading."""
     if outlet is None or outlet.failure is None or outlet.failure.errno in GONE_ERRNOS:
         return ""
     return outlet.failure.strerror or "no reason given"
 
 
 def print_json(facts: Mapping[str, Any]) -> None:
-    """Print one line of JSON, in which a number that is not finite is null."""
+    """Print `facts` as one line of JSON, with null for a number that is not finite."""
     from cell.record.documents import plain
 
     sys.stdout.write(json.dumps(plain(facts)) + "\n")
 
 
 def say(facts: Mapping[str, Any], text: str, *, as_json: bool) -> None:
-    """Print `facts` as one line of JSON, or else the `text`."""
+    """Print the result of a command: `facts` as one line of JSON, or else the `text`."""
     if as_json:
         print_json(facts)
     else:
@@ -96,13 +95,13 @@ def say(facts: Mapping[str, Any], text: str, *, as_json: bool) -> None:
 
 
 def notice(text: str) -> None:
-    """Print a line on standard error, beside the results."""
+    """Print a remark as one line on standard error, apart from the results."""
     sys.stderr.write(f"cell: {text}\n")
 
 
 @contextmanager
 def busy(text: str) -> Iterator[Callable[[str], None]]:
-    """Show on a terminal that a command is at work; call the yielded function with its progress."""
+    """Show `text` on a terminal within the block; yields a function that changes the text."""
     if not sys.stderr.isatty():
         yield lambda _text: None
         return
@@ -113,7 +112,7 @@ def busy(text: str) -> Iterator[Callable[[str], None]]:
 
 
 def while_busy(text: str, items: Iterable[T]) -> Iterator[T]:
-    """Yield the `items`, with `text` on a terminal while waiting for the next one."""
+    """Yield the `items`, and show `text` on a terminal while the next one is computed."""
     source = iter(items)
     while True:
         with busy(text):
@@ -127,7 +126,7 @@ def while_busy(text: str, items: Iterable[T]) -> Iterator[T]:
 def print_table(
     columns: Sequence[str], rows: Sequence[Sequence[str]], title: str = "", text: int = 1
 ) -> None:
-    """Print `rows` under `columns`, the first `text` of them words, the others numbers.
+    """Print a table of `rows` below `columns`, of which the first `text` hold words.
 
     Where the terminal is too narrow for the table each row becomes lines of its own: the first
     column, then the others with their names, as many a line as go in.
@@ -153,7 +152,7 @@ def print_table(
 
 
 def printable(text: str) -> str:
-    """Escape the terminal control characters in `text`."""
+    """Copy of `text` with control characters of the terminal escaped."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 

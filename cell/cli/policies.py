@@ -1,4 +1,4 @@
-"""Commands `cell train`, `cell benchmark` (of policies), and `cell twin serve` (of the arm)."""
+"""Commands `cell train` and `cell benchmark` of policies, and `cell twin serve` of the arm."""
 
 import sys
 from ipaddress import ip_address
@@ -43,11 +43,11 @@ def train(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Train a policy in the rod; judge it in the rod and on the chain.
+    """Train a policy in the rod simulation; evaluate it in the rod and the chain simulation.
 
     Generations, population and strips are those of `feedback`; `adaptive` has rounds of its own,
-    and ends with folds of the chain through images that correct what the rod has taught it.
-    Killed or interrupted, the same command goes on and ends with the same weights.
+    and ends with folds of the chain through images, which correct what it learned in the rod. After
+    an interruption run the command again to resume; the weights are the same.
     """
     from rich.console import Console
 
@@ -124,9 +124,9 @@ def benchmark(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Fold all strips by all policies, and show it beside the paper's numbers.
+    """Fold all strips by all policies, and compare the results with the paper's numbers.
 
-    What is finished is kept in OUT: a benchmark that was interrupted goes on where it stopped.
+    Finished parts are kept in OUT: after an interruption run the command again to resume.
     """
     from rich.console import Console
 
@@ -165,7 +165,7 @@ twin = typer.Typer(
 
 @twin.callback()
 def the_twin() -> None:
-    """The digital twin of the arm, for unmodified clients of the real one."""
+    """Digital twin of the arm, for unmodified clients of the real one."""
 
 
 @twin.command()
@@ -186,7 +186,7 @@ def serve(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Serve arm (port 1337) and hand (port 1338) until interrupted; the robot alone, no strip."""
+    """Emulate arm (port 1337) and hand (port 1338) until interrupted; no strip is simulated."""
     from drivers.fci_server.faults import load_faults
     from drivers.fci_server.server import RobotServer, ServerSettings
     from drivers.settings import parse
@@ -203,6 +203,7 @@ def serve(
 
 
 def _print_address(address: str, lock_step: bool, as_json: bool) -> None:
+    """Print where arm and hand are served, with a warning beyond the loopback."""
     clock = "lock-step" if lock_step else "wall clock"
     facts = {"address": address, "arm": 1337, "hand": 1338, "clock": clock}
     say(facts, f"arm at {address}:1337, hand at {address}:1338, {clock}", as_json=as_json)

@@ -46,7 +46,7 @@ def runs(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """List the runs in a folder; with --keep or --older-than, those that may go."""
+    """List the runs in a folder; with --keep or --older-than, those that --delete removes."""
     from cell.record.listing import list_runs, remove, to_prune
 
     pruning = keep is not None or older_than is not None or delete
@@ -71,12 +71,14 @@ def runs(
 
 
 def _require_number(stated: float) -> float:
+    """Return the number of days; raises ConfigurationError for NaN."""
     if isnan(stated):
         raise ConfigurationError("--older-than: is nan; give a number of days")
     return stated
 
 
 def _print_rows(rows: "Sequence[RunRow]", *, as_csv: bool, as_json: bool) -> None:
+    """Print the runs as CSV, as lines of JSON, or as a table."""
     if as_csv:
         from cell.record.listing import COLUMNS, values_of
 
@@ -91,6 +93,7 @@ def _print_rows(rows: "Sequence[RunRow]", *, as_csv: bool, as_json: bool) -> Non
 
 
 def _row_facts(row: "RunRow") -> dict[str, Any]:
+    """JSON object of one run."""
     keys = ("strip", "policy", "outcome", "displacement", "edge_offset", "duration", "size")
     facts: dict[str, Any] = {"run": str(row.folder), "began": row.began.isoformat()}
     facts |= {key: getattr(row, key) for key in keys}
@@ -100,6 +103,7 @@ def _row_facts(row: "RunRow") -> dict[str, Any]:
 
 
 def _print_table(rows: "Sequence[RunRow]") -> None:
+    """Print the runs as a table; tags have a column where any run has one."""
     tagged = any(row.tags for row in rows)
     columns = ("run", "strip", "policy", "outcome", *(("tags",) if tagged else ()))
     shown = [
@@ -110,6 +114,7 @@ def _print_table(rows: "Sequence[RunRow]") -> None:
 
 
 def _numbers(row: "RunRow") -> tuple[str, ...]:
+    """Table cells of a run: displacement, offset, duration, size."""
     lengths = (row.displacement, row.edge_offset)
     shown = ["" if length is None else f"{1e3 * length:+.1f}" for length in lengths]
     lasted = "" if row.duration is None else f"{row.duration:.1f}"
@@ -131,9 +136,9 @@ def report(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write report.html for a run, finished or not; several runs are compared on one page.
+    """Write the HTML page of a run, finished or not; several runs are compared on one page.
 
-    The file of a calibration has a page of its own beside it.
+    For the file of a calibration, write its page beside it.
     """
     if len(runs) > 1:
         from cell.report.runs_page import write_comparison
@@ -162,6 +167,7 @@ def report(
 
 
 def _report_calibration(path: Path, *, as_json: bool) -> None:
+    """Write the page of the calibration file at `path`, and print its path."""
     from cell.report.calibration_page import write_calibration_report
 
     if path.suffix not in (".yaml", ".yml"):
@@ -179,7 +185,7 @@ def note(
     untag: Annotated[list[str] | None, typer.Option(help="A tag to remove; repeatable.")] = None,
     text: Annotated[str | None, typer.Option(help="The note, in place of an earlier one.")] = None,
 ) -> None:
-    """Tag runs, or write a note on them; both are kept in the run and found by `cell runs`."""
+    """Tag runs, or write a note on them; `cell runs` lists both."""
     from cell.record.documents import annotate
     from cell.record.files import check_run
 
@@ -196,7 +202,7 @@ def note(
 
 
 def viz(run: Run) -> None:
-    """Write the Rerun recording of a run from its record, and say how to open it."""
+    """Write a run's recording for the viewer Rerun, and print how to open it."""
     from cell.record.run import read_broken_run
     from cell.report.viz.recording import viz_from_run
 
@@ -208,7 +214,7 @@ def viz(run: Run) -> None:
 
 
 def replay(run: Run, as_json: Json = False) -> None:
-    """Repeat a run's perception and decisions from its record; exit code 1 if a result differs."""
+    """Repeat a run's perception and decisions from its record; exit code 1 if one differs."""
     with busy("repeating perception and decisions from the record"):
         from cell.folding.replay import replay as decide_again
 

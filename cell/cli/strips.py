@@ -1,4 +1,4 @@
-"""Commands `cell strips`: list strips, measure one, make a new one."""
+"""Commands `cell strips`: list strips, measure one, make the file of a new one."""
 
 import re
 import sys
@@ -25,7 +25,7 @@ strips = typer.Typer(
 
 @strips.callback()
 def list_strips(context: typer.Context, configs: Configs = None, as_json: Json = False) -> None:
-    """List the strips that this cell knows; measure one, make a new one."""
+    """List the strips that this cell knows; further commands measure one or make a new one."""
     if context.invoked_subcommand is not None:
         return
     from cell.config.places import find_configs
@@ -46,6 +46,7 @@ def list_strips(context: typer.Context, configs: Configs = None, as_json: Json =
 
 
 def _numbers(strip: "StripFile") -> tuple[float, ...]:
+    """Numbers of a strip in the table: size, mass per area, bending, retardation."""
     shape = (strip.length, strip.width, strip.areal_density)
     return (*shape, strip.bending_length, strip.retardation_time)
 
@@ -72,7 +73,7 @@ def measure(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Measure the bending length on photographs of the strip hanging over a ledge."""
+    """Measure a strip's bending length on photographs of it hanging over a ledge."""
     from datetime import UTC, datetime
 
     from cell.strips.edit import put_into, save
@@ -117,7 +118,7 @@ def new(
     ] = None,
     configs: Configs = None,
 ) -> None:
-    """Write the file of a new strip; what is not given is assumed, and the file says so."""
+    """Write the file of a new strip; values that are not given are assumed, and marked so."""
     from cell.strips.edit import new_strip
 
     _check_name(strip)
@@ -138,7 +139,7 @@ def new(
 
 
 def _check_name(strip: str) -> None:
-
+    """Raise ConfigurationError for a name that no file of a strip can have."""
     if NAME_PATTERN.fullmatch(strip) is None:
         raise ConfigurationError(
             f"{strip!r}: is not a name of a strip; use letters, digits, - and _"

@@ -1,1 +1,1 @@
-"""Configuration of a cell: files, their location, and errors in one line."""
+"""Configuration of a cell: its files, where they are, and errors in one line."""

@@ -1,15 +1,15 @@
-"""The cell file: settings of the controller, and those of the twin."""
+"""Contents of cell.yaml: settings of the controller and those of the twin."""
 
 from cell.config.settings import CellSettings
 from drivers.twin.settings import TwinSettings
 
 
 class CellFile(CellSettings):
-    """Contents of configs/cell.yaml."""
+    """Contents of cell.yaml: settings of the controller and those of the twin."""
 
     twin: TwinSettings
 
     @property
     def controller(self) -> CellSettings:
-        """The settings that the controller may use: all but the twin."""
+        """Settings that the controller may use: all but those of the twin."""
         return CellSettings.model_validate(self.model_dump(by_alias=True, exclude={"twin"}))

@@ -1,4 +1,4 @@
-"""Registry of the drivers that an operator can name, and of plug-ins `arms` and `cameras`."""
+"""Drivers of arms and cameras that an operator can name, with those of plug-ins."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from drivers.plugins import plugin_names, plugins
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """A driver of an arm or of a camera, as operators name it.
+    """Driver of an arm or a camera, as operators name it.
 
     `opener` names, as `module:function`, what opens it: `twin_devices` is the example of an arm,
     `with_real_camera` that of a camera. `library` and `section` are the optional library and the
@@ -26,7 +26,7 @@ class Driver:
     real: bool = True
 
     def load(self) -> Callable[..., Any]:
-        """Import and return the function that opens the driver."""
+        """Import and return the function that opens the device."""
         loaded: Callable[..., Any] = EntryPoint("driver", self.opener, "folding_cell").load()
         return loaded
 
@@ -47,21 +47,21 @@ CAMERAS = MappingProxyType(
 
 @cache
 def arms() -> Mapping[str, Driver]:
-    """Drivers of arms by name."""
+    """Drivers of arms, by the name that operators use."""
     return {**ARMS, **plugins("arms", Driver, ARMS)}
 
 
 @cache
 def cameras() -> Mapping[str, Driver]:
-    """Drivers of cameras by name."""
+    """Drivers of cameras, by the name that operators use."""
     return {**CAMERAS, **plugins("cameras", Driver, CAMERAS)}
 
 
 def arm_names() -> tuple[str, ...]:
-    """Names of the arms; no plug-in is imported."""
+    """Names of the drivers of arms; no plug-in is imported."""
     return (*ARMS, *plugin_names("arms"))
 
 
 def camera_names() -> tuple[str, ...]:
-    """Names of the cameras; no plug-in is imported."""
+    """Names of the drivers of cameras; no plug-in is imported."""
     return (*CAMERAS, *plugin_names("cameras"))

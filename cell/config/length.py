@@ -1,4 +1,4 @@
-"""Lengths as operators write them: `3.5mm` or `0.0035m`."""
+"""Lengths as operators write them, such as `3.5mm` or `0.0035m`."""
 
 import re
 from math import inf, nan
@@ -12,7 +12,7 @@ LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 def metres(
     option: str, text: str, largest: float = inf, *, bare: str = "m", least: float = -inf
 ) -> float:
-    """The length [m] that `text` states: `600mm`, `60cm`, `0.6m`, or a number in `bare`.
+    """Length [m] that `text` states, such as `600mm`, `60cm`, `0.6m`, or a number in `bare`.
 
     Raises ConfigurationError naming `option` for other text, and for a length below `least` [m] or
     of more than `largest` [m] to either side.

@@ -1,4 +1,4 @@
-"""Location of configuration and results: `--configs`, ./configs, or the package's own."""
+"""Places of configuration and results: `--configs`, ./configs, or the package's own."""
 
 import os
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ CHECKOUT_CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 
 @dataclass(frozen=True, slots=True)
 class Configs:
-    """A folder of configuration: cell.yaml, strips/NAME.yaml, plants/NAME.yaml."""
+    """Folder of configuration: cell.yaml, strips/NAME.yaml, plants/NAME.yaml, mechanisms."""
 
     folder: Path
 
     def cell(self) -> "CellFile":
-        """Read the settings from cell.yaml, effects checked, path of the calibration resolved."""
+        """Read cell.yaml: effects are checked, the path of the calibration is resolved."""
         from cell.config.cell import CellFile
         from drivers.settings import load
         from drivers.strip.effects import check_effects
@@ -36,10 +36,7 @@ class Configs:
         return cell.model_copy(update={"calibration": str(self.folder / cell.calibration)})
 
     def strip_path(self, name: str) -> Path:
-        """Path of the file of a strip given by name, or by path when it ends in .yaml.
-
-        Raises ConfigurationError for a name that no file has.
-        """
+        """Path of the strip file `name`, or a path ending in .yaml; raises ConfigurationError."""
         if name.endswith((".yaml", ".yml")):
             return Path(name)
         path = self.folder / "strips" / f"{name}.yaml"
@@ -62,7 +59,7 @@ class Configs:
         return load_strip(self.strip_path(name))
 
     def mechanism_path(self, name: str) -> Path:
-        """Path of the file of the mechanism `name`; ConfigurationError for a name that none has."""
+        """Path of the file of the mechanism `name`; ConfigurationError for an unknown name."""
         known = sorted(p.parent.name for p in self.folder.glob("mechanisms/*/mechanism.yaml"))
         if name not in known:
             raise ConfigurationError(
@@ -73,12 +70,12 @@ class Configs:
         return self.folder / "mechanisms" / name / "mechanism.yaml"
 
     def strip_names(self) -> tuple[str, ...]:
-        """Names of all strips, sorted."""
+        """Names of all strips of this configuration, sorted."""
         return tuple(sorted(path.stem for path in (self.folder / "strips").glob("*.yaml")))
 
 
 def find_configs(given: str | Path | None) -> Configs:
-    """Find the folder of configuration: that of `--configs`, else ./configs, else the package's.
+    """Folder of configuration: that of `--configs`, else ./configs, else the package's.
 
     Raises ConfigurationError where it holds no cell.yaml.
     """
@@ -95,7 +92,7 @@ def find_configs(given: str | Path | None) -> Configs:
 
 
 def check_recordable(runs: Path) -> None:
-    """Raise ConfigurationError where the folder `runs` cannot be written or made."""
+    """Raise ConfigurationError where the folder `runs` cannot be made or written."""
     place = next(path for path in (runs, *runs.absolute().parents) if os.access(path, os.F_OK))
     try:
         with TemporaryFile(dir=place):
@@ -108,5 +105,5 @@ def check_recordable(runs: Path) -> None:
 
 
 def cache_folder() -> Path:
-    """Folder for files that can be recomputed."""
+    """User's folder for files that can be computed again."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "folding-cell"

@@ -1,4 +1,4 @@
-"""Settings that the controller may use: drivers, installation, speeds, limits."""
+"""Settings of the controller in cell.yaml: drivers, installation, speeds, limits, learning."""
 
 from typing import Annotated, Literal
 
@@ -30,21 +30,21 @@ CameraName = Annotated[str, AfterValidator(lambda name: _check_driver(name, came
 
 
 class DriverChoice(Settings):
-    """Driver of each device that `cell` uses unless the command line selects another."""
+    """Drivers of arm and camera that `cell` uses unless the command line selects others."""
 
     arm: ArmName = "twin"
     camera: CameraName = "twin"
 
 
 class RecordSettings(Settings):
-    """Settings of a record: images to keep, encoder of the film; hashes of all images are kept."""
+    """Settings of a run's record: images to store, encoder of the film."""
 
     frames: Keep = "key"
     film: Encoder | Literal["none"] = "libx264"
 
 
 class SigmaSettings(Settings):
-    """One-sigma measurement noise of this cell: lengths [m], `touch_time` [s], `force` [N].
+    """Measurement noise of this cell, one sigma: lengths [m], `touch_time` [s], `force` [N].
 
     Measured on the twin, see runbooks. `force` is that of the arm's external wrench: without it
     recorded forces carry no weight.
@@ -78,7 +78,7 @@ class FoldSettings(Settings):
 
 
 class MonitorLimits(Settings):
-    """Limits of the monitors, each with a value; none can be switched off."""
+    """Limits of the safety monitors, each with a value; none can be switched off."""
 
     arm_age: float = Field(0.05, gt=0, le=0.5)  # s
     hand_age: float = Field(0.5, gt=0, le=2.0)  # s
@@ -101,7 +101,7 @@ class MonitorLimits(Settings):
 
 
 class LearningSettings(Settings):
-    """Settings of learning: whether a cell learns, and one-sigma priors [m] of its bias.
+    """Settings of learning: whether the cell learns, and one-sigma priors [m] of its bias.
 
     `auto` learns with a real arm or camera and leaves folds of the twin repeatable by their seed.
     The priors are assumptions, about the accuracy of a careful set-up, and belong to no cell;
@@ -124,7 +124,7 @@ class LearningSettings(Settings):
 
 
 class CellSettings(Settings):
-    """A cell as its controller knows it: everything in cell.yaml but the twin."""
+    """Settings of the controller: everything in cell.yaml but the twin."""
 
     schema_: Literal[1] = Field(1, alias="schema")
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")

@@ -1,4 +1,4 @@
-"""Fabric without a strip file: the values assumed before its fold."""
+"""Strips without a file, named by their length: the values that are assumed for them."""
 
 from typing import Any
 
@@ -17,14 +17,14 @@ CALIPERS = {"key": "thickness", "source": "measured", "note": "stated by the ope
 
 
 def name_of(length: float, thickness: float | None) -> str:
-    """Name of a strip of which only `length` and perhaps `thickness` [m] are known."""
+    """Name of a strip without a file, given by its `length` and maybe `thickness` [m]."""
     return f"{MARK}{length:g}" if thickness is None else f"{MARK}{length:g}:{thickness:g}"
 
 
 def unknown_strip(known: str) -> StripFile:
-    """Strip with the `known` length, or `LENGTH:THICKNESS` [m], in the middle of the paper's range.
+    """Strip whose length, and thickness [m] after a colon, `known` states; the rest is assumed.
 
-    Raises ConfigurationError for what are no such numbers.
+    Assumed values are in the middle of the paper's range. Raises ConfigurationError for other text.
     """
     length, _, thickness = known.partition(":")
     (c_low, c_high), (t_low, t_high) = BENDING_LENGTH, RETARDATION_TIME

@@ -1,4 +1,4 @@
-"""Devices of a cell, as the orchestrator drives them."""
+"""Devices of a cell as the orchestrator uses them, and their selection."""
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
@@ -15,20 +15,20 @@ from drivers.types import Array, Frame, frozen
 
 
 class Closable(Protocol):
-    """Protocol of an object that must be closed at the end."""
+    """Protocol of an object that has to be closed at the end."""
 
     def close(self) -> None:
-        """Release the object; calling it twice is allowed."""
+        """Release the resources; calling it twice is allowed."""
 
 
 class CalibrationAids(Protocol):
-    """Protocol of aids for a calibration, provided by the twin, or by a person at a real cell."""
+    """Protocol of what the twin provides for a calibration, in place of a person's hands."""
 
     def show_board(self, wanted: WantedView) -> Frame:
-        """An image of the calibration board held as `wanted`."""
+        """Take an image of the calibration board held as `wanted`."""
 
     def measure_board(self) -> float:
-        """Length [m] of the printed squares across all columns, by a ruler."""
+        """Length [m] of all columns of printed squares, by a ruler."""
 
     def hold_pointer(self, held: bool) -> None:
         """Put the pointer between the fingers, or remove it."""
@@ -36,7 +36,7 @@ class CalibrationAids(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Devices:
-    """The devices that the orchestrator drives. A calibration must match `camera_identity`.
+    """Devices that the orchestrator drives; a calibration must match `camera_identity`.
 
     `camera_locks` states the values to which the camera controls are locked, `others` are what else
     must be closed at the end. Once closed, `arm_timing` states how evenly the states of a
@@ -59,27 +59,27 @@ class Devices:
     real_time: bool = False
 
     def connect(self) -> None:
-        """Connect arm and camera."""
+        """Connect the arm and the camera."""
         self.arm.connect()
         self.camera.connect()
 
     def close(self) -> None:
-        """Bring the arm to rest and close everything, even where one device fails to close."""
+        """Bring the arm to rest and close all devices, even where one fails to close."""
         with ExitStack() as left:
             for device in (*reversed(self.others), self.camera, self.arm):
                 left.callback(device.close)
 
 
 class Plant(Protocol):
-    """Protocol of a plant whose true motion is known, used only to score a run after its end."""
+    """Protocol of a plant whose true motion is known; only used to score a run after its end."""
 
     def truth(self, origin: float) -> Mapping[str, Any]:
-        """Plain facts about the true motion of the strip, times since `origin` [s]."""
+        """Plain values of the strip's true motion, with times since `origin` [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceSelection:
-    """Selection of devices by the command line; None where not given.
+    """Devices selected by the command line; None where cell.yaml decides.
 
     The `plant` lies on the twin's desk instead of the strip. `index` is the number of runs that the
     strip on the desk has already been through; `agreed` whether an operator has agreed that a real
@@ -94,15 +94,15 @@ class DeviceSelection:
     agreed: bool = False
 
     def arm_driver(self, settings: CellSettings) -> Driver:
-        """Driver of the selected arm, or else of that in the cell file."""
+        """Driver of the selected arm, or else of the one in cell.yaml."""
         return arms()[self.arm or settings.drivers.arm]
 
     def motion_limits(self, settings: CellSettings) -> MotionLimits:
-        """Limits of the selected arm's motion: the cell's, for a robot lowered to its own."""
+        """Motion limits of the selected arm: the cell's, for a robot also its own."""
         installation = settings.installation
         is_robot = self.arm_driver(settings).real
         return (settings.fci.limit(installation) if is_robot else installation).limits
 
     def camera_driver(self, settings: CellSettings) -> Driver:
-        """Driver of the selected camera, or else of that in the cell file."""
+        """Driver of the selected camera, or else of the one in cell.yaml."""
         return cameras()[self.camera or settings.drivers.camera]

@@ -1,4 +1,4 @@
-"""Opening of a Franka arm, alone or with the twin's strip and camera, which follow its poses."""
+"""Devices of a Franka arm, alone or with the twin's strip and camera, which follow its poses."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -31,16 +31,16 @@ CATCHING_UP = 0.02  # s per tick for strip and camera to catch up with a robot's
 
 @dataclass(slots=True)
 class Surroundings:
-    """Forces on the emulated robot and the object in its hand; none until a follower is set."""
+    """What an emulated robot feels: forces on its tool, the object between its fingers."""
 
     follower: ExternalArm | None = None
 
     def between(self) -> float | None:
-        """Thickness [m] of the object between the fingers; None without one."""
+        """Thickness [m] of the object between the fingers; None where there is none."""
         return None if self.follower is None else self.follower.between()
 
     def force(self, tip: Array, time: float) -> Array:
-        """Force (3,) [N] on the tool, in the base."""
+        """Force (3,) [N] on the tool with its `tip` at (3,) [m], at `time` [s], in the base."""
         return NO_FORCE if self.follower is None else self.follower.force(tip, time)
 
 
@@ -51,7 +51,7 @@ def fci_devices(
     *,
     calibrating: bool = False,
 ) -> Devices:
-    """Devices with the arm at the cell's address, or with an emulated one that is started here.
+    """Devices with the robot at the cell's address, or with an emulated one started here.
 
     The emulated one runs in lock-step; an arm at an address runs on its own time, and strip and
     camera keep up with it. While `calibrating` the desk is bare, and the twin provides the
@@ -102,10 +102,7 @@ def robot_devices(
     *,
     calibrating: bool = False,
 ) -> Devices:
-    """Devices of the robot at the cell's address and a real `camera`, on the wall clock.
-
-    Nothing is simulated beside them. Raises ConfigurationError where no address is named.
-    """
+    """Devices of the robot at the cell's address and a real `camera`; raises ConfigurationError."""
     address = settings.fci.address
     if address is None:
         raise ConfigurationError("fci.address: is missing; name the robot's address in cell.yaml")
@@ -129,7 +126,7 @@ def robot_devices(
 def fci_arm(
     settings: CellFile, clock: TwinClock | RealTimeClock | WallClock, address: str
 ) -> tuple[FciArm, FciHand]:
-    """Arm and hand at `address`, on their own time unless `clock` is the twin's."""
+    """Arm and hand of the robot at `address`, on their own time unless `clock` is the twin's."""
     installation = settings.fci.limit(settings.installation)
     own_time = not isinstance(clock, TwinClock)
     realtime = settings.fci.realtime if own_time else "ignore"
@@ -148,10 +145,7 @@ def fci_arm(
 def start_joints(
     installation: Installation, fold: FoldSettings, length: float, home: float
 ) -> tuple[float, ...]:
-    """Joints (7,) [rad] over the strip's edge that leave a plain fold the largest joint margin.
-
-    Raises ConfigurationError where no posture can follow it.
-    """
+    """Joints (7,) [rad] with the largest margin in a plain fold; ConfigurationError where none."""
     path, speeds = whole_path(length, home, fold, installation.limits, triangle(length))
     reach = plan_reach(installation, path, speeds)
     if not reach.allowed:
@@ -199,12 +193,12 @@ def _both_real(settings: CellFile, choice: DeviceSelection) -> bool:
 
 
 class NoCamera:
-    """A camera without images, replaced once the driver of the selected camera is opened."""
+    """Camera without images, in place until the selected camera is opened."""
 
     rate = 0.0
 
     def connect(self) -> None:
-        """Raise Fault, as there is no camera."""
+        """Raise Fault `camera_closed`, as there is no camera."""
         raise Fault("camera_closed", "no camera was opened")
 
     def read(self, after: float, timeout: float) -> Frame | None:  # noqa: ARG002
@@ -212,10 +206,11 @@ class NoCamera:
         return None
 
     def close(self) -> None:
-        """Do nothing, as nothing is open."""
+        """Do nothing, as no device is open."""
 
 
 def _check_rig(desk: Desk) -> None:
+    """Raise ConfigurationError for an effect that this arm cannot simulate."""
     if desk.model.rig.delay != 0:
         raise ConfigurationError(
             "effects: control_delay cannot be simulated with arm fci; use arm twin"

@@ -1,4 +1,4 @@
-"""Path of the gripper through a fold, from its home to the retreat."""
+"""Path of the gripper through a whole fold, from its home to the retreat."""
 
 from itertools import pairwise
 
@@ -53,7 +53,7 @@ def whole_path(
 
 
 def triangle(length: float) -> Array:
-    """Path (k, 2) [m] of a plain fold: up to the middle of the strip, down to its other edge."""
+    """Path (k, 2) [m] of a plain fold: up over the strip's middle, down to its other edge."""
     corners = np.array([(length, 0.0), (length / 2, length / 2), (NEAR_EDGE, NEAR_EDGE)])
     shares = np.linspace(0.0, 1.0, LEG_POINTS)[:, None]
     up, down = (start + shares * (stop - start) for start, stop in pairwise(corners))
@@ -84,4 +84,5 @@ def largest_speed(points: Array, limits: MotionLimits) -> float:
 
 
 def _with_pitch(points: list[tuple[float, float]], pitch: float) -> Array:
+    """Poses (n, 3) at `points`, x and z [m], all with one `pitch` [rad]."""
     return np.column_stack([np.array(points), np.full(len(points), pitch)])

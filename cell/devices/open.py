@@ -1,4 +1,4 @@
-"""Opening of the devices of a cell: the only module that selects drivers."""
+"""Opening of the devices of a cell; no other module selects drivers."""
 
 from ipaddress import ip_address
 
@@ -15,7 +15,7 @@ from drivers.strip.file import StripFile
 
 
 def check_drivers(settings: CellFile, choice: DeviceSelection) -> None:
-    """Raise ConfigurationError for devices that this installation does not support."""
+    """Raise ConfigurationError for selected devices that this installation lacks."""
     for driver in (choice.arm_driver(settings), choice.camera_driver(settings)):
         if driver.library is not None:
             require_library(driver.library)
@@ -29,7 +29,7 @@ def check_drivers(settings: CellFile, choice: DeviceSelection) -> None:
 
 
 def is_real(settings: CellFile, choice: DeviceSelection) -> bool:
-    """Whether the chosen arm is a physical robot, not one emulated on this machine."""
+    """Whether the selected arm is a physical robot, not one emulated on this machine."""
     address = settings.fci.address
     if not choice.arm_driver(settings).real or address is None:
         return False
@@ -40,7 +40,7 @@ def is_real(settings: CellFile, choice: DeviceSelection) -> bool:
 
 
 def emulation(settings: CellFile, choice: DeviceSelection) -> str:
-    """Text that names the robot emulated in place of a selected one; empty for any other arm."""
+    """Remark where a robot is emulated in place of a real one; empty for any other arm."""
     address = settings.fci.address
     if not choice.arm_driver(settings).real or is_real(settings, choice):
         return ""
@@ -50,7 +50,7 @@ def emulation(settings: CellFile, choice: DeviceSelection) -> str:
 
 
 def check_calibrated(settings: CellFile, choice: DeviceSelection) -> None:
-    """Raise ConfigurationError for a real camera without a calibration; the twin makes its own."""
+    """Raise ConfigurationError for a real camera without a calibration in cell.yaml."""
     if real_camera(settings, choice) and settings.calibration is None:
         name = choice.camera or settings.drivers.camera
         raise ConfigurationError(
@@ -60,7 +60,7 @@ def check_calibrated(settings: CellFile, choice: DeviceSelection) -> None:
 
 
 def real_camera(settings: CellFile, choice: DeviceSelection) -> bool:
-    """Whether a real camera is selected."""
+    """Whether a real camera is selected, not that of the twin."""
     return choice.camera_driver(settings).real
 
 
@@ -83,7 +83,7 @@ NO_STRIP = StripFile(
 def open_cell(
     settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
 ) -> Devices:
-    """Open the devices as configured and selected, compensated for rig effects of the cell file.
+    """Open the selected devices; known errors of the rig are compensated unless `calibrating`.
 
     On the twin without a plant file the plant equals the strip. Raises PreflightRefused for a
     physical robot where nobody agreed to its motion.

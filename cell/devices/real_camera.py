@@ -1,4 +1,4 @@
-"""The real camera: opened beside any arm, suitable settings of a device, a test picture."""
+"""Real camera: opened beside any arm, settings proposed for it, a test picture."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -34,7 +34,7 @@ FIRST_FRAME_TIMEOUT = 5.0  # s that the first frame may take
 
 
 def camera_settings(settings: CellFile) -> V4l2Settings:
-    """Camera settings of the cell file; ConfigurationError where it has none."""
+    """Settings of the camera in cell.yaml; ConfigurationError where it has none."""
     if settings.camera is None:
         raise ConfigurationError(
             "cell.yaml: camera: is missing, camera v4l2 needs it; `cell camera` lists what is "
@@ -44,7 +44,7 @@ def camera_settings(settings: CellFile) -> V4l2Settings:
 
 
 def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
-    """Replace the camera of `devices` by the cell file's, on a clock in step with the wall clock.
+    """Copy of `devices` with the camera of cell.yaml, on a clock that keeps real time.
 
     The camera does not see the twin's world, so the truth is not used for scoring.
     """
@@ -69,7 +69,7 @@ def _real_time_clock(clock: Clock) -> Clock:
 
 @dataclass(frozen=True, slots=True)
 class Grab:
-    """A picture, the camera's setup, and the statistics of the frames before it.
+    """Test picture of a camera, its setup, and statistics of the frames before it.
 
     `rate` [Hz] is measured by the stamps, `age` [s] from the middle of the exposure to arrival.
     """
@@ -82,7 +82,7 @@ class Grab:
 
 
 def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
-    """Settings for `camera`, its controls locked at their present values; None without a mode."""
+    """Settings for `camera`, its controls locked as they are; None where no mode is readable."""
     modes = [mode for mode in camera.modes if mode.format in PREFERRED and not mode.steps]
     if not modes:
         return None
@@ -101,7 +101,7 @@ def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
 
 
 def grab(settings: V4l2Settings) -> Grab:
-    """Take frames for a second; returns the newest and statistics. CellError where none comes."""
+    """Take frames for a second; returns the newest with statistics; CellError where none comes."""
     camera = V4l2Camera(settings, WallClock())
     try:
         camera.connect()
@@ -118,7 +118,7 @@ def grab(settings: V4l2Settings) -> Grab:
 
 
 def save(image: CameraFrame, path: Path) -> None:
-    """Write the picture as PNG; ConfigurationError where it cannot be written."""
+    """Write the picture `image` as PNG to `path`; ConfigurationError where that fails."""
     made, content = cv2.imencode(".png", image.image)
     if not made:
         raise CellError(f"{path}: the picture cannot be written as PNG")
@@ -126,6 +126,7 @@ def save(image: CameraFrame, path: Path) -> None:
 
 
 def _next_frame(camera: V4l2Camera, after: float) -> CameraFrame:
+    """Next frame later than the stamp `after` [s]; raises CellError where none comes."""
     frame = camera.read(after, FIRST_FRAME_TIMEOUT)
     if frame is None:
         raise CellError(f"no picture in {FIRST_FRAME_TIMEOUT:g} s")
@@ -142,4 +143,5 @@ def _suitability(mode: Mode) -> tuple[bool, bool, int, int]:
 
 
 def _is_locked(control: CameraControl) -> bool:
+    """Whether the value of `control` changes what is measured, so that it is locked."""
     return control.name in WORTH_LOCKING and control.value is not None

@@ -1,4 +1,4 @@
-"""Compensation of known errors of the rig: inverse effects applied to calibration and arm."""
+"""Compensation of known errors of the rig, by their inverse on calibration and arm."""
 
 from collections import deque
 from dataclasses import replace
@@ -26,7 +26,7 @@ from drivers.types import ArmState, Array, Pose, Velocity
 def corrected_calibration(
     calibration: Calibration, settings: CellFile, strip: StripFile
 ) -> Calibration:
-    """Compensate for the cell file's camera and desk effects, so that true positions are measured.
+    """Copy of `calibration` that compensates the camera and desk effects of cell.yaml.
 
     Corrects places, contact_x and stamps, all over the true desk. Without such effects the same
     object is returned; with some, a new calibration with its own id and without landmarks, which
@@ -53,7 +53,7 @@ def _true_points_matrix(model: StripModel) -> np.ndarray[tuple[int, int], np.dty
 
 
 def corrected_devices(devices: Devices, settings: CellFile, strip: StripFile) -> Devices:
-    """Replace the arm by one that reports true poses; without rig effects nothing changes."""
+    """Copy of `devices` whose arm reports true poses, by the rig effects of cell.yaml."""
     rig = describe(strip, settings.effects).rig
     if rig == Rig():
         return devices
@@ -64,7 +64,7 @@ MEMORY = 256  # reports kept to interpolate earlier poses of the gripper
 
 
 class CorrectedArm:
-    """Arm that wraps another one and compensates for the known errors `rig`.
+    """Arm that wraps another one and compensates its known errors `rig`.
 
     States give the gripper's true pose over the true desk at their stamp; commanded poses are true
     ones. As in `drivers.strip.observation`, offsets grow from where `hand` first holds the strip.
@@ -78,11 +78,11 @@ class CorrectedArm:
         self._reported = np.zeros(3)
 
     def connect(self) -> None:
-        """Connect and hold the arm at rest."""
+        """Connect the arm and hold it at rest."""
         self._arm.connect()
 
     def state(self) -> ArmState:
-        """The newest measured state, corrected to the true pose."""
+        """Newest measured state of the arm, with the gripper's true pose."""
         measured = self._arm.state()
         self._reports.append(measured)
         reported = self._at_stamp(measured)
@@ -98,19 +98,19 @@ class CorrectedArm:
         )
 
     def move_to(self, pose: Pose) -> None:
-        """Start a motion to rest at the true `pose`."""
+        """Begin a motion of the gripper to rest at the true `pose`."""
         self._arm.move_to(_pose(reported_poses(self._rig, pose.as_array(), self._share)))
 
     def set_velocity(self, velocity: Velocity) -> None:
-        """Follow the true `velocity` from now on."""
+        """Follow the true `velocity` of the gripper from now on."""
         self._arm.set_velocity(_sum(velocity, -self._offset_velocity(velocity)))
 
     def stop(self) -> None:
-        """Brake within the limits; allowed at any time, from any state."""
+        """Brake the arm within its limits; allowed at any time, from any state."""
         self._arm.stop()
 
     def close(self) -> None:
-        """Brake and disconnect; calling it twice is allowed."""
+        """Brake the arm and disconnect; calling it twice is allowed."""
         self._arm.close()
 
     def _at_stamp(self, measured: ArmState) -> Array:
@@ -131,6 +131,7 @@ class CorrectedArm:
         return np.array([np.interp(measured.stamp + ahead, stamps, column) for column in poses.T])
 
     def _update_share(self, reported: Array) -> None:
+        """Update how far the rig's offsets have grown since the hand held the strip."""
         if self._start is not None:
             self._share = max(self._share, float(share_away(reported, self._start)))
         self._reported = reported
@@ -153,5 +154,6 @@ def _pose(values: Array) -> Pose:
 
 
 def _sum(velocity: Velocity, more: Array) -> Velocity:
+    """Sum of `velocity` and `more` (3,) [m/s, m/s, rad/s]."""
     x, z, pitch = more.tolist()
     return Velocity(velocity.vx + x, velocity.vz + z, velocity.pitch_rate + pitch)

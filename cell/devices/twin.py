@@ -1,4 +1,4 @@
-"""Devices of the twin, its calibration aids, and the truth for scoring."""
+"""Devices of the twin, its aids for a calibration, and its truth for scoring."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from drivers.types import Frame
 
 
 class TwinCalibrationAids:
-    """Calibration aids on the twin: boards before its camera, and the pointer in its hand."""
+    """Calibration aids on the twin: a board before its camera, a pointer in its hand."""
 
     def __init__(self, twin: Twin | Desk, settings: CellFile, seed: int) -> None:
         self.twin = twin
@@ -25,7 +25,7 @@ class TwinCalibrationAids:
         self._shown = 0
 
     def show_board(self, wanted: WantedView) -> Frame:
-        """An image of the board held as `wanted`."""
+        """Render an image of the calibration board held as `wanted`."""
         board = self.settings.boards.board()
         placement = Placement(
             wanted.x, wanted.y, wanted.size, wanted.tilt, wanted.turn, wanted.roll
@@ -37,23 +37,23 @@ class TwinCalibrationAids:
         )
 
     def measure_board(self) -> float:
-        """Length [m] of the printed squares across all columns."""
+        """Length [m] of all columns of printed squares."""
         return self.settings.boards.width
 
     def hold_pointer(self, held: bool) -> None:
-        """Put the pointer between the fingers, or remove it."""
+        """Put the pointer between the twin's fingers, or remove it."""
         self.twin.world.hold_pointer(held)
 
 
 @dataclass(frozen=True, slots=True)
 class TwinPlant:
-    """True motion of the strip on the twin."""
+    """True motion of the strip `plant` on the twin, for the score of a run."""
 
     twin: Twin | Desk
     plant: StripFile
 
     def truth(self, origin: float) -> Mapping[str, Any]:
-        """Plain facts on plant, true touch, displacement and final offset of the edges."""
+        """Plain values of plant, true touch, displacement and final offset of the edges."""
         truth = self.twin.truth()
         touch = truth.touch
         return {
@@ -67,7 +67,7 @@ class TwinPlant:
 
 
 def with_twin_camera(devices: Devices, _: CellFile) -> Devices:
-    """Return `devices` unchanged: every arm comes with the twin's camera."""
+    """Return `devices` unchanged, as every simulated arm comes with the twin's camera."""
     return devices
 
 
@@ -79,10 +79,9 @@ def twin_devices(
     calibrating: bool,
     staging: PlantOptions = DEFAULT_PLANT,
 ) -> Devices:
-    """Devices of the twin with the plant on its desk, and the rig's effects after calibration.
+    """Devices of the twin, with the plant on its desk; no rig effects while `calibrating`.
 
-    Without a plant file the twin equals the controller's model, accepted effects of the rig
-    included.
+    Without a plant file the twin equals the controller's model of strip and rig.
     """
     plant, lying, rig = on_desk(settings, strip, choice)
     if calibrating:
@@ -104,7 +103,7 @@ def twin_devices(
 
 
 def empty_desk(settings: CellFile) -> TwinSettings:
-    """Settings of the twin without a strip on its desk, for its calibration."""
+    """Settings of the twin without a strip on its desk, for a calibration."""
     world = settings.twin.world.model_copy(update={"strip": False})
     return settings.twin.model_copy(update={"world": world})
 
@@ -112,7 +111,7 @@ def empty_desk(settings: CellFile) -> TwinSettings:
 def on_desk(
     settings: CellFile, strip: StripFile, choice: DeviceSelection
 ) -> tuple[StripFile, StripFile, dict[str, dict[str, float]]]:
-    """The plant as recorded, the strip that lies on the desk, and the effects of the rig."""
+    """Plant as recorded, strip that lies on the desk, and effects of the rig."""
     if choice.plant is None:
         return strip, strip, settings.effects
     return choice.plant, *_split_effects(choice.plant)

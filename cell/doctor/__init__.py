@@ -1,1 +1,1 @@
-"""Doctor of a cell: checks, each with a remedy, that decide whether a robot may move."""
+"""Checks of machine, files and devices that decide whether a robot may move."""

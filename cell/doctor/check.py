@@ -1,4 +1,4 @@
-"""Result of one check of the doctor: finding, reason for the check, and remedy."""
+"""Result of one check by the doctor: finding, reason for the check, and remedy."""
 
 from dataclasses import asdict, dataclass
 from enum import StrEnum
@@ -6,7 +6,7 @@ from typing import Any
 
 
 class State(StrEnum):
-    """State of a check; with a single FAIL a cell moves no robot."""
+    """State of one of the doctor's checks; a single FAIL keeps a robot from moving."""
 
     PASS = "pass"  # noqa: S105  no password
     WARN = "warn"
@@ -16,7 +16,7 @@ class State(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """Result of the check called `name`; `remedy` is empty where there is nothing to do."""
+    """Result of one of the doctor's checks; `remedy` is empty where there is nothing to do."""
 
     name: str
     state: State
@@ -25,11 +25,11 @@ class Check:
     remedy: str = ""
 
     def line(self, number: int) -> dict[str, Any]:
-        """The check as an object of `cell doctor --json`."""
+        """JSON object of the check, numbered, as `cell doctor --json` prints it."""
         return {"number": number, **asdict(self)}
 
     def text(self, number: int) -> str:
-        """The check as text for the operator, with a remedy only where there is one."""
+        """Text of the check for the operator, with a remedy where there is one."""
         head = f"{number:2d}  {self.state:8s}{self.name}: {self.found}"
         return "\n".join([head, *(f"              {each}" for each in self._details())])
 

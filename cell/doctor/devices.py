@@ -1,4 +1,4 @@
-"""The doctor's checks of devices: robot, its version and network, camera, locks, calibration."""
+"""Doctor's checks of devices: robot, protocol, network, camera, calibration."""
 
 import time
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ NETWORK_WHY = "a robot that misses 20 commands in a row stops with a reflex"
 
 
 def library() -> Check:
-    """Check whether the maker's client of the arm is installed."""
+    """Check whether pylibfranka, the maker's client of the arm, is installed."""
     why = "the arm speaks a protocol of its own"
     if find_spec("pylibfranka") is not None:
         return Check("robot library", State.PASS, "pylibfranka is installed", why)
@@ -76,7 +76,7 @@ def camera(settings: CellFile) -> Check:
 
 
 def calibration(settings: CellFile, *, on_twin: bool) -> Check:
-    """Check whether the calibration is there, whole, plausible and young enough."""
+    """Check whether the calibration exists and is plausible and recent enough."""
     why = "everything that the camera sees is measured by it"
     remedy = "run `cell calibrate camera` and `cell calibrate homography`, name the file"
     if settings.calibration is None:
@@ -98,7 +98,7 @@ def calibration(settings: CellFile, *, on_twin: bool) -> Check:
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """Statistics of a robot's states over `seconds`: number, losses, times between arrivals [ms].
+    """Statistics of a robot's network link over `seconds`: states, losses, times [ms].
 
     `in_a_row` is the most states lost in a row; `late_ms` the 99.9th percentile of the times
     between two arrivals, `worst_ms` the longest.
@@ -113,12 +113,12 @@ class Link:
 
     @property
     def lost_share(self) -> float:
-        """Share of the states that did not arrive."""
+        """Share of the robot's states that did not arrive."""
         return self.lost / max(self.states + self.lost, 1)
 
 
 def network(address: str, seconds: float) -> Check:
-    """Check whether the robot's states arrive as they are sent, over `seconds`."""
+    """Check whether the states of the robot at `address` arrive in time, over `seconds`."""
     try:
         return judge_link(measure_link(address, seconds))
     except CellError as error:
@@ -146,7 +146,7 @@ def judge_link(link: Link) -> Check:
 
 
 def measure_link(address: str, seconds: float) -> Link:
-    """Measure the link to the robot at `address`, over `seconds`; CellError if unreachable.
+    """Measure the network link to the robot at `address`; CellError if unreachable.
 
     In a process of its own: reading blocks, and the client library changes the scheduler of the
     process that connects.
@@ -165,7 +165,7 @@ def measure_link(address: str, seconds: float) -> Link:
 
 
 def read_states(pipe: Connection, address: str, seconds: float) -> None:
-    """Run in the process: read the robot's states for `seconds`, and send the link's statistics."""
+    """Main function of the measuring process: read states for `seconds`, send statistics."""
     import pylibfranka as franka
 
     robot = franka.Robot(address, franka.RealtimeConfig.kIgnore)

@@ -1,4 +1,4 @@
-"""All checks of a cell, and the refusal to move a real robot where one of them failed."""
+"""All checks of a cell, and the refusal to move a real robot where one failed."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ ASKED, BRIEF = 60.0, 2.0  # s of the network's test: by the doctor, and before e
 def checks(
     configs: Configs, choice: DeviceSelection, runs: Path, seconds: float = ASKED
 ) -> Iterator[Check]:
-    """Yield each check that the configured hardware needs; that of the network takes `seconds`."""
+    """Yield all checks that the configured hardware needs; the network's takes `seconds`."""
     yield machine.versions()
     yield machine.extras()
     why = "nothing is done by a file that cannot be read"
@@ -36,7 +36,7 @@ def checks(
 def hardware_checks(
     settings: CellFile, choice: DeviceSelection, runs: Path, seconds: float = ASKED
 ) -> Iterator[Check]:
-    """Yield each check of machine, calibration, robot and camera; the network takes `seconds`."""
+    """Yield the checks of machine, calibration, robot, camera; the network's takes `seconds`."""
     yield machine.disk(runs)
     yield machine.cores()
     yield devices.calibration(settings, on_twin=not real_camera(settings, choice))
@@ -77,7 +77,7 @@ def check_motion(settings: CellFile, choice: DeviceSelection, *, camera: bool = 
 
 
 def refuse_red(found: Sequence[Check]) -> None:
-    """Raise PreflightRefused where a check of `found` failed; nothing has moved."""
+    """Raise PreflightRefused where one of the checks `found` has failed."""
     red = [check for check in found if check.state is State.FAIL]
     if red:
         lines = "\n".join(f"{check.name}: {check.found}; {check.remedy}" for check in red)

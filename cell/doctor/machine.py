@@ -1,4 +1,4 @@
-"""The doctor's checks of the machine: versions, cores, disk, kernel, priorities, viewer."""
+"""Doctor's checks of the machine: versions, cores, disk, kernel, priorities, libraries."""
 
 import os
 import platform
@@ -19,7 +19,7 @@ THROTTLE = Path("/proc/sys/kernel/sched_rt_runtime_us")
 
 
 def versions() -> Check:
-    """Check whether all packages are installed, and list their versions."""
+    """Check whether all packages are installed, and state their versions."""
     found, missing = [f"Python {platform.python_version()}"], []
     for package in NEEDED_PACKAGES:
         try:
@@ -34,7 +34,7 @@ def versions() -> Check:
 
 
 def cores() -> Check:
-    """Check whether the control loop has a core of its own."""
+    """Check whether this machine has a core for the control loop alone."""
     count = len(os.sched_getaffinity(0))
     why = "the control loop, images and the recording share the cores; a late tick stops the arm"
     remedy = f"give this process at least {PLENTY} cores (taskset, container limits)"
@@ -48,7 +48,7 @@ def _state(amount: float, needed: float, plenty: float) -> State:
 
 
 def disk(runs: Path) -> Check:
-    """Check whether runs can be recorded in `runs`."""
+    """Check whether runs can be recorded in the folder `runs`."""
     why = "a run that cannot be recorded stops in the middle of the fold"
     place = next(p for p in (runs.absolute(), *runs.absolute().parents) if p.exists())
     if not place.is_dir():
@@ -64,7 +64,7 @@ def disk(runs: Path) -> Check:
 
 
 def kernel(realtime: str) -> Check:
-    """Check whether the kernel suits `fci.realtime`, which is enforce, priority or ignore."""
+    """Check whether the kernel supports the setting `fci.realtime`."""
     real = REALTIME.exists() and REALTIME.read_text(encoding="ascii").strip() == "1"
     found = f"{platform.release()}, {'real-time' if real else 'not real-time'}"
     why = "the robot wants a command each millisecond; an ordinary kernel may be late by many"
@@ -105,7 +105,7 @@ def throttling() -> Check:
 
 
 def extras() -> Check:
-    """Check which optional libraries are missing; what needs none of them works without."""
+    """Check which optional libraries are missing, and what needs them."""
     lost, why = missing_features(), "only what stands in brackets needs it"
     if not lost:
         return Check("extras", State.PASS, "all optional libraries are installed", why)

@@ -1,1 +1,1 @@
-"""Learning of a cell's bias in folds, from later measurements by camera and ruler."""
+"""Learning of a cell's bias in folds, from measurements by camera and ruler."""

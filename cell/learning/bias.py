@@ -50,7 +50,7 @@ class Bias:
 def bias(
     experiences: Sequence[Experience], strip: str, specimen: str, settings: LearningSettings
 ) -> Bias:
-    """Bias learned from `experiences` with one policy for a fold of `specimen` of `strip`."""
+    """Bias of the next fold of `specimen` of `strip`, by `experiences` with one policy."""
     learner = _Learner(settings)
     for experience in experiences:
         learner.learn(experience)
@@ -104,6 +104,7 @@ class _Learner:
         return float((experience.displacement - mean) / sigma)
 
     def _add(self, experience: Experience) -> None:
+        """Add a fold to the present epoch."""
         self._epoch_rows.append(len(self._rows))
         self.epoch.append(experience)
         unknowns = self._unknowns_of(experience.strip, experience.specimen)
@@ -126,9 +127,11 @@ class _Learner:
 
     @property
     def _rig(self) -> Unknown:
+        """Unknown error of the rig since its last change."""
         return ("rig", len(self._change_runs))
 
     def _unknowns_of(self, strip: str, specimen: str) -> tuple[Unknown, ...]:
+        """Unknown biases that add up in a fold: of cell, strip and specimen."""
         return (
             ("cell", len(self._change_runs)),
             ("strip", strip),
@@ -136,6 +139,7 @@ class _Learner:
         )
 
     def _sigma(self, unknown: Unknown) -> float:
+        """Standard deviation [m] of the prior of `unknown`."""
         level, member = unknown
         if level == "cell" and member != 0:
             return self._settings.changed
@@ -175,7 +179,7 @@ def shrunk(
     specimen: str,
     settings: LearningSettings,
 ) -> Parts:
-    """Bias of `specimen`, of fabric `strip`, averaged over both hypotheses about `parts`.
+    """Biases of cell, strip and specimen [m], averaged over two hypotheses on their cause.
 
     If nothing is off, cell and strip have no bias, a specimen has a `usual` one, and the camera
     adds an error of its own to each specimen.
@@ -222,6 +226,7 @@ def laid_offset(experiences: Sequence[Experience], rig: float, settings: Learnin
 
 
 def _specimens(experiences: Sequence[Experience]) -> Array:
+    """Names (n,) of the specimens of n experiences, with their strip."""
     return np.array([f"{e.strip}/{e.specimen}" for e in experiences])
 
 

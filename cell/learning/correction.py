@@ -1,4 +1,4 @@
-"""Correction of one fold by the learned bias, and the experience that the fold adds."""
+"""Correction of a fold by the learned bias, and the experience gained from the fold."""
 
 import hashlib
 from collections.abc import Mapping
@@ -24,15 +24,15 @@ WORTH_SAYING = 5e-5  # m, half of the last digit that is printed
 
 @runtime_checkable
 class Correctable(Protocol):
-    """A policy that steers by a model, whose aim can be corrected."""
+    """Protocol of a policy that steers by a model, whose aim can be corrected."""
 
     def correct(self, seen: float, unseen: float) -> None:
-        """From the next `reset` on add `seen` [m] to predictions for images, `unseen` for truth."""
+        """Add `seen` [m] to predictions for images and `unseen` [m] for truth, from `reset` on."""
 
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """Subject of a learned bias: a policy with its weights, a fabric, one specimen of it."""
+    """What a learned bias belongs to: a policy with its weights, a fabric, a specimen."""
 
     policy: str
     strip: str
@@ -41,7 +41,7 @@ class Subject:
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """Bias [m] by which a fold is corrected: a part `seen` by the camera, and one `unseen`.
+    """Bias [m] by which a fold is corrected: a part `seen` by the camera, a part `unseen`.
 
     `place` [m] is where the grasped edge is laid so that it ends at x = 0. `learned` is the source
     of the correction, None for a value that the user gave. A ruler measures laid edges but no
@@ -55,11 +55,11 @@ class Correction:
 
     @property
     def total(self) -> float:
-        """Total amount [m] by which the fold's aim is corrected."""
+        """Length [m] by which the aim of the fold is corrected."""
         return self.seen + self.unseen
 
     def apply(self, policy: Policy) -> "Correction | None":
-        """Correct `policy` and return this correction; None where it does not steer by a model."""
+        """Correct the aim of `policy`; None where the policy does not steer by a model."""
         if not isinstance(policy, Correctable):
             return None
         policy.correct(self.seen, self.unseen)
@@ -70,7 +70,7 @@ class Correction:
         return asdict(self)
 
     def sentence(self) -> str | None:
-        """Text for the operator; None where nothing was corrected."""
+        """Text of the correction for the operator; None where nothing was corrected."""
         parts = []
         if abs(self.total) >= WORTH_SAYING:
             parts.append(f"aimed {-1e3 * self.total:+.1f} mm, the opposite of the bias")
@@ -89,9 +89,10 @@ class Correction:
 
 
 def subject_of(policy: str, checkpoint: Path | None, strip: str, specimen: str | None) -> Subject:
-    """Subject to which a fold belongs; without a `specimen`, a fabric with a file counts as one.
+    """What a fold's bias belongs to: policy with weights, fabric, and `specimen`.
 
-    The specimen of a fabric without a file is empty: each of its folds is another piece.
+    Without a `specimen`, a fabric with a file counts as one; each fold of another fabric is another
+    piece.
     """
     files = (checkpoint, *(WEIGHTS_FOLDER / f"{policy}{end}" for end in (".npz", ".json")))
     weights = next((path for path in files if path is not None and path.is_file()), None)
@@ -101,10 +102,7 @@ def subject_of(policy: str, checkpoint: Path | None, strip: str, specimen: str |
 
 
 def learned_correction(memory: Memory, subject: Subject, settings: LearningSettings) -> Correction:
-    """Correction that the cell has learned for `subject`, each part within `settings.limit`.
-
-    Raises ConfigurationError where the experiences cannot be read.
-    """
+    """Correction learned for `subject`, within `settings.limit`; ConfigurationError if unread."""
     mine = [one for one in memory.experiences() if one.policy == subject.policy]
     found = bias(mine, subject.strip, subject.specimen, settings)
     seen, place = np.clip([found.seen, found.laid], -settings.limit, settings.limit).tolist()
@@ -148,7 +146,7 @@ def experience_of(
 
 
 def correction_of(facts: Mapping[str, Any] | None) -> Correction:
-    """Correction that a record states in `facts`; zero where it states none."""
+    """Correction that `facts` of run.yaml state; zero where there is none."""
     facts = facts or {}
     values = [facts.get(key, 0.0) for key in ("seen", "unseen", "place")]
     if not all(isinstance(value, int | float) for value in values):

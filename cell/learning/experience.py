@@ -1,4 +1,4 @@
-"""Measured deviations of folds, from which a cell learns, kept in the user's data folder."""
+"""Measured deviations of folds, by which a cell learns, stored in the user's data folder."""
 
 import hashlib
 import os
@@ -26,7 +26,7 @@ Offset = Annotated[float, Field(ge=-1.0, le=1.0, allow_inf_nan=False)]  # m
 
 @dataclass(frozen=True, slots=True)
 class Experience:
-    """Deviations [m] of one measured fold, as if policy and laying had not been corrected.
+    """Deviations [m] of one measured fold, as they would be without corrections.
 
     `displacement` is measured minus predicted, `edges` the offset of the laid edges as seen.
     `policy` names the policy with its weights. A `ruler` experience holds no displacement but
@@ -51,7 +51,7 @@ READER = TypeAdapter(Experience)
 
 
 def run_key(folder: Path) -> str:
-    """Key of the run in `folder`, a digest of its measurements; empty without ticks."""
+    """Digest that identifies the run in `folder` by its measurements; empty without ticks."""
     path = folder / TICKS
     return hashlib.sha256(read_bytes(path, LARGEST_TABLE)).hexdigest()[:16] if path.exists() else ""
 
@@ -70,7 +70,7 @@ class Memory:
 
     @property
     def is_off(self) -> bool:
-        """Whether the last command switched learning off, in the cell and on its twin."""
+        """Whether learning was switched off, for the cell and its twin."""
         return self._off.exists()
 
     def switch(self, *, on: bool) -> None:
@@ -84,13 +84,13 @@ class Memory:
     def experiences(self) -> tuple[Experience, ...]:
         """Read the newest experiences, oldest first; broken lines are skipped.
 
-        A later word on a run, by the same instrument, stands in the place of the earlier one.
-        Raises ConfigurationError for a file that cannot be read.
+        A later experience of a run, by the same instrument, replaces the earlier one. Raises
+        ConfigurationError for a file that cannot be read.
         """
         return self._all()[-NEWEST:]
 
     def largest_corrections(self) -> tuple[float, float]:
-        """Largest corrections [m] of aim and of place that any fold was made with."""
+        """Largest corrections [m] of aim and of place in any stored fold."""
         known = self._all()
         aim, place = (max(values, key=abs, default=0.0) for values in (
             (one.aim for one in known), (one.place for one in known)
@@ -110,10 +110,7 @@ class Memory:
             append_line(self.path, mend + json_line(asdict(experience)))
 
     def forget(self, run: Path | None = None) -> Path | None:
-        """Set all experiences aside, or those of `run`, under the returned name; None without any.
-
-        Raises ConfigurationError where a file cannot be written.
-        """
+        """Move all experiences, or those of `run`, to a file and return it; None without any."""
         with self._file_lock():
             lines = self._lines()
             if run is None:
@@ -167,7 +164,7 @@ def _is_of(experience: Experience, key: str, name: str) -> bool:
 
 
 def data_folder() -> Path:
-    """Folder for data that cannot be computed again."""
+    """User's folder for data that cannot be computed again."""
     return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share") / "folding-cell"
 
 

@@ -1,4 +1,4 @@
-"""Summary of a cell's learned biases, a row for each policy and specimen."""
+"""Summary of the biases that a cell has learned, for `cell learn`."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,7 +11,7 @@ from cell.learning.experience import Experience, Memory
 def summaries(
     experiences: Sequence[Experience], settings: LearningSettings
 ) -> list[dict[str, Any]]:
-    """Rows for all policies and specimens: biases and one sigma [m], and the last change."""
+    """Rows, one for each policy, strip and specimen: bias and sigma [m], folds, last change."""
     subjects = dict.fromkeys((e.policy, e.strip, e.specimen) for e in experiences)
     return [_row(*subject, experiences, settings) for subject in subjects]
 
@@ -44,7 +44,7 @@ def _row(
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
-    """Text of the `rows` [mm], with a line for every change of the cell."""
+    """Text of the `rows` of a summary [mm], with a line for each change of the cell."""
     if not rows:
         return "nothing was learned yet\n"
     lines = [
@@ -60,7 +60,7 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def largest(memory: Memory, limit: float) -> str:
-    """Text on the largest corrections that any fold was made with, of at most `limit` [m]."""
+    """Text of the largest corrections in any fold; they are limited to `limit` [m]."""
     aim, place = memory.largest_corrections()
     return (
         f"  largest corrections so far: aimed {_mm(aim)} mm, laid the edge {_mm(place)} mm; "
@@ -74,6 +74,7 @@ def listing(experiences: Sequence[Experience]) -> str:
 
 
 def _line(one: Experience) -> str:
+    """Text of one experience."""
     fold = f"{one.run}: {one.strip}, {one.specimen}, {one.policy}"
     if one.kind == "ruler":
         return f"{fold}: the ruler shows {_mm(one.rig)} mm more than the camera"

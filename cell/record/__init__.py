@@ -1,1 +1,1 @@
-"""The record of a run: a folder that survives a crash of the process that writes it."""
+"""Record of a run: a folder that survives a crash of the process that writes it."""

@@ -30,19 +30,19 @@ PROFILE_LIMITS: dict[str, Limit] = {
 
 
 class Columns:
-    """Base of the columns of a table, arrays (n,)."""
+    """Base of the columns of a table of a run, as arrays (n,)."""
 
     __slots__: tuple[str, ...] = ()
 
     @classmethod
     def none(cls) -> Self:
-        """Empty columns."""
+        """Columns without rows."""
         return cls(**{name: frozen([]) for name in cls.__slots__ if name != "state"})
 
 
 @dataclass(frozen=True, slots=True)
 class Ticks(Columns):
-    """Columns of ticks.parquet: arrays (n,) in s, m, rad, N; NaN where not measured.
+    """Columns of ticks.parquet as arrays (n,) in s, m, rad, N; NaN where not measured.
 
     `state` and `image_age` are those of a run of the cell, empty and NaN in others.
     """
@@ -69,14 +69,14 @@ class Ticks(Columns):
         return cls(**values, state=tuple(str(name) for name in state))
 
     def pose_at(self, stamp: float) -> Pose:
-        """Gripper pose at `stamp` [s], interpolated."""
+        """Gripper pose at `stamp` [s], interpolated between ticks."""
         columns = self.x, self.z, self.pitch
         return Pose(*(float(np.interp(stamp, self.t, column)) for column in columns))
 
 
 @dataclass(frozen=True, slots=True)
 class Profile(Columns):
-    """Columns of profile.parquet: arrays (n,), stamp `t` [s], order `i`, points `x`, `z` [m]."""
+    """Columns of profile.parquet, arrays (n,): stamp `t` [s], order `i`, points `x`, `z` [m]."""
 
     t: Array
     i: Array
@@ -93,7 +93,7 @@ class Profile(Columns):
         return cls(**values)
 
     def curves(self) -> list[tuple[float, Array]]:
-        """Stamp [s] and points (m, 2) [m] of each image, in order."""
+        """Midlines of the strip in order of time: stamp [s] and points (m, 2) [m] of each image."""
         points = np.stack([self.x, self.z], axis=1)
         # rows at which an image begins, and the end: a difference to NaN counts as nonzero
         edges = np.flatnonzero(np.diff(self.t, prepend=np.nan, append=np.nan))
@@ -105,7 +105,7 @@ class Profile(Columns):
 
 @dataclass(frozen=True, slots=True)
 class Sights(Columns):
-    """Columns of sights.parquet: a `StripMeasurement` per image as arrays (n,); may be empty."""
+    """Columns of sights.parquet as arrays (n,): the strip's measurement in each image."""
 
     stamp: Array
     sequence: Array

@@ -1,4 +1,4 @@
-"""YAML documents and lines of JSON of a record, from plain values; and an operator's notes."""
+"""YAML documents and lines of JSON of a record, and an operator's notes."""
 
 import json
 from collections.abc import Iterable, Mapping
@@ -40,7 +40,7 @@ def json_line(content: Mapping[str, Any]) -> bytes:
 
 
 class Notes(Recorded):
-    """Contents of notes.yaml; `tags` are separated by spaces."""
+    """Contents of notes.yaml of a run; `tags` are separated by spaces."""
 
     tags: str = ""
     note: str = ""
@@ -49,7 +49,7 @@ class Notes(Recorded):
 def annotate(
     run: Path, add: Iterable[str] = (), remove: Iterable[str] = (), text: str | None = None
 ) -> str:
-    """Add and remove tags of the run in the folder `run`; `text`, if any, becomes its note.
+    """Add tags to the run in the folder `run` and remove others; `text` becomes its note.
 
     Returns the tags, separated by spaces. Raises ConfigurationError, and changes nothing, where
     the notes cannot be read or written.

@@ -1,4 +1,4 @@
-"""Events of a run: the origin of its measured time, and the policy's predictions among them."""
+"""Events of a run, among them the start of measured time and the policy's predictions."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -29,7 +29,7 @@ time [s] and yield curvature [1/m] with their intervals."""
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """An event of a run at `t` [s]: its `kind` and its `facts`."""
+    """Event of a run at `t` [s]: its `kind` and its `facts`."""
 
     t: float
     kind: str
@@ -37,7 +37,7 @@ class Event:
 
 
 def read_events(folder: Path) -> tuple[Event, ...]:
-    """Events of the run in `folder` in the order of writing, with `t` on the cell's clock."""
+    """Events of the run in `folder` in the order of writing, `t` on the cell's clock."""
     lines = read_json_lines(folder / EVENTS)
     return tuple(
         Event(_time(line.pop("t", None)), str(line.pop("kind", "")), line) for line in lines
@@ -45,7 +45,7 @@ def read_events(folder: Path) -> tuple[Event, ...]:
 
 
 def log_text(kind: str, facts: Mapping[str, Any]) -> str:
-    """Text of an event in one line."""
+    """Text of an event, of this `kind` and with these `facts`, in one line."""
     if set(facts) == {"state", "event"}:
         return f"{facts['state']}, after {facts['event']}"
     text = ", ".join([kind, *(f"{key} {value}" for key, value in facts.items())])
@@ -53,7 +53,7 @@ def log_text(kind: str, facts: Mapping[str, Any]) -> str:
 
 
 def origin_of(events: Iterable[Event]) -> float:
-    """Cell's clock [s] at t = 0 of the run; 0 where the events do not state it."""
+    """Time [s] of the cell's clock at t = 0 of the run; 0 where no event states it."""
     return next((event.t for event in events if event.kind == ORIGIN), 0.0)
 
 
@@ -74,25 +74,25 @@ def _time(value: object) -> float:
 
 
 class Outlook(NamedTuple):
-    """Predictions of a fold: `rows` (k, len(COLUMN_NAMES)) at times `t` (k,) [s] from the lift."""
+    """Policy's predictions in a fold: `rows` (k, len(COLUMN_NAMES)) at times `t` (k,) [s]."""
 
     t: Array
     rows: Array
 
     @classmethod
     def of(cls, events: Iterable[Event]) -> Self:
-        """Collect the predictions among `events`; NaN for values that cannot be read."""
+        """Collect the policy's predictions in `events`; NaN for values that cannot be read."""
         stated = sorted((e for e in events if e.kind == PREDICTED), key=lambda event: event.t)
         rows = np.array([row_of(event.facts) for event in stated])
         return cls(np.array([event.t for event in stated]), rows.reshape(-1, len(COLUMN_NAMES)))
 
     def column(self, name: str) -> Array:
-        """Values (k,) of the prediction's column `name`."""
+        """Values (k,) of the predicted quantity `name`."""
         return np.asarray(self.rows[:, COLUMN_NAMES.index(name)])
 
 
 def row_of(facts: Mapping[str, object]) -> Array:
-    """Row (k,) of one prediction with a value for each of COLUMN_NAMES, from an event's facts."""
+    """Row (k,) of one prediction, a value for each of k COLUMN_NAMES, from its event's facts."""
     displacement, sigma = (_number(facts.get(name)) for name in ("displacement", "sigma"))
     row = [displacement, displacement - sigma, displacement + sigma]
     for name in BELIEFS:

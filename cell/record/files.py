@@ -1,4 +1,4 @@
-"""File names in a run folder, and detection of a run under way."""
+"""Names of the files in a run's folder, and whether a run is complete or under way."""
 
 import fcntl
 import os
@@ -22,12 +22,12 @@ Keep = Literal["all", "key", "none"]  # which images of a run are kept
 
 
 def is_run(folder: Path) -> bool:
-    """Whether `folder` holds a run, complete or not; False too where nobody may look into it."""
+    """Whether `folder` holds a run, complete or not; False where it cannot be looked into."""
     return os.path.isfile(folder / RUN)  # noqa: PTH113  which raises nothing
 
 
 def check_empty(folder: Path) -> None:
-    """Refuse a folder that holds runs: runs of a specimen are numbered from its first fold."""
+    """Raise ConfigurationError for a folder with runs: a new series must begin at run 0."""
     if folder.is_dir() and any(is_run(inner) for inner in folder.iterdir()):
         raise ConfigurationError(
             f"--runs: {folder} holds runs already; name a new folder, so that the standard runs "
@@ -36,7 +36,7 @@ def check_empty(folder: Path) -> None:
 
 
 def check_run(folder: Path) -> None:
-    """Raise ConfigurationError where `folder` is no run; the error suggests a run inside."""
+    """Raise ConfigurationError where `folder` is no run; the error suggests one inside."""
     if is_run(folder):
         return
     if not folder.exists():
@@ -50,7 +50,7 @@ def check_run(folder: Path) -> None:
 
 
 def is_under_way(folder: Path) -> bool:
-    """Whether a living process, which locks the events, is writing the run in `folder`."""
+    """Whether a living process is writing the run in `folder`; it locks the events."""
     if not (folder / EVENTS).is_file():  # a pipe would be waited for
         return False
     try:

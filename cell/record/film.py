@@ -1,4 +1,4 @@
-"""Films, images with the time of each: read, written, and encoded during a run."""
+"""Films, images each with its time stamp: read, written, and encoded during a run."""
 
 import os
 import queue
@@ -36,12 +36,12 @@ BREAKS_OFF, HANGS = "the film breaks off", "its encoder hangs"
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """A film by one fixed camera, in the file at `path`."""
+    """Film by a camera that stands still, in the file at `path`."""
 
     path: Path
 
     def frames(self, after: float = 0.0) -> Iterator[Frame]:
-        """Images (h, w, 3) of the film with their stamps [s] since the first one.
+        """Yield the images (h, w, 3) of the film with stamps [s], 0 for the first image.
 
         They begin with one at or shortly before `after` [s], in a film whose own stamps begin at 0.
 
@@ -60,10 +60,7 @@ class Film:
                 yield Frame(stamp - begin, stamp - begin, self.path.name, number, image)
 
     def packets(self) -> Iterator[bytes]:
-        """Encoded images of an H.264 film in order, as a stream of bytes (its Annex B).
-
-        Raises ConfigurationError for a file that is missing or no such film.
-        """
+        """Yield the encoded images of an H.264 film, Annex B; ConfigurationError if it is none."""
         import av
 
         with _open_film(self.path) as container:
@@ -111,7 +108,7 @@ def _stamp(picture: Any, path: Path) -> float:
 
 
 class FilmWriter:
-    """Writes images of one size into a film, of which a kill loses only the last image.
+    """Writes images of one size to a film file; a kill loses the last image only.
 
     The film has no B-frames; a stamp is kept to 1/90,000 s.
     """
@@ -128,7 +125,7 @@ class FilmWriter:
         self._stream: Any = None
 
     def add(self, stamp: float, image: Image) -> None:
-        """Add an `image` (h, w, 3) of even sides, taken at `stamp` [s], later than the last one."""
+        """Add an `image` (h, w, 3) of even sides, with `stamp` [s] later than the last one."""
         import av
         import cv2
 
@@ -164,10 +161,7 @@ class FilmWriter:
 
 
 def index_film(path: Path) -> None:
-    """Give the .mp4 at `path` an index, so that players know how long it is and can seek in it.
-
-    Its images stay as they were encoded. Raises ConfigurationError for a file that is no film.
-    """
+    """Index the .mp4 at `path`, so that players can seek in it; ConfigurationError if no film."""
     import av
 
     if path.suffix != ".mp4":
@@ -183,7 +177,7 @@ def index_film(path: Path) -> None:
 
 
 class FilmEncoder:
-    """Writes a film into the file at `path`; an image for which the queue has no room is left out.
+    """Encodes a run's images to the film at `path`; leaves out those that find no room.
 
     The encoder has a process of its own, beside a control loop on the wall clock: a thread that
     lost its core while it held the interpreter would hold up the loop. Where the clock is virtual,
@@ -203,10 +197,7 @@ class FilmEncoder:
         self._begun.wait(ENCODER_TIMEOUT)
 
     def put(self, stamp: float, image: Image) -> int | None:
-        """Film `image` (h, w, 3), taken at `stamp` [s], later than the last one.
-
-        Returns its number in the film, None for an image that is left out.
-        """
+        """Add `image` (h, w, 3) at `stamp` [s]; returns its number, None where it is left out."""
         if self.failure:
             return None
         try:
@@ -218,7 +209,7 @@ class FilmEncoder:
         return self._count - 1
 
     def close(self) -> None:
-        """Wait until the film is complete, or its encoder hangs."""
+        """Wait until the film is complete, or its encoder has stalled."""
         with suppress(queue.Full):
             self._waiting.put(None, timeout=ENCODER_TIMEOUT)
         self._thread.join(ENCODER_TIMEOUT)
@@ -258,13 +249,10 @@ class Ready:
 
 
 class FilmProcess:
-    """A `FilmWriter` in another process, which completes its film if this process dies."""
+    """`FilmWriter` in another process, which completes its film if this process dies."""
 
     def __init__(self, path: Path, encoder: str) -> None:
-        """Start the process; returns once the film at `path` can take its first image.
-
-        Raises OSError with the reason where it cannot.
-        """
+        """Start the process, wait until the film at `path` is open; raises OSError if it is not."""
         self._image = SharedImage()
         self._child = Child(encode, path, encoder, self._image)
         try:
@@ -274,10 +262,7 @@ class FilmProcess:
             raise
 
     def add(self, stamp: float, image: Image) -> None:
-        """Add an `image` (h, w, 3) of even sides, taken at `stamp` [s], later than the last one.
-
-        Raises OSError with the reason where the film has broken off.
-        """
+        """Add `image` (h, w, 3) at a later `stamp` [s]; raises OSError where the film broke off."""
         self._image.write(image)
         self._child.send(AddImage(stamp, image.shape))
         self._await_answer()
@@ -316,7 +301,7 @@ class FilmProcess:
 
 
 def encode(pipe: Connection, path: Path, encoder: str, image: SharedImage) -> None:
-    """Run in the process: encode each image handed over until the other end closes `pipe`."""
+    """Main function of the film's process: encode each shared image until `pipe` is closed."""
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     with FilmWriter(path, encoder) as film:
         pipe.send(Ready())

@@ -1,4 +1,4 @@
-"""Images of a run: selection, files, index, hashes, and their writing in a thread."""
+"""Images of a run: which are stored, their files, index and hashes, writing in a thread."""
 
 import hashlib
 import queue
@@ -27,7 +27,7 @@ QUEUE = 32  # images of 2.8 MB: at most 90 MB wait for the disk
 
 @dataclass(frozen=True, slots=True)
 class FrameNote:
-    """Index entry of a processed image: times [s], sha256 of its pixels, its file if kept.
+    """Index entry of a measured image: times [s], sha256 of its pixels, its file if stored.
 
     `sha256` is empty for an image that was dropped because the disk was too slow. `film` is its
     number in the film of the run, None for one that is not in it.
@@ -43,12 +43,12 @@ class FrameNote:
 
 
 def digest(image: Image) -> str:
-    """SHA-256 of the pixels of an image (h, w) or (h, w, 3), row by row."""
+    """SHA-256 of the pixels of an `image` (h, w) or (h, w, 3), row by row."""
     return hashlib.sha256(np.ascontiguousarray(image).data).hexdigest()
 
 
 def frame_file(folder: Path, sequence: int) -> Path:
-    """Path of the image numbered `sequence` of the run in `folder`."""
+    """Path of image number `sequence` of the run in `folder`."""
     return folder / FOLDER / f"{sequence:06d}.png"
 
 
@@ -69,7 +69,7 @@ def encode(image: Image) -> bytes:
 
 
 class KeyFrames:
-    """Selects about ten images of a run of unknown length: marked ones, and some evenly spread.
+    """Selects about ten images of a run of unknown length: marked ones, others evenly spread.
 
     It starts with every `stride`-th image; whenever they become too many, every second one is
     dropped.
@@ -83,7 +83,7 @@ class KeyFrames:
         self._count = 0
 
     def choose(self, sequence: int, mark: bool) -> tuple[bool, list[int]]:
-        """Whether to keep the next image, and the sequence numbers of kept images to drop now."""
+        """Whether to store the next image, and numbers of stored ones to delete now."""
         number, self._count = self._count, self._count + 1
         if mark and self._marks_left > 0:
             self._marks_left -= 1
@@ -100,7 +100,7 @@ class KeyFrames:
 
 
 def read_index(folder: Path) -> tuple[FrameNote, ...]:
-    """Read the index of the images in `folder`, in order; ConfigurationError for a broken line."""
+    """Read the index entries of the images in `folder`; ConfigurationError for a broken line."""
     try:
         lift = lift_time(folder)
         return tuple(_read_note(folder, line, lift) for line in read_json_lines(folder / INDEX))
@@ -112,10 +112,7 @@ def read_index(folder: Path) -> tuple[FrameNote, ...]:
 
 
 def read_frame(note: FrameNote) -> Frame | None:
-    """Read the image (h, w, 3) of an index entry; None where it was not kept.
-
-    Raises ConfigurationError for an image that cannot be read or differs from the recorded one.
-    """
+    """Read the image (h, w, 3) of an entry, None if not stored; ConfigurationError if changed."""
     if note.file is None:
         return None
     image = read_picture(note.file, LARGEST_SIDE)
@@ -138,7 +135,7 @@ def _read_note(folder: Path, line: dict[str, Any], lift: float) -> FrameNote:
 
 
 class FrameWriter:
-    """Writes images in its own thread without blocking the caller; reports write errors later.
+    """Writes images in its own thread without blocking the caller; reports errors later.
 
     `patient` makes `put` wait for room: right where the clock is virtual and waiting costs the run
     nothing, wrong on hardware, where an image without room only keeps its place in the index.
@@ -162,7 +159,7 @@ class FrameWriter:
         self._thread.start()
 
     def put(self, frame: Frame, mark: bool) -> None:
-        """Queue `frame` for writing; with `mark` it is kept as a key frame."""
+        """Queue `frame` for writing; with `mark` it is stored as a key frame."""
         try:
             self._waiting.put((frame, mark), block=self._patient)
         except queue.Full:
@@ -170,7 +167,7 @@ class FrameWriter:
             self._note(frame, sha256=None)
 
     def close(self) -> None:
-        """Wait until all is written; allowed twice. The run's last image is always a key frame."""
+        """Wait until all images are written; allowed twice. The last one is a key frame."""
         if self._index.closed:
             return
         self._waiting.put(None)
@@ -181,11 +178,11 @@ class FrameWriter:
 
     @property
     def film_failure(self) -> str:
-        """Reason why the film is incomplete; empty where it is not."""
+        """Reason why the film is incomplete; empty where it is complete."""
         return self._film.failure if self._film else ""
 
     def take_failure(self) -> OSError | None:
-        """The write error since the last call, if any; after an error no image is written."""
+        """Error of writing since the last call, or None; no image is written after it."""
         failure, self._failure = self._failure, None
         return failure
 

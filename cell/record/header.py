@@ -1,4 +1,4 @@
-"""Schemas of a run's header, run.yaml, and of its result, result.yaml, with valid outcomes."""
+"""Contents of a run's header, run.yaml, and of its result, result.yaml; names of outcomes."""
 
 from typing import Annotated, Any, Literal, Self
 
@@ -32,19 +32,19 @@ DEVICES = ("arm_", "hand_", "grasp_", "camera_", "image_", "simulation_", "strip
 
 
 class Part(Settings):
-    """Base of what programs write: unknown keys are kept, missing and broken ones refused."""
+    """Base of an entry that programs write: unknown keys are kept, broken ones refused."""
 
     model_config = ConfigDict(extra="allow")
 
 
 class Recorded(Part):
-    """Base of files written by programs."""
+    """Base of a file that programs write, with the number of its schema."""
 
     schema_: Literal[1] = Field(1, alias="schema")
 
 
 class Sigma(Part):
-    """One-sigma measurement noise of a run: lengths [m], `touch_time` [s], `force` [N].
+    """Measurement noise of a run, one sigma: lengths [m], `touch_time` [s], `force` [N].
 
     `edge_offset` [m] is the error of the camera's view of the laid edges.
 
@@ -61,21 +61,21 @@ class Sigma(Part):
 
 
 class DriverNames(Part):
-    """Names of the drivers of a run."""
+    """Names of the drivers of arm and camera in a run."""
 
     arm: str = ""
     camera: str = ""
 
 
 class CalibrationNote(Part):
-    """Identity of a run's calibration, and its error [m]."""
+    """Identity of the calibration of a run, and its `error` [m]."""
 
     id: str = ""
     error: float | None = None
 
 
 class ArmTiming(Recorded):
-    """Histogram of the intervals between a real arm's states, in bins between `edges_ms`.
+    """Histogram of the times between a real arm's states, in bins between `edges_ms` [ms].
 
     `counts` has one more entry than the edges, open below the first and above the last.
     """
@@ -87,7 +87,7 @@ class ArmTiming(Recorded):
 
 
 class Header(Recorded):
-    """Contents of run.yaml: data for every reader of a run, and how a run of the cell was made.
+    """Contents of run.yaml of a fold: what every reader needs, and how the cell made the run.
 
     The fields from `policy` on are absent in a laboratory's file. `strip_file` and `config` are the
     resolved contents of those files.
@@ -117,12 +117,12 @@ class Header(Recorded):
 
     @property
     def by_cell(self) -> bool:
-        """Whether the cell's own perception measured the strip, with known errors."""
+        """Whether the cell's own perception, with known errors, measured the strip."""
         return self.policy is not None or self.seen_by == "cell"
 
 
 class Load(Part):
-    """Load of a mechanism in a run: the `body` that carries it, `mass` [kg], `com` (3,) [m]."""
+    """Load of a mechanism in a run: `body` that carries it, `mass` [kg], `com` (3,) [m]."""
 
     body: str
     mass: float
@@ -130,14 +130,14 @@ class Load(Part):
 
 
 class RunOfMotion(Recorded):
-    """Contents of run.yaml of any run but a fold's: its place in the series, and its condition."""
+    """Contents of run.yaml of a run without a strip: its place in the series, its condition."""
 
     index: int | None = Field(None, ge=0, le=1_000_000)
     condition: str | float | None = None
 
 
 class MechanismRun(RunOfMotion):
-    """Contents of run.yaml of a mechanism; `origin` is the recording that it was cut from."""
+    """Contents of run.yaml of a mechanism; `origin` is the recording it was cut from."""
 
     mechanism: str | None = None
     origin: str | float | None = None
@@ -145,20 +145,20 @@ class MechanismRun(RunOfMotion):
 
 
 class SwingNoise(Part):
-    """Noise of a pendulum's readings."""
+    """Measurement noise of a pendulum's readings, one sigma."""
 
     angle: Annotated[float, Unit("rad"), Field(gt=0.0, lt=0.3)] | None = None
 
 
 class SwingRun(RunOfMotion):
-    """Contents of run.yaml of a pendulum."""
+    """Contents of run.yaml of a pendulum's swing."""
 
     pendulum: str | None = None
     sigma: SwingNoise
 
 
 class Interval(Part):
-    """A parameter of the rods that a policy steers by, with the interval of 68 % of them."""
+    """Estimated parameter of the rod by which a policy steers, with its 68 % interval."""
 
     value: Number
     low: Number
@@ -166,7 +166,7 @@ class Interval(Part):
 
 
 class PredictionNote(Part):
-    """A policy's prediction: displacement with one sigma [m], and estimates of the strip in SI."""
+    """Policy's prediction: displacement with one sigma [m], estimated parameters in SI."""
 
     displacement: Number
     sigma: Number
@@ -176,7 +176,7 @@ class PredictionNote(Part):
 
 
 class AgreementNote(Part):
-    """Whether the strip behaved like its model, and the `residual` [m] between both."""
+    """Whether the strip behaved like its model, and the `residual` [m] of its profiles."""
 
     like_model: bool
     residual: Number
@@ -185,7 +185,7 @@ class AgreementNote(Part):
 
 
 class WitnessNote(Part):
-    """Difference [m] of two sources of one length, its `spread` [m], a `reason` to doubt them."""
+    """Difference [m] of two measurements of one length, its `spread` [m], a `reason` to doubt."""
 
     name: str
     difference: Number
@@ -194,7 +194,7 @@ class WitnessNote(Part):
 
 
 class Result(Recorded):
-    """Contents of result.yaml: the outcome, and of a layer touch the time [s] and lengths [m].
+    """Contents of result.yaml: the outcome, and of the layers' touch time [s] and lengths [m].
 
     A run of the cell adds the reason of its end, its `duration` [s], the `confidence` in the touch,
     `edge_offset` [m] of the laid edges, the `witnesses` that were compared, and of a policy that
@@ -224,6 +224,6 @@ class Result(Recorded):
 
 
 def is_outcome(name: str) -> bool:
-    """Whether `name` is a valid outcome, that of a run that ended well or the name of a fault."""
+    """Whether `name` is an outcome: that of a run that ended by itself, or a fault's name."""
     known = GOALS | NOT_FOLDED | STOPS | MONITORED | REFUSED | CELL_OUTCOMES
     return name in known or name.startswith(DEVICES)

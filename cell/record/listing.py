@@ -1,4 +1,4 @@
-"""Listing, filtering and pruning of the runs in a folder, always from their files as they are."""
+"""List, filter and deletion of the runs in a folder, always from their files as they are."""
 
 import os
 import re
@@ -29,7 +29,7 @@ LARGEST_INTEGER = 2**63 - 1  # of SQLite
 
 @dataclass(frozen=True, slots=True)
 class RunRow:
-    """A run in a listing: lengths [m], times [s], `speed` [m/s], None where not known.
+    """Run in a list: lengths [m], times [s], `speed` [m/s]; None where unknown.
 
     `outcome` is that recorded, or `under way`, `died`, `broken`; `size` is that on disk [bytes];
     `tags` are separated by spaces. `touch` is the time of the layer touch, `predicted` the
@@ -61,12 +61,12 @@ class RunRow:
 
     @property
     def name(self) -> str:
-        """Name of the run's folder, with bytes that are no UTF-8 as escapes."""
+        """Name of the run's folder; bytes that are no UTF-8 are escaped."""
         return self.folder.name.encode(errors="backslashreplace").decode()
 
     @property
     def short(self) -> str:
-        """Name for tables: the last four characters and the moment, or the whole of another's."""
+        """Name of the run for tables: its last four characters and its time, else all of it."""
         if BEGAN.match(self.name) is None:
             return self.name
         return f"{self.name[-4:]}  {self.began:%Y-%m-%d %H:%M}"
@@ -76,7 +76,7 @@ COLUMNS = ("run", *(field.name for field in fields(RunRow)[1:]))  # the folder b
 
 
 def list_runs(root: Path, where: str = "", sort: str = "") -> tuple[RunRow, ...]:
-    """Runs directly under `root` for which the SQL expression `where` holds, oldest first.
+    """Runs directly below `root` for which the SQL expression `where` holds, oldest first.
 
     `sort` is the column to sort by instead, downwards with a leading `-`; runs without a value come
     last. Raises ConfigurationError for a `root` that is no folder or a run itself, and for what is
@@ -130,7 +130,7 @@ def _storable(value: Any) -> Any:
 
 
 def values_of(row: RunRow) -> tuple[Any, ...]:
-    """Values of `row` in the columns COLUMNS, in SI units."""
+    """Values of a run in the columns COLUMNS, in SI units."""
     return (row.name, row.began.isoformat(), *astuple(row)[2:])
 
 
@@ -155,7 +155,7 @@ def to_prune(
 
 
 def remove(rows: Sequence[RunRow]) -> int:
-    """Delete the folders of `rows`, each locked and read once more; returns the bytes freed.
+    """Delete the folders of `rows`, each locked and read again first; returns the bytes freed.
 
     Raises ConfigurationError for a folder that is not a run, is one under way, or a link to one;
     and, once all others are gone, for those that changed since `rows` were read or could not be
@@ -182,7 +182,7 @@ def remove(rows: Sequence[RunRow]) -> int:
 
 
 def read_row(folder: Path) -> RunRow:
-    """Read the row of the run in `folder` from its YAML files; unreadable values are empty."""
+    """Read the run in `folder` from its YAML files for a list; unreadable values are empty."""
     header = _document(folder / RUN, HEADER_KEYS)
     result, notes = _document(folder / RESULT), _document(folder / NOTES)
     stated, final, remarks = header or {}, result or {}, notes or {}

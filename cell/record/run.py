@@ -68,7 +68,7 @@ def _no_calibration() -> Calibration | None:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A recorded run. `result` is None when the process died before it wrote one.
+    """Recorded run; `result` is None where the process died before it wrote one.
 
     Broken parts of a `lenient` one are empty, and `problems` has a line for each of them.
     """
@@ -118,12 +118,12 @@ class Run:
 
     @_cached_part(float)
     def origin(self) -> float:
-        """Cell's clock [s] at t = 0 of the run; 0 where the run does not state it."""
+        """Time [s] of the cell's clock at t = 0 of the run; 0 where it is not stated."""
         return origin_of(read_events(self.folder))
 
     @_cached_part(Sights.none)
     def sights(self) -> Sights:
-        """Measurements of all images; none in a laboratory's run."""
+        """Columns of the measurements of all images; empty in a laboratory's run."""
         path = self.folder / SIGHTS
         if path.exists():
             return Sights.parse(read_parquet(path), str(path))
@@ -156,7 +156,7 @@ class Run:
 
     @_cached_part(lambda: frozen([]))
     def costs(self) -> Array:
-        """Computing time of each cycle of the loop (n,) [s]; empty where not recorded."""
+        """Computing time (n,) [s] of each control cycle; empty where not recorded."""
         path = self.folder / TICK_STREAM
         if not path.exists():
             return frozen([])
@@ -165,29 +165,26 @@ class Run:
 
     @_cached_part(_no_calibration)
     def calibration(self) -> Calibration | None:
-        """The calibration of the run's camera, where the run kept it."""
+        """Calibration of the run's camera; None where it was not stored with the run."""
         path = self.folder / CALIBRATION
         return load_calibration(path) if path.exists() else None
 
     @_cached_part(tuple[FrameNote, ...])
     def frame_index(self) -> tuple[FrameNote, ...]:
-        """Index entries of all processed images, in order; none in a laboratory's run."""
+        """Index entries of all measured images, in order; none in a laboratory's run."""
         return read_index(self.folder)
 
     def kept_images(self) -> list[FrameNote]:
-        """Index entries of the images whose files were kept, in order."""
+        """Index entries of the images whose files were stored, in order."""
         return [note for note in self.frame_index() if note.file is not None]
 
     def film_stamps(self) -> dict[int, float]:
-        """Stamps [s] of the images of the run's film by their number in it; none without a film."""
+        """Stamps [s] of the images in the run's film, by their number; none without a film."""
         notes = self.frame_index() if (self.folder / FILM).is_file() else ()
         return {note.film: note.stamp for note in notes if note.film is not None}
 
     def frames(self) -> Iterator[Frame]:
-        """The kept images of the run, each verified against its hash; a lenient run skips others.
-
-        Raises ConfigurationError for an image that differs from the recorded one.
-        """
+        """Yield the stored images; one that fails its hash raises an error unless lenient."""
         for note in self.kept_images():
             frame = _attempt(lambda: read_frame(note), lambda: None, [], lenient=self.lenient)  # noqa: B023
             if frame is not None:
@@ -222,6 +219,7 @@ def read_result(folder: Path) -> Result | None:
 
 
 def _read(folder: Path, *, lenient: bool) -> Run:
+    """Read the run in `folder`; its broken parts are empty if `lenient`, else errors."""
     check_run(folder)
     header, problems = load(folder / RUN, Header), list[str]()
     result = _attempt(lambda: read_result(folder), lambda: None, problems, lenient=lenient)

@@ -1,4 +1,4 @@
-"""Streams of a run, and the Parquet tables made from them; the same rows give the same bytes.
+"""Streams written during a run, and the Parquet tables made from them, byte by byte alike.
 
 A stream (Arrow IPC) has one row per message: rows written before a crash can be read after it. A
 `Tick` is a row of the stream of ticks.
@@ -63,7 +63,7 @@ class Tick:
 
     @classmethod
     def from_state(cls, arm: ArmState, state: str, cost: float = NOT_MEASURED) -> Self:
-        """The row of a measured arm state; `t` is the moment of the joint reading."""
+        """Row of a measured arm state; `t` [s] is when the joints were read."""
         pose, commanded = arm.pose, arm.commanded
         measured = arm.stamp, pose.x, pose.z, pose.pitch
         return cls(*measured, commanded.x, commanded.z, state, *arm.force, cost)
@@ -78,7 +78,7 @@ class StreamFile:
         self._write(schema.serialize())
 
     def append(self, row: Mapping[str, Any]) -> None:
-        """Append one row, a value for each column."""
+        """Append one row with a value for each column."""
         rows = pa.array([row], self._row)
         self._write(pa.RecordBatch.from_struct_array(rows).serialize())
 
@@ -89,7 +89,7 @@ class StreamFile:
         self.close()
 
     def close(self) -> None:
-        """End the stream; allowed twice."""
+        """Close the stream; allowed twice."""
         if not self._file.closed:
             try:
                 self._write(END_OF_STREAM)
@@ -148,7 +148,7 @@ def _complete_batches(reader: Any) -> Iterator[Any]:
 
 @dataclass(frozen=True, slots=True)
 class Tables:
-    """Tables of a run: `ticks`, `profile` (points of midlines), `sights` (one row per image)."""
+    """Tables of a run: `ticks`, `profile` (points of midlines), `sights` (a row per image)."""
 
     ticks: pa.Table
     profile: pa.Table
@@ -156,7 +156,10 @@ class Tables:
 
 
 def assemble(folder: Path) -> Tables:
-    """Make the tables of a run from its streams, even truncated; ConfigurationError if changed."""
+    """Make the tables of the run in `folder` from its streams, even truncated ones.
+
+    Raises ConfigurationError for a stream that is broken or was changed after the run.
+    """
     begin = lift_time(folder)
     ticks = _from_time(begin, read_stream(folder / TICK_STREAM, TICK_ROWS), "t")
     sights = _from_time(begin, read_stream(folder / SIGHT_STREAM, SIGHT_ROWS), "stamp")
@@ -191,7 +194,7 @@ def _from_time(begin: float, rows: pa.Table, time: str) -> pa.Table:
 
 
 def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
-    """Table of ticks, with each contact in the row nearest to its image's stamp.
+    """Table of ticks, with each desk contact in the row nearest to its image's stamp.
 
     A row whose stamp did not advance contains no new measurement and is left out, and so are one
     of an arm that reported no number, which no reader takes, and columns of computing time, which
@@ -212,7 +215,7 @@ def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
 
 
 def place_contacts(t: Array, stamp: Array, contact_x: Array) -> tuple[Array, Array]:
-    """Contacts and their stamps as columns over `t` (n,), NaN where no image belongs.
+    """Desk contacts and their stamps as columns (n,) over `t` (n,); NaN without an image.
 
     Of two images nearest to one row the nearer is used; images outside the rows are dropped.
     """
@@ -230,14 +233,14 @@ def place_contacts(t: Array, stamp: Array, contact_x: Array) -> tuple[Array, Arr
 
 
 def place_rows(t: Array, stamps: Array) -> NDArray[np.intp]:
-    """Rows (k,) of the two or more increasing `t` (n,) that are nearest to `stamps` (k,)."""
+    """Rows (k,) of the increasing times `t` (n,), n at least 2, nearest to `stamps` (k,)."""
     after = np.clip(np.searchsorted(t, stamps), 1, t.size - 1)
     nearer = stamps - t[after - 1] <= t[after] - stamps
     return np.asarray(np.where(nearer, after - 1, after), dtype=np.intp)
 
 
 def profile_table(sights: pa.Table) -> pa.Table:
-    """Table of points t, i, x, z of all images, in the order of their stamps."""
+    """Table of midline points t, i, x, z of all images, in the order of their stamps."""
     counts = [len(points) for points in sights["profile_x"].to_pylist()]
     return pa.table(
         {
@@ -250,7 +253,7 @@ def profile_table(sights: pa.Table) -> pa.Table:
 
 
 def joint_table(rows: Array, origin: float) -> pa.Table:
-    """Table of a robot's joints: column `t`, relative to `origin` [s], and `q_1` to `tau_J_7`.
+    """Table of a robot's joints: `t` relative to `origin` [s], and `q_1` to `tau_J_7`.
 
     Its `rows` (n, 29) hold t [s] on the cell's clock, then q, dq, q_d and tau_J of seven joints.
     """
@@ -263,7 +266,7 @@ def joint_table(rows: Array, origin: float) -> pa.Table:
 
 
 def write_parquet(path: Path, table: pa.Table) -> None:
-    """Write `table` to `path` atomically, with the schema's number in the file's metadata."""
+    """Write `table` to `path` atomically, with the number of its schema in the metadata."""
     about = {**(table.schema.metadata or {}), "schema": str(SCHEMA)}
     marked = table.replace_schema_metadata(about)
     with replacing(path) as scratch, scratch.open("wb") as file:  # by name it would want UTF-8

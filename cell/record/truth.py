@@ -1,4 +1,4 @@
-"""The file truth.yaml: the plant's true motion, for reports and tests, not for controllers."""
+"""File truth.yaml: the plant's true motion, for reports and tests, not for controllers."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,11 +10,11 @@ from drivers.readers import SCHEMA, read_yaml
 
 
 def write_truth(folder: Path, truth: Mapping[str, Any]) -> None:
-    """Write the plant, its true displacement and touch, beside the record of a run on the twin."""
+    """Write truth.yaml of a run on the twin: plant, true displacement and touch."""
     write_document(folder / TRUTH, {"schema": SCHEMA, **truth})
 
 
 def read_truth(folder: Path) -> dict[str, Any] | None:
-    """Read the truth of a run on the twin; None where it was not written."""
+    """Read truth.yaml of a run on the twin; None where there is none."""
     path = folder / TRUTH
     return read_yaml(path) if path.exists() else None

@@ -33,7 +33,7 @@ from drivers.types import Array, Frame
 
 
 class RunWriter:
-    """Writer of one run's record, safe against a crash of its process at any moment.
+    """Writes one run's record, safe against a crash of the process at any moment.
 
     run.yaml is on disk before anything moves, rows and events are passed to the operating system
     one by one, tables follow at the end, and result.yaml comes last. A disk that refuses while the
@@ -74,7 +74,7 @@ class RunWriter:
         patient: bool = False,
         film: Encoder | None = None,
     ) -> Self:
-        """Create a new run folder under `root`, named by time, strip and chance.
+        """Create a run's folder below `root`, named by time, strip and chance.
 
         `patient` lets `frame` wait for the disk and belongs where the clock is virtual; `film`
         names the encoder of a film of all images. Raises ConfigurationError for a header that
@@ -92,7 +92,7 @@ class RunWriter:
             ) from None
 
     def describe(self, **facts: Any) -> None:
-        """Add facts to run.yaml that were not known at the start, once the run has ended.
+        """Add `facts` to run.yaml, once the run has ended, that were not known at its start.
 
         A document that is on disk costs more than a turn of the control loop has.
         """
@@ -100,36 +100,36 @@ class RunWriter:
         self._described = True
 
     def tick(self, tick: Tick) -> None:
-        """Add one cycle of the control loop."""
+        """Write the row of one control cycle."""
         row = {name: getattr(tick, name) for name in TICK_ROWS.names if name != "image_age"}
         with self._recording():
             self._ticks.append({**row, "image_age": tick.t - self._newest})
 
     def sight(self, measurement: StripMeasurement) -> None:
-        """Add the measurement from one image."""
+        """Write the measurement of the strip in one image."""
         self._newest = measurement.stamp
         with self._recording():
             self._sights.append(sight_row(measurement))
 
     def frame(self, frame: Frame) -> None:
-        """Add an image; its pixels must not change afterwards."""
+        """Queue an image to be stored; its pixels must not change afterwards."""
         with self._recording():
             self._frames.put(frame, self._mark)
         self._mark = False
 
     def event(self, t: float, kind: str, **facts: Any) -> None:
-        """Add an event at `t` [s]; after a change of state the next image is kept to show it."""
+        """Write an event at `t` [s]; after a change of state the next image is stored."""
         self._mark = self._mark or kind == "state"
         with self._recording():
             write_all(self._events, json_line({"t": t, "kind": kind, **facts}))
 
     def joints(self, rows: Array, origin: float) -> None:
-        """Add a robot's joints at every tick, rows (n, 29) on the same clock as `origin` [s]."""
+        """Write a robot's joints at each of its ticks, `rows` (n, 29), t = 0 at `origin` [s]."""
         with self._recording():
             write_parquet(self.folder / JOINTS, joint_table(rows, origin))
 
     def finish(self, result: Mapping[str, Any]) -> None:
-        """Close the streams, write the tables, and last of all result.yaml; allowed twice.
+        """Close the streams, write the tables, and at last result.yaml; allowed twice.
 
         Raises ConfigurationError for a result that readers would refuse.
         """
@@ -192,7 +192,7 @@ class RunWriter:
 
 
 def sight_row(measurement: StripMeasurement) -> dict[str, Any]:
-    """Row of the stream of sights for one measurement."""
+    """Row of the stream of sights for the measurement of one image."""
     names = ("stamp", "sequence", "contact_x", "gap", "gap_x", "contact_confidence")
     row = {name: getattr(measurement, name) for name in (*names, "profile_confidence")}
     row |= {"tip_x": measurement.tip[0], "tip_z": measurement.tip[1]}

@@ -34,10 +34,7 @@ PER_RUN_KEYS = frozenset({"seed", "index", "condition", "calibration.age_days"})
 
 
 def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
-    """Write the HTML page that lists the runs `rows`, oldest first, to `out`; returns `out`.
-
-    Raises ConfigurationError where it cannot be written.
-    """
+    """Write the HTML page that lists `rows`, oldest first; ConfigurationError where it cannot."""
     pictured = {row.name for row in rows[-PICTURED:]}
     text = page(
         "report/templates/runs.html",

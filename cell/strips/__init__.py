@@ -1,1 +1,1 @@
-"""Measurement of strips, and strip files made from it."""
+"""Measurement of strips on photographs, and strip files made from it."""

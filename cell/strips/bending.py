@@ -1,4 +1,4 @@
-"""Bending length from several photographs of one strip, straight or with a rest curvature."""
+"""Bending length of a strip from several photographs, straight or with a rest curvature."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True, slots=True)
 class Pooled:
-    """A `value` with its 95 % interval [`low`, `high`], and the `scatter` between the measurements.
+    """Mean `value` of several measurements, its 95 % interval [`low`, `high`], their `scatter`.
 
     `scatter` is the standard deviation beyond their own; `agreement` the probability of at least
     this scatter if the measurements' own sigmas were all.
@@ -31,7 +31,7 @@ class Pooled:
 
 
 def pool(values: Sequence[float], sigmas: Sequence[float]) -> Pooled:
-    """Random-effects mean of `values` with standard deviations `sigmas`.
+    """Random-effects mean of `values` (n,) with standard deviations `sigmas` (n,).
 
     Scatter by Paule and Mandel, interval by Hartung and Knapp, never narrower than the sigmas
     alone make it.
@@ -74,7 +74,7 @@ Fits = tuple[Fit, ...]
 
 @dataclass(frozen=True, slots=True)
 class Bending:
-    """Bending length [m] from all photographs, with the fit of each.
+    """Bending length [m] of a strip from all photographs, with the fit of each photograph.
 
     `fits` are with the best rest-curvature prior, `straight` with a straight strip; bending lengths
     [m] pooled over all photographs and for each overhang. `gain` is the log evidence of the prior
@@ -94,7 +94,7 @@ class Bending:
 
     @property
     def curl(self) -> Pooled:
-        """Uniform part of the rest curvature [1/m], pooled."""
+        """Uniform part of the rest curvature [1/m], pooled over the photographs."""
         if self.prior.kind is RestCurvature.STRAIGHT:
             return Pooled(0.0, 0.0, 0.0, 0.0, 1.0)
         return pool(*zip(*(each.curl for each in self.fits), strict=True))
@@ -126,7 +126,7 @@ def evidence(fits: Sequence[Fit]) -> float:
 
 
 def pool_lengths(fits: Sequence[Fit]) -> Pooled:
-    """Pool the bending lengths [m] of `fits` by their logarithms."""
+    """Pooled bending length [m] of the `fits`, averaged by logarithms."""
     logs = pool([float(np.log(each.bending_length)) for each in fits], [f.sigma for f in fits])
     value, low, high = np.exp([logs.value, logs.low, logs.high])
     return Pooled(float(value), float(low), float(high), logs.scatter, logs.agreement)

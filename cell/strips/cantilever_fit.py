@@ -1,4 +1,4 @@
-"""Bending length from one photograph: fit of the heavy elastica to the midline.
+"""Bending length from one photograph: fit of the heavy elastica to a strip's midline.
 
 A least-squares problem: residuals, Jacobian and cost of the unknowns. The rest curvature of the
 strip has a prior of its own: none, constant, varying.
@@ -42,7 +42,7 @@ class RestCurvature(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class RestCurvaturePrior:
-    """A kind of rest curvature, and its standard deviation `spread` [1/m] along the strip."""
+    """Prior of a strip's rest curvature: its kind, and standard deviation `spread` [1/m]."""
 
     kind: RestCurvature
     spread: float = 0.0
@@ -66,7 +66,7 @@ class RestCurvaturePrior:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """Residuals of the strip with one set of `values` (p,), and their slopes.
+    """Residuals of a hanging strip with one set of `values` (p,), and their slopes.
 
     `misses` (2 n,) from the midline, across and then along it, in sigmas, `slopes` (2 n, p) their
     negative derivatives by the values.
@@ -99,7 +99,7 @@ class Problem:
         self._local_frames = _local_frames(photograph)
 
     def trial(self, values: Array) -> Trial:
-        """Solve the strip with `values` (p,) and compare it with the midline. Raises NoRest."""
+        """Solve the strip's shape for `values` (p,), compare it with the midline; raises NoRest."""
         seen = self.photograph
         hanging = hang(
             seen.overhang,
@@ -194,7 +194,7 @@ def _local_frames(photograph: Photograph) -> Array:
 
 
 def rotation(angle: float) -> Array:
-    """Rotation matrix (2, 2) by `angle` [rad]."""
+    """Rotation matrix (2, 2) that turns a plane by `angle` [rad]."""
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
@@ -224,30 +224,30 @@ class Fit:
 
     @property
     def sigma(self) -> float:
-        """Standard deviation of ln(bending length), ruler and tip included."""
+        """Standard deviation of ln(bending length), errors of ruler and tip included."""
         photograph = self.photograph
         end = np.hypot(RULER, TIP * photograph.width) / photograph.overhang
         return float(np.hypot(np.sqrt(self.covariance[LN_LENGTH, LN_LENGTH]), end))
 
     @property
     def ledge(self) -> float:
-        """Distance [m] along the strip from the picture's border to the ledge."""
+        """Distance [m] along the strip to the ledge from the picture's border where it enters."""
         return float(self.values[LEDGE])
 
     @property
     def rms(self) -> float:
-        """Root mean square of the fit's residuals [m]."""
+        """Root mean square of the midline's distances from the fitted strip [m]."""
         return float(np.sqrt(np.mean(self.misses**2)))
 
     @property
     def rest_curvature(self) -> Array:
-        """Rest curvature (hinges,) [1/m]; a positive one turns the free end up."""
+        """Rest curvature (hinges,) [1/m] of the fitted strip; positive turns its free end up."""
         width, overhang = self.photograph.width, self.photograph.overhang
         return np.asarray(self.prior.fields(overhang, width) @ self.values[FIRST_FIELD:])
 
     @property
     def curl(self) -> tuple[float, float]:
-        """Mean rest curvature along the strip and its standard deviation [1/m]."""
+        """Mean rest curvature along the strip [1/m], and its standard deviation."""
         fields = self.prior.fields(self.photograph.overhang, self.photograph.width)
         mean = np.diff(self.hanging.arc) / self.photograph.overhang @ fields
         variance = mean @ self.covariance[FIRST_FIELD:, FIRST_FIELD:] @ mean
@@ -261,7 +261,7 @@ class Fit:
 
 
 def fit(photograph: Photograph, prior: RestCurvaturePrior, start: Fit | None = None) -> Fit:
-    """Fit the most probable strip under `prior` to the photograph, starting from `start`."""
+    """Fit the most probable strip under `prior` to one photograph, starting from `start`."""
     if start is None:
         start = _fit_straight(photograph)
     problem = Problem(photograph, prior)

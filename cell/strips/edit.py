@@ -1,4 +1,4 @@
-"""Strip files and measurements written: new ones, and measured values put into a file."""
+"""Writing of strip files: new ones, and measured values put into a file."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from cell.record.documents import plain
+from cell.strips.fit_figure import fit_figure
 from cell.strips.measurement import Measurement
-from cell.strips.picture import picture
 from drivers.errors import ConfigurationError
 from drivers.files import change_file, replace_file, writing
 from drivers.settings import parse
@@ -21,7 +21,7 @@ MEASUREMENT_FILE = "measurement.json"
 def with_measured(
     content: Mapping[str, Any], key: str, value: float, source: str, note: str
 ) -> dict[str, Any]:
-    """Content of a strip file with `key` measured; the old value stays in its provenance."""
+    """Content of a strip file with `key` measured; its old value goes into the provenance."""
     kept = [dict(each) for each in content.get("provenance") or ()]
     for entry in kept:
         if entry.get("key") == key:
@@ -31,7 +31,7 @@ def with_measured(
 
 
 def create(path: Path, content: Mapping[str, Any]) -> None:
-    """Check `content` and write it to a new strip file at `path`; an existing one is refused."""
+    """Check `content` and write it to a new strip file at `path`; raises ConfigurationError."""
     parse(content, StripFile, str(path))
 
     def make(_: str) -> str:
@@ -56,7 +56,7 @@ ASSUMED_VALUES = {
 def new_strip(
     path: Path, stated: Mapping[str, Any], colour: Sequence[int] | None, sources: Sequence[str]
 ) -> None:
-    """Write a new strip file at `path` with the `stated` values, None where they are assumed.
+    """Write a new strip file at `path` with the `stated` values; those that are None are assumed.
 
     `sources` read `key=where from`. Raises ConfigurationError for a source without its value.
     """
@@ -91,7 +91,7 @@ def save(measurement: Measurement, folder: Path) -> None:
     bending = measurement.bending
     pairs = zip(bending.fits, bending.straight, strict=True)
     pictures = {
-        f"{index:02d}-{fit.photograph.name}.png": picture(fit, straight)
+        f"{index:02d}-{fit.photograph.name}.png": fit_figure(fit, straight)
         for index, (fit, straight) in enumerate(pairs, start=1)
     }
     numbers = json.dumps(plain(measurement.line()), indent=1, ensure_ascii=False) + "\n"
@@ -103,7 +103,7 @@ def save(measurement: Measurement, folder: Path) -> None:
 
 
 def put_into(path: Path, measurement: Measurement, today: date) -> None:
-    """Write the measured bending length into the strip file at `path`, with its provenance."""
+    """Write the measured bending length and its provenance into the strip file at `path`."""
     pooled = measurement.bending_length
     overhangs = sorted({each.photograph.overhang for each in measurement.bending.fits})
     count = len(measurement.bending.fits)

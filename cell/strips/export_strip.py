@@ -1,4 +1,4 @@
-"""Export of a strip as a MuJoCo chain or as the parameters of a Newton rod."""
+"""Export of strips to other simulators: a MuJoCo chain, or a rod of Newton."""
 
 import json
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ SAID: dict[Simulator, set[str]] = {"newton": PLAIN, "mjcf": PLAIN | ALONG | POWE
 def export_strips(
     strips: Sequence[StripFile], kind: Simulator, out: Path
 ) -> dict[Path, tuple[str, ...]]:
-    """Write `strips` into the new folder `out`; returns the properties that each file cannot hold.
+    """Write `strips` into the new folder `out`; returns what each file leaves unsaid.
 
     `mjcf` is a chain along +x, clamped at its fixed edge; `newton` is JSON with arguments of
     `ModelBuilder.add_rod`. Raises ConfigurationError where `out` is there already.

@@ -1,4 +1,4 @@
-"""Result of a bending measurement as JSON and text, with warnings about sources of error."""
+"""Bending measurement of a strip as JSON and text, with warnings about sources of error."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ SHORTEST_BENDING_LENGTH, LONGEST_BENDING_LENGTH = 0.002, 0.2  # m, bending lengt
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """Bending length of the strip called `strip`, and `warnings` about sources of error."""
+    """Measured bending length of the strip called `strip`, with `warnings` about error sources."""
 
     strip: str
     bending: Bending
@@ -35,16 +35,16 @@ class Measurement:
 
     @property
     def bending_length(self) -> Pooled:
-        """Bending length [m] with its 95 % interval."""
+        """Bending length [m] of the strip, with its 95 % interval."""
         return self.bending.bending_length
 
     @property
     def value(self) -> float:
-        """Bending length [m], rounded to the precision of a strip file."""
+        """Bending length [m] of the strip, rounded to the precision of a strip file."""
         return float(f"{self.bending_length.value:.{KEPT_DIGITS}g}")
 
     def line(self) -> dict[str, Any]:
-        """Facts of the measurement for JSON, lengths in m."""
+        """JSON object of the measurement, lengths in m."""
         bending = self.bending
         return {
             "strip": self.strip,
@@ -69,7 +69,7 @@ class Measurement:
         }
 
     def text(self) -> str:
-        """Text of the measurement for a person, lengths in mm."""
+        """Text of the measurement for the operator, lengths in mm."""
         bending = self.bending
         count = len(bending.fits)
         lines = [

@@ -1,4 +1,4 @@
-"""A photograph of a strip that hangs over a ledge, reduced to its midline."""
+"""Photograph of a strip that hangs over a ledge, reduced to the strip's midline."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ END_SIGMA = 4.0  # times less
 
 @dataclass(frozen=True, slots=True)
 class Photograph:
-    """Midline `points` (n, 2) [m] at arc lengths `arc` (n,) [m], from picture's border to tip.
+    """Midline of a hanging strip: `points` (n, 2) [m] at arc lengths `arc` (n,) [m] to the tip.
 
     At a scale of `pixel` [m], as if the picture's border were the ledge. `sigma` (n,) [m]
     across the midline, `width` of the strip [m], `overhang` [m].
@@ -47,12 +47,12 @@ class Photograph:
 
     @property
     def name(self) -> str:
-        """File name without its suffix."""
+        """Name of the photograph's file without its suffix."""
         return self.path.stem
 
 
 def read_photographs(paths: Sequence[Path], overhangs: Sequence[float]) -> list[Photograph]:
-    """Read the pictures at `paths`, each with its overhang [m]; ConfigurationError if unusable."""
+    """Read the pictures at `paths`, each with its overhang [m]; ConfigurationError if unfit."""
     if not paths:
         raise ConfigurationError("--photo: is missing; give a photograph of the hanging strip")
     if len(paths) != len(overhangs):
@@ -128,7 +128,7 @@ def _average_points(traced: Array, travel: Array, arc: Array) -> Array:
 
 
 def roughness(points: Array) -> float:
-    """Robust standard deviation of points (n, 2) across a parabola through their neighbours."""
+    """Robust deviation of midline points (n, 2) from a parabola through their neighbours."""
     window, inner = 2 * SMOOTHING_POINTS + 1, slice(SMOOTHING_POINTS, -SMOOTHING_POINTS)
     miss = (points - savgol_filter(points, window, 2, axis=0))[inner]
     along = np.gradient(points, axis=0)[inner]

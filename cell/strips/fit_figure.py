@@ -1,4 +1,4 @@
-"""Result picture: a photograph of a hanging strip with its midline and the fitted strip."""
+"""Figure of a measurement: photograph, midline and fitted strip, and their residuals."""
 
 import io
 from typing import Any
@@ -15,8 +15,8 @@ BEND = 1.5  # bending lengths beside and below the ledge, shown larger
 SEEN_COLOUR, FITTED_COLOUR, STRAIGHT_COLOUR = "#19c8c8", ORANGE, BLUE
 
 
-def picture(fitted: Fit, straight: Fit) -> bytes:
-    """Render a PNG of the photograph with midline and fits, and of their residuals."""
+def fit_figure(fitted: Fit, straight: Fit) -> bytes:
+    """Render the photograph with midline and fitted strips, and their residuals, as PNG bytes."""
     with canvas(10.5, 8.0) as figure:
         figure.set_facecolor("white")
         left, right = figure.subfigures(1, 2, width_ratios=(1.2, 1.0))
