@@ -231,8 +231,7 @@ def make_runs(folder: Path, name: str, hidden: Sequence[str], size: float, seed:
               out: Path) -> Path:  # fmt: skip
     """Write the model `name` of `folder` and runs with `hidden` causes to `out`; its file."""
     rng, rig = np.random.default_rng(seed), open_rig(folder, name)
-    plain = _simulate(rig, _places(rig, np.random.default_rng(seed), 1.0))
-    rig.weight = 2.0 * np.array([plain[f"t{i + 1}"].std() for i in range(rig.joints)])
+    rig.weight = weights(rig, seed)
     home, known = _source(folder, name)
     shutil.copytree(home, out, dirs_exist_ok=True)
     replace_file(out / "study.yaml", dump_yaml(_content(rig, known["file"])).encode())
@@ -256,6 +255,12 @@ def make_runs(folder: Path, name: str, hidden: Sequence[str], size: float, seed:
         table = _measured(columns, rig, rng)
         write_run(out / "study-runs" / f"{k:02d}", table, {"mechanism": "study", "index": k})
     return out / "study.yaml"
+
+
+def weights(rig: Rig, seed: int) -> Array:
+    """Typical torques (driven,) [N m] of the joints, twice their spread in a motion of `seed`."""
+    plain = _simulate(rig, _places(rig, np.random.default_rng(seed), 1.0))
+    return 2.0 * np.array([plain[f"t{i + 1}"].std() for i in range(rig.joints)])
 
 
 def _content(rig: Rig, model: str) -> dict[str, Any]:
