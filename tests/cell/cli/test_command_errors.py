@@ -105,6 +105,11 @@ def test_what_is_refused_at_once_and_what_folds_import_nothing_heavy(
     ("words", "said"),
     [
         (("fold", "--strip", "silk"), "there is no strip 'silk'"),
+        (("fold", "--strip", "demin"), "did you mean 'denim'?"),
+        (("fold", "--strip", "denim", "--policy", "feedbak"), "did you mean 'feedback'?"),
+        (("gap", "plan", "--strip", "demin"), "did you mean 'denim'?"),
+        (("gap", "fit", "runs", "--strip", "demin", "--out", "out"), "did you mean 'denim'?"),
+        (("home", "--strip", "demin"), "did you mean 'denim'?"),
         (("jog",), "--x, --z, --pitch: give one at least"),
         (("jog", "--zz", "1"), "no such option: --zz"),
         (("jog", "--arm", "fcii"), "invalid value for '--arm': 'fcii' is not one of 'twin', 'fci'"),

@@ -19,23 +19,6 @@ CONTENT = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("words", "meant"),
-    [
-        (("fold", "--strip", "demin"), "denim"),
-        (("fold", "--strip", "denim", "--policy", "feedbak"), "feedback"),
-        (("gap", "plan", "--strip", "demin"), "denim"),
-        (("gap", "fit", "runs", "--strip", "demin", "--out", "out"), "denim"),
-        (("home", "--strip", "demin"), "denim"),
-    ],
-    ids=lambda part: " ".join(part) if isinstance(part, tuple) else part,
-)
-def test_misspelt_name_is_answered_with_the_one_that_was_meant(
-    words, meant, monkeypatch, capsys
-) -> None:
-    assert f"did you mean '{meant}'?" in refused(monkeypatch, capsys, *words)
-
-
 def test_misspelt_keys_and_policies_name_what_was_meant(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"lenght: unknown key \(did you mean 'length'\?"):
         parse(CONTENT | {"lenght": 0.6}, StripFile, "a.yaml")

@@ -36,13 +36,6 @@ def test_misfit_of_one_condition_is_no_drift() -> None:
     assert not repeats.drifts
 
 
-def test_drift_between_repeats_is_real_and_named() -> None:
-    repeats = Repeats.of(fitted(Curves(lambda t, _s, i: 0.03 * i * t)))
-    assert repeats.drifts
-    assert repeats.drift.startswith("slope changes by +")
-    assert max(repeats.inflation.values()) < max(repeats.scatter.values())
-
-
 def test_repeats_that_scatter_for_no_reason_leave_the_cause_open() -> None:
     _, verdict = judged(Curves(hidden(wave, 0.3), repeats=4, scatter=0.2))
     assert verdict.verdict == "unexplained"
