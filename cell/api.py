@@ -1,4 +1,4 @@
-"""Python interface of the cell, `import cell`: typed functions in SI units, a command each.
+"""Python interface of the cell, `import cell`: functions like the commands, typed, in SI units.
 
 Every function raises CellError, of which ConfigurationError is one: `file: key: reason`, in one
 line. Paths may be text.
@@ -12,7 +12,7 @@ from typing import Literal
 import pyarrow as pa
 
 from calibration.calibration import Calibration, load_calibration
-from cell.calibrating.calibration_in_use import calibration_of
+from cell.calibrate.calibration_in_use import calibration_of
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold as fold_once
@@ -172,7 +172,7 @@ def fit_gap(
 def check(
     runs: Sequence[Place], subject: Place, jobs: int = 1, configs: Place | None = None
 ) -> Check:
-    """Check recordings before a fit, as `cell gap check` does: sampling, clocks, duplicates.
+    """Check recordings before a fit: sampling, clocks, duplicates, and what the runs can show.
 
     `subject` is a strip by name, or the file of a strip or mechanism.
     """
@@ -226,5 +226,5 @@ def read_calibration(path: Place) -> Calibration:
 
 
 def effects() -> Mapping[str, Effect]:
-    """Effects of the library by name, with those of installed plug-ins."""
+    """Library of effects by name, with the effects of installed plug-ins."""
     return registry()

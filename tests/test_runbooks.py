@@ -51,7 +51,7 @@ PLAYED = {  # longer: they run in this order in one folder, with a session's fol
 }
 ELSEWHERE = {  # what other tests run, with other files and numbers
     "cell gap": "tests/end_to_end/test_gap_circle.py",
-    "cell fold --strip denim --plant moved.yaml": "tests/cell/calibrating/test_wizards.py",
+    "cell fold --strip denim --plant moved.yaml": "tests/cell/calibrate/test_wizards.py",
     "cell fold --strip denim --arm fci": "tests/end_to_end/test_arm_faults.py",
     "cell fold --strip denim --policy feedback": "tests/end_to_end/test_fold_whole.py",
     "cell benchmark": "tests/cell/benchmark",

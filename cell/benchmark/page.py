@@ -25,7 +25,7 @@ from cell.benchmark.summary import (
 )
 from cell.record.documents import plain
 from cell.report.html import Tone, page
-from cell.report.verdict import PageVerdict
+from cell.report.page_verdict import PageVerdict
 from cell.report.words import NO_VALUE, millimetres
 from drivers.files import write_file
 

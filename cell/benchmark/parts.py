@@ -14,7 +14,7 @@ from cell.benchmark.results import (
     RangeFolds,
     finite_or_none,
 )
-from cell.calibrating.calibration_in_use import calibration_of
+from cell.calibrate.calibration_in_use import calibration_of
 from cell.campaign.journal import digest
 from cell.campaign.run import Part
 from cell.campaign.versions import code

@@ -7,7 +7,7 @@ from pydantic import TypeAdapter
 
 from cell.benchmark.parts import parts_of, weights_digest
 from cell.benchmark.results import AnyResult, BenchmarkSpec, MissingPart, Result, Results
-from cell.calibrating.calibration_in_use import calibration_of
+from cell.calibrate.calibration_in_use import calibration_of
 from cell.campaign.journal import Record
 from cell.campaign.progress import Meter
 from cell.campaign.run import Engine, carry_out

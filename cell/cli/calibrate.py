@@ -68,7 +68,7 @@ def twin(
     if context.invoked_subcommand is not None:
         return
     from calibration.calibration import save_calibration
-    from cell.calibrating.calibration_in_use import calibrate_anew
+    from cell.calibrate.calibration_in_use import calibrate_anew
     from cell.orchestrator.operator import Interrupt
 
     with Interrupt() as interrupted:
@@ -104,8 +104,8 @@ def calibrate_camera(
     as_json: Json = False,
 ) -> None:
     """Find the camera's lens from views of a ChArUco board; says which view is next, and why."""
-    from cell.calibrating.wizard import ROS, refit_lens
-    from cell.calibrating.wizard_panel import wizard_session
+    from cell.calibrate.wizard import ROS, refit_lens
+    from cell.calibrate.wizard_panel import wizard_session
 
     settings = _settings(configs)
     if print_to is not None:
@@ -156,8 +156,8 @@ def calibrate_homography(
     as_json: Json = False,
 ) -> None:
     """Find the camera's map to the strip's plane, and its latency, by touches of the gripper."""
-    from cell.calibrating.wizard import read_poses, refit_homography
-    from cell.calibrating.wizard_panel import wizard_session
+    from cell.calibrate.wizard import read_poses, refit_homography
+    from cell.calibrate.wizard_panel import wizard_session
 
     settings = _settings(configs)
     if use:
@@ -203,8 +203,8 @@ def calibrate_check(
 ) -> None:
     """Check a calibration: touch a few points again and compare them with the image."""
     from calibration.calibration import load_calibration
-    from cell.calibrating.calibration_in_use import calibration_of
-    from cell.calibrating.wizard_panel import print_verdict, terminal_session
+    from cell.calibrate.calibration_in_use import calibration_of
+    from cell.calibrate.wizard_panel import print_verdict, terminal_session
 
     settings, devices = _open_devices(_settings(configs), arm, camera, full_speed=full_speed)
     with terminal_session() as session:
@@ -274,7 +274,7 @@ def _open_devices(
 def _find_lens(file: Path | None, resume: Path | None, camera: str) -> "Lens":
     """Lens of the session to `resume`, of the `file`, or else the newest of this camera."""
     from calibration.lens import read_lens
-    from cell.calibrating.wizard import lens_of, newest_lens
+    from cell.calibrate.wizard import lens_of, newest_lens
 
     if resume is not None:
         return lens_of(resume)
@@ -284,7 +284,7 @@ def _find_lens(file: Path | None, resume: Path | None, camera: str) -> "Lens":
 def _use_calibration(configs: Path | None, made: "Calibration", place: Path | None) -> Path:
     """Name the calibration `made` in cell.yaml; ConfigurationError where `place` lacks it."""
     from calibration.calibration import load_calibration
-    from cell.calibrating.calibration_in_use import use_calibration
+    from cell.calibrate.calibration_in_use import use_calibration
     from cell.config.places import find_configs
 
     file = Path() if place is None else place / "calibration.yaml"
@@ -310,7 +310,7 @@ def _print_session(
     verdict: "LensVerdict | MapVerdict", folder: Path | None, *, as_json: bool
 ) -> None:
     """Print the verdict of a session, and the page that is written into its `folder`, if any."""
-    from cell.calibrating.wizard_panel import print_verdict
+    from cell.calibrate.wizard_panel import print_verdict
     from cell.report.calibration_page import write_session_page
 
     page = None if folder is None else write_session_page(folder)

@@ -153,7 +153,7 @@ def rehearse(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Hide each effect in turn in simulated copies of these runs: would a fit name it?
+    """Hide each effect in turn in simulated copies of these runs: would a fit name the effect?
 
     Finished copies are kept in OUT: run the command again to resume.
     """
@@ -227,7 +227,7 @@ def check(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Check recordings before a fit: samples, clocks, duplicates, and what they can show.
+    """Check recordings before a fit: samples, clocks, duplicates, and what the runs can show.
 
     Exit code 2 where `cell gap fit` refuses them.
     """
@@ -283,7 +283,7 @@ def undo(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Restore the files as they were before `cell gap accept`."""
+    """Restore the files to their state before `cell gap accept`."""
     from cell.gap.verdict.accept import undo as take_back
 
     file = _subject_file(strip, model, configs, subject)

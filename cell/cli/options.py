@@ -1,4 +1,4 @@
-"""Options that several commands share, and checks of them."""
+"""Options that several commands share, and checks of the values given."""
 
 import os
 import sys

@@ -46,7 +46,7 @@ def runs(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """List the runs in a folder; with --keep or --older-than, those that --delete removes."""
+    """List the runs in a folder; with --keep or --older-than, the runs that --delete removes."""
     from cell.record.listing import list_runs, remove, to_prune
 
     pruning = keep is not None or older_than is not None or delete
@@ -156,7 +156,7 @@ def report(
         return
     from cell.record.run import read_broken_run
     from cell.report.page import write_page
-    from cell.report.verdict import verdict
+    from cell.report.page_verdict import verdict
 
     with busy("writing the page"):
         run = read_broken_run(folder)
@@ -185,7 +185,7 @@ def note(
     untag: Annotated[list[str] | None, typer.Option(help="A tag to remove; repeatable.")] = None,
     text: Annotated[str | None, typer.Option(help="The note, in place of an earlier one.")] = None,
 ) -> None:
-    """Tag runs, or write a note on them; `cell runs` lists both."""
+    """Tag runs, or write a note on them; `cell runs` lists tags and notes."""
     from cell.record.documents import annotate
     from cell.record.files import check_run
 

@@ -26,7 +26,7 @@ class Driver:
     real: bool = True
 
     def load(self) -> Callable[..., Any]:
-        """Import and return the function that opens the device."""
+        """Import and return the function that opens devices with this driver."""
         loaded: Callable[..., Any] = EntryPoint("driver", self.opener, "folding_cell").load()
         return loaded
 

@@ -1,4 +1,4 @@
-"""Strips without a file, named by their length: the values that are assumed for them."""
+"""Strips without a file, named by their length: values assumed for everything else."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Compensation of known errors of the rig, by their inverse on calibration and arm."""
+"""Compensation of known errors of the rig: inverse effects on calibration and arm."""
 
 from collections import deque
 from dataclasses import replace
@@ -53,7 +53,7 @@ def _true_points_matrix(model: StripModel) -> np.ndarray[tuple[int, int], np.dty
 
 
 def corrected_devices(devices: Devices, settings: CellFile, strip: StripFile) -> Devices:
-    """Copy of `devices` whose arm reports true poses, by the rig effects of cell.yaml."""
+    """Copy of `devices` whose arm reports true poses: rig effects of cell.yaml are inverted."""
     rig = describe(strip, settings.effects).rig
     if rig == Rig():
         return devices
@@ -64,7 +64,7 @@ MEMORY = 256  # reports kept to interpolate earlier poses of the gripper
 
 
 class CorrectedArm:
-    """Arm that wraps another one and compensates its known errors `rig`.
+    """Arm that wraps another arm and compensates its known errors `rig`.
 
     States give the gripper's true pose over the true desk at their stamp; commanded poses are true
     ones. As in `drivers.strip.observation`, offsets grow from where `hand` first holds the strip.

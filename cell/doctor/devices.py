@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.calibration import load_calibration
-from cell.calibrating.calibration_in_use import age_days, check_current
+from cell.calibrate.calibration_in_use import age_days, check_current
 from cell.config.cell import CellFile
 from cell.doctor.check import Check, State
 from drivers.camera.camera import report

@@ -77,7 +77,7 @@ def check_motion(settings: CellFile, choice: DeviceSelection, *, camera: bool = 
 
 
 def refuse_red(found: Sequence[Check]) -> None:
-    """Raise PreflightRefused where one of the checks `found` has failed."""
+    """Raise PreflightRefused where one of the doctor's checks `found` has failed."""
     red = [check for check in found if check.state is State.FAIL]
     if red:
         lines = "\n".join(f"{check.name}: {check.found}; {check.remedy}" for check in red)

@@ -105,7 +105,7 @@ def throttling() -> Check:
 
 
 def extras() -> Check:
-    """Check which optional libraries are missing, and what needs them."""
+    """Check which optional libraries are missing, and which features need a missing one."""
     lost, why = missing_features(), "only what stands in brackets needs it"
     if not lost:
         return Check("extras", State.PASS, "all optional libraries are installed", why)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from calibration.calibration import Calibration
 from cell.arm.run_settings import confirm
-from cell.calibrating.calibration_in_use import calibration_of
+from cell.calibrate.calibration_in_use import calibration_of
 from cell.campaign.processes import ProcessPool, StopSignal
 from cell.devices.open import is_physical, is_real
 from cell.doctor.doctor import BRIEF, hardware_checks, refuse_red
@@ -170,7 +170,7 @@ class ParallelFolds:
             yield self._done.pop(number)
 
     def close(self) -> None:
-        """End all processes; folds under way are stopped under control."""
+        """End all processes; a fold under way is first stopped under control."""
         self._pool.close()
 
     def _begin(self, interrupted: Callable[[], bool]) -> None:

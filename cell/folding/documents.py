@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from calibration.calibration import Calibration
-from cell.calibrating.calibration_in_use import record_entry
+from cell.calibrate.calibration_in_use import record_entry
 from cell.config.cell import CellFile
 from cell.folding.request import Request
 from cell.orchestrator.outcome import Outcome

@@ -152,7 +152,7 @@ def simulate(
     speed: float,
     seed: int = 0,
 ) -> Folds:
-    """Simulate a fold of each of `models` at `speed` [m/s] by `policy`, which assumes `strip`."""
+    """Simulate a fold of every strip in `models` at `speed` [m/s] by `policy`, made for `strip`."""
     rollout, rng = Rollout(speed=speed, sensing=IMAGE_DELAY), np.random.default_rng(seed)
     return roll_out(policy, rod, strip, models, settings=rollout, rng=rng)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from calibration.calibration import Calibration, save_calibration
-from cell.calibrating.calibration_in_use import check_usable
+from cell.calibrate.calibration_in_use import check_usable
 from cell.config.unmeasured_strip import UNKNOWN_NAME as UNKNOWN
 from cell.devices.devices import Devices
 from cell.devices.open import open_cell

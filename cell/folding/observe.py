@@ -16,10 +16,10 @@ from cell.config.places import find_configs
 from cell.folding.filmed_board import calibrate_film
 from cell.perception.held_end import PROFILE_CONFIDENCE, Clip, HeldEnd, HeldMeasurement
 from cell.perception.layer_touch import LayerTouch
-from cell.perception.measurement import SeenTouch
 from cell.perception.preflight import inspect
 from cell.perception.scene import Appearance
 from cell.perception.settings import PerceptionSettings
+from cell.perception.strip_measurement import SeenTouch
 from cell.record.documents import write_document
 from cell.record.files import CALIBRATION, OVERLAY, RESULT, RUN
 from cell.record.film import Film, FilmWriter

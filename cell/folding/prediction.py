@@ -11,7 +11,7 @@ import numpy as np
 from calibration.calibration import load_calibration
 from cell.arm.arm_prediction import ArmPrediction, predict_arm
 from cell.arm.run_settings import at_speed
-from cell.calibrating.calibration_in_use import check_current
+from cell.calibrate.calibration_in_use import check_current
 from cell.config.cell import CellFile
 from cell.devices.open import real_camera
 from cell.folding.feasibility import corner_strips, path_problems, simulate
@@ -96,7 +96,7 @@ def predict(request: Request) -> Prediction:
 
 
 def simulate_policy(request: Request, settings: CellFile, variants: Sequence[StripFile]) -> Folds:
-    """Simulate folds of the strips `variants` by the policy of `request`, which assumes its own."""
+    """Simulate folds of the strips `variants` by the policy of `request`, made for its strip."""
     policy = make_policy(request.policy, request.checkpoint, in_rod=True)
     models, seed = [describe(variant) for variant in variants], request.choice.seed
     return simulate(policy, Rod(), request.strip, models, settings.fold.speed, seed)

@@ -11,9 +11,9 @@ from calibration.calibration import Calibration, load_calibration
 from cell.config.cell import CellFile
 from cell.learning.correction import correction_of
 from cell.orchestrator.phases import observation
-from cell.perception.measurement import StripMeasurement
 from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
+from cell.perception.strip_measurement import StripMeasurement
 from cell.record.events import Event
 from cell.record.files import CALIBRATION, CHECKPOINT, EVENTS, TICKS
 from cell.record.frames import INDEX, frame_file

@@ -1,4 +1,4 @@
-"""Requests of folds, and what can be refused of them before anything is compiled."""
+"""Requests of folds, and the refusal of impossible requests before anything is compiled."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

@@ -27,7 +27,7 @@ class Correctable(Protocol):
     """Protocol of a policy that steers by a model, whose aim can be corrected."""
 
     def correct(self, seen: float, unseen: float) -> None:
-        """Add `seen` [m] to predictions for images and `unseen` [m] for truth, from `reset` on."""
+        """Correct predictions by the bias `seen` [m] in images and the bias `unseen` [m] there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Subject:
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """Bias [m] by which a fold is corrected: a part `seen` by the camera, a part `unseen`.
+    """Learned bias [m] by which a fold's aim is corrected: what the camera shows, what not.
 
     `place` [m] is where the grasped edge is laid so that it ends at x = 0. `learned` is the source
     of the correction, None for a value that the user gave. A ruler measures laid edges but no

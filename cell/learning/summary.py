@@ -60,7 +60,7 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def largest(memory: Memory, limit: float) -> str:
-    """Text of the largest corrections in any fold; they are limited to `limit` [m]."""
+    """Text of the largest corrections that any fold was made with, below `limit` [m]."""
     aim, place = memory.largest_corrections()
     return (
         f"  largest corrections so far: aimed {_mm(aim)} mm, laid the edge {_mm(place)} mm; "

@@ -18,7 +18,7 @@ from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.steps import Motion
 from cell.perception.image_reader import Reader
 from cell.perception.length_checks import LengthCheck, disagreements
-from cell.perception.measurement import SeenTouch
+from cell.perception.strip_measurement import SeenTouch
 from drivers.arm.obstacles import desk_end
 from drivers.strip.file import StripFile
 from drivers.types import Pose

@@ -7,7 +7,7 @@ import numpy as np
 from cell.config.settings import FoldSettings
 from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.steps import Motion, drive, move
-from cell.perception.measurement import SeenTouch
+from cell.perception.strip_measurement import SeenTouch
 from drivers.types import Pose
 from policies.follower import Follower
 from policies.path import Path

@@ -5,8 +5,8 @@ from typing import Self
 
 from cell.orchestrator.operator import Interrupted
 from cell.perception.length_checks import LengthCheck
-from cell.perception.measurement import SeenTouch
 from cell.perception.model_agreement import Agreement
+from cell.perception.strip_measurement import SeenTouch
 from drivers.errors import CellError, Fault, PreflightRefused
 from policies.prediction import FoldPrediction
 

@@ -40,8 +40,8 @@ from cell.perception.camera_watch import UNWATCHED
 from cell.perception.image_reader import ImageResult, ImageTask, Reader
 from cell.perception.laid_fold import Loop, edge_offset, laid_length, laid_weights
 from cell.perception.length_checks import LengthCheck, compare_grip, held_end_offset
-from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.preflight import PreflightCheck, camera_check
+from cell.perception.strip_measurement import SeenTouch, StripMeasurement
 from drivers.errors import Fault, PreflightRefused
 from drivers.types import Frame, Pose, Velocity
 from policies.follower import Follower

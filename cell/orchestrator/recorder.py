@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 from cell.orchestrator.snapshot import Snapshot
-from cell.perception.measurement import StripMeasurement
+from cell.perception.strip_measurement import StripMeasurement
 from cell.record.events import LIFT, ORIGIN
 from cell.record.tables import Tick
 from cell.record.writer import RunWriter
@@ -13,7 +13,7 @@ from policies.policy import Decision
 
 
 class Recorder:
-    """Recorder of a run that stores nothing; base of those that do; clock times in [s]."""
+    """Recorder of a run that stores nothing, base of recorders that do; clock times in [s]."""
 
     @property
     def origin(self) -> float:
@@ -24,7 +24,7 @@ class Recorder:
         """Add `facts` to the run's header that were not known at its start."""
 
     def begin(self, clock: float) -> None:
-        """Start measured time at the clock time `clock` [s]; a second call starts it anew."""
+        """Start measured time at the clock time `clock` [s]; a second call restarts it."""
 
     def tick(self, snapshot: Snapshot, cost: float) -> None:
         """Record a control cycle: its `snapshot`, and the time `cost` [s] to compute it."""

@@ -11,7 +11,7 @@ from cell.config.settings import MonitorLimits
 from cell.orchestrator.states import State
 from cell.perception.camera_watch import FrozenImages
 from cell.perception.image_reader import ImageResult, ImageTask, Reader
-from cell.perception.measurement import SeenTouch, StripMeasurement
+from cell.perception.strip_measurement import SeenTouch, StripMeasurement
 from drivers.errors import Fault
 from drivers.protocols import Camera
 from drivers.types import ArmState, Frame, Pose
@@ -71,7 +71,7 @@ class View:
 
 
 class Vision:
-    """Takes the newest image on each tick, and has it measured where the state needs that."""
+    """Takes the newest image on each tick, and has strips measured in it in measuring states."""
 
     def __init__(self, camera: Camera, limits: MonitorLimits) -> None:
         """Read from `camera`; `limits` are those of confidence, camera shift and image age."""

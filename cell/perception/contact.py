@@ -51,7 +51,7 @@ class SearchLine:
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """Position `x` [m] of the desk contact, NaN when not seen, and its confidence, 0 to 1."""
+    """Desk contact, where the strip leaves the desk: `x` [m], NaN if hidden; confidence 0 to 1."""
 
     x: float
     confidence: float

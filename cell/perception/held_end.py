@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 
 from calibration.calibration import Calibration
-from cell.perception.measurement import StripMeasurement
 from cell.perception.perception import Perception
 from cell.perception.resting_strip import sample_rectangle, sample_scene
 from cell.perception.scene import Appearance, colour_distances
 from cell.perception.settings import PerceptionSettings
+from cell.perception.strip_measurement import StripMeasurement
 from drivers.geometry import arc_lengths
 from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Image, Pose
@@ -111,7 +111,7 @@ def _face(image: Image, calibration: Calibration, colour: Array, last: Pose) -> 
 
 @dataclass(frozen=True, slots=True)
 class HeldMeasurement:
-    """Strip measured in one image, and the pose of its held `end`, None where not found."""
+    """Strip measured in one image, and the pose of its held `end`, None where it is hidden."""
 
     measurement: StripMeasurement
     end: Pose | None

@@ -15,10 +15,10 @@ import numpy as np
 from calibration.calibration import Calibration
 from cell.perception.camera_watch import CameraWatch
 from cell.perception.layer_touch import LayerTouch
-from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.perception import Perception
 from cell.perception.preflight import PreflightCheck, inspect
 from cell.perception.settings import PerceptionSettings
+from cell.perception.strip_measurement import SeenTouch, StripMeasurement
 from drivers.child import Child, ChildDied, SharedImage
 from drivers.errors import Fault
 from drivers.strip.file import StripFile

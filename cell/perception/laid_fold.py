@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple, Self
 import numpy as np
 from pydantic import Field
 
-from cell.perception.measurement import StripMeasurement
+from cell.perception.strip_measurement import StripMeasurement
 from drivers.settings import Settings, load
 
 WEIGHTS_FILE = Path(__file__).with_suffix(".yaml")
@@ -32,7 +32,7 @@ class Loop(NamedTuple):
 
 
 class LaidWeights(Settings):
-    """Linear model of the strip length [m] that a fold's loop takes up, and what it was fitted to.
+    """Linear model of the strip length [m] that a fold's loop takes up, with the source of its fit.
 
     A constant [m], and per m of its height, its width and the strip's thickness. Written by
     `python -m tests.lab study unknown`, with what it was fitted to.

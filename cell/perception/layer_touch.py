@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.settings import PerceptionSettings
+from cell.perception.strip_measurement import SeenTouch, StripMeasurement
 from drivers.strip.file import StripFile
 from drivers.types import Array, Pose
 

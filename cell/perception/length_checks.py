@@ -6,7 +6,7 @@ from math import hypot
 
 import numpy as np
 
-from cell.perception.measurement import StripMeasurement
+from cell.perception.strip_measurement import StripMeasurement
 
 DOUBTED, REFUTED = 4.0, 10.0  # spreads; 6e-5 of normal differences are larger than four
 BY_HAND = 0.001  # m, assumed: how well a person lays an edge on a line
@@ -96,7 +96,7 @@ def held_end_offset(seen: StripMeasurement) -> float:
 
 
 def compare_grip(offsets: Sequence[float], residual: float) -> tuple[LengthCheck, ...]:
-    """Check of the held end by its `offsets` [m] and the map's `residual` [m]; none where few."""
+    """Compare camera and arm by the `offsets` [m] of the held end in images; none where few."""
     known = np.array(offsets)[np.isfinite(offsets)]
     if len(known) < FEWEST_IMAGES:
         return ()

@@ -8,7 +8,6 @@ import numpy as np
 from calibration.calibration import Calibration
 from cell.perception.contact import Contact, SearchLine, find_contact
 from cell.perception.kernels import CELL_PX, PATCH_PX, smooth_matte
-from cell.perception.measurement import StripMeasurement
 from cell.perception.profile import Geometry, midline_points, resample
 from cell.perception.region import (
     STRIP_START,
@@ -21,6 +20,7 @@ from cell.perception.region import (
 from cell.perception.scene import Appearance
 from cell.perception.settings import PerceptionSettings
 from cell.perception.silhouette import Grip, Side, outer_side, silhouette
+from cell.perception.strip_measurement import StripMeasurement
 from drivers.geometry import arc_lengths
 from drivers.strip.file import StripFile
 from drivers.strip.shape import Gap, fold_tip, layer_gap

@@ -325,7 +325,7 @@ def _floats(values: Array | Image | Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Appearance:
-    """Appearance learnt before a fold: segmentation of the `scene`, and the strip's `rest` line.
+    """Appearance learnt before a fold: segmentation of the `scene`, height of the resting strip.
 
     `rest` (k,) are polynomial coefficients, constant first, of the resting midline's height [m]
     over x [m] as the homography maps it.

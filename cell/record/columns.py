@@ -105,7 +105,7 @@ class Profile(Columns):
 
 @dataclass(frozen=True, slots=True)
 class Sights(Columns):
-    """Columns of sights.parquet as arrays (n,): the strip's measurement in each image."""
+    """Columns of sights.parquet as arrays (n,): measurement of the strip in every image."""
 
     stamp: Array
     sequence: Array

@@ -1,4 +1,4 @@
-"""Films, images each with its time stamp: read, written, and encoded during a run."""
+"""Films, images with their time stamps: read, written, and encoded during a run."""
 
 import os
 import queue
@@ -177,7 +177,7 @@ def index_film(path: Path) -> None:
 
 
 class FilmEncoder:
-    """Encodes a run's images to the film at `path`; leaves out those that find no room.
+    """Encodes a run's images to the film at `path`; an image without room is left out.
 
     The encoder has a process of its own, beside a control loop on the wall clock: a thread that
     lost its core while it held the interpreter would hold up the loop. Where the clock is virtual,

@@ -135,7 +135,7 @@ def _read_note(folder: Path, line: dict[str, Any], lift: float) -> FrameNote:
 
 
 class FrameWriter:
-    """Writes images in its own thread without blocking the caller; reports errors later.
+    """Writes images in a thread without blocking the caller; reports errors later.
 
     `patient` makes `put` wait for room: right where the clock is virtual and waiting costs the run
     nothing, wrong on hardware, where an image without room only keeps its place in the index.

@@ -117,7 +117,7 @@ class Header(Recorded):
 
     @property
     def by_cell(self) -> bool:
-        """Whether the cell's own perception, with known errors, measured the strip."""
+        """Whether the perception of the cell, with known errors, measured the strip."""
         return self.policy is not None or self.seen_by == "cell"
 
 
@@ -137,7 +137,7 @@ class RunOfMotion(Recorded):
 
 
 class MechanismRun(RunOfMotion):
-    """Contents of run.yaml of a mechanism; `origin` is the recording it was cut from."""
+    """Contents of run.yaml of a mechanism; `origin` is the recording that contains the run."""
 
     mechanism: str | None = None
     origin: str | float | None = None

@@ -1,4 +1,4 @@
-"""List, filter and deletion of the runs in a folder, always from their files as they are."""
+"""List, filter and deletion of the runs in a folder, always from their present files."""
 
 import os
 import re

@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from calibration.calibration import Calibration, load_calibration
-from cell.perception.measurement import StripMeasurement
+from cell.perception.strip_measurement import StripMeasurement
 from cell.record.columns import Profile, Sights, Ticks
 from cell.record.events import Event, origin_of, read_events
 from cell.record.files import (

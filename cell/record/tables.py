@@ -1,4 +1,4 @@
-"""Streams written during a run, and the Parquet tables made from them, byte by byte alike.
+"""Streams written during a run, and Parquet tables made from them with identical bytes.
 
 A stream (Arrow IPC) has one row per message: rows written before a crash can be read after it. A
 `Tick` is a row of the stream of ticks.
@@ -78,7 +78,7 @@ class StreamFile:
         self._write(schema.serialize())
 
     def append(self, row: Mapping[str, Any]) -> None:
-        """Append one row with a value for each column."""
+        """Append one row to the stream, a value for each column."""
         rows = pa.array([row], self._row)
         self._write(pa.RecordBatch.from_struct_array(rows).serialize())
 

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Self
 
-from cell.perception.measurement import StripMeasurement
+from cell.perception.strip_measurement import StripMeasurement
 from cell.record.documents import json_line, write_document
 from cell.record.files import EVENTS, JOINTS, RESULT, RUN, SIGHT_STREAM, TICK_STREAM, Keep
 from cell.record.film import Encoder

@@ -11,7 +11,7 @@ from calibration.wizard.session import PICTURE_FILE, VERDICT_FILE
 from cell.record.files import CALIBRATION, REPORT
 from cell.report.html import jpeg_text, page
 from cell.report.overlay import KeyPicture
-from cell.report.verdict import PageVerdict
+from cell.report.page_verdict import PageVerdict
 from cell.report.words import millimetres, milliseconds
 from drivers.files import write_file
 from drivers.readers import read_picture, read_yaml

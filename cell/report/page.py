@@ -35,7 +35,7 @@ from cell.report.figures import (
 )
 from cell.report.html import Link, page
 from cell.report.overlay import close_ups, key_pictures, poster, silhouettes
-from cell.report.verdict import verdict_of
+from cell.report.page_verdict import verdict_of
 from cell.report.words import MINUS, NO_VALUE, event_title, millimetres, milliseconds, seconds
 from drivers.errors import ConfigurationError
 from drivers.files import write_file
@@ -300,7 +300,7 @@ def _time_span(t: Any) -> float:
 
 
 def flatten(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield nested settings as (key, value), keys joined by dots; those of LEFT_OUT are not."""
+    """Yield nested settings as (key, value) with keys joined by dots, except LEFT_OUT."""
     for key, value in content.items():
         if key in LEFT_OUT:
             continue

@@ -15,7 +15,7 @@ from cell.record.run import Run, read_broken_run
 from cell.report.drawing import MUTED, as_svg, canvas
 from cell.report.html import Link, jpeg_text, page
 from cell.report.page import film_of, flatten, settings_rows, truth_of
-from cell.report.verdict import PageVerdict
+from cell.report.page_verdict import PageVerdict
 from cell.report.words import NO_VALUE, millimetres, plural, seconds
 from drivers.errors import ConfigurationError
 from drivers.files import write_file

@@ -56,7 +56,7 @@ ASSUMED_VALUES = {
 def new_strip(
     path: Path, stated: Mapping[str, Any], colour: Sequence[int] | None, sources: Sequence[str]
 ) -> None:
-    """Write a new strip file at `path` with the `stated` values; those that are None are assumed.
+    """Write a new strip file at `path` with the `stated` values; None stands for an assumed value.
 
     `sources` read `key=where from`. Raises ConfigurationError for a source without its value.
     """

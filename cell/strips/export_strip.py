@@ -27,7 +27,7 @@ SAID: dict[Simulator, set[str]] = {"newton": PLAIN, "mjcf": PLAIN | ALONG | POWE
 def export_strips(
     strips: Sequence[StripFile], kind: Simulator, out: Path
 ) -> dict[Path, tuple[str, ...]]:
-    """Write `strips` into the new folder `out`; returns what each file leaves unsaid.
+    """Write `strips` into the new folder `out`; returns properties that the files cannot hold.
 
     `mjcf` is a chain along +x, clamped at its fixed edge; `newton` is JSON with arguments of
     `ModelBuilder.add_rod`. Raises ConfigurationError where `out` is there already.

@@ -52,7 +52,7 @@ class Photograph:
 
 
 def read_photographs(paths: Sequence[Path], overhangs: Sequence[float]) -> list[Photograph]:
-    """Read the pictures at `paths`, each with its overhang [m]; ConfigurationError if unfit."""
+    """Read pictures at `paths`, with overhangs [m]; ConfigurationError for an unfit picture."""
     if not paths:
         raise ConfigurationError("--photo: is missing; give a photograph of the hanging strip")
     if len(paths) != len(overhangs):

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cell.calibrating.calibration_in_use import calibration_of
+from cell.calibrate.calibration_in_use import calibration_of
 from cell.campaign.journal import digest
 from cell.campaign.progress import Meter
 from cell.campaign.run import Engine, Part, carry_out, make_folder

@@ -11,7 +11,7 @@ import pytest
 from calibration.calibration import Calibration, make_calibration, save_calibration
 from calibration.homography import Homography
 from calibration.lens import Lens
-from cell.perception.measurement import StripMeasurement
+from cell.perception.strip_measurement import StripMeasurement
 from cell.record.files import CALIBRATION, Keep
 from cell.record.tables import Tick
 from cell.record.truth import write_truth

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import cell.folding.fold
-from cell.calibrating.calibration_in_use import calibration_of
+from cell.calibrate.calibration_in_use import calibration_of
 from cell.devices.devices import Devices
 from cell.folding.fold import fold
 from cell.folding.request import Request

@@ -15,7 +15,7 @@ from tests.support.rooms import imports, lines, modules
 
 # Modules that decide whether, where and how fast the arm moves, and what is believed.
 ROOMS = (
-    *("cell/orchestrator", "cell/learning", "cell/calibrating", "cell/folding/feasibility.py"),
+    *("cell/orchestrator", "cell/learning", "cell/calibrate", "cell/folding/feasibility.py"),
     *("drivers/arm", "drivers/franka/limits.py", "drivers/motion.py", "calibration"),
     *("cell/perception/model_agreement", "cell/perception/camera_watch", "cell/perception/contact"),
     *("cell/perception/held_end", "cell/perception/laid_fold", "cell/perception/layer_touch"),

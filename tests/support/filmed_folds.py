@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cell.calibrating.calibration_in_use import calibration_of
+from cell.calibrate.calibration_in_use import calibration_of
 from cell.folding.fold import fold
 from cell.orchestrator.snapshot import Snapshot
 from cell.record.film import Film, FilmWriter

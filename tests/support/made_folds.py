@@ -6,8 +6,8 @@ import numpy as np
 
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Recorder
-from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.model_agreement import MeasuredFold
+from cell.perception.strip_measurement import SeenTouch, StripMeasurement
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod

@@ -17,7 +17,7 @@ from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo, OpenHand,
 from cell.orchestrator.states import Event, State
 from cell.orchestrator.vision import View
 from cell.perception.image_reader import ImageResult, InlineReader
-from cell.perception.measurement import StripMeasurement
+from cell.perception.strip_measurement import StripMeasurement
 from drivers.installation import Workspace
 from drivers.motion import TICK, MotionProfile
 from drivers.twin.clock import Rank, TwinClock

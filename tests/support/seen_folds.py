@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.calibration import Calibration
-from cell.perception.measurement import SeenTouch
+from cell.perception.strip_measurement import SeenTouch
 from drivers.types import Array
 from tests.lab.studies.kit.sights import sights
 from tests.lab.studies.kit.twin_fold import FoldCamera, TwinFold

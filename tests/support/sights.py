@@ -5,8 +5,8 @@ import time
 import numpy as np
 
 from cell.perception.image_reader import ImageResult
-from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.preflight import PreflightCheck
+from cell.perception.strip_measurement import SeenTouch, StripMeasurement
 
 HANGS, FAILS = 250, 251
 

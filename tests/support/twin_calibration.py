@@ -20,8 +20,8 @@ from calibration.wizard.lens_verdict import LensVerdict
 from calibration.wizard.touch_verdict import TouchVerdict
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
-from cell.calibrating.calibration_in_use import kept_calibration
-from cell.calibrating.wizard import calibrate_now
+from cell.calibrate.calibration_in_use import kept_calibration
+from cell.calibrate.wizard import calibrate_now
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from drivers.errors import Fault
 from drivers.twin.board import Placement, board_frame, board_pose

@@ -2,7 +2,7 @@
 
 from cell.gap.check import IDENTIFIABLE, Check, Level
 from cell.report.html import page
-from cell.report.verdict import PageVerdict
+from cell.report.page_verdict import PageVerdict
 from cell.report.words import plural
 
 HEADLINES: dict[Level, str] = {

@@ -33,7 +33,7 @@ from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import CandidateEntry, Kind, Verdict
 from cell.report.html import Tone
 from cell.report.html import page as document
-from cell.report.verdict import PageVerdict as Card
+from cell.report.page_verdict import PageVerdict as Card
 from cell.report.words import millimetres
 from drivers.errors import CellError
 from drivers.files import write_file

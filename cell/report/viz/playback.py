@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from cell.perception.measurement import StripMeasurement
+from cell.perception.strip_measurement import StripMeasurement
 from cell.record.events import EVERY_FRAME, Outlook, log_text
 from cell.record.files import FILM
 from cell.record.run import Run

@@ -19,13 +19,13 @@ import rerun.blueprint as rrb
 
 from calibration.calibration import Calibration
 from cell.config.places import cache_folder
-from cell.perception.measurement import StripMeasurement
+from cell.perception.strip_measurement import StripMeasurement
 from cell.record.events import COLUMN_NAMES, origin_of, read_events
 from cell.record.files import FILM, RECORDING, RESULT, RUN, is_under_way
 from cell.record.frames import read_index
 from cell.record.run import Run, read_broken_run
 from cell.report.figures import PANELS, STATE_SHADES
-from cell.report.verdict import LINE_BREAK, verdict_of
+from cell.report.page_verdict import LINE_BREAK, verdict_of
 from cell.report.viz.playback import LogLine, TickView, moments_of
 from cell.report.viz.saving import saving, send_blueprint
 from drivers.errors import ConfigurationError, Fault, Unsupported
@@ -308,7 +308,7 @@ def free_port() -> int:
 
 
 def blueprint(*, filmed: bool) -> Any:
-    """Rerun's layout: camera, or film if `filmed`, and side view; right states, signals, log."""
+    """Layout of Rerun's viewer for a run: camera or film, side view, states, signals and log."""
     side = rrb.Spatial2DView(
         origin="/",
         contents=["/strip/**", "/gripper/**", "/desk/**"],

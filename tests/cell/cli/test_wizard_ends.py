@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from cell.calibrating.wizard_panel import wizard_session
+from cell.calibrate.wizard_panel import wizard_session
 from cell.orchestrator.operator import Interrupted
 
 

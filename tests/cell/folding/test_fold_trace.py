@@ -13,8 +13,8 @@ from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
-from cell.perception.measurement import StripMeasurement
 from cell.perception.model_agreement import MeasuredFold
+from cell.perception.strip_measurement import StripMeasurement
 from cell.record.header import Result
 from drivers.types import ZERO_VELOCITY, ArmState, Array, HandState, Pose
 from tests.support.made_folds import BELIEF, OUTCOME, STRIP, TOUCH, Notes, measured

@@ -16,7 +16,7 @@ from cell.learning.correction import (
 )
 from cell.learning.experience import Experience, Memory
 from cell.orchestrator.outcome import Outcome
-from cell.perception.measurement import SeenTouch
+from cell.perception.strip_measurement import SeenTouch
 from drivers.strip.file import StripFile
 from policies.planned import Planned
 from policies.prediction import Estimate, FoldPrediction

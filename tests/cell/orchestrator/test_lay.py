@@ -20,7 +20,7 @@ from cell.orchestrator.lay import (
 )
 from cell.orchestrator.snapshot import Drive, Hold, MoveTo, OpenHand
 from cell.orchestrator.states import Event
-from cell.perception.measurement import SeenTouch
+from cell.perception.strip_measurement import SeenTouch
 from drivers.types import Pose, Velocity
 from policies.path import Path
 from tests.support.plain_cell import GOOD, phases, plain_bench

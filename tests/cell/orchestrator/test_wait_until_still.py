@@ -10,7 +10,7 @@ from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
 from cell.orchestrator.wait_until_still import REST_TRAVEL as AT_REST
 from cell.orchestrator.wait_until_still import wait_until_still
-from cell.perception.measurement import StripMeasurement
+from cell.perception.strip_measurement import StripMeasurement
 from drivers.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
 from tests.support.made_folds import Notes
 

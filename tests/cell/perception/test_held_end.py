@@ -7,7 +7,7 @@ import pytest
 
 from cell.perception import held_end
 from cell.perception.held_end import HeldEnd
-from cell.perception.measurement import StripMeasurement
+from cell.perception.strip_measurement import StripMeasurement
 from drivers.types import Pose
 
 LENGTH, CONTACT, NEAR = 0.6, 0.3, 0.02  # m; the fingers hide NEAR of the strip

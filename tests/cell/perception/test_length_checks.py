@@ -18,7 +18,7 @@ from cell.perception.length_checks import (
 )
 from cell.record.header import Result
 from cell.record.run import read_run
-from cell.report.verdict import verdict_of
+from cell.report.page_verdict import verdict_of
 from tests.support.made_folds import OUTCOME, SEEN
 from tests.support.made_results import DONE
 

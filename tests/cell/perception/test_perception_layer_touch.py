@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cell.perception.layer_touch import LayerTouch
-from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.settings import PerceptionSettings
+from cell.perception.strip_measurement import SeenTouch, StripMeasurement
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
 from drivers.types import Array, Pose

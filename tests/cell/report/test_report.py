@@ -23,8 +23,8 @@ from cell.record.tables import Tick
 from cell.record.writer import RunWriter
 from cell.report.calibration_page import write_calibration_report
 from cell.report.page import advice, report, write_report
+from cell.report.page_verdict import verdict_of
 from cell.report.runs_page import write_comparison, write_runs_page
-from cell.report.verdict import verdict_of
 from drivers.types import Frame
 from policies.prediction import Estimate, FoldPrediction
 from tests.cell.conftest import HEADER

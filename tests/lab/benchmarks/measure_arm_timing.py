@@ -25,7 +25,7 @@ from typing import Any, Literal
 
 import yaml
 
-from cell.calibrating.calibration_in_use import calibration_of
+from cell.calibrate.calibration_in_use import calibration_of
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.devices.fci import start_joints

@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 
 from calibration.calibration import Calibration
-from cell.calibrating.calibration_in_use import calibration_of
+from cell.calibrate.calibration_in_use import calibration_of
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.devices.devices import Devices, DeviceSelection

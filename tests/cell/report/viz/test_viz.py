@@ -10,7 +10,7 @@ from calibration.calibration import save_calibration
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
-from cell.perception.measurement import StripMeasurement
+from cell.perception.strip_measurement import StripMeasurement
 from cell.record.run import read_run
 from cell.record.writer import RunWriter
 from cell.report.viz.recording import Screen, Shadow, viz_from_run

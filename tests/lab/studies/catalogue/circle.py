@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cell.calibrating.calibration_in_use import calibration_of
+from cell.calibrate.calibration_in_use import calibration_of
 from cell.config.places import Configs, find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold

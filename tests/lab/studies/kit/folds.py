@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from calibration.calibration import Calibration
-from cell.calibrating.calibration_in_use import calibration_of
+from cell.calibrate.calibration_in_use import calibration_of
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.config.unmeasured_strip import name_of

@@ -8,10 +8,10 @@ import numpy as np
 from calibration.calibration import Calibration
 from cell.config.places import find_configs
 from cell.perception.layer_touch import LayerTouch
-from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
+from cell.perception.strip_measurement import SeenTouch, StripMeasurement
 from drivers.errors import PreflightRefused
 from drivers.strip.file import StripFile
 from drivers.types import Array, Pose

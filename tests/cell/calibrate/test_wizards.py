@@ -14,7 +14,7 @@ from calibration.wizard.lens_verdict import LensVerdict
 from calibration.wizard.progress import Progress
 from calibration.wizard.session import read_rows
 from calibration.wizard.touch_verdict import MapVerdict
-from cell.calibrating.wizard import TwinOperator, Wizard, newest_lens, refit_homography, refit_lens
+from cell.calibrate.wizard import TwinOperator, Wizard, newest_lens, refit_homography, refit_lens
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import NO_STRIP, open_cell

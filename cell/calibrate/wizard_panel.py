@@ -24,7 +24,7 @@ from calibration.wizard.coverage import Gate, Sketch
 from calibration.wizard.progress import Observer, PlannedPoint, Progress
 from calibration.wizard.session import ROWS_FILE, read_rows
 from calibration.wizard.verdict import Level, Line
-from cell.calibrating.wizard import POINTER, TwinOperator, Wizard
+from cell.calibrate.wizard import POINTER, TwinOperator, Wizard
 from cell.config.cell import CellFile
 from cell.devices.devices import Devices
 from cell.orchestrator.operator import (
@@ -50,7 +50,7 @@ MARK_LEGEND = "o fitted   h held out   x twice touched   > wanted   . to come"
 
 
 class WizardPanel:
-    """Live view of a calibration in a terminal; elsewhere, one plain line for each result."""
+    """Live view of a calibration in a terminal; without a terminal, one line for each result."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -125,7 +125,7 @@ def verdict_text(lines: Iterable[Line]) -> Text:
 
 
 def views_table(progress: Progress) -> Table:
-    """Table of the gates of coverage, beside a sketch of the requested and the detected board."""
+    """Table of the criteria of a lens calibration, beside a sketch of the requested board view."""
     table = Table.grid(padding=(0, 2))
     sketch = [] if progress.sketch is None else [sketch_text(progress.sketch)]
     table.add_row(gates_table(progress.coverage), *sketch)
@@ -161,7 +161,7 @@ def _braille_line(corners: Array | None, scale: Array) -> NDArray[np.intp]:
 
 
 def gates_table(gates: Sequence[Gate]) -> Table:
-    """Table of the gates of a lens calibration: name, bar and ratio of each."""
+    """Table of the criteria that board views must meet: name, bar and ratio of each criterion."""
     table = Table.grid(padding=(0, 1))
     for _ in range(3):
         table.add_column(no_wrap=True, overflow="ellipsis")
@@ -197,7 +197,7 @@ ANSWERS = {ENTER: Answer.GO, ALONE: Answer.GO, "s": Answer.SKIP, "r": Answer.AGA
 
 
 class Keys:
-    """Reader of keys from `stream`: single keys within `single_keys`, else whole lines."""
+    """Reader of keys from `stream`: single keys within `single_keys`, otherwise lines."""
 
     def __init__(self, stream: TextIO) -> None:
         self._number = _descriptor(stream)
@@ -219,7 +219,7 @@ class Keys:
 
 @contextmanager
 def single_keys(stream: TextIO) -> Iterator[None]:
-    """Within the block, let a terminal at `stream` pass on each key as it is typed."""
+    """Within the block, a terminal at `stream` passes on each key as soon as it is typed."""
     number = _descriptor(stream)
     if number is None or not os.isatty(number):
         yield

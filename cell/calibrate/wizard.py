@@ -76,7 +76,7 @@ class Wizard:
     interrupted: Interruption = lambda: False
 
     def calibrate_lens(self, folder: Path, length: float | None) -> LensVerdict:
-        """Request views of the board until they suffice, and fit the lens; stored in `folder`.
+        """Request views of the board until enough are accepted, and fit the lens; uses `folder`.
 
         `length` [m] is the ruler's length of the board's squares; on the twin it is measured there,
         and a session that goes on knows it.

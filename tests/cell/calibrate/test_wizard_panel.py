@@ -6,7 +6,7 @@ from rich.console import Console
 
 from calibration.wizard.coverage import Gate
 from calibration.wizard.progress import Progress, Result, Row
-from cell.calibrating.wizard_panel import WizardPanel
+from cell.calibrate.wizard_panel import WizardPanel
 
 GATES = (
     Gate("x", 0.2, 0.5, "", "show it far left and far right"),

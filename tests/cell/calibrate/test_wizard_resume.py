@@ -12,8 +12,8 @@ from calibration.wizard.progress import Progress, Row
 from calibration.wizard.session import read_rows
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
-from cell.calibrating.calibration_in_use import use_calibration
-from cell.calibrating.wizard import Wizard
+from cell.calibrate.calibration_in_use import use_calibration
+from cell.calibrate.wizard import Wizard
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import NO_STRIP, open_cell

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from calibration.calibration import Calibration
-from cell.calibrating.calibration_in_use import check_current, check_usable, record_entry
+from cell.calibrate.calibration_in_use import check_current, check_usable, record_entry
 from cell.devices.devices import Devices
 from drivers.errors import ConfigurationError, PreflightRefused
 from tests.cell.conftest import straight_camera

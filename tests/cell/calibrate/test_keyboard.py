@@ -13,8 +13,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from cell.calibrating.wizard import TwinOperator
-from cell.calibrating.wizard_panel import Keyboard, Keys
+from cell.calibrate.wizard import TwinOperator
+from cell.calibrate.wizard_panel import Keyboard, Keys
 from cell.orchestrator.operator import Answer, Ask, Interrupted, Question, Unattended
 
 TOUCH = Question(Ask.TOUCH, "point 4: 3 of 24 points are touched")
@@ -78,7 +78,7 @@ def test_twin_has_hands_for_the_pointer(ask: Ask, held: bool) -> None:
 SITTING = """
 import fcntl, sys, termios
 fcntl.ioctl(0, termios.TIOCSCTTY, 0)
-from cell.calibrating.wizard_panel import Keyboard, Keys, single_keys
+from cell.calibrate.wizard_panel import Keyboard, Keys, single_keys
 from cell.orchestrator.operator import Interrupt
 from cell.orchestrator.operator import Ask, Question
 

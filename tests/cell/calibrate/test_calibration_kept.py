@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from calibration.calibration import Calibration, load_calibration
-from cell.calibrating import calibration_in_use, wizard
-from cell.calibrating.calibration_in_use import calibrate_anew, calibration_of, kept_calibration
+from cell.calibrate import calibration_in_use, wizard
+from cell.calibrate.calibration_in_use import calibrate_anew, calibration_of, kept_calibration
 from cell.config.cell import CellFile
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.folding.fold import fold

@@ -40,7 +40,7 @@ def calibration_of(
     """
     if settings.calibration is not None:
         return load_calibration(Path(settings.calibration))
-    from cell.calibrating.wizard import calibrate_now
+    from cell.calibrate.wizard import calibrate_now
 
     path = kept_calibration(settings)
     with _file_lock(path):
@@ -60,7 +60,7 @@ def calibrate_anew(
     settings: CellFile, interrupted: Callable[[], bool] = lambda: False
 ) -> tuple[Calibration, Path]:
     """Calibrate the twin and store the result for later runs; returns it and its path."""
-    from cell.calibrating.wizard import calibrate_now
+    from cell.calibrate.wizard import calibrate_now
 
     path = kept_calibration(settings)
     made = calibrate_now(settings, interrupted)
