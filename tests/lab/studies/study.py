@@ -15,39 +15,24 @@ CONFIDENCE_LEVEL = 0.95
 DRAWS = 1000  # of the bootstrap
 
 
-def _absolute(of: Callable[[Array], float]) -> Callable[[Array], float]:
-    return lambda values: of(np.abs(values))
-
-
 class Statistic(Enum):
-    """Statistics of many values, each with its name in a table."""
+    """Statistics of many values (n,), each with its name in a table; `| |` is of their size."""
 
-    MEAN = "mean"
-    MEDIAN = "median"
-    RMS = "rms"
-    SIGMA = "sigma"
-    MEAN_SIZE = "mean | |"
-    P95_SIZE = "95 % | |"
-    WORST_SIZE = "worst | |"
-    SHARE = "share"
-    COUNT = "count"
+    MEAN = "mean", np.mean
+    MEDIAN = "median", np.median
+    RMS = "rms", lambda values: np.sqrt(np.mean(np.square(values)))
+    SIGMA = "sigma", np.std
+    MEAN_SIZE = "mean | |", lambda values: np.mean(np.abs(values))
+    P95_SIZE = "95 % | |", lambda values: np.quantile(np.abs(values), 0.95)
+    WORST_SIZE = "worst | |", lambda values: np.max(np.abs(values))
+    SHARE = "share", np.mean
+    COUNT = "count", np.sum
 
     def __call__(self, values: Array) -> float:
         """Compute the statistic of values (n,); NaN of none."""
-        return float(_OF[self](values)) if values.size else float("nan")
+        return float(self.value[1](values)) if values.size else float("nan")
 
 
-_OF: dict[Statistic, Callable[[Array], float]] = {
-    Statistic.MEAN: np.mean,
-    Statistic.MEDIAN: np.median,
-    Statistic.RMS: lambda values: np.sqrt(np.mean(np.square(values))),
-    Statistic.SIGMA: np.std,
-    Statistic.MEAN_SIZE: _absolute(np.mean),
-    Statistic.P95_SIZE: _absolute(lambda values: np.quantile(values, 0.95)),
-    Statistic.WORST_SIZE: _absolute(np.max),
-    Statistic.SHARE: np.mean,
-    Statistic.COUNT: np.sum,
-}
 # of these very cases: without an interval
 EXACT_STATISTICS = (Statistic.WORST_SIZE, Statistic.COUNT)
 
@@ -74,7 +59,7 @@ class Quantity:
         """Head of the quantity's column."""
         name = self.label or self.value.replace("_", " ")
         if not self.label:
-            text = self.statistic.value
+            text = self.statistic.value[0]
             name = text.replace("| |", f"|{name}|") if "| |" in text else f"{text} {name}"
         return f"{name} [{self.unit}]" if self.unit else name
 

@@ -9,26 +9,12 @@ from tests.lab.mutant_draw import ROOMS, drawn, judges, mutants
 from tests.lab.mutants import ROOT, Mutant, Unusable, listed
 
 MUTANTS = listed()
-AREAS = (
-    "drivers/arm/",
-    "drivers/camera/",
-    "cell/orchestrator/monitors.py",
-    "calibration/",
-    "drivers/fci_server/",
-)
 GUARD = """
 def safe(force: float, near: bool, held: bool) -> bool:
     if abs(force) < 2.0:
         return held or not near
     raise ValueError(f"{force + 1}")
 """
-
-
-def test_list_is_long_and_covers_every_area() -> None:
-    assert len(MUTANTS) >= 60
-    assert len({mutant.name for mutant in MUTANTS}) == len(MUTANTS)
-    for area in AREAS:
-        assert sum(mutant.file.startswith(area) for mutant in MUTANTS) >= 5
 
 
 @pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name.replace(" ", "-"))
