@@ -99,4 +99,4 @@ def robot_task(settings: CellFile) -> "Task":
         )
     from drivers.arm.process import Task
 
-    return Task(settings.fci.address, settings.fci, settings.installation, None)
+    return Task(settings.fci.address, settings.fci, settings.installation)

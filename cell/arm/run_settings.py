@@ -1,6 +1,6 @@
 """Settings of a run with its arm; for a real robot, consent, slow motion, a strip laid again."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import TypeVar
 
@@ -8,6 +8,8 @@ from cell.config.cell import CellFile
 from cell.config.settings import CellSettings, FoldSettings
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import is_real
+from cell.doctor.check import Check
+from cell.doctor.doctor import refuse_red
 from drivers.errors import PreflightRefused
 from drivers.installation import MotionLimits
 from drivers.settings import parse
@@ -18,26 +20,39 @@ LEAST_SPEED = 0.005  # m/s, the least that FoldSettings allows
 TIME_LIMITS = {"duration": 900.0, "state_duration": 300.0}  # s, that a slow run may be given
 
 
-def confirm(settings: CellFile, ask: Callable[[str], str]) -> None:
-    """Have the operator type the cell's name before a motion; raises PreflightRefused if not."""
+def consent(
+    settings: CellFile, choice: DeviceSelection, ask: Callable[[str], str], checks: Iterable[Check]
+) -> DeviceSelection:
+    """Have the operator agree to a real robot's motion, by the cell's name, once `checks` pass.
+
+    Returns the selection, then `agreed`; that of another arm is returned as it is. Raises
+    PreflightRefused where a check failed or the name was not typed.
+    """
+    refuse_red(checks)
+    if not is_real(settings, choice):
+        return choice
     question = f"A real robot will move. Type the cell's name ({settings.name}) to go on: "
     if ask(question).strip() != settings.name:
         raise PreflightRefused(
             f"the cell's name was not typed; nothing has moved; type {settings.name!r} when asked"
         )
+    return replace(choice, agreed=True)
 
 
-def agree(
-    settings: CellFile, choice: DeviceSelection, ask: Callable[[str], str], *, full_speed: bool
+def agree_to_slow_motion(
+    settings: CellFile,
+    choice: DeviceSelection,
+    ask: Callable[[str], str],
+    checks: Iterable[Check],
+    *,
+    full_speed: bool,
 ) -> tuple[CellFile, DeviceSelection]:
-    """Have the operator agree to a real robot's motion; returns settings and device selection.
+    """Settings and selection of a motion by hand or a calibration, after the `consent` to it.
 
-    Speeds are then those of a first run, unless `full_speed`.
+    A real robot has the speeds of a first run, unless `full_speed`.
     """
-    if not is_real(settings, choice):
-        return settings, choice
-    confirm(settings, ask)
-    return settings if full_speed else slow_down(settings), replace(choice, agreed=True)
+    choice = consent(settings, choice, ask, checks)
+    return slow_down(settings) if choice.agreed and not full_speed else settings, choice
 
 
 def await_strip(ask: Callable[[str], str]) -> None:

@@ -131,14 +131,13 @@ def _agree_to_motion(
 
     The doctor checks the robot first, except to `recover`, which must always be possible.
     """
-    from cell.arm.run_settings import agree
+    from cell.arm.run_settings import agree_to_slow_motion
     from cell.devices.devices import DeviceSelection
-    from cell.doctor.doctor import check_motion
+    from cell.doctor.doctor import motion_checks
 
     choice = DeviceSelection(arm=arm)
-    if not recover:
-        check_motion(settings, choice)
-    return agree(settings, choice, ask, full_speed=full_speed)
+    checks = () if recover else motion_checks(settings, choice)
+    return agree_to_slow_motion(settings, choice, ask, checks, full_speed=full_speed)
 
 
 def _speed_share(*, full_speed: bool) -> float:

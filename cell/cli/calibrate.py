@@ -260,14 +260,14 @@ def _open_devices(
     settings: "CellFile", arm: str | None, camera: str | None, *, full_speed: bool = False
 ) -> "tuple[CellFile, Devices]":
     """Open the cell without a strip, once doctor and operator agree; returns settings, devices."""
-    from cell.arm.run_settings import agree
+    from cell.arm.run_settings import agree_to_slow_motion
     from cell.devices.devices import DeviceSelection
     from cell.devices.open import NO_STRIP, open_cell
-    from cell.doctor.doctor import check_motion
+    from cell.doctor.doctor import motion_checks
 
     choice = DeviceSelection(arm, camera)
-    check_motion(settings, choice, camera=True)
-    settings, choice = agree(settings, choice, ask, full_speed=full_speed)
+    checks = motion_checks(settings, choice, camera=True)
+    settings, choice = agree_to_slow_motion(settings, choice, ask, checks, full_speed=full_speed)
     return settings, open_cell(settings, NO_STRIP, choice, calibrating=True)
 
 

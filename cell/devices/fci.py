@@ -1,6 +1,6 @@
 """Devices of a Franka arm, alone or with the twin's strip and camera, which follow its poses."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 from cell.config.cell import CellFile
@@ -9,7 +9,6 @@ from cell.devices.devices import Closable, Devices, DeviceSelection
 from cell.devices.fold_path import triangle, whole_path
 from cell.devices.twin import TwinCalibrationAids, TwinPlant, empty_desk, on_desk
 from drivers.arm.arm import FciArm
-from drivers.arm.bridge import Bridge
 from drivers.arm.hand import FciHand
 from drivers.arm.obstacles import floor_of
 from drivers.arm.process import Task
@@ -18,30 +17,19 @@ from drivers.clock import WallClock
 from drivers.errors import ConfigurationError, Fault
 from drivers.fci_server.server import RobotServer, ServerSettings
 from drivers.installation import Installation
-from drivers.protocols import Camera
 from drivers.strip.file import StripFile
 from drivers.twin.camera import PacedCamera
 from drivers.twin.clock import RealTimeClock, TwinClock
-from drivers.twin.open import Desk, ExternalArm, open_desk
-from drivers.types import Array, Frame, frozen
+from drivers.twin.open import (
+    Desk,
+    ExternalArm,
+    open_desk,
+    strip_weight,
+    thickness_between_fingers,
+)
+from drivers.types import Frame, frozen
 
-NO_FORCE = frozen([0.0, 0.0, 0.0])
 CATCHING_UP = 0.02  # s per tick for strip and camera to catch up with a robot's time
-
-
-@dataclass(slots=True)
-class Surroundings:
-    """What an emulated robot feels: forces on its tool, the object between its fingers."""
-
-    follower: ExternalArm | None = None
-
-    def between(self) -> float | None:
-        """Thickness [m] of the object between the fingers; None where there is none."""
-        return None if self.follower is None else self.follower.between()
-
-    def force(self, tip: Array, time: float) -> Array:
-        """Force (3,) [N] on the tool with its `tip` at (3,) [m], at `time` [s], in the base."""
-        return NO_FORCE if self.follower is None else self.follower.force(tip, time)
 
 
 def fci_devices(
@@ -56,87 +44,65 @@ def fci_devices(
     The emulated one runs in lock-step; an arm at an address runs on its own time, and strip and
     camera keep up with it. While `calibrating` the desk is bare, and the twin provides the
     calibration aids. Where the camera is real, too, nothing is simulated beside a robot on its own
-    time.
+    time. Raises ConfigurationError for an effect of the rig that this arm cannot simulate.
     """
-    if _both_real(settings, choice):
-        return robot_devices(settings, strip, WallClock(), NoCamera(), calibrating=calibrating)
+    address, lock_step = settings.fci.address, settings.fci.in_lock_step
+    desk, servers = None, list[Closable]()
+    clock: TwinClock | RealTimeClock | WallClock = WallClock()
     plant, lying, rig = on_desk(settings, strip, choice)
-    rig = {} if calibrating else rig
-    world = TwinClock()
-    clock = world if settings.fci.in_lock_step else RealTimeClock(world, CATCHING_UP)
-    twin = empty_desk(settings) if calibrating else settings.twin
-    desk = open_desk(world, twin, lying, rig, choice.seed, choice.index)
-    _check_rig(desk)
-    surroundings, servers = Surroundings(), list[Closable]()
-    address = settings.fci.address
-    if address is None:
-        server = _start_robot(settings, strip, surroundings)
-        address = server.address
-        servers.append(server)
-    if not calibrating:
-        settings = _expect_thickness(settings, strip)
-    arm, hand = fci_arm(settings, clock, address)
-    frame = settings.installation.mounting.transform()
-    follower = ExternalArm(desk, settings.twin.hand, arm.catch_up, hand, frame)
-    surroundings.follower = follower
-    return Devices(
-        clock=clock,
-        arm=arm,
-        hand=hand,
-        camera=desk.camera if settings.fci.in_lock_step else PacedCamera(desk.camera),
-        camera_identity=settings.twin.camera.identity,
-        aids=TwinCalibrationAids(desk, settings, choice.seed) if calibrating else None,
-        plant=TwinPlant(desk, plant),
-        others=(*servers, hand),
-        arm_timing=lambda: arm.timing,
-        arm_joints=lambda: arm.joints,
-        real_time=not settings.fci.in_lock_step,
+    if not choice.camera_driver(settings).real or address is None or lock_step:
+        world = TwinClock()
+        clock = world if lock_step else RealTimeClock(world, CATCHING_UP)
+        twin, rig = (empty_desk(settings), {}) if calibrating else (settings.twin, rig)
+        desk = open_desk(world, twin, lying, rig, choice.seed, choice.index)
+        if desk.model.rig.delay != 0:
+            raise ConfigurationError(
+                "effects: control_delay cannot be simulated with arm fci; use arm twin"
+            )
+        if address is None:
+            server = _start_robot(settings, strip, desk)
+            address = server.address
+            servers.append(server)
+    arm, hand = fci_arm(
+        settings if calibrating else _expect_thickness(settings, strip), clock, address
     )
-
-
-def robot_devices(
-    settings: CellFile,
-    strip: StripFile,
-    clock: WallClock,
-    camera: Camera,
-    *,
-    calibrating: bool = False,
-) -> Devices:
-    """Devices of the robot at the cell's address and a real `camera`; raises ConfigurationError."""
-    address = settings.fci.address
-    if address is None:
-        raise ConfigurationError("fci.address: is missing; name the robot's address in cell.yaml")
-    settings = settings if calibrating else _expect_thickness(settings, strip)
-    arm, hand = fci_arm(settings, clock, address)
-    return Devices(
+    devices = Devices(
         clock=clock,
         arm=arm,
         hand=hand,
-        camera=camera,
+        camera=NoCamera(),
         camera_identity="" if settings.camera is None else settings.camera.identity,
         aids=None,
         plant=None,
-        others=(hand,),
+        others=(*servers, hand),
         arm_timing=lambda: arm.timing,
         arm_joints=lambda: arm.joints,
-        real_time=True,
+        real_time=not lock_step,
+    )
+    if desk is None:
+        return devices
+    ExternalArm(desk, settings.twin.hand, arm.catch_up, hand)
+    return replace(
+        devices,
+        camera=desk.camera if lock_step else PacedCamera(desk.camera),
+        camera_identity=settings.twin.camera.identity,
+        aids=TwinCalibrationAids(desk, settings, choice.seed) if calibrating else None,
+        plant=TwinPlant(desk, plant),
     )
 
 
 def fci_arm(
     settings: CellFile, clock: TwinClock | RealTimeClock | WallClock, address: str
 ) -> tuple[FciArm, FciHand]:
-    """Arm and hand of the robot at `address`, on their own time unless `clock` is the twin's."""
+    """Arm and hand at `address`; `clock` is the twin's where the cell drives the robot's time."""
     installation = settings.fci.limit(settings.installation)
-    own_time = not isinstance(clock, TwinClock)
-    realtime = settings.fci.realtime if own_time else "ignore"
+    realtime = "ignore" if settings.fci.in_lock_step else settings.fci.realtime
     fci = settings.fci.model_copy(update={"realtime": realtime})
 
-    def start() -> Bridge:
-        origin = None if isinstance(clock, TwinClock) else clock.origin
-        return Bridge(Task(address, fci, installation, origin))
+    def origin() -> float | None:
+        return None if isinstance(clock, TwinClock) else clock.origin
 
-    arm = FciArm(start, clock, installation)
+    arm = FciArm(Task(address, fci, installation), clock, origin)
     hand = FciHand(address, fci.hand, clock, ready=arm.join)
     return arm, hand
 
@@ -157,9 +123,10 @@ def start_joints(
     return tuple(joints)
 
 
-def _start_robot(settings: CellFile, strip: StripFile, surroundings: Surroundings) -> RobotServer:
+def _start_robot(settings: CellFile, strip: StripFile, desk: Desk) -> RobotServer:
     """Start an emulated robot in its own thread; in lock-step the cell waits while it computes."""
     installation = settings.fci.limit(settings.installation)
+    frame = installation.mounting.transform()
     home = settings.twin.arm.home_height
     start = start_joints(installation, settings.fold, strip.length, home)
     twin = settings.twin.arm
@@ -167,8 +134,8 @@ def _start_robot(settings: CellFile, strip: StripFile, surroundings: Surrounding
     server = RobotServer(
         mechanics,
         start=frozen(start),
-        surroundings=surroundings,
-        between=surroundings.between,
+        push=lambda *_: strip_weight(desk, frame),
+        between=lambda: thickness_between_fingers(desk, settings.twin.hand),
         solids=floor_of(installation),
     )
     server.hand.width = settings.fci.hand.opening
@@ -186,12 +153,6 @@ def _expect_thickness(settings: CellFile, strip: StripFile) -> CellFile:
     return settings.model_copy(update={"fci": settings.fci.model_copy(update={"hand": hand})})
 
 
-def _both_real(settings: CellFile, choice: DeviceSelection) -> bool:
-    """Whether robot and camera are both real, so that no strip is simulated beside them."""
-    fci = settings.fci
-    return choice.camera_driver(settings).real and fci.address is not None and not fci.in_lock_step
-
-
 class NoCamera:
     """Camera without images, in place until the selected camera is opened."""
 
@@ -207,11 +168,3 @@ class NoCamera:
 
     def close(self) -> None:
         """Do nothing, as no device is open."""
-
-
-def _check_rig(desk: Desk) -> None:
-    """Raise ConfigurationError for an effect that this arm cannot simulate."""
-    if desk.model.rig.delay != 0:
-        raise ConfigurationError(
-            "effects: control_delay cannot be simulated with arm fci; use arm twin"
-        )

@@ -1,6 +1,6 @@
 """All checks of a cell, and the refusal to move a real robot where one failed."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from cell.config.cell import CellFile
@@ -66,18 +66,24 @@ def _arm(settings: CellFile, choice: DeviceSelection, seconds: float) -> Iterato
             yield devices.network(address, seconds)
 
 
-def check_motion(settings: CellFile, choice: DeviceSelection, *, camera: bool = False) -> None:
-    """Check robot and, with `camera`, real camera before a motion; raises PreflightRefused."""
+def motion_checks(
+    settings: CellFile, choice: DeviceSelection, *, camera: bool = False
+) -> Iterator[Check]:
+    """Yield each check that a motion of a real robot by hand needs; none for another arm.
+
+    With `camera` a real camera is checked, too.
+    """
     if not is_real(settings, choice):
         return
-    found = [machine.versions(), machine.cores(), *_arm(settings, choice, BRIEF)]
+    yield machine.versions()
+    yield machine.cores()
+    yield from _arm(settings, choice, BRIEF)
     if camera and real_camera(settings, choice):
-        found.append(devices.camera(settings))
-    refuse_red(found)
+        yield devices.camera(settings)
 
 
-def refuse_red(found: Sequence[Check]) -> None:
-    """Raise PreflightRefused where one of the doctor's checks `found` has failed."""
+def refuse_red(found: Iterable[Check]) -> None:
+    """Raise PreflightRefused where one of the checks `found` has failed."""
     red = [check for check in found if check.state is State.FAIL]
     if red:
         lines = "\n".join(f"{check.name}: {check.found}; {check.remedy}" for check in red)

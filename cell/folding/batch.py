@@ -6,11 +6,12 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 
 from calibration.calibration import Calibration
-from cell.arm.run_settings import confirm
+from cell.arm.run_settings import consent
 from cell.calibrate.calibration_in_use import calibration_of
 from cell.campaign.processes import ProcessPool, StopSignal
-from cell.devices.open import is_physical, is_real
-from cell.doctor.doctor import BRIEF, hardware_checks, refuse_red
+from cell.devices.open import is_physical
+from cell.doctor.check import Check
+from cell.doctor.doctor import BRIEF, hardware_checks
 from cell.doctor.machine import versions
 from cell.folding.fold import fold, write_pages
 from cell.folding.request import Request, with_correction
@@ -84,13 +85,12 @@ def agreed(requests: Sequence[Request], ask: Callable[[str], str]) -> tuple[Requ
 
     Raises PreflightRefused where the consent is not typed, or a check of the hardware fails.
     """
-    first = requests[0]
-    if is_physical(first.cell, first.choice):
-        refuse_red([versions(), *hardware_checks(first.cell, first.choice, first.runs, BRIEF)])
-    if not is_real(first.cell, first.choice):
-        return tuple(requests)
-    confirm(first.cell, ask)
-    return tuple(replace(r, choice=replace(r.choice, agreed=True)) for r in requests)
+    cell, choice = requests[0].cell, requests[0].choice
+    checks = list[Check]()
+    if is_physical(cell, choice):
+        checks = [versions(), *hardware_checks(cell, choice, requests[0].runs, BRIEF)]
+    given = consent(cell, choice, ask, checks).agreed
+    return tuple(replace(r, choice=replace(r.choice, agreed=given)) for r in requests)
 
 
 def _until(

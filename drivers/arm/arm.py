@@ -1,41 +1,54 @@
 """Arm driver of the cell: a Franka arm as a gripper point in the plane of the strip."""
 
 from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
 
 import numpy as np
 
-from drivers.arm.bridge import Bridge
+from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.joint_log import joint_rows
-from drivers.arm.mailbox import CommandKind, Report
+from drivers.arm.loop import Close, Ended, RunUntil, run_loop
+from drivers.arm.mailbox import CommandKind, LoopCommand, Mailbox, Report
+from drivers.arm.process import END_PATIENCE, Task, receive
+from drivers.child import Child
 from drivers.errors import Fault
-from drivers.installation import Installation
 from drivers.motion import TICK
 from drivers.protocols import Clock
 from drivers.types import ArmState, Array, Pose, Velocity, frozen
 
 SOURCE = "fci arm"
 TICK_ROUNDING = 1e-6  # of a tick, between the clock's time and a multiple of ticks
+LOG_PATIENCE = 20.0  # s for the log of the joints, which is sent once the arm rests
+TICKS_PER_ANSWER = 50  # in lock-step: many ticks take a busy machine longer than an answer may
 
 
 class FciArm:
-    """Driver of a Franka arm, whose 1 kHz loop runs in a separate process.
+    """Driver of a Franka arm, whose 1 kHz loop runs in a process of its own, begun at first use.
 
     In lock-step the robot makes one tick for each millisecond of the cell's clock whenever the cell
     reads its state or sends a command, so runs repeat byte for byte. States of a robot that follows
-    the wall clock are stamped on arrival.
+    the wall clock are stamped on arrival. Every wait has a timeout, and a process that does not
+    answer is killed; after a fault every call raises it again.
     """
 
     def __init__(
-        self, start: Callable[[], Bridge], clock: Clock, installation: Installation
+        self, task: Task, clock: Clock, origin: Callable[[], float | None] = lambda: None
     ) -> None:
-        """Drive an arm on `clock`; `start` starts the process that connects to the robot."""
-        self._start = start
-        self._clock = clock
-        self._installation = installation
-        self._bridge: Bridge | None = None
+        """Drive the robot of `task` on `clock`, once the arm is connected or held.
+
+        `origin` gives the clock's zero in the system's monotonic time [s], if it has one.
+        """
+        self._task, self._clock, self._origin = task, clock, origin
+        self._lock_step = task.settings.in_lock_step
+        self._command = LoopCommand(0, CommandKind.HOLD, 0, 0.0, 0.0, 0.0)
+        self._child: Child | None = None
+        self._fault: ArmFault | None = None
+        self._connected = self._closed = False
         self._start_time = 0.0
-        self._connected = False
-        self._closed = False
+        self._ticks = 0
+        self._timing: dict[str, Any] = {}
+        self._joints = joint_rows(b"")
 
     def connect(self) -> None:
         """Connect and hold the arm at rest; allowed twice, refused with a Fault once closed."""
@@ -44,11 +57,19 @@ class FciArm:
 
     def hold(self) -> None:
         """Hold the arm at its present pose; raises Fault `arm_closed` after `close`."""
-        if self._closed:
-            raise Fault("arm_closed", "the arm was let go; open the cell again")
-        if self._bridge is None:
-            self._bridge = self._start()
-            self._start_time = self._clock.now()
+        self._require_open()
+        if self._child is not None:
+            return
+        self._commands, self._reports = Mailbox(LoopCommand), Mailbox(Report)
+        self._child = Child(run_loop, self._task, self._origin(), self._commands, self._reports)
+        self._commands.close()  # the memory stays mapped
+        self._reports.close()
+        try:
+            self._receive(self._child, self._task.settings.start)
+        except BaseException:  # Ctrl-C too: nobody would end the robot's process later
+            self._child.close(END_PATIENCE)
+            raise
+        self._start_time = self._clock.now()
 
     def join(self) -> None:
         """Hold the arm and advance it to the clock's time, for devices that follow its robot."""
@@ -57,7 +78,9 @@ class FciArm:
 
     def state(self) -> ArmState:
         """The newest measured state of the arm."""
-        report, waiting = self._caught_up().report()
+        self._catch_up()
+        report = self._report()
+        waiting = report.number != self._command.number  # the last command has yet to be taken
         return ArmState(
             stamp=self._stamp(report),
             arrival=self._clock.now(),
@@ -72,74 +95,109 @@ class FciArm:
 
     def move_to(self, pose: Pose) -> None:
         """Start a motion to rest at `pose`; Fault `outside_workspace` when it is out of reach."""
-        bridge = self._caught_up()
-        self._installation.workspace.check(pose)
-        bridge.command(CommandKind.MOVE, pose.x, pose.z, pose.pitch)
+        self._catch_up()
+        self._task.installation.workspace.check(pose)
+        self._send(CommandKind.MOVE, pose.x, pose.z, pose.pitch)
 
     def set_velocity(self, velocity: Velocity) -> None:
         """Follow `velocity`; Fault `velocity_refused` above the limits."""
-        bridge = self._caught_up()
-        self._installation.limits.check(velocity)
-        bridge.command(CommandKind.FOLLOW, velocity.vx, velocity.vz, velocity.pitch_rate)
+        self._catch_up()
+        self._task.installation.limits.check(velocity)
+        self._send(CommandKind.FOLLOW, velocity.vx, velocity.vz, velocity.pitch_rate)
 
     def stop(self) -> None:
         """Brake within the limits; allowed at any time, from any state."""
         if self._connected and not self._closed:
-            self._caught_up().command(CommandKind.HOLD)
+            self._catch_up()
+            self._send(CommandKind.HOLD, 0.0, 0.0, 0.0)
 
     def close(self) -> None:
-        """Brake and disconnect; calling it twice is allowed."""
+        """Bring the arm to rest and disconnect; allowed twice and after a fault."""
+        child = None if self._closed else self._child
         self._closed = True
-        if self._bridge is not None:
-            self._bridge.close()
+        if child is None:
+            return
+        if self._fault is None:
+            with suppress(Fault):
+                child.send(Close())
+                while not isinstance(answer := self._receive(child, END_PATIENCE), Ended):
+                    continue
+                self._timing = answer.timing
+                self._joints = joint_rows(self._receive(child, LOG_PATIENCE))
+        child.close(END_PATIENCE)
 
     def catch_up(self) -> tuple[float, Pose] | None:
         """Advance the arm to the clock's time; returns stamp [s] and pose, None if unconnected."""
-        if self._bridge is None or self._closed:
+        if self._child is None or self._closed:
             return None
-        self._advance(self._bridge)
-        report, _ = self._bridge.report()
+        self._advance(self._child)
+        report = self._report()
         return self._stamp(report), Pose(report.x, report.z, report.pitch)
-
-    @property
-    def process(self) -> int | None:
-        """Process ID of the process that owns the robot; None before the first use."""
-        return None if self._bridge is None else self._bridge.process
 
     @property
     def timing(self) -> dict[str, object]:
         """Histogram of intervals between the robot's states, once closed; empty in lock-step."""
-        if self._bridge is None or self._bridge.lock_step:
-            return {}
-        return self._bridge.timing
+        return {} if self._lock_step else self._timing
 
     @property
     def joints(self) -> Array:
         """Joint log (n, 29), one row a tick with its time [s] on the clock; empty until closed."""
-        if self._bridge is None:
-            return joint_rows(b"")
-        rows = np.array(self._bridge.joints)
-        rows[:, 0] += self._start_time if self._bridge.lock_step else 0.0
+        rows = np.array(self._joints)
+        rows[:, 0] += self._start_time if self._lock_step else 0.0
         return frozen(rows)
 
-    def _caught_up(self) -> Bridge:
-        """Advance the robot to the clock's time and return the bridge to its process."""
+    def _require_open(self) -> None:
         if self._closed:
             raise Fault("arm_closed", "the arm was let go; open the cell again")
-        if self._bridge is None or not self._connected:
-            raise Fault("arm_not_connected", "the arm is not connected; connect it first")
-        self._advance(self._bridge)
-        self._bridge.beat()
-        return self._bridge
 
-    def _advance(self, bridge: Bridge) -> None:
+    def _catch_up(self) -> None:
+        """Advance the robot to the clock's time and send the loop a heartbeat of the cell."""
+        self._require_open()
+        if self._child is None or not self._connected:
+            raise Fault("arm_not_connected", "the arm is not connected; connect it first")
+        self._advance(self._child)
+        self._command = self._command._replace(beat=self._command.beat + 1)
+        self._commands.write(self._command)
+
+    def _advance(self, child: Child) -> None:
         """In lock-step, advance the robot to the clock's time."""
-        if not bridge.lock_step:
-            return
         due = int((self._clock.now() - self._start_time) / TICK + TICK_ROUNDING)
-        if due > bridge.ticks:
-            bridge.advance(due)
+        if not self._lock_step or due <= self._ticks:
+            return
+        self._check()
+        for tick in (*range(self._ticks + TICKS_PER_ANSWER, due, TICKS_PER_ANSWER), due):
+            child.send(RunUntil(tick))
+            self._receive(child, self._task.settings.answer)
+            self._ticks = tick
+
+    def _send(self, kind: CommandKind, x: float, z: float, pitch: float) -> None:
+        """Replace the command that the loop follows."""
+        self._check()
+        last = self._command
+        self._command = LoopCommand(last.number + 1, kind, last.beat + 1, x, z, pitch)
+        self._commands.write(self._command)
+
+    def _report(self) -> Report:
+        """Newest report of the control loop."""
+        self._check()
+        return self._reports.read()
+
+    def _check(self) -> None:
+        """Raise the Fault with which the robot has stopped, if it has."""
+        if self._fault is None and self._child is not None and self._child.pipe.poll():
+            self._receive(self._child, 0.0)
+        if self._fault is not None:
+            raise self._fault
+
+    def _receive(self, child: Child, patience: float) -> Any:
+        """One answer of the process within `patience` [s]; a process that gives none is killed."""
+        try:
+            return receive(child, patience)
+        except ArmFault as fault:
+            self._fault = fault
+            if fault.cause in (Cause.SILENT, Cause.LOST):
+                child.kill()
+            raise
 
     def _stamp(self, report: Report) -> float:
-        lock_step = self._bridge is not None and self._bridge.lock_step
-        return self._start_time + report.ticks * TICK if lock_step else report.arrival
+        return self._start_time + report.ticks * TICK if self._lock_step else report.arrival

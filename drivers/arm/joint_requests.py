@@ -17,8 +17,7 @@ from drivers.arm.process import (
     END_PATIENCE,
     Task,
     TerminationFlag,
-    apply_realtime,
-    fault_sent,
+    connection,
     receive,
     send,
 )
@@ -90,11 +89,7 @@ def _ask(task: Task, request: GoTo | None) -> list[float]:
 
 def carry_out(pipe: Connection, task: Task, request: GoTo | None) -> None:
     """Connect to the robot and send its pose (16,), or its joints (7,) [rad] after `request`."""
-    with fault_sent(pipe):
-        from drivers.arm.robot import Robot
-
-        robot = Robot(task.address, task.settings)
-        apply_realtime(task.settings.realtime)
+    with connection(pipe, task) as robot:
         if request is None:
             robot.require_tool()
             send(pipe, list(robot.state().O_T_EE))

@@ -2,17 +2,21 @@
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from math import degrees, hypot, isfinite
+from multiprocessing.connection import Connection
 from typing import Any
 
 from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.force import DriftMonitor, ForceGuard
-from drivers.arm.joint_log import JointLog
+from drivers.arm.joint_log import JointLog, Timing
 from drivers.arm.joint_motion import CartesianMotion, largest_difference
 from drivers.arm.mailbox import CommandKind, LoopCommand, Mailbox, Report
 from drivers.arm.plane import LEANING, OUT_OF_PLANE, FadingOffset, StripPlane
+from drivers.arm.process import Task, TerminationFlag, connection, send
 from drivers.arm.reach import REACTION, ReachGuard
 from drivers.arm.settings import FciSettings
+from drivers.clock import WallClock
 from drivers.errors import Fault
 from drivers.franka.kinematics import HOME
 from drivers.installation import Installation
@@ -25,9 +29,34 @@ VELOCITY_STATES = 8  # states over which the velocity is measured
 # m/s and rad/s of its setpoint at which a robot may be commanded to stand
 REST_SPEEDS = (1e-4, 3e-4)
 POSE_ROUNDING = 1e-7  # m, and of a rotation's entries
+POLL_INTERVAL = 0.1  # s between checks for the end while no message arrives
 BESIDE = 0.02  # m from the strip's plane at which the arm brakes
 SLOW_SPEED = 0.01  # m/s and rad/s
 CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """Answer: the loop runs, or has run the ticks that the cell allowed."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunUntil:
+    """Message to a loop in lock-step: run the ticks up to this number."""
+
+    tick: int
+
+
+@dataclass(frozen=True, slots=True)
+class Close:
+    """Message to the loop: come to rest and end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """Answer: the arm rests; with the histogram of the loop's timing."""
+
+    timing: dict[str, Any]
 
 
 class ServoLoop:
@@ -46,7 +75,6 @@ class ServoLoop:
         reports: Mailbox[Report],
         now: Callable[[], float],
         *,
-        lock_step: bool = True,
         guard: ForceGuard | None = None,
         joints: JointLog | None = None,
     ) -> None:
@@ -56,7 +84,7 @@ class ServoLoop:
         self._commands = commands
         self._reports = reports
         self._now = now
-        self._lock_step = lock_step
+        self._lock_step = settings.in_lock_step
         self._joints = joints
         self._touch = guard or ForceGuard(settings.guard, settings.guard_torque)
         self._drift = DriftMonitor(self._touch, settings.drift, TICK)
@@ -295,3 +323,80 @@ def plane_of(installation: Installation, pose: list[float]) -> StripPlane:
             f"{degrees(LEANING):.1f} deg",
         )
     return plane
+
+
+def run_loop(
+    pipe: Connection,
+    task: Task,
+    origin: float | None,
+    commands: Mailbox[LoopCommand],
+    reports: Mailbox[Report],
+) -> None:
+    """Run a robot's loop until the cell at the other end of `pipe` closes or dies, or it stops.
+
+    At the end it sends timing and joints, stamped by the monotonic clock from its `origin` [s].
+    """
+    warm_up(task.installation)
+    with connection(pipe, task) as robot:
+        _run_loop(pipe, task, robot, WallClock(origin), commands, reports)
+
+
+def _run_loop(
+    pipe: Connection,
+    task: Task,
+    robot: Any,
+    clock: WallClock,
+    commands: Mailbox[LoopCommand],
+    reports: Mailbox[Report],
+) -> None:
+    robot.require_ready()
+    robot.require_tool()
+    robot.configure(task.settings.collision)
+    joints, timing = JointLog(), Timing()
+    loop = ServoLoop(
+        CartesianMotion(robot, own_clock=not task.settings.in_lock_step),
+        task.settings,
+        task.installation,
+        commands,
+        reports,
+        clock.now,
+        guard=robot.guard(),
+        joints=joints,
+    )
+    termination = TerminationFlag()
+    loop.begin()
+    send(pipe, Ready())
+    if task.settings.in_lock_step:
+        _run_in_lock_step(loop, pipe, termination)
+    else:
+        while loop.halted is None and not pipe.poll() and not termination.is_set:
+            loop.step()
+            timing.update(clock.now(), loop.success)
+    loop.end()
+    if loop.halted is not None:
+        raise loop.halted
+    termination.check()
+    send(pipe, Ended(timing.content()))
+    send(pipe, joints.content())
+
+
+def _run_in_lock_step(loop: ServoLoop, pipe: Connection, termination: TerminationFlag) -> None:
+    """Step the loop as far as the cell allows and confirm, until the cell closes or dies."""
+    while isinstance(message := _receive(pipe, termination), RunUntil):
+        while loop.ticks < message.tick:
+            loop.step()
+            if loop.halted is not None:
+                return
+        send(pipe, Ready())
+
+
+def _receive(pipe: Connection, termination: TerminationFlag) -> RunUntil | Close | None:
+    """The cell's next message; None where the cell has gone or this process is to end."""
+    try:
+        while not pipe.poll(POLL_INTERVAL):
+            if termination.is_set:
+                return None
+        message: RunUntil | Close = pipe.recv()
+    except (EOFError, OSError):
+        return None
+    return None if termination.is_set else message

@@ -20,17 +20,11 @@ PRIORITY = 80  # of 1 to 99, above ordinary threads and below the kernel's
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Arguments of a process that owns a robot, with the `origin` of the clock it shares."""
+    """The robot at `address`, and how a process that owns its connection is to drive it."""
 
     address: str
     settings: FciSettings
     installation: Installation
-    origin: float | None
-
-    @property
-    def lock_step(self) -> bool:
-        """Whether the cell drives the robot's time."""
-        return self.origin is None
 
 
 class TerminationFlag:
@@ -71,11 +65,18 @@ def receive(child: Child, patience: float) -> Any:
 
 
 @contextmanager
-def fault_sent(pipe: Connection) -> Iterator[None]:
-    """Context of a process that owns a robot, which sends its fault, whatever it is, and ends."""
+def connection(pipe: Connection, task: Task) -> Iterator[Any]:
+    """Context with the connected `drivers.arm.robot.Robot` of `task`, in the process that owns it.
+
+    Sends its fault, whatever it is, through `pipe`; the process then ends.
+    """
     gc.disable()  # nothing here makes cycles, and a collection takes longer than a tick
     try:
-        yield
+        from drivers.arm.robot import Robot
+
+        robot = Robot(task.address, task.settings)
+        apply_realtime(task.settings.realtime)
+        yield robot
     except ArmFault as fault:
         send(pipe, fault)
     except Exception as error:  # noqa: BLE001  an edge: the process ends, and with it the motion

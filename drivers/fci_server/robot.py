@@ -4,9 +4,10 @@ It is stepped in control periods of 1 ms. Its caller requests motions and settin
 late replies, those that only the end of a motion gives.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import Protocol, Self
+from typing import Self
 
 import numpy as np
 
@@ -75,11 +76,8 @@ class Contact:
 NO_CONTACT = Contact(np.zeros(6), np.zeros(7), np.zeros((2, 7)), np.zeros((2, 6)))
 
 
-class Surroundings(Protocol):
-    """Surroundings of the emulated robot, as forces on its tool."""
-
-    def force(self, tip: Array, time: float) -> Array:
-        """Force (3,) [N] in the base on the tool at pose `tip` (4, 4), robot time [s]."""
+Push = Callable[[Array, float], Array]
+"""Force (3,) [N] in the base on the tool at a pose (4, 4), at robot time [s]."""
 
 
 @dataclass(slots=True)
@@ -109,7 +107,7 @@ class Robot:
 
     posture: Posture
     box: Box = field(default_factory=Box)
-    surroundings: Surroundings | None = None
+    push: Push | None = None
     body: BodyCheck = field(default_factory=BodyCheck)
     trailing: LaggingArm | None = None
     dynamics: Dynamics | None = None
@@ -260,8 +258,8 @@ class Robot:
 
     def _check_contact(self) -> None:
         force = self.pushed
-        if self.surroundings is not None:
-            force = force + self.surroundings.force(self.measured.reached, self.time / 1000)
+        if self.push is not None:
+            force = force + self.push(self.measured.reached, self.time / 1000)
         if not force.any():
             self.contact = NO_CONTACT
             return
@@ -284,12 +282,12 @@ class Robot:
 
 
 def resting_robot(
-    start: Array | None = None, box: Box | None = None, surroundings: Surroundings | None = None
+    start: Array | None = None, box: Box | None = None, push: Push | None = None
 ) -> Robot:
     """A robot at rest with joints `start` (7,) [rad], by default in its home posture."""
     configuration = Configuration()
     posture = Posture.resting(np.array(HOME if start is None else start), configuration.tool)
-    return Robot(posture, box or Box(), surroundings, configuration=configuration)
+    return Robot(posture, box or Box(), push, configuration=configuration)
 
 
 def _valid(request: MoveRequest) -> bool:

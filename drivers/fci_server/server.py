@@ -18,7 +18,7 @@ from drivers.fci_server.dynamics import Dynamics, LaggingArm
 from drivers.fci_server.faults import Disturbance, DropFault, Fault, FreezeFault, VersionFault
 from drivers.fci_server.hand import Between, Hand
 from drivers.fci_server.limits import BodyCheck
-from drivers.fci_server.robot import Robot, Surroundings, resting_robot
+from drivers.fci_server.robot import Push, Robot, resting_robot
 from drivers.fci_server.wire import RobotCommand
 from drivers.franka.collision import Solids
 from drivers.franka.model import ArmPlant
@@ -86,8 +86,8 @@ def _candidates() -> Iterator[str]:
 class RobotServer:
     """Emulated robot with arm and hand at `address`, for one client each.
 
-    `start` (7,) [rad] are the initial joints, `solids` what the arm must not meet, `surroundings`
-    and `between` the forces on the arm and the object in the hand, `faults` the scheduled faults;
+    `start` (7,) [rad] are the initial joints, `solids` what the arm must not meet, `push` and
+    `between` the forces on the arm and the object in the hand, `faults` the scheduled faults;
     `on_command` is called with every command that is followed. Listens from its construction on;
     serves between `start` and `close`, or inside a `with`, in a thread, or in the caller's by
     `serve`.
@@ -97,14 +97,14 @@ class RobotServer:
         self,
         settings: ServerSettings | None = None,
         start: Array | None = None,
-        surroundings: Surroundings | None = None,
+        push: Push | None = None,
         between: Between = lambda: None,
         faults: Iterable[Fault] = (),
         solids: Solids | None = None,
         on_command: Callable[[RobotCommand], None] | None = None,
     ) -> None:
         settings = settings or ServerSettings()
-        self.robot = resting_robot(start, None, surroundings)
+        self.robot = resting_robot(start, None, push)
         robot = self.robot
         _give_mechanics(robot, settings)
         robot.body = BodyCheck(solids)

@@ -119,40 +119,34 @@ def open_desk(
     return Desk(clock, world, camera, model, home)
 
 
+def thickness_between_fingers(desk: Desk, settings: HandSettings) -> float | None:
+    """Thickness [m] of the strip between the fingers of an external hand; None for nothing."""
+    held = desk.world.holds_strip
+    if held or desk.world.edge_within(settings.reach, settings.lean):
+        return desk.model.mechanics.thickness
+    return None
+
+
+def strip_weight(desk: Desk, frame: CellInRobot) -> Array:
+    """Weight (3,) [N] of the strip on the gripper, in the robot's base; `frame` is the cell's."""
+    return np.asarray(frame.matrix[:3, :3] @ (0.0, 0.0, -desk.world.load), dtype=np.float64)
+
+
 class ExternalArm:
     """Moves the gripper in the world of `desk` to the poses that the arm measured.
 
-    `measured` gives the arm's newest stamp [s] and pose, None while it is not connected. In return
-    the emulated hand gets the thickness `between` its fingers and the arm the strip's `force`.
+    `measured` gives the arm's newest stamp [s] and pose, None while it is not connected.
     """
 
     def __init__(
-        self,
-        desk: Desk,
-        settings: HandSettings,
-        measured: MeasuredPose,
-        hand: Hand,
-        frame: CellInRobot,
+        self, desk: Desk, settings: HandSettings, measured: MeasuredPose, hand: Hand
     ) -> None:
+        self._desk, self._settings = desk, settings
         self._world = desk.world
-        self._settings = settings
         self._measured = measured
         self._hand = hand
-        self._turn: Array = frame.matrix[:3, :3]
         self._pose = desk.home
-        self._thickness = desk.model.mechanics.thickness
         desk.clock.every(PERIOD, self._follow, Rank.SERVO)
-
-    def between(self) -> float | None:
-        """Thickness [m] of the material between the fingers; None for nothing."""
-        held = self._world.holds_strip
-        if held or self._world.edge_within(self._settings.reach, self._settings.lean):
-            return self._thickness
-        return None
-
-    def force(self, tip: Array, time: float) -> Array:  # noqa: ARG002
-        """Weight (3,) [N] of the strip on the gripper, in the robot's base."""
-        return np.asarray(self._turn @ (0.0, 0.0, -self._world.load), dtype=np.float64)
 
     def _follow(self, now: float) -> None:
         measured = self._measured()
@@ -163,7 +157,9 @@ class ExternalArm:
         self._world.follow(max(stamp, now - BEHIND), self._pose)
         hand = self._hand.state()
         self._world.move_fingers(Fingers(hand.width, hand.width, start=now, speed=1.0))
-        if hand.grasped and not self._world.holds_strip and self.between() is not None:
-            self._world.attach()
-        elif not hand.grasped and self._world.holds_strip:
+        holds_strip = self._world.holds_strip
+        if hand.grasped and not holds_strip:
+            if thickness_between_fingers(self._desk, self._settings) is not None:
+                self._world.attach()
+        elif not hand.grasped and holds_strip:
             self._world.detach()

@@ -16,11 +16,12 @@ from cell.devices.fci import start_joints
 from cell.folding.fold import fold
 from cell.folding.request import Recording
 from cell.record.run import read_run
-from drivers.arm.bridge import Bridge
+from drivers.arm.arm import FciArm
 from drivers.arm.process import Task
 from drivers.errors import Fault
 from drivers.fci_server.faults import VersionFault
 from drivers.fci_server.server import RobotServer, ServerSettings
+from drivers.twin.clock import TwinClock
 from drivers.types import frozen
 from tests.lab.faults.blow import Blow, strike
 from tests.lab.studies.kit.folds import cached_calibration
@@ -73,7 +74,7 @@ def test_robot_of_another_version_is_named_with_both_versions() -> None:
     with server(settings) as robot:
         robot.inject(VersionFault(kind="wrong_version", at=0))
         with pytest.raises(Fault, match=r"9.*10|10.*9") as refused:
-            Bridge(Task(robot.address, fci, settings.installation, None)).close()
+            FciArm(Task(robot.address, fci, settings.installation), TwinClock()).connect()
     assert refused.value.name == "arm_version"
 
 

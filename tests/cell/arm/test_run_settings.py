@@ -2,7 +2,7 @@
 
 import pytest
 
-from cell.arm.run_settings import confirm, is_real, slow_down
+from cell.arm.run_settings import consent, is_real, slow_down
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from drivers.errors import PreflightRefused
@@ -27,8 +27,9 @@ def test_only_a_robot_on_another_machine_is_real(address, real) -> None:
 @pytest.mark.parametrize("typed", ["", "yes", "Twin-Cell"])
 def test_nothing_moves_until_the_cell_s_name_is_typed(typed) -> None:
     with pytest.raises(PreflightRefused, match=CELL.name):
-        confirm(CELL, lambda _: typed)
-    confirm(CELL, lambda _: f"{CELL.name}\n")
+        consent(at("172.16.0.2"), FCI, lambda _: typed, ())
+    assert consent(at("172.16.0.2"), FCI, lambda _: f"{CELL.name}\n", ()).agreed
+    assert not consent(at(None), FCI, lambda _: pytest.fail("asked"), ()).agreed
 
 
 def test_first_runs_go_at_a_tenth_of_the_speed_and_have_the_time_for_it() -> None:

@@ -51,7 +51,7 @@ def configs(tmp_path: Path) -> Path:
 def connections(monkeypatch) -> list[str]:
     """What was started to drive a robot: it should be nothing."""
     begun: list[str] = []
-    for place in ("cell.devices.fci.Bridge", "drivers.arm.joint_requests.go_to"):
+    for place in ("drivers.arm.arm.Child", "drivers.arm.joint_requests.go_to"):
         monkeypatch.setattr(place, lambda *_, place=place, **__: begun.append(place))
     return begun
 

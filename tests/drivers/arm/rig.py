@@ -44,13 +44,10 @@ class FakeRobot:
     def __init__(self, pose: list[float] | None = None) -> None:
         self.pose = columns(StripPlane(PLANE).matrix(*START)) if pose is None else pose
         self.joints = JOINTS
-        self.force = [0.0] * 6
-        self.torques = [0.0] * 7
+        self.force, self.torques = [0.0] * 6, [0.0] * 7
         self.written: list[list[float]] = []
-        self.ended = False
-        self.clock = 0
-        self.twist = [0.0] * 6
-        self.twist_change = [0.0] * 6
+        self.ended, self.clock = False, 0
+        self.twist, self.twist_change = [0.0] * 6, [0.0] * 6
 
     def start_poses(self) -> "FakeRobot":
         return self
@@ -85,13 +82,11 @@ class LossyRobot:
 
     def __init__(self, joints: Any, seed: int = 1, worst: int = 1, share: float = 0.0) -> None:
         self.robot = resting_robot(np.array(joints))
-        self.lost = 0
-        self.ended = False
+        self.lost, self.ended = 0, False
         self._rng = np.random.default_rng(seed)
         self._worst, self._share = worst, share
         self._in_a_row = 0
-        self._heard = False
-        self._answered = True
+        self._heard, self._answered = False, True
 
     def start_joints(self) -> "LossyRobot":
         self.robot.move(MoveRequest(1, JOINT_POSITION, (0.1,) * 6, False), 1)
@@ -178,8 +173,9 @@ def begun(robot: Any = None, *, lock_step: bool = True, guard=None) -> Driven:
     """A loop at its start over `robot`, by default one that does what it is told."""
     robot = FakeRobot() if robot is None else robot
     orders, reports = Mailbox(LoopCommand), Mailbox(Report)
-    given = robot, FciSettings(), INSTALLATION, orders, reports, lambda: 0.0
-    loop = ServoLoop(*given, lock_step=lock_step, guard=guard)
+    settings = FciSettings(address="127.0.0.1", lock_step=lock_step)
+    given = robot, settings, INSTALLATION, orders, reports, lambda: 0.0
+    loop = ServoLoop(*given, guard=guard)
     loop.begin()
     return Driven(robot, loop, orders, reports)
 
@@ -203,7 +199,7 @@ def served(**given) -> Iterator[RobotServer]:
 def task(server: RobotServer, **changes) -> Task:
     """The robot as the cell drives it in lock-step."""
     usual = {"realtime": "ignore", "collision": COLLISION}
-    return Task(server.address, FciSettings(**(usual | changes)), INSTALLATION, None)
+    return Task(server.address, FciSettings(**(usual | changes)), INSTALLATION)
 
 
 def near(shift: float = 0.05) -> list[float]:

@@ -133,7 +133,7 @@ def felt(server) -> None:
 
 
 def test_arm_that_is_pressed_does_not_go_home_by_itself_and_retreats_when_asked_to() -> None:
-    with served(surroundings=Wall()) as server:
+    with served(push=Wall().force) as server:
         felt(server)
         with pytest.raises(Fault, match=r"feels 20\.0 N at rest.*--recover") as fault:
             go_to(task(server), near(-0.1), 1.0)

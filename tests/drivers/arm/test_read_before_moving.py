@@ -1,5 +1,6 @@
 """Nothing is believed that can be read: tool, load, limits, errors, before each motion."""
 
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
-from drivers.arm.bridge import Bridge
+from drivers.arm.arm import FciArm
 from drivers.arm.checks import read_description, require_limits
 from drivers.arm.failure import ArmFault
 from drivers.arm.joint_requests import go_to, hand_pose
@@ -16,6 +17,7 @@ from drivers.fci_server.server import RobotServer
 from drivers.fci_server.wire import Mode, Reflex
 from drivers.franka.kinematics import FLANGE_TO_TIP
 from drivers.franka.model import arm_urdf
+from drivers.twin.clock import TwinClock
 from drivers.types import frozen
 from tests.drivers.arm.rig import near, served, task
 from tests.support.fci_clients import told_by
@@ -50,7 +52,7 @@ def refused(server: RobotServer, act) -> Fault:
 def acts(server: RobotServer):
     """Everything that connects: the plane's motions, the way home, the touched points."""
     return (
-        lambda: Bridge(task(server)),
+        FciArm(task(server), TwinClock()).connect,
         lambda: go_to(task(server), near(), 1.0),
         lambda: hand_pose(task(server)),
     )
@@ -69,7 +71,8 @@ def test_tool_is_reset_where_that_is_asked_for_and_the_arm_then_goes_home(left) 
     assert left.robot.configuration.load_mass == 0.0
     assert np.array_equal(left.robot.configuration.nominal_to_tool, np.eye(4))
     assert left.robot.posture.q == pytest.approx(near(0.0), abs=1e-4)
-    Bridge(task(left)).close()
+    with closing(FciArm(task(left), TwinClock())) as arm:
+        arm.connect()
 
 
 LONGER = FLANGE_TO_TIP @ np.block([[np.eye(3), np.array([[0], [0], [0.05]])], [0, 0, 0, 1]])

@@ -4,6 +4,7 @@ import os
 import signal
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,7 +15,6 @@ pytest.importorskip("pylibfranka", reason="the robot's library is not installed"
 import drivers.arm.robot
 from drivers.arm import joint_requests as requests
 from drivers.arm.arm import FciArm
-from drivers.arm.bridge import Bridge
 from drivers.arm.failure import Cause
 from drivers.arm.force import ForceGuard
 from drivers.arm.hand import FciHand
@@ -33,6 +33,7 @@ from drivers.fci_server.wire import Mode
 from drivers.franka.hand_protocol import HandCommand
 from drivers.geometry import CellInRobot
 from drivers.installation import AxisLimits, Installation, MotionLimits
+from drivers.twin.clock import TwinClock
 from drivers.types import HandState, Pose, Velocity
 from tests.drivers.arm.rig import (
     COLLISION,
@@ -49,7 +50,7 @@ from tests.drivers.arm.rig import (
 )
 from tests.support.children import children
 
-STILL = Velocity(0.0, 0.0, 0.0)
+HERE, STILL = Pose(*START), Velocity(0.0, 0.0, 0.0)
 
 
 def assert_collision_thresholds(server: RobotServer) -> None:
@@ -65,9 +66,8 @@ def assert_collision_thresholds(server: RobotServer) -> None:
 
 
 def test_collision_thresholds_are_set_before_the_plane_s_motion() -> None:
-    with served() as server:
-        bridge = Bridge(task(server))
-        bridge.close()
+    with served() as server, closing(FciArm(task(server), TwinClock())) as arm:
+        arm.connect()
         assert_collision_thresholds(server)
 
 
@@ -110,7 +110,7 @@ def test_force_is_tared_at_rest_in_each_posture_of_the_way_home(monkeypatch, rat
     way = [np.array(near(0.02)), np.array(near(0.04))]
     monkeypatch.setattr("drivers.arm.robot.Robot", Still)
     monkeypatch.setattr(requests, "clear_path", lambda *_: way)
-    monkeypatch.setattr(requests, "apply_realtime", lambda _: None)
+    monkeypatch.setattr("drivers.arm.process.apply_realtime", lambda _: None)
     monkeypatch.setattr(
         requests, "TerminationFlag", lambda: SimpleNamespace(is_set=False, check=bool)
     )
@@ -247,35 +247,34 @@ def test_share_of_the_speed_bounds_every_joint_on_the_way_home() -> None:
 
 
 def test_arm_that_is_only_held_for_its_camera_is_commanded_by_nobody() -> None:
-    bridge = SimpleNamespace(lock_step=False, beat=lambda: pytest.fail("went on"))
-    arm = FciArm(lambda: bridge, WallClock(), INSTALLATION)
-    arm.hold()
-    for command in (arm.state, lambda: arm.move_to(Pose(*START)), lambda: arm.set_velocity(STILL)):
-        with pytest.raises(Fault, match="connect it first"):
-            command()
-    arm.stop()
+    with served() as server, closing(FciArm(task(server), TwinClock())) as arm:
+        arm.hold()
+        for command in (arm.state, lambda: arm.move_to(HERE), lambda: arm.set_velocity(STILL)):
+            with pytest.raises(Fault, match="connect it first"):
+                command()
+        arm.stop()
+        assert arm._commands.count == 0
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP], ids=["terminate", "hang up"])
 def test_signal_to_all_processes_brakes_the_arm_and_does_not_drop_it(number: int) -> None:
     """A closed terminal or a shutdown sends it to the process of the arm, too."""
-    with served() as server:
-        bridge = Bridge(task(server))
-        try:
-            for until in range(10, 210, 10):
-                bridge.command(CommandKind.FOLLOW, -0.1, 0.0, 0.0)
-                bridge.advance(until)
-            assert bridge.report()[0].vx < -0.05
-            os.kill(bridge.process, number)
-            for until in (220, 230):
-                with pytest.raises(Fault) as fault:
-                    bridge.advance(until)
-                assert fault.value.name == Cause.ENDED
-            assert abs(bridge._reports.read().vx) < 1e-2
-            assert server.robot.posture.at_rest
-            assert server.robot.mode is Mode.IDLE
-        finally:
-            bridge.close()
+    clock = TwinClock()
+    with served() as server, closing(FciArm(task(server), clock)) as arm:
+        arm.connect()
+        for until in range(10, 210, 10):
+            arm.set_velocity(Velocity(-0.1, 0.0, 0.0))
+            clock.wait_until(1e-3 * until)
+        assert arm.state().velocity.vx < -0.05
+        os.kill(*children("run_loop"), number)
+        for until in (220, 230):
+            clock.wait_until(1e-3 * until)
+            with pytest.raises(Fault) as fault:
+                arm.state()
+            assert fault.value.name == Cause.ENDED
+        assert abs(arm._reports.read().vx) < 1e-2
+        assert server.robot.posture.at_rest
+        assert server.robot.mode is Mode.IDLE
 
 
 def test_way_home_that_was_asked_to_end_says_that_it_did_not_arrive() -> None:

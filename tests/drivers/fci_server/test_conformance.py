@@ -38,7 +38,7 @@ class Wall:
     ],
 )
 def test_client_moves_meets_a_wall_recovers_retreats_and_stops(script: str, module: str) -> None:
-    with RobotServer(surroundings=Wall()) as server:
+    with RobotServer(push=Wall().force) as server:
         told = told_by(script, module, server.address)
         standing = server.robot.posture
     assert str(told["begun"]).lower() == "idle"
@@ -73,7 +73,7 @@ class Flags:
 @pytest.mark.parametrize("module", ["pylibfranka", "franka"])
 def test_each_error_flag_has_the_name_that_clients_read(module: str) -> None:
     flags = Flags()
-    with RobotServer(surroundings=flags) as server:
+    with RobotServer(push=flags.force) as server:
         flags.robot = server.robot
         names = told_by("error_flags.py", module, server.address, module)["names"]
     expected = [[reflex.name.lower()] for reflex in Reflex]

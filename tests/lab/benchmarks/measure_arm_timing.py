@@ -149,14 +149,14 @@ def measure(seconds: float, strip: str, realtime: RealTime) -> tuple[Share, Shar
                 bare.add(STILL, json.loads(told.stdout))
             else:
                 ends.append("bare loop stopped by reflex")
-            go_home(Task(address, fci, installation, 0.0), joints)
+            go_home(Task(address, fci, installation), joints)
             result = fold(request, calibration)
             header = read_run(Path(result.run)).header
             if header.arm_timing is not None:
                 cell.add(result.duration, header.arm_timing.model_dump())
             ends.append(result.outcome)
             sys.stderr.write(f"{result.outcome}: {result.reason}\n  bare {bare}\n  cell {cell}\n")
-            go_home(Task(address, fci, installation, 0.0), joints)
+            go_home(Task(address, fci, installation), joints)
     return bare, cell, ends
 
 
