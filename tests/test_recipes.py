@@ -17,7 +17,7 @@ from cell.config.places import CHECKOUT_CONFIGS, find_configs
 from cell.config.settings import DriverChoice
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import check_calibrated, open_cell
-from cell.gap.subject.mechanism.open_mechanism import open_mechanism
+from cell.gap.open_subject import open_mechanism
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.scope import candidate
 from cell.orchestrator import monitors

@@ -92,7 +92,7 @@ def _convert(
     from cell.record.exchange.mapping import SignalMapping
 
     if model is not None:
-        from cell.gap.subject.mechanism.load import check_of
+        from cell.gap.subject.mechanism.read_mechanism import check_of
 
         return convert(places, mapping, out, check_of(model), SignalMapping)
     from cell.gap.subject.strip.runs import check_fold

@@ -164,7 +164,7 @@ def rehearse(
 
     threads = _threads(jobs)
     chosen = engine(threads, cluster, COPY_TIMEOUT)
-    made = rehearsal.plan(runs, _strip_file(strip, configs), out, excess, empty, threads)
+    made = rehearsal.rehearsal_plan(runs, _strip_file(strip, configs), out, excess, empty, threads)
     console = None if as_json else Console(stderr=True)
     with resumable(out), Meter(console, rehearsal.progress_line) as meter:
         records = rehearsal.rehearse(made, out, chosen, meter)
@@ -232,7 +232,7 @@ def check(
     Exit code 2 where `cell gap fit` refuses them.
     """
     from cell.gap.check import check as look
-    from cell.gap.report.check_page import check_page
+    from cell.gap.check import check_page
     from drivers.files import write_file
 
     file = _subject_file(strip, model, configs, subject)
@@ -321,20 +321,20 @@ def advise(fitted: Fitted, as_json: Json = False) -> None:
 
 def _repeatability(fitted: Path, planned: float) -> Iterator[str]:
     """Lines on run-to-run spread: whether less of it separates more than `planned` [sigma]."""
-    from cell.gap.report.sentence import remedies
+    from cell.gap.report.sentence import remedy_lines
     from cell.gap.verdict.accept import RECORD, FitRecord, read_stored
 
     record = read_stored(fitted / RECORD, FitRecord)
     spreads = {s.name: (s.value, s.unit) for s in record.scatter}
-    yield from remedies(spreads, record.steadier, planned)
+    yield from remedy_lines(spreads, record.steadier, planned)
 
 
 def _verdict_lines(verdict: "Verdict") -> Iterator[str]:
     """Yield the verdict in a few lines, deviations from the file first."""
-    from cell.gap.report.sentence import deviation
+    from cell.gap.report.sentence import deviation_text
 
     if verdict.deviates:
-        yield deviation(verdict.deviates)
+        yield deviation_text(verdict.deviates)
     yield verdict.verdict.replace("_", " ")
     for effect in verdict.effects:
         values = ", ".join(

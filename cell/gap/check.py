@@ -10,8 +10,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from cell.gap.fitting import normal_equations
 from cell.gap.fitting.base_fit import nominal
+from cell.gap.fitting.normal_equations import covariance
 from cell.gap.fitting.projection import Projection, projection
 from cell.gap.fitting.tasks import run_all
 from cell.gap.open_subject import open_subject
@@ -19,13 +19,16 @@ from cell.gap.selection.screening import ProbeResponses, probe
 from cell.gap.subject.run_folders import (
     TABLES,
     RunFolder,
-    counted_once,
+    copy_note,
     find_runs,
-    note,
     read_table,
+    without_copies,
 )
 from cell.gap.subject.subject import Candidate, Subject
 from cell.gap.verdict.schema import Entry
+from cell.report.html import page
+from cell.report.page_verdict import PageVerdict
+from cell.report.words import plural
 from drivers.errors import ConfigurationError
 from drivers.readers import LARGEST_TEXT, read_bytes, read_yaml
 from drivers.types import Array
@@ -38,6 +41,11 @@ WEAK = 0.5  # of the prior spread of a value: runs that leave more do not determ
 LARGEST_CORRELATION = 0.995  # of two responses: beyond it runs cannot separate the effects
 IDENTIFIABLE = "identifiable"
 Level = Literal["bad", "fair", "good"]
+HEADLINES: dict[Level, str] = {
+    "good": "These runs can be fitted",
+    "fair": "These runs can be fitted; mind the findings below",
+    "bad": "Nothing should be fitted to these runs as they are",
+}
 
 
 # Thresholds of complaints about a recording. Assumed: no fault was measured; runs of the twin and
@@ -50,7 +58,7 @@ UNEVEN = 0.5  # share of the median step of the clock by which the middle half o
 
 
 class Finding(Entry):
-    """One finding of a check: `bad` forbids a fit, `fair` costs accuracy.
+    """One finding on recordings: `bad` ones forbid a fit, `fair` ones cost accuracy.
 
     `run` is the name of a run, empty where the finding concerns all of them; `what` is the check,
     `words` say what is seen where, `remedy` what to do.
@@ -64,11 +72,12 @@ class Finding(Entry):
 
 
 def _finding(what: str, words: str, remedy: str, level: Level = "fair", run: str = "") -> Finding:
+    """Finding `what`, seen as `words` in `run`, with its `remedy`."""
     return Finding(level=level, what=what, run=run, words=words, remedy=remedy)
 
 
 def clock(t: Array) -> Iterator[Finding]:
-    """Findings on row times (n,) [s]: missing rows and uneven steps."""
+    """Findings on the times `t` (n,) [s] of rows: missing rows and uneven steps."""
     steps = np.diff(t)
     if not (steps > 0.0).all():  # the reader refuses rows out of order
         return
@@ -91,7 +100,7 @@ def clock(t: Array) -> Iterator[Finding]:
 
 
 def images(t: Array) -> Iterator[Finding]:
-    """Complain where images are missing, judged by gaps in the stamps `t` (n,) [s] of images.
+    """Finding that images are missing, by gaps in the image times `t` (n,) [s] of profile points.
 
     A stamp may repeat: each point of a profile bears that of its image.
     """
@@ -115,7 +124,7 @@ def _missing(t: Array) -> float:
 
 
 def values(name: str, t: Array, value: Array, command: Array | None = None) -> Iterator[Finding]:
-    """Findings on a column (n,) over times `t` (n,) [s]: gaps, stuck and clipped readings.
+    """Findings on a column of values (n,) at times `t` (n,) [s]: gaps, stuck and clipped readings.
 
     A reading is stuck that stands still while its `command` (n,) changes.
     """
@@ -171,11 +180,12 @@ def _still(value: Array) -> Iterator[tuple[int, int]]:
 
 
 def _level(lost: float, limits: tuple[float, float]) -> Level:
+    """Level of a finding by the share `lost` of data, and by the larger of `limits`."""
     return "bad" if lost > limits[1] else "fair"
 
 
 def complaints(tables: Mapping[str, Mapping[str, Array]]) -> Iterator[Finding]:
-    """Findings on a run's `tables`: by file name, columns (n,) by name."""
+    """Findings on one run's `tables`, which hold columns (n,) by name, by file name."""
     for file, columns in tables.items():
         t = columns.get("t")
         if t is None or len(t) < 3:
@@ -191,7 +201,7 @@ def complaints(tables: Mapping[str, Mapping[str, Array]]) -> Iterator[Finding]:
 
 
 class Check(Entry):
-    """Content of check.json: the findings, and the hash of the inputs that they hold for."""
+    """Content of check.json: findings on recordings, and the hash of the inputs they hold for."""
 
     schema_: Annotated[int, Field(alias="schema")] = 1
     inputs: str
@@ -200,17 +210,17 @@ class Check(Entry):
 
     @property
     def level(self) -> Level:
-        """Worst level among the findings, `good` where there are none."""
+        """Worst level among the findings; `good` where there are none."""
         levels = {f.level for f in self.findings}
         return "bad" if "bad" in levels else "fair" if "fair" in levels else "good"
 
     def to_json(self) -> str:
-        """Text of check.json."""
+        """JSON text of check.json."""
         return self.model_dump_json(by_alias=True, indent=1) + "\n"
 
 
 def inputs_digest(file: Path, runs: Sequence[RunFolder]) -> str:
-    """Hash of all that a fit of `runs` reads: the description `file`, its model, the recordings."""
+    """Hash of all that a fit of `runs` reads: the subject's `file`, its model, the recordings."""
     content = hashlib.sha256(read_bytes(file, LARGEST_TEXT))
     model = file.parent / str(read_yaml(file).get("model", "."))
     content.update(model.read_bytes() if model.is_file() else b"")
@@ -222,7 +232,7 @@ def inputs_digest(file: Path, runs: Sequence[RunFolder]) -> str:
 
 
 def recordings(runs: Sequence[RunFolder]) -> list[Finding]:
-    """Findings on the tables of `runs`, unreadable ones aside: their reader refuses those."""
+    """Findings on the tables of all `runs`; tables that cannot be read are left to their reader."""
     findings = []
     for run in runs:
         tables = {}
@@ -236,7 +246,7 @@ def recordings(runs: Sequence[RunFolder]) -> list[Finding]:
 
 
 def refuse(runs: Sequence[RunFolder]) -> None:
-    """Raise ConfigurationError where a recording has a finding that forbids a fit."""
+    """Raise ConfigurationError where the recordings of `runs` have a finding that forbids a fit."""
     bad = [f for f in recordings(runs) if f.level == "bad"]
     if bad:
         more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
@@ -251,9 +261,9 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
 
     Raises ConfigurationError where there are no runs; what else cannot be read is a finding.
     """
-    runs, copies = counted_once(find_runs(paths))
+    runs, copies = without_copies(find_runs(paths))
     findings = [
-        _finding("copy", note(copy, first), "measure again; a copy says nothing new", run=copy)
+        _finding("copy", copy_note(copy, first), "measure again; a copy says nothing new", run=copy)
         for copy, first in copies.items()
     ]
     findings += recordings(runs)
@@ -272,7 +282,7 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
 def identifiable(subject: Subject) -> Iterator[Finding]:
     """Findings on values and effects that the runs cannot identify, by linearised responses."""
     stated = nominal(subject, subject.simulate)
-    sigma = np.sqrt(np.diag(normal_equations.covariance(stated.normal(1.0).curvature)))
+    sigma = np.sqrt(np.diag(covariance(stated.normal(1.0).curvature)))
     for p, s in zip(subject.scope.base, sigma, strict=False):
         if s > WEAK * p.spread:
             words = f"{p.name}: known to {p.spread:.2g} {p.unit}, by these runs to {s:.2g}"
@@ -309,3 +319,29 @@ def _largest_response(projection: Projection, probed: ProbeResponses) -> Array:
     firsts = np.concatenate([group[:, :1] for group in probed.responses], axis=1)
     unabsorbed = projection.left(firsts)
     return np.asarray(unabsorbed[:, int(np.argmax(np.linalg.norm(unabsorbed, axis=0)))])
+
+
+def check_page(found: Check, subject: str) -> str:
+    """HTML text of the self-contained page on the check `found` of a subject's recordings."""
+    groups = {
+        "Mend before anything is fitted": [f for f in found.findings if f.level == "bad"],
+        "Recordings": [f for f in found.findings if f.level == "fair" and f.what != IDENTIFIABLE],
+        "What these runs cannot say": [f for f in found.findings if f.what == IDENTIFIABLE],
+    }
+    return page(
+        "gap/report/check.html",
+        f"{subject}: check of its runs",
+        kicker=f"Check of {len(found.runs)} runs",
+        name=subject,
+        said=PageVerdict(found.level, HEADLINES[found.level], (_summary(found),)),
+        groups=[
+            (title, [(f.what, f.run or "all", f.words, f.remedy) for f in some])
+            for title, some in groups.items()
+        ],
+    )
+
+
+def _summary(found: Check) -> str:
+    """Sentence on how many findings there are, and how many forbid a fit."""
+    bad = sum(f.level == "bad" for f in found.findings)
+    return f"{plural(len(found.findings), 'finding')}, {bad} of them against a fit."

@@ -1,6 +1,6 @@
-"""Effect sizes: how large a hidden effect must be to leave a given gap that no refit closes."""
+"""Effect sizes: how large a hidden effect must be to leave a given residual after a refit."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -12,9 +12,9 @@ from cell.gap.fitting.model import response
 from cell.gap.fitting.projection import projection
 from cell.gap.subject.strip.measurement_errors import SLACK_EFFECTS
 from cell.gap.subject.strip.runs import MeasuredRun
-from cell.gap.subject.strip.subject import Strip
+from cell.gap.subject.strip.subject import StripSubject
 from cell.gap.subject.strip.synthetic import measured_along
-from cell.gap.subject.subject import Request, Residuals
+from cell.gap.subject.subject import NamedValues, Request, Residuals
 from cell.record.header import Sigma
 from drivers.errors import ConfigurationError
 from drivers.strip.effects import registry
@@ -30,8 +30,6 @@ PLACE_RANGE = (0.3, 0.95)  # of the length, where an effect of one place may sit
 WIDTHS = (1.0, 4.0)  # bending lengths, of an effect that has a width
 TIME_RANGE = (0.1, 2.0)  # s, of one that has a time
 RATIOS = (5.0, 12.0)  # of pre-sliding over bending stiffness
-EffectValues = dict[str, dict[str, float]]
-"""Effects by name, with their values by parameter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +41,7 @@ class Strengths:
     largest: float
 
     def at(self, share: float) -> dict[str, float]:
-        """Parameters by name at the fraction `share` (above 0, up to 1) of the `largest` effect."""
+        """Parameters by name at the fraction `share` (above 0, up to 1) of the largest effect."""
         p = self.effect.parameters[0]
         if p.null is None:
             value = self.largest / share
@@ -55,7 +53,7 @@ class Strengths:
 
 
 def draw_strengths(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Strengths:
-    """Draw an effect's parameters of shape (place, width, time, ratio) and its sign.
+    """Draw an effect's shape parameters (place, width, time, ratio) and its sign from `rng`.
 
     Its sizes go up to the largest believable on `strip`.
     """
@@ -82,34 +80,34 @@ def draw_strengths(effect: Effect, strip: StripFile, rng: np.random.Generator) -
 
 
 def indistinguishable_from(name: str) -> frozenset[str]:
-    """Effects that look like `name` in every run of a fold; none for names outside the library."""
+    """Effects that look like `name` in every fold; none for names outside the library."""
     return registry()[name].looks_like if name in registry() else frozenset()
 
 
 class GapModel:
-    """Predicts the excess gap that hidden effects leave on the simulated runs `made`."""
+    """Predicts the excess residual that hidden effects leave on simulated runs of a strip.
+
+    The runs `made` are of the strip `plant`; the residual is in units of noise, after a refit.
+    """
 
     def __init__(self, plant: StripFile, made: Sequence[MeasuredRun]) -> None:
-        runs = [
-            replace(run, name=f"{i:02d}-{run.name}", measured=replace(run.measured, index=i))
-            for i, run in enumerate(made)
-        ]
-        self._subject = Strip(plant, runs, scatter=SLACK_EFFECTS)
+        runs = [replace(run, name=f"{i:02d}-{run.name}", index=i) for i, run in enumerate(made)]
+        self._subject = StripSubject(plant, runs, scatter=SLACK_EFFECTS)
         self._estimate = nominal(self._subject, self._subject.simulate)
         self._about = projection(self._estimate)
 
     @classmethod
     def along(cls, plant: StripFile, paths: Sequence[GripperPath], sigma: Sigma) -> Self:
-        """Gap model for runs along the gripper `paths`."""
-        folds = measured_along(paths, plant, sigma, 0)
-        return cls(plant, [MeasuredRun("own", f"own-{i}", m, ()) for i, m in enumerate(folds)])
+        """Gap model for simulated runs of `plant` along gripper `paths`, with noise `sigma`."""
+        by_name = {f"own-{i}": path for i, path in enumerate(paths)}
+        return cls(plant, measured_along(by_name, plant, sigma, 0))
 
-    def excess(self, hidden: Sequence[EffectValues]) -> Array:
-        """Excess gap (k,) that each of k sets of effects leaves after the base is refitted."""
+    def excess(self, hidden: Sequence[NamedValues]) -> Array:
+        """Excess residual (k,), in units of noise, that each of k sets of hidden effects leaves."""
         return np.array([self.excess_of(response) for response in self.responses(hidden)])
 
-    def responses(self, hidden: Sequence[EffectValues]) -> list[Array]:
-        """Whitened response (N,) to each set of effects, less what a refit of the base removes."""
+    def responses(self, hidden: Sequence[NamedValues]) -> list[Array]:
+        """Whitened responses (N,) to each set of `hidden` effects, less what a refit absorbs."""
         estimate = self._estimate
         base, local = estimate.shared, estimate.point.local
         requests = [
@@ -127,9 +125,9 @@ class GapModel:
         return self._about.left(np.concatenate(moved))
 
     def excess_of(self, response: Array) -> float:
-        """Excess gap of a whitened response (N,) under the noise of the runs."""
+        """Excess residual, in units of noise, of a whitened response (N,) with the runs' noise."""
         evidence = self._estimate.evidence
-        by_run = np.split(response, np.cumsum([len(r) for r in self._estimate.residuals])[:-1])
+        by_run = self._estimate.by_run(response)
         noisy = [
             np.sqrt(r**2 + (run.samples.noise / scale) ** 2)
             for r, run, scale in zip(by_run, evidence.runs, evidence.scales, strict=True)
@@ -137,7 +135,7 @@ class GapModel:
         return held_out_gap.excess_of(replace(self._estimate, residuals=tuple(noisy)))
 
     def share(self, strengths: Strengths, target: float, most: float = np.inf) -> float | None:
-        """Smallest share of `strengths` found at which the gap is `target` or more.
+        """Smallest share of `strengths` on a search grid at which the excess residual is `target`.
 
         None where no share does, or where the gap jumps past `most`, as that of a slip may.
         """
@@ -158,8 +156,8 @@ class GapModel:
         return self.excess([{strengths.effect.name: strengths.at(s)} for s in shares])
 
 
-def engine_values(name: str, values: dict[str, float]) -> Array:
-    """Parameters (p,) of effect `name` in the gap engine's units, from a strip file's `values`."""
+def engine_values(name: str, values: Mapping[str, float]) -> Array:
+    """Parameters (p,) of the effect `name` in the engine's units, from a strip file's `values`."""
     effect = registry()[name]
     complete = effect.complete(values)
     switch = effect.parameters[0]

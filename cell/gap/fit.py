@@ -1,4 +1,4 @@
-"""Implements `cell gap fit`: from measured runs and a file to verdict, report and patch."""
+"""Implements `cell gap fit`: from measured runs and a subject's file to verdict and patches."""
 
 import hashlib
 import json
@@ -17,14 +17,16 @@ from cell.gap.investigate import investigate
 from cell.gap.open_subject import open_subject
 from cell.gap.report.page import write_report
 from cell.gap.selection import hold_out as hold
-from cell.gap.subject.run_folders import RunFolder, counted_once, find_runs, note
+from cell.gap.subject.run_folders import RunFolder, copy_note, find_runs, without_copies
 from cell.gap.verdict.accept import (
+    ACCEPTED,
     BASE_PATCH,
     CELL_PATCH,
     LAW_MODEL_PATCH,
     LAW_PATCH,
     MODEL_PATCH,
     PATCH,
+    PATCHES,
     RECORD,
     SUSPECT_PATCH,
     sha256,
@@ -44,7 +46,7 @@ ENGINE_VERSION = "56"  # a fit that another version began starts anew
 
 
 def quiet(stage: str, share: float) -> None:
-    """Progress callback that discards what it is given."""
+    """Progress callback that prints nothing."""
 
 
 def fit(
@@ -58,7 +60,7 @@ def fit(
     without: Sequence[str] = (),
     unchecked: bool = False,
 ) -> Verdict:
-    """Fit measured `runs` of the subject in `file`; returns the verdict and writes it into `out`.
+    """Fit the runs of the subject in `file`; returns the verdict, which it writes into `out`.
 
     Effects `without` are withheld from the library; `unchecked` recordings are taken as they are.
     An interrupted fit resumes when it is called again with the same inputs. Raises
@@ -68,7 +70,7 @@ def fit(
     _clear(out)
     found_runs = find_runs(runs)
     hold.check([run.name for run in found_runs], hold_out)
-    found_runs, copies = counted_once(found_runs)
+    found_runs, copies = without_copies(found_runs)
     hold_out = [copies.get(name, name) for name in hold_out]
     if not unchecked:
         refuse(found_runs)
@@ -82,7 +84,7 @@ def fit(
         found = investigate(subject, held, simulate, progress)
     verdict = compose(found, time.monotonic() - began, simulate.total)
     deviates = deviations(subject.scope.base, verdict.base)
-    notes = [*verdict.notes, *map(note, copies, copies.values()), *subject.notes]
+    notes = [*verdict.notes, *map(copy_note, copies, copies.values()), *subject.notes]
     notes += subject.consequences(*verdict.values_with(verdict.effects))
     verdict = verdict.model_copy(update={"notes": notes, "deviates": deviates})
     progress("write", 0.97)
@@ -101,7 +103,7 @@ def _write(findings: Findings, verdict: Verdict, file: Path, out: Path) -> None:
               "effects": [e.name for e in verdict.effects or verdict.suspected],
               "values": [d.parameter for d in verdict.deviates],
               "scatter": [asdict(s) for s in findings.model_tests.scatter],
-              "steadier": {s.name: s.sigma for s in findings.advice.steadier},
+              "steadier": dict(findings.advice.steadier),
               "law": findings.law and asdict(findings.law)}  # fmt: skip
     write_file(out / RECORD, json.dumps(record, indent=1))
     write_report(findings, verdict, out / "report.html")
@@ -133,7 +135,7 @@ def _write_patch(
 
 
 def _key(file: Path, runs: Sequence[RunFolder], held: Sequence[str]) -> str:
-    """Hash of everything that the simulations depend on."""
+    """Hash of everything that the simulations of a fit depend on, the name of their cache."""
     given = "\0".join([ENGINE_VERSION, inputs_digest(file, runs), *held])
     return hashlib.sha256(given.encode()).hexdigest()[:16]
 
@@ -144,15 +146,7 @@ def _clear(out: Path) -> None:
     if not first.is_dir() or not os.access(first, os.W_OK | os.X_OK):
         what = "cannot be written to" if first.is_dir() else "is a file"
         raise ConfigurationError(f"--out {out}: {first} {what}; give a folder that can be written")
-    patches = (
-        PATCH,
-        SUSPECT_PATCH,
-        BASE_PATCH,
-        CELL_PATCH,
-        LAW_PATCH,
-        MODEL_PATCH,
-        LAW_MODEL_PATCH,
-    )
+    patches = (*PATCHES, CELL_PATCH, MODEL_PATCH, LAW_MODEL_PATCH)
     pages = (RECORD, "report.html", "overlay.rrd")
-    for name in ("verdict.json", *pages, *patches, "accepted.json"):
+    for name in ("verdict.json", *pages, *patches, ACCEPTED):
         (out / name).unlink(missing_ok=True)

@@ -15,13 +15,11 @@ from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, best, refit
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.reml import Spread, clearly_differ, estimate_spreads, with_scatter
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
-from cell.gap.selection import search
 from cell.gap.selection.choice import choose
-from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, margin
+from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, gain
 from cell.gap.selection.posterior import posterior
 from cell.gap.selection.screening import ranked_pairs
-from cell.gap.selection.search import BUDGET, within_reach
-from cell.gap.subject.subject import Candidate, Subject
+from cell.gap.selection.search import BUDGET, Search, within_reach, without_each
 from cell.gap.verdict.findings import BaseFit, Screen
 from drivers.types import Array
 
@@ -32,12 +30,10 @@ Progress = Callable[[str, float], None]
 def revised_base(
     simulate: Simulate, fits: Fits, scatter: Sequence[Spread], complete: Evidence
 ) -> tuple[Estimate, tuple[Spread, ...]] | None:
-    """Refit the base model and its scatter from run to run, starting from the models that lead it.
+    """Base model and run-to-run spreads refitted from models that lead it; None if unchanged.
 
-    `complete` are the runs with all unknowns. Returns None where neither clearly changes.
-
-    A base that lacks an effect takes a part of it for scatter, or does not see the scatter for it,
-    and may have stopped in a local minimum.
+    `complete` are the runs with all unknowns. A base that lacks an effect takes a part of it for
+    scatter, or does not see the scatter for it, and may have stopped in a local minimum.
     """
     leading = leading_models(fits)
     if not leading:
@@ -51,11 +47,11 @@ def revised_base(
 
 
 def leading_models(fits: Fits) -> list[CrossValidatedFit]:
-    """Models that lead the base: the one that predicts clearly better, and more probable ones."""
+    """Models that lead the base: one that predicts clearly better, and those more probable."""
     likelihood = fits.likelihood
     before_base = takewhile(lambda m: m.names, posterior(fits, likelihood).models)
     names = [m.names for m in before_base if m.p > ALPHA]
-    if margin(fits.best, fits.base, likelihood).gain >= MIN_GAIN:
+    if gain(fits.best, fits.base, likelihood) >= MIN_GAIN:
         names = [fits.best.model.names, *names]
     return [m for name in dict.fromkeys(names) if (m := fits.of(name)) is not None]
 
@@ -63,7 +59,7 @@ def leading_models(fits: Fits) -> list[CrossValidatedFit]:
 def better_base(
     simulate: Simulate, fits: Fits, leading: Sequence[CrossValidatedFit]
 ) -> Estimate | None:
-    """Refit the base from its values in `leading` models; None where that is not clearly better.
+    """Base refitted from its values in the `leading` models; None where it is not clearly better.
 
     A base that stopped in a local minimum leaves a gap that is none.
     """
@@ -82,34 +78,33 @@ def better_base(
 
 
 def refit_on_base(
-    simulate: Simulate,
+    search: Search,
     fits: Fits,
     base: CrossValidatedFit,
     spreads: Sequence[Spread],
     complete: Evidence,
 ) -> Fits:
-    """Refit the models of `fits` beside a new `base`, with the scatter `spreads` from run to run.
+    """Models of `fits` refitted with the values of a new `base` and with run-to-run `spreads`.
 
     `complete` are the runs with all unknowns. Models that cannot come up to the best one are
     left out. Beside another base the other sign of an effect may fit better.
     """
-    new_evidence, tasks = base.estimate.evidence, []
-    gains = {m.model.names: margin(m, fits.base, fits.likelihood).gain for m in fits.models}
+    simulate, new_evidence, tasks = search.simulate, base.estimate.evidence, []
+    nats = {m.model.names: gain(m, fits.base, fits.likelihood) for m in fits.models}
     for fit in (m.estimate for m in fits.models if m.model.effects):
-        if within_reach(gains[fit.model.names], max(gains.values())):
+        if within_reach(nats[fit.model.names], max(nats.values())):
             start = with_scatter(fit, spreads, complete).point
             tasks.append(
                 refit(fit.model, new_evidence, start, _secants(fit, new_evidence), ROUGH_GAIN)
             )
     refitted = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
     fits = replace(fits, models=(base, *refitted))
-    behind = [margin(fits.best, m, fits.likelihood).gain for m in fits.models]
-    in_reach = [m for m, nats in zip(fits.models, behind, strict=True) if nats <= BUDGET.reach]
-    return search.other_signs(simulate, fits, in_reach)
+    in_reach = [m for m in fits.models if gain(fits.best, m, fits.likelihood) <= BUDGET.reach]
+    return search.other_signs(fits, in_reach)
 
 
 def _secants(fit: Estimate, evidence: Evidence) -> tuple[Array, ...] | None:
-    """Secants (n, shared + local) of each run at `fit`, whitened by the scales of `evidence`.
+    """Whitened Jacobians (n, shared + local) of each run at `fit`, for the scales of `evidence`.
 
     None where the runs of `evidence` have other unknowns of their own.
     """
@@ -124,16 +119,18 @@ def _secants(fit: Estimate, evidence: Evidence) -> tuple[Array, ...] | None:
 
 @dataclass(frozen=True, slots=True)
 class ForwardSelection:
-    """Fits more models of `subject`, beside the base of `base_fit`, by the library of `screen`."""
+    """Fits models of one, two and three effects of the library to the runs of `subject`.
 
-    subject: Subject
-    simulate: Simulate
+    It adds effects to the base of `base_fit`, in the order of the `screen`.
+    """
+
+    search: Search
     progress: Progress
     base_fit: BaseFit
     screen: Screen
 
     def refit_singles(self, fits: Fits) -> Fits:
-        """Fit the most promising single effects beside the base, unless none can be accepted."""
+        """`fits` with the most promising single effects, unless no effect can be accepted."""
         self.progress("refit the best", 0.25)
         screen = self.screen
         least = MIN_GAIN * fits.likelihood.inefficiency
@@ -141,36 +138,36 @@ class ForwardSelection:
         if not (promising or self.base_fit.doubted or ranked_pairs(screen.equations, 1, least)):
             return fits
         singles = screen.singles[: BUDGET.singles]
-        return search.fit_scores(self.simulate, fits, singles, self._candidates)
+        return self.search.fit_scored_models(fits, singles)
 
     def refit_further(self, fits: Fits) -> Fits:
-        """Fit pairs and triples beside the best models, and alternatives of what is accepted.
+        """`fits` with pairs and triples of effects, and with alternatives of the accepted ones.
 
         Shape parameters come first: what the law of one effect gets wrong is no second effect.
         """
         if len(fits.models) == 1:
             return fits
-        fits = fits.merge(search.shape_parameters(self.simulate, fits))
+        fits = fits.merge(self.search.free_shapes(fits))
         if _leaves_more(fits):
             fits = self._refit_pairs(fits)
         elif self._accept(fits).model.effects:
             self.progress("screen beside the accepted effect", 0.5)
-            fits = self._extend(fits, [self._accept(fits)])
+            fits = self.search.extend(fits, [self._accept(fits)])
         if len(self._accept(fits).model.effects) == 2:
             self.progress("refit triples", 0.7)
-            fits = self._extend(fits, [self._accept(fits)])
+            fits = self.search.extend(fits, [self._accept(fits)])
         return self._refit_alternatives(fits)
 
     def _refit_pairs(self, fits: Fits) -> Fits:
         """Fit other single effects and the most promising pairs."""
         self.progress("refit pairs", 0.5)
-        base, most = fits.base.estimate, BUDGET.additions
         scores = [s for s in self.screen.singles if fits.of(frozenset(s.names)) is None]
         scores = scores[: BUDGET.probed - BUDGET.singles]
         scores += ranked_pairs(self.screen.equations, BUDGET.screened_pairs)
-        scores = search.shortlist(self.simulate, base, scores, self._candidates, most)
-        fits = search.fit_scores(self.simulate, fits, scores, self._candidates)
-        return self._extend(fits, fits.near_best(1)[: BUDGET.beam])
+        search, base = self.search, fits.base.estimate
+        scores = search.shortlist(base, scores, search.candidates, BUDGET.additions)
+        fits = self.search.fit_scored_models(fits, scores)
+        return self.search.extend(fits, fits.near_best(1)[: BUDGET.beam])
 
     def _refit_alternatives(self, fits: Fits) -> Fits:
         """Fit an accepted pair or triple without each effect, and with others in its place.
@@ -184,25 +181,17 @@ class ForwardSelection:
             if len(names) < 2 or names in tried:
                 return fits
             tried.add(names)
-            smaller = search.without_each(accepted)
-            fits = search.fit_scores(self.simulate, fits, smaller, self._candidates)
+            fits = self.search.fit_scored_models(fits, without_each(accepted))
             reduced = [m for name in names if (m := fits.of(names - {name})) is not None]
-            fits = search.other_signs(self.simulate, self._extend(fits, reduced), reduced)
-
-    def _extend(self, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:
-        return search.extend(self.simulate, fits, models, self._candidates, self.screen.probed)
+            fits = self.search.other_signs(self.search.extend(fits, reduced), reduced)
 
     def _accept(self, fits: Fits) -> CrossValidatedFit:
         """The model that would be accepted if nothing else were fitted."""
-        return choose(fits, posterior(fits, fits.likelihood)).accepted
-
-    @property
-    def _candidates(self) -> Sequence[Candidate]:
-        return self.subject.scope.candidates
+        return choose(fits, posterior(fits, fits.likelihood))
 
 
 def _leaves_more(fits: Fits) -> bool:
     """Whether the model that fits best leaves more than noise, overall or in a bin."""
     best = min(fits.models, key=lambda m: (m.estimate.scale, m.estimate.objective)).estimate
     test = ResidualTest.of(best, np.random.default_rng(1))
-    return test.misfit() < ALPHA or any(place.p < ALPHA for place in test.localise())
+    return test.misfit() < ALPHA or any(place.p < ALPHA for place in test.test_bins())

@@ -1,18 +1,22 @@
-"""Opens the subject that a file describes, with its measured runs."""
+"""Opens the subject, strip or mechanism, that a file describes, with its measured runs."""
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.subject import Subject
 from drivers.errors import ConfigurationError
 from drivers.readers import read_yaml
 
+if TYPE_CHECKING:
+    from cell.gap.subject.mechanism.subject import MechanismSubject
+
 
 def open_subject(
     file: Path, runs: Sequence[RunFolder], jobs: int, without: Sequence[str] = ()
 ) -> Subject:
-    """Open the subject that `file` describes with its runs; effects `without` are withheld.
+    """Open the strip or mechanism that `file` describes; effects `without` are no candidates.
 
     Raises ConfigurationError for a file of another kind, or an effect that cannot be withheld.
     """
@@ -22,8 +26,6 @@ def open_subject(
 
         subject: Subject = open_strip(file, runs, jobs, without)
     elif kind in ("pendulum", "mechanism"):
-        from cell.gap.subject.mechanism.open_mechanism import open_mechanism
-
         subject = open_mechanism(file, runs, jobs, without)
     else:
         raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: strip, pendulum, mechanism")
@@ -31,8 +33,30 @@ def open_subject(
     return subject
 
 
+def open_mechanism(
+    path: Path, folders: Sequence[RunFolder], jobs: int = 1, without: Sequence[str] = ()
+) -> "MechanismSubject":
+    """Mechanism in the file at `path` with its measured runs; effects `without` are withheld.
+
+    Raises ConfigurationError for bad input, and where the stated model itself cannot be simulated.
+    """
+    from cell.gap.subject.mechanism.cell_arm import CellArm
+    from cell.gap.subject.mechanism.forward_dynamics import ForwardDynamics
+    from cell.gap.subject.mechanism.inverse_dynamics import InverseDynamics
+    from cell.gap.subject.mechanism.pendulum import Pendulum, open_swings
+    from cell.gap.subject.mechanism.read_mechanism import open_all
+
+    if read_yaml(path).get("kind") == "pendulum":  # steps by its fastest swing, whatever its values
+        return Pendulum(open_swings(path, folders), jobs, without)
+    opened = open_all(path, folders)
+    engines = {"forward": ForwardDynamics, "prescribed": InverseDynamics}
+    subject = (CellArm if opened.file.cell else engines[opened.file.mode])(opened, jobs, without)
+    subject.check(str(path))
+    return subject
+
+
 def option_for(file: Path) -> str:
-    """Option by which every command of the gap takes the strip or mechanism in `file`."""
+    """Command-line option that names the strip or mechanism in `file`, with its value."""
     content = read_yaml(file)
     if content.get("cell"):  # the cell's own, whose effects may belong into its file
         return f"--subject {file.parent.name}"

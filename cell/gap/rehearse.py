@@ -26,10 +26,10 @@ from cell.gap.fit import fit
 from cell.gap.fitting.base_fit import refit_base
 from cell.gap.fitting.model import Model, evidence
 from cell.gap.fitting.reml import spreads
-from cell.gap.subject.run_folders import counted_once, find_runs
+from cell.gap.subject.run_folders import find_runs, without_copies
 from cell.gap.subject.strip.measurement_errors import KNOWN_EFFECTS
-from cell.gap.subject.strip.runs import FoldMeasurement, MeasuredRun, read_runs
-from cell.gap.subject.strip.subject import Strip
+from cell.gap.subject.strip.runs import MeasuredRun, read_runs
+from cell.gap.subject.strip.subject import StripSubject
 from cell.gap.subject.strip.synthetic import Instruments, rod_folds, write_fold
 from drivers.errors import ConfigurationError
 from drivers.files import replace_file, writing
@@ -50,7 +50,7 @@ DWELL_TIME, ROW_PERIOD = 0.6, 0.01  # s that a copy stays at the end of its path
 
 
 class HiddenCopy(Settings):
-    """One simulated copy: the hidden `effect` with its `values`, empty for none, and its `seed`."""
+    """One simulated copy of the runs: its hidden `effect` with `values`, and its random `seed`."""
 
     key: str
     effect: str
@@ -73,16 +73,16 @@ class Plan(Settings):
     unseen: tuple[str, ...]
 
 
-def plan(
+def rehearsal_plan(
     paths: Sequence[Path], file: Path, folder: Path, excess: float, empty: int, jobs: int
 ) -> Plan:
-    """Load the plan that `folder` holds for these inputs, or make and store a new one.
+    """Plan of a rehearsal that `folder` holds for these inputs, or a new one that is stored there.
 
     It has every effect of the library at the size that leaves an excess gap of `excess` [sigma],
     and `empty` copies with nothing hidden. Raises ConfigurationError for what is no strip, and
     where the folder holds another plan.
     """
-    (folders, _), stored = counted_once(find_runs(paths)), folder / PLAN
+    (folders, _), stored = without_copies(find_runs(paths)), folder / PLAN
     inputs = f"{inputs_digest(file, folders)}-{excess:g}-{empty}"
     if stored.is_file():
         held = parse(read_json(stored), Plan, str(stored))
@@ -91,7 +91,7 @@ def plan(
         return held
     strip = load_strip(file)
     measured = read_runs(folders, strip)
-    subject = Strip(strip, measured, jobs)
+    subject = StripSubject(strip, measured, jobs)
     model, known_runs = Model(subject.scope.base), evidence(subject.runs)
     base = refit_base(subject.simulate, model, known_runs)
     values = {p.name: float(v) for p, v in zip(model.base, base.shared, strict=True)}
@@ -117,29 +117,29 @@ def plan(
 
 
 def as_fitted(strip: StripFile, values: Mapping[str, float]) -> StripFile:
-    """Strip file with the refitted `values` of those parameters that a strip file states."""
+    """Copy of `strip` with those refitted `values` that a strip file states."""
     stated = {name: value for name, value in values.items() if name in StripFile.model_fields}
     return strip.model_copy(update=stated)
 
 
 def path_of_run(run: MeasuredRun) -> GripperPath:
-    """Measured gripper path of a run, extended by a standstill, as the copy may touch later."""
-    t, poses = run.measured.t, run.measured.poses
+    """Measured gripper path of a run, extended by a standstill, as its copy may touch later."""
+    t, poses = run.t, run.poses
     later = t[-1] + ROW_PERIOD * np.arange(1, round(DWELL_TIME / ROW_PERIOD) + 1)
     still = np.repeat(poses[-1:], len(later), axis=0)
     times = np.concatenate([t, later]) - t[0]
-    return GripperPath(frozen(times), frozen(np.vstack([poses, still])), run.measured.hanging)
+    return GripperPath(frozen(times), frozen(np.vstack([poses, still])), run.hanging)
 
 
 def copies_with_each_effect(
     strip: StripFile, runs: Sequence[MeasuredRun], excess: float
 ) -> tuple[list[HiddenCopy], list[str]]:
-    """Copies that each hide one effect, just large enough to leave the gap `excess` [sigma].
+    """Copies that hide one effect each, just large enough to leave an `excess` [sigma].
 
     Effects that the refitted `strip` has already are left out; the noise is that of the first run.
     Second, the names of the effects that leave such a gap at no believable size.
     """
-    gap_model = GapModel.along(strip, [path_of_run(run) for run in runs], runs[0].measured.sigma)
+    gap_model = GapModel.along(strip, [path_of_run(run) for run in runs], runs[0].sigma)
     copies, unseen = [], []
     for seed, (name, effect) in enumerate(sorted(registry().items())):
         if name not in strip.effects:
@@ -154,7 +154,7 @@ def copies_with_each_effect(
 
 
 def diagnose_copy(plan: Plan, hidden: HiddenCopy) -> Mapping[str, Any]:
-    """Simulate and diagnose a copy of the runs; returns the hidden effect beside the verdict."""
+    """Simulate a copy of the runs and fit it; the hidden effect and what the verdict says."""
     file = Path(plan.file)
     with TemporaryDirectory(ignore_cleanup_errors=True) as name:
         folder = Path(name)
@@ -171,39 +171,36 @@ def diagnose_copy(plan: Plan, hidden: HiddenCopy) -> Mapping[str, Any]:
 
 
 def write_copy(plan: Plan, hidden: HiddenCopy, folder: Path) -> None:
-    """Simulate a copy and write its run folders into `folder`."""
+    """Simulate a copy of the planned runs and write its run folders into `folder`."""
     strip, rng = load_strip(Path(plan.file)), np.random.default_rng([hidden.seed, 1])
     runs = [run for run in read_runs(find_runs([Path(p) for p in plan.runs]), strip) if run.usable]
     effects = {hidden.effect: hidden.values} if hidden.effect != NO_EFFECT else {}
     fitted = as_fitted(strip, plan.base)
-    models = [
-        with_scatter(describe(fitted, effects, run.measured.index), plan.scatter, rng)
-        for run in runs
-    ]
+    models = [with_scatter(describe(fitted, effects, run.index), plan.scatter, rng) for run in runs]
     folds = rod_folds(models, [path_of_run(run) for run in runs], SEGMENTS, STEP)
     for number, (run, fold) in enumerate(zip(runs, folds, strict=True)):
-        copy = replace(fold, index=run.measured.index, condition=run.condition)
-        write_fold(folder / f"{number:02d}", strip.name, copy, instruments(run.measured), rng)
+        copy = replace(fold, index=run.index, condition=run.condition)
+        write_fold(folder / f"{number:02d}", strip.name, copy, instruments(run), rng)
 
 
 def with_scatter(
     model: StripModel, scatter: Mapping[str, float], rng: np.random.Generator
 ) -> StripModel:
-    """Strip model of one run, with its run-to-run differences drawn from the spreads `scatter`."""
+    """Strip model of one run, with run-to-run differences drawn from the spreads `scatter`."""
     for effect in KNOWN_EFFECTS:
         if effect.name in scatter:
             model = effect.apply(model, float(rng.normal(0.0, scatter[effect.name])))
     return model
 
 
-def instruments(run: FoldMeasurement) -> Instruments:
-    """Simulated instruments with the noise that `run` states, with force where it was measured."""
+def instruments(run: MeasuredRun) -> Instruments:
+    """Simulated instruments with the noise of `run`; they measure force where the run does."""
     stated = run.sigma.model_dump(exclude_none=True, include={f.name for f in fields(Instruments)})
     return replace(Instruments(**stated), force=run.sigma.force if run.has_force else None)
 
 
 def rehearse(plan: Plan, folder: Path, engine: Engine, meter: Meter) -> list[Record]:
-    """Measure all copies and return their records, resuming in `folder`; raises as `carry_out`."""
+    """Fit all copies of `plan`, resuming in `folder`; returns records and raises as `carry_out`."""
     of = hashlib.sha256(f"{plan.model_dump_json()}{verdicts()}".encode()).hexdigest()[:16]
     parts = [
         Part(hidden.key, of, COPY_COST, diagnose_copy, (plan, hidden)) for hidden in plan.copies
@@ -212,7 +209,7 @@ def rehearse(plan: Plan, folder: Path, engine: Engine, meter: Meter) -> list[Rec
 
 
 def is_right(outcome: Mapping[str, Any]) -> bool:
-    """Whether a verdict names the hidden effect or its class, or finds no gap in an empty copy."""
+    """Whether the verdict on a copy names its hidden effect or class; no gap if none is hidden."""
     name = outcome["hidden"]
     if name == NO_EFFECT:
         return bool(outcome["verdict"] == "no_gap")
@@ -222,11 +219,12 @@ def is_right(outcome: Mapping[str, Any]) -> bool:
 
 
 def progress_line(record: Record) -> str:
-    """Result of a copy in a few words, for the progress report."""
+    """What the verdict says of a copy in a few words, for the progress report."""
     return f": {_answer(record.outcome) if record.outcome else f'failed: {record.reason}'}"
 
 
 def _answer(outcome: Mapping[str, Any]) -> str:
+    """What the verdict on a copy names, in a few words."""
     if not outcome["named"]:
         groups = "; ".join(" or ".join(group) for group in outcome["classes"])
         return groups or str(outcome["verdict"]).replace("_", " ")
@@ -234,7 +232,7 @@ def _answer(outcome: Mapping[str, Any]) -> str:
 
 
 def page(plan: Plan, records: Sequence[Record]) -> str:
-    """Format the rehearsal in Markdown: which effects could be named, and which names are false."""
+    """Markdown text of a rehearsal: which effects could be named, and which names are false."""
     outcomes = [r.outcome for r in records if r.outcome is not None]
     hidden = [o for o in outcomes if o["hidden"] != NO_EFFECT]
     empty = [o for o in outcomes if o["hidden"] == NO_EFFECT]
@@ -265,7 +263,7 @@ def _size_text(values: Mapping[str, float]) -> str:
 
 
 def write_page(plan: Plan, records: Sequence[Record], folder: Path) -> Path:
-    """Write the page and all outcomes as JSON; returns the page's path."""
+    """Write page and outcomes of a rehearsal into `folder`; returns the path of the page."""
     outcomes = [dict(r.outcome) for r in records if r.outcome is not None]
     replace_file(folder / "rehearsal.json", json.dumps(outcomes, indent=1).encode())
     replace_file(folder / PAGE, page(plan, records).encode())

@@ -26,7 +26,7 @@ from calibration.calibration import load_calibration, save_calibration
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.folding.replay import replay
-from cell.gap.subject.mechanism.file import PendulumFile
+from cell.gap.subject.mechanism.mechanism_file import PendulumFile
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from cell.gap.verdict.accept import accept, sha256, undo

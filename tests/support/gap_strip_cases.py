@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 
 from cell.config.places import find_configs
-from cell.gap.subject.strip.subject import Strip, patch_file
+from cell.gap.subject.strip.subject import StripSubject, patch_file
 from cell.gap.subject.strip.synthetic import Fold, Instruments, reported_path, rod_folds, write_fold
 from cell.gap.subject.subject import Residuals
 from drivers.strip.describe import describe, load_strip
@@ -49,14 +49,14 @@ def written(root: Path, made: Sequence[Fold], by: Instruments = CELL, seed: int 
     return sorted(root.iterdir())
 
 
-def residuals(strip: Strip, effects: dict[str, Array] | None = None) -> list[Residuals]:
+def residuals(strip: StripSubject, effects: dict[str, Array] | None = None) -> list[Residuals]:
     """Residuals of every run at the stated base, corrected for the coarse rod there."""
     asked = [strip.stated(run, effects) for run in strip.runs]
     refined = strip.refine(asked)
     return strip.simulate([replace(q, run=run) for q, run in zip(asked, refined, strict=True)])
 
 
-def in_noise(strip: Strip, found: Sequence[Residuals], channel: str) -> float:
+def in_noise(strip: StripSubject, found: Sequence[Residuals], channel: str) -> float:
     """Root mean square residual of a channel, in standard deviations of its noise alone."""
     rows = [
         (r.mean / run.samples.noise)[run.samples.channel == channel]
@@ -65,7 +65,7 @@ def in_noise(strip: Strip, found: Sequence[Residuals], channel: str) -> float:
     return float(np.sqrt(np.mean(np.concatenate(rows) ** 2)))
 
 
-def whitened(strip: Strip, found: Sequence[Residuals]) -> Array:
+def whitened(strip: StripSubject, found: Sequence[Residuals]) -> Array:
     """All residuals in units of noise and floor (N,)."""
     parts = [
         r.mean / np.hypot(run.samples.noise, run.samples.floor)

@@ -9,7 +9,7 @@ import numpy as np
 import yaml
 
 from cell.gap.fitting.tasks import Simulate
-from cell.gap.subject.mechanism.file import PendulumFile
+from cell.gap.subject.mechanism.mechanism_file import PendulumFile
 from cell.gap.subject.subject import Request, Residuals
 from drivers.types import Array
 from tests.support.mechanisms import write_run

@@ -1,4 +1,4 @@
-"""The gap on held-out runs: before, after, the floor, and how much it shrank."""
+"""Residuals of models on held-out runs, before and after effects were accepted."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -18,27 +18,27 @@ DRAWS = 2000  # of runs, for the interval of the shrink; set by hand
 
 @dataclass(frozen=True, slots=True)
 class Shrink:
-    """Share of the excess gap that a model closes, with its 95 % interval over runs."""
+    """Share by which a model reduces the excess residual on held-out runs, with 95 % interval."""
 
     value: float
     low: float
     high: float
 
 
-def unseen(simulate: Simulate, estimate: Estimate, evidence: Evidence) -> Estimate:
-    """Fit of `estimate` to other runs, its shared values held and only own unknowns free."""
+def fit_held_out(simulate: Simulate, estimate: Estimate, evidence: Evidence) -> Estimate:
+    """Fit of `estimate` to other runs, shared values fixed: only the runs' unknowns are free."""
     model = estimate.model.holding(estimate.shared)
     start = Point(np.zeros(0), evidence.start())
     return run_all(simulate, [refit(model, evidence, start)])[0]
 
 
 def rms(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:
-    """RMS residual of each reported quantity, in its display unit, over runs of equal weight."""
+    """Root mean square residual of each displayed quantity, in its unit, averaged over runs."""
     return _display_gaps(estimate.evidence, [raw.square for raw in estimate.raw], quantities)
 
 
 def floor(evidence: Evidence, quantities: Mapping[str, Quantity]) -> dict[str, float]:
-    """Root mean square noise of readings by displayed quantity: what a perfect model leaves."""
+    """Root mean square noise of single readings by displayed quantity: what a true model leaves."""
     readings = [run.samples.reading**2 for run in evidence.runs]
     return _display_gaps(evidence, readings, quantities)
 
@@ -57,7 +57,7 @@ def _mean_by_word(words: Words, square: Array) -> dict[str, float]:
 def _display_gaps(
     evidence: Evidence, squares_by_run: Sequence[Array], quantities: Mapping[str, Quantity]
 ) -> dict[str, float]:
-    """Root mean square by displayed quantity of `squares_by_run` (n,), in displayed units."""
+    """Root mean square by displayed quantity, in its unit, of `squares_by_run` (n,) [SI^2]."""
     squares: dict[str, list[float]] = defaultdict(list)
     for run, square in zip(evidence.runs, squares_by_run, strict=True):
         for name, mean in _mean_by_word(run.samples.quantity, square).items():
@@ -70,7 +70,7 @@ def _display_gaps(
 
 
 def run_squares(estimate: Estimate) -> Array:
-    """Mean square whitened residual of each run, channels with equal weight (R,)."""
+    """Mean square whitened residual (R,) of each run, with equal weight for each channel."""
     squares = []
     for run, r in zip(estimate.evidence.runs, estimate.residuals, strict=True):
         squares.append(np.mean(list(_mean_by_word(run.samples.channel, r**2).values())))
@@ -78,29 +78,29 @@ def run_squares(estimate: Estimate) -> Array:
 
 
 def excess(squares: Array) -> Array:
-    """Excess gap sqrt(max(mean r^2 - 1, 0)) (...) of mean squares (..., R) over the runs."""
+    """Excess residual sqrt(max(mean - 1, 0)) (...), in noise, of mean squares (..., R) by run."""
     return np.asarray(np.sqrt(np.maximum(squares.mean(axis=-1) - 1.0, 0.0)))
 
 
 def excess_of(estimate: Estimate) -> float:
-    """The excess gap that a fit leaves."""
+    """Excess residual of a fit in units of noise: sqrt(max(mean square - 1, 0)) over runs."""
     return float(excess(run_squares(estimate)))
 
 
 def bounded_excess(estimate: Estimate) -> float:
-    """The excess gap that a fit leaves, outliers bounded at its own dispersion."""
-    scale = robust.scale(np.concatenate(estimate.residuals))
+    """Excess residual of a fit in units of noise, outliers clipped at the fit's own dispersion."""
+    scale = robust.scale(estimate.stacked_residuals)
     clipped = tuple(robust.bound(r, scale) for r in estimate.residuals)
     return excess_of(replace(estimate, residuals=clipped))
 
 
 def sizes(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:
-    """Root mean square gap by displayed quantity, and the excess gap as `excess`."""
+    """Root mean square residual by displayed quantity, and under `excess` that of all, in noise."""
     return {**rms(estimate, quantities), "excess": excess_of(estimate)}
 
 
 def rms_by_run(estimate: Estimate, quantities: Mapping[str, Quantity]) -> list[float]:
-    """Root mean square residual of each run in units of noise, floor and tolerance.
+    """Root mean square residual of each run, in units of noise, floor and tolerance together.
 
     What a true model leaves has about the scale 1, so that this is where samples count as outliers.
     """
@@ -114,7 +114,7 @@ def rms_by_run(estimate: Estimate, quantities: Mapping[str, Quantity]) -> list[f
 
 
 def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrink:
-    """Shrink 1 - after / before of the excess gap, with a bootstrap over runs (Efron 1979)."""
+    """Share 1 - after / before of the excess residual removed, with bootstrap (Efron 1979)."""
     squares_before, squares_after = run_squares(before), run_squares(after)
     drawn = rng.integers(0, len(squares_before), (DRAWS, len(squares_before)))
     value = float(_share_closed(squares_before, squares_after))
@@ -124,6 +124,6 @@ def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrin
 
 
 def _share_closed(before: Array, after: Array) -> Array:
-    """Share (...) of the excess gap closed, of mean squares (..., R); zero without a gap."""
+    """Share (...) of the excess residual removed, of mean squares (..., R); zero without excess."""
     gap = excess(before)
     return np.where(gap > 0.0, 1.0 - excess(after) / np.where(gap > 0.0, gap, 1.0), 0.0)

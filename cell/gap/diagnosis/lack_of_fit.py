@@ -1,4 +1,4 @@
-"""Lack of fit: whether a model leaves more than noise, between repeats, overall, in which places.
+"""Lack of fit: whether residuals exceed noise, between repeats, overall, and in which places.
 
 N is the number of samples of all runs, stacked run by run.
 """
@@ -11,9 +11,10 @@ from typing import Self, TypeVar
 import numpy as np
 from scipy import special
 
-from cell.gap.fitting import normal_equations, robust
+from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.projection import projection, stacked_jacobian
+from cell.gap.fitting.normal_equations import NormalEquations
+from cell.gap.fitting.projection import projection
 from cell.gap.selection.likelihood import ALPHA
 from cell.gap.subject.subject import Run
 from drivers.types import Array
@@ -29,7 +30,7 @@ DRAWS = 400  # of the noise; set by hand
 
 @dataclass(frozen=True, slots=True)
 class Repeats:
-    """Differences of the repeats in a fit, by channel in units of the stated noise.
+    """How repeats of one condition differ, by channel, in units of the stated noise.
 
     `scatter` between repeats, and `inflation` of the noise once a drift of the base with the index
     of the run is taken out. `drift` says in words which parameter drifts most surely, `p` is the
@@ -43,7 +44,7 @@ class Repeats:
 
     @classmethod
     def of(cls, estimate: Estimate) -> Self:
-        """Compare the repeats in a fit.
+        """Compare the repeats among the runs of `estimate`, and test them for a drift of the base.
 
         Likelihood ratio (Wilks 1938) of each parameter linear in the index, all at once, in units
         of the scatter between repeats that is left then. Only repeats are held against each other:
@@ -55,16 +56,14 @@ class Repeats:
             return cls(scatter, scatter)
         about, count = projection(estimate), len(estimate.shared)
         owner = np.repeat(np.arange(len(runs)), [len(r) for r in estimate.residuals])
-        columns = about.weigh(stacked_jacobian(estimate)[:, :count] * later[owner][:, None])
+        columns = about.weigh(estimate.stacked_jacobian[:, :count] * later[owner][:, None])
         form = about.form(columns)
-        nothing, free = np.zeros(count), np.full(count, np.inf)
-        limits = normal_equations.Bounds(-free, free, nothing, nothing)
-        rates = normal_equations.bounded_step(form, nothing, limits)
+        free = np.full(count, np.inf)
+        rates = form.bounded_step(-free, free)
         corrected = (about.residual + about.left(columns) @ rates) / about.weight
-        parts = np.split(corrected, np.cumsum([len(r) for r in estimate.residuals])[:-1])
-        inflation = pure_error(estimate, parts, spent=count)
+        inflation = pure_error(estimate, estimate.by_run(corrected), spent=count)
         unit = max([1.0, *(v / estimate.scale for v in inflation.values())]) ** 2
-        p = float(special.chdtrc(count, 2.0 * normal_equations.decrease(form, rates) / unit))
+        p = float(special.chdtrc(count, 2.0 * form.decrease(rates) / unit))
         return cls(scatter, inflation, _drift_words(estimate, form), p)
 
     @property
@@ -74,12 +73,12 @@ class Repeats:
 
     @property
     def drifts(self) -> bool:
-        """Whether repeats differ by more than noise, and by a drift."""
+        """Whether repeats differ by more than noise, and significantly by a drift."""
         return self.p < ALPHA and max(self.scatter.values(), default=1.0) > 1.0
 
 
 def pure_error(estimate: Estimate, residuals: Sequence[Array], spent: int = 0) -> dict[str, float]:
-    """Factor (>= 1) by channel on the stated noise that the scatter between repeats demands.
+    """Factor (>= 1) on the stated noise of each channel that the scatter between repeats demands.
 
     `residuals` (n,) by run of the runs of `estimate`; `spent` degrees of freedom went into them.
     Variance of bin means between runs of one condition over what the noise explains, accepted
@@ -108,13 +107,13 @@ def pure_error(estimate: Estimate, residuals: Sequence[Array], spent: int = 0) -
 
 
 def _relative_index(runs: Sequence[Run]) -> Array:
-    """Index (R,) of each run less the mean index of the runs of its condition."""
+    """Index (R,) of each run, less the mean index of the runs of its condition."""
     index = np.array([run.index for run in runs], dtype=float)
     condition = np.array([run.condition for run in runs])
     return np.asarray(index - np.array([index[condition == own].mean() for own in condition]))
 
 
-def _drift_words(estimate: Estimate, form: normal_equations.Normal) -> str:
+def _drift_words(estimate: Estimate, form: NormalEquations) -> str:
     """Words for the parameter whose drift alone explains most, and its change per run."""
     information = np.maximum(np.diag(form.curvature), 1e-300)
     i = int(np.argmax(form.gradient**2 / information))
@@ -126,6 +125,7 @@ def _drift_words(estimate: Estimate, form: normal_equations.Normal) -> str:
 
 
 def _places(run: Run) -> Iterator[Place]:
+    """Place (channel, phase, zone, condition) of each sample of `run`."""
     s = run.samples
     for channel, phase, zone in zip(s.channel, s.phase, s.zone, strict=True):
         yield str(channel), str(phase), str(zone), run.condition
@@ -141,7 +141,7 @@ def _rows_by(keys: Iterable[K]) -> dict[K, list[int]]:
 
 @dataclass(frozen=True, slots=True)
 class Bin:
-    """A bin of samples: test statistic `z` [sigma] and family-wise p-value `p`.
+    """Test of the residuals in a bin of samples: statistic `z` [sigma], family-wise p-value `p`.
 
     `z` is the stronger of the signed mean (with its sign) and the energy.
     """
@@ -155,13 +155,13 @@ class Bin:
 
     @property
     def place(self) -> Place:
-        """Channel, phase, zone and condition of its samples."""
+        """Channel, phase, zone and condition of the bin's samples."""
         return self.channel, self.phase, self.zone, self.condition
 
 
 @dataclass(frozen=True, slots=True)
 class ResidualTest:
-    """Test of the residuals of a fit against those that noise and run-to-run scatter would leave.
+    """Test of a fit's residuals against those that noise and run-to-run variation would leave.
 
     `noise` (N, draws) are draws of these; the residuals are divided by what is `allowed` (N,)
     first, the factor on the noise of a sample's channel that its `repeats` demand. In probabilities
@@ -175,7 +175,7 @@ class ResidualTest:
 
     @classmethod
     def of(cls, estimate: Estimate, rng: np.random.Generator) -> Self:
-        """Test of `estimate` against draws of `rng`."""
+        """Test of the residuals of `estimate`, with noise drawn from `rng`."""
         repeats = Repeats.of(estimate)
         channels = [str(c) for run in estimate.evidence.runs for c in run.samples.channel]
         allowed = np.array([repeats.inflation.get(channel, 1.0) for channel in channels])
@@ -183,47 +183,49 @@ class ResidualTest:
 
     @property
     def bins(self) -> dict[Place, list[int]]:
-        """Row numbers of each bin with enough samples, by its place."""
+        """Row numbers of the samples in each bin, by its place; small bins are left out."""
         rows = _rows_by(place for run in self.estimate.evidence.runs for place in _places(run))
         return {place: at for place, at in rows.items() if len(at) >= FEWEST_SAMPLES}
 
     def misfit(self) -> float:
-        """p-value of the largest standardised mean square over channels and conditions."""
-        r = robust.clip_residuals(np.concatenate(self.estimate.residuals) / self.allowed)
+        """p-value of the largest mean square residual over channels and conditions."""
+        r = robust.clip_residuals(self.estimate.stacked_residuals / self.allowed)
         places = (place for run in self.estimate.evidence.runs for place in _places(run))
         rows = _rows_by((channel, condition) for channel, _, _, condition in places).values()
         observed = np.array([np.mean(r[i] ** 2) for i in rows])
         drawn = np.array([np.mean(self.noise[i] ** 2, axis=0) for i in rows])
-        found, null = _standardise(observed, drawn)
-        return _tail(null.max(axis=0), float(found.max()))
+        null = _standardise(drawn.T, drawn).max(axis=1)
+        return _tail(null, float(_standardise(observed, drawn).max()))
 
-    def localise(self) -> list[Bin]:
-        """Test all bins together; returns them, the strongest first.
+    def test_bins(self) -> list[Bin]:
+        """Test each bin for residuals beyond noise; all bins, the strongest first.
 
         Signed mean and energy of each bin, the latter as sqrt(2 chi^2), which is nearly normal
-        (Fisher 1925), both standardised by the noise draws; the probability is that of the largest
-        statistic over all bins (Westfall and Young 1993, single-step max-T).
+        (Fisher 1925), both standardised by the noise draws. `z` is of the residuals as they are,
+        `p` of residuals clipped as in the fit, by the largest statistic of all bins in each draw
+        (Westfall and Young 1993, single-step max-T).
         """
-        r, bins = np.concatenate(self.estimate.residuals) / self.allowed, self.bins
-        statistics, largest = _statistics(r, list(bins.values()), self.noise)
-        bounded, _ = _statistics(robust.clip_residuals(r), list(bins.values()), self.noise)
-        rows = zip(bins, statistics, np.abs(bounded), strict=True)
-        found = [Bin(*place, float(z), _tail(largest, clipped)) for place, z, clipped in rows]
+        residuals, bins = self.estimate.stacked_residuals / self.allowed, self.bins
+        statistics, clipped, null = _strongest_statistics(
+            [residuals, robust.clip_residuals(residuals)], list(bins.values()), self.noise
+        )
+        found = [
+            Bin(*place, float(z), _tail(null, abs(z_clipped)))
+            for place, z, z_clipped in zip(bins, statistics, clipped, strict=True)
+        ]
         return sorted(found, key=lambda each: -abs(each.z))
 
     def matching(self, fitted: Estimate, others: Sequence[Estimate]) -> list[Bin]:
-        """Test, in each bin, how well the residuals match what the model `fitted` adds.
+        """Test in each bin how well the residuals match what the model `fitted` adds; surest first.
 
-        Returns the bins, the surest first. Each sample counts by what that model predicts otherwise
-        than this one (matched filter). It was chosen in sight of the residuals, so that a draw
-        counts by its strongest bin under the response of any of the models tried, it and `others`,
-        with either sign (Westfall and Young 1993).
+        Each sample counts by what that model predicts otherwise than this one (matched filter). It
+        was chosen in sight of the residuals, so that a draw counts by its strongest bin under the
+        response of any of the models tried, it and `others`, with either sign (Westfall and Young
+        1993).
         """
-        r, bins = np.concatenate(self.estimate.residuals), self.bins
+        r, bins = self.estimate.stacked_residuals, self.bins
         clipped, rows = robust.clip_residuals(r / self.allowed), list(bins.values())
-        responses = [
-            (r - np.concatenate(model.residuals)) / self.allowed for model in (fitted, *others)
-        ]
+        responses = [(r - model.stacked_residuals) / self.allowed for model in (fitted, *others)]
         sums = [_match_sums(clipped, response, rows, self.noise) for response in responses]
         largest = np.max([np.abs(drawn).max(axis=0) for _, drawn in sums], axis=0)
         found = []
@@ -234,7 +236,7 @@ class ResidualTest:
 
 
 def draw_residuals(estimate: Estimate, rng: np.random.Generator) -> Array:
-    """Random whitened residuals (N, DRAWS) that would be left by a fit if its model were right.
+    """Random whitened residuals (N, DRAWS) as a fit of the true model would leave them.
 
     Noise and run-to-run scatter, less what the fit absorbs of them: parametric bootstrap of the
     linearised model (Davison and Hinkley 1997, section 6.3).
@@ -247,36 +249,39 @@ def draw_residuals(estimate: Estimate, rng: np.random.Generator) -> Array:
 
 
 def _tail(drawn: Array, observed: float) -> float:
-    """Probability of a statistic as large as `observed` by the draws (draws,) of it under noise."""
+    """p-value of a statistic: share of draws (draws,) of it that are as large as `observed`."""
     return (1.0 + float((drawn >= observed).sum())) / (1.0 + len(drawn))
 
 
-def _statistics(r: Array, rows: Sequence[list[int]], noise: Array) -> tuple[Array, Array]:
-    """Stronger statistic (k,) of each bin, and the strongest of all bins in each draw (draws,)."""
-    signed, signed_draws = _standardise(
-        np.array([r[i].sum() for i in rows]), np.array([noise[i].sum(axis=0) for i in rows])
-    )
-    energy, energy_draws = _standardise(
-        np.sqrt([2.0 * (r[i] ** 2).sum() for i in rows]),
-        np.sqrt([2.0 * (noise[i] ** 2).sum(axis=0) for i in rows]),
-    )
-    largest = np.maximum(np.abs(signed_draws).max(axis=0), energy_draws.max(axis=0))
-    return np.where(np.abs(signed) >= energy, signed, energy), largest
+def _strongest_statistics(
+    residuals: Sequence[Array], rows: Sequence[list[int]], noise: Array
+) -> Iterator[Array]:
+    """Signed mean or energy (k,) of each bin, whichever is stronger, for each of `residuals` (N,).
+
+    Last, the strongest statistic of all bins in each draw (draws,) of `noise` (N, draws).
+    """
+    sums = np.array([noise[i].sum(axis=0) for i in rows])
+    roots = np.sqrt([2.0 * (noise[i] ** 2).sum(axis=0) for i in rows])
+    for r in residuals:
+        signed = _standardise(np.array([r[i].sum() for i in rows]), sums)
+        energy = _standardise(np.sqrt([2.0 * (r[i] ** 2).sum() for i in rows]), roots)
+        yield np.where(np.abs(signed) >= energy, signed, energy)
+    signed_draws, energy_draws = (_standardise(draws.T, draws).T for draws in (sums, roots))
+    yield np.maximum(np.abs(signed_draws).max(axis=0), energy_draws.max(axis=0))
 
 
 def _match_sums(
     r: Array, weight: Array, rows: Sequence[list[int]], noise: Array
 ) -> tuple[Array, Array]:
     """Standardised weighted sums over bins of `r` (N,) and of `noise` (N, draws)."""
-    return _standardise(
-        np.array([r[i] @ weight[i] for i in rows]), np.array([weight[i] @ noise[i] for i in rows])
-    )
+    drawn = np.array([weight[i] @ noise[i] for i in rows])
+    observed = _standardise(np.array([r[i] @ weight[i] for i in rows]), drawn)
+    return observed, _standardise(drawn.T, drawn).T
 
 
-def _standardise(observed: Array, drawn: Array) -> tuple[Array, Array]:
-    """Statistics (k,) and draws of them (k, draws), both in standard deviations of the draws."""
-    mean, spread = drawn.mean(axis=1), drawn.std(axis=1) + 1e-12
-    return (observed - mean) / spread, (drawn - mean[:, None]) / spread[:, None]
+def _standardise(values: Array, drawn: Array) -> Array:
+    """Statistics (..., k) in standard deviations of draws (k, draws) of them, about their mean."""
+    return np.asarray((values - drawn.mean(axis=1)) / (drawn.std(axis=1) + 1e-12))
 
 
 def stronger_of_two(by_itself: Sequence[Bin], by_effect: Sequence[Bin]) -> list[Bin]:

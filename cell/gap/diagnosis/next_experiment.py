@@ -1,4 +1,4 @@
-"""Advice on how to separate two explanations: the next experiment, or better repeatability."""
+"""Advice on how to tell two explanations apart: by a new experiment, or by better repeats."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
-from cell.gap.fitting import normal_equations
 from cell.gap.fitting.gauss_newton import Estimate, linearise
-from cell.gap.fitting.model import Model, Point, evidence, requests, response, unknowns
-from cell.gap.fitting.projection import stacked_jacobian
+from cell.gap.fitting.model import Model, Point, evidence, requests, response
+from cell.gap.fitting.normal_equations import covariance
 from cell.gap.fitting.tasks import Task
 from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.subject.subject import Experiment
@@ -20,7 +19,7 @@ REMEDY_SHARE = 0.5  # of a spread from run to run, that a remedy would leave; se
 
 @dataclass(frozen=True, slots=True)
 class RatedExperiment:
-    """An experiment and by how many sigma it would separate two explanations."""
+    """An experiment, and by how many `sigma` it would separate two explanations."""
 
     experiment: Experiment
     separates: tuple[str, str]
@@ -28,7 +27,7 @@ class RatedExperiment:
 
     @property
     def rate(self) -> float:
-        """Nats of separation per minute."""
+        """Expected log-likelihood ratio of the two explanations per minute [nats/min]."""
         return 0.5 * self.sigma**2 / self.experiment.minutes
 
 
@@ -38,7 +37,7 @@ def advise(
     experiments: Sequence[Experiment],
     likelihood: LikelihoodScale,
 ) -> Task[list[RatedExperiment]]:
-    """Experiments by expected separation per minute, best first; yields simulations.
+    """Experiments by how well they separate two models, per minute, best first; yields requests.
 
     `second` is a model with its shared values (P,). What the first explanation's parameters may
     still move, given the runs so far, is projected out (design for discrimination: Box and Hill
@@ -66,7 +65,7 @@ def advise(
 def _information(estimate: Estimate) -> Array:
     """Information (P, P) of runs and priors on the shared parameters: inverse covariance."""
     count = len(estimate.shared)
-    spread = normal_equations.covariance(estimate.normal().curvature)[:count, :count]
+    spread = covariance(estimate.normal().curvature)[:count, :count]
     return np.asarray(np.linalg.pinv(spread, hermitian=True))
 
 
@@ -75,41 +74,33 @@ def _unabsorbed_square(response: Array, jacobian: Array, prior: Array) -> float:
 
     `prior` (size, size) is their inverse covariance.
     """
-    inverse = normal_equations.covariance(jacobian.T @ jacobian + prior)
+    inverse = covariance(jacobian.T @ jacobian + prior)
     back = jacobian.T @ response
     return float(response @ response) - float(back @ inverse @ back)
 
 
-@dataclass(frozen=True, slots=True)
-class RepeatabilityGain:
-    """Gain in separation [sigma] of two explanations, had `name` scattered half as much."""
-
-    name: str
-    sigma: float
-
-
 def repeatability_gains(
     first: Estimate, second: tuple[Model, Array], likelihood: LikelihoodScale
-) -> Task[list[RepeatabilityGain]]:
-    """Gains in separation by halving each run-to-run spread, largest first; yields simulations.
+) -> Task[dict[str, float]]:
+    """Gains in separation [sigma] of two models by halving each run-to-run spread, by its name.
 
     `second` is a model with its shared values (P,). What the first explanation's unknowns may
-    absorb, each within its spread, is projected out.
+    absorb, each within its spread, is projected out. A task that yields requests.
     """
-    runs, every = first.evidence.runs, unknowns(first.model, first.evidence)
-    names = dict.fromkeys(p.name for p in every if p.random)
+    runs, unknowns = first.evidence.runs, first.unknowns
+    names = dict.fromkeys(p.name for p in unknowns.parameters if p.random)
     if not names:
-        return []
+        return {}
     model, shared = second
     other = yield requests(model, runs, Point(shared, first.point.local))
     parts = zip(other, first.raw, first.evidence.scales, strict=True)
     difference = np.concatenate([response(*each) for each in parts])
-    jacobian, known = stacked_jacobian(first), first.limits.precision
+    jacobian, known = first.stacked_jacobian, unknowns.precision
     now = _unabsorbed_square(difference, jacobian, np.diag(known))
-    found = []
+    found = {}
     for name in names:
-        halved = [REMEDY_SHARE**-2 if p.name == name else 1.0 for p in every]
+        halved = [REMEDY_SHARE**-2 if p.name == name else 1.0 for p in unknowns.parameters]
         then = _unabsorbed_square(difference, jacobian, np.diag(np.array(halved) * known))
         more = max(0.0, then - now)
-        found.append(RepeatabilityGain(name, likelihood.standardise(more**0.5)))
-    return sorted(found, key=lambda s: -s.sigma)
+        found[name] = likelihood.standardise(more**0.5)
+    return dict(sorted(found.items(), key=lambda each: -each[1]))

@@ -1,10 +1,9 @@
-"""Fits of the base, and the directions that the runs do not determine."""
+"""Fits of the base parameters, and the combinations of them that the runs do not determine."""
 
 import numpy as np
 
 from cell.gap.fitting.gauss_newton import Estimate, linearise, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests
-from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.fitting.tasks import Simulate, run_one
 from cell.gap.subject.subject import Parameter, Subject
 from drivers.types import Array
@@ -13,25 +12,25 @@ MAIN_PART = 0.3  # of a unit direction, from which on its words name a parameter
 
 
 def refit_base(simulate: Simulate, model: Model, evidence: Evidence) -> Estimate:
-    """Fit of the base from its stated values."""
+    """Fit of the base parameters of `model`, from stated values, to the runs of `evidence`."""
     stated = Point(np.array([p.start for p in model.parameters]), evidence.start())
     return run_one(simulate, refit(model, evidence, stated))
 
 
 def _prior_width(p: Parameter) -> float:
-    """Prior standard deviation of a parameter; a quarter of its range where it has none."""
+    """Prior standard deviation of a parameter; a quarter of its range where the prior is flat."""
     return p.spread if np.isfinite(p.spread) else 0.25 * (p.high - p.low)
 
 
 def weak_directions(estimate: Estimate) -> list[str]:
-    """Descriptions of the parameter combinations that the runs determine less than their priors do.
+    """Parameter combinations, in words, that the runs determine less than their priors do.
 
     The weakest first: those with singular values below one of the whitened Jacobian, runs' own
     unknowns projected out, each parameter in units of its prior width (Brun, Reichert, Kuensch
     2001, identifiability analysis).
     """
     parameters = estimate.model.parameters
-    jacobian = stacked_jacobian(estimate) / estimate.scale
+    jacobian = estimate.stacked_jacobian / estimate.scale
     shared, local = jacobian[:, : len(parameters)], jacobian[:, len(parameters) :]
     if local.size:
         q, _ = np.linalg.qr(local)
@@ -53,24 +52,24 @@ def _direction_words(names: list[str], direction: Array) -> str:
 
 
 def strains(estimate: Estimate) -> dict[str, float]:
-    """Deviation of each base value from what the file states, in prior standard deviations."""
+    """Deviations of fitted base values from the stated ones, in prior standard deviations."""
     pairs = zip(estimate.model.base, estimate.shared, strict=False)
     return {p.name: (float(v) - p.start) / p.spread for p, v in pairs if np.isfinite(p.spread)}
 
 
 def refit_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimate:
-    """Refit `rough` to runs corrected for its coarse simulation, with scales to match."""
+    """Refit the estimate `rough` to runs that are corrected for coarse time steps and grids."""
     runs = refine(subject, rough.model, rough.point, rough.evidence)
     return run_one(simulate, refit(rough.model, runs, rough.point))
 
 
 def refine(subject: Subject, model: Model, point: Point, coarse: Evidence) -> Evidence:
-    """Runs corrected for the coarse simulation at `point`, whitened by noise and the new floor."""
+    """Runs with residuals corrected for the coarse simulation at `point`, and its error floors."""
     return evidence(subject.refine(requests(model, coarse.runs, point)))
 
 
 def nominal(subject: Subject, simulate: Simulate) -> Estimate:
-    """Estimate of the base at the stated values, unfitted: zero residuals and its Jacobians."""
+    """Estimate at the stated values of the base, not fitted: its residuals are taken as zero."""
     known, model = evidence(subject.runs), Model(subject.scope.base)
     point = Point(np.array([p.start for p in model.parameters]), known.start())
     raw, jacobians = run_one(simulate, linearise(model, known, point))

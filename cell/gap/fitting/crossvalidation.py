@@ -6,14 +6,15 @@ infinitesimal jackknife). The runs left out then adapt their own unknowns.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
-from cell.gap.fitting import normal_equations, robust
+from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate, residuals
 from cell.gap.fitting.model import Model, Point, requests
+from cell.gap.fitting.normal_equations import Mask, covariance
 from cell.gap.fitting.tasks import Task, side_by_side
 from cell.gap.subject.subject import Run
 from drivers.types import Array
@@ -27,18 +28,18 @@ determine a value: they hold a tenth of the information. Set by hand."""
 
 @dataclass(frozen=True, slots=True)
 class NormalDensity:
-    """Normal density of amounts (k,): their `mean` (k,) and `precision` (k, k)."""
+    """Multivariate normal density of k amounts: their `mean` (k,) and `precision` (k, k)."""
 
     mean: Array
     precision: Array
 
     @classmethod
     def standard(cls, size: int) -> Self:
-        """Density of `size` independent amounts of mean zero and one standard deviation."""
+        """Density of `size` independent amounts of mean zero and unit variance."""
         return cls(np.zeros(size), np.eye(size))
 
     def condition(self, r: Array, responses: Array) -> tuple[Self, float]:
-        """Density given a run with residuals `r` (n,), and minus the log density of the run [nats].
+        """Posterior density given a run with residuals `r` (n,), and minus its log density [nats].
 
         Residuals change by `responses` (n, k) with the amounts. Both are by Laplace's approximation
         under the robust loss; the loss leaves out the constant of unit noise.
@@ -59,7 +60,7 @@ class NormalDensity:
 
 @dataclass(frozen=True, slots=True)
 class CrossValidatedFit:
-    """A fitted model with its cross-validation: whitened residuals (n,) of each run left out.
+    """A fitted model, and the whitened residuals (n,) of each run predicted without that run.
 
     `uncertain` (n, k) by run are its responses to one standard deviation of the shared values under
     the other folds. `charged` (R,) [nats] is added to the loss of each run: for values that only
@@ -77,10 +78,10 @@ class CrossValidatedFit:
         return self.estimate.model
 
     def losses(self, scale: float) -> Array:
-        """Predictive loss (R,) [nats] of each run at the dispersion `scale`.
+        """Negative log predictive density (R,) [nats] of each run, at the dispersion `scale`.
 
-        Minus the log density of the run given the other folds, with the shared values as uncertain
-        as those leave them (Laplace's approximation); runs of one fold follow one another.
+        Of a run given the other folds, with the shared values as uncertain as those leave them
+        (Laplace's approximation); runs of one fold follow one another.
         """
         losses = self.charged.copy()
         for fold in folds(self.estimate.evidence.runs):
@@ -92,7 +93,10 @@ class CrossValidatedFit:
 
 
 def folds(runs: Sequence[Run], most: int = MOST_FOLDS) -> list[list[int]]:
-    """Run numbers by fold: conditions are dealt in turn, single runs where all share one."""
+    """Numbers of the runs in each cross-validation fold: runs of one condition share a fold.
+
+    Conditions are dealt in turn; where all runs share one condition, single runs are.
+    """
     conditions = list(dict.fromkeys(run.condition for run in runs))
     label = [conditions.index(run.condition) for run in runs]
     if len(conditions) == 1:
@@ -106,7 +110,7 @@ Prediction = tuple[Array, Array, float]
 
 
 def validate(estimate: Estimate) -> Task[CrossValidatedFit]:
-    """Predict every run of `estimate` from the fit to the other folds; yields simulations."""
+    """Predict each run of `estimate` from the fit to the other folds; a task yielding requests."""
     dealt = folds(estimate.evidence.runs)
     parts = yield from side_by_side([_predict_fold(estimate, fold) for fold in dealt])
     by_run = {i: run for fold, part in zip(dealt, parts, strict=True)
@@ -116,7 +120,7 @@ def validate(estimate: Estimate) -> Task[CrossValidatedFit]:
 
 
 def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[list[Prediction]]:
-    """Prediction of the runs of `fold` under the fit to all others; yields simulations.
+    """Prediction of the runs of `fold` by the fit to all others; a task that yields requests.
 
     Penalised by the number of shared values that only the fold determines, at its first run, and by
     the losses of the runs' random unknowns.
@@ -133,8 +137,8 @@ def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[list[Predicti
     return list(zip(residuals(raw, unseen), uncertain, map(float, penalty), strict=True))
 
 
-def on_runs(estimate: Estimate, keep: Sequence[int]) -> tuple[Array, normal_equations.Mask]:
-    """Shared values (P,) fitted to the runs `keep` alone, and a mask (P,) of unchanged ones.
+def on_runs(estimate: Estimate, keep: Sequence[int]) -> tuple[Array, Mask]:
+    """Shared values (P,) as fitted to the runs `keep` alone, and a mask (P,) of undetermined ones.
 
     One Newton step from the fit to all runs; a value stays where the runs do not determine it.
     """
@@ -143,12 +147,12 @@ def on_runs(estimate: Estimate, keep: Sequence[int]) -> tuple[Array, normal_equa
 
 
 def _random_loss(run: Run, local: Array) -> float:
-    """Minus log prior density [nats] of a run's random unknowns, up to a constant."""
+    """Negative log prior density [nats] of a run's random unknowns (k,), up to a constant."""
     pairs = zip(run.local, local, strict=True)
     return 0.5 * sum(((float(v) - p.start) / p.spread) ** 2 for p, v in pairs if p.random)
 
 
-def _undetermined_values(estimate: Estimate, keep: Sequence[int]) -> normal_equations.Mask:
+def _undetermined_values(estimate: Estimate, keep: Sequence[int]) -> Mask:
     """Mask (P,) of the parameters of effects that the runs `keep` do not determine.
 
     An effect that lives in one condition cannot be predicted from the others; it keeps its
@@ -157,48 +161,45 @@ def _undetermined_values(estimate: Estimate, keep: Sequence[int]) -> normal_equa
     count = len(estimate.shared)
     base = len(estimate.model.base)
     of_all, of_kept = (
-        np.diag(normal_equations.covariance(e.normal().curvature))[:count]
-        for e in (estimate, estimate.on(keep))
+        np.diag(covariance(e.normal().curvature))[:count] for e in (estimate, estimate.on(keep))
     )
     return np.asarray((of_kept > SILENT * of_all) & (np.arange(count) >= base))
 
 
-def _newton_step(estimate: Estimate, held: normal_equations.Mask) -> Array:
+def _newton_step(estimate: Estimate, held: Mask) -> Array:
     """Shared values (P,) after a bounded Newton step of `estimate`; the `held` ones (P,) stay."""
-    limits, z = estimate.limits, estimate.z
+    unknowns, z = estimate.unknowns, estimate.z
     fixed = np.concatenate([held, np.zeros(len(z) - len(held), dtype=bool)])
-    limits = replace(
-        limits, low=np.where(fixed, z, limits.low), high=np.where(fixed, z, limits.high)
-    )
-    return (z + normal_equations.bounded_step(estimate.normal(), z, limits))[: len(held)]
+    low, high = (np.where(fixed, 0.0, bound - z) for bound in (unknowns.low, unknowns.high))
+    return (z + estimate.normal().bounded_step(low, high))[: len(held)]
 
 
-def _deviations(kept: Estimate, shared: Array, undetermined: normal_equations.Mask) -> Array:
+def _deviations(kept: Estimate, shared: Array, undetermined: Mask) -> Array:
     """Deviations (P, k) of the shared values under the runs `kept`, of unit variance each.
 
     Values that are `undetermined` (P,), or of `shared` (P,) those on a bound, are taken as known.
     """
-    low, high = kept.limits.low[: len(shared)], kept.limits.high[: len(shared)]
+    low, high = (bound[: len(shared)] for bound in (kept.unknowns.low, kept.unknowns.high))
     free = (shared > low) & (shared < high) & ~undetermined
     every = np.concatenate([free, np.ones(len(kept.z) - len(free), dtype=bool)])
     curvature = kept.normal().curvature[np.ix_(every, every)]
     count = int(free.sum())
-    covariance = normal_equations.covariance(curvature)[:count, :count]
+    of_shared = covariance(curvature)[:count, :count]
     deviations = np.zeros((len(shared), count))
-    variances, axes = np.linalg.eigh(covariance)
+    variances, axes = np.linalg.eigh(of_shared)
     deviations[free] = axes * np.sqrt(np.maximum(variances, 0.0))
     return deviations
 
 
 def _own_unknowns(estimate: Estimate, i: int, shared: Array) -> Array:
-    """Own unknowns (k,) of run number `i`, refitted linearly to the new `shared` values (P,)."""
+    """Unknowns (k,) of run number `i`, refitted linearly to new `shared` values (P,)."""
     return np.asarray(
         estimate.point.local[i] + _own_response(estimate, i) @ (shared - estimate.shared)
     )
 
 
 def _own_response(estimate: Estimate, i: int) -> Array:
-    """Change (k, P) of the own unknowns of run number `i` with the shared values."""
+    """Derivative (k, P) of the refitted unknowns of run number `i` by the shared values."""
     count = len(estimate.shared)
     jacobian, own = estimate.jacobians[i], estimate.jacobians[i][:, count:]
     weighed = own * robust.weights(estimate.residuals[i] / estimate.scale)[:, None]
@@ -209,6 +210,6 @@ def _own_response(estimate: Estimate, i: int) -> Array:
 
 
 def _settled_response(estimate: Estimate, i: int) -> Array:
-    """Whitened response (n, P) of run number `i` to the shared values, own unknowns following."""
+    """Derivative (n, P) of whitened residuals of run `i` by shared values, its own refitted."""
     jacobian, count = estimate.jacobians[i], len(estimate.shared)
     return np.asarray(jacobian[:, :count] + jacobian[:, count:] @ _own_response(estimate, i))

@@ -1,4 +1,4 @@
-"""Robust Gauss-Newton fit of a model to runs, with Jacobians by secants.
+"""Robust Gauss-Newton fit of a model to runs, with Jacobians by finite differences.
 
 Shared parameters and each run's own unknowns are estimated jointly. Simulations are expensive and
 responses nearly linear, so that a Jacobian is kept while it predicts the decrease well. Close to a
@@ -8,12 +8,14 @@ would stop the fit and make its intervals too narrow. So the final fit uses two-
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cell.gap.fitting import normal_equations, robust
+from cell.gap.fitting import robust
 from cell.gap.fitting.model import Evidence, Model, Point, request, requests, response, whiten
+from cell.gap.fitting.normal_equations import NormalEquations, Unknowns
 from cell.gap.fitting.tasks import Task, side_by_side
 from cell.gap.subject.subject import Parameter, Request, Residuals, Run
 from drivers.types import Array
@@ -25,7 +27,7 @@ FINAL_GAIN, ROUGH_GAIN = 0.05, 2.0
 
 
 def linearise(model: Model, evidence: Evidence, point: Point) -> Task[Linearised]:
-    """Residuals and whitened secants (n, shared + local) of each run; yields simulations."""
+    """Residuals and whitened Jacobian (n, shared + local) of each run; a task yielding requests."""
     batch: list[Request] = []
     steps: list[Array] = []
     for run, local in zip(evidence.runs, point.local, strict=True):
@@ -39,12 +41,12 @@ def linearise(model: Model, evidence: Evidence, point: Point) -> Task[Linearised
         offset += len(run_answers)
         raw.append(run_answers[0])
         at_point, *stepped = run_answers[run.replicate :]
-        jacobians.append(secants(at_point, stepped, scale, run_steps))
+        jacobians.append(secant_jacobian(at_point, stepped, scale, run_steps))
     return raw, tuple(jacobians)
 
 
 def linearise_both_ways(model: Model, evidence: Evidence, point: Point) -> Task[Linearised]:
-    """Residuals and whitened slopes (n, shared + local) of each run, by secants to both sides."""
+    """Residuals and whitened Jacobian of each run, limited by differences to both sides."""
     raw, right, left = yield from both_sides(model, evidence, point)
     return raw, tuple(map(minmod, right, left))
 
@@ -52,9 +54,9 @@ def linearise_both_ways(model: Model, evidence: Evidence, point: Point) -> Task[
 def both_sides(
     model: Model, evidence: Evidence, point: Point
 ) -> Task[tuple[Sequence[Residuals], tuple[Array, ...], tuple[Array, ...]]]:
-    """Residuals, and whitened secants (n, shared + local) of each run to either side of a point.
+    """Residuals, and the Jacobians (n, shared + local) of each run by steps up and by steps down.
 
-    Where a bound forbids one side, both are secants to the other.
+    Where a bound forbids one side, both are steps to the other. A task that yields requests.
     """
     effects = [replace(e, parameters=_mirror(e.parameters)) for e in model.effects]
     other = replace(model, base=_mirror(model.base), effects=tuple(effects))
@@ -66,17 +68,23 @@ def both_sides(
 
 
 def minmod(a: Array, b: Array) -> Array:
-    """The smaller of two slopes (n, k) where their signs agree, zero elsewhere."""
+    """The smaller in size of two slopes (n, k) where their signs agree, zero elsewhere."""
     # slope limiter: Roe 1986, Annual Review of Fluid Mechanics 18, 337
     return np.asarray(0.5 * (np.sign(a) + np.sign(b)) * np.minimum(np.abs(a), np.abs(b)))
 
 
 def _mirror(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
+    """Parameters whose finite-difference steps have the opposite sign."""
     return tuple(replace(p, step=-p.step) for p in parameters)
 
 
-def secants(at_point: Residuals, stepped: Sequence[Residuals], scale: Array, steps: Array) -> Array:
-    """Whitened finite differences (n, len(steps)), zero where a residual is lost."""
+def secant_jacobian(
+    at_point: Residuals, stepped: Sequence[Residuals], scale: Array, steps: Array
+) -> Array:
+    """Whitened Jacobian (n, k) by finite differences over `steps` (k,); 0 where residuals are NaN.
+
+    Of the residuals `stepped` in each of k unknowns and `at_point`; `scale` (n,) is the noise.
+    """
     columns = [(m.mean - at_point.mean) / scale / h for m, h in zip(stepped, steps, strict=True)]
     matrix = np.array(columns).reshape(len(columns), len(scale)).T
     return np.asarray(np.nan_to_num(matrix, nan=0.0, posinf=0.0, neginf=0.0))
@@ -105,10 +113,12 @@ def _secant_requests(
 
 
 def _step_within_bounds(p: Parameter, value: float) -> float:
+    """Finite-difference step of `p` at `value`, reversed where a bound forbids it."""
     return p.step if p.low <= value + p.step <= p.high else -p.step
 
 
 def _step_one(values: Array, i: int, h: float) -> Array:
+    """Copy of `values` (k,) in which number `i` is larger by `h`."""
     moved = values.copy()
     moved[i] += h
     return moved
@@ -125,7 +135,7 @@ DAMPING = 1e-3  # of the bend of that parabola, relative to the curvature; set b
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A model at a point: its residuals and Jacobians there.
+    """Values of all unknowns of a model, with its residuals and Jacobians there.
 
     Per run: `residuals` (n,) whitened, `raw` in physical units, `jacobians` (n, shared + local)
     of the whitened residuals. `scale` is the dispersion, `objective` the loss at it [nats].
@@ -149,7 +159,7 @@ class Estimate:
         raw: Sequence[Residuals],
         jacobians: tuple[Array, ...],
     ) -> Self:
-        """Estimate at `point` from residuals `raw` and whitened `jacobians` (n, size) by run."""
+        """Estimate at `point`: simulated residuals `raw`, whitened `jacobians` (n, size) by run."""
         r = residuals(raw, evidence)
         scale = robust.scale(np.concatenate(r))
         found = cls(model, evidence, point, r, tuple(raw), jacobians, scale, 0.0)
@@ -157,37 +167,60 @@ class Estimate:
 
     @property
     def shared(self) -> Array:
-        """Values of the shared parameters (P,)."""
+        """Values (P,) of the parameters that all runs share: of the base, then of the effects."""
         return self.point.shared
 
     @property
-    def place(self) -> normal_equations.Layout:
-        """Layout of all unknowns in one vector."""
-        return normal_equations.layout(self.model, self.evidence)
+    def unknowns(self) -> Unknowns:
+        """Parameters of all unknowns in one vector, with their bounds and priors."""
+        return Unknowns.of(self.model, self.evidence)
 
     @property
     def z(self) -> Array:
-        """Values of all unknowns (size,)."""
-        return self.place.pack(self.point)
+        """Values (size,) of all unknowns in one vector: shared ones, then those of each run."""
+        return np.concatenate([self.point.shared, *self.point.local])
 
     @property
-    def limits(self) -> normal_equations.Bounds:
-        """Bounds and priors of all unknowns."""
-        return normal_equations.bounds(self.model, self.evidence)
+    def stacked_residuals(self) -> Array:
+        """Whitened residuals (N,) of all runs, run by run."""
+        return np.concatenate(self.residuals)
+
+    @property
+    def stacked_jacobian(self) -> Array:
+        """Whitened Jacobian (N, size) of all runs in all unknowns."""
+        unknowns, rows = self.unknowns, self.by_run(np.arange(sum(map(len, self.residuals))))
+        full = np.zeros((sum(map(len, self.residuals)), len(unknowns.low)))
+        for i, jacobian in enumerate(self.jacobians):
+            full[np.ix_(rows[i], unknowns.columns(i))] = jacobian
+        return full
+
+    def by_run(self, stacked: NDArray[Any]) -> list[NDArray[Any]]:
+        """Split an array `stacked` (N, ...) of all samples into the rows (n, ...) of each run."""
+        return np.split(stacked, np.cumsum([len(r) for r in self.residuals])[:-1])
 
     def objective_at(self, scale: float) -> float:
         """Robust loss of the residuals at the dispersion `scale` plus that of the priors [nats]."""
-        return normal_equations.objective(self.residuals, self.z, self.limits, scale)
+        unknowns = self.unknowns
+        data = sum(float(robust.loss(r / scale).sum()) for r in self.residuals)
+        return data + 0.5 * float(unknowns.precision @ (self.z - unknowns.mean) ** 2)
 
-    def normal(self, scale: float | None = None) -> normal_equations.Normal:
-        """Normal equations of data and priors at dispersion `scale` (default: its own)."""
-        dispersion = self.scale if scale is None else scale
-        return normal_equations.normal(
-            self.place, self.limits, self.z, self.residuals, self.jacobians, dispersion
-        )
+    def normal(self, scale: float | None = None) -> NormalEquations:
+        """Robustly weighted normal equations of data and priors at the dispersion `scale`.
+
+        Without a `scale` at that of this estimate.
+        """
+        unknowns, z, s = self.unknowns, self.z, self.scale if scale is None else scale
+        gradient, curvature = np.zeros(len(z)), np.zeros((len(z), len(z)))
+        for i, (r, jacobian) in enumerate(zip(self.residuals, self.jacobians, strict=True)):
+            weighted = jacobian * (robust.weights(r / s) / s**2)[:, None]
+            at = unknowns.columns(i)
+            gradient[at] += weighted.T @ r
+            curvature[np.ix_(at, at)] += weighted.T @ jacobian
+        prior = unknowns.precision
+        return NormalEquations(gradient + prior * (z - unknowns.mean), curvature + np.diag(prior))
 
     def on(self, indices: Sequence[int]) -> Self:
-        """The same estimate, restricted to the runs with the numbers `indices`."""
+        """Copy of the estimate that is restricted to the runs numbered `indices`."""
 
         def pick(by_run: Sequence[T]) -> tuple[T, ...]:
             return tuple(by_run[i] for i in indices)
@@ -205,10 +238,10 @@ class Estimate:
 def responses_to(
     at: Estimate, models: Sequence[tuple[Model, Array]]
 ) -> Task[list[tuple[Array, ...]]]:
-    """Whitened changes (n,) of each run from the first of `models` to each other.
+    """Changes (n,) of each run's whitened residuals from the first of `models` to each other one.
 
-    Each model comes with its shared values (P,); the runs' own unknowns are those of the fit `at`.
-    Yields simulations.
+    Each model comes with its shared values (P,); the unknowns of the runs are those of the fit
+    `at`. A task that yields requests.
     """
     runs, scales = at.evidence.runs, at.evidence.scales
     answers = yield [
@@ -221,7 +254,7 @@ def responses_to(
 
 
 def best(estimates: Sequence[Estimate]) -> Estimate:
-    """Estimate with the smallest objective, compared at the smallest of the dispersions."""
+    """The estimate of smallest objective, compared at the smallest of their dispersions."""
     scale = min(e.scale for e in estimates)
     return min(estimates, key=lambda e: e.objective_at(scale))
 
@@ -236,16 +269,15 @@ def refit(
     *,
     both_ways: bool = False,
 ) -> Task[Estimate]:
-    """Fit `model` to `evidence` from `start`; yields simulations.
+    """Fit `model` to the runs of `evidence`, from the values `start`; a task that yields requests.
 
     `jacobians` (n, shared + local) by run of a fit nearby spare the first secants; the fit ends
     when a further step promises less than `enough` nats, or after so many `steps`. With `both_ways`
     slopes are limited by secants to both sides, for twice the simulations.
     """
     slopes = linearise_both_ways if both_ways else linearise
-    place = normal_equations.layout(model, evidence)
-    limits = normal_equations.bounds(model, evidence)
-    point = place.unpack(np.clip(place.pack(start), limits.low, limits.high))
+    unknowns = Unknowns.of(model, evidence)
+    point = unknowns.point(np.concatenate([start.shared, *start.local]))
     fresh, mended, stalled = jacobians is None, False, 0
     if jacobians is None:
         raw, jacobians = yield from slopes(model, evidence, point)
@@ -254,8 +286,8 @@ def refit(
     fit = Estimate.at(model, evidence, point, raw, jacobians)
     for _ in range(steps):
         equations = fit.normal()
-        step = normal_equations.bounded_step(equations, fit.z, limits)
-        promised = normal_equations.decrease(equations, step)
+        step = equations.bounded_step(unknowns.low - fit.z, unknowns.high - fit.z)
+        promised = equations.decrease(step)
         if promised < enough:
             break
         trial = yield from _line_search(fit, equations.curvature, step)
@@ -278,7 +310,7 @@ def refit(
 
 
 def residuals(raw: Sequence[Residuals], evidence: Evidence) -> tuple[Array, ...]:
-    """Whitened residuals (n,) of each run."""
+    """Residuals (n,) of each run, whitened by the scales of `evidence`."""
     return tuple(whiten(a, s) for a, s in zip(raw, evidence.scales, strict=True))
 
 
@@ -299,16 +331,15 @@ def _second_order_step(fit: Estimate, full: Estimate, curvature: Array, step: Ar
     What the residuals did beyond the linear promise in the `full` step is answered by the same
     linear model; weak directions, along which that was too bold, are damped.
     """
-    place, gradient = fit.place, np.zeros_like(step)
+    unknowns, gradient = fit.unknowns, np.zeros_like(step)
     rows = zip(fit.residuals, full.residuals, fit.jacobians, strict=True)
     for i, (before, after, jacobian) in enumerate(rows):
-        at = place.columns(i)
+        at = unknowns.columns(i)
         beyond = after - before - jacobian @ step[at]
         gradient[at] += jacobian.T @ beyond / fit.scale**2
     damped = curvature + DAMPING * np.diag(np.diag(curvature))
-    return normal_equations.bounded_step(
-        normal_equations.Normal(gradient, damped), full.z, fit.limits
-    )
+    equations = NormalEquations(gradient, damped)
+    return equations.bounded_step(unknowns.low - full.z, unknowns.high - full.z)
 
 
 def _broyden_update(fit: Estimate, trial: Estimate, curvature: Array) -> tuple[Array, ...]:
@@ -317,11 +348,11 @@ def _broyden_update(fit: Estimate, trial: Estimate, curvature: Array) -> tuple[A
     They give the change of the residuals that was seen, at least change in units of what each
     unknown does; samples that either side lost change nothing.
     """
-    place, change = fit.place, trial.z - fit.z
+    unknowns, change = fit.unknowns, trial.z - fit.z
     updated, units = [], np.diag(curvature)
     rows = zip(fit.raw, trial.raw, fit.evidence.scales, fit.jacobians, strict=True)
     for i, (a, b, scale, jacobian) in enumerate(rows):
-        columns = place.columns(i)
+        columns = unknowns.columns(i)
         step, along = change[columns], units[columns] * change[columns]
         beyond = np.nan_to_num((b.mean - a.mean) / scale - jacobian @ step)
         updated.append(
@@ -331,9 +362,8 @@ def _broyden_update(fit: Estimate, trial: Estimate, curvature: Array) -> tuple[A
 
 
 def _evaluate(fit: Estimate, points: Sequence[Array]) -> Task[list[Estimate]]:
-    """Trials at `points` (size,), clipped to the bounds, with the Jacobians of `fit`; simulates."""
-    model, evidence, place, limits = fit.model, fit.evidence, fit.place, fit.limits
-    inside = [place.unpack(np.clip(p, limits.low, limits.high)) for p in points]
+    """Estimates at `points` (size,), clipped to the bounds, with the Jacobians of `fit`; a task."""
+    model, evidence, inside = fit.model, fit.evidence, list(map(fit.unknowns.point, points))
     answers = yield [q for p in inside for q in requests(model, evidence.runs, p)]
     runs = len(evidence.runs)
     by_point = [answers[i * runs : (i + 1) * runs] for i in range(len(inside))]
@@ -344,7 +374,7 @@ def _evaluate(fit: Estimate, points: Sequence[Array]) -> Task[list[Estimate]]:
 
 
 def final_fit(estimate: Estimate) -> Task[Estimate]:
-    """Refit `estimate` with two-sided slopes, weighting down samples that respond nonlinearly."""
+    """Refit `estimate` with two-sided slopes, in which samples that jump have less weight."""
     start = yield from _with_slope_errors(estimate)
     refitted = yield from refit(
         start.model, start.evidence, start.point, start.jacobians, both_ways=True

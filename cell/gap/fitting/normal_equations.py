@@ -1,13 +1,13 @@
-"""The local quadratic model of a fit: whitened Jacobians, normal equations, bounded steps."""
+"""Local quadratic model of a fit: its unknowns, normal equations, and steps within bounds."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.gap.fitting import robust
-from cell.gap.fitting.model import Evidence, Model, Point, unknowns
+from cell.gap.fitting.model import Evidence, Model, Point
+from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
 Mask = NDArray[np.bool_]
@@ -15,120 +15,80 @@ RIDGE = 1e-9  # of the diagonal: holds directions that nothing determines; above
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
-    """Positions of the unknowns in one vector: shared ones first, then each run's own."""
+class Unknowns:
+    """All unknowns of a fit in one vector (size,): the P shared ones, then those of each run.
 
+    `shared` is P, `local` the number of unknowns of each run; by unknown (size,): its bounds `low`
+    and `high`, its prior `mean` and `precision`, the inverse variance.
+    """
+
+    parameters: tuple[Parameter, ...]
     shared: int
     local: tuple[int, ...]
-
-    @property
-    def size(self) -> int:
-        """Number of unknowns."""
-        return self.shared + sum(self.local)
-
-    def columns(self, run: int) -> NDArray[np.int64]:
-        """Positions (shared + local,) of the shared unknowns and those of run number `run`."""
-        first = self.shared + sum(self.local[:run])
-        own = np.arange(first, first + self.local[run])
-        return np.concatenate([np.arange(self.shared), own])
-
-    def pack(self, point: Point) -> Array:
-        """The point as one vector (size,)."""
-        return np.concatenate([point.shared, *point.local])
-
-    def unpack(self, z: Array) -> Point:
-        """The vector `z` (size,) as a point."""
-        edges = np.cumsum([self.shared, *self.local])
-        parts = np.split(z, edges[:-1])
-        return Point(parts[0], tuple(parts[1:]))
-
-
-def layout(model: Model, evidence: Evidence) -> Layout:
-    """Layout of a model's unknowns over some runs."""
-    return Layout(len(model.parameters), tuple(len(run.local) for run in evidence.runs))
-
-
-@dataclass(frozen=True, slots=True)
-class Bounds:
-    """Lowest and highest values, prior means and precisions of all unknowns (size,)."""
-
     low: Array
     high: Array
     mean: Array
     precision: Array
 
+    @classmethod
+    def of(cls, model: Model, evidence: Evidence) -> Self:
+        """Unknowns of a fit of `model` to the runs of `evidence`."""
+        every = (*model.parameters, *(p for run in evidence.runs for p in run.local))
+        return cls(
+            every,
+            len(model.parameters),
+            tuple(len(run.local) for run in evidence.runs),
+            low=np.array([p.low for p in every]),
+            high=np.array([p.high for p in every]),
+            mean=np.array([p.start for p in every]),
+            precision=np.array([p.spread**-2 for p in every]),
+        )
 
-def bounds(model: Model, evidence: Evidence) -> Bounds:
-    """Bounds and priors of a model's unknowns over some runs."""
-    every = unknowns(model, evidence)
-    return Bounds(
-        low=np.array([p.low for p in every]),
-        high=np.array([p.high for p in every]),
-        mean=np.array([p.start for p in every]),
-        precision=np.array([p.spread**-2 for p in every]),
-    )
+    def columns(self, run: int) -> NDArray[np.int64]:
+        """Positions (P + k,) of the shared unknowns, and of the k unknowns of run number `run`."""
+        first = self.shared + sum(self.local[:run])
+        return np.concatenate([np.arange(self.shared), first + np.arange(self.local[run])])
 
-
-def objective(residuals: Sequence[Array], z: Array, limits: Bounds, scale: float) -> float:
-    """Robust loss of all runs' residuals (n,) at `scale` plus the priors of `z` (size,) [nats]."""
-    data = sum(float(robust.loss(r / scale).sum()) for r in residuals)
-    return data + 0.5 * float(limits.precision @ (z - limits.mean) ** 2)
+    def point(self, z: Array) -> Point:
+        """Values `z` (size,), clipped to the bounds, as shared ones and those of each run."""
+        edges = np.cumsum([self.shared, *self.local])
+        shared, *local = np.split(np.clip(z, self.low, self.high), edges[:-1])
+        return Point(shared, tuple(local))
 
 
 @dataclass(frozen=True, slots=True)
-class Normal:
-    """Gradient (size,) and curvature (size, size) of the objective in all unknowns [nats]."""
+class NormalEquations:
+    """Quadratic model of an objective [nats]: its `gradient` (n,) and `curvature` (n, n)."""
 
     gradient: Array
     curvature: Array
 
+    def decrease(self, step: Array) -> float:
+        """Decrease of the objective [nats] that the quadratic model predicts for `step` (n,)."""
+        return float(-self.gradient @ step - 0.5 * step @ self.curvature @ step)
 
-def normal(
-    place: Layout,
-    limits: Bounds,
-    z: Array,
-    residuals: Sequence[Array],
-    jacobians: Sequence[Array],
-    scale: float,
-) -> Normal:
-    """Weighted normal equations of the data, summed over runs, and of the priors at `z` (size,).
+    def bounded_step(self, low: Array, high: Array) -> Array:
+        """Step (n,) to the minimum between the bounds `low` (n,) and `high` (n,), by active set.
 
-    By run: whitened `residuals` (n,) and `jacobians` (n, shared + local).
-    """
-    gradient, curvature = np.zeros(place.size), np.zeros((place.size, place.size))
-    for i, (r, jacobian) in enumerate(zip(residuals, jacobians, strict=True)):
-        weighted = jacobian * (robust.weights(r / scale) / scale**2)[:, None]
-        at = place.columns(i)
-        gradient[at] += weighted.T @ r
-        curvature[np.ix_(at, at)] += weighted.T @ jacobian
-    return Normal(
-        gradient + limits.precision * (z - limits.mean), curvature + np.diag(limits.precision)
-    )
-
-
-def bounded_step(equations: Normal, z: Array, limits: Bounds) -> Array:
-    """Step (size,) to the minimum of the quadratic model within the bounds, by active set.
-
-    Unknowns that the step would carry over a bound are put on it and leave the system; held ones
-    come back while the gradient there pulls them inside (Lawson and Hanson 1974, chapter 23).
-    """
-    diagonal = np.diag(equations.curvature)
-    ridged = equations.curvature + np.diag(RIDGE * diagonal + 1e-300)
-    low, high = limits.low - z, limits.high - z
-    free = (diagonal > 0.0) & ~_pushed_out(equations.gradient, np.zeros_like(z), low, high)
-    step, best, least = np.zeros_like(z), np.zeros_like(z), 0.0
-    for _ in range(len(z) + 3):
-        step, free = _minimise_free(equations.gradient, ridged, free, step, low, high)
-        slope = equations.gradient + ridged @ step
-        value = 0.5 * float(step @ (equations.gradient + slope))
-        if value < least:
-            best, least = step, value
-        back = ~free & (diagonal > 0.0) & (low < high) & ~_pushed_out(slope, step, low, high)
-        if not back.any():
-            break
-        pull = np.where(back, np.abs(slope) / np.sqrt(diagonal + 1e-300), -1.0)
-        free[int(np.argmax(pull))] = True
-    return best
+        Unknowns that the step would carry over a bound are put on it and leave the system; they
+        come back while the gradient there pulls them inside (Lawson and Hanson 1974, chapter 23).
+        """
+        diagonal = np.diag(self.curvature)
+        ridged = self.curvature + np.diag(RIDGE * diagonal + 1e-300)
+        step = best = np.zeros_like(self.gradient)
+        free, least = (diagonal > 0.0) & ~_pushed_out(self.gradient, step, low, high), 0.0
+        for _ in range(len(step) + 3):
+            step, free = _minimise_free(self.gradient, ridged, free, step, low, high)
+            slope = self.gradient + ridged @ step
+            value = 0.5 * float(step @ (self.gradient + slope))
+            if value < least:
+                best, least = step, value
+            back = ~free & (diagonal > 0.0) & (low < high) & ~_pushed_out(slope, step, low, high)
+            if not back.any():
+                break
+            pull = np.where(back, np.abs(slope) / np.sqrt(diagonal + 1e-300), -1.0)
+            free[int(np.argmax(pull))] = True
+        return best
 
 
 def _minimise_free(
@@ -162,13 +122,8 @@ def _solve(matrix: Array, right: Array) -> Array:
     return np.asarray(d * np.linalg.solve(scaled, d * right))
 
 
-def decrease(equations: Normal, step: Array) -> float:
-    """Decrease of the objective [nats] that the quadratic model promises for `step` (size,)."""
-    return float(-equations.gradient @ step - 0.5 * step @ equations.curvature @ step)
-
-
 def covariance(curvature: Array) -> Array:
-    """Inverse (size, size) of `curvature`: huge, not infinite, where it holds no information."""
+    """Inverse (size, size) of a `curvature` matrix, large but finite where that is singular."""
     d = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
     values, vectors = np.linalg.eigh(curvature * d[:, None] * d[None])
     inverse = (vectors / np.maximum(values, 1e-12)) @ vectors.T

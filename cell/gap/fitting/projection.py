@@ -1,19 +1,19 @@
-"""Projection of residuals and responses on what the fitted unknowns cannot absorb."""
+"""Parts of residuals and responses that a refit of the unknowns cannot absorb."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from cell.gap.fitting import normal_equations, robust
+from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.model import unknowns
+from cell.gap.fitting.normal_equations import NormalEquations, covariance
 from drivers.types import Array
 
 
 @dataclass(frozen=True, slots=True)
 class Projection:
-    """Quadratic model of the objective about an estimate, in robustly weighted residuals.
+    """Quadratic model of a fit's objective, by which responses are cleared of what a refit absorbs.
 
     `residual` (N,) of all runs, the last small step of the fit taken, `jacobian` (N, u) of the
     free unknowns and of nuisance responses, `inverse` (u, u) of their curvature with priors,
@@ -28,56 +28,41 @@ class Projection:
     scatter: Array
 
     def left(self, response: Array) -> Array:
-        """Part of `response` (N, ...) that the free unknowns cannot absorb, in weighted units."""
+        """Part of `response` (N, ...) that a refit of the unknowns leaves, in weighted units."""
         back = self.inverse @ (self.jacobian.T @ response)
         return np.asarray(response - self.jacobian @ back)
 
     def weigh(self, whitened: Array) -> Array:
-        """Convert a whitened response (N, k) to weighted units."""
+        """Whitened response (N, k) times the square roots of the samples' robust weights."""
         return np.asarray(whitened * self.weight[:, None])
 
-    def form(self, responses: Array) -> normal_equations.Normal:
-        """Gradient and curvature of the refitted objective in the amounts of `responses` (N, k).
+    def form(self, responses: Array) -> NormalEquations:
+        """Normal equations of the objective, all else refitted, in amounts of `responses` (N, k).
 
         At the estimate the unknowns' own gradient vanishes, so that responses D in the amounts a
         change the minimum by a' D' r + a' D' (I - H) D a / 2, H the hat matrix with priors.
         """
-        return normal_equations.Normal(
-            responses.T @ self.residual, responses.T @ self.left(responses)
-        )
+        return NormalEquations(responses.T @ self.residual, responses.T @ self.left(responses))
 
 
 def projection(
     estimate: Estimate, *, robustly: bool = True, nuisance: Sequence[Array] = ()
 ) -> Projection:
-    """Quadratic model about `estimate`, in which unknowns on a bound are fixed.
+    """Quadratic model of the objective about `estimate`; unknowns on a bound count as fixed.
 
     Whitened responses `nuisance` (N, k) may be there by unknown amounts of one standard deviation.
     """
-    limits, z = estimate.limits, estimate.z
-    r = np.concatenate(estimate.residuals)
+    unknowns, z, r = estimate.unknowns, estimate.z, estimate.stacked_residuals
     scale = estimate.scale if robustly else 1.0
     weight = np.sqrt(robust.weights(r / scale)) / scale if robustly else np.ones_like(r)
-    free = (z > limits.low) & (z < limits.high)
-    whole = stacked_jacobian(estimate)
+    free = (z > unknowns.low) & (z < unknowns.high)
+    whole = estimate.stacked_jacobian
     jacobian = np.concatenate([whole[:, free], *nuisance], axis=1) * weight[:, None]
     added = (0, jacobian.shape[1] - np.count_nonzero(free))
-    precision = np.pad(limits.precision[free], added, constant_values=1.0)
-    pull = np.pad((limits.precision * (z - limits.mean))[free], added)
-    inverse = normal_equations.covariance(jacobian.T @ jacobian + np.diag(precision))
+    precision = np.pad(unknowns.precision[free], added, constant_values=1.0)
+    pull = np.pad((unknowns.precision * (z - unknowns.mean))[free], added)
+    inverse = covariance(jacobian.T @ jacobian + np.diag(precision))
     settled = r * weight - jacobian @ (inverse @ (jacobian.T @ (r * weight) + pull))
-    every = unknowns(estimate.model, estimate.evidence)
-    spread = np.array([p.spread if p.random else 0.0 for p in every])
+    spread = np.array([p.spread if p.random else 0.0 for p in unknowns.parameters])
     scatter = (whole * (weight[:, None] * spread))[:, spread > 0.0]
     return Projection(settled, jacobian, inverse, weight, scatter)
-
-
-def stacked_jacobian(estimate: Estimate) -> Array:
-    """Whitened Jacobian (N, size) of all runs in all unknowns."""
-    rows = [len(r) for r in estimate.residuals]
-    full = np.zeros((sum(rows), estimate.place.size))
-    at = 0
-    for i, (n, jacobian) in enumerate(zip(rows, estimate.jacobians, strict=True)):
-        full[at : at + n, estimate.place.columns(i)] = jacobian
-        at += n
-    return full

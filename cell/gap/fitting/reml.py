@@ -26,8 +26,7 @@ from scipy.linalg import cho_solve
 
 from cell.gap.fitting import normal_equations, robust
 from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, linearise, refit
-from cell.gap.fitting.model import Evidence, Point, unknowns
-from cell.gap.fitting.projection import stacked_jacobian
+from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.tasks import Simulate, run_one
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
@@ -52,7 +51,7 @@ CENTRAL_95 = 1.96  # standard deviations of a normal, within which 95 % lie
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """A quantity that differs from run to run: its standard deviation and 95 % interval."""
+    """Standard deviation of a quantity from run to run, with its 95 % interval `low` to `high`."""
 
     name: str
     unit: str
@@ -62,12 +61,12 @@ class Spread:
 
     @property
     def error(self) -> float:
-        """Standard error of the logarithm of the spread."""
+        """Standard error of the natural logarithm of the spread."""
         return float(np.log(self.high / self.low)) / (2.0 * CENTRAL_95)
 
 
 def spreads(estimate: Estimate) -> tuple[Spread, ...]:
-    """Estimate by REML the spreads of the random unknowns of `estimate`, common ones first.
+    """REML estimates of the run-to-run spreads of the random unknowns of `estimate`.
 
     Common ones scatter in most laboratories: each takes its posterior mean, which allows for no
     scatter, and is left out where that is below `SMALLEST`. The others are added one by one
@@ -95,7 +94,7 @@ def _spread(p: Parameter, share: float, error: float) -> Spread:
 
 @dataclass(frozen=True, slots=True)
 class Likelihood:
-    """Restricted likelihood of the spreads of q quantities, each a random unknown of many runs.
+    """Restricted likelihood of the run-to-run spreads of q quantities.
 
     `curvature` (u, u) and minus the gradient, `descent` (u,), of the u random unknowns are C and g
     of the module's equation, in units of the `usual` (q,) spreads; `owner` (u,) is the index of an
@@ -109,12 +108,12 @@ class Likelihood:
 
     @classmethod
     def of(cls, estimate: Estimate, varying: dict[str, Parameter]) -> Self:
-        """Integrate all unknowns but the random ones, `varying` by name, out of the linearised fit.
+        """Likelihood of the spreads of `varying`, random unknowns by name, in the fit `estimate`.
 
-        The constant part of a quantity is integrated out as an unknown of its own: a constant
-        error of the rig is no scatter.
+        All other unknowns are integrated out of the linearised fit, and so is the constant part of
+        each quantity: a constant error of the rig is no scatter.
         """
-        parameters = unknowns(estimate.model, estimate.evidence)
+        parameters = estimate.unknowns.parameters
         order = list(varying)
         owner = np.array([order.index(p.name) if p.random else -1 for p in parameters])
         usual = np.array([varying[name].spread for name in order])
@@ -173,11 +172,11 @@ def _equations(
 
     The m unknowns are all those of the fit, then the constant part of each random quantity.
     """
-    r = np.concatenate(estimate.residuals)
+    r = estimate.stacked_residuals
     variance = robust.long_run_variance(estimate.evidence.runs, estimate.residuals)
     variance = max(LEAST_NOISE, variance)
     weight = np.sqrt(robust.weights(r / estimate.scale) / variance) / estimate.scale
-    columns = stacked_jacobian(estimate)
+    columns = estimate.stacked_jacobian
     prior = np.array([0.0 if p.random else p.spread**-2 for p in parameters])
     start = np.array([p.start for p in parameters])
     without_scatter = r - columns @ np.where(owner >= 0, estimate.z, 0.0)
@@ -194,7 +193,7 @@ def _equations(
 
 @dataclass(frozen=True, slots=True)
 class SpreadFit:
-    """Most likely spreads: quantities `active`, their `shares` (k,) of the usual, `loss` [nats]."""
+    """Most likely spreads of the quantities `active`: `shares` (k,) of the usual, `loss` [nats]."""
 
     likelihood: Likelihood
     active: tuple[int, ...]
@@ -203,7 +202,7 @@ class SpreadFit:
 
     @classmethod
     def of(cls, likelihood: Likelihood, active: Sequence[int], start: Iterable[float] = ()) -> Self:
-        """Fit the shares of the quantities `active`, from `start` (j,) for the first of them."""
+        """Fit the shares of the usual spreads of quantities `active`, from shares `start` (j,)."""
         if not len(active):
             return cls(likelihood, (), np.zeros(0), likelihood.loss(np.zeros(0), [])[0])
         start_shares = list(start)
@@ -257,7 +256,7 @@ def _add_uncommon(fit: SpreadFit, count: int) -> SpreadFit:
 
 
 def clearly_differ(before: Mapping[str, float], now: Mapping[str, float]) -> bool:
-    """Whether spreads by name differ in their names, or one by a factor beyond DIFFER."""
+    """Whether two sets of spreads by name have other names, or one spread differs beyond DIFFER."""
     return bool(set(before) ^ set(now)) or any(
         not DIFFER < now[name] / value < 1.0 / DIFFER for name, value in before.items()
     )
@@ -266,7 +265,7 @@ def clearly_differ(before: Mapping[str, float], now: Mapping[str, float]) -> boo
 def with_own_scatter(
     simulate: Simulate, estimate: Estimate, spreads: Sequence[Spread], complete: Evidence
 ) -> Estimate:
-    """Refit `estimate` with `spreads`; returned as it is where they hardly differ from its own.
+    """Refit `estimate` with the run-to-run `spreads`; unchanged where they hardly differ.
 
     `complete` are the runs with every random unknown.
     """
@@ -278,10 +277,7 @@ def with_own_scatter(
 
 
 def with_spreads(evidence: Evidence, spreads: Sequence[Spread]) -> Evidence:
-    """Copy of `evidence` whose random unknowns are those that `spreads` names, with these priors.
-
-    Other random unknowns are removed.
-    """
+    """Copy of `evidence` whose random unknowns have `spreads` as priors; other ones are removed."""
     spread_of = {s.name: s.value for s in spreads}
     runs = []
     for run in evidence.runs:
@@ -295,7 +291,7 @@ def with_spreads(evidence: Evidence, spreads: Sequence[Spread]) -> Evidence:
 
 
 def with_scatter(estimate: Estimate, spreads: Sequence[Spread], complete: Evidence) -> Estimate:
-    """Copy of `estimate` on the runs `complete`, whose random unknowns are those of `spreads`.
+    """Copy of `estimate` on the runs `complete`, whose random unknowns have priors `spreads`.
 
     Only its model, evidence and point are valid: residuals are those of the old fit.
     """
@@ -305,7 +301,7 @@ def with_scatter(estimate: Estimate, spreads: Sequence[Spread], complete: Eviden
 def estimate_spreads(
     simulate: Simulate, estimate: Estimate, complete: Evidence
 ) -> tuple[Spread, ...]:
-    """Estimate the run-to-run spreads of all random unknowns of `complete`, near `estimate`.
+    """REML estimates of the spreads of all random unknowns of `complete`, near `estimate`.
 
     The estimate may hold some of the unknowns only: it is refitted with all of them first, so that
     its residuals are noise.
@@ -331,14 +327,14 @@ def _with_unknowns(estimate: Estimate, complete: Evidence) -> Estimate:
 
 
 def covariance(estimate: Estimate, inefficiency: float) -> Array:
-    """Covariance (k, k) of all k unknowns; `inefficiency` samples count as one independent."""
+    """Covariance (k, k) of all k unknowns of a fit; `inefficiency` samples count as one."""
     inverse = normal_equations.covariance(estimate.normal().curvature)
     errors = _common_error_responses(estimate)
     if not errors.shape[1]:
         return inverse * inefficiency
     scale = estimate.scale
-    weight = robust.weights(np.concatenate(estimate.residuals) / scale) / scale**2
-    common = inverse @ (stacked_jacobian(estimate).T @ (weight[:, None] * errors))
+    weight = robust.weights(estimate.stacked_residuals / scale) / scale**2
+    common = inverse @ (estimate.stacked_jacobian.T @ (weight[:, None] * errors))
     return np.asarray(inverse * inefficiency + common @ common.T)
 
 
@@ -356,7 +352,7 @@ def _common_error_responses(estimate: Estimate) -> Array:
 
 
 def degrees_of_freedom(estimate: Estimate, inefficiency: float, scatter: Sequence[Spread]) -> Array:
-    """Degrees of freedom (k,) of the variance of each of the k unknowns, for Student's t.
+    """Degrees of freedom (k,) of the variances of the k unknowns of a fit, for Student's t.
 
     2 V^2 / var V, where var V follows from the errors of the logarithms of the spreads `scatter`
     (Satterthwaite 1946, An approximate distribution of estimates of variance components).

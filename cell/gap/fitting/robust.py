@@ -1,4 +1,4 @@
-"""Robust likelihood: Huber's loss, the dispersion and the autocorrelation of residuals."""
+"""Robust likelihood of residuals: Huber's loss, their dispersion and autocorrelation."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ OFF_TRACK = 5.0  # set by hand
 
 
 def loss(r: Array) -> Array:
-    """Huber's loss (n,) [nats] (Huber 1964, Robust estimation of a location parameter)."""
+    """Huber's loss (n,) [nats] of whitened residuals (n,) (Huber 1964, Ann. Math. Stat. 35, 73)."""
     a = np.abs(r)
     return np.where(
         a <= HUBER_THRESHOLD, 0.5 * r * r, HUBER_THRESHOLD * (a - 0.5 * HUBER_THRESHOLD)
@@ -24,7 +24,7 @@ def loss(r: Array) -> Array:
 
 
 def bounded_loss(r: Array) -> Array:
-    """Huber's loss (n,) [nats], constant beyond OFF_TRACK.
+    """Huber's loss (n,) [nats] of whitened residuals `r` (n,), constant beyond OFF_TRACK.
 
     In comparisons no single sample may decide (Hampel et al. 1986, redescending estimators).
     """
@@ -37,22 +37,22 @@ def bound(r: Array, scale: float = 1.0) -> Array:
 
 
 def weights(r: Array) -> Array:
-    """Weights psi(r) / r (n,) of iterated least squares under Huber's loss."""
+    """Weights psi(r) / r (n,) of least squares that is iterated to Huber's estimate."""
     return np.minimum(1.0, HUBER_THRESHOLD / np.maximum(np.abs(r), 1e-300))
 
 
 def clip_residuals(r: Array) -> Array:
-    """Residuals clipped at Huber's threshold: their influence psi(r) (n,) on a fit."""
+    """Whitened residuals (n,) clipped at Huber's threshold: their influence psi(r) on a fit."""
     return np.clip(r, -HUBER_THRESHOLD, HUBER_THRESHOLD)
 
 
 def scale(r: Array) -> float:
-    """Dispersion of residuals (n,) in units of the stated noise, at least 1."""
+    """Robust standard deviation of whitened residuals (n,), at least 1."""
     return max(1.0, robust_sigma(r)) if len(r) else 1.0
 
 
 def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
-    """Statistical inefficiency: the number of samples that count as one independent sample.
+    """Statistical inefficiency: the number of samples that tell as much as one independent one.
 
     1 + 2 times the sum of autocorrelations, pooled over all series of all runs, residuals (n,)
     each, summed by pairs of lags while they stay positive (Geyer 1992, Practical Markov chain Monte
@@ -63,7 +63,7 @@ def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
 
 
 def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
-    """Long-run variance of residuals (n,): that of their sum over their number, by scale^2."""
+    """Long-run variance of residuals (n,) by scale^2: that of their sum, divided by n."""
     s = scale(np.concatenate(residuals)) if residuals else 1.0
     clipped = [np.clip(r, -HUBER_THRESHOLD * s, HUBER_THRESHOLD * s) for r in residuals]
     power, products = _autocovariance(runs, clipped)
@@ -81,7 +81,7 @@ def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
 
 
 def correlation(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
-    """Lag-one autocorrelation of the residuals (n,) of runs, clipped at OFF_TRACK."""
+    """Lag-one autocorrelation of the residuals (n,) of `runs`, clipped at OFF_TRACK."""
     power, products = _autocovariance(runs, list(map(bound, residuals)), lags=1)
     return float(products[0]) / power if power > 0.0 else 0.0
 

@@ -1,4 +1,4 @@
-"""Runs many fits in lock-step, and caches on disk the simulations that they ask for.
+"""Runs many fits in lock-step, and caches the simulations that they request on disk.
 
 A task is a generator that yields requests and is sent their residuals; its result does not
 depend on what runs beside it. A fit asks for the same simulations in the same order whenever its
@@ -24,55 +24,50 @@ Task = Generator[list[Request], Sequence[Residuals], T]
 
 
 def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
-    """Join tasks into one that advances them in lock-step; returns their results in order."""
+    """Join `tasks` into one task that advances them in lock-step and returns all their results."""
     results: dict[int, T] = {}
     asked: dict[int, list[Request]] = {}
-    for i, task in enumerate(tasks):
-        _advance(i, task, None, asked, results)
+
+    def advance(i: int, answer: Sequence[Residuals] | None = None) -> None:
+        try:
+            asked[i] = next(tasks[i]) if answer is None else tasks[i].send(answer)
+        except StopIteration as stop:
+            results[i] = stop.value
+
+    for i in range(len(tasks)):
+        advance(i)
     while asked:
         order = list(asked)
         answers = list((yield [r for i in order for r in asked[i]]))
         for i in order:
             count = len(asked.pop(i))
-            mine, answers = answers[:count], answers[count:]
-            _advance(i, tasks[i], mine, asked, results)
+            advance(i, answers[:count])
+            answers = answers[count:]
     return [results[i] for i in range(len(tasks))]
 
 
 def run_one(simulate: Simulate, task: Task[T]) -> T:
-    """Run one task to its end and return its result."""
-    answer: Sequence[Residuals] | None = None
-    while True:
-        try:
-            asked = next(task) if answer is None else task.send(answer)
-        except StopIteration as stop:
-            result: T = stop.value
-            return result
-        answer = simulate(asked)
+    """Run a task to its end, answering its requests by `simulate`; returns its result."""
+    return run_all(simulate, [task])[0]
 
 
 def run_all(simulate: Simulate, tasks: Sequence[Task[T]]) -> list[T]:
-    """Run all tasks with one simulation call a round and return their results."""
-    return run_one(simulate, side_by_side(tasks))
-
-
-def _advance(
-    i: int,
-    task: Task[T],
-    answer: Sequence[Residuals] | None,
-    asked: dict[int, list[Request]],
-    results: dict[int, T],
-) -> None:
-    try:
-        asked[i] = next(task) if answer is None else task.send(answer)
-    except StopIteration as stop:
-        results[i] = stop.value
+    """Run `tasks` in lock-step, one call of `simulate` for each round; returns their results."""
+    joint = side_by_side(tasks)
+    answers: Sequence[Residuals] | None = None
+    while True:
+        try:
+            asked = next(joint) if answers is None else joint.send(answers)
+        except StopIteration as stop:
+            results: list[T] = stop.value
+            return results
+        answers = simulate(asked)
 
 
 class SimulationCache:
-    """Simulation function that stores its results in `folder`; `total` counts the simulations.
+    """Simulation function that keeps its answers in files in `folder`; `total` counts simulations.
 
-    The cache owns the folder's parent, too: `erase` deletes it.
+    `erase` deletes the folder's parent, too.
     """
 
     def __init__(self, simulate: Simulate, folder: Path) -> None:
@@ -83,7 +78,7 @@ class SimulationCache:
         folder.mkdir(parents=True, exist_ok=True)
 
     def __call__(self, requests: Sequence[Request]) -> list[Residuals]:
-        """Residuals of `requests`, read from the cache where it holds them, else simulated."""
+        """Residuals of `requests`, from the file of this round if it holds the same ones."""
         path = self._folder / f"{self._round:05d}.npz"
         self._round += 1
         self.total += len(requests)
@@ -95,12 +90,12 @@ class SimulationCache:
         return answers
 
     def erase(self) -> None:
-        """Delete the cache now, with its parent folder; to be called after a complete fit."""
+        """Delete the cached answers with their parent folder, after a complete fit."""
         shutil.rmtree(self._folder.parent, ignore_errors=True)
 
 
 def digest(requests: Sequence[Request]) -> str:
-    """Hash of the requested simulations and of the corrections made to their runs."""
+    """Hash of simulation `requests`: runs, values, and the corrections made to the runs."""
     content = hashlib.sha256()
     runs = {id(r.run): r.run for r in requests}
     corrections = {key: _correction_hash(run) for key, run in runs.items()}
@@ -122,6 +117,7 @@ def _correction_hash(run: Run) -> bytes:
 
 
 def _read(path: Path, asked: str) -> list[Residuals] | None:
+    """Residuals stored at `path` for the requests of the hash `asked`; None if it holds others."""
     try:
         with np.load(path, allow_pickle=False) as stored:
             if str(stored["asked"]) != asked:
@@ -134,6 +130,7 @@ def _read(path: Path, asked: str) -> list[Residuals] | None:
 
 
 def _write(path: Path, asked: str, answers: Sequence[Residuals]) -> None:
+    """Store the residuals `answers` to the requests of the hash `asked` at `path`."""
     partial = path.with_suffix(".part")
     with writing(path, "make room, leave the folder where it is, and run the command again"):
         with partial.open("wb") as file:

@@ -1,4 +1,4 @@
-"""Figures of the report, as SVG text, and the runs replayed for them."""
+"""Figures of a fit's report, as SVG text, and the runs simulated again for them."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from matplotlib.image import AxesImage
 from cell.gap.diagnosis.lack_of_fit import Bin
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import requests
-from cell.gap.report.sentence import motion
+from cell.gap.report.sentence import motion_name
 from cell.gap.subject.subject import Quantity, Scene, Subject
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import CandidateEntry
@@ -36,13 +36,13 @@ class Replay:
 
     @property
     def scenes(self) -> dict[str, Scene]:
-        """Its scenes by word, as far as there are any."""
+        """Drawings of the run by `measured`, `before` and `after`, as far as there are any."""
         scenes = {"measured": self.measured, "before": self.before, "after": self.after}
         return {word: scene for word, scene in scenes.items() if scene is not None}
 
 
 def folds(shapes: Mapping[str, Array]) -> str:
-    """Figure (SVG) of strips where their layers touch: midlines (n, 2) [m] by name."""
+    """Figure (SVG text) of strips where their layers touch: midlines (n, 2) [m] by name."""
     with canvas(7.0, 2.2) as figure:
         axes = figure.add_subplot(aspect="equal", anchor="W")
         axes.axhline(0, color=MUTED, lw=0.8)
@@ -55,8 +55,8 @@ def folds(shapes: Mapping[str, Array]) -> str:
 
 
 def replay(findings: Findings, *, held_out_only: bool = False) -> Iterator[Replay]:
-    """Simulate runs under the refitted base and the accepted model, held-out ones first."""
-    subject, shown = findings.subject, findings.unseen
+    """Simulate the runs with the base and with the accepted model; held-out runs come first."""
+    subject, shown = findings.subject, findings.held_out_fits
     pairs = [(True, shown.before, shown.after if shown.changed else None)]
     if not held_out_only:
         base, best = findings.base.estimate, findings.accepted.estimate
@@ -70,12 +70,13 @@ def replay(findings: Findings, *, held_out_only: bool = False) -> Iterator[Repla
 
 
 def _scenes(subject: Subject, estimate: Estimate) -> Sequence[Scene | None]:
+    """Drawings of the runs of `estimate` as simulated by its model."""
     asked = requests(estimate.model, estimate.evidence.runs, estimate.point)
     return subject.draw_simulated(asked)
 
 
 def heat_map(places: Sequence[Bin]) -> str:
-    """Heat map of the strength of every bin: rows channel, zone and phase, columns conditions."""
+    """Figure (SVG text) of the residuals' strength in each bin: places by conditions."""
     rows = sorted({(p.channel, p.zone, p.phase) for p in places})
     columns = sorted({p.condition for p in places})
     grid = np.full((len(rows), len(columns)), np.nan)
@@ -90,7 +91,7 @@ def heat_map(places: Sequence[Bin]) -> str:
         axis.grid(visible=False)
         image = axis.imshow(np.ma.masked_invalid(grid), cmap="YlOrRd", aspect="auto", norm=scale)
         axis.set_yticks(range(len(rows)), [" · ".join(row) for row in rows])
-        axis.set_xticks(range(len(columns)), [motion(condition) for condition in columns],
+        axis.set_xticks(range(len(columns)), [motion_name(condition) for condition in columns],
                         rotation=40, ha="right", rotation_mode="anchor")  # fmt: skip
         for i, j in zip(*np.nonzero(significant), strict=True):
             axis.plot(j, i, "o", ms=2.5, color=INK)
@@ -109,7 +110,7 @@ def _add_colour_bar(figure: Figure, axis: Axes, image: AxesImage, highest: float
 
 
 def candidate_bars(rows: Sequence[CandidateEntry], accepted: str) -> str:
-    """Bars of the nats that candidates gain on runs left out, with standard errors over runs."""
+    """Figure (SVG text) of the nats that candidates gain on runs left out, with standard errors."""
     drawn = list(rows)[:MOST_BARS][::-1]  # bars stand from the bottom up
     least = -0.25 * max([1.0, *(row.elpd_gain for row in drawn)])  # longer losses are cut there
     gains = [max(row.elpd_gain, least) for row in drawn]
@@ -136,7 +137,7 @@ def candidate_bars(rows: Sequence[CandidateEntry], accepted: str) -> str:
 def residual_traces(
     before: Estimate, after: Estimate | None, run: int, quantities: Mapping[str, Quantity]
 ) -> str:
-    """Figure of measured minus simulated over time in a held-out run, before and perhaps after."""
+    """Figure (SVG text) of residuals over time in held-out run number `run`, before and after."""
     s = before.evidence.runs[run].samples
     rows = [np.flatnonzero(s.series == number) for number in np.unique(s.series)]
     rows = [mine[np.argsort(s.t[mine])] for mine in rows if len(mine) > 1]
@@ -165,7 +166,7 @@ def residual_traces(
 
 
 def midlines(run: Replay) -> str:
-    """Figure of the lifted part of a run's curve at four moments: measured, before and after."""
+    """Figure (SVG text) of the curve of a run at four moments: measured, before and after."""
     measured = run.measured.curve
     if measured is None or not len(measured.t):
         return ""
@@ -203,7 +204,7 @@ def _legend_above(figure: Figure, axis: Axes) -> None:
 
 
 def run_bars(names: Sequence[str], before: Array, after: Array | None) -> str:
-    """Bars of the excess gap (R,) [noise] of each held-out run, before and, if given, after."""
+    """Figure (SVG text) of the excess residual (R,) [noise] of held-out runs, before and after."""
     at, fits = np.arange(len(names)), [("before", before, COLOUR_BEFORE)]
     fits += [] if after is None else [("after", after, COLOUR_AFTER)]
     with canvas(6.0, 1.2 + 0.4 * len(names)) as figure:

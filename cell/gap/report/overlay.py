@@ -30,13 +30,13 @@ RADIUS_MM = 1.2  # mm
 
 
 def write_overlay(findings: Findings, verdict: Verdict, path: Path) -> None:
-    """Write the Rerun recording of a fit at `path`; ConfigurationError where it cannot be."""
+    """Write the Rerun recording of a fit's runs at `path`; ConfigurationError where it cannot."""
     words = f"{headline(verdict)}. {sentence(findings, verdict)}"
     write_recording(findings.subject.name, list(replay(findings)), path, words)
 
 
 def write_recording(name: str, runs: Sequence[Replay], path: Path, words: str) -> None:
-    """Write the Rerun recording of `runs` of the subject `name` with `words`, its verdict.
+    """Write a Rerun recording of `runs` of the subject `name`, with the `words` of its verdict.
 
     Raises ConfigurationError where it cannot be written.
     """
@@ -69,6 +69,7 @@ def blueprint(runs: Sequence[Replay]) -> Any:
 
 
 def _run_tab(run: Replay) -> Any:
+    """Tab of one run: its curve and events on the left, its signals on the right."""
     name = f"{run.name} (held out)" if run.held_out else run.name
     root = _root(run.name)
     titles = dict.fromkeys(s.title for scene in run.scenes.values() for s in scene.signals)
@@ -147,6 +148,7 @@ def _log_curve(recording: rr.RecordingStream, root: str, word: str, scene: Scene
 def _send_columns(
     recording: rr.RecordingStream, entity: str, t: Array, columns: Any, look: Any
 ) -> None:
+    """Send rows at times `t` (m,) [s] to an `entity`; nothing where there are none."""
     if len(t):
         recording.log(entity, look, static=True)
         recording.send_columns(entity, [rr.TimeColumn("t", duration=t)], columns)

@@ -11,20 +11,20 @@ from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.report import figures
 from cell.gap.report.figures import replay
 from cell.gap.report.sentence import (
-    capital,
-    deviation,
+    capitalised,
+    detection_limit,
+    deviation_text,
     headline,
     in_small_unit,
-    interval,
-    label,
-    motion,
-    number,
-    probability,
-    repeats,
+    interval_text,
+    motion_name,
+    number_text,
+    probability_text,
+    quantity_label,
+    scatter_rows,
     sentence,
-    smallest,
-    undetectable,
-    unit,
+    shown_unit,
+    undetectable_effects,
 )
 from cell.gap.selection.likelihood import MIN_GAIN
 from cell.gap.subject.subject import Run
@@ -53,8 +53,8 @@ TONES: dict[Kind, Tone] = {
 }
 
 
-def where(findings: Findings) -> dict[str, str]:
-    """A sentence and a map of the places where the refitted base deviates beyond noise."""
+def place_values(findings: Findings) -> dict[str, str]:
+    """Template values on where the refitted base deviates beyond noise: `words`, and a `map`."""
     places = findings.places
     strong = [place for place in places if place.p < SIGNIFICANT]
     if not strong:
@@ -62,14 +62,14 @@ def where(findings: Findings) -> dict[str, str]:
     first = strong[0]
     words = (
         f"Strongest in {first.channel}, {first.zone} zone, {first.phase} phase of "
-        f"{motion(first.condition)}: {abs(first.z):.0f} sigma. {len(strong)} of {len(places)} "
+        f"{motion_name(first.condition)}: {abs(first.z):.0f} sigma. {len(strong)} of {len(places)} "
         "places disagree beyond noise (dots; family-wise 5 %). Shown is the model after its base "
         "parameters were refitted."
     )
     return {"words": words, "map": figures.heat_map(places)}
 
 
-def candidates(findings: Findings, verdict: Verdict) -> dict[str, Any]:
+def candidate_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on all fitted models, with their gain on runs left out."""
     accepted = findings.accepted.model.name
     note = (
@@ -92,12 +92,13 @@ def _probable_sets(verdict: Verdict) -> str:
         return ""
     first, *others = verdict.posterior.models[:LISTED_SETS]
     others = [m for m in others if m.p > EXCLUDED]
-    listed = [f"{_effect_names(m.names)} {probability(m.p)}" for m in others]
+    listed = [f"{_effect_names(m.names)} {probability_text(m.p)}" for m in others]
     also = f"; besides {', '.join(listed)}" if listed else "; all others are excluded"
     return (
         f"Of the sets of effects that were fitted, by their evidence: {_effect_names(first.names)} "
-        f"{number(first.p, 2)}{also}. On held-out runs {number(verdict.posterior.left, 2)} times "
-        "noise and floor are left. A cause outside the library is not among them."
+        f"{number_text(first.p, 2)}{also}. On held-out runs "
+        f"{number_text(verdict.posterior.left, 2)} times noise and floor are left. A cause "
+        "outside the library is not among them."
     )
 
 
@@ -106,15 +107,16 @@ def _effect_names(names: Sequence[str]) -> str:
 
 
 def _candidate_row(row: CandidateEntry, best: bool) -> dict[str, Any]:
+    """Template values on one candidate: name, gain, standard error, p-value, parameters."""
     return {
         "name": row.name,
         "best": best,
-        "numbers": (f"{row.elpd_gain:.1f}", f"{row.se:.1f}", probability(row.p)),
-        "parameters": [f"{name} {interval(value)}" for name, value in row.parameters.items()],
+        "numbers": (f"{row.elpd_gain:.1f}", f"{row.se:.1f}", probability_text(row.p)),
+        "parameters": [f"{name} {interval_text(value)}" for name, value in row.parameters.items()],
     }
 
 
-def base(findings: Findings, verdict: Verdict) -> dict[str, Any]:
+def base_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on the base: a table of stated and refitted values, and a note."""
     weak = "; ".join(findings.base_fit.weak)
     note = f"The runs say less than was known before of: {weak}."
@@ -123,18 +125,20 @@ def base(findings: Findings, verdict: Verdict) -> dict[str, Any]:
         value = verdict.base[p.name]
         values = (p.start, value.value, value.low, value.high)
         start, refitted, *ends = (
-            number(in_small_unit(v, p.unit), 4) for v in values if v is not None
+            number_text(in_small_unit(v, p.unit), 4) for v in values if v is not None
         )
         within = " to ".join(ends) if len(ends) == 2 else ""
-        rows.append((p.name, start, refitted, within, unit(p.unit)))
+        rows.append((p.name, start, refitted, within, shown_unit(p.unit)))
     return {"rows": rows, "note": note if weak else "The runs determine all of it."}
 
 
-def compare_held_out(findings: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Template values on the held-out runs, before and after: figures, a sentence, a table."""
-    gap, before = verdict.gap, findings.unseen.before
-    after = findings.unseen.after if findings.unseen.changed else None
-    words = {q.key: f"{label(q)} [{q.unit}]" for q in findings.subject.scope.quantities.values()}
+def held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
+    """Template values on held-out runs, before and after: figures, a sentence, a table."""
+    gap, before = verdict.gap, findings.held_out_fits.before
+    after = findings.held_out_fits.after if findings.held_out_fits.changed else None
+    words = {
+        q.key: f"{quantity_label(q)} [{q.unit}]" for q in findings.subject.scope.quantities.values()
+    }
     sides = [gap.before, gap.floor] if after is None else [gap.before, gap.after, gap.floor]
     names = conditions(before.evidence.runs)
     was = _excess_by_run(before)
@@ -162,8 +166,8 @@ def _excess_by_run(fit: Estimate) -> Array:
 
 
 def conditions(runs: Sequence[Run]) -> list[str]:
-    """Names of the runs by their motion, such as `fast`; repeats are numbered."""
-    short = [motion(run.condition) for run in runs]
+    """Short names of `runs` by their motion, such as `fast`; repeats are numbered."""
+    short = [motion_name(run.condition) for run in runs]
     return [
         name if short.count(name) == 1 else f"{name} {short[: i + 1].count(name)}"
         for i, name in enumerate(short)
@@ -177,6 +181,7 @@ def _midline_figure(findings: Findings, run: str) -> str:
 
 
 def _shrinkage_words(verdict: Verdict) -> str:
+    """Sentence on the share of the excess residual that is removed, with its interval."""
     gap = verdict.gap
     if not gap.before["excess"]:
         return "Already before, the held-out runs together showed no more than noise"
@@ -184,30 +189,30 @@ def _shrinkage_words(verdict: Verdict) -> str:
     return f"The gap shrank by {100 * gap.shrink:.0f} % {ends}"
 
 
-def remains(findings: Findings, verdict: Verdict) -> dict[str, Any]:
+def remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on what the accepted model leaves, and on detection limits."""
     rest, law, open_ = verdict.unexplained, findings.law, verdict.verdict == "unexplained"
     return {
         "open": open_,
-        "rest": capital(rest.description) if rest and not open_ else "",  # the card says it
+        "rest": capitalised(rest.description) if rest and not open_ else "",  # the card says it
         "law": law.words if law else "",
         "share": f"{100 * law.shrink:.0f} %" if law else "",
         "alike": "; ".join(" or ".join(group) for group in verdict.ambiguous),
-        "silent": ", ".join(undetectable(findings)),
+        "silent": ", ".join(undetectable_effects(findings)),
         "detectable": [
-            (name, smallest(findings, name, value))
+            (name, detection_limit(findings, name, value))
             for name, value in sorted(verdict.detectable.items())
         ],
     }
 
 
 def write_report(findings: Findings, verdict: Verdict, path: Path) -> None:
-    """Write the report page at `path`."""
+    """Write the report page of a fit at `path`."""
     write_file(path, page(findings, verdict, path.parent))
 
 
 def page(findings: Findings, verdict: Verdict, out: Path) -> str:
-    """HTML text of the report in `out`: the verdict card, figures, and below them all numbers."""
+    """HTML text of a fit's report: the verdict card, figures, and below them all numbers."""
     runs, held = len(findings.subject.runs), len(verdict.held_out)
     name = findings.subject.name
     return document(
@@ -219,13 +224,13 @@ def page(findings: Findings, verdict: Verdict, out: Path) -> str:
         following=_next_commands(findings, verdict, out),
         notes=verdict.notes,
         planned=_planned_folds(findings, verdict),
-        held=compare_held_out(findings, verdict),
-        where=where(findings),
-        remains=remains(findings, verdict),
-        repeats=repeats(findings),
+        held=held_out_values(findings, verdict),
+        where=place_values(findings),
+        remains=remaining_values(findings, verdict),
+        repeats=scatter_rows(findings),
         experiments=_experiments_table(verdict),
-        candidates=candidates(findings, verdict),
-        base=base(findings, verdict),
+        candidates=candidate_values(findings, verdict),
+        base=base_values(findings, verdict),
         foot=_provenance(findings, verdict),
     )
 
@@ -257,12 +262,12 @@ def _verdict_card(findings: Findings, verdict: Verdict) -> Card:
     if verdict.effects:
         number, below = f"{100 * verdict.effects[0].confidence:.0f} %", "probable that this is it"
     lines = [sentence(findings, verdict)]
-    if findings.unseen.changed:
+    if findings.held_out_fits.changed:
         lines.append(f"On runs held out: {_shrinkage_words(verdict).lower()}.")
     tone = TONES[verdict.verdict]
     if verdict.deviates:
         tone = "bad" if tone == "bad" else "fair"
-        lines = [capital(deviation(verdict.deviates)) + ".", *lines]
+        lines = [capitalised(deviation_text(verdict.deviates)) + ".", *lines]
     return Card(tone, headline(verdict), tuple(lines), number, below)
 
 

@@ -1,34 +1,28 @@
-"""Choice of the accepted model, and the models that these runs cannot distinguish from it.
+"""Choice of the model to accept, and of models that the runs cannot tell from it.
 
 Accepted is the most probable set of effects of which each is needed.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
-from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, LikelihoodScale, margin
+from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, LikelihoodScale, gains
 from cell.gap.selection.posterior import Posterior
 from drivers.types import Array
 
 
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """The accepted model, the base where none is, and all fits."""
+def choose(fits: Fits, sets: Posterior) -> CrossValidatedFit:
+    """The model of `fits` to accept: the most probable one of which each effect is needed.
 
-    accepted: CrossValidatedFit
-    fits: Fits
-
-
-def choose(fits: Fits, sets: Posterior) -> Choice:
-    """Accept the most probable model of which each effect is needed; else the base."""
-    return Choice(next(needed_models(fits, sets), fits.base), fits)
+    The base where there is none; `sets` are the probabilities of the models.
+    """
+    return next(needed_models(fits, sets), fits.base)
 
 
 def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
-    """Models of which each effect is needed, the most probable first.
+    """Models of `fits` of which each effect is needed, the most probable by `sets` first.
 
     A model clearly leads each fitted part of it, the base too, and predicts runs left out better:
     what a fit gains in its own runs, others may not confirm. Beside other effects it predicts them
@@ -38,8 +32,8 @@ def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
 
     def leads(model: CrossValidatedFit, part: CrossValidatedFit) -> bool:
         lead = sets.lead(model.model.names) - sets.lead(part.model.names)
-        gain = margin(model, part, likelihood).each
-        beyond = gain - np.clip(gain, 0.0, _model_error(part, fits, likelihood))
+        by_run = gains(model, part, likelihood)
+        beyond = by_run - np.clip(by_run, 0.0, _model_error(part, fits, likelihood))
         return lead > MIN_GAIN and beyond.sum() > (MIN_GAIN if part.model.effects else 0.0)
 
     for names in (m.names for m in sets.models if m.names):
@@ -50,23 +44,23 @@ def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
 
 
 def _model_error(model: CrossValidatedFit, fits: Fits, likelihood: LikelihoodScale) -> Array:
-    """Nats (R,) of each run that errors of the laws of `model` may cost.
+    """Log likelihood (R,) [nats] of each run that errors of the laws of `model` may cost.
 
     What a law gets wrong of what it explains in a run, another effect would absorb there.
     """
     wrong = np.zeros(len(model.left_out))
     for effect in model.model.effects:
         without = fits.of(model.model.names - {effect.name}) or fits.base
-        explained = np.maximum(margin(model, without, likelihood).each, 0.0)
+        explained = np.maximum(gains(model, without, likelihood), 0.0)
         wrong += effect.model_error**2 * explained
     return wrong
 
 
 def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[CrossValidatedFit]:
-    """Models of as many effects as the accepted one that these runs do not exclude.
+    """Models of as many effects as `accepted` that the runs do not exclude, most probable first.
 
     Excluded is what is less than ALPHA times as probable, even if the laws of the accepted model
-    were without their errors. The most probable comes first.
+    were without their errors.
     """
     least = np.log(ALPHA) - float(_model_error(accepted, fits, fits.likelihood).sum())
 
@@ -78,16 +72,16 @@ def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[Cro
 
 
 def classes(accepted: CrossValidatedFit, rivals: Sequence[CrossValidatedFit]) -> list[list[str]]:
-    """Classes of effects, by name, that the runs cannot separate from one another.
+    """Groups of effects, by name, of which the runs cannot tell which one is present.
 
     Rivals that differ in one effect give the class of the two effects; those that share none
     give one class of all.
     """
-    return merged([sorted(accepted.model.names ^ rival.model.names) for rival in rivals])
+    return join_overlapping([sorted(accepted.model.names ^ rival.model.names) for rival in rivals])
 
 
-def merged(groups: Sequence[Sequence[str]]) -> list[list[str]]:
-    """Groups of names, those that share a name as one."""
+def join_overlapping(groups: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Groups of names in which those that share a name are joined to one."""
     disjoint: list[set[str]] = []
     for names in groups:
         group = set(names).union(*(g for g in disjoint if not g.isdisjoint(names)))

@@ -1,6 +1,6 @@
 """Choice of the held-out runs: one condition in four, and repeats of indispensable ones."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -19,10 +19,11 @@ PERIOD = 4  # one condition in so many, unless the others cannot spare it
 NEEDED = 0.5  # share of the information on an effect that is lost without a condition they need
 ALONE = 0.9  # the same share, of a condition that alone shows an effect
 LEAST_INFORMATION = 1.0  # nats in all runs, of an effect that counts
+Loss = Callable[[Sequence[int]], float]
 
 
 def held_out(subject: Subject, simulate: Simulate, requested: Sequence[str] = ()) -> list[str]:
-    """Names of the held-out runs: those `requested` or else one condition in four.
+    """Names of the runs to hold out: those `requested`, or else one condition in four.
 
     A condition that holds most of the information on some effect is fitted: held out, it would
     hide that effect. Where it alone shows one, the last of its repeats is held out. How well the
@@ -33,24 +34,24 @@ def held_out(subject: Subject, simulate: Simulate, requested: Sequence[str] = ()
     if requested:
         return list(dict.fromkeys(requested))
     conditions = folds(subject.runs, most=len(names))
-    information = Informativeness(subject, simulate)
-    indices = _dispensable_runs(conditions, information)
+    loss = _information_loss(subject, simulate)
+    indices = _dispensable_runs(conditions, loss)
     for condition in conditions:
         is_free = len(condition) > 1 and not set(condition) & set(indices)
-        if is_free and information.largest_loss(condition) >= ALONE:
+        if is_free and loss(condition) >= ALONE:
             indices += condition[-1:]
     if not indices and len(conditions) > 1:
         indices = conditions[1]
     return [names[i] for i in indices]
 
 
-def _dispensable_runs(conditions: Sequence[list[int]], information: "Informativeness") -> list[int]:
+def _dispensable_runs(conditions: Sequence[list[int]], loss: Loss) -> list[int]:
     """Numbers of the runs to hold out: one condition in PERIOD that others can spare."""
     indices: list[int] = []
     for first in range(1, len(conditions), PERIOD):
         for condition in (*conditions[first:], *conditions[:first]):
             is_free = not set(condition) & set(indices)
-            if is_free and information.largest_loss([*indices, *condition]) < NEEDED:
+            if is_free and loss([*indices, *condition]) < NEEDED:
                 indices += condition
                 break
     return indices
@@ -67,35 +68,34 @@ def check(names: Sequence[str], requested: Sequence[str]) -> None:
         raise ConfigurationError("--hold-out: all runs are held out; leave some to fit")
 
 
-class Informativeness:
-    """Information of runs on the effects of the library, at the stated values of the base.
+def _information_loss(subject: Subject, simulate: Simulate) -> Loss:
+    """Function of run numbers: largest share of the information on an effect that they hold.
 
-    Nats by which a fit would gain from an effect of a size that laboratories report, once the
-    base has moved to absorb what it can.
+    Information is in nats by which a fit would gain from an effect of a size that laboratories
+    report, at the stated values of the base, once this has moved to absorb what it can.
     """
+    stated = nominal(subject, simulate)
+    responses = _responses(subject, simulate, stated)
 
-    def __init__(self, subject: Subject, simulate: Simulate) -> None:
-        self._stated = nominal(subject, simulate)
-        self._responses = _responses(subject, simulate, self._stated)
-        self._all = self._information(range(len(subject.runs)))
+    def information(indices: Sequence[int]) -> Array:
+        absorbing = projection(stated.on(indices), robustly=False)
+        response = np.concatenate([responses[i] for i in indices])
+        return np.asarray(0.5 * (response * absorbing.left(response)).sum(axis=0))
 
-    def largest_loss(self, without: Sequence[int]) -> float:
-        """Largest share of the information on any effect that is lost without these runs."""
-        remaining = [i for i in range(len(self._responses)) if i not in without]
-        counts = self._all > LEAST_INFORMATION
+    whole = information(range(len(responses)))
+    counts = whole > LEAST_INFORMATION
+
+    def loss(without: Sequence[int]) -> float:
+        remaining = [i for i in range(len(responses)) if i not in without]
         if not remaining or not counts.any():
             return float(not remaining)
-        return float((1.0 - self._information(remaining)[counts] / self._all[counts]).max())
+        return float((1.0 - information(remaining)[counts] / whole[counts]).max())
 
-    def _information(self, indices: Sequence[int]) -> Array:
-        """Information (candidates,) [nats] on each effect in the runs of the numbers `indices`."""
-        absorbing = projection(self._stated.on(indices), robustly=False)
-        responses = np.concatenate([self._responses[i] for i in indices])
-        return np.asarray(0.5 * (responses * absorbing.left(responses)).sum(axis=0))
+    return loss
 
 
 def _responses(subject: Subject, simulate: Simulate, base: Estimate) -> list[Array]:
-    """Whitened response (n, candidates) of each run to each candidate's middle probe."""
+    """Whitened responses (n, candidates) of each run to the middle probe of each candidate."""
     models = [(base.model, base.shared)]
     for c in subject.scope.candidates:
         (vector, *_) = c.probes[len(c.probes) // 2]

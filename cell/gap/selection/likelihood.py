@@ -1,4 +1,4 @@
-"""Fitted models of the same runs, compared by predictive likelihood: margins [nats], p-values."""
+"""Fitted models of the same runs, compared by their predictive likelihoods."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ ALPHA = 0.01  # probability of a false alarm, family-wise; customary
 
 @dataclass(frozen=True, slots=True)
 class LikelihoodScale:
-    """Scale of log-likelihoods: the dispersion and statistical inefficiency of the best model.
+    """Dispersion and statistical inefficiency by which all log-likelihoods are divided.
 
     Where even the best model leaves more than noise, or leaves it correlated, log-likelihoods
     shrink by as much (quasi-likelihood: McCullagh and Nelder 1989, chapter 9).
@@ -29,47 +29,33 @@ class LikelihoodScale:
     inefficiency: float
 
     def standardise(self, distance: float) -> float:
-        """Distance [sigma] of two models from their whitened `distance`."""
+        """Distance of two models in standard deviations, from that of their whitened residuals."""
         return distance / self.scale / math.sqrt(self.inefficiency)
 
 
 def likelihood_scale(models: Sequence[CrossValidatedFit]) -> LikelihoodScale:
-    """Scale of log-likelihoods from the model of `models` that fits best."""
+    """Dispersion and inefficiency of the residuals of that one of `models` that fits best."""
     fit = min((m.estimate for m in models), key=lambda fit: (fit.scale, fit.objective))
     return LikelihoodScale(fit.scale, robust.inefficiency(fit.evidence.runs, fit.residuals))
 
 
-@dataclass(frozen=True, slots=True)
-class Margin:
-    """How much better one model predicts than another: `each` (R,) [nats] in a run left out."""
-
-    each: Array
-
-    @property
-    def gain(self) -> float:
-        """Sum over runs [nats]."""
-        return float(self.each.sum())
-
-    @property
-    def se(self) -> float:
-        """Standard error of the sum over runs [nats]; 0 of one run."""
-        n = len(self.each)
-        return float(np.sqrt(n) * self.each.std(ddof=1)) if n > 1 else 0.0
-
-
-def margin(
-    model: CrossValidatedFit, other: CrossValidatedFit, likelihood: LikelihoodScale
-) -> Margin:
-    """Margin of `model` over `other`, nested or not."""
+def gains(model: CrossValidatedFit, other: CrossValidatedFit, likelihood: LikelihoodScale) -> Array:
+    """Log predictive likelihood ratios (R,) [nats] of `model` to `other`, nested or not, by run."""
     ahead = other.losses(likelihood.scale) - model.losses(likelihood.scale)
-    return Margin(ahead / likelihood.inefficiency)
+    return ahead / likelihood.inefficiency
+
+
+def gain(model: CrossValidatedFit, other: CrossValidatedFit, likelihood: LikelihoodScale) -> float:
+    """Log predictive likelihood ratio [nats] of `model` to `other` over all runs."""
+    return float(gains(model, other, likelihood).sum())
 
 
 @dataclass(frozen=True, slots=True)
 class Fits:
-    """Fitted models of the same runs, each set of effects once; one of them is the base.
+    """Fitted models of the same runs, one for each set of effects, with that of no effect.
 
-    `library` has the whitened response (N, k) to the amount of each effect that fills the floor.
+    `library` has for each effect the whitened response (N, k) to the amount that fills the model-
+    error floor.
     """
 
     models: tuple[CrossValidatedFit, ...]
@@ -77,12 +63,12 @@ class Fits:
 
     @property
     def base(self) -> CrossValidatedFit:
-        """The model without effects."""
+        """The fitted model without effects."""
         return next(m for m in self.models if not m.model.effects)
 
     @property
     def likelihood(self) -> LikelihoodScale:
-        """Scale of log-likelihoods, from the model that fits best."""
+        """Dispersion and inefficiency of the model that fits best."""
         return likelihood_scale(self.models)
 
     def of_size(self, size: int) -> list[CrossValidatedFit]:
@@ -90,12 +76,12 @@ class Fits:
         return by_loss([m for m in self.models if len(m.model.effects) == size], self.likelihood)
 
     def of(self, names: frozenset[str]) -> CrossValidatedFit | None:
-        """The model with exactly these effects, if it was fitted."""
+        """The fitted model with exactly the effects `names`; None if there is none."""
         return next((m for m in self.models if m.model.names == names), None)
 
     @property
     def best(self) -> CrossValidatedFit:
-        """The model that predicts best, whatever its size."""
+        """The model that predicts runs left out best, whatever its number of effects."""
         return by_loss(self.models, self.likelihood)[0]
 
     def near_best(self, size: int) -> list[CrossValidatedFit]:
@@ -103,11 +89,11 @@ class Fits:
         if not size:
             return []
         models = self.of_size(size)
-        gains = [margin(m, self.base, self.likelihood).gain for m in models]
-        return [m for m, gain in zip(models, gains, strict=True) if gain > GAIN_SHARE * gains[0]]
+        nats = [gain(m, self.base, self.likelihood) for m in models]
+        return [m for m, n in zip(models, nats, strict=True) if n > GAIN_SHARE * nats[0]]
 
     def merge(self, more: Sequence[CrossValidatedFit]) -> "Fits":
-        """Fits with `more` added; of two fits of the same effects the better one is kept."""
+        """Copy with the models `more`; of two with the same effects the better fit is kept."""
         found = {m.model.names: m for m in self.models}
         for m in more:
             known = found.get(m.model.names)
@@ -119,7 +105,7 @@ class Fits:
 def by_loss(
     models: Sequence[CrossValidatedFit], likelihood: LikelihoodScale
 ) -> list[CrossValidatedFit]:
-    """Sort `models` by their predictive loss, the best first."""
+    """`models` sorted by predictive loss at the scale `likelihood`, the best first."""
     return sorted(models, key=lambda m: (float(m.losses(likelihood.scale).sum()), m.model.name))
 
 
@@ -137,12 +123,12 @@ def likelihood_ratio_p(
 
 
 def family_wise(p: Mapping[str, float], names: Sequence[str]) -> dict[str, float]:
-    """Family-wise p-values of all `names`; a name without a test counts as p = 1."""
+    """Family-wise p-values of all `names`, by Holm's method; p = 1 for names that `p` lacks."""
     return dict(zip(names, holm([p.get(name, 1.0) for name in names]), strict=True))
 
 
 def holm(p: Sequence[float]) -> list[float]:
-    """Family-wise p-values (Holm 1979), in the order of `p`."""
+    """Family-wise p-values by Holm's step-down method (1979), in the order of `p`."""
     order, adjusted = np.argsort(p), np.empty(len(p))
     steps = np.arange(len(p), 0, -1) * np.array(p)[order]
     adjusted[order] = np.minimum(1.0, np.maximum.accumulate(steps))

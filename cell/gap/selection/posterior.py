@@ -1,4 +1,4 @@
-"""Prior of effects, and posterior over sets of them by the evidence of linearised fits.
+"""Prior of effects, and posterior of sets of them by the evidence of linearised fits.
 
 An absent effect is expected at an amount that does not matter, by the floor of the samples;
 `python -m tests.lab study beliefs` fits the numbers of the prior.
@@ -20,9 +20,10 @@ from pydantic import Field
 from scipy import special
 from scipy.linalg import cho_solve, solve_triangular
 
-from cell.gap.fitting import normal_equations, robust
+from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.projection import projection, stacked_jacobian
+from cell.gap.fitting.normal_equations import Unknowns
+from cell.gap.fitting.projection import projection
 from cell.gap.selection.likelihood import Fits, LikelihoodScale
 from cell.gap.selection.screening import ProbeResponses
 from drivers.settings import Seconds, Settings, load
@@ -33,7 +34,7 @@ LEAST_NORM = 1e-6  # of a whitened response; a smaller one is rounding
 
 
 class Beliefs(Settings):
-    """Content of beliefs.yaml: the prior of the effects before runs are seen.
+    """Prior of the effects, as beliefs.yaml states it.
 
     Of the library `expected` effects are present. The spike prior of an absent one has a response
     of this share (one sigma, `immaterial`) of what the floor allows. The relative model error of a
@@ -52,14 +53,14 @@ class Beliefs(Settings):
 
 @cache
 def beliefs() -> Beliefs:
-    """Load the prior that the package ships."""
+    """Load the prior of the effects from beliefs.yaml, which the package ships."""
     return load(BELIEFS_FILE, Beliefs)
 
 
-def filling_floor(
+def floor_responses(
     base: Estimate, probed: Sequence[ProbeResponses], *, believed: bool
 ) -> dict[str, Array]:
-    """Whitened responses (N, k) by name to the amount of each effect that fills the floor.
+    """Whitened responses (N, k) to each effect, by name, at the amount that fills the error floor.
 
     A column for each group of its probes that the refitted base cannot absorb, scaled (least
     squares over the runs) to the energy of the floor, so that an effect of one run alone may fill
@@ -85,8 +86,8 @@ def filling_floor(
     return found
 
 
-def immaterial(library: Mapping[str, Array]) -> list[Array]:
-    """Whitened responses (N, k) to one sigma of each effect's spike prior.
+def spike_responses(library: Mapping[str, Array]) -> list[Array]:
+    """Whitened responses (N, k) to one standard deviation of each absent effect's spike prior.
 
     `library` has those to the amount that fills the floor.
     """
@@ -95,7 +96,7 @@ def immaterial(library: Mapping[str, Array]) -> list[Array]:
 
 @dataclass(frozen=True, slots=True)
 class SetProbability:
-    """A set of effects, its log evidence plus log prior [nats], and its probability."""
+    """A set of effects with its probability `p`, and its log evidence plus log prior, `nats`."""
 
     names: frozenset[str]
     nats: float
@@ -104,19 +105,19 @@ class SetProbability:
 
 @dataclass(frozen=True, slots=True)
 class Posterior:
-    """Probabilities of the fitted sets of effects, which sum to one; the most probable first."""
+    """Posterior probabilities of the fitted sets of effects, the most probable set first."""
 
     models: tuple[SetProbability, ...]
 
     @property
     def inclusion(self) -> dict[str, float]:
-        """Inclusion probability of each effect by name, the most probable first."""
+        """Probability that each effect is present, by its name, the most probable first."""
         names = {name for model in self.models for name in model.names}
         shares = {name: sum(m.p for m in self.models if name in m.names) for name in names}
         return dict(sorted(shares.items(), key=lambda each: (-each[1], each[0])))
 
     def log_odds(self, holds: Callable[[frozenset[str]], bool]) -> float:
-        """Log-odds [nats] of the sets for which `holds` holds; infinite where it holds for all."""
+        """Log-odds [nats] that the true set of effects satisfies `holds`; infinite if all do."""
         holding = np.array([holds(m.names) for m in self.models])
         nats = np.array([m.nats for m in self.models])
         for_all, for_none = bool(holding.all()), not holding.any()
@@ -125,13 +126,13 @@ class Posterior:
         return float(special.logsumexp(nats[holding]) - special.logsumexp(nats[~holding]))
 
     def lead(self, names: frozenset[str]) -> float:
-        """Lead [nats] of the set `names` over the base."""
+        """Log posterior odds [nats] of the set `names` against no effect."""
         nats = {m.names: m.nats for m in self.models}
         return nats[names] - nats[frozenset()]
 
 
 def posterior(fits: Fits, likelihood: LikelihoodScale, prior: Beliefs | None = None) -> Posterior:
-    """Probabilities of the sets of effects in `fits`; without a `prior`, by the package's."""
+    """Posterior probabilities of the sets of effects in `fits`, by the shipped prior by default."""
     prior = prior or beliefs()
     common = _About.of(fits, likelihood, prior)
     chance = prior.expected / max(len(fits.library), 2.0 * prior.expected)
@@ -145,7 +146,7 @@ def posterior(fits: Fits, likelihood: LikelihoodScale, prior: Beliefs | None = N
 
 @dataclass(frozen=True, slots=True)
 class _About:
-    """Inputs that all sets share: base, weights (N,) of samples, spikes (N, k) by effect."""
+    """Inputs to the evidence of every set: base fit, weights (N,) of samples, spikes (N, k)."""
 
     base: Estimate
     weight: Array
@@ -166,7 +167,7 @@ class _About:
         return cls(base, weight, spikes, prior)
 
     def evidence(self, fit: Estimate) -> float:
-        """Log evidence [nats] of a fit, averaged over relative model errors of its laws."""
+        """Log evidence [nats] of a fit, averaged over the relative model errors of its laws."""
         shares = self.prior.shares if fit.model.effects else (0.0,)
         mass = np.exp(-0.5 * np.square(np.array(shares) / self.prior.wrong))
         nats = [self._evidence_at(fit, share) for share in shares]
@@ -177,11 +178,11 @@ class _About:
         residual, jacobian = _in_units_of(self.base, fit)
         spikes = [s for name, s in self.spikes.items() if name not in fit.model.names]
         columns = np.concatenate([residual[:, None], jacobian, *spikes], axis=1)
-        explained = np.concatenate(self.base.residuals) - residual
+        explained = self.base.stacked_residuals - residual
         whitened, logdet = self._whiten(columns, share * explained)
         r, responses = whitened[:, 0], whitened[:, 1:]
         laws = slice(len(fit.model.base), len(fit.model.parameters))
-        limits, z = _with_proper_priors(fit.limits, laws), fit.z
+        limits, z = _with_proper_priors(fit.unknowns, laws), fit.z
         precision = np.concatenate([limits.precision, np.ones(responses.shape[1] - len(z))])
         deviation = np.concatenate([z - limits.mean, np.zeros(len(precision) - len(z))])
         curvature = responses.T @ responses + np.diag(precision)
@@ -232,10 +233,10 @@ def _in_units_of(base: Estimate, fit: Estimate) -> tuple[Array, Array]:
     """Residual (N,) and Jacobian (N, size) of `fit`, whitened by the scales of `base`."""
     scales = zip(fit.evidence.scales, base.evidence.scales, strict=True)
     unit = np.concatenate([own_scale / base_scale for own_scale, base_scale in scales])
-    return np.concatenate(fit.residuals) * unit, stacked_jacobian(fit) * unit[:, None]
+    return fit.stacked_residuals * unit, fit.stacked_jacobian * unit[:, None]
 
 
-def _with_proper_priors(limits: normal_equations.Bounds, laws: slice) -> normal_equations.Bounds:
+def _with_proper_priors(limits: Unknowns, laws: slice) -> Unknowns:
     """Copy of `limits` in which effect parameters, the slice `laws`, all have a normal prior.
 
     Those without one get a standard deviation of a quarter of their range.
@@ -246,9 +247,7 @@ def _with_proper_priors(limits: normal_equations.Bounds, laws: slice) -> normal_
     return replace(limits, precision=precision)
 
 
-def _truncation(
-    limits: normal_equations.Bounds, mean: Array, variance: Array, laws: slice
-) -> float:
+def _truncation(limits: Unknowns, mean: Array, variance: Array, laws: slice) -> float:
     """Log ratio [nats] of posterior to prior mass within bounds, each of `laws` by itself."""
 
     def log_mass(middle: Array, deviation: Array) -> Array:

@@ -1,20 +1,21 @@
-"""Linear screening: predicts each candidate effect's gain from probes about the fitted base."""
+"""Linear screening: predicts what candidate effects gain, from simulations near the base fit."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, islice
+from operator import itemgetter
 from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.gap.fitting import normal_equations
 from cell.gap.fitting.gauss_newton import Estimate, responses_to
 from cell.gap.fitting.model import Model, Point
+from cell.gap.fitting.normal_equations import NormalEquations
 from cell.gap.fitting.projection import Projection
 from cell.gap.fitting.tasks import Task
 from cell.gap.selection.likelihood import LikelihoodScale
-from cell.gap.subject.subject import Candidate
+from cell.gap.subject.subject import Candidate, Parameter
 from drivers.types import Array
 
 Start = tuple[Point, tuple[Array, ...] | None]
@@ -32,7 +33,7 @@ STEEP = 0.3  # times the response per amount farther off, below which an effect 
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """Predicted gain [nats] of effects added together, with values to start their fit from.
+    """Predicted gain [nats] of effects that are added together, and values to start their fit from.
 
     The gain is that at the values `start`, by effect. Where these are `linear`, they follow from
     the secants at null, and a fit from null finds them by itself. `probe_starts` are unscaled
@@ -53,7 +54,7 @@ class Score:
 
     @property
     def starts(self) -> list[dict[str, Array]]:
-        """Start values (k,) by effect of each fit to try; missing effects start at null."""
+        """Start values (k,) by effect for each fit to try; effects without one start at null."""
         starts: list[dict[str, Array]] = [{}]
         if not self.linear:
             starts.append(self.start)
@@ -63,12 +64,13 @@ class Score:
         return [{**self._known, **values} for values in starts]
 
     def joined_to(self, fit: Estimate) -> "Score":
-        """Copy of this score that adds its effects to those of `fit` and starts from its values."""
+        """Copy that adds the effects to those of `fit`, and starts from the values of that fit."""
         names = tuple(sorted({*fit.model.names, *self.names}))
         return replace(self, names=names, origin=fit)
 
     @property
     def _known(self) -> dict[str, Array]:
+        """Values (k,) by effect of the fit to extend, for the effects that stay."""
         if self.origin is None:
             return {}
         _, effects = self.origin.model.split(self.origin.shared)
@@ -78,10 +80,10 @@ class Score:
 def starts(
     base: Estimate, score: Score, candidates: Sequence[Candidate]
 ) -> tuple[Model, list[Start]]:
-    """Model with the effects of `score`, and the starts of its fits: first, new effects at null.
+    """Model with the effects of `score`, and where its fits start: first with new effects at null.
 
-    Only that start has secants: those of the fit that it extends and, for new effects, those of the
-    screen. A fit computes new secants where these do not predict its decrease.
+    Only that start has a Jacobian: that of the fit that it extends and, for new effects, the one of
+    the screen. A fit computes it anew where it does not predict the decrease.
     """
     model = with_effects(base.model, score.names, candidates)
     origin = score.origin or base
@@ -92,7 +94,7 @@ def starts(
 
 
 def with_effects(model: Model, names: Sequence[str], candidates: Sequence[Candidate]) -> Model:
-    """The base of `model` with the named effects, in the order of `candidates`."""
+    """Model of the base of `model` and those of `candidates` that have `names`, in their order."""
     return Model(model.base, tuple(c for c in candidates if c.name in names))
 
 
@@ -126,7 +128,7 @@ def _is_complete(secants: Array | None, effect: Candidate) -> TypeGuard[Array]:
 
 @dataclass(frozen=True, slots=True)
 class ProbeResponses:
-    """Whitened responses (N, probes) of all samples to each group of a candidate's probes.
+    """Whitened responses (N, probes) of all samples to each group of a candidate effect's probes.
 
     The first group holds steps from null, one parameter at a time; the others are the candidate's
     stated probes.
@@ -138,18 +140,18 @@ class ProbeResponses:
 
     @property
     def secants(self) -> Array:
-        """Whitened secants (N, parameters) at the null."""
+        """Derivatives (N, parameters) of the whitened residuals at the null of the effect."""
         moved = np.array([v - self.candidate.null for v in self.groups[0]])
         return np.asarray(self.responses[0] / np.diag(moved))
 
     @property
     def dead(self) -> bool:
-        """Whether the candidate changes nothing in these runs."""
+        """Whether the effect changes nothing in these runs at any of its probes."""
         return all(np.abs(d).max(initial=0.0) < DEAD for d in self.responses)
 
 
 def probe(base: Estimate, candidate: Candidate, *, steps: bool = True) -> Task[ProbeResponses]:
-    """Simulate a candidate's probes at the fit `base`; yields requests, returns the responses.
+    """Simulate an effect's probes at the fit `base`; a task that returns their responses.
 
     Without `steps` from null, which a linear screen needs, only its stated probes.
     """
@@ -164,7 +166,7 @@ def probe(base: Estimate, candidate: Candidate, *, steps: bool = True) -> Task[P
 
 
 def _steps_from_null(candidate: Candidate) -> tuple[Array, ...]:
-    """Parameter vectors (k,), each at null but for one parameter, which is a step away."""
+    """Parameter vectors (k,) of an effect at its null but for one parameter, a step away."""
     moved = []
     for i, p in enumerate(candidate.parameters):
         vector = candidate.null
@@ -174,20 +176,20 @@ def _steps_from_null(candidate: Candidate) -> tuple[Array, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
-    """Normal equations for the amounts of all candidates' probes, with the base refitted.
+class ProbeEquations:
+    """Normal equations for the amounts of the probes of all candidate effects, the base refitted.
 
-    `columns` by candidate and group are the positions of its probes in `form`. `gain_bounds`
-    (G, G) [nats] is the most that two of the G groups can gain together, one alone on its diagonal.
+    `columns` by candidate and group are the positions of its probes in `form`. `gain_bounds` (G, G)
+    [nats] are upper bounds on the gain of each two of the G groups, of one alone on its diagonal.
     """
 
     probed: tuple[ProbeResponses, ...]
-    form: normal_equations.Normal
+    form: NormalEquations
     columns: dict[tuple[str, int], Columns]
     gain_bounds: Array
 
-    def bounds_of(self, members: Sequence[ProbeResponses]) -> Array:
-        """Upper bounds [nats] of gains: by a group of probes (G,), by a pair of groups (G, G)."""
+    def gain_bounds_of(self, members: Sequence[ProbeResponses]) -> Array:
+        """Upper bounds [nats] on the gain of an effect by group (G,), of two by pair (G1, G2)."""
         order = list(self.columns)
         rows = [[order.index((p.candidate.name, g)) for g in range(len(p.groups))] for p in members]
         if len(rows) == 1:
@@ -195,8 +197,8 @@ class Table:
         return np.asarray(self.gain_bounds[np.ix_(*rows)])
 
 
-def table(projection: Projection, probed: Sequence[ProbeResponses]) -> Table:
-    """Set up the normal equations of the probes of every candidate that changes something."""
+def probe_equations(projection: Projection, probed: Sequence[ProbeResponses]) -> ProbeEquations:
+    """Normal equations for the amounts of the probes of each candidate that changes something."""
     alive = tuple(p for p in probed if not p.dead)
     columns: dict[tuple[str, int], Columns] = {}
     column = 0
@@ -207,24 +209,24 @@ def table(projection: Projection, probed: Sequence[ProbeResponses]) -> Table:
     parts = [projection.weigh(response) for p in alive for response in p.responses]
     stacked = np.concatenate(parts, axis=1) if parts else np.zeros((len(projection.residual), 0))
     form = projection.form(stacked)
-    return Table(alive, form, columns, _gain_bounds(form, list(columns.values())))
+    return ProbeEquations(alive, form, columns, _gain_bounds(form, list(columns.values())))
 
 
-def ranking(equations: Table) -> list[Score]:
-    """Score each candidate that changes something, alone; the largest gain first."""
+def ranking(equations: ProbeEquations) -> list[Score]:
+    """Scores of single effects, of each that changes something, the largest gain first."""
     scores = [_score(equations, (p,)) for p in equations.probed]
     return sorted(scores, key=lambda s: (-s.gain, s.names))
 
 
-def ranked_pairs(equations: Table, among: int, least: float = 0.0) -> list[Score]:
-    """Score the best `among` pairs of candidates that gain over `least` [nats], best first.
+def ranked_pairs(equations: ProbeEquations, among: int, least: float = 0.0) -> list[Score]:
+    """Scores of the best `among` pairs of effects that gain over `least` [nats], best first.
 
     Two effects whose responses nearly cancel gain little alone and much together, so that all
     pairs compete, not those of the best single ones. Pairs are scored in the order of their upper
     bounds, which ignore limits of the amounts, until no other can be among the best.
     """
     pairs = combinations(equations.probed, 2)
-    bounds = [(float(equations.bounds_of(pair).max()), pair) for pair in pairs]
+    bounds = [(float(equations.gain_bounds_of(pair).max()), pair) for pair in pairs]
     scores: list[Score] = []
     for most, pair in sorted(bounds, key=lambda each: -each[0]):
         if most <= least or (len(scores) >= among and most < scores[among - 1].gain):
@@ -233,7 +235,7 @@ def ranked_pairs(equations: Table, among: int, least: float = 0.0) -> list[Score
     return [s for s in scores[:among] if s.gain > least]
 
 
-def _gain_bounds(form: normal_equations.Normal, groups: Sequence[Columns]) -> Array:
+def _gain_bounds(form: NormalEquations, groups: Sequence[Columns]) -> Array:
     """Gain (G, G) [nats] of each two groups of columns with unlimited amounts; diagonal: of one.
 
     A second group adds its gain by the Schur complement: in what the first does not explain.
@@ -267,15 +269,15 @@ def _inverse(matrix: Array) -> Array:
     return np.asarray(np.linalg.pinv(matrix, rcond=1e-10, hermitian=True))
 
 
-def _score(equations: Table, members: Sequence[ProbeResponses]) -> Score:
-    """Score the best mix of probes of the candidates `members`, over all choices of one group each.
+def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Score:
+    """Score of the candidates `members` together, by the best mix of one group of probes of each.
 
     The amounts solve a quadratic programme, one-sided where physics fixes the sign. Groups are
     tried in the order of their upper bounds, until no other can be better.
     """
     best, values_at_best = Score(tuple(p.candidate.name for p in members), 0.0, {}), {}
     probe_gain, best_probe = 0.0, dict[str, Array]()  # of probes as they are, unscaled
-    bounds = equations.bounds_of(members)
+    bounds = equations.gain_bounds_of(members)
     for bound, choice in sorted(zip(-bounds.ravel(), np.ndindex(bounds.shape), strict=True)):
         least_probe_gain = LEAST_SHARE * best.gain
         if -bound <= min(best.gain, max(probe_gain, least_probe_gain)):
@@ -325,7 +327,9 @@ def _has_threshold(p: ProbeResponses) -> bool:
     return smallest < STEEP * max(larger, default=0.0)
 
 
-def _opposite_sign(equations: Table, p: ProbeResponses, best: Score) -> dict[str, Array] | None:
+def _opposite_sign(
+    equations: ProbeEquations, p: ProbeResponses, best: Score
+) -> dict[str, Array] | None:
     """Values at which an effect with the sign opposite to `best` gains most, at any place.
 
     None where it has no place, or gains with one sign only.
@@ -340,7 +344,7 @@ def _opposite_sign(equations: Table, p: ProbeResponses, best: Score) -> dict[str
 
 
 def _best_mix(
-    equations: Table, members: Sequence[ProbeResponses], choice: tuple[int, ...]
+    equations: ProbeEquations, members: Sequence[ProbeResponses], choice: tuple[int, ...]
 ) -> tuple[Score, float, dict[str, Array]]:
     """Score of the best mix of the groups `choice`; gain and values with amounts of 1 or -1."""
     names = tuple(p.candidate.name for p in members)
@@ -352,16 +356,14 @@ def _best_mix(
         for vector in p.groups[group]
     ]
     signed = [_allows_both_signs(p.candidate, v) for p, group in chosen for v in p.groups[group]]
-    high, zero = np.array(reach), np.zeros(len(columns))
+    high = np.array(reach)
     gradient, curvature = equations.form.gradient, equations.form.curvature
-    form = normal_equations.Normal(gradient[columns], curvature[np.ix_(columns, columns)])
-    limits = normal_equations.Bounds(np.where(signed, -high, 0.0), high, zero, zero)
-    amounts = normal_equations.bounded_step(form, zero, limits)
-    gain = normal_equations.decrease(form, amounts)
+    form = NormalEquations(gradient[columns], curvature[np.ix_(columns, columns)])
+    amounts = form.bounded_step(np.where(signed, -high, 0.0), high)
     unscaled = np.where(amounts < 0.0, -1.0, 1.0)
     return (
-        Score(names, gain, _mixed_values(chosen, amounts), not any(choice)),
-        normal_equations.decrease(form, unscaled),
+        Score(names, form.decrease(amounts), _mixed_values(chosen, amounts), not any(choice)),
+        form.decrease(unscaled),
         _mixed_values(chosen, unscaled),
     )
 
@@ -390,6 +392,7 @@ def _shape_mask(candidate: Candidate) -> NDArray[np.bool_]:
 
 
 def _bounds(candidate: Candidate) -> tuple[Array, Array]:
+    """Lowest and highest values (k,) of the parameters of `candidate`."""
     parameters = candidate.parameters
     return np.array([p.low for p in parameters]), np.array([p.high for p in parameters])
 
@@ -407,33 +410,42 @@ def _mixed_values(chosen: Sequence[tuple[ProbeResponses, int]], amounts: Array) 
     return values
 
 
-def detectable(
+def detection_limits(
     projection: Projection, probed: Sequence[ProbeResponses], likelihood: LikelihoodScale
 ) -> dict[str, float | None]:
-    """Value at which each effect would just show, in its main parameter's unit; None if at none.
+    """Detection limit of each effect by name, in the unit of its first parameter; None if at none.
 
-    The probe whose response, less what a refit of the base absorbs, is nearest to DETECTED_SIGMA
-    is scaled to it. None also where the value would lie beyond the parameter's bounds.
+    It is the value at which its response would have DETECTED_SIGMA once the base is refitted.
     """
     return {
-        p.candidate.name: None if p.dead else _detectable(projection, p, likelihood) for p in probed
+        p.candidate.name: None if p.dead else _detection_limit(projection, p, likelihood)
+        for p in probed
     }
 
 
-def _detectable(
+def _detection_limit(
     projection: Projection, probed: ProbeResponses, likelihood: LikelihoodScale
 ) -> float | None:
-    """Detectable value of an effect in its main parameter's unit, by the probe nearest to it."""
-    main, sizes = probed.candidate.parameters[0], list[tuple[float, float | None]]()
-    for group, responses in zip(probed.groups, probed.responses, strict=True):
-        curvature = projection.form(projection.weigh(responses)).curvature
-        power = np.diag(curvature) / likelihood.inefficiency
-        for vector, square in zip(group, power, strict=True):
-            known = zip(probed.candidate.parameters, vector, strict=True)
-            p, probe = next((p, value) for p, value in known if value != p.start)
-            if square > LEAST_POWER and p.unit == main.unit:
-                factor = DETECTED_SIGMA / float(np.sqrt(square))
-                value = float(p.start + (probe - p.start) * factor)
-                inside = p.low <= value <= p.high
-                sizes.append((abs(np.log(factor)), p.stated_value(value) if inside else None))
-    return min(sizes, key=lambda each: each[0])[1] if sizes else None
+    """Detection limit of one effect, scaled linearly from the probe that is nearest to it.
+
+    Probes of parameters in another unit than the first one's do not count. None where the limit
+    lies beyond a bound, or no probe changes anything.
+    """
+    main = probed.candidate.parameters[0]
+    limits: list[tuple[float, float | None]] = []  # each with the logarithm of its scaling
+    for vectors, responses in zip(probed.groups, probed.responses, strict=True):
+        powers = np.diag(projection.form(projection.weigh(responses)).curvature)
+        for vector, power in zip(vectors, powers / likelihood.inefficiency, strict=True):
+            p, value = _moved_parameter(probed.candidate, vector)
+            if power > LEAST_POWER and p.unit == main.unit:
+                factor = DETECTED_SIGMA / float(np.sqrt(power))
+                limit = float(p.start + (value - p.start) * factor)
+                stated = p.stated_value(limit) if p.low <= limit <= p.high else None
+                limits.append((abs(np.log(factor)), stated))
+    return min(limits, key=itemgetter(0))[1] if limits else None
+
+
+def _moved_parameter(candidate: Candidate, vector: Array) -> tuple[Parameter, float]:
+    """First parameter that the probe `vector` (k,) moves from its start, and its value there."""
+    values = zip(candidate.parameters, map(float, vector), strict=True)
+    return next((p, value) for p, value in values if value != p.start)

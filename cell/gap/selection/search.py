@@ -1,4 +1,4 @@
-"""Search over models of up to three effects: which are fitted, from which starts and shapes."""
+"""Search over models of up to three effects: which are fitted, and from which values."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,18 +16,25 @@ from cell.gap.selection.likelihood import (
     MIN_GAIN,
     Fits,
     LikelihoodScale,
+    gain,
     likelihood_ratio_p,
-    margin,
 )
-from cell.gap.selection.posterior import immaterial
-from cell.gap.selection.screening import ProbeResponses, Score, Start, probe, ranking, starts, table
+from cell.gap.selection.posterior import spike_responses
+from cell.gap.selection.screening import (
+    ProbeResponses,
+    Score,
+    Start,
+    probe,
+    probe_equations,
+    ranking,
+    starts,
+)
 from cell.gap.subject.subject import Candidate
-from drivers.types import Array
 
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """Effort of the search: models, steps of a fit, and shares of a gain; set by hand."""
+    """Effort of the search, set by hand: numbers of models and steps, and limits of gains."""
 
     singles: int = 5  # models of one effect that are refitted
     screened_pairs: int = 8  # pairs that are looked at more closely
@@ -46,68 +53,143 @@ BUDGET = Budget()
 
 
 def within_reach(gain: float, most: float) -> bool:
-    """Whether a fit that gains `gain` [nats] so far may still come up to one that gains `most`."""
+    """Whether an unfinished fit that gains `gain` [nats] may still come up to one with `most`."""
     return gain >= min(BUDGET.share * most, most - BUDGET.reach)
 
 
-def fit_scores(
-    simulate: Simulate, fits: Fits, scores: Sequence[Score], candidates: Sequence[Candidate]
-) -> Fits:
-    """`fits` with the models of `scores` added, each fitted along with the base.
+@dataclass(frozen=True, slots=True)
+class Search:
+    """Fits models of the `candidates`, whose responses at the base are `probed`, by `simulate`."""
 
-    Each fit starts at null and at the values of the screen; it replaces a fit of the same model in
-    `fits` only if it gains more. Models that gain far less than the best after a few steps are not
-    refined: the verdict may list them, but no model extends them.
-    """
-    tasks, base = [], fits.base.estimate
-    candidates = with_shape_parameters(candidates, fits)
-    for score in scores:
-        earlier = fits.of(frozenset(score.names))
-        incumbent = earlier.estimate if earlier else None
-        tasks.append(_best_short_fit(base, *starts(base, score, candidates), incumbent))
-    started = [e for e in run_all(simulate, tasks) if e is not None]
-    estimates = [*(m.estimate for m in fits.models), *started]
-    dispersion = min(e.scale for e in estimates)
-    largest = _gain(base, best(estimates), dispersion)
-    finished = run_all(
-        simulate,
-        [_finish(e, promising=within_reach(_gain(base, e, dispersion), largest)) for e in started],
-    )
-    return fits.merge(run_all(simulate, [validate(e) for e in finished]))
+    simulate: Simulate
+    candidates: Sequence[Candidate]
+    probed: Sequence[ProbeResponses]
 
+    def fit_scored_models(self, fits: Fits, scores: Sequence[Score]) -> Fits:
+        """`fits` with the models of `scores` added, each fitted along with the base parameters.
 
-def shortlist(
-    simulate: Simulate,
-    base: Estimate,
-    scores: Sequence[Score],
-    candidates: Sequence[Candidate],
-    most: int,
-) -> list[Score]:
-    """Select the `most` scores whose models gain most in a few steps, with these fits as origin.
+        Each fit starts at null and at the values of the screen; it replaces a fit of the same model
+        only if it gains more. Models that gain far less than the best after a few steps are not
+        refined: the verdict may list them, but no model extends them.
+        """
+        tasks, base = [], fits.base.estimate
+        candidates = self._with_shape_parameters(fits)
+        for score in scores:
+            earlier = fits.of(frozenset(score.names))
+            incumbent = earlier.estimate if earlier else None
+            tasks.append(_best_short_fit(base, *starts(base, score, candidates), incumbent))
+        started = [e for e in run_all(self.simulate, tasks) if e is not None]
+        estimates = [*(m.estimate for m in fits.models), *started]
+        dispersion = min(e.scale for e in estimates)
+        largest = _gain_over(base, best(estimates), dispersion)
 
-    The linear screen misjudges a pair where one effect changes the response to the other.
-    """
-    tasks = []
-    for score in scores:
-        model, points = starts(base, score, candidates)
-        tasks.append(_few_steps(model, base.evidence, points[1:] or points))
-    estimates = [best(tried) for tried in run_all(simulate, tasks)]
-    dispersion = min((e.scale for e in estimates), default=1.0)
-    order = sorted(range(len(estimates)), key=lambda i: estimates[i].objective_at(dispersion))
-    return [Score(scores[i].names, scores[i].gain, {}, origin=estimates[i]) for i in order[:most]]
+        def refined(fit: Estimate) -> Task[Estimate]:
+            nats = _gain_over(base, fit, dispersion)
+            return _finish(fit, promising=within_reach(nats, largest))
+
+        finished = run_all(self.simulate, list(map(refined, started)))
+        return fits.merge(run_all(self.simulate, [validate(e) for e in finished]))
+
+    def extend(self, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:
+        """`fits` with `models` extended by each further effect that a screen beside them promises.
+
+        Along one response a test is sharper than over all residuals (score test: Rao 1948, Proc.
+        Camb. Phil. Soc. 44, 50): runs without a gap as a whole may still hold a small effect.
+        """
+        likelihood = fits.likelihood
+        expected: dict[tuple[str, ...], tuple[float, Score]] = {}
+        for fit in (m.estimate for m in models):
+            before, unit = fit.objective_at(likelihood.scale), (fit.scale / likelihood.scale) ** 2
+            for score in self._screen_further(fits, fit):
+                joint, after = score.joined_to(fit), before - unit * score.gain
+                is_new = fits.of(frozenset(joint.names)) is None
+                if is_new and unit * score.gain > MIN_GAIN * likelihood.inefficiency:
+                    expected[joint.names] = min(
+                        (after, joint), expected.get(joint.names, (after, joint)), key=itemgetter(0)
+                    )
+        order = sorted(expected.values(), key=itemgetter(0))
+        scores = [score for _, score in order[: BUDGET.additions * len(models)]]
+        if len(models) > 1:
+            free = self._with_shape_parameters(fits)
+            scores = self.shortlist(fits.base.estimate, scores, free, BUDGET.additions)
+        return self.fit_scored_models(fits, scores)
+
+    def shortlist(
+        self, base: Estimate, scores: Sequence[Score], candidates: Sequence[Candidate], most: int
+    ) -> list[Score]:
+        """The `most` of `scores` whose models gain most within a few steps of a fit.
+
+        The linear screen misjudges a pair where one effect changes the response to the other. The
+        scores returned start from these short fits.
+        """
+        tasks = []
+        for score in scores:
+            model, points = starts(base, score, candidates)
+            tasks.append(_few_steps(model, base.evidence, points[1:] or points))
+        estimates = [best(tried) for tried in run_all(self.simulate, tasks)]
+        dispersion = min((e.scale for e in estimates), default=1.0)
+        order = sorted(range(len(estimates)), key=lambda i: estimates[i].objective_at(dispersion))
+        return [
+            Score(scores[i].names, scores[i].gain, {}, origin=estimates[i]) for i in order[:most]
+        ]
+
+    def other_signs(self, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:
+        """`fits` with `models` refitted from the other sign of each two-sided effect with a place.
+
+        A stiff seam here resembles a soft one next to it, on another base or beside another effect.
+        """
+        tasks = []
+        for m in models:
+            for effect in m.model.effects:
+                beside = fits.of(m.model.names - {effect.name})
+                if effect.two_sided and any(p.shape for p in effect.parameters) and beside:
+                    tasks.append(_with_other_sign(m.estimate, effect, beside.estimate))
+        finished = [e for e in run_all(self.simulate, tasks) if e is not None]
+        return fits.merge(run_all(self.simulate, [validate(e) for e in finished]))
+
+    def free_shapes(self, fits: Fits) -> list[CrossValidatedFit]:
+        """Best models refitted with free shape parameters, those of them that gain significantly.
+
+        These fits go on to the end: a rough one stops short of the gain that is asked of them.
+        """
+        near_best = fits.near_best(len(fits.best.model.effects))
+        plain = [m for m in near_best if any(e.shape_parameters for e in m.model.effects)]
+        ends = run_all(self.simulate, [_with_free_shape(m.estimate) for m in plain])
+        validated = run_all(self.simulate, [validate(e) for e in ends])
+        pairs = zip(validated, plain, strict=True)
+        return [free for free, fixed in pairs if _better(free, fixed, fits.likelihood)]
+
+    def _with_shape_parameters(self, fits: Fits) -> list[Candidate]:
+        """Candidate effects, shape parameters free where a model of one effect was fitted so."""
+        fitted = {e.name: e for m in fits.of_size(1) for e in m.model.effects}
+        return [fitted.get(c.name, c) for c in self.candidates]
+
+    def _screen_further(self, fits: Fits, fit: Estimate) -> list[Score]:
+        """Scores of the effects to add to `fit`, probed at its values, the largest gain first.
+
+        Responses at the base mean little beside a strong effect: by them, the most promising
+        effects are chosen, and the values at which each is probed.
+        """
+        beside = projection(fit, nuisance=spike_responses(fits.library))
+        others = [p for p in self.probed if p.candidate.name not in fit.model.names]
+        ranked = ranking(probe_equations(beside, others))[: BUDGET.probed]
+        promising = {score.names[0]: score for score in ranked}
+        tasks = [
+            probe(fit, replace(c, probes=_most_promising(c, promising[c.name])))
+            for c in self._with_shape_parameters(fits)
+            if c.name in promising
+        ]
+        equations = probe_equations(beside, run_all(self.simulate, tasks))
+        return [replace(score, probe_starts=()) for score in ranking(equations)]
 
 
 def _few_steps(model: Model, evidence: Evidence, points: Sequence[Start]) -> Task[list[Estimate]]:
     """Estimates after the first few steps from each of `points`; yields simulations."""
-    return side_by_side(
-        [
-            refit(model, evidence, point, secants, ROUGH_GAIN, BUDGET.first_steps)
-            for point, secants in points
-        ]
-    )
+    steps = BUDGET.first_steps
+    return side_by_side([refit(model, evidence, *p, ROUGH_GAIN, steps) for p in points])
 
 
-def _gain(base: Estimate, estimate: Estimate, scale: float) -> float:
+def _gain_over(base: Estimate, estimate: Estimate, scale: float) -> float:
     """Gain [nats] of `estimate` over `base` at the dispersion `scale`."""
     return base.objective_at(scale) - estimate.objective_at(scale)
 
@@ -148,70 +230,9 @@ def _farthest(base: Estimate, begun: Sequence[Estimate], reference: Estimate) ->
     """Those of `begun` within reach of the largest gain over `base`, of `reference` too."""
     estimates = [*begun, reference]
     dispersion = min(e.scale for e in estimates)
-    gains = [_gain(base, e, dispersion) for e in estimates]
+    gains = [_gain_over(base, e, dispersion) for e in estimates]
     in_reach = [gain >= BUDGET.share * max(gains) for gain in gains]
     return [e for e, promising in zip(begun, in_reach, strict=False) if promising]
-
-
-def with_shape_parameters(candidates: Sequence[Candidate], fits: Fits) -> list[Candidate]:
-    """Candidates, with shape parameters free where a model of one effect was fitted so."""
-    fitted = {e.name: e for m in fits.of_size(1) for e in m.model.effects}
-    return [fitted.get(c.name, c) for c in candidates]
-
-
-def extend(
-    simulate: Simulate,
-    fits: Fits,
-    models: Sequence[CrossValidatedFit],
-    candidates: Sequence[Candidate],
-    probed: Sequence[ProbeResponses],
-) -> Fits:
-    """Fit `models` with each further effect that the screen beside them shows, and add them.
-
-    Along one response a test is sharper than over all residuals (score test: Rao 1948, Proc. Camb.
-    Phil. Soc. 44, 50): runs without a gap as a whole may still hold a small effect. `probed` are
-    responses at the base.
-    """
-    likelihood, free = fits.likelihood, with_shape_parameters(candidates, fits)
-    expected: dict[tuple[str, ...], tuple[float, Score]] = {}
-    for fit in (m.estimate for m in models):
-        before, unit = fit.objective_at(likelihood.scale), (fit.scale / likelihood.scale) ** 2
-        for score in _screen_further(simulate, fit, free, probed, immaterial(fits.library)):
-            joint, after = score.joined_to(fit), before - unit * score.gain
-            is_new = fits.of(frozenset(joint.names)) is None
-            if is_new and unit * score.gain > MIN_GAIN * likelihood.inefficiency:
-                expected[joint.names] = min(
-                    (after, joint), expected.get(joint.names, (after, joint)), key=itemgetter(0)
-                )
-    order = sorted(expected.values(), key=itemgetter(0))
-    scores = [score for _, score in order[: BUDGET.additions * len(models)]]
-    if len(models) > 1:
-        scores = shortlist(simulate, fits.base.estimate, scores, free, BUDGET.additions)
-    return fit_scores(simulate, fits, scores, candidates)
-
-
-def _screen_further(
-    simulate: Simulate,
-    fit: Estimate,
-    candidates: Sequence[Candidate],
-    probed: Sequence[ProbeResponses],
-    immaterial: Sequence[Array],
-) -> list[Score]:
-    """Scores of the effects to add to `fit`, probed at its values, the largest gain first.
-
-    Responses at the base mean little beside a strong effect: by them, the most promising effects
-    are chosen, and the values at which each is probed. Beside `immaterial` amounts of all effects,
-    whose responses (N, k) these are.
-    """
-    beside = projection(fit, nuisance=immaterial)
-    others = [p for p in probed if p.candidate.name not in fit.model.names]
-    promising = {s.names[0]: s for s in ranking(table(beside, others))[: BUDGET.probed]}
-    tasks = [
-        probe(fit, replace(c, probes=_most_promising(c, promising[c.name])))
-        for c in candidates
-        if c.name in promising
-    ]
-    return [replace(s, probe_starts=()) for s in ranking(table(beside, run_all(simulate, tasks)))]
 
 
 def _most_promising(
@@ -225,28 +246,13 @@ def _most_promising(
 
 
 def without_each(accepted: CrossValidatedFit) -> list[Score]:
-    """Scores of the `accepted` model without each of its effects, to start from its values.
+    """Scores of the `accepted` model without one of its effects each, to start from its values.
 
     Beside another effect a fit may have left a local minimum.
     """
     names = accepted.model.names
     subsets = [tuple(sorted(names - {gone})) for gone in sorted(names)]
     return [Score(subset, 0.0, {}, origin=accepted.estimate) for subset in subsets]
-
-
-def other_signs(simulate: Simulate, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:
-    """Refit `models` from the opposite sign of each two-sided effect with a place; add those fits.
-
-    A stiff seam here resembles a soft one next to it, on another base or beside another effect.
-    """
-    tasks = []
-    for m in models:
-        for effect in m.model.effects:
-            beside = fits.of(m.model.names - {effect.name})
-            if effect.two_sided and any(p.shape for p in effect.parameters) and beside:
-                tasks.append(_with_other_sign(m.estimate, effect, beside.estimate))
-    finished = [e for e in run_all(simulate, tasks) if e is not None]
-    return fits.merge(run_all(simulate, [validate(e) for e in finished]))
 
 
 def _with_other_sign(fit: Estimate, effect: Candidate, beside: Estimate) -> Task[Estimate | None]:
@@ -256,7 +262,7 @@ def _with_other_sign(fit: Estimate, effect: Candidate, beside: Estimate) -> Task
     where the fit comes no farther; yields simulations.
     """
     probed = yield from probe(beside, effect)
-    score = next(iter(ranking(table(projection(beside), [probed]))), None)
+    score = next(iter(ranking(probe_equations(projection(beside), [probed]))), None)
     shared, others = beside.model.split(beside.shared)
     fitted = fit.model.split(fit.shared)[1][effect.name]
     starts: list[Start] = []
@@ -269,19 +275,6 @@ def _with_other_sign(fit: Estimate, effect: Candidate, beside: Estimate) -> Task
         return None
     started = yield from _best_short_fit(beside, fit.model, starts, fit)
     return None if started is None else (yield from _finish(started, promising=True))
-
-
-def shape_parameters(simulate: Simulate, fits: Fits) -> list[CrossValidatedFit]:
-    """Free the shape parameters of the best models; returns those that gain significantly.
-
-    These fits go on to the end: a rough one stops short of the gain that is asked of them.
-    """
-    near_best = fits.near_best(len(fits.best.model.effects))
-    plain = [m for m in near_best if any(e.shape_parameters for e in m.model.effects)]
-    ends = run_all(simulate, [_with_free_shape(m.estimate) for m in plain])
-    validated = run_all(simulate, [validate(e) for e in ends])
-    pairs = zip(validated, plain, strict=True)
-    return [free for free, fixed in pairs if _better(free, fixed, fits.likelihood)]
 
 
 def _with_free_shape(fit: Estimate) -> Task[Estimate]:
@@ -302,5 +295,5 @@ def _with_free_shape(fit: Estimate) -> Task[Estimate]:
 
 def _better(new: CrossValidatedFit, plain: CrossValidatedFit, likelihood: LikelihoodScale) -> bool:
     """Whether free shape parameters gain enough over `plain`; less is asked than of an effect."""
-    ahead = margin(new, plain, likelihood).gain > BUDGET.shape_gain * MIN_GAIN
+    ahead = gain(new, plain, likelihood) > BUDGET.shape_gain * MIN_GAIN
     return ahead and likelihood_ratio_p(new, plain, likelihood) < ALPHA

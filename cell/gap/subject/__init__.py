@@ -1,1 +1,1 @@
-"""Subjects of the gap workflow: strips and mechanisms, their runs, and their simulation."""
+"""Subjects of the gap engine, strips and mechanisms: their runs and their simulation."""

@@ -1,4 +1,4 @@
-"""Finds run folders, each measurement once, and reads headers and tables of all subjects."""
+"""Finds folders of measured runs, without copies, and reads tables of all subjects."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -7,14 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.record.files import JOINTS, PROFILE, SIGNALS, TICKS
+from cell.record.files import JOINTS, PROFILE, RUN, SIGNALS, TICKS
 from drivers.errors import ConfigurationError
 from drivers.readers import read_parquet
 from drivers.types import Array
 
-HEADER_FILE = "run.yaml"
 TABLES = (TICKS, PROFILE, "angles.parquet", SIGNALS, JOINTS)
-JOINT_TABLE = JOINTS  # of a robot, tick by tick
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +24,7 @@ class RunFolder:
 
 
 def find_runs(paths: Sequence[Path]) -> tuple[RunFolder, ...]:
-    """Run folders at `paths`, each path being a run folder or a folder that holds run folders.
+    """Run folders at or in `paths`: each is a run folder, or a folder that holds run folders.
 
     Raises ConfigurationError for fewer than two, for a folder without runs, and for measurements
     that lie beside no run.yaml.
@@ -39,17 +37,17 @@ def _unique(paths: Sequence[Path]) -> list[Path]:
     """Distinct run folders at or in `paths`; ConfigurationError for fewer than two."""
     found: list[Path] = []
     for path in paths:
-        if (path / HEADER_FILE).is_file():
+        if (path / RUN).is_file():
             found.append(path)
             continue
         if not path.is_dir():
             what = "is a file" if path.exists() else "no such folder"
             raise ConfigurationError(f"{path}: {what}; give run folders, or a folder of them")
         _check_heads([path, *path.iterdir()])
-        inner = sorted(p for p in path.iterdir() if (p / HEADER_FILE).is_file())
+        inner = sorted(p for p in path.iterdir() if (p / RUN).is_file())
         if not inner:
             raise ConfigurationError(
-                f"{path}: holds no run; a run folder holds a {HEADER_FILE}: give run folders, or a "
+                f"{path}: holds no run; a run folder holds a {RUN}: give run folders, or a "
                 "folder of them"
             )
         found += inner
@@ -66,10 +64,9 @@ def _check_heads(folders: Sequence[Path]) -> None:
     """Refuse folders that hold a run's table but no header file."""
     for folder in sorted(folders):
         tables = [name for name in TABLES if (folder / name).is_file()]
-        if tables and not (folder / HEADER_FILE).is_file():
+        if tables and not (folder / RUN).is_file():
             raise ConfigurationError(
-                f"{folder}: {HEADER_FILE}: is missing beside {tables[0]}; add it, or take the "
-                "folder away"
+                f"{folder}: {RUN}: is missing beside {tables[0]}; add it, or take the folder away"
             )
 
 
@@ -90,11 +87,12 @@ def _names(folders: Sequence[Path]) -> list[str]:
 
 
 def _utf8(name: str) -> str:
+    """`name` as valid UTF-8, other bytes escaped."""
     return name.encode(errors="backslashreplace").decode()
 
 
 def check_indices(folders: Sequence[Path], stated: Sequence[int | None]) -> None:
-    """Refuse two runs that state the same index, their place in the order of measurement.
+    """Raise ConfigurationError where two runs state the same index in the order of measurement.
 
     An index that is equal in all runs, as single folds write it, states no order and is allowed.
     """
@@ -105,14 +103,14 @@ def check_indices(folders: Sequence[Path], stated: Sequence[int | None]) -> None
             continue
         if index in first:
             raise ConfigurationError(
-                f"{folder / HEADER_FILE}: index: is {index}, as in {first[index].name}; give each "
+                f"{folder / RUN}: index: is {index}, as in {first[index].name}; give each "
                 "run of a specimen its own, in the order in which they were taken, or none"
             )
         first[index] = folder
 
 
 def read_table(path: Path) -> dict[str, Array]:
-    """Numeric columns (n,) of a Parquet file; ConfigurationError for a missing or broken file."""
+    """Numeric columns (n,) of a Parquet file by name; ConfigurationError where it is broken."""
     table = read_parquet(path)
     columns = {}
     for name in table.column_names:
@@ -124,7 +122,7 @@ def read_table(path: Path) -> dict[str, Array]:
 
 
 def column(table: dict[str, Array], name: str, path: Path) -> Array:
-    """Required column `name` (n,) of a table, finite throughout.
+    """Column `name` (n,) of a table read from `path`, which must be finite throughout.
 
     Raises ConfigurationError where the column is missing or holds a value that is not finite.
     """
@@ -140,7 +138,7 @@ def column(table: dict[str, Array], name: str, path: Path) -> Array:
 
 
 def check_time(t: Array, path: Path, least: int) -> None:
-    """Refuse times `t` (n,) [s] of fewer than `least` rows, or that do not increase."""
+    """Refuse times `t` (n,) [s] that do not increase, or that are fewer than `least` rows."""
     if len(t) < least:
         raise ConfigurationError(f"{path}: t: has {len(t)} rows; at least {least} are needed")
     back = np.diff(t) <= 0.0
@@ -152,8 +150,8 @@ def check_time(t: Array, path: Path, least: int) -> None:
         )
 
 
-def counted_once(runs: Sequence[RunFolder]) -> tuple[tuple[RunFolder, ...], Mapping[str, str]]:
-    """Distinct runs, and a mapping from the name of each copy to the name of its original.
+def without_copies(runs: Sequence[RunFolder]) -> tuple[tuple[RunFolder, ...], Mapping[str, str]]:
+    """Runs without copies, and a mapping from the name of each copy to that of its original.
 
     Noise makes no two runs alike in every number, however well they repeat. Raises
     ConfigurationError where a single run is left.
@@ -171,8 +169,8 @@ def counted_once(runs: Sequence[RunFolder]) -> tuple[tuple[RunFolder, ...], Mapp
     return tuple(first.values()), copies
 
 
-def note(copy: str, first: str) -> str:
-    """Remark for the operator on a copied run."""
+def copy_note(copy: str, first: str) -> str:
+    """Remark for the operator that run `copy` holds the measurements of run `first`."""
     return f"{copy}: holds the measurements of {first}, as a copy does, and is left out"
 
 

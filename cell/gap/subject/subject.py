@@ -1,4 +1,4 @@
-"""Interface between the gap engine and a measured subject, strip or mechanism."""
+"""Interface between the gap engine and what is measured and simulated: a strip or mechanism."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
@@ -19,7 +19,7 @@ FARTHEST = 8.0  # times its usual spread, the bound of a quantity in any run
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """Unknown number of a model: start value, bounds, and step of its finite differences.
+    """Unknown number of a model: its start value, bounds, prior and finite-difference step.
 
     `start` is the stated value, for an effect its null. `spread` is the standard deviation of
     what was known before (infinite: nothing). `inverse` parameters are shown as reciprocals,
@@ -44,7 +44,7 @@ class Parameter:
     tolerated: tuple[float, float] | None = None
 
     def stated_value(self, value: float) -> float:
-        """`value` as files state it: the reciprocal for an `inverse` parameter."""
+        """`value` as files state it: its reciprocal, for an `inverse` parameter."""
         if not self.inverse:
             return value
         return 1.0 / value if value else float("inf")
@@ -52,7 +52,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """Effect that the model may lack, with its parameters and the values at which it is screened.
+    """Effect that a model may lack: its parameters, and the values at which it is screened.
 
     `probes` are groups of whole parameter vectors at which it is screened, small to large; the
     members of a group may be mixed (one parameter each), groups may not (another place). Bounds
@@ -71,7 +71,7 @@ class Candidate:
     shape_parameters: tuple[Parameter, ...] = ()
 
     def with_shape(self) -> "Candidate":
-        """Copy of the candidate whose shape parameters are fitted along with the others."""
+        """Copy of the effect whose shape parameters are fitted along with the others."""
         whole = self.parameters + self.shape_parameters
         return replace(self, parameters=whole, shape_parameters=())
 
@@ -86,14 +86,14 @@ class Candidate:
 
     @property
     def two_sided(self) -> bool:
-        """Whether its amount, the first parameter, may lie on either side of its null."""
+        """Whether the effect's amount, its first parameter, may lie on either side of its null."""
         amount = self.parameters[0]
         return amount.low < amount.start < amount.high
 
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """Layout of the n samples of a run, sorted by time within a series.
+    """The n samples of a run, in which readings are averaged: where, when, and how noisy they are.
 
     Words (n,): `channel`, `phase`, `zone`, and `quantity`, by which gaps are shown. Numbers
     (n,): time `t` [s], one-sigma `noise` of the sample, `reading` of a single reading in it, and
@@ -113,7 +113,7 @@ class Samples:
 
     @classmethod
     def stack(cls, series: Sequence[Mapping[str, Any]]) -> "Samples":
-        """Samples of time series, one after another, from their columns by field.
+        """Samples of several time series, one after another; `series` holds their columns by field.
 
         A column is an array with an entry per sample, or one value for all of them.
         """
@@ -133,7 +133,7 @@ class Samples:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Measured or planned run: samples, and `local` unknowns of its own such as its initial state.
+    """Measured or planned run: its samples, and its unknowns `local`, such as its initial state.
 
     `condition` is shared by repeats, `index` counts in the order in which runs were taken;
     `content` belongs to the subject. `common` are errors of measuring that are alike in all runs:
@@ -153,7 +153,7 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """Inputs of a simulation: run, base parameters, parameters by effect, and the run's unknowns.
+    """Inputs of one simulation: the run, values of the base, of effects by name, and of the run.
 
     One of a `response` is compared with other such ones only: for all repeats of a motion, a
     subject may simulate one.
@@ -168,7 +168,7 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Residuals:
-    """Measured minus simulated mean of each sample (n,), NaN where the simulation has none.
+    """Measured minus simulated `mean` (n,) of each sample [SI], NaN where nothing is simulated.
 
     `square` (n,) is the mean square within the sample where it averages several readings.
     """
@@ -179,7 +179,7 @@ class Residuals:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """Presentation of a measured quantity's gap: key in the verdict, factor from SI, unit.
+    """How the residuals of a measured quantity are shown: verdict key, factor from SI, and unit.
 
     Without a key it is fitted like any other, and its gap is part of the excess only.
 
@@ -195,7 +195,7 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """Run that could be made next: instruction for the operator, duration [min], prediction."""
+    """Run that could be made next, with an instruction for the operator and its duration [min]."""
 
     name: str
     instruction: str
@@ -221,7 +221,7 @@ class ScatterSource:
 
     @property
     def parameter(self) -> Parameter:
-        """Unknown of one run for the engine, with the usual spread."""
+        """Random unknown of a run for this quantity, with the usual spread as prior."""
         most = FARTHEST * self.usual
         return Parameter(self.name, self.unit, 0.0, -most, most, self.step, self.usual,
                          random=True, common=self.common)  # fmt: skip
@@ -229,7 +229,7 @@ class ScatterSource:
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """Fit problem of a subject: base parameters, candidate effects, and quantities by name.
+    """Fit problem of a subject: base parameters, candidate effects, and displayed quantities.
 
     `terms` are never causes: they describe what stays unexplained. `scatter` names the random
     unknowns of runs. Where spreads of the base are `believed`, a base that fits by values far
@@ -244,7 +244,7 @@ class Scope:
     believed: bool = False
 
     def withhold(self, names: Sequence[str], known: Collection[str]) -> "Scope":
-        """Copy without the candidates `names`, of effects that are `known`.
+        """Copy without the candidate effects `names`, all of which must be `known` effects.
 
         Raises ConfigurationError for another name, and where no candidate would be left.
         """
@@ -262,7 +262,7 @@ class Scope:
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Moving curve: for each of the times `t` (m,) [s], its `points` (k, 2) in x and z [m]."""
+    """Moving curve: at each of the times `t` (m,) [s] its `points` (k, 2) in x and z [m]."""
 
     t: Array
     points: tuple[Array, ...]
@@ -277,7 +277,7 @@ class Track:
 
 
 @dataclass(frozen=True, slots=True)
-class Signal:
+class TimeSeries:
     """Time series to plot: `values` (m,) at times `t` (m,) [s]; equal titles share a plot."""
 
     title: str
@@ -287,20 +287,24 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """Drawing of a measured or simulated run; `tracks` by name, `events` as (time [s], label)."""
+    """Drawing of a measured or simulated run: signals, a curve, tracks and events.
 
-    signals: tuple[Signal, ...]
+    `tracks` are given by name, `events` as (time [s], label).
+    """
+
+    signals: tuple[TimeSeries, ...]
     curve: Curve | None = None
     tracks: Mapping[str, Track] = field(default_factory=dict)
     events: tuple[tuple[float, str], ...] = ()
 
 
 class Subject(ABC):
-    """Measured strip or mechanism `name`: its runs, library of effects, simulation and files.
+    """Measured strip or mechanism: its runs, library of effects, simulation and files.
 
-    `runs` are in the order in which they were taken, `notes` are remarks for the operator on them.
-    `scope` holds base parameters, candidate effects, quantities and descriptive terms. `option`
-    names its file on the command line, `kind` the subjects on which its confidence was measured.
+    `name` is its own, `runs` are in the order in which they were taken, `notes` are remarks for the
+    operator on them. `scope` holds base parameters, candidate effects, quantities and descriptive
+    terms. `option` names its file on the command line, `kind` the subjects on which its confidence
+    was measured.
     """
 
     name: str
@@ -312,7 +316,7 @@ class Subject(ABC):
 
     @abstractmethod
     def simulate(self, requests: Sequence[Request]) -> Sequence[Residuals]:
-        """Residuals of many simulations, each independent of the others in the call."""
+        """Residuals of each of `requests`, simulated independently of the others."""
 
     @abstractmethod
     def patch(
@@ -321,30 +325,30 @@ class Subject(ABC):
         """Patched content of the subject's file, and of the cell's where effects belong to it."""
 
     def stated(self, run: Run, effects: Mapping[str, Array] | None = None) -> Request:
-        """Request of `run` by the stated model, with `effects` (k,), at its unknowns' start."""
+        """Request to simulate `run` at stated values, with `effects` (k,) by name."""
         base, local = (np.array([p.start for p in each]) for each in (self.scope.base, run.local))
         return Request(run, base, effects or {}, local)
 
     def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
-        """Runs of `requests`, corrected for coarse simulation, with floors for what may remain."""
+        """Runs of `requests`, corrected for coarse simulation, with floors for remaining errors."""
         return [request.run for request in requests]
 
     def experiments(self) -> Sequence[Experiment]:
-        """Possible next runs, to be rated by how well they separate explanations."""
+        """Runs that could be made next, simulated for the stated subject."""
         return ()
 
     def consequences(self, base: Mapping[str, float], effects: NamedValues) -> Sequence[str]:  # noqa: ARG002
-        """Sentences for the operator on the consequences of named effects."""
+        """Sentences for the operator on what the named effects change."""
         return ()
 
     def model_text(self, base: Mapping[str, float], effects: NamedValues) -> str | None:  # noqa: ARG002
-        """Text of the edited model that the patched file names as `model`; None without one."""
+        """Text of the model file that the patched file names; None where there is no such file."""
         return None
 
     def draw_measured(self, run: Run) -> Scene:  # noqa: ARG002
-        """Drawing of the measured run."""
+        """Drawing of the measured `run`."""
         return Scene(())
 
     def draw_simulated(self, requests: Sequence[Request]) -> Sequence[Scene | None]:
-        """Drawings of simulations beside the measured run; None where there is no motion."""
+        """Drawings of the simulations `requests`; None where a simulation has no motion."""
         return [None] * len(requests)

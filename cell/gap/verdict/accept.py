@@ -1,4 +1,4 @@
-"""Acceptance of a verdict: patches the subject's file, and can restore the old one."""
+"""Accepts a verdict: patches the subject's file, and can restore the one before."""
 
 import hashlib
 import json
@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from cell.config.settings import CellSettings
 from cell.gap.fitting.reml import Spread
-from cell.gap.subject.mechanism.file import MechanismFile
+from cell.gap.subject.mechanism.mechanism_file import MechanismFile
 from drivers.errors import ConfigurationError
 from drivers.files import lock_folders, write_file
 from drivers.readers import MEGABYTE, read_bytes, read_json, read_text, read_yaml
@@ -28,24 +28,25 @@ PATCH, CELL_PATCH, LAW_PATCH = "patch.yaml", "cell-patch.yaml", "law-patch.yaml"
 SUSPECT_PATCH = "suspect-patch.yaml"  # effects that were accepted and are not named
 BASE_PATCH = "base-patch.yaml"  # values alone: no effect, but base values other than stated
 MODEL_PATCH, LAW_MODEL_PATCH = "model-patch.xml", "law-model-patch.xml"
+PATCHES = (PATCH, SUSPECT_PATCH, BASE_PATCH, LAW_PATCH)
 ABSENT = ""  # text of a file that an acceptance makes
 LARGEST_MODEL = 20 * MEGABYTE
 
 
 class StoredFile(Settings):
-    """Base of stored files: unknown keys are ignored, for a program wrote them."""
+    """Base of files that a program wrote: unknown keys are ignored."""
 
     model_config = ConfigDict(extra="ignore")
 
 
 class StoredLaw(StoredFile):
-    """The law that was offered: amounts by term."""
+    """Empirical law that a fit offered: amounts by the name of its terms."""
 
     terms: dict[str, float]
 
 
 class FitRecord(StoredFile):
-    """Content of fit.json: hash of the file that was fitted, and the effects that were named.
+    """Content of fit.json: the hash of the file that was fitted, and the effects of its patch.
 
     `values` of the base are outside what the file tolerates; `scatter` are quantities that differ
     from run to run; `steadier` [sigma] is how much better the runs would separate two explanations,
@@ -61,7 +62,7 @@ class FitRecord(StoredFile):
 
     @property
     def laws(self) -> tuple[str, ...]:
-        """Names of the terms of the law that was offered."""
+        """Names of the terms of the offered law."""
         return tuple(self.law.terms) if self.law is not None else ()
 
 
@@ -80,7 +81,7 @@ class Acceptance(StoredFile):
 
 
 class Patch(StoredFile):
-    """Content of a patch of any subject: effects and their parameters.
+    """Content of a patch: parameters by effect, and settings of the cell.
 
     That of an arm may hold settings of the cell: its tool, and the delay of its twin.
     """
@@ -94,20 +95,20 @@ S = TypeVar("S", bound=BaseModel)
 
 
 def read_stored(path: Path, model: type[S]) -> S:
-    """The JSON file at `path` as `model`; ConfigurationError where it is missing or broken."""
+    """Content of the JSON file at `path` as `model`; ConfigurationError where it is broken."""
     return parse(read_json(path, STORED), model, str(path))
 
 
 @dataclass(frozen=True, slots=True)
 class AcceptResult:
-    """Result of an acceptance or undo: the files that were written, and the effects."""
+    """Files that an acceptance or undo has written, and the effects or values it was for."""
 
     files: tuple[Path, ...]
     effects: tuple[str, ...]
 
 
 def sha256(path: Path) -> str:
-    """Hash of a file's bytes; a missing file is a ConfigurationError."""
+    """Hash of the file at `path`; ConfigurationError where it is missing."""
     return hashlib.sha256(read_bytes(path, MEGABYTE)).hexdigest()
 
 
@@ -119,7 +120,7 @@ def accept(
     law: bool = False,
     force: bool = False,
 ) -> AcceptResult:
-    """Apply the patches of the fit in `out` to `file` and, where there is one, to the cell file.
+    """Apply the patch of the fit in `out` to the subject's `file` and, if needed, to the cell file.
 
     With `law`, the patch of the law that describes what no effect explains; with `force`, that of
     effects that are suspected, where none is named. Files of an interrupted acceptance are restored
@@ -194,7 +195,7 @@ def _nothing_to_accept(out: Path, *, law: bool) -> str:
 def undo(out: Path, file: Path, cell_file: Path | None = None) -> AcceptResult:
     """Restore the files as they were before the fit in `out` was accepted.
 
-    Refuses when a file has changed since the acceptance. An interrupted undo is finished.
+    Raises ConfigurationError when a file has changed since. An interrupted undo is finished.
     """
     kept = out_folder(out) / ACCEPTED
     with lock_folders([out, *_folders(file, cell_file)]):
@@ -242,8 +243,8 @@ def _files_by_name(
     Raises ConfigurationError for any but `file`, `cell_file` and the models beside it that the
     patches in the folder of `kept` name.
     """
-    names = (PATCH, SUSPECT_PATCH, LAW_PATCH, BASE_PATCH)
-    patches = [read_yaml(kept.parent / name) for name in names if (kept.parent / name).exists()]
+    paths = [kept.parent / name for name in PATCHES]
+    patches = [read_yaml(path) for path in paths if path.exists()]
     models = [file.parent / str(p["model"]) for p in patches if p.get("kind") == "mechanism"]
     given = {_name(p): p for p in (file, cell_file, *models) if p is not None}
     if _name(file) not in stored.before:
@@ -272,7 +273,7 @@ def _folders(*files: Path | None) -> list[Path]:
 
 
 def out_folder(out: Path) -> Path:
-    """`out` itself, if it is a folder; raises ConfigurationError otherwise."""
+    """The folder `out` of a fit; raises ConfigurationError where there is none."""
     if not out.is_dir():
         what = "is a file" if out.exists() else "no such folder"
         raise ConfigurationError(f"{out}: {what}; name the folder that `cell gap fit --out` wrote")
@@ -322,6 +323,7 @@ def _check_writable(paths: Iterable[Path]) -> None:
 
 
 def _read_fit_record(out: Path) -> FitRecord:
+    """Record of the fit in `out`; ConfigurationError where it is missing or broken."""
     path = out_folder(out) / RECORD
     try:
         return read_stored(path, FitRecord)

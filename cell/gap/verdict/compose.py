@@ -1,8 +1,6 @@
 """Composes the verdict document from the findings of an investigation."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
-from itertools import islice
 
 import numpy as np
 from scipy import special
@@ -11,13 +9,13 @@ from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.reml import Spread, covariance, degrees_of_freedom
-from cell.gap.selection.likelihood import family_wise, likelihood_ratio_p, margin
+from cell.gap.selection.likelihood import family_wise, gains, likelihood_ratio_p
 from cell.gap.selection.screening import Score
 from cell.gap.subject.subject import Candidate, Parameter
 from cell.gap.verdict.decision import (
     GAP,
     decide,
-    deciding_numbers,
+    deciding_evidence,
     describe_left,
     named_effects,
     probability,
@@ -37,7 +35,6 @@ from cell.gap.verdict.schema import (
     Unexplained,
     ValueWithUnit,
     Verdict,
-    WhereBin,
 )
 
 # Limits of what a verdict lists, set by hand.
@@ -72,7 +69,7 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
             name: Interval(value=v.value, low=v.low, high=v.high)
             for name, v in values["base"].items()
         },
-        where=_where(findings),
+        where=[place for place in findings.places if place.p < SIGNIFICANT][:MOST_PLACES],
         gap=_gap(findings),
         candidates=_candidates(findings),
         advice=_advice(findings),
@@ -89,7 +86,7 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
 def intervals(
     estimate: Estimate, inefficiency: float, scatter: Sequence[Spread]
 ) -> dict[str, dict[str, ValueWithUnit]]:
-    """95 % intervals of the parameters of the base (`base`) and of each effect, by their names.
+    """Estimates with 95 % intervals: of the base under `base`, and of each effect, by parameter.
 
     They cover noise, run-to-run scatter and measurement errors common to all runs; they are wider
     where few runs show how large the scatter is.
@@ -106,6 +103,7 @@ def intervals(
 
 
 def _interval(p: Parameter, value: float, half: float) -> ValueWithUnit:
+    """Estimate of `p` with the half-width of its interval, within its bounds, as files state it."""
     ends = [max(p.low, value - half), min(p.high, value + half)]
     stated = sorted(p.stated_value(v) for v in ends)
     low, high = (v if np.isfinite(v) else None for v in stated)
@@ -115,13 +113,9 @@ def _interval(p: Parameter, value: float, half: float) -> ValueWithUnit:
     )
 
 
-def _where(findings: Findings) -> list[WhereBin]:
-    significant = (place for place in findings.places if place.p < SIGNIFICANT)
-    return [WhereBin(**asdict(place)) for place in islice(significant, MOST_PLACES)]
-
-
 def _gap(findings: Findings) -> Gap:
-    held_out, quantities = findings.unseen, findings.subject.scope.quantities
+    """Residuals on held-out runs before and after, their floor, and by how much they shrink."""
+    held_out, quantities = findings.held_out_fits, findings.subject.scope.quantities
     return Gap(
         before=held_out_gap.sizes(held_out.before, quantities),
         after=held_out_gap.sizes(held_out.after, quantities),
@@ -144,7 +138,7 @@ def _unexplained(findings: Findings, which: Kind) -> Unexplained | None:
 
 def _posterior(findings: Findings) -> Probable:
     """Posterior part of a verdict, with the numbers that decide on it."""
-    deciding = deciding_numbers(findings)
+    deciding = deciding_evidence(findings)
     return Probable(
         models=[
             ProbableSet(names=sorted(m.names), p=m.p) for m in findings.posterior.models[:MOST_SETS]
@@ -162,7 +156,7 @@ def _posterior(findings: Findings) -> Probable:
 
 def _candidates(findings: Findings) -> list[CandidateEntry]:
     """Candidates by their gain, the best first: refitted models, and others as screened."""
-    fits, scope = findings.choice.fits, findings.subject.scope
+    fits, scope = findings.fits, findings.subject.scope
     raw = {m.model.name: likelihood_ratio_p(m, fits.base, findings.likelihood)
            for m in fits.models if m.model.effects}  # fmt: skip
     p = raw | family_wise(raw, [c.name for c in scope.candidates])
@@ -178,8 +172,10 @@ def _candidates(findings: Findings) -> list[CandidateEntry]:
 
 
 def _compare_with_base(findings: Findings, model: CrossValidatedFit, p: float) -> CandidateEntry:
+    """Row of a fitted `model`: its gain over the base with its standard error, and values."""
     likelihood, effects = findings.likelihood, model.model.effects
-    ahead = margin(model, findings.choice.fits.base, likelihood)
+    by_run = gains(model, findings.fits.base, likelihood)
+    error = np.sqrt(len(by_run)) * by_run.std(ddof=1) if len(by_run) > 1 else 0.0
     values = intervals(model.estimate, likelihood.inefficiency, findings.model_tests.scatter)
     parameters = {
         f"{e.name}.{name}" if len(effects) > 1 else name: value
@@ -187,7 +183,11 @@ def _compare_with_base(findings: Findings, model: CrossValidatedFit, p: float) -
         for name, value in values[e.name].items()
     }
     return CandidateEntry(
-        name=model.model.name, elpd_gain=ahead.gain, se=ahead.se, p=p, parameters=parameters
+        name=model.model.name,
+        elpd_gain=float(by_run.sum()),
+        se=float(error),
+        p=p,
+        parameters=parameters,
     )
 
 
@@ -213,6 +213,7 @@ def _compare_by_screen(
 
 
 def _advice(findings: Findings) -> list[Recommendation]:
+    """Experiments that separate two explanations by at least LEAST_SEPARATION."""
     return [
         Recommendation(
             experiment=f"{a.experiment.name}: {a.experiment.instruction}",
@@ -236,7 +237,7 @@ def _notes(findings: Findings, which: Kind) -> list[str]:
 
 
 def deviations(base: Sequence[Parameter], fitted: Mapping[str, Interval]) -> list[Deviation]:
-    """Values of `fitted` whose whole 95 % interval lies outside what the file tolerates."""
+    """Fitted base values whose 95 % interval lies outside the range that the file tolerates."""
     rows = []
     for p in base:
         value = fitted.get(p.name)

@@ -1,4 +1,4 @@
-"""Calibrated probability that a named verdict is right: a logistic function of its numbers.
+"""Calibrated probability that a named verdict is right: a logistic function of evidence.
 
 The posterior holds for the library's laws as they are. How well unseen runs are predicted, and what
 no law accounts for, show whether to believe it; their weights were measured on verdicts whose truth
@@ -25,7 +25,7 @@ FILES = {"strip": "confidence.yaml", "mechanism": "confidence-mechanism.yaml"}
 
 
 @dataclass(frozen=True, slots=True)
-class Numbers:
+class VerdictEvidence:
     """Numbers that speak for or against an accepted effect of a fit.
 
     `log_odds` [nats] are the posterior's of the effect, or of its class; `gain` [nats] is how
@@ -45,13 +45,13 @@ class Numbers:
 
     @classmethod
     def of(cls, sets: Probable) -> Self:
-        """Numbers from the posterior part of a verdict; without log-odds they are infinite."""
+        """Evidence in the posterior part `sets` of a verdict; log-odds of None are infinite."""
         log_odds = math.inf if sets.log_odds is None else sets.log_odds
         return cls(log_odds, sets.ahead, sets.worst, sets.left, sets.correlation, sets.strain)
 
     @property
     def correlated(self) -> float:
-        """Rms of the correlated part of `left`, in its units: root of the lag-one autocovariance.
+        """Rms of the correlated part of `left`: square root of its lag-one autocovariance.
 
         The correlation itself is high, too, where hardly anything is left.
         """
@@ -70,14 +70,14 @@ class Weight(Settings):
     by_order: bool = False
 
     def share(self, value: float) -> float:
-        """Position of `value` between `low` and `high`, 0 to 1."""
+        """Position of `value` between `low` and `high`, from 0 to 1."""
         ends = np.array([np.clip(value, self.low, self.high), self.low, self.high])
         at, low, high = np.log1p(ends) if self.by_order else ends
         return float((at - low) / (high - low))
 
 
 class Calibration(Settings):
-    """Content of a file of FILES: `intercept` and `weights` of the log-odds of a right verdict.
+    """Coefficients of the log-odds that a verdict is right: `intercept`, and `weights` by number.
 
     `source` names the verdicts that were used, `belongs_to` the place of the file.
     """
@@ -87,13 +87,13 @@ class Calibration(Settings):
     source: str = Field(min_length=1)
     belongs_to: str = ""
 
-    def probability(self, found: Numbers) -> float:
-        """Probability that a verdict with these numbers names the right effects."""
+    def probability(self, found: VerdictEvidence) -> float:
+        """Probability that a verdict with the evidence `found` names the right effects."""
         parts = [w.weight * w.share(getattr(found, name)) for name, w in self.weights.items()]
         return float(special.expit(self.intercept + sum(parts)))
 
 
 @cache
 def calibration(kind: str = "strip") -> Calibration:
-    """Load the calibration of stated confidence that the package ships for a kind of subject."""
+    """Load the shipped calibration of confidence for a kind of subject."""
     return load(Path(__file__).with_name(FILES[kind]), Calibration)

@@ -1,4 +1,4 @@
-"""Decides a verdict from four numbers, and says why.
+"""Decides a verdict from four kinds of evidence, and says why.
 
 1. `log_odds`: the posterior's, that an accepted effect is present, or one that the runs do not
    separate from it. One covariance holds noise, floor, what differs from run to run, errors of
@@ -24,10 +24,9 @@ from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting import robust
 from cell.gap.fitting.base_fit import strains
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.selection.likelihood import ALPHA, MIN_GAIN
 from cell.gap.subject.subject import Candidate, Subject
-from cell.gap.verdict.confidence import LEAST, Numbers, calibration
+from cell.gap.verdict.confidence import LEAST, VerdictEvidence, calibration
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Kind
 from drivers.types import Array
@@ -39,20 +38,20 @@ ALIKE = 0.9  # cosine of two responses above which one cannot be told from the o
 
 
 def decide(findings: Findings) -> Kind:
-    """Kind of verdict that the findings support."""
+    """Kind of verdict that the findings support: named, ambiguous, unexplained or no gap."""
     if not credible_effects(findings):
         return "unexplained" if gap_is_there(findings) else "no_gap"
     return "named" if named_effects(findings) else "ambiguous"
 
 
 def named_effects(findings: Findings) -> list[Candidate]:
-    """Credible effects that the runs separate from all others."""
+    """Credible effects that the runs tell apart from all others."""
     sure = [effect.name for effect in findings.separable]
     return [effect for effect in credible_effects(findings) if effect.name in sure]
 
 
 def credible_effects(findings: Findings) -> list[Candidate]:
-    """Accepted effects that are probable, where they predict what they were not fitted to."""
+    """Accepted effects that are probable, where unseen runs are predicted better with them."""
     if _failed_prediction(findings):
         return []
     return [e for e in findings.accepted.model.effects if probability(findings, e.name) >= LEAST]
@@ -70,11 +69,11 @@ def _failed_prediction(findings: Findings) -> str:
 
 def probability(findings: Findings, effect: str) -> float:
     """Calibrated probability that the accepted `effect`, or one of its class, is right."""
-    return calibration(findings.subject.kind).probability(numbers(findings, effect))
+    return calibration(findings.subject.kind).probability(evidence_for(findings, effect))
 
 
 def gap_is_there(findings: Findings) -> bool:
-    """Whether the base leaves a gap that shows in a place or on held-out runs.
+    """Whether the refitted base leaves more than noise, in a place or on held-out runs.
 
     A misfit as a whole that no place shows, and no run that was held out, is no gap.
     """
@@ -85,19 +84,19 @@ def gap_is_there(findings: Findings) -> bool:
 
 
 def unseen_gap(findings: Findings) -> float:
-    """Excess gap of the base on held-out runs, outliers bounded."""
-    return held_out_gap.bounded_excess(findings.unseen.before)
+    """Excess residual of the base on held-out runs, in units of noise, outliers bounded."""
+    return held_out_gap.bounded_excess(findings.held_out_fits.before)
 
 
-def numbers(findings: Findings, effect: str | None) -> Numbers:
-    """The numbers that decide on the accepted `effect`; of the base, where it is None."""
+def evidence_for(findings: Findings, effect: str | None) -> VerdictEvidence:
+    """Evidence on the accepted `effect` that its probability follows from; of the base if None."""
     runs, quantities = _gains(findings)
-    fits = (findings.accepted.estimate, findings.unseen.after)
+    fits = (findings.accepted.estimate, findings.held_out_fits.after)
     by_run = [held_out_gap.rms_by_run(fit, findings.subject.scope.quantities) for fit in fits]
     typical_rms = float(np.median([rms for of_fit in by_run for rms in of_fit]))
     classes = [group for group in findings.model_tests.classes if effect in group]
     alike = {effect, *(name for group in classes for name in group)}
-    return Numbers(
+    return VerdictEvidence(
         log_odds=math.inf
         if effect is None
         else findings.posterior.log_odds(lambda names: not alike.isdisjoint(names)),
@@ -118,11 +117,11 @@ def _correlation(fit: Estimate, together: Sequence[bool]) -> float:
     return robust.correlation(typical.evidence.runs, typical.residuals)
 
 
-def deciding_numbers(findings: Findings) -> Numbers:
-    """The numbers of the least sure effect that is named or, without names, was accepted."""
+def deciding_evidence(findings: Findings) -> VerdictEvidence:
+    """Evidence on the least probable effect that is named or, without names, was accepted."""
     effects = named_effects(findings) or findings.accepted.model.effects
-    by_effect = [numbers(findings, effect.name) for effect in effects]
-    return min(by_effect, key=lambda n: n.log_odds, default=numbers(findings, None))
+    by_effect = [evidence_for(findings, effect.name) for effect in effects]
+    return min(by_effect, key=lambda n: n.log_odds, default=evidence_for(findings, None))
 
 
 def _gains(findings: Findings) -> tuple[list[float], list[float]]:
@@ -130,7 +129,7 @@ def _gains(findings: Findings) -> tuple[list[float], list[float]]:
 
     Of runs left out in turn as predicted from the others, and of held-out ones.
     """
-    base, accepted, unseen = findings.base, findings.accepted, findings.unseen
+    base, accepted, unseen = findings.base, findings.accepted, findings.held_out_fits
     pairs = [
         (base.estimate, base.left_out, accepted.estimate, accepted.left_out),
         (unseen.before, unseen.before.residuals, unseen.after, unseen.after.residuals),
@@ -152,7 +151,7 @@ def _gains(findings: Findings) -> tuple[list[float], list[float]]:
 
 
 def refuted_values(fit: Estimate, subject: Subject) -> list[list[str]]:
-    """Classes of an effect of `fit` and values of the file, either of which may be wrong.
+    """Groups of an effect of `fit` and base values of the file, one of which may be wrong.
 
     Beside the effect those values lie STRAINED standard deviations off or more, and what that
     changes is what the effect changes.
@@ -161,7 +160,7 @@ def refuted_values(fit: Estimate, subject: Subject) -> list[list[str]]:
     if not strained_names or not subject.scope.believed:
         return []
     moved = fit.shared - np.array([p.start for p in fit.model.parameters])
-    responses = stacked_jacobian(fit)[:, : len(moved)] * moved
+    responses = fit.stacked_jacobian[:, : len(moved)] * moved
     base, by_effect = fit.model.split(responses.T)
     is_strained = [p.name in strained_names for p in fit.model.base]
     strained = base[is_strained].sum(axis=0)
@@ -173,11 +172,12 @@ def refuted_values(fit: Estimate, subject: Subject) -> list[list[str]]:
 
 
 def _cosine(a: Array, b: Array) -> float:
+    """Cosine of the angle between vectors (n,); 0 where one of them vanishes."""
     return float(a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), np.finfo(float).tiny))
 
 
 def reasons(findings: Findings) -> list[str]:
-    """Reasons for which the accepted effects are not named, or the gap is not explained."""
+    """Sentences on why accepted effects are not named, or the residual is not explained."""
     repeats, fit = findings.model_tests.repeats, findings.accepted.estimate
     words = []
     for effect in fit.model.effects:
@@ -199,8 +199,8 @@ def reasons(findings: Findings) -> list[str]:
 
 
 def describe_left(findings: Findings) -> str:
-    """Sentence on what the best model leaves, and why it is not believed."""
-    quantities, shown = findings.subject.scope.quantities, findings.unseen
+    """Sentence on the residuals that the accepted model leaves, and why it is not believed."""
+    quantities, shown = findings.subject.scope.quantities, findings.held_out_fits
     after = held_out_gap.sizes(shown.after, quantities)
     least = held_out_gap.floor(shown.before.evidence, quantities)
     sizes = ", ".join(

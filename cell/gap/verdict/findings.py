@@ -1,17 +1,17 @@
 """Results of an investigation, stage by stage."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.diagnosis.lack_of_fit import Bin, Repeats, stronger_of_two
-from cell.gap.diagnosis.next_experiment import RatedExperiment, RepeatabilityGain
+from cell.gap.diagnosis.next_experiment import RatedExperiment
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.reml import Spread
-from cell.gap.selection.choice import Choice
-from cell.gap.selection.likelihood import ALPHA, LikelihoodScale
+from cell.gap.selection.likelihood import ALPHA, Fits, LikelihoodScale
 from cell.gap.selection.posterior import Posterior
-from cell.gap.selection.screening import ProbeResponses, Score, Table
+from cell.gap.selection.screening import ProbeEquations, ProbeResponses, Score
 from cell.gap.subject.subject import Candidate, Subject
 from cell.gap.verdict.offered_law import OfferedLaw
 from drivers.types import Array
@@ -19,7 +19,7 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class BaseFit:
-    """The refitted base and the tests of its residuals.
+    """Fit of the base parameters to the runs, and tests of its residuals.
 
     `misfit` is the p-value of the residuals under noise; `weak` are directions that the runs do not
     determine, `scatter` the quantities that differ from run to run; `strained` where the fitted
@@ -36,26 +36,27 @@ class BaseFit:
 
     @property
     def doubted(self) -> bool:
-        """Whether the base leaves a gap or contradicts its priors, so that effects are sought."""
+        """Whether the base leaves more than noise or contradicts its priors: effects are sought."""
         return self.gap or self.strained
 
     @property
     def gap(self) -> bool:
-        """Whether the base leaves more than noise, anywhere, overall or from run to run."""
+        """Whether the base leaves more than noise, in a place, overall or from run to run."""
         seen = self.misfit < ALPHA or any(place.p < ALPHA for place in self.places)
         return seen or self.repeats.drifts or self.repeats.differ
 
 
 @dataclass(frozen=True, slots=True)
 class Screen:
-    """Results of the screen: probes, their table, scores of single effects, p-values by name.
+    """Results of the linear screen: probes of all candidate effects, and what each would gain.
 
-    `detectable` are smallest sizes by effect, None where no possible size would show; `library` has
-    the whitened response (N, k) to the amount of each effect that fills the floor.
+    `singles` are the scores of single effects, `p` their p-values by name; `detectable` are
+    detection limits by name, None where no possible size would show; `library` has the whitened
+    response (N, k) to the amount of each effect that fills the error floor.
     """
 
     probed: tuple[ProbeResponses, ...]
-    equations: Table
+    equations: ProbeEquations
     singles: tuple[Score, ...]
     p: dict[str, float]
     detectable: dict[str, float | None]
@@ -88,7 +89,7 @@ class ModelTests:
 
 @dataclass(frozen=True, slots=True)
 class HeldOutFits:
-    """The base and the accepted model on held-out runs, and how much the gap shrinks."""
+    """Base and accepted model as fitted to held-out runs, and how much the residual shrinks."""
 
     before: Estimate
     after: Estimate
@@ -102,36 +103,35 @@ class HeldOutFits:
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """Advice: `experiments`, best per minute first, and the gain of `steadier` quantities."""
+    """Advice: `experiments`, best first, and the gain [sigma] of quantities made `steadier`."""
 
     experiments: tuple[RatedExperiment, ...] = ()
-    steadier: tuple[RepeatabilityGain, ...] = ()
+    steadier: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """All results of an investigation, stage by stage."""
+    """All results of an investigation of a subject.
+
+    `accepted` is the model that was chosen among `fits`: the base where no effect was accepted.
+    """
 
     subject: Subject
     held_out: tuple[str, ...]
     base_fit: BaseFit
     screen: Screen
-    choice: Choice
+    accepted: CrossValidatedFit
+    fits: Fits
     posterior: Posterior
     model_tests: ModelTests
-    unseen: HeldOutFits
+    held_out_fits: HeldOutFits
     advice: Advice
     law: OfferedLaw | None = None
 
     @property
     def base(self) -> CrossValidatedFit:
-        """The refitted base."""
+        """Refitted base model, without added effects."""
         return self.base_fit.base
-
-    @property
-    def accepted(self) -> CrossValidatedFit:
-        """The accepted model; the base where no effect was accepted."""
-        return self.choice.accepted
 
     @property
     def places(self) -> tuple[Bin, ...]:
@@ -141,10 +141,10 @@ class Findings:
     @property
     def likelihood(self) -> LikelihoodScale:
         """Dispersion and inefficiency by which log-likelihoods of all models are divided."""
-        return self.choice.fits.likelihood
+        return self.fits.likelihood
 
     @property
     def separable(self) -> tuple[Candidate, ...]:
-        """The accepted effects that the runs separate from all others."""
+        """Accepted effects that the runs tell apart from all others."""
         doubtful = {name for group in self.model_tests.classes for name in group}
         return tuple(e for e in self.accepted.model.effects if e.name not in doubtful)

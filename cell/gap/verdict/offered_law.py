@@ -1,4 +1,4 @@
-"""Empirical law fitted to a gap that no effect accounts for, and tested on unseen runs."""
+"""Empirical law of residuals that no effect accounts for, tested on held-out runs."""
 
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -10,11 +10,11 @@ from cell.gap.fitting.crossvalidation import on_runs
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import Simulate, run_all
-from cell.gap.selection import search
-from cell.gap.selection.choice import Choice, needed_models
+from cell.gap.selection.choice import needed_models
 from cell.gap.selection.likelihood import Fits
 from cell.gap.selection.posterior import posterior
-from cell.gap.selection.screening import probe, ranked_pairs, ranking, table
+from cell.gap.selection.screening import probe, probe_equations, ranked_pairs, ranking
+from cell.gap.selection.search import Search
 from cell.gap.subject.subject import Subject
 
 # Thresholds by which a law is offered, set by hand on withheld effects.
@@ -27,7 +27,7 @@ STEADY = 0.7  # share of halves of the runs on which each term keeps its sign
 
 @dataclass(frozen=True, slots=True)
 class OfferedLaw:
-    """An empirical law: terms of the subject with fitted amounts, a description and no cause.
+    """Empirical law of residuals: terms with fitted amounts, a description and no cause.
 
     `base` and `terms` hold values by name; `shrink` is the share of the excess gap on held-out
     runs that it closes.
@@ -42,21 +42,21 @@ class OfferedLaw:
 def offered_law(
     subject: Subject,
     simulate: Simulate,
-    choice: Choice,
+    fits: Fits,
     before: Estimate,
     rng: np.random.Generator,
 ) -> OfferedLaw | None:
-    """Most probable stable law beside the base of `choice` that shrinks the gap `before`.
+    """Most probable stable law, beside the base of `fits`, that explains the estimate `before`.
 
     `before` is the base on runs that were held out. None where no term is clearly more probable
-    than none, no law is stable, or none closes a gap on those runs.
+    than none, no law is stable, or none shrinks the residuals of those runs.
     """
     if held_out_gap.excess_of(before) < LEAST_EXCESS:
         return None
-    laws = _fit_laws(subject, simulate, replace(choice.fits, models=(choice.fits.base,)))
-    for law in needed_models(laws, posterior(laws, choice.fits.likelihood)):
+    laws = _fit_laws(subject, simulate, replace(fits, models=(fits.base,)))
+    for law in needed_models(laws, posterior(laws, fits.likelihood)):
         if _stable(law.estimate):
-            after = held_out_gap.unseen(simulate, law.estimate, before.evidence)
+            after = held_out_gap.fit_held_out(simulate, law.estimate, before.evidence)
             closed = held_out_gap.shrink(before, after, rng).value
             if closed >= LEAST_CLOSED:
                 return _offer(law.estimate, closed)
@@ -68,11 +68,12 @@ def _fit_laws(subject: Subject, simulate: Simulate, fits: Fits) -> Fits:
     fit = fits.base.estimate
     terms = [t for t in subject.scope.terms if len(t.parameters) == 1]
     probed = run_all(simulate, [probe(fit, t) for t in terms])
-    known, plain = table(projection(fit), probed), [replace(t, probes=()) for t in terms]
+    known, plain = probe_equations(projection(fit), probed), [replace(t, probes=()) for t in terms]
     scores = [*ranking(known)[:SINGLES], *ranked_pairs(known, PAIRS)]
-    fits = search.fit_scores(simulate, fits, scores, terms)
+    fits = Search(simulate, terms, probed).fit_scored_models(fits, scores)
+    search = Search(simulate, plain, probed)
     for size in range(1, MOST_TERMS):
-        fits = search.extend(simulate, fits, fits.near_best(size)[:1], plain, probed)
+        fits = search.extend(fits, fits.near_best(size)[:1])
     return fits
 
 
@@ -86,6 +87,7 @@ def _stable(estimate: Estimate) -> bool:
 
 
 def _offer(fit: Estimate, shrink: float) -> OfferedLaw:
+    """Law of the fitted terms of `fit`, which remove the share `shrink` of the excess residual."""
     values, terms = fit.model.split(fit.shared)
     base = {p.name: p.stated_value(float(v)) for p, v in zip(fit.model.base, values, strict=True)}
     amounts = {e.name: float(terms[e.name][0]) for e in fit.model.effects}

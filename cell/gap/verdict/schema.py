@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from cell.gap.diagnosis.lack_of_fit import Bin
 from drivers.errors import ConfigurationError
 from drivers.readers import MEGABYTE, read_json
 from drivers.settings import parse
@@ -19,13 +20,13 @@ EffectValues = dict[str, Values]
 
 
 class Entry(BaseModel):
-    """Base of all parts of a verdict: frozen, filled by field name, unknown keys ignored."""
+    """Base of all parts of a verdict: frozen, filled by field name; unknown keys are ignored."""
 
     model_config = ConfigDict(frozen=True, populate_by_name=True)
 
 
 class Interval(Entry):
-    """An estimate with its 95 % interval; None where it is unbounded."""
+    """Estimate with its 95 % interval, whose ends are None where it is unbounded."""
 
     value: float
     low: float | None
@@ -33,13 +34,13 @@ class Interval(Entry):
 
 
 class ValueWithUnit(Interval):
-    """An estimate with its unit."""
+    """Estimate with its 95 % interval and its unit."""
 
     unit: str
 
 
 class Deviation(ValueWithUnit):
-    """A refitted base value outside `tolerated`, whose upper end is None for infinity."""
+    """Refitted base value outside the `tolerated` range, whose upper end is None for infinity."""
 
     parameter: str
     stated: float
@@ -47,7 +48,7 @@ class Deviation(ValueWithUnit):
 
 
 class NamedEffect(Entry):
-    """An effect that a patch adds, and the probability that it and those beside it are right."""
+    """Effect that a patch adds, with the probability that it and those beside it are right."""
 
     name: str
     of: Literal["strip", "cell", "model", "rig"]
@@ -56,26 +57,15 @@ class NamedEffect(Entry):
 
 
 class Unexplained(Entry):
-    """The gap that no effect of the library accounts for; `law` describes it, and is no cause."""
+    """Residual that no effect of the library accounts for; `law` describes it and is no cause."""
 
     description: str
     law: str
     stable: bool
 
 
-class WhereBin(Entry):
-    """A bin where simulation and measurement disagree, with its family-wise p-value."""
-
-    channel: str
-    phase: str
-    zone: str
-    condition: str
-    z: float
-    p: float
-
-
 class Gap(Entry):
-    """The gap on held-out runs, rms by quantity, and the share of the excess that is closed."""
+    """Residuals on held-out runs, rms by quantity, and the share of their excess removed."""
 
     before: dict[str, float]
     after: dict[str, float]
@@ -86,7 +76,7 @@ class Gap(Entry):
 
 
 class CandidateEntry(Entry):
-    """A candidate, or several joined by ` + `, with its gain [nats] over the base."""
+    """Candidate effect, or several joined by ` + `, with its gain [nats] over the base."""
 
     name: str
     elpd_gain: float
@@ -97,7 +87,7 @@ class CandidateEntry(Entry):
 
 
 class Recommendation(Entry):
-    """A recommended experiment: the two explanations it separates, by how much, in what time."""
+    """Recommended experiment: what it separates, by how many sigma, in how many minutes."""
 
     experiment: str
     separates: tuple[str, str]
@@ -106,21 +96,20 @@ class Recommendation(Entry):
 
 
 class ProbableSet(Entry):
-    """A set of effects and the probability `p` that these and no others are present."""
+    """Set of effects, and the probability `p` that these and no others are present."""
 
     names: list[str]
     p: float
 
 
 class Probable(Entry):
-    """The posterior over the sets of effects that were fitted, the most probable first.
+    """Posterior over the fitted sets of effects, the most probable first, and deciding evidence.
 
-    With the numbers that decide on what was accepted (`verdict.decision`): `log_odds` [nats] of the
-    sets that hold it, or its class, None where all do; `ahead` [nats] by which unseen runs are
-    predicted better, `worst` of any run or quantity; `left`, the rms that no law accounts for
-    in units of noise and floor, and `correlation`, that of neighbours in time in it; `strain`, the
-    largest deviation of the base from the file in prior standard deviations. `law` is whether one
-    is offered.
+    `log_odds` [nats] are those of the sets that hold the accepted effect, or its class, None where
+    all do; `ahead` [nats] is by how much better unseen runs are predicted, `worst` that of any run
+    or quantity; `left` is the rms that no law accounts for in units of noise and floor, and
+    `correlation` that of neighbours in time in it; `strain` is the largest deviation of the base
+    from the file in prior standard deviations. `law` is whether one is offered.
     """
 
     models: list[ProbableSet]
@@ -135,7 +124,7 @@ class Probable(Entry):
 
 
 class Verdict(Entry):
-    """Content of verdict.json: what is missing, how surely, and how the gap shrinks.
+    """Content of verdict.json: which effects are missing, how surely, and how residuals shrink.
 
     `suspected` are effects that were accepted and are not named.
     """
@@ -146,7 +135,7 @@ class Verdict(Entry):
     ambiguous: list[list[str]]
     unexplained: Unexplained | None
     base: dict[str, Interval]
-    where: list[WhereBin]
+    where: list[Bin]
     gap: Gap
     candidates: list[CandidateEntry]
     advice: list[Recommendation]
@@ -160,7 +149,7 @@ class Verdict(Entry):
     suspected: list[NamedEffect] = Field(default_factory=list)
 
     def values_with(self, effects: Sequence[NamedEffect]) -> tuple[Values, EffectValues]:
-        """Values of the base by name, and of each of `effects` by parameter."""
+        """Values of the base by name, and of each of `effects` by its parameters' names."""
         base = {name: v.value for name, v in self.base.items()}
         return base, {e.name: {k: v.value for k, v in e.parameters.items()} for e in effects}
 
@@ -177,7 +166,7 @@ class Verdict(Entry):
         return f"{said}<table>{head}{rows}</table>"
 
     def to_json(self) -> str:
-        """Text of verdict.json; `deviates` and `suspected` stand there only where they say any."""
+        """JSON text of verdict.json; `deviates` and `suspected` are left out where empty."""
         absent = {key for key in ("deviates", "suspected") if not getattr(self, key)}
         return self.model_dump_json(by_alias=True, indent=1, exclude=absent) + "\n"
 
@@ -188,7 +177,7 @@ def _meter(value: float, other: float) -> str:
 
 
 def read_verdict(path: Path) -> Verdict:
-    """The verdict at `path`; ConfigurationError where there is none that can be read."""
+    """Verdict in the file at `path`; ConfigurationError where it is missing or broken."""
     out = path.parent
     if not path.exists():
         what = f"{path}: is missing" if out.is_dir() else f"{out}: no such folder"

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from cell.gap.fit import fit
-from cell.gap.subject.run_folders import counted_once, find_runs
+from cell.gap.subject.run_folders import find_runs, without_copies
 
 SINGLE = Path(__file__).resolve().parents[4] / "shared" / "data" / "pendulum" / "single"
 
@@ -26,7 +26,7 @@ def a_run(folder: Path, seed: int, **changes: object) -> Path:
 
 
 def names(root: Path) -> tuple[list[str], dict[str, str]]:
-    kept, copies = counted_once(find_runs([root]))
+    kept, copies = without_copies(find_runs([root]))
     return [run.name for run in kept], dict(copies)
 
 

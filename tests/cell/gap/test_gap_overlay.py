@@ -12,7 +12,7 @@ from cell.gap.report.figures import Replay
 from cell.gap.report.overlay import write_recording
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.scenes import DISTANCE_SIGNAL
-from cell.gap.subject.strip.subject import Strip, open_strip
+from cell.gap.subject.strip.subject import StripSubject, open_strip
 from cell.gap.subject.subject import Request, Scene
 from drivers.types import Array
 from tests.support.gap_strip_cases import CELL, STRIP, folds, written
@@ -53,7 +53,7 @@ def numbers(rows: Rows) -> Array:
     return np.array([value[0] for value in rows.values])  # type: ignore[index]
 
 
-def simulated(strip: Strip, **changes: float) -> Sequence[Scene | None]:
+def simulated(strip: StripSubject, **changes: float) -> Sequence[Scene | None]:
     start = {p.name: p.start for p in strip.scope.base} | changes
     base = np.array([start[p.name] for p in strip.scope.base])
     return strip.draw_simulated(
@@ -62,7 +62,7 @@ def simulated(strip: Strip, **changes: float) -> Sequence[Scene | None]:
 
 
 @pytest.fixture(scope="module")
-def strip(tmp_path_factory: pytest.TempPathFactory) -> Strip:
+def strip(tmp_path_factory: pytest.TempPathFactory) -> StripSubject:
     """Two folds of the strip exactly as its file states it."""
     root = tmp_path_factory.mktemp("folds") / "runs"
     written(root, folds(["normal", "taut-lift"]))
@@ -73,7 +73,7 @@ MM_UP = (1e3, -1e3)  # per m, of a flat view whose second axis points down
 
 
 @pytest.fixture(scope="module")
-def replays(strip: Strip) -> list[Replay]:
+def replays(strip: StripSubject) -> list[Replay]:
     """Before: a strip that is too soft; after: the right one."""
     before = simulated(strip, bending_length=SOFT * strip.file.bending_length)
     after = simulated(strip)

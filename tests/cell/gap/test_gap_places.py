@@ -21,7 +21,7 @@ def test_an_effect_is_told_in_its_places_where_none_stands_out_alone() -> None:
     fitted = _estimate(np.concatenate(base.residuals) - effect)
     noise = rng.standard_normal((SIZE, DRAWS))
     test = ResidualTest(base, Repeats({}, {}), noise, FLAT)
-    alone = test.localise()
+    alone = test.test_bins()
     assert all(place.p > 0.05 for place in alone)
     told = test.matching(fitted, [])
     seen = {place.zone for place in stronger_of_two(alone, told) if place.p < 0.05}

@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.fitting.tasks import run_all
 from cell.gap.selection.choice import choose
 from cell.gap.selection.likelihood import Fits, LikelihoodScale
-from cell.gap.selection.posterior import Beliefs, Posterior, beliefs, filling_floor, posterior
-from cell.gap.selection.screening import ProbeResponses, detectable, probe
+from cell.gap.selection.posterior import Beliefs, Posterior, beliefs, floor_responses, posterior
+from cell.gap.selection.screening import ProbeResponses, detection_limits, probe
 from cell.gap.subject.subject import Candidate, Parameter
-from cell.gap.verdict.confidence import Numbers, calibration
+from cell.gap.verdict.confidence import VerdictEvidence, calibration
 from drivers.types import Array
 from tests.support.curves import Curves, bump, fitted, hidden, judged, validated, wave
 
@@ -26,17 +25,15 @@ def sets(subject: Curves, *names: tuple[str, ...], prior: Beliefs = EXACT) -> Po
     models = tuple(validated(fitted(subject, n), subject) for n in ((), *names))
     base = models[0].estimate
     probed = run_all(subject.simulate, [probe(base, c) for c in subject.scope.candidates])
-    return posterior(Fits(models, filling_floor(base, probed, believed=False)), PLAIN, prior)
+    return posterior(Fits(models, floor_responses(base, probed, believed=False)), PLAIN, prior)
 
 
 def at_prior_mean(subject: Curves, names: tuple[str, ...]) -> tuple[Array, Array, Array]:
     """Residual (N,), Jacobian (N, size) and prior spreads (size,) of a model that is linear."""
     fit = fitted(subject, names)
-    every = [*fit.model.parameters, *(p for run in fit.evidence.runs for p in run.local)]
-    z = np.concatenate([fit.shared, *fit.point.local])
-    jacobian = stacked_jacobian(fit)
-    away = jacobian @ (np.array([p.start for p in every]) - z)
-    return np.concatenate(fit.residuals) + away, jacobian, np.array([p.spread for p in every])
+    every, jacobian = fit.unknowns.parameters, fit.stacked_jacobian
+    away = jacobian @ (np.array([p.start for p in every]) - fit.z)
+    return fit.stacked_residuals + away, jacobian, np.array([p.spread for p in every])
 
 
 def density(subject: Curves, names: tuple[str, ...]) -> float:
@@ -111,7 +108,7 @@ def test_what_an_error_of_a_law_may_explain_is_no_second_effect() -> None:
         models = (replace(f.model, effects=erring[: len(f.model.effects)]) for f in exact)
         fits = [replace(f, model=m) for f, m in zip(exact, models, strict=True)]
         known = Fits(tuple(validated(fit, subject) for fit in fits))
-        assert choose(known, posterior(known, PLAIN, EXACT)).accepted.model.names == accepted
+        assert choose(known, posterior(known, PLAIN, EXACT)).model.names == accepted
 
 
 def test_a_verdict_states_what_its_signs_are_worth() -> None:
@@ -120,7 +117,7 @@ def test_a_verdict_states_what_its_signs_are_worth() -> None:
     assert verdict.posterior.models[0].names == ["bump"]
     assert sum(m.p for m in verdict.posterior.models) == pytest.approx(1.0)
     (effect,) = verdict.effects
-    found = Numbers.of(verdict.posterior)
+    found = VerdictEvidence.of(verdict.posterior)
     assert effect.confidence == calibration("mechanism").probability(found)
     assert found.left == pytest.approx(1.0, abs=0.2)
     assert abs(found.correlation) < 0.3
@@ -131,4 +128,4 @@ def test_what_would_show_is_stated_in_the_unit_of_the_main_parameter() -> None:
     candidate, steps = Candidate("e", "", "model", pair, ()), tuple(np.eye(2)[::-1])
     seen = ProbeResponses(candidate, (steps,), (np.diag([8.0, 4.0]),))
     bare = SimpleNamespace(weigh=lambda r: r, form=lambda r: SimpleNamespace(curvature=r @ r.T))
-    assert detectable(bare, [seen], PLAIN) == {"e": 2.0}
+    assert detection_limits(bare, [seen], PLAIN) == {"e": 2.0}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cell.gap import rehearse
-from cell.gap.rehearse import HiddenCopy, Plan, is_right, plan, write_copy
+from cell.gap.rehearse import HiddenCopy, Plan, is_right, rehearsal_plan, write_copy
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from drivers.strip.describe import load_strip
@@ -26,7 +26,7 @@ def made(runs: Path) -> Plan:
     few = {name: registry()[name] for name in ("desk_tilt", "grip_slip")}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rehearse, "registry", lambda: few)
-        return plan([runs], STRIP, runs.parent / "rehearsal", 2.5, 2, 1)
+        return rehearsal_plan([runs], STRIP, runs.parent / "rehearsal", 2.5, 2, 1)
 
 
 @pytest.mark.slow
@@ -49,14 +49,14 @@ def test_a_copy_follows_the_measured_paths_with_their_noise(
     strip = load_strip(STRIP)
     before, after = (read_runs(find_runs([p]), strip) for p in (runs, tmp_path / "copy"))
     for real, copy in zip(before, after, strict=True):
-        assert (copy.condition, copy.measured.index) == (real.condition, real.measured.index)
-        assert copy.measured.sigma == real.measured.sigma
-        t = np.linspace(0.1, 0.9 * real.measured.end, 50)
-        paths = [np.interp(t, m.t, m.poses[:, 0]) for m in (real.measured, copy.measured)]
+        assert (copy.condition, copy.index) == (real.condition, real.index)
+        assert copy.sigma == real.sigma
+        t = np.linspace(0.1, 0.9 * real.end, 50)
+        paths = [np.interp(t, m.t, m.poses[:, 0]) for m in (real, copy)]
         assert np.abs(paths[0] - paths[1]).max() < 1e-4
-        assert real.measured.touch is not None
-        assert copy.measured.touch is not None
-        assert copy.measured.touch.time == pytest.approx(real.measured.touch.time, abs=0.15)
+        assert real.touch is not None
+        assert copy.touch is not None
+        assert copy.touch.time == pytest.approx(real.touch.time, abs=0.15)
 
 
 def outcome(hidden: str, *named: str, classes: tuple[tuple[str, ...], ...] = ()) -> dict:

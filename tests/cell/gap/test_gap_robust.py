@@ -86,7 +86,7 @@ class GrainedBeside(Curves):
 
 def test_gaps_on_held_out_runs_are_compared_by_the_floors_of_both_models() -> None:
     subject = GrainedBeside(hidden(wave, 0.3))
-    shown = judged(subject)[0].unseen
+    shown = judged(subject)[0].held_out_fits
     assert shown.after.model.names == {"wave"}
     for fit in (shown.before, shown.after):
         assert fit.evidence.scales[0] == pytest.approx(np.hypot(subject.noise, GRAIN))
@@ -95,8 +95,8 @@ def test_gaps_on_held_out_runs_are_compared_by_the_floors_of_both_models() -> No
 def test_a_model_that_leaves_more_of_unseen_runs_is_the_less_probable() -> None:
     found, verdict = judged(Curves(hidden(wave, 0.3)))
     assert verdict.verdict == "named"
-    shown = replace(found.unseen, before=found.unseen.after, after=found.unseen.before)
-    worse = replace(found, unseen=shown)
+    fits = found.held_out_fits
+    worse = replace(found, held_out_fits=replace(fits, before=fits.after, after=fits.before))
     assert probability(worse, "wave") < verdict.effects[0].confidence
     assert decide(worse) == "unexplained"
     assert "has not seen is predicted worse" in describe_left(worse)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from cell.gap.fitting import normal_equations, robust
+from cell.gap.fitting import robust
+from cell.gap.fitting.normal_equations import NormalEquations
 from cell.gap.selection.likelihood import holm
 from cell.gap.subject.subject import Run, Samples
 
@@ -16,11 +17,7 @@ def test_bounded_step_is_the_minimum_within_the_bounds() -> None:
         a, b = rng.standard_normal((20, n)), rng.standard_normal(20)
         low = np.where(rng.random(n) < 0.6, 0.0, -np.inf)
         high = np.where(rng.random(n) < 0.3, 0.05, np.inf)
-        zero = np.zeros(n)
-        form = normal_equations.Normal(-a.T @ b, a.T @ a)
-        step = normal_equations.bounded_step(
-            form, zero, normal_equations.Bounds(low, high, zero, zero)
-        )
+        step = NormalEquations(-a.T @ b, a.T @ a).bounded_step(low, high)
         best = lsq_linear(a, b, (low, high), method="bvls").x
         np.testing.assert_allclose(step, best, atol=1e-6)
 

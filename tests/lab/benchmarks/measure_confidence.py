@@ -17,7 +17,7 @@ from typing import Annotated
 
 import typer
 
-from cell.gap.verdict.confidence import Calibration, Numbers, calibration
+from cell.gap.verdict.confidence import Calibration, VerdictEvidence, calibration
 from drivers.files import replace_file
 from drivers.readers import read_json_lines
 from drivers.yaml_text import dump_yaml
@@ -34,7 +34,7 @@ from tests.lab.studies.catalogue.confidence import (
 from tests.lab.studies.catalogue.foreign import accepted
 from tests.lab.studies.study import Case, Outcome
 
-SIGNS = {field.name for field in fields(Numbers)}
+SIGNS = {field.name for field in fields(VerdictEvidence)}
 
 
 Ledgers = Annotated[list[Path], typer.Argument(exists=True, dir_okay=False)]

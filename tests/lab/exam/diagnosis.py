@@ -130,7 +130,7 @@ def refitted_models(found: "Findings") -> list[dict[str, object]]:
             "mean_square": float(np.mean([np.mean(r**2) for r in m.estimate.residuals])),
             "objective": m.estimate.objective,
         }
-        for m in found.choice.fits.models
+        for m in found.fits.models
     ]
 
 

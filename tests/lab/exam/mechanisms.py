@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from cell.gap.subject.mechanism.model import ModelFields, add_point, tip
-from cell.gap.subject.mechanism.source import read_source
+from cell.gap.subject.mechanism.model_source import read_source
 from drivers.errors import ConfigurationError
 from drivers.files import replace_file
 from drivers.readers import read_yaml

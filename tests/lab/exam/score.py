@@ -15,11 +15,11 @@ from cell.gap.fitting.model import Evidence, Model, Point, evidence
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.reml import spreads, with_spreads
 from cell.gap.fitting.tasks import Simulate, run_all
-from cell.gap.selection.screening import probe, ranking, table, with_effects
+from cell.gap.selection.screening import probe, probe_equations, ranking, with_effects
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.strip.subject import open_strip
 from cell.gap.subject.subject import Candidate, Subject
-from cell.gap.verdict.confidence import Numbers
+from cell.gap.verdict.confidence import VerdictEvidence
 from cell.gap.verdict.schema import Interval, NamedEffect, Verdict
 from cell.gap.verdict.schema import Kind as VerdictKind
 from drivers.settings import Settings
@@ -240,10 +240,10 @@ def _is_suspect_right(verdict: Verdict, case: Case) -> bool | None:
 
 
 def signs(verdict: Verdict) -> dict[str, float] | None:
-    """Numbers that decide on a verdict; None where nothing speaks against it."""
+    """VerdictEvidence that decide on a verdict; None where nothing speaks against it."""
     if verdict.posterior is None or verdict.posterior.log_odds is None:
         return None
-    return asdict(Numbers.of(verdict.posterior))
+    return asdict(VerdictEvidence.of(verdict.posterior))
 
 
 def _rival(verdict: Verdict, named: tuple[str, ...]) -> str:
@@ -307,7 +307,7 @@ def _true_values(case: Case, effects: Sequence[Candidate]) -> dict[str, Array]:
 def _screened_starts(simulate: Simulate, base: Estimate, model: Model) -> list[Array]:
     """Start values (p,) of two fits: without effects, and with each effect as screened alone."""
     probed = run_all(simulate, [probe(base, effect) for effect in model.effects])
-    scores = ranking(table(projection(base), probed))
+    scores = ranking(probe_equations(projection(base), probed))
     values = {name: value for score in scores for name, value in score.start.items()}
     return [model.join(base.shared, {}), model.join(base.shared, values)]
 
@@ -319,4 +319,4 @@ def _refit(simulate: Simulate, model: Model, runs: Evidence, starts: Sequence[Ar
 
 
 def _excess(simulate: Simulate, fit: Estimate, test: Evidence) -> float:
-    return held_out_gap.excess_of(held_out_gap.unseen(simulate, fit, test))
+    return held_out_gap.excess_of(held_out_gap.fit_held_out(simulate, fit, test))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.gap.verdict.confidence import Calibration, Numbers, calibration
+from cell.gap.verdict.confidence import Calibration, VerdictEvidence, calibration
 from tests.lab.benchmarks.measure_confidence import verdicts_in
 from tests.lab.studies.catalogue.confidence import (
     OUTSIDE_SHARE,
@@ -24,9 +24,9 @@ from tests.lab.studies.study import Case, Outcome
 LEDGERS = Path(__file__).parents[1] / "ledgers"
 
 
-def told(log_odds: float, left: float = 0.6, correlation: float = 0.0) -> Numbers:
-    """Numbers of a verdict whose unseen runs are predicted 100 nats better."""
-    return Numbers(log_odds, 100.0, 1.0, left, correlation, 0.1)
+def told(log_odds: float, left: float = 0.6, correlation: float = 0.0) -> VerdictEvidence:
+    """VerdictEvidence of a verdict whose unseen runs are predicted 100 nats better."""
+    return VerdictEvidence(log_odds, 100.0, 1.0, left, correlation, 0.1)
 
 
 def drawn(count: int, seed: int = 0) -> list[Name]:

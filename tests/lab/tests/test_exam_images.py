@@ -90,5 +90,5 @@ def test_the_runs_of_a_fine_plant_are_made_and_read(tmp_path: Path) -> None:
     made = case(causes={"clock_drift": {"drift": 0.003}, "static_cling": {"pressure": 1.0}})
     make_runs(made, tmp_path)
     runs = read_runs(find_runs([tmp_path]), load_strip(find_configs(None).strip_path("denim")))
-    assert [run.measured.index for run in runs] == list(range(len(STANDARD) + 2))
+    assert [run.index for run in runs] == list(range(len(STANDARD) + 2))
     assert all(not run.notes for run in runs)

@@ -1,1 +1,1 @@
-"""Mechanisms as subjects of the gap workflow: any model that MuJoCo can simulate."""
+"""Mechanisms as subjects of the gap engine: any model that MuJoCo can simulate."""

@@ -9,8 +9,8 @@ import numpy as np
 from cell.gap.subject.mechanism.effect import Readings, readings_of
 from cell.gap.subject.mechanism.effects import effect_of, ordered_values
 from cell.gap.subject.mechanism.inverse_dynamics import InverseDynamics
-from cell.gap.subject.mechanism.load import MechanismData
 from cell.gap.subject.mechanism.model import tip
+from cell.gap.subject.mechanism.read_mechanism import MechanismData
 from cell.gap.subject.mechanism.subject import content_of
 from cell.gap.subject.subject import NamedValues, Run
 from drivers.types import Array
@@ -21,7 +21,7 @@ FIELDS = {"payload": "fci.tool", "control_delay": "twin.arm.robot_delay"}  # of 
 
 
 class CellArm(InverseDynamics):
-    """The cell's own arm along its recorded motion, whose effects may belong into cell.yaml."""
+    """The cell's own arm along its recorded motion, by inverse dynamics."""
 
     def patch(
         self, base: Mapping[str, float], effects: NamedValues, source: str
@@ -46,7 +46,7 @@ class CellArm(InverseDynamics):
         return {"mass": round(hand_mass + mass, 4), "centre": [round(float(x), 5) for x in both]}
 
     def consequences(self, base: Mapping[str, float], effects: NamedValues) -> Sequence[str]:
-        """Sentences on how named effects move the gripper, and where `accept` puts them."""
+        """Sentences on how far named effects move the gripper, and where `accept` puts them."""
         sentences = list[str]()
         for name, values in effects.items():
             ordered = ordered_values(effect_of(name), self._mechanism, values)

@@ -1,4 +1,4 @@
-"""Closed kinematic loops of a model: its equalities make joints depend on independent ones.
+"""Closed kinematic loops: equality constraints by which joints depend on independent ones.
 
 With the Jacobian J of the equalities and N, whose columns are the motions that J allows, the torque
 tau of motors with transmissions B follows from inverse dynamics f of the open tree without the
@@ -24,7 +24,7 @@ LARGEST_CONDITION = 100.0  # of N^T B; beyond, as at a dead centre, motors do no
 
 
 def transmissions(model: Any, data: Any) -> Array:
-    """Moments (actuators, dofs) of actuators in the pose of `data`, whose position is computed."""
+    """Moment arms (actuators, dofs) of actuators in the pose of `data`, its position computed."""
     dense = np.zeros((model.nu, model.nv))
     for row, at, n in zip(dense, data.moment_rowadr, data.moment_rownnz, strict=True):
         row[data.moment_colind[at : at + n]] = data.actuator_moment[at : at + n]
@@ -40,10 +40,11 @@ def _with_equalities_alone(model: Any) -> Any:
 
 
 class ClosedLoops:
-    """Closed loops of a model whose joints `inputs` are measured; `independent` ones lead.
+    """Closed loops of a model: some joints are `independent`, equalities determine the others.
 
-    Raises ConfigurationError, with the mechanism's `origin`, where the motors or the measured
-    joints that they drive are not as many as the degrees of freedom.
+    The joints numbered `inputs` are measured. Raises ConfigurationError, with the mechanism's
+    `origin`, where the motors or the measured joints that they drive are not as many as the degrees
+    of freedom.
     """
 
     def __init__(self, model: Any, inputs: Sequence[int], origin: str) -> None:
@@ -76,7 +77,7 @@ class ClosedLoops:
         return self._data.efc_J[: rows * len(q)].reshape(rows, -1), self._data.efc_pos[:rows]
 
     def close(self, angles: Array) -> Array:
-        """Positions (m, n) of all joints where the independent ones stand at `angles` (m, k)."""
+        """Positions (m, n) of all joints that close the loops, of independent ones at (m, k)."""
         q = np.array(self._model.qpos0)
         approach = np.linspace(q[self.independent], angles[0], APPROACH_STEPS)
         return np.array([self._closed(q, a) for a in (*approach, *angles)])[APPROACH_STEPS:]
@@ -92,7 +93,7 @@ class ClosedLoops:
         return q.copy()
 
     def maps(self, q: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Maps of torques and motions along the positions `q` (m, n).
+        """Maps between open and closed loops along positions `q` (m, n) of all joints.
 
         Forces of motors by torques of joints (m, actuators, n), motions of all joints by those of
         the independent ones (m, n, k), and whether the motors move the loop there (m,).

@@ -1,4 +1,4 @@
-"""An effect of a mechanism: how it changes the model, a command, a reading or a joint's torque."""
+"""Effects of a mechanism: how each changes the model, a command, a reading or a torque."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -20,10 +20,10 @@ Parameters = Callable[[Mechanism], tuple[Parameter, ...]]
 
 @dataclass(slots=True)
 class Readings:
-    """Errors of sensors and commands, by signal or input: (1 + scale) x(t - delay) + bias.
+    """Errors of sensors and commands: a reading of x(t) is (1 + scale) x(t - delay) + bias.
 
-    `command` [s] delays every command; `elastic` (joints,) [rad/(N m)] and `gap` (joints,) [rad]
-    lie between a joint's encoder and its link.
+    By signal or input, delays in [s]. `command` delays every command; `elastic` (joints,) [rad/(N
+    m)] and `gap` (joints,) [rad] lie between a joint's encoder and its link.
     """
 
     delay: float = 0.0
@@ -36,10 +36,10 @@ class Readings:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """Effect in the library of mechanisms: its parameters, and the hooks by which it acts.
+    """Effect in the library of mechanisms: its parameters, and functions by which it acts.
 
-    No hook changes anything at the parameters' start values. `parameters` lists all values of one
-    key, joint by joint, then the next key; `shape` are shapes of the law. `law` is a compiled
+    No function changes anything at the parameters' start values. `parameters` lists all values of
+    one key, joint by joint, then the next key; `shape` are shapes of the law. `law` is a compiled
     torque `(q, v, load, p, at) -> N m` of one joint with its own values from `p[at]` on, `keys` of
     them, on a joint that smooths signs over `p[3]`; `edit` changes fields of the model, and stands
     for the law in a simulation where it is `native`; `path` is a torque (m, joints) that depends on
@@ -74,18 +74,18 @@ class Effect:
     of_drives: bool = False
 
     def applies(self, mechanism: Mechanism) -> bool:
-        """Whether the effect is possible in this mechanism and its mode of simulation."""
+        """Whether the effect can occur in `mechanism`, in its mode of simulation."""
         fits = mechanism.mode in self.modes and self.possible(mechanism)
         return fits and bool(self.parameters(mechanism))
 
     def edits(self, mechanism: Mechanism) -> bool:
-        """Whether edits of the model's fields express the whole effect in this mechanism."""
+        """Whether edited fields of the model of `mechanism` express the whole effect."""
         if self.edit is None or self.read is not None:
             return False
         return self.law is None or (mechanism.mode == "forward" and self.native(mechanism))
 
     def candidate(self, mechanism: Mechanism) -> Candidate:
-        """Candidate for the engine, screened one parameter at a time from small to large."""
+        """Candidate effect of `mechanism`, screened one parameter at a time from small to large."""
         parameters = self.parameters(mechanism)
         null = _null(parameters)
         sizes = [p.spread / SIZES_PER_SPREAD for p in parameters]
@@ -100,11 +100,11 @@ class Effect:
                          error, self.shape(mechanism))  # fmt: skip
 
     def with_shape(self, mechanism: Mechanism) -> tuple[Parameter, ...]:
-        """The effect's parameters, followed by those of its shape."""
+        """Parameters of the effect in `mechanism`, followed by those that shape its law."""
         return (*self.parameters(mechanism), *self.shape(mechanism))
 
     def table(self, mechanism: Mechanism, values: Array) -> Array:
-        """Table (keys, joints) of the first `values` (k,), with the start values of the others."""
+        """Table (keys, joints) of the first `values` (k,), with start values of the others."""
         missing = _null(self.with_shape(mechanism)[len(values) :])
         acts = [j.actuator >= 0 or not self.of_drives for j in mechanism.joints]
         rows = np.concatenate([values, missing]).reshape(-1, sum(acts))
@@ -114,6 +114,7 @@ class Effect:
 
 
 def _null(parameters: Sequence[Parameter]) -> Array:
+    """Start values (k,) of `parameters`, at which an effect does nothing."""
     return np.array([p.start for p in parameters])
 
 
@@ -126,7 +127,7 @@ def per_joint(
     mechanism: Mechanism, key: str, unit: str, size: Array, *, signed: bool = False,
     shape: bool = False, high: float = 250.0,
 ) -> tuple[Parameter, ...]:  # fmt: skip
-    """One parameter `key_JOINT` per joint, of typical `size` (joints,); of slides in N and m."""
+    """Parameters `key_JOINT` of all joints, of typical `size` (joints,); of slides in N and m."""
     found = []
     for joint, s in zip(mechanism.joints, size, strict=True):
         low = -high * s if signed else 0.0
@@ -137,17 +138,17 @@ def per_joint(
     return tuple(found)
 
 
-def single(
+def single_parameter(
     key: str, unit: str, size: float, *, signed: bool = False, high: float = 250.0,
 ) -> tuple[Parameter, ...]:  # fmt: skip
-    """One parameter of typical `size` for the whole mechanism."""
+    """One parameter `key` of typical `size` for the whole mechanism, as a tuple."""
     low = -high * size if signed else 0.0
     step, spread = size / STEPS_PER_SIZE, SIZES_PER_SPREAD * size
     return (Parameter(key, unit, 0.0, low, high * size, step=step, spread=spread),)
 
 
 def per_encoder(mechanism: Mechanism, key: str, unit: str, spread: float) -> tuple[Parameter, ...]:
-    """One parameter `key_ENCODER` per encoder, for an error of its readings."""
+    """Parameters `key_ENCODER` of all encoders, for an error of their readings."""
     return tuple(
         Parameter(f"{key}_{name}", unit, 0.0, -0.2, 0.2, step=1e-5, spread=spread)
         for name in mechanism.encoders
@@ -155,7 +156,7 @@ def per_encoder(mechanism: Mechanism, key: str, unit: str, spread: float) -> tup
 
 
 def put_by_encoder(key: str) -> Callable[[Mechanism, Array, Readings], None]:
-    """Hook that writes one value per encoder into the field `key` of the readings' errors."""
+    """Function that writes one value per encoder into the field `key` of `Readings`."""
 
     def read(mechanism: Mechanism, values: Array, readings: Readings) -> None:
         getattr(readings, key).update(zip(mechanism.encoders, map(float, values), strict=True))
@@ -164,7 +165,7 @@ def put_by_encoder(key: str) -> Callable[[Mechanism, Array, Readings], None]:
 
 
 def has_gears(mechanism: Mechanism) -> bool:
-    """Whether the mechanism can be simulated with elasticity or play between motors and links."""
+    """Whether elasticity or play between motors and links can be simulated in `mechanism`."""
     one_each = int(mechanism.model.body_jntnum.max()) == 1
     if mechanism.mode == "prescribed":
         return not mechanism.model.neq
@@ -172,7 +173,7 @@ def has_gears(mechanism: Mechanism) -> bool:
 
 
 def add_to(field: str) -> Callable[[Mechanism, Array, Fields], None]:
-    """Hook that adds each joint's first value to the model's `field` at its degree of freedom."""
+    """Function that adds each joint's first value to a model's `field` at its degree of freedom."""
 
     def edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
         for joint, value in zip(mechanism.joints, values, strict=False):
@@ -182,7 +183,7 @@ def add_to(field: str) -> Callable[[Mechanism, Array, Fields], None]:
 
 
 def readings_of(known: Sequence[tuple[Effect, Array]], mechanism: Mechanism) -> Readings:
-    """Errors of sensors and commands that `known` effects make with their values (k,)."""
+    """Errors of sensors and commands made by effects `known` with their values (k,)."""
     readings = Readings()
     for effect, values in known:
         if effect.read is not None:

@@ -14,10 +14,10 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 
 from cell.gap.subject.mechanism.effects import describing_terms, effect_of, torques
-from cell.gap.subject.mechanism.load import MechanismData, start_of
 from cell.gap.subject.mechanism.model import BatchFields, Mechanism, ModelFields
-from cell.gap.subject.mechanism.runs import Cut, Recording, Signal
-from cell.gap.subject.mechanism.source import compile_model
+from cell.gap.subject.mechanism.model_source import compile_model
+from cell.gap.subject.mechanism.read_mechanism import MechanismData, start_of
+from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal
 from cell.gap.subject.mechanism.subject import Case, Content, MechanismSubject
 from drivers.errors import ConfigurationError
 from drivers.types import Array, frozen
@@ -59,7 +59,7 @@ class Commands:
     u: Array
 
     def at_steps(self, step: float, steps: int, delay: float) -> Array:
-        """Mean commands (steps, actuators) within each step, `delay` [s] late."""
+        """Mean commands (steps, actuators) in each time step of `step` [s], `delay` [s] late."""
         if not self.u.shape[1]:
             return np.zeros((steps, 0))
         edges = np.arange(steps + 1) * step - delay
@@ -87,7 +87,7 @@ def commands_of(recording: Recording, inputs: Sequence[str], actuators: Sequence
 
 
 class ForwardDynamics(MechanismSubject):
-    """Predicts a mechanism's signals by a simulation that its commands drive."""
+    """Predicts a mechanism's signals by a simulation that the recorded commands drive."""
 
     def __init__(self, opened: MechanismData, jobs: int = 1, without: Sequence[str] = ()) -> None:
         super().__init__(opened, jobs, without)
@@ -108,6 +108,7 @@ class ForwardDynamics(MechanismSubject):
         return SplitModel(self._mechanism, self.name)
 
     def _check_step(self, residuals: Array, origin: str) -> None:
+        """Refuse a time step whose half moves the first run by over a third of its noise."""
         m = self._mechanism
         model = copy.copy(m.model)
         model.opt.timestep = 0.5 * m.step
@@ -123,7 +124,7 @@ class ForwardDynamics(MechanismSubject):
             )
 
     def not_honoured(self) -> Iterator[str]:
-        """What torques along a simulation would lack, by name; nothing where they are whole."""
+        """Parts of the model that torques along a simulation would lack, by name."""
         model = self._mechanism.model
         plain = (model.actuator_dyntype == 0) & (model.actuator_gaintype == 0)
         plain &= model.actuator_biastype <= int(mujoco.mjtBias.mjBIAS_AFFINE)
@@ -141,7 +142,7 @@ class ForwardDynamics(MechanismSubject):
                        start=start_of(self.opened, recording))  # fmt: skip
 
     def predict(self, cases: Sequence[Case]) -> list[Array | None]:
-        """Simulate each case and return its signals (signals, k); None where it diverges."""
+        """Signals (signals, k) of each simulated case; None where its simulation diverges."""
         by_motion: dict[Hashable, list[int]] = {}
         for i in sorted(range(len(cases)), key=lambda i: float(cases[i].content.cut.t[-1])):
             by_motion.setdefault(cases[i].motion, []).append(i)
@@ -271,12 +272,13 @@ class ForwardDynamics(MechanismSubject):
 
 
 def _has_soft_gears(case: Case) -> bool:
+    """Whether a case has elasticity or play between motors and links."""
     gears = (case.readings.elastic, case.readings.gap)
     return any(values is not None and bool(np.any(values)) for values in gears)
 
 
 class SplitModel:
-    """Model of a mechanism with each joint split; `motor` (joints,) are indices of motor states."""
+    """Model whose joints are split into motor and link; `motor` (joints,) are states of motors."""
 
     def __init__(self, mechanism: Mechanism, name: str) -> None:
         self._mechanism = mechanism
@@ -315,7 +317,7 @@ class SplitModel:
         return ET.tostring(root, encoding="unicode")
 
     def model(self, case: Case, *, rigid: bool) -> Any:
-        """Model of a case, split, or its `rigid` twin with the same integrator."""
+        """MuJoCo model of a case with split joints, or a `rigid` twin with the same integrator."""
         edited = copy.copy(self._mechanism.model)
         fields = ModelFields(edited)
         case.edit(fields)

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from cell.gap.subject.mechanism.closed_loops import ClosedLoops, transmissions
 from cell.gap.subject.mechanism.effect import Effect, Readings
 from cell.gap.subject.mechanism.effects import registry, torques
-from cell.gap.subject.mechanism.load import MechanismData
 from cell.gap.subject.mechanism.model import Mechanism, ModelFields
 from cell.gap.subject.mechanism.motion import (
     Motion,
@@ -28,7 +27,8 @@ from cell.gap.subject.mechanism.motion import (
     true_motion,
 )
 from cell.gap.subject.mechanism.passive import without_clock
-from cell.gap.subject.mechanism.runs import Cut, Recording, Signal, average, phases
+from cell.gap.subject.mechanism.read_mechanism import MechanismData
+from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal, average, phases
 from cell.gap.subject.mechanism.subject import Case, Content, MechanismSubject, content_of
 from cell.gap.subject.subject import Run, Words
 from drivers.errors import ConfigurationError
@@ -46,7 +46,7 @@ PLAY_SMOOTHING = 0.05  # of a torque's standard deviation, over which a link cro
 
 
 class InverseDynamics(MechanismSubject):
-    """Predicts the torques of actuators along a measured motion, by inverse dynamics."""
+    """Predicts the torques of a mechanism's actuators along its measured motion."""
 
     notes: Sequence[str] = (
         "torques of the measured motion are compared; the motion itself is not simulated",
@@ -92,7 +92,7 @@ class InverseDynamics(MechanismSubject):
         return max((loop.gap(q) for q in known if len(q)), default=0.0)
 
     def not_honoured(self) -> Iterator[str]:
-        """What inverse dynamics would leave out of torques, by name; nothing where it is whole."""
+        """Parts of the model that inverse dynamics would leave out of torques, by name."""
         model = self._mechanism.model
         yield from (f"tendon {model.tendon(i).name}: its frictionloss"
                     for i in np.flatnonzero(model.tendon_frictionloss > 0.0))  # fmt: skip
@@ -156,7 +156,7 @@ class InverseDynamics(MechanismSubject):
         return phases(average(speed[None], cut.edges)[0])
 
     def predict(self, cases: Sequence[Case]) -> list[Array]:
-        """Return the signals (signals, k) of each case at the k times of its readings."""
+        """Signals (signals, k) of each case at the k times of its readings."""
         with without_clock(), ThreadPoolExecutor(self._jobs) as pool:
             return list(pool.map(self._signals, cases))
 
@@ -252,10 +252,10 @@ class InverseDynamics(MechanismSubject):
 
 @dataclass(frozen=True, slots=True)
 class TorqueSensors:
-    """Torque sensors of a mechanism, with the gains and gears of its edited `model`.
+    """Converts joint torques of a mechanism to readings of its torque sensors, and back.
 
-    Along closed loops `forces` (m, actuators, joints) are those of actuators by torques of the open
-    joints.
+    With the gains and gears of `model`. `forces` (m, actuators, joints) are forces of actuators per
+    torque of each independent joint along closed loops; None without loops.
     """
 
     mechanism: Mechanism
@@ -263,19 +263,19 @@ class TorqueSensors:
     forces: Array | None
 
     def torque_per_reading(self, sensor: Signal) -> float:
-        """Torque [N m] of a joint per unit of the `sensor`'s reading."""
+        """Torque [N m] at its joint per unit of the reading of `sensor`."""
         number, base = sensor.actuator, self.mechanism.model
         gain = self.model.actuator_gainprm[number, 0] / base.actuator_gainprm[number, 0]
         return float(sensor.gear * gain)
 
     def joint_torque(self, sensor: Signal, required: Array) -> Array:
-        """Torque (m,) that the sensor's motor gives its joint, for the `required` (m, joints)."""
+        """Torque (m,) [N m] that a sensor's motor gives its joint, of `required` (m, joints)."""
         if self.forces is None:
             return np.asarray(required[:, sensor.joint])
         return self.torque_per_reading(sensor) * self.reading(sensor, required)
 
     def reading(self, sensor: Signal, required: Array) -> Array:
-        """Readings (m,) of a sensor for the `required` torques (m, joints)."""
+        """Readings (m,) of `sensor` where the torques `required` (m, joints) [N m] act."""
         torque = required[:, sensor.joint]
         if self.forces is not None:  # the loop bears on the joint, too
             gear = float(self.model.actuator_gear[sensor.actuator, 0])
@@ -283,7 +283,7 @@ class TorqueSensors:
         return np.asarray(torque / self.torque_per_reading(sensor))
 
     def readings(self, required: Array) -> Array:
-        """Readings (torques, m) of all sensors for the `required` torques (m, joints)."""
+        """Readings (torques, m) of all sensors where the torques `required` (m, joints) act."""
         return np.array([self.reading(s, required) for s in self.mechanism.torques])
 
 

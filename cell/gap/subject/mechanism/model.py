@@ -1,4 +1,4 @@
-"""Compiled model of a mechanism: its joints with their typical sizes, and fields to be edited."""
+"""Compiled model of a mechanism: its joints with typical sizes, and its editable fields."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -7,8 +7,8 @@ from typing import Any, Self
 import mujoco
 import numpy as np
 
-from cell.gap.subject.mechanism.runs import Signal
-from cell.gap.subject.mechanism.source import Source
+from cell.gap.subject.mechanism.model_source import Source
+from cell.gap.subject.mechanism.recordings import Signal
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 
@@ -38,7 +38,7 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class Mechanism:
-    """Compiled model with its joints and compared signals, and the `mode` of its simulation.
+    """Compiled MuJoCo model with its joints, compared signals, and `mode` of simulation.
 
     `mode` is `forward`, `prescribed`, or that of pendulums, `planar`. Where trackings are compared,
     positions are those of links, and motors follow commands. `native`: MuJoCo's own dry friction is
@@ -56,12 +56,12 @@ class Mechanism:
 
     @property
     def torques(self) -> tuple[Signal, ...]:
-        """Compared torques, which come first among the signals of mode prescribed."""
+        """Compared torques; in mode prescribed they come first among the signals."""
         return tuple(s for s in self.signals if s.kind == "torque")
 
     @property
     def trackings(self) -> tuple[Signal, ...]:
-        """Compared differences of measured and commanded positions."""
+        """Compared tracking errors: measured less commanded positions."""
         return tuple(s for s in self.signals if s.kind == "tracking")
 
     @property
@@ -71,7 +71,7 @@ class Mechanism:
 
     @property
     def driven(self) -> Self:
-        """This mechanism with those of its joints that a motor drives."""
+        """Copy of the mechanism with only those joints that a motor drives."""
         return replace(self, joints=tuple(j for j in self.joints if j.actuator >= 0))
 
     @property
@@ -81,29 +81,29 @@ class Mechanism:
 
     @property
     def torque(self) -> Array:
-        """Typical torque [N m] of each joint (joints,)."""
+        """Typical torque (joints,) [N m] of each joint."""
         return np.array([j.torque for j in self.joints])
 
     @property
     def rate(self) -> Array:
-        """Typical rate [rad/s] of each joint (joints,)."""
+        """Typical rate (joints,) [rad/s] of each joint."""
         return np.array([j.rate for j in self.joints])
 
     @property
     def inertia(self) -> Array:
-        """Inertia [kg m^2] that each joint moves (joints,)."""
+        """Inertia (joints,) [kg m^2] that each joint moves."""
         return np.array([j.inertia for j in self.joints])
 
 
 def tip(mechanism: Mechanism, body: int) -> Array:
-    """Position (3,) [m] in a body's frame of its end: farthest site or twice the centre of mass."""
+    """Position (3,) [m] of a body's end in its frame: farthest site or twice the centre of mass."""
     model = mechanism.model
     places = [*model.site_pos[model.site_bodyid == body], 2.0 * model.body_ipos[body]]
     return np.array(max(places, key=lambda p: float(np.linalg.norm(p))))
 
 
 class ModelFields:
-    """Fields of one model, edited in place; `finish` writes edited scalar options back."""
+    """Fields of one MuJoCo model, edited in place; `finish` writes edited options back."""
 
     def __init__(self, model: Any) -> None:
         self.model = model
@@ -125,7 +125,7 @@ class ModelFields:
 
 
 class BatchFields:
-    """Fields of simulation `i` of a batch; the first edit of a field copies it per simulation."""
+    """Fields of simulation `i` of a MuJoCo batch, copied per simulation when first edited."""
 
     def __init__(self, expand: Callable[[str], Array], i: int) -> None:
         self._expand, self._i = expand, i
@@ -141,13 +141,13 @@ Fields = ModelFields | BatchFields
 
 
 def scale_gain(fields: Fields, actuator: int, factor: float) -> None:
-    """Multiply an actuator's gain and bias by a `factor`."""
+    """Multiply gain and bias of actuator number `actuator` by a `factor`."""
     fields["actuator_gainprm"][actuator, :3] *= factor
     fields["actuator_biasprm"][actuator, :3] *= factor
 
 
 def add_point(fields: Fields, body: int, mass: float, place: Array) -> None:
-    """Add a point `mass` [kg] at `place` (3,) of the body's frame [m] to its mass and inertia."""
+    """Add a point `mass` [kg] at `place` (3,) [m] in a body's frame to its mass and inertia."""
     stated, com = float(fields["body_mass"][body]), np.array(fields["body_ipos"][body])
     rotation = np.zeros(9)
     mujoco.mju_quat2Mat(rotation, np.array(fields["body_iquat"][body]))
@@ -168,7 +168,7 @@ def add_point(fields: Fields, body: int, mass: float, place: Array) -> None:
 
 
 def check_joints(model: Any, origin: str) -> None:
-    """Refuse joints without a name or of a kind other than hinge and slide."""
+    """Refuse joints of a model without a name, and others than hinges and slides."""
     for i in range(model.njnt):
         name, kind = model.joint(i).name, int(model.jnt_type[i])
         body = model.body(int(model.jnt_bodyid[i])).name or int(model.jnt_bodyid[i])
@@ -197,13 +197,13 @@ def joints_of(model: Any, rms: dict[str, tuple[float, float]], driven: dict[str,
         torque = driven.get(name) or max(weight[dof], inertia[dof] * acceleration, LEAST_TORQUE)
         swing = float(np.sqrt(max(weight[dof], LEAST_WEIGHT) / inertia[dof]))
         found.append(Joint(name, bool(model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE),
-                           int(model.jnt_qposadr[i]), dof, driver(model, i), float(torque),
+                           int(model.jnt_qposadr[i]), dof, actuator_on(model, i), float(torque),
                            float(rate or swing), float(inertia[dof])))  # fmt: skip
     return tuple(found)
 
 
-def driver(model: Any, joint: int) -> int:
-    """Number of the first actuator on a joint, -1 where there is none."""
+def actuator_on(model: Any, joint: int) -> int:
+    """Number of the first actuator on joint number `joint`; -1 where there is none."""
     on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
     hits = np.flatnonzero(on_joint & (model.actuator_trnid[:, 0] == joint))
     return int(hits[0]) if len(hits) else -1
@@ -227,7 +227,7 @@ def _typical_loads(model: Any) -> tuple[Array, Array]:
 
 
 def number_of(model: Any, kind: str, name: str, origin: str, key: str) -> int:
-    """Number of the body, joint, actuator, site or sensor `name`; ConfigurationError lists them."""
+    """Number of the body, joint, ... called `name`; ConfigurationError lists those that exist."""
     count = {"body": "nbody", "joint": "njnt", "actuator": "nu", "site": "nsite",
              "sensor": "nsensor"}[kind]  # fmt: skip
     names: Sequence[str] = [getattr(model, kind)(i).name for i in range(getattr(model, count))]

@@ -1,4 +1,4 @@
-"""Measured motion of a run on an even grid, low-pass filtered, with its rates and accelerations."""
+"""Measured motion of a run on an even grid, low-pass filtered, with rates and accelerations."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from scipy.signal import butter, filtfilt, welch
 from cell.gap.subject.mechanism.closed_loops import ClosedLoops
 from cell.gap.subject.mechanism.effect import Readings
 from cell.gap.subject.mechanism.model import Mechanism
-from cell.gap.subject.mechanism.runs import Recording
+from cell.gap.subject.mechanism.recordings import Recording
 from drivers.types import Array, frozen
 
 ORDER = 3  # of the Butterworth filter, run forth and back
@@ -26,7 +26,7 @@ Barred = Callable[[Array, Array], NDArray[np.bool_]]
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Measured motion and torques of a run on an even time grid `t` (m,) [s], low-pass filtered.
+    """Low-pass filtered motion and torques of a run, at even times `t` (m,) [s].
 
     Positions, rates and accelerations `q`, `v`, `a` (m, joints) and the measured `torques`
     (signals, m) pass one filter, at `WIDER` times the `cutoff` [rad/s] below which torques are
@@ -54,7 +54,7 @@ class Motion:
         return np.array([np.interp(t, self.t, row) for row in slow])
 
     def late_forces(self, delay: float) -> Array | None:
-        """The `forces` where the loops stand at readings that are stamped `delay` [s] late."""
+        """The `forces` (m, actuators, joints) for readings that are stamped `delay` [s] late."""
         if self.forces is None or not delay:
             return self.forces
         columns = self.forces.reshape(len(self.forces), -1)
@@ -63,7 +63,7 @@ class Motion:
 
 
 def cutoff_of(recordings: Sequence[Recording], joints: Sequence[str], pace: float) -> float:
-    """Angular frequency [rad/s] below which motions at `pace` [rad/s] have most of their power.
+    """Angular frequency [rad/s] below which the joints' motion has most of its power.
 
     It is the median of the `recordings`, in power of rates: what differs between them is noise.
     Beyond it lies the encoders' noise, which in accelerations grows with the cutoff's power of 2.5.
@@ -189,7 +189,7 @@ def interpolate_columns(at: Array, t: Array, columns: Array) -> Array:
 
 def link_motion(motion: Motion, deflection: Array, q: Array, v: Array,
                 a: Array) -> tuple[Array, Array, Array]:  # fmt: skip
-    """Motion (m, joints) of links that stand `deflection` (m, joints) behind motors at q, v, a."""
+    """Motion (m, joints) of links that lag by `deflection` (m, joints) behind motors at q, v, a."""
     behind = (q - deflection) - q  # as floating point has it: not quite -deflection
     smooth = _low_pass(behind.T, motion.t[1] - motion.t[0], motion.cutoff)
     offset, rate, acceleration = _derivatives(motion.t, smooth.T)

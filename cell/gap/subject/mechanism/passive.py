@@ -51,7 +51,7 @@ def _zero_torque(q, v, load, p):  # type: ignore[no-untyped-def]  # noqa: ARG001
 
 
 class Torques:
-    """The laws of a library, compiled once; `slots` user numbers of a joint hold their values."""
+    """Joint-torque laws that MuJoCo lacks; `slots` user numbers of a joint hold their values."""
 
     def __init__(self, laws: Sequence[tuple[str, Callable[..., Array], int]]) -> None:
         self.at: dict[str, int] = {}
@@ -64,7 +64,7 @@ class Torques:
         self._callbacks: dict[frozenset[str], Any] = {}
 
     def along(self, q: Array, v: Array, load: Array, user: Array) -> Array:
-        """Torques (m, joints) of all laws along a motion (m, joints) for `user` (joints, slots)."""
+        """Torques (m, joints) of all laws along a motion (m, joints), by `user` (joints, slots)."""
         found = np.zeros_like(q)
         for j, p in enumerate(user):
             for law, at, keys in self._laws.values():
@@ -74,7 +74,7 @@ class Torques:
 
     @contextmanager
     def install(self, names: frozenset[str]) -> Iterator[None]:
-        """Context in which MuJoCo adds the torques of the laws `names`; others wait for its end."""
+        """Context in which MuJoCo adds the torques of the laws `names`; other threads wait."""
         with _LOCK:
             if names not in self._callbacks:
                 law = chain_laws([self._laws[name][:2] for name in sorted(names)])
@@ -118,6 +118,7 @@ def without_clock() -> Iterator[None]:
 
 @cache
 def _zero() -> Any:
+    """Compiled clock that always reads zero."""
     return callback(types.float64())(lambda: 0.0)
 
 

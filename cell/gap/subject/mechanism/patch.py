@@ -11,9 +11,9 @@ import mujoco
 import numpy as np
 
 from cell.gap.subject.mechanism.effects import effect_of, ordered_values
-from cell.gap.subject.mechanism.load import LIMITLESS, MechanismData
 from cell.gap.subject.mechanism.model import Mechanism, ModelFields
-from cell.gap.subject.mechanism.source import Source
+from cell.gap.subject.mechanism.model_source import Source
+from cell.gap.subject.mechanism.read_mechanism import LIMITLESS, MechanismData
 from cell.gap.subject.subject import NamedValues
 from drivers.types import Array
 
@@ -26,7 +26,7 @@ def accepted_content(
     opened: MechanismData, content: dict[str, Any], base: Mapping[str, float],
     effects: NamedValues, source: str,
 ) -> dict[str, Any]:  # fmt: skip
-    """The `content` of a file with refitted and named effects, and old values in its provenance."""
+    """The `content` of a file with refitted and named effects; provenance keeps the old values."""
     known = {name: dict(values) for name, values in opened.file.effects.items()}
     notes = list(content.pop("provenance"))
     stated = {b.parameter.name: b.parameter.start for b in opened.base}
@@ -45,7 +45,7 @@ def accepted_content(
 def expressed_by_mjcf(
     opened: MechanismData, content: dict[str, Any], effects: NamedValues
 ) -> dict[str, Any]:
-    """The `content` with an accepted model, without those named `effects` that it expresses."""
+    """The `content` of a file that names the accepted model, less effects that this expresses."""
     model = Path(opened.file.model).with_name(f"{opened.file.name}-accepted.xml")
     expressed = {name for name in effects if effect_of(name).edits(opened.mechanism)}
     left = {name: v for name, v in content["effects"].items() if name not in expressed}
@@ -89,6 +89,7 @@ def _mjcf_root(source: Source) -> ET.Element:
 
 
 def _text(values: Sequence[float] | Array) -> str:
+    """Text of numbers (k,) in full precision, separated by spaces."""
     return " ".join(repr(float(v)) for v in np.atleast_1d(np.asarray(values, dtype=np.float64)))
 
 

@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 
 from cell.gap.subject.mechanism.effects import check_effects, torques
-from cell.gap.subject.mechanism.file import MechanismFile, PendulumFile
 from cell.gap.subject.mechanism.forward_dynamics import (
     DAMPED,
     FLEX,
@@ -19,21 +18,21 @@ from cell.gap.subject.mechanism.forward_dynamics import (
     ForwardDynamics,
     SplitModel,
 )
-from cell.gap.subject.mechanism.load import (
+from cell.gap.subject.mechanism.mechanism_file import MechanismFile, PendulumFile
+from cell.gap.subject.mechanism.model import Mechanism, joints_of
+from cell.gap.subject.mechanism.model_source import Source, compile_model
+from cell.gap.subject.mechanism.patch import accepted_content
+from cell.gap.subject.mechanism.read_mechanism import (
     FORWARD_FLOOR,
-    Base,
+    BaseParameter,
     MechanismData,
     mechanism_of,
-    setter,
+    setter_of,
     zone_of,
 )
-from cell.gap.subject.mechanism.model import Mechanism, joints_of
-from cell.gap.subject.mechanism.patch import accepted_content
-from cell.gap.subject.mechanism.runs import Recording, Signal, check_angle
-from cell.gap.subject.mechanism.source import Source, compile_model
+from cell.gap.subject.mechanism.recordings import Recording, Signal, check_angle
 from cell.gap.subject.mechanism.subject import Case
 from cell.gap.subject.run_folders import (
-    HEADER_FILE,
     RunFolder,
     check_indices,
     check_time,
@@ -41,6 +40,7 @@ from cell.gap.subject.run_folders import (
     read_table,
 )
 from cell.gap.subject.subject import NamedValues, Parameter
+from cell.record.files import RUN
 from cell.record.header import SwingRun
 from drivers.errors import ConfigurationError
 from drivers.settings import load
@@ -56,13 +56,13 @@ SPREADS = (("com", "m", 0.01), ("inertia", "kg m^2", 0.10), ("length", "m", 0.00
 
 @dataclass(frozen=True, slots=True)
 class PendulumData(MechanismData):
-    """Pendulum with its base parameters and recordings; `pendulum` is its file."""
+    """Pendulum with its file `pendulum`, base parameters and recordings."""
 
     pendulum: PendulumFile
 
 
 class Pendulum(ForwardDynamics):
-    """Measured swings of a chain of hinges, as its file describes it."""
+    """Measured swings of a chain of hinges, simulated as a mechanism."""
 
     opened: PendulumData
     believed = False
@@ -82,7 +82,7 @@ class Pendulum(ForwardDynamics):
         return accepted_content(self.opened, content, base, effects, source), None
 
     def model_text(self, base: Mapping[str, float], effects: NamedValues) -> str | None:  # noqa: ARG002
-        """None: the file itself describes the chain."""
+        """None: the pendulum's file describes the chain itself."""
         return None
 
 
@@ -90,6 +90,7 @@ class PivotModel(SplitModel):
     """Model of a chain of hinges whose pivot slides sideways on a spring."""
 
     def _text(self, mechanism: Mechanism) -> str:
+        """MJCF text of the chain with a slide at its pivot."""
         root = ET.fromstring(mechanism.source.text)  # noqa: S314  our own text
         (first,) = root.findall("worldbody/body")
         first.insert(0, ET.Element("joint", {"name": FLEX, "type": "slide", "axis": "1 0 0"}))
@@ -108,9 +109,9 @@ class PivotModel(SplitModel):
 
 
 def open_swings(path: Path, folders: Sequence[RunFolder]) -> PendulumData:
-    """Read the pendulum at `path` and its measured swings; ConfigurationError for broken input."""
+    """Pendulum in the file at `path` with its swings; ConfigurationError for broken input."""
     pendulum = load(path, PendulumFile)
-    heads = [_read_head(folder.path / HEADER_FILE, pendulum) for folder in folders]
+    heads = [_read_head(folder.path / RUN, pendulum) for folder in folders]
     fast = open_recordings(path, pendulum, []).mechanism.joints[0].rate
     found = [_read_swing(*pair, len(pendulum.links), fast)
              for pair in zip(folders, heads, strict=True)]  # fmt: skip
@@ -158,14 +159,14 @@ def _fastest(model: Any) -> float:
     return float(np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, np.array(pull))).real.max()))
 
 
-def _base(pendulum: PendulumFile, mechanism: Mechanism) -> list[Base]:
+def _base(pendulum: PendulumFile, mechanism: Mechanism) -> list[BaseParameter]:
     """Base parameters: damping, centre of mass and inertia of links, length of all but the last."""
     found = []
     for i, (link, joint) in enumerate(zip(pendulum.links, mechanism.joints, strict=True)):
         most = joint.torque / joint.rate  # its links would hardly swing
         parameter = Parameter(f"damping_{i + 1}", "N m s", link.damping, 0.0, most,
                               step=1e-5 * most, spread=0.1 * most)  # fmt: skip
-        found.append(Base(parameter, setter("dof_damping", (i,))))
+        found.append(BaseParameter(parameter, setter_of("dof_damping", (i,))))
     # field, its first row, place in a row, sign; links point down, body 0 is the world
     places = {"com": ("body_ipos", 1, 2, -1.0), "inertia": ("body_inertia", 1, slice(None), 1.0),
               "length": ("body_pos", 2, 2, -1.0)}  # fmt: skip
@@ -175,7 +176,7 @@ def _base(pendulum: PendulumFile, mechanism: Mechanism) -> list[Base]:
             v = float(getattr(link, key))
             parameter = Parameter(f"{key}_{i + 1}", unit, v, 0.2 * v, 5.0 * v,
                                   step=1e-3 * spread * v, spread=spread * v)  # fmt: skip
-            found.append(Base(parameter, setter(field, (i + first, at), sign)))
+            found.append(BaseParameter(parameter, setter_of(field, (i + first, at), sign)))
     return found
 
 

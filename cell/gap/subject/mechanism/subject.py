@@ -1,4 +1,4 @@
-"""Mechanism as a subject of the gap workflow: measured signals compared with predicted ones."""
+"""Mechanism as a subject of the gap engine: measured signals compared with predicted ones."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
@@ -17,10 +17,14 @@ from cell.gap.subject.mechanism.effects import (
     group_by_effect,
     torques,
 )
-from cell.gap.subject.mechanism.load import MechanismData, fully_fitted_fields, initial_state
 from cell.gap.subject.mechanism.model import Fields, add_point
 from cell.gap.subject.mechanism.patch import accepted_content, accepted_xml, expressed_by_mjcf
-from cell.gap.subject.mechanism.runs import (
+from cell.gap.subject.mechanism.read_mechanism import (
+    MechanismData,
+    fully_fitted_fields,
+    initial_state,
+)
+from cell.gap.subject.mechanism.recordings import (
     Cut,
     Recording,
     average,
@@ -40,9 +44,9 @@ from cell.gap.subject.subject import (
     Scene,
     Scope,
     Subject,
+    TimeSeries,
     Words,
 )
-from cell.gap.subject.subject import Signal as Drawn
 from cell.record.header import Load
 from drivers.errors import ConfigurationError
 from drivers.types import Array
@@ -62,7 +66,7 @@ TINY = 1e-30  # against division by zero
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """Content of a run for prediction: readings, stated `load`, given `motion` or `commands`.
+    """Readings of a run, and what drives its prediction: `load`, `motion` or `commands`.
 
     `start` are positions and rates (joints,) where the run states them.
     """
@@ -123,12 +127,12 @@ class MechanismSubject(Subject):
             )
 
     def not_honoured(self) -> Iterable[str]:
-        """What the mode would leave out of signals, by name; nothing where the model is whole."""
+        """Parts of the model that the mode would leave out of signals, by name."""
         return ()
 
     @abstractmethod
     def predict(self, cases: Sequence[Case]) -> Sequence[Array | None]:
-        """Simulate each case and return its signals (signals, k) at the k times of its readings.
+        """Signals (signals, k) of each case at the k times of its readings, by simulation.
 
         None where its simulation diverges.
         """
@@ -158,10 +162,12 @@ class MechanismSubject(Subject):
         return whole.withhold(without, [c.name for c in possible])
 
     def _candidates(self) -> tuple[Candidate, ...]:
+        """Candidate effects of the mechanism, without errors of fields that are fitted."""
         fitted = fully_fitted_fields(self.opened.base, self._mechanism)
         return candidates(self._mechanism, self.opened.file.effects, fitted)
 
     def _quantity(self, channel: str, kind: str) -> Quantity:
+        """How residuals of a channel are shown; of torques, what is tolerated by their spread."""
         key, factor = KEYS[kind]
         tolerance = TOLERANCE[kind]
         if kind == "torque":
@@ -183,7 +189,7 @@ class MechanismSubject(Subject):
                    recording.index or 0)  # fmt: skip
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
-        """Residuals of `requests`, measured minus simulated; NaN where a simulation is lost."""
+        """Residuals of `requests`, measured minus simulated; NaN where a simulation diverges."""
         predictions = self.predict([self._case(r) for r in requests])
         residuals = []
         for request, predicted in zip(requests, predictions, strict=True):
@@ -246,13 +252,13 @@ class MechanismSubject(Subject):
             fields["jnt_user"][: table.shape[1], at : at + len(table)] = table.T
 
     def draw_measured(self, run: Run) -> Scene:
-        """Drawing of the measured signals of a run."""
+        """Drawing of the measured signals of `run`."""
         cut = content_of(run).cut
         rows = zip(self.opened.signals, cut.values, strict=True)
-        return Scene(tuple(Drawn(s.label, cut.t, row) for s, row in rows))
+        return Scene(tuple(TimeSeries(s.label, cut.t, row) for s, row in rows))
 
     def draw_simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
-        """Drawings of simulated signals and residuals; None where a simulation is lost."""
+        """Drawings of simulated signals and their residuals; None where a simulation diverges."""
         predicted = self.predict([self._case(r) for r in requests])
         return [None if rows is None else self._scene(content_of(request.run).cut, rows)
                 for request, rows in zip(requests, predicted, strict=True)]  # fmt: skip
@@ -263,8 +269,8 @@ class MechanismSubject(Subject):
         for signal, row, measured in zip(self.opened.signals, predicted, cut.values, strict=True):
             quantity = self.scope.quantities[signal.channel]
             title = f"{signal.label}, measured - simulated [{quantity.unit}]"
-            drawn.append(Drawn(signal.label, cut.t, row))
-            drawn.append(Drawn(title, cut.t, quantity.factor * (measured - row)))
+            drawn.append(TimeSeries(signal.label, cut.t, row))
+            drawn.append(TimeSeries(title, cut.t, quantity.factor * (measured - row)))
         return Scene(tuple(drawn))
 
     def patch(
@@ -276,14 +282,11 @@ class MechanismSubject(Subject):
         return expressed_by_mjcf(self.opened, accepted, effects), None
 
     def model_text(self, base: Mapping[str, float], effects: NamedValues) -> str | None:
-        """MJCF text of the accepted model, to lie beside the stated one."""
+        """MJCF text of the model with refitted base and named effects."""
         return accepted_xml(self.opened, base, effects)
 
     def check(self, origin: str) -> None:
-        """Refuse a stated model that cannot be simulated or whose torques are of another side.
-
-        Raises ConfigurationError.
-        """
+        """Refuse a stated model that cannot be simulated, or torques of a gear's other side."""
         residuals = self._stated_residuals()
         if not np.isfinite(residuals).all():
             raise ConfigurationError(
@@ -324,5 +327,5 @@ class MechanismSubject(Subject):
 
 
 def content_of(run: Run) -> Content:
-    """Content of a run of a mechanism."""
+    """Content of a mechanism's `run`: readings, and what drives its prediction."""
     return cast(Content, run.content)

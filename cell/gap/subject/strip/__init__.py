@@ -1,1 +1,1 @@
-"""Strip as a subject of the gap workflow: measured folds compared with the rod model."""
+"""Strips as subjects of the gap engine: measured folds compared with simulated ones."""

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.gap.subject.strip.runs import FoldMeasurement
+from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.subject import Samples, Words
 from drivers.types import Array
 from policies.path import TAKEOVER_HEIGHT
@@ -30,8 +30,8 @@ SLOTS, PHASES = 100_000, 10  # at most in a run: slots of time, and names of pha
 EVENT = ("touch_time", "touch_x", "displacement")
 
 
-def phases(run: FoldMeasurement, t: Array) -> Words:
-    """Phase of the fold (n,) at each of the times `t` (n,) [s]; the touch itself is none."""
+def phases(run: MeasuredRun, t: Array) -> Words:
+    """Phase of the fold (n,), such as `lift` or `carry`, at each of the times `t` (n,) [s]."""
     speed, back = _averaged_motion(run, t)
     usual = float(np.median(_moving_speeds(run)))
     lifted = run.t[np.argmax(run.poses[:, 1] >= TAKEOVER_HEIGHT)] if _is_rising(run) else run.end
@@ -45,16 +45,17 @@ def phases(run: FoldMeasurement, t: Array) -> Words:
 
 
 def zones(s: Array, length: float) -> Words:
-    """Third of a strip of `length` [m] (n,) that contains each of the arc lengths `s` (n,) [m]."""
+    """Third of a strip of `length` [m], as words (n,), in which arc lengths `s` (n,) [m] lie."""
     third = np.clip((3.0 * s / length).astype(np.int64), 0, 2)
     return np.array(ZONES)[third]
 
 
-def _is_rising(run: FoldMeasurement) -> bool:
+def _is_rising(run: MeasuredRun) -> bool:
+    """Whether the run starts flat and its gripper rises to TAKEOVER_HEIGHT."""
     return bool((run.poses[:, 1] >= TAKEOVER_HEIGHT).any()) and not run.hanging
 
 
-def _averaged_motion(run: FoldMeasurement, t: Array) -> tuple[Array, Array]:
+def _averaged_motion(run: MeasuredRun, t: Array) -> tuple[Array, Array]:
     """Speed (n,) [m/s] of the averaged motion at `t` (n,) [s], and its x component, backwards."""
     ends = [np.clip(t + side * AVERAGING_TIME / 2, run.t[0], run.t[-1]) for side in (-1, 1)]
     before, after = (
@@ -64,7 +65,7 @@ def _averaged_motion(run: FoldMeasurement, t: Array) -> tuple[Array, Array]:
     return np.hypot(*rate.T), rate[:, 0]
 
 
-def _moving_speeds(run: FoldMeasurement) -> Array:
+def _moving_speeds(run: MeasuredRun) -> Array:
     """Speeds (k,) [m/s] of the averaged motion at the even times at which the gripper moves."""
     speeds, _ = _averaged_motion(run, np.arange(run.t[0], run.end, SPEED_INTERVAL))
     moving: NDArray[np.bool_] = speeds > STANDING_SPEED
@@ -73,10 +74,10 @@ def _moving_speeds(run: FoldMeasurement) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Floors:
-    """Root mean square error of one sample that every model of a strip has: [m], [s], [N].
+    """Standard deviations of errors that every model of a strip has, by quantity: [m], [s], [N].
 
-    Rod and chain differ by a tenth of a millinewton in `force`; the coarse rod errs by more where
-    a gripper jerks.
+    Rod and chain differ by a tenth of a millinewton in `force`; the coarse rod errs by more where a
+    gripper jerks.
     """
 
     profile: float = 0.00025
@@ -88,9 +89,10 @@ class Floors:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Readings of one channel in k samples: sorted by `order` (n,), split at `edges` (k + 1,).
+    """Readings of one channel grouped into k samples: sorted by `order`, split at `edges` (k + 1,).
 
-    Of each sample (k,): `phase`, `zone`, mean time `t` [s]; `sigma` is that of a reading.
+    `order` (n,) are indices of readings. Of each sample (k,): `phase`, `zone`, mean time `t` [s];
+    `sigma` is that of a reading.
     """
 
     order: NDArray[np.int64]
@@ -106,7 +108,7 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Samples of a run, in the order profile, contact, force along x and z, touch if any."""
+    """Samples of a fold by channel: profile, contact, force along x and z, and touch if any."""
 
     profile: Part
     contact: Part
@@ -114,8 +116,8 @@ class Layout:
     samples: Samples
 
 
-def layout(run: FoldMeasurement, length: float, floors: Floors) -> Layout:
-    """Group the readings of `run`, a fold of a strip of `length` [m], into samples."""
+def layout(run: MeasuredRun, length: float, floors: Floors) -> Layout:
+    """Group the readings of the fold `run` of a strip of `length` [m] into samples."""
     images, sigma = run.images, run.sigma
     profile = _part(
         run, images.stamps[images.image], zones(images.s, length), sigma.profile, FEWEST_POINTS
@@ -133,7 +135,7 @@ def layout(run: FoldMeasurement, length: float, floors: Floors) -> Layout:
     return Layout(profile, contact, force, Samples.stack(columns))
 
 
-def _force_part(run: FoldMeasurement, length: float, axis: int) -> Part:
+def _force_part(run: MeasuredRun, length: float, axis: int) -> Part:
     """Samples of the force along one axis; none where the run states no noise for it."""
     reported = run.force_t if run.has_force else np.empty(0)
     unknown = np.isnan(run.force[: len(reported), axis])
@@ -141,7 +143,7 @@ def _force_part(run: FoldMeasurement, length: float, axis: int) -> Part:
     return _part(run, reported, grasped, run.sigma.force or 0.0, 1, unknown, BRIEF)
 
 
-def _is_buckled(run: FoldMeasurement, length: float) -> NDArray[np.bool_]:
+def _is_buckled(run: MeasuredRun, length: float) -> NDArray[np.bool_]:
     """Mask of contacts (k,) beside the fixed edge while the other end is still being lifted.
 
     A soft strip that is pushed along the desk buckles there or not, by chance.
@@ -150,7 +152,7 @@ def _is_buckled(run: FoldMeasurement, length: float) -> NDArray[np.bool_]:
 
 
 def _part(
-    run: FoldMeasurement, t: Array, zone: Words, sigma: float, fewest: int,
+    run: MeasuredRun, t: Array, zone: Words, sigma: float, fewest: int,
     left_out: NDArray[np.bool_] | None = None, span: float = SAMPLE_TIME,
 ) -> Part:  # fmt: skip
     """Group readings at `t` (n,) [s] into samples by `zone` (n,), phase and slots of `span` [s].
@@ -176,7 +178,7 @@ def _part(
     )  # fmt: skip
 
 
-def _is_compared(run: FoldMeasurement, t: Array) -> NDArray[np.bool_]:
+def _is_compared(run: MeasuredRun, t: Array) -> NDArray[np.bool_]:
     """Mask of times (n,) that are compared: after the lift's start, before snap and touch."""
     lifted = run.hanging | (np.interp(t, run.t, run.travel) >= GRIP_TRAVEL)
     end = run.end - (SNAP if run.touch is not None else 0.0)
@@ -199,7 +201,7 @@ def _columns(part: Part, channel: str, floor: float, *, by_zone: bool = False) -
     ]  # fmt: skip
 
 
-def _touch_columns(run: FoldMeasurement, floors: Floors) -> list[Columns]:
+def _touch_columns(run: MeasuredRun, floors: Floors) -> list[Columns]:
     """Three series of the touch: its time, mean distance from both edges, and displacement.
 
     There are none without a touch. l1 and l2 are measured alike, so that their difference and

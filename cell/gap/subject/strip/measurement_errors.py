@@ -20,7 +20,7 @@ PATH_HALVES = ("before", "past")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunEffect(ScatterSource):
-    """Quantity of a strip or its rig that differs from run to run.
+    """Quantity of a strip or its rig that differs from run to run, and its place in the model.
 
     `place` is the part and field of the model to which its value is added, as a share of the field
     where the unit is 1.
@@ -29,7 +29,7 @@ class RunEffect(ScatterSource):
     place: str
 
     def apply(self, model: StripModel, value: float) -> StripModel:
-        """Copy of `model` whose field `place` differs by `value`."""
+        """Copy of `model` with `value` added to the quantity, as a share where its unit is 1."""
         part, _, field = self.place.partition(".")
         before = getattr(model, part)
         known = getattr(before, field)
@@ -100,7 +100,7 @@ class CameraBias(Settings):
 
 
 class ModelError(Settings):
-    """Standard deviation of fitted `damping` between engines, as a share.
+    """Relative standard deviation of fitted `damping` between simulation engines.
 
     Written by `python -m tests.lab study damping`.
     """
@@ -124,13 +124,13 @@ def model_error() -> ModelError:
     return load(DAMPING_FILE, ModelError)
 
 
-def half(x: float, length: float) -> str:
-    """Half of the strip over which a gripper at `x` [m] is: `before` or `past` the middle."""
+def path_half(x: float, length: float) -> str:
+    """Whether a gripper at `x` [m] is `before` or `past` the middle of a strip of `length` [m]."""
     return PATH_HALVES[int(x < length / 2)]
 
 
 def common_errors(samples: Samples, halves: Words) -> dict[str, Array]:
-    """Residuals (n,) [m, s] that one standard deviation of each systematic error makes, by name.
+    """Residuals (n,) [m, s] by one standard deviation of each systematic error, by its name.
 
     `halves` (n,) is `before` or `past`, as the gripper is before or past the middle: past it, a
     lifted strip shows its near edge on the other side.

@@ -1,4 +1,4 @@
-"""Prepares measured folds for the gap engine: samples, and corrections from a finer rod."""
+"""Prepares measured folds for the gap engine: samples, and corrections for the coarse rod."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -6,30 +6,32 @@ from typing import cast
 
 import numpy as np
 
-from cell.gap.subject.strip.compare import Comparison
+from cell.gap.subject.strip.fold_residuals import FoldResiduals
 from cell.gap.subject.strip.layout import Floors, layout
 from cell.gap.subject.strip.measurement_errors import (
     RUN_EFFECTS,
     RunEffect,
     common_errors,
-    half,
     model_error,
+    path_half,
 )
-from cell.gap.subject.strip.runs import FoldMeasurement, MeasuredRun
+from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.simulation import (
     COARSE,
     FINE,
     FINER,
     MEDIUM,
-    HashedModel,
-    HashedPath,
+    Hashed,
     Job,
     Resolution,
     Simulation,
+    hashed_model,
+    hashed_path,
 )
 from cell.gap.subject.subject import Residuals, Run, Samples
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
+from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import GripperPath
 from drivers.types import Array, frozen
 
@@ -50,11 +52,11 @@ SAME_START = 1e-3  # s between the beginnings of two paths
 
 @dataclass(frozen=True, slots=True)
 class Linearisation:
-    """Linearisation of a run's residuals about a model: changes per sample (n,).
+    """Derivatives of a fold's residuals (n,) near one model, and their errors by a coarse rod.
 
     `grid_error` is the change from a finer rod to that of the fold, `doubt` how far off it may be
-    for another model or a real strip; `slopes` are the changes per unit of
-    each quantity that differs from run to run; `length` [m] of the strip.
+    for another model or a real strip; `slopes` are the derivatives by each quantity that differs
+    from run to run; `length` [m] of the strip.
     """
 
     grid_error: Array
@@ -65,7 +67,7 @@ class Linearisation:
 
 @dataclass(frozen=True, slots=True)
 class Fold:
-    """Measured fold: the path that drives the model, the comparison with it, and the run's index.
+    """Measured fold: the paths along which it is simulated, its residuals, and its run's index.
 
     The rod has the fold's `resolution`; `linearisation` corrects its residuals.
 
@@ -74,21 +76,21 @@ class Fold:
     along `lifted_path`, which has no push. The standard runs lift first and never buckle.
     """
 
-    path: HashedPath
-    lifted_path: HashedPath
-    comparison: Comparison
+    path: Hashed[GripperPath]
+    lifted_path: Hashed[GripperPath]
+    residuals: FoldResiduals
     index: int
     linearisation: Linearisation
     resolution: Resolution = COARSE
 
-    def job(self, hashed: HashedModel) -> Job:
-        """Simulation of the model along the path that suits it."""
-        has_hysteresis = hashed.model.mechanics.law.yield_curvature > 0.0
+    def job(self, hashed: Hashed[StripModel]) -> Job:
+        """Simulation of `hashed`, a model, along the path of the fold that suits it."""
+        has_hysteresis = hashed.value.mechanics.law.yield_curvature > 0.0
         path = self.lifted_path if has_hysteresis else self.path
-        return Job.of(hashed, path, self.comparison.run.contact_height, self.resolution)
+        return Job.of(hashed, path, self.residuals.run.contact_height, self.resolution)
 
     def correct(self, residuals: Residuals, run: Run, local: Array) -> Residuals:
-        """Residuals corrected to those of a fine rod, for values `local` (k,) of its unknowns."""
+        """Residuals corrected to those of a fine rod, at values `local` (k,) of the run."""
         about = self.linearisation
         mean = residuals.mean - about.grid_error
         for p, value in zip(run.local, local, strict=True):
@@ -96,22 +98,22 @@ class Fold:
         return Residuals(mean, residuals.square + mean**2 - residuals.mean**2)
 
 
-def prepare(
+def prepare_runs(
     runs: Sequence[MeasuredRun], strip: StripFile, floors: Floors, simulate: Simulation,
     scatter: Sequence[RunEffect] = RUN_EFFECTS,
 ) -> list[Run]:  # fmt: skip
-    """Convert measured folds to runs for the engine; folds that yield no sample are left out.
+    """Convert measured folds to runs of the gap engine; folds without a sample are left out.
 
     `scatter` are the quantities that may differ from run to run.
     """
-    folds = [_fold(run.measured, strip, floors) for run in runs]
-    stated = [HashedModel.of(describe(strip, index=f.index)) for f in folds]
+    folds = [_fold(run, strip, floors) for run in runs]
+    stated = [hashed_model(describe(strip, index=f.index)) for f in folds]
     folds = _resolve(folds, stated, simulate)
     nominal = [f.job(model) for f, model in zip(folds, stated, strict=True)]
     linearised = linearise_folds(folds, nominal, simulate, scatter)
     local = tuple(e.parameter for e in scatter)
     made = [
-        Run(run.name, run.condition, fold.comparison.layout.samples, local, fold, fold.index)
+        Run(run.name, run.condition, fold.residuals.layout.samples, local, fold, fold.index)
         for run, fold in zip(runs, folds, strict=True)
     ]
     return [
@@ -125,26 +127,26 @@ def linearise_folds(
     folds: Sequence[Fold], jobs: Sequence[Job], simulate: Simulation,
     scatter: Sequence[RunEffect],
 ) -> list[Linearisation]:  # fmt: skip
-    """Linearise the residuals of each of `folds` about its simulation in `jobs`."""
-    perturbed = [f.job(HashedModel.of(effect.apply(job.model, effect.step)))
+    """Linearisation of the residuals of each of `folds` about its simulation in `jobs`."""
+    perturbed = [f.job(hashed_model(effect.apply(job.model, effect.step)))
                  for f, job in zip(folds, jobs, strict=True) for effect in scatter]  # fmt: skip
     motions = simulate([*jobs, *perturbed])
     nominal = [
-        fold.comparison(job.model, motion).mean
+        fold.residuals(job.model, motion).mean
         for fold, job, motion in zip(folds, jobs, motions[: len(folds)], strict=True)
     ]
     grid_errors = _grid_errors(folds, jobs, nominal, simulate)
     step_errors = _grid_errors(folds, jobs, nominal, simulate, (MEDIUM,))
     linearisations = []
     for i, (fold, job) in enumerate(zip(folds, jobs, strict=True)):
-        limit = LARGEST_CHANGE * fold.comparison.layout.samples.floor
+        limit = LARGEST_CHANGE * fold.residuals.layout.samples.floor
         grid_error = _drop_large(grid_errors[i], limit)
         step_error = _drop_large(step_errors[i], limit)
         doubt = np.hypot(TRUSTED * (grid_error - step_error), STEP_TRUSTED * step_error)
         slopes = {}
         first = i * len(scatter)  # jobs are perturbed fold by fold
         for k, effect in enumerate(scatter, start=first):
-            residuals = fold.comparison(perturbed[k].model, motions[len(folds) + k]).mean
+            residuals = fold.residuals(perturbed[k].model, motions[len(folds) + k]).mean
             slopes[effect.name] = frozen(_drop_large(residuals - nominal[i], limit) / effect.step)
         length = job.model.mechanics.length
         linearisations.append(Linearisation(frozen(grid_error), doubt, slopes, length))
@@ -152,12 +154,12 @@ def linearise_folds(
 
 
 def _resolve(
-    folds: Sequence[Fold], models: Sequence[HashedModel], simulate: Simulation
+    folds: Sequence[Fold], models: Sequence[Hashed[StripModel]], simulate: Simulation
 ) -> list[Fold]:
     """Folds with the coarsest resolution at which their `models` come near a fine rod."""
     jobs = [fold.job(model) for fold, model in zip(folds, models, strict=True)]
     coarse = [
-        fold.comparison(job.model, motion).mean
+        fold.residuals(job.model, motion).mean
         for fold, job, motion in zip(folds, jobs, simulate(jobs), strict=True)
     ]
     errors = _grid_errors(folds, jobs, coarse, simulate, (FINE,))
@@ -184,14 +186,14 @@ def _grid_errors(
     for resolution in finer:
         motions = simulate([replace(jobs[i], resolution=resolution) for i in doubted])
         for i, motion in zip(doubted, motions, strict=True):
-            errors[i] = residuals[i] - folds[i].comparison(jobs[i].model, motion).mean
+            errors[i] = residuals[i] - folds[i].residuals(jobs[i].model, motion).mean
         doubted = [i for i in doubted if _is_doubted(folds[i], errors[i])]
     return errors
 
 
 def _is_doubted(fold: Fold, error: Array) -> bool:
     """Whether a finer rod changes the residuals of `fold` by an `error` (n,) over its floors."""
-    return _rms(error / fold.comparison.layout.samples.floor) > DOUBTED
+    return _rms(error / fold.residuals.layout.samples.floor) > DOUBTED
 
 
 def _rms(values: Array) -> float:
@@ -200,7 +202,7 @@ def _rms(values: Array) -> float:
 
 
 def _common_errors(
-    run: FoldMeasurement, samples: Samples, linearisation: Linearisation
+    run: MeasuredRun, samples: Samples, linearisation: Linearisation
 ) -> dict[str, Array]:
     """Residuals (n,) per standard deviation of each error that all runs share, by name.
 
@@ -211,21 +213,21 @@ def _common_errors(
         errors["damping"] = frozen(model_error().damping * linearisation.slopes["damping"])
     if run.plane_error is not None:
         x = np.interp(samples.t, run.t, run.poses[:, 0])
-        halves = np.array([half(position, linearisation.length) for position in x])
+        halves = np.array([path_half(position, linearisation.length) for position in x])
         errors |= common_errors(samples, halves)
     return errors
 
 
 def relinearise(run: Run, about: Linearisation) -> Run:
-    """Copy of `run` linearised anew `about` a model, its floors raised by doubts of grid errors.
+    """Copy of `run` with the linearisation `about` a model, its floors raised by doubts of it.
 
     A strip with less damping than stated keeps swinging, where grids differ.
     """
     fold = cast(Fold, run.content)
-    stated = fold.comparison.layout.samples.floor
+    stated = fold.residuals.layout.samples.floor
     floor = np.maximum(run.samples.floor, np.hypot(stated, about.doubt))
     samples = replace(run.samples, floor=floor)
-    common = _common_errors(fold.comparison.run, samples, about)
+    common = _common_errors(fold.residuals.run, samples, about)
     return replace(run, samples=samples, common=common, content=replace(fold, linearisation=about))
 
 
@@ -235,21 +237,22 @@ def _drop_large(change: Array, limit: Array) -> Array:
     return np.where(np.abs(finite) < limit, finite, 0.0)
 
 
-def _fold(run: FoldMeasurement, strip: StripFile, floors: Floors) -> Fold:
+def _fold(run: MeasuredRun, strip: StripFile, floors: Floors) -> Fold:
+    """Measured fold `run` with its samples and paths, not linearised yet."""
     share = float(np.hypot(1.0, (run.plane_error or 0.0) / floors.profile))
     raised = replace(floors, profile=share * floors.profile, contact_x=share * floors.contact_x)
     samples_layout = layout(run, strip.length, raised)
     during = run.t <= run.end + LATER
     path = GripperPath(run.t[during], run.poses[during], run.hanging)
-    comparison = Comparison(run, samples_layout, strip.length, strip.bending_length)
+    residuals = FoldResiduals(run, samples_layout, strip.length, strip.bending_length)
     no_error = np.zeros(len(samples_layout.samples))
     exact = Linearisation(no_error, no_error, {}, strip.length)
-    measured, lifted = HashedPath.of(path), _lifted_path(path, run)
-    lifted_path = measured if lifted is path else HashedPath.of(lifted)
-    return Fold(measured, lifted_path, comparison, run.index, exact)
+    measured, lifted = hashed_path(path), _lifted_path(path, run)
+    lifted_path = measured if lifted is path else hashed_path(lifted)
+    return Fold(measured, lifted_path, residuals, run.index, exact)
 
 
-def _lifted_path(path: GripperPath, run: FoldMeasurement) -> GripperPath:
+def _lifted_path(path: GripperPath, run: MeasuredRun) -> GripperPath:
     """Measured `path`, changed to rise before it moves in: the lying strip is never pushed.
 
     A strip lifted by z draws the grip in by about z^2: so does this one, until it joins `path`.
@@ -274,14 +277,14 @@ def _pushes_strip(path: GripperPath, travel: Array) -> bool:
 
 
 def replicates(runs: Sequence[Run]) -> Mapping[bytes, Fold]:
-    """Map each fold's path, by digest, to the fold that is simulated in its place.
+    """By the digest of each fold's path, the fold that is simulated in place of it.
 
     An effect changes replicates alike, up to far less than the error of a rough time step.
     """
     leaders: list[Fold] = []
     leader_of = {}
     folds = [cast(Fold, run.content) for run in runs]
-    for fold in sorted(folds, key=lambda f: -f.path.rows.t[-1]):
+    for fold in sorted(folds, key=lambda f: -f.path.value.t[-1]):
         leader = next((f for f in leaders if _is_replicate(f, fold)), fold)
         if leader is fold:
             leaders.append(fold)
@@ -291,12 +294,12 @@ def replicates(runs: Sequence[Run]) -> Mapping[bytes, Fold]:
 
 def _is_replicate(longer: Fold, fold: Fold) -> bool:
     """Whether the path of `longer` can be simulated in place of `fold`, which ends no later."""
-    if longer.comparison.run.contact_height != fold.comparison.run.contact_height:
+    if longer.residuals.run.contact_height != fold.residuals.run.contact_height:
         return False
-    first, second = longer.path.rows, fold.path.rows
+    first, second = longer.path.value, fold.path.value
     if first.hanging != second.hanging or abs(first.t[0] - second.t[0]) > SAME_START:
         return False
-    return _is_near(first, second) and _is_near(longer.lifted_path.rows, fold.lifted_path.rows)
+    return _is_near(first, second) and _is_near(longer.lifted_path.value, fold.lifted_path.value)
 
 
 def _is_near(longer: GripperPath, path: GripperPath) -> bool:

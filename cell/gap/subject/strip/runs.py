@@ -1,4 +1,4 @@
-"""Reads measured folds, checks them, and reduces them to the compared quantities."""
+"""Reads measured folds, checks them, and reduces them to the quantities that are compared."""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from cell.gap.subject.run_folders import RunFolder, check_indices
-from cell.gap.subject.strip.smooth_and_thin import Images, images_of, smooth_path
+from cell.gap.subject.strip.preprocessing import Images, images_of, smooth_path
 from cell.record.files import PROFILE, RESULT, RUN, TICKS, is_under_way
 from cell.record.header import NOT_FOLDED, Header, Sigma, is_outcome
 from cell.record.run import Run as Recorded
@@ -82,6 +82,7 @@ def _check_motion(origin: Path, run: Recorded) -> None:
 
 
 def _check_jumps(origin: Path, names: str, steps: Array, allowed: Array, unit: str) -> None:
+    """Refuse columns `names` whose `steps` (m,) exceed those `allowed` in more than JUMPS rows."""
     jumps = np.flatnonzero(steps > allowed)
     if len(jumps) > JUMPS:
         row = int(jumps[0]) + 1
@@ -113,15 +114,17 @@ def _batch_key(header: Header) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class FoldMeasurement:
-    """Measurements of a fold, in SI units.
+class MeasuredRun:
+    """Measured fold: gripper path and measurements of the strip, in SI units.
 
     `t` (m,), `poses` (m, 3) the gripper path, smoothed; `travel` (m,) along it. `contact_t`,
-    `contact_x` (k,). `force_t` (f,), `force` (f, 2) of the strip on the gripper along x and z, NaN
-    where it was not measured. `end` [s] is where comparison ends: the touch, or the last row.
-    `plane_error` [m] is that of the calibrated camera through which a cell measured the fold.
+    `contact_x` (k,). `force_t` (f,), `force` (f, 2) of the strip on the gripper along x and z.
+    `end` [s] is where comparison ends: the touch, or the last row. `plane_error` [m] is that of the
+    calibrated camera through which a cell measured the fold. `notes` are for the operator.
     """
 
+    name: str
+    condition: str
     t: Array
     poses: Array
     travel: Array
@@ -137,37 +140,27 @@ class FoldMeasurement:
     touch: Touch | None
     end: float
     plane_error: float | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def has_force(self) -> bool:
         """Whether the force of the strip was measured, with a known noise."""
         return self.sigma.force is not None and len(self.force_t) > 0
 
-
-@dataclass(frozen=True, slots=True)
-class MeasuredRun:
-    """Measured fold with its `name`, its `condition`, and `notes` on it for the operator."""
-
-    name: str
-    condition: str
-    measured: FoldMeasurement
-    notes: tuple[str, ...]
-
     @property
     def usable(self) -> bool:
-        """Whether the run is long enough to be compared."""
-        return len(self.measured.t) > 0
+        """Whether the run is long enough to be compared with simulations."""
+        return len(self.t) > 0
 
     @property
     def shows_strip(self) -> bool:
         """Whether any measurement of the strip exists besides the gripper's path."""
-        m = self.measured
-        seen = len(m.contact_x) + len(m.force_t) + len(m.images.stamps)
-        return self.usable and (seen > 0 or m.touch is not None)
+        seen = len(self.contact_x) + len(self.force_t) + len(self.images.stamps)
+        return self.usable and (seen > 0 or self.touch is not None)
 
 
 def read_runs(folders: Sequence[RunFolder], strip: StripFile) -> list[MeasuredRun]:
-    """Read the runs in `folders`, sorted as they were taken; some may not be `usable`.
+    """Measured folds in `folders` of runs, sorted as they were taken; some may not be `usable`.
 
     Raises ConfigurationError, in one line, for input that is broken or too little.
     """
@@ -176,7 +169,7 @@ def read_runs(folders: Sequence[RunFolder], strip: StripFile) -> list[MeasuredRu
     _check_indices([folder for folder, _ in used], [header for _, header in used])
     runs = [run for _, _, run in read]
     _check_enough(runs, folders[0].path.parent)
-    return sorted(runs, key=lambda run: (run.measured.index, run.name))
+    return sorted(runs, key=lambda run: (run.index, run.name))
 
 
 def _check_enough(runs: Sequence[MeasuredRun], origin: Path) -> None:
@@ -196,7 +189,7 @@ def _check_enough(runs: Sequence[MeasuredRun], origin: Path) -> None:
 
 
 def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, MeasuredRun]:
-    """Read the run in `folder`; ConfigurationError where it contradicts its `strip` or itself."""
+    """Header and measured fold in `folder`; ConfigurationError where it contradicts its `strip`."""
     try:
         recorded = _with_pitch(read_run(folder))
     except ConfigurationError as error:
@@ -211,14 +204,12 @@ def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measur
     usable = len(recorded.ticks.t) >= LEAST
     if usable:
         _check_start(folder, recorded, strip)
-    measured = _measured_run(recorded, touch, strip) if usable else _empty_measurement(recorded)
-    notes = _notes(name, recorded, usable=usable)
-    condition = recorded.header.condition or name
-    return recorded.header, MeasuredRun(name, condition, measured, notes)
+    run = _measured_run(name, recorded, touch, strip) if usable else _short_run(name, recorded)
+    return recorded.header, replace(run, notes=_notes(name, recorded, usable=usable))
 
 
 def check_fold(known: Collection[str], load: Callable[[str], StripFile], folder: Path) -> None:
-    """Raise ConfigurationError where the run in `folder` contradicts its strip, if that is known.
+    """Raise ConfigurationError where the run in `folder` contradicts its strip, if it is `known`.
 
     `load` reads a strip by its name.
     """
@@ -239,6 +230,7 @@ def _with_pitch(run: Recorded) -> Recorded:
 
 
 def _check_kind(folder: Path) -> None:
+    """Refuse a run of a pendulum where one of a strip is needed."""
     head = read_yaml(folder / RUN)
     if "strip" not in head and "pendulum" in head:
         raise ConfigurationError(
@@ -247,7 +239,7 @@ def _check_kind(folder: Path) -> None:
         )
 
 
-def _measured_run(run: Recorded, touch: Touch | None, strip: StripFile) -> FoldMeasurement:
+def _measured_run(name: str, run: Recorded, touch: Touch | None, strip: StripFile) -> MeasuredRun:
     """Reduce a run's tables to the arrays with which simulations are compared."""
     ticks, header = run.ticks, run.header
     note = header.calibration if header.by_cell else None
@@ -258,7 +250,8 @@ def _measured_run(run: Recorded, touch: Touch | None, strip: StripFile) -> FoldM
     force = np.stack([ticks.f_x, ticks.f_z], axis=1)
     reported = np.isfinite(force).any(axis=1)
     grip = np.stack([np.interp(run.profile.t, ticks.t, poses[:, c]) for c in range(2)], axis=1)
-    return FoldMeasurement(
+    return MeasuredRun(
+        name, header.condition or name,
         t=t, poses=smooth, travel=frozen(arc_lengths(smooth[:, :2])),
         hanging=header.start == "hanging", index=header.index or 0,
         contact_height=header.contact_height, sigma=header.sigma,
@@ -270,16 +263,18 @@ def _measured_run(run: Recorded, touch: Touch | None, strip: StripFile) -> FoldM
     )  # fmt: skip
 
 
-def _empty_measurement(run: Recorded) -> FoldMeasurement:
-    none, pairs = frozen([]), np.empty((0, 2))
-    return FoldMeasurement(
-        none, np.empty((0, 3)), none, False, run.header.index or 0, run.header.contact_height,
-        run.header.sigma, none, none, Images(none, pairs, np.empty(0, dtype=np.int64), none), none,
-        pairs, None, 0.0,
+def _short_run(name: str, run: Recorded) -> MeasuredRun:
+    """Run too short to be used, without measurements."""
+    none, pairs, header = frozen([]), np.empty((0, 2)), run.header
+    return MeasuredRun(
+        name, header.condition or name, none, np.empty((0, 3)), none, False, header.index or 0,
+        header.contact_height, header.sigma, none, none,
+        Images(none, pairs, np.empty(0, dtype=np.int64), none), none, pairs, None, 0.0,
     )  # fmt: skip
 
 
 def _notes(name: str, run: Recorded, *, usable: bool) -> tuple[str, ...]:
+    """Remarks for the operator on a run that is short or did not end in a touch."""
     if not usable:
         return (f"{name}: has {len(run.ticks.t)} rows only and is left out",)
     if run.result is None:
@@ -290,6 +285,7 @@ def _notes(name: str, run: Recorded, *, usable: bool) -> tuple[str, ...]:
 
 
 def _check_header(origin: Path, header: Header, strip: StripFile) -> None:
+    """Refuse a run whose header names another strip."""
     if header.strip != strip.name:
         raise ConfigurationError(
             f"{origin}: strip: is {header.strip!r}, the strip file describes {strip.name!r}; "

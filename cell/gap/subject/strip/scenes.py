@@ -1,17 +1,16 @@
-"""Draws a fold as measured and as simulated by the rod, at the stamps of the images."""
+"""Draws a fold as measured and as simulated, at the times of its images."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.gap.subject.strip.compare import simulated_touch
+from cell.gap.subject.strip.fold_residuals import simulated_touch
 from cell.gap.subject.strip.prepare import Fold
-from cell.gap.subject.strip.runs import FoldMeasurement
+from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.simulation import SimulatedMotion
-from cell.gap.subject.subject import Curve, Scene, Signal, Track
+from cell.gap.subject.subject import Curve, Scene, TimeSeries, Track
 from drivers.strip.engine import Touch
-from drivers.strip.midline_residuals import signed_distances
 from drivers.strip.model import StripModel
-from drivers.strip.observation import imaged_time, measured_contact, measured_points, true_points
+from drivers.strip.observation import imaged_time, measured_contact, measured_points
 from drivers.types import Array
 
 Index = NDArray[np.int64]
@@ -19,48 +18,48 @@ DRAWN_STRIDE = 10  # rows of a run between drawn places of the gripper
 CONTACT_SIGNAL, DISTANCE_SIGNAL = "contact [mm]", "distance from the measured midline, rms [mm]"
 
 
-def measured_scene(run: FoldMeasurement) -> Scene:
-    """Drawing of a measured fold up to the touch of its layers, or to its last row."""
+def measured_scene(run: MeasuredRun) -> Scene:
+    """Drawing of a measured fold, up to the touch of its layers or to its last row."""
     images, t = run.images, run.t[run.t <= run.end][::DRAWN_STRIDE]
     grip = np.stack([np.interp(t, run.t, run.poses[:, c]) for c in range(2)], axis=1)
     visible, before = _images_before_end(run), run.contact_t <= run.end
     contact_t, contact = run.contact_t[before], run.contact_x[before]
     points = tuple(images.points[images.image == k] for k in visible)
     return Scene(
-        signals=(Signal(CONTACT_SIGNAL, contact_t, 1e3 * contact),),
+        signals=(TimeSeries(CONTACT_SIGNAL, contact_t, 1e3 * contact),),
         curve=Curve(images.stamps[visible], points),
         tracks={"contact": _desk_track(contact_t, contact), "gripper": Track(t, grip)},
         events=_touch_event(run.touch),
     )
 
 
-def simulated_scene(fold: Fold, model: StripModel, motion: SimulatedMotion, length: float) -> Scene:
-    """Drawing of `fold`, of a strip of `length` [m], as simulated with `model`.
+def simulated_scene(fold: Fold, model: StripModel, motion: SimulatedMotion) -> Scene:
+    """Drawing of `fold` as simulated with `model`.
 
     Distances are of the images that are compared: not those of the first lift and of the snap.
     """
-    run = fold.comparison.run
+    run = fold.residuals.run
     contact_t = run.contact_t[run.contact_t <= run.end]
     true = np.interp(imaged_time(model.observation, contact_t), motion.t, motion.contact_x)
     contact = np.asarray(measured_contact(model.observation, true))
     images = _images_before_end(run)
     shapes = _interpolate_shapes(_shape_indices(run, model, motion)[images], motion)
-    compared, distance = _distances(fold, model, motion, length)
+    compared, distance = _distances(fold, model, motion)
     return Scene(
-        signals=(Signal(CONTACT_SIGNAL, contact_t, 1e3 * contact),
-                 Signal(DISTANCE_SIGNAL, run.images.stamps[compared], 1e3 * distance)),
+        signals=(TimeSeries(CONTACT_SIGNAL, contact_t, 1e3 * contact),
+                 TimeSeries(DISTANCE_SIGNAL, run.images.stamps[compared], 1e3 * distance)),
         curve=Curve(run.images.stamps[images], tuple(measured_points(model, shapes))),
         tracks={"contact": _desk_track(contact_t, contact)},
         events=_touch_event(simulated_touch(run, model, motion)),
     )  # fmt: skip
 
 
-def _images_before_end(run: FoldMeasurement) -> Index:
+def _images_before_end(run: MeasuredRun) -> Index:
     """Indices (m,) of the images before the end of the run."""
     return np.flatnonzero(run.images.stamps <= run.end)
 
 
-def _shape_indices(run: FoldMeasurement, model: StripModel, motion: SimulatedMotion) -> Array:
+def _shape_indices(run: MeasuredRun, model: StripModel, motion: SimulatedMotion) -> Array:
     """Fractional index (m,) into the simulated shapes for each image; the last shape is held."""
     true = np.asarray(imaged_time(model.observation, run.images.stamps))
     return np.clip(motion.index_at(true), 0.0, len(motion.shapes) - 1.0)
@@ -74,28 +73,22 @@ def _interpolate_shapes(places: Array, motion: SimulatedMotion) -> Array:
     return np.asarray((1 - share) * motion.shapes[first] + share * motion.shapes[after])
 
 
-def _distances(
-    fold: Fold, model: StripModel, motion: SimulatedMotion, length: float
-) -> tuple[Index, Array]:
+def _distances(fold: Fold, model: StripModel, motion: SimulatedMotion) -> tuple[Index, Array]:
     """Indices of compared images, and rms distances (k,) [m] of their points from the model."""
-    run = fold.comparison.run
-    images, order = run.images, np.sort(fold.comparison.layout.profile.order)
-    found = np.empty(len(order))
-    if len(order):
-        points = true_points(model, images.points[order])
-        signed_distances(
-            np.ascontiguousarray(points), images.image[order], images.s[order],
-            _shape_indices(run, model, motion), motion.shapes, motion.arc * length, found,
-        )  # fmt: skip
-    compared, image = np.unique(images.image[order], return_inverse=True)
+    run, order = fold.residuals.run, np.sort(fold.residuals.layout.profile.order)
+    index = _shape_indices(run, model, motion)
+    found = fold.residuals.distances(model, motion, order, index)
+    compared, image = np.unique(run.images.image[order], return_inverse=True)
     return compared, np.sqrt(np.bincount(image, found**2) / np.bincount(image))
 
 
 def _desk_track(t: Array, x: Array) -> Track:
+    """Track of a point on the desk at `x` (m,) [m] at the times `t` (m,) [s]."""
     return Track(t, np.stack([x, np.zeros_like(x)], axis=1))
 
 
 def _touch_event(touch: Touch | None) -> tuple[tuple[float, str], ...]:
+    """Event of the `touch` with its displacement; none without a touch."""
     if touch is None:
         return ()
     return ((touch.time, f"layer_touch, displacement {1e3 * touch.displacement:.1f} mm"),)

@@ -54,7 +54,7 @@ def _term_candidate(term: Term) -> Candidate:
 
 
 def scope(strip: StripFile, lifted: float = 0.0, *, has_force: bool = False) -> Scope:
-    """Fit problem of `strip`: base parameters, with its file's effects, candidates, quantities.
+    """Fit problem of `strip`: base parameters, candidate effects, and displayed quantities.
 
     The strip is lifted off the desk from `lifted` [m] on; its part before does not move. Where
     force is measured (`has_force`), it weighs the strip.
@@ -117,7 +117,7 @@ def _accepted_parameters(strip: StripFile) -> list[Parameter]:
 
 
 def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
-    """Candidate for a library effect on `strip`, which is lifted off from `lifted` [m] on."""
+    """Candidate effect of the library on `strip`, which leaves the desk from `lifted` [m] on."""
     shape = tuple(_shape_parameter(p, strip) for p in effect.parameters if p.role == "shape")
     return Candidate(
         effect.name, effect.sentence, effect.of,
@@ -206,7 +206,7 @@ def _to_engine(switch: Number, value: float) -> float:
 
 
 def to_file_values(effect: Effect, values: Sequence[float]) -> dict[str, float] | None:
-    """Convert an effect's `values` to those that a strip file states; None for an absent effect.
+    """Values of an effect as strip files state them, by name; None for an absent effect.
 
     `values` may lack those of the shape, which come last.
     """

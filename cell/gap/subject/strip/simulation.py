@@ -1,4 +1,4 @@
-"""Simulates motions of many runs and models at once, with a cache of the latest."""
+"""Simulates the motions of many runs and models at once, and caches the latest."""
 
 import hashlib
 import pickle
@@ -7,7 +7,7 @@ from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, dataclass, replace
-from typing import Self
+from typing import Generic, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from drivers.strip.rod.engine import GripperPath, Rod, simulate_all
 from drivers.strip.rod.lumping import lattice, needs_terms
 from drivers.types import Array
 
+T = TypeVar("T")
 SHAPE_PERIOD = 0.01  # s between the shapes that are kept
 AT_ONCE = 16  # motions in one call: all their shapes are in memory
 LANE_COUNT = 8  # motions that cost no more than one
@@ -28,7 +29,7 @@ REMEMBERED = 96 * 2**20  # bytes of the cache: few motions are asked for again, 
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
-    """Resolution of the rod: `segments`, step `dt` [s], and `tolerance` [rad] of a solution."""
+    """Resolution of the rod: `segments`, time step `dt` [s], and `tolerance` [rad] of a step."""
 
     segments: int
     dt: float
@@ -42,39 +43,31 @@ FINE, FINER = Resolution(200, 0.0025, 1e-4), Resolution(200, 0.00125, 1e-4)
 
 
 @dataclass(frozen=True, slots=True)
-class HashedPath:
-    """A reported gripper path with the `digest` of its numbers, for the many jobs along it."""
+class Hashed(Generic[T]):
+    """A gripper path or model with the `digest` of its numbers, for the many simulations of it."""
 
-    rows: GripperPath
+    value: T
     digest: bytes
 
-    @classmethod
-    def of(cls, path: GripperPath) -> Self:
-        """`path` with the hash of its rows and start."""
-        h = hashlib.blake2b(bytes([path.hanging]), digest_size=16)
-        for array in (path.t, path.poses):
-            h.update(np.ascontiguousarray(array).data)
-        return cls(path, h.digest())
+
+def hashed_path(path: GripperPath) -> Hashed[GripperPath]:
+    """`path` with the hash of its rows and start."""
+    h = hashlib.blake2b(bytes([path.hanging]), digest_size=16)
+    for array in (path.t, path.poses):
+        h.update(np.ascontiguousarray(array).data)
+    return Hashed(path, h.digest())
 
 
-@dataclass(frozen=True, slots=True)
-class HashedModel:
-    """Model of strip and rig with the `digest` of all but its observation, for its many jobs."""
-
-    model: StripModel
-    digest: bytes
-
-    @classmethod
-    def of(cls, model: StripModel) -> Self:
-        """`model` with the hash of all but its observation."""
-        blind = replace(model, observation=Observation())
-        digest = hashlib.blake2b(pickle.dumps(blind, protocol=5), digest_size=16).digest()
-        return cls(model, digest)
+def hashed_model(model: StripModel) -> Hashed[StripModel]:
+    """`model` of strip and rig with the hash of all but how it is observed."""
+    blind = replace(model, observation=Observation())
+    digest = hashlib.blake2b(pickle.dumps(blind, protocol=5), digest_size=16).digest()
+    return Hashed(model, digest)
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """Simulation to run: a model along a reported gripper path, by a rod of a resolution.
+    """One simulation: a model along a gripper path, by a rod of a certain resolution.
 
     Jobs of equal `key` give equal motions.
     """
@@ -86,22 +79,26 @@ class Job:
 
     @classmethod
     def of(
-        cls, hashed: HashedModel, path: HashedPath, contact_height: float, resolution: Resolution
+        cls,
+        hashed: Hashed[StripModel],
+        path: Hashed[GripperPath],
+        contact_height: float,
+        resolution: Resolution,
     ) -> Self:
-        """Job of `hashed` along `path`; contact ends at `contact_height` [m]."""
-        observation = replace(hashed.model.observation, contact_height=contact_height)
+        """Simulation of the model `hashed` along `path`; contact ends at `contact_height` [m]."""
+        observation = replace(hashed.value.observation, contact_height=contact_height)
         digest = hashed.digest + path.digest + struct.pack("<d", contact_height)
-        return cls(replace(hashed.model, observation=observation), path.rows, resolution, digest)
+        return cls(replace(hashed.value, observation=observation), path.value, resolution, digest)
 
     @property
     def key(self) -> bytes:
-        """Digest of all that the motion depends on."""
+        """Digest of all that the simulated motion depends on."""
         return self.digest + struct.pack("<idd", *astuple(self.resolution))
 
 
 @dataclass(frozen=True, slots=True)
 class SimulatedMotion:
-    """True motion of gripper and strip that a job gives, and the touch, if any.
+    """Simulated motion of gripper and strip, and the touch of its layers, if any.
 
     At times `t` (k,) [s]: `poses` (k, 3), `contact_x` (k,) [m] and `force` (k, 2) [N] on the
     gripper. From `begin` [s] on every SHAPE_PERIOD: `shapes` (m, nodes, 2) [m] in single precision,
@@ -123,12 +120,12 @@ class SimulatedMotion:
         return int(self.shapes.nbytes + 7 * self.t.nbytes)
 
     def index_at(self, time: Array) -> Array:
-        """Fractional index (k,) of the shape at times (k,) [s]; outside of them beyond its ends."""
+        """Fractional index (k,) into the shapes at times (k,) [s]; may lie beyond their ends."""
         return (time - self.begin) / SHAPE_PERIOD
 
 
 class Simulation:
-    """Simulates with the rod, on `threads`, and caches its results.
+    """Simulates motions with the rod, on some `threads`, and caches them.
 
     A motion does not depend on what is simulated beside it, nor on how many threads there are.
     """
@@ -194,6 +191,7 @@ class Simulation:
         ]
 
     def _remember(self, key: bytes, motion: SimulatedMotion | None) -> None:
+        """Cache a `motion` by `key`, and forget the oldest ones beyond REMEMBERED bytes."""
         if key not in self._cache:
             self._size += motion.size if motion else 0
         self._cache[key] = motion

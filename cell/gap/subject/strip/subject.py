@@ -1,4 +1,4 @@
-"""Strip as a subject of the gap workflow: measured folds compared with simulated ones."""
+"""Strip as a subject of the gap engine: measured folds compared with simulated ones."""
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -11,14 +11,20 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from cell.gap.subject.run_folders import RunFolder
-from cell.gap.subject.strip.compare import Comparison
+from cell.gap.subject.strip.fold_residuals import FoldResiduals
 from cell.gap.subject.strip.layout import Floors
 from cell.gap.subject.strip.measurement_errors import FORCE_EFFECTS, RUN_EFFECTS, RunEffect
-from cell.gap.subject.strip.prepare import Fold, linearise_folds, prepare, relinearise, replicates
+from cell.gap.subject.strip.prepare import (
+    Fold,
+    linearise_folds,
+    prepare_runs,
+    relinearise,
+    replicates,
+)
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
 from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
 from cell.gap.subject.strip.scope import scope, to_file_values
-from cell.gap.subject.strip.simulation import HashedModel, Job, Simulation
+from cell.gap.subject.strip.simulation import Hashed, Job, Simulation, hashed_model
 from cell.gap.subject.strip.synthetic import instruction, minutes, next_index, planned_runs
 from cell.gap.subject.subject import (
     Experiment,
@@ -34,7 +40,7 @@ from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
 from drivers.strip.law import LAW_TERMS, with_law
-from drivers.strip.model import Observation
+from drivers.strip.model import Observation, StripModel
 
 DIGITS = 6  # significant digits of a fitted number
 QUANTILE = 0.02  # of the contacts of a run that may lie before its lift-off, as outliers
@@ -89,14 +95,14 @@ def _note(key: str, old: float | None, source: str, remark: str = "") -> dict[st
 
 
 class ResidualKey(NamedTuple):
-    """Key of residuals: with what a motion is compared, its key, how it is observed."""
+    """Key of cached residuals: the measured fold, the simulated motion, how it is observed."""
 
-    comparison: Comparison
+    residuals: FoldResiduals
     motion: bytes
     observation: Observation
 
 
-class Strip(Subject):
+class StripSubject(Subject):
     """Measured folds of one strip, simulated by the rod along the measured gripper paths.
 
     `notes` warn the operator of incomplete runs.
@@ -117,7 +123,7 @@ class Strip(Subject):
         self.notes = tuple(note for run in runs for note in run.notes)
         self._measured = tuple(run for run in runs if run.usable)
         self._floors = floors or Floors()
-        has_force = any(run.measured.has_force for run in self._measured)
+        has_force = any(run.has_force for run in self._measured)
         lifted = _lift_off_position(self._measured)
         self.scope = scope(strip, lifted, has_force=has_force).withhold(without, registry())
         self._scatter = (*scatter, *(FORCE_EFFECTS if has_force else ()))
@@ -127,7 +133,9 @@ class Strip(Subject):
         self._residual_cache: dict[ResidualKey, Residuals] = {}
         self._model_cache = lru_cache(DESCRIBED)(partial(_describe, strip, self.scope.base))
 
-        self.runs = prepare(self._measured, strip, self._floors, self._simulation, self._scatter)
+        self.runs = prepare_runs(
+            self._measured, strip, self._floors, self._simulation, self._scatter
+        )
         self._replicates = replicates(self.runs)
         self.runs = [
             replace(run, replicate=self._leader(fold) is not fold)
@@ -138,7 +146,7 @@ class Strip(Subject):
         """Residuals of `requests`, measured minus simulated; each motion is simulated once."""
         folds, jobs = self._jobs_of(requests)
         keys = [
-            ResidualKey(fold.comparison, job.key, job.model.observation)
+            ResidualKey(fold.residuals, job.key, job.model.observation)
             for fold, job in zip(folds, jobs, strict=True)
         ]
         known = self._residual_cache
@@ -163,21 +171,20 @@ class Strip(Subject):
             while portion := list(islice(keys, PORTION)):
                 motions = self._simulation([jobs[key] for key in portion])
                 residuals = pool.map(
-                    lambda key, motion: key.comparison(jobs[key].model, motion), portion, motions
+                    lambda key, motion: key.residuals(jobs[key].model, motion), portion, motions
                 )
                 found.update(zip(portion, residuals, strict=True))
         return found
 
     def draw_measured(self, run: Run) -> Scene:
-        """Drawing of the measured fold."""
-        return measured_scene(cast(Fold, run.content).comparison.run)
+        """Drawing of the measured fold of `run`."""
+        return measured_scene(cast(Fold, run.content).residuals.run)
 
     def draw_simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
-        """Drawings of the simulated folds; None where the simulation gives no motion."""
+        """Drawings of the simulated folds, one for each request; None without a motion."""
         folds, jobs = self._jobs_of(requests)
-        length = self.file.length
         return [
-            None if motion is None else simulated_scene(fold, job.model, motion, length)
+            None if motion is None else simulated_scene(fold, job.model, motion)
             for fold, job, motion in zip(folds, jobs, self._simulation(jobs), strict=True)
         ]
 
@@ -191,9 +198,9 @@ class Strip(Subject):
         ]
 
     def experiments(self) -> Sequence[Experiment]:
-        """Planned runs of the standard motions, simulated for the stated strip."""
-        runs = planned_runs(self.file, self._measured[0].measured.sigma, next_index(self._measured))
-        ready = prepare(runs, self.file, self._floors, self._simulation)
+        """Runs of the standard motions that could be made next, simulated for the stated strip."""
+        runs = planned_runs(self.file, self._measured[0].sigma, next_index(self._measured))
+        ready = prepare_runs(runs, self.file, self._floors, self._simulation)
         asked = {run.name: run for run in runs}
         return [Experiment(run.name, instruction(asked[run.name]), minutes(asked[run.name]), run)
                 for run in ready]  # fmt: skip
@@ -217,9 +224,10 @@ class Strip(Subject):
         return folds, jobs
 
     def _leader(self, fold: Fold) -> Fold:
+        """The fold that is simulated for all replicates of `fold`."""
         return self._replicates.get(fold.path.digest, fold)
 
-    def _model(self, request: Request, fold: Fold) -> HashedModel:
+    def _model(self, request: Request, fold: Fold) -> Hashed[StripModel]:
         """Model of a request; the number of the run counts only where something ages."""
         effects = tuple((name, tuple(map(float, v))) for name, v in request.effects.items())
         ages = self._ages or not AGEING.isdisjoint(request.effects)
@@ -230,7 +238,7 @@ class Strip(Subject):
 def _describe(
     strip: StripFile, parameters: Sequence[Parameter], base: Values,
     effects: tuple[tuple[str, Values], ...], index: int,
-) -> HashedModel:  # fmt: skip
+) -> Hashed[StripModel]:  # fmt: skip
     """Model of `strip` in run `index`, at values `base` of `parameters`, with added `effects`."""
     numbers: dict[str, float] = {}
     accepted = {name: dict(values) for name, values in strip.effects.items()}
@@ -246,21 +254,21 @@ def _describe(
     present = {name: values for name, values in stated.items() if values is not None}
     model = describe(fitted, present, index)
     amounts = {name: values[0] for name, values in effects}  # of law terms; others are ignored
-    return HashedModel.of(with_law(model, amounts))
+    return hashed_model(with_law(model, amounts))
 
 
 def _lift_off_position(runs: Sequence[MeasuredRun]) -> float:
     """Arc length [m] beyond which the strip lifts off the desk; 0 where no image shows it."""
-    seen = [run.measured.contact_x for run in runs if len(run.measured.contact_x)]
+    seen = [run.contact_x for run in runs if len(run.contact_x)]
     return min((float(np.quantile(x, QUANTILE)) for x in seen), default=0.0)
 
 
 def open_strip(
     path: Path, folders: Sequence[RunFolder], jobs: int = 1, without: Sequence[str] = ()
-) -> Strip:
-    """Read a strip's file and measured runs, and check them; effects `without` are no candidates.
+) -> StripSubject:
+    """Strip in the file at `path` with its measured runs; effects `without` are no candidates.
 
     Raises ConfigurationError for a broken file or run, or an effect that the library lacks.
     """
     strip = load_strip(path)
-    return Strip(strip, read_runs(folders, strip), jobs, without=without)
+    return StripSubject(strip, read_runs(folders, strip), jobs, without=without)

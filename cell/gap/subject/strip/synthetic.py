@@ -1,7 +1,7 @@
-"""Makes measured folds from simulated ones: planned runs without noise, and run folders with it."""
+"""Makes measured folds from simulated ones: planned runs, and run folders with noise."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +9,8 @@ import numpy as np
 import pyarrow as pa
 from scipy.interpolate import CubicSpline
 
-from cell.gap.subject.strip.runs import FoldMeasurement, MeasuredRun
-from cell.gap.subject.strip.smooth_and_thin import Images
+from cell.gap.subject.strip.preprocessing import Images
+from cell.gap.subject.strip.runs import MeasuredRun
 from cell.record.documents import write_document
 from cell.record.files import PROFILE, RESULT, RUN, TICKS
 from cell.record.header import Sigma
@@ -52,7 +52,7 @@ PLAN_SEGMENTS, PLAN_STEP = 100, 0.005  # of the rod: a plan need not be finer
 
 
 def reported_path(motion: Motion) -> GripperPath:
-    """Reported times (m,) [s] from 0 and poses (m, 3) of `motion`, from rest to rest."""
+    """Gripper path that an arm reports for `motion`, from rest to rest, its corners rounded."""
     t = np.arange(0.0, motion.duration + 2 * CORNER_TIME + DWELL_TIME, STEP)
     half = round(CORNER_TIME / STEP)
     window = np.hanning(2 * half + 3)[1:-1]  # without the zeros at its ends
@@ -64,6 +64,7 @@ def reported_path(motion: Motion) -> GripperPath:
 
 
 def _smooth(values: Array, window: Array) -> Array:
+    """`values` (m,) averaged with the weights `window` (odd,); the ends are held."""
     half = len(window) // 2
     return np.convolve(np.pad(values, half, mode="edge"), window, mode="valid")
 
@@ -97,7 +98,7 @@ class Instruments:
 
 @dataclass(frozen=True, slots=True)
 class Fold:
-    """Simulated fold: the reported `path`, the `model` of strip and rig, the true motion.
+    """Simulated fold: the reported `path`, the `model` of strip and rig, and the true motion.
 
     `shape_t` (m,) [s] are the times of the motion's shapes, `arc` (nodes,) [m] their places.
     """
@@ -126,23 +127,22 @@ def rod_folds(
 
 
 def planned_runs(strip: StripFile, sigma: Sigma, index: int) -> list[MeasuredRun]:
-    """Simulated, noise-free run of `strip` for each standard motion, all with number `index`."""
-    paths = [reported_path(standard.over(strip.length)) for standard in STANDARD.values()]
-    return [
-        MeasuredRun(name, MOTION + name, measured, ())
-        for name, measured in zip(STANDARD, measured_along(paths, strip, sigma, index), strict=True)
-    ]
+    """Simulated runs of `strip` without noise, one for each standard motion, numbered `index`."""
+    paths = {name: reported_path(motion.over(strip.length)) for name, motion in STANDARD.items()}
+    runs = measured_along(paths, strip, sigma, index)
+    return [replace(run, condition=MOTION + run.name) for run in runs]
 
 
 def measured_along(
-    paths: Sequence[GripperPath], strip: StripFile, sigma: Sigma, index: int
-) -> list[FoldMeasurement]:
-    """Simulated, noise-free measurements of `strip` along each of these gripper `paths`."""
-    folds = rod_folds([describe(strip, index=index)] * len(paths), paths, PLAN_SEGMENTS, PLAN_STEP)
-    return [_measure(fold, sigma, index) for fold in folds]
+    paths: Mapping[str, GripperPath], strip: StripFile, sigma: Sigma, index: int
+) -> list[MeasuredRun]:
+    """Simulated runs of `strip` without noise along gripper `paths`, given by the run's name."""
+    models = [describe(strip, index=index)] * len(paths)
+    folds = rod_folds(models, list(paths.values()), PLAN_SEGMENTS, PLAN_STEP)
+    return [_measure(n, fold, sigma, index) for n, fold in zip(paths, folds, strict=True)]
 
 
-def _measure(fold: Fold, sigma: Sigma, index: int) -> FoldMeasurement:
+def _measure(name: str, fold: Fold, sigma: Sigma, index: int) -> MeasuredRun:
     """Noise-free measurements of a simulated fold, up to its touch."""
     path, touch = fold.path, fold.motion.touch
     end = float(path.t[-1]) if touch is None else touch.time
@@ -155,8 +155,8 @@ def _measure(fold: Fold, sigma: Sigma, index: int) -> FoldMeasurement:
     force_t = path.t[path.t <= end] if sigma.force is not None else np.empty(0)
     motion_force = mean_force(fold.motion.t, fold.motion.grip_force)
     force = reported_force(observation, force_t, fold.motion.t, motion_force)
-    return FoldMeasurement(
-        t=path.t, poses=path.poses, travel=frozen(travel), hanging=False, index=index,
+    return MeasuredRun(
+        name, name, t=path.t, poses=path.poses, travel=frozen(travel), hanging=False, index=index,
         contact_height=height, sigma=sigma, contact_t=stamps,
         contact_x=frozen([desk_contact(shape, height) for shape in shapes]),
         images=_images(stamps, shapes, fold.arc, height),
@@ -179,7 +179,7 @@ def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Images:
 
 def minutes(run: MeasuredRun) -> float:
     """Duration [min] of a run in a laboratory, with laying the strip flat before it."""
-    return SET_UP + run.measured.end / 60.0
+    return SET_UP + run.end / 60.0
 
 
 def instruction(run: MeasuredRun) -> str:
@@ -189,14 +189,14 @@ def instruction(run: MeasuredRun) -> str:
 
 
 def next_index(runs: Sequence[MeasuredRun]) -> int:
-    """Number of the run after the measured `runs`."""
-    return 1 + max(run.measured.index for run in runs)
+    """Index of the run that follows the measured `runs`."""
+    return 1 + max(run.index for run in runs)
 
 
 def write_fold(
     folder: Path, strip: str, fold: Fold, by: Instruments, rng: np.random.Generator
 ) -> None:
-    """Write `fold` as a measured run of `strip`, with errors, into the new `folder`."""
+    """Write `fold` as a measured run of `strip`, with the errors of instruments, into `folder`."""
     folder.mkdir(parents=True)
     touch = _touch(fold, by, rng)
     end = fold.path.t[-1] if touch is None else min(touch.time + TIME_AFTER_TOUCH, fold.path.t[-1])
@@ -209,6 +209,7 @@ def write_fold(
 
 
 def _header(strip: str, fold: Fold, by: Instruments) -> dict[str, Any]:
+    """Content of run.yaml for a simulated fold."""
     header: dict[str, Any] = {"schema": SCHEMA, "strip": strip, "sigma": by.sigma()}
     header |= {"start": "hanging" if fold.path.hanging else "flat", "index": fold.index}
     header |= {"condition": fold.condition} if fold.condition else {}
@@ -216,6 +217,7 @@ def _header(strip: str, fold: Fold, by: Instruments) -> dict[str, Any]:
 
 
 def _result(touch: Touch | None) -> dict[str, Any]:
+    """Content of result.yaml for a measured `touch`; without one the path was done."""
     if touch is None:
         return {"schema": SCHEMA, "outcome": "path_done"}
     event = {"t_layer_touch": touch.time, "displacement": touch.displacement}
@@ -224,11 +226,13 @@ def _result(touch: Touch | None) -> dict[str, Any]:
 
 
 def _stamps(end: float, by: Instruments, rng: np.random.Generator) -> Array:
+    """Times (k,) [s] of the images up to `end` [s], without those that are lost."""
     stamps = np.arange(rng.uniform(0.0, 1.0 / by.rate), end, 1.0 / by.rate)
     return stamps[rng.uniform(size=len(stamps)) >= by.lost]
 
 
 def _touch(fold: Fold, by: Instruments, rng: np.random.Generator) -> Touch | None:
+    """Touch of a simulated fold as measured, with noise; None without one."""
     touch = fold.motion.touch
     if touch is None:
         return None
@@ -293,10 +297,12 @@ def _forces(fold: Fold, t: Array, noise: float, rng: np.random.Generator) -> dic
 
 
 def _contact(fold: Fold, stamp: float) -> float:
+    """Position [m] of the desk contact that an image with `stamp` [s] shows."""
     return desk_contact(_shape(fold, stamp), fold.model.observation.contact_height)
 
 
 def _profile(stamps: Array, curves: Sequence[Array]) -> pa.Table:
+    """Table of the midline points `curves` (n, 2) of images at times `stamps` (k,) [s]."""
     counts = [len(curve) for curve in curves]
     points = np.concatenate(curves) if curves else np.empty((0, 2))
     i = [k for count in counts for k in range(count)]

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cell.gap.subject.mechanism.file import PendulumFile
+from cell.gap.subject.mechanism.mechanism_file import PendulumFile
 from cell.gap.subject.mechanism.pendulum import Pendulum, open_recordings
-from cell.gap.subject.mechanism.runs import Recording
+from cell.gap.subject.mechanism.recordings import Recording
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from drivers.types import Array
 from tests.support.swings import make_swings

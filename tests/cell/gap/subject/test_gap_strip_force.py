@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from cell.gap.subject.run_folders import find_runs
-from cell.gap.subject.strip.subject import Strip, open_strip
+from cell.gap.subject.strip.subject import StripSubject, open_strip
 from cell.gap.subject.strip.synthetic import Instruments
 from tests.support.gap_strip_cases import STRIP, folds, in_noise, residuals, whitened, written
 
@@ -14,14 +14,14 @@ FEELING = Instruments(force=0.001)
 
 
 @pytest.fixture(scope="module")
-def late(tmp_path_factory: pytest.TempPathFactory) -> Strip:
+def late(tmp_path_factory: pytest.TempPathFactory) -> StripSubject:
     """Folds of an arm that reports its places late, and the force of the strip."""
     root = tmp_path_factory.mktemp("late") / "runs"
     written(root, folds(["fast", "early-shake"], {"control_delay": {"time": LATE[0]}}), FEELING)
     return open_strip(STRIP, find_runs([root]))
 
 
-def test_force_separates_a_late_arm_from_a_late_camera(late: Strip) -> None:
+def test_force_separates_a_late_arm_from_a_late_camera(late: StripSubject) -> None:
     arm = residuals(late, {"control_delay": LATE})
     camera = residuals(late, {"camera_latency": -LATE})
     for channel in ("profile", "contact_x"):
@@ -33,7 +33,7 @@ def test_force_separates_a_late_arm_from_a_late_camera(late: Strip) -> None:
     assert np.sum(left[1] ** 2) - np.sum(left[0] ** 2) > 40.0
 
 
-def test_where_force_is_measured_it_weighs_the_strip(late: Strip) -> None:
+def test_where_force_is_measured_it_weighs_the_strip(late: StripSubject) -> None:
     assert [p.name for p in late.scope.base][-1] == "areal_density"
     base = np.array([p.start for p in late.scope.base])
     heavier = base * [1.0, 1.0, 1.1]
@@ -44,11 +44,11 @@ def test_where_force_is_measured_it_weighs_the_strip(late: Strip) -> None:
         assert np.nanmax(np.abs(there - here)[~rows]) < 1e-4
 
 
-def force_rows(strip: Strip) -> NDArray[np.bool_]:
+def force_rows(strip: StripSubject) -> NDArray[np.bool_]:
     return np.concatenate([run.samples.channel == "force" for run in strip.runs])
 
 
-def residuals_at(strip: Strip, base):
+def residuals_at(strip: StripSubject, base):
     from cell.gap.subject.subject import Request
 
     return strip.simulate([Request(r, base, {}, np.zeros(len(r.local))) for r in strip.runs])

@@ -8,20 +8,20 @@ import pytest
 
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip import subject
-from cell.gap.subject.strip.subject import Strip, open_strip
+from cell.gap.subject.strip.subject import StripSubject, open_strip
 from tests.support.gap_strip_cases import CELL, STRIP, folds, in_noise, residuals, whitened, written
 
 NAMES = ("there-and-back", "fast", "early-shake", "taut-lift")
 
 
 @pytest.fixture(scope="module")
-def plain(tmp_path_factory: pytest.TempPathFactory) -> Strip:
+def plain(tmp_path_factory: pytest.TempPathFactory) -> StripSubject:
     root = tmp_path_factory.mktemp("plain") / "runs"
     written(root, folds(NAMES))
     return open_strip(STRIP, find_runs([root]))
 
 
-def test_nothing_hidden_leaves_noise(plain: Strip) -> None:
+def test_nothing_hidden_leaves_noise(plain: StripSubject) -> None:
     found = residuals(plain)
     assert 0.8 < in_noise(plain, found, "profile") < 1.45
     assert 0.8 < in_noise(plain, found, "contact_x") < 1.3
@@ -29,7 +29,7 @@ def test_nothing_hidden_leaves_noise(plain: Strip) -> None:
 
 
 @pytest.mark.slow
-def test_every_term_shows_and_vanishes_with_its_amount(plain: Strip) -> None:
+def test_every_term_shows_and_vanishes_with_its_amount(plain: StripSubject) -> None:
     stated = whitened(plain, residuals(plain))
     for term in plain.scope.terms:
         null = whitened(plain, residuals(plain, {term.name: np.zeros(1)}))
@@ -39,7 +39,7 @@ def test_every_term_shows_and_vanishes_with_its_amount(plain: Strip) -> None:
 
 
 def test_a_prediction_does_not_depend_on_company_threads_or_portions(
-    plain: Strip, monkeypatch: pytest.MonkeyPatch
+    plain: StripSubject, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stated = [plain.stated(run) for run in plain.runs]
     asked = [replace(r, base=r.base * factor) for factor in (1.0, 1.05, 0.97) for r in stated]
@@ -55,7 +55,7 @@ def test_a_prediction_does_not_depend_on_company_threads_or_portions(
         np.testing.assert_array_equal(a.mean, c.mean)
 
 
-def test_a_strip_that_cannot_lie_as_its_run_begins_leaves_the_others(plain: Strip) -> None:
+def test_a_strip_that_cannot_lie_as_its_run_begins_leaves_the_others(plain: StripSubject) -> None:
     slack = {"length_error": np.array([0.06])}  # its layers touch before it rests
     lost, kept = plain.simulate([plain.stated(plain.runs[0], e) for e in (slack, {})])
     assert np.isnan(lost.mean).all()

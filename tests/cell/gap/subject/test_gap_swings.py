@@ -12,7 +12,7 @@ import yaml
 
 from cell.config.places import CHECKOUT_CONFIGS
 from cell.gap.fit import fit
-from cell.gap.subject.mechanism.file import PendulumFile
+from cell.gap.subject.mechanism.mechanism_file import PendulumFile
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.subject import Request, Residuals
 from cell.gap.verdict.accept import accept, undo

@@ -18,10 +18,10 @@ from cell.config.places import find_configs
 from cell.gap.fit import quiet
 from cell.gap.investigate import investigate
 from cell.gap.open_subject import open_subject
-from cell.gap.selection import search
 from cell.gap.selection.hold_out import held_out
 from cell.gap.selection.likelihood import Fits
 from cell.gap.selection.posterior import Posterior, beliefs, posterior
+from cell.gap.selection.search import BUDGET, Search
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.verdict.findings import Findings
 from tests.lab.exam.case import Case
@@ -74,10 +74,11 @@ def _fit_promising(found: Findings) -> Fits:
 
     Where nothing is hidden, the screen often leaves only the base, of which any beliefs are sure.
     """
-    scope, fits = found.subject.scope, found.choice.fits
-    missing = [s for s in found.screen.singles[: search.BUDGET.singles]
+    scope, fits = found.subject.scope, found.fits
+    missing = [s for s in found.screen.singles[: BUDGET.singles]
                if fits.of(frozenset(s.names)) is None]  # fmt: skip
-    return search.fit_scores(found.subject.simulate, fits, missing, scope.candidates)
+    search = Search(found.subject.simulate, scope.candidates, ())
+    return search.fit_scored_models(fits, missing)
 
 
 def _weigh(fits: Fits, immaterial: float, wrong: float) -> Posterior:

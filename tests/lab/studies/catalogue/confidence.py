@@ -17,7 +17,7 @@ from cell.config.places import find_configs
 from cell.gap.fit import fit
 from cell.gap.rehearse import table
 from cell.gap.verdict.accept import RECORD
-from cell.gap.verdict.confidence import Calibration, Numbers, Weight, calibration
+from cell.gap.verdict.confidence import Calibration, VerdictEvidence, Weight, calibration
 from drivers.strip.effects import registry
 from drivers.types import Array
 from tests.lab.exam.case import STRENGTHS, Case
@@ -43,7 +43,7 @@ DOUBTFUL = 0.7  # confidence under which a wrong name does little harm
 class Name(NamedTuple):
     """Accepted effects: signs, whether right, whether the library lacks the cause, and the case."""
 
-    signs: Numbers
+    signs: VerdictEvidence
     right: bool
     outside: bool
     case: str
@@ -89,7 +89,7 @@ def names_to_withhold(case: Case) -> list[str]:
 def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
     """Accepted effects, named or suspected, and the share of the causes that the library lacks."""
     found = [
-        Name(Numbers(**v["signs"]), _is_right(v), _is_outside(v), v["case"])
+        Name(VerdictEvidence(**v["signs"]), _is_right(v), _is_outside(v), v["case"])
         for v in (o.values for o in outcomes)
         if v["signs"] and (v["is_named"] or v["suspect_right"] is not None)
     ]

@@ -24,18 +24,22 @@ FAMILIES = (bodies, compliance, drives, friction)
 
 
 def _cubic(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    """Torque -c v^3."""
     return -p[at] * v**3
 
 
 def _cubic_spring(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    """Torque -c q^3."""
     return -p[at] * q**3
 
 
 def _bent_viscous(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    """Torque -c |q| v."""
     return -p[at] * abs(q) * v
 
 
 def _load_dry(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    """Torque -c |load| sign(v), the sign smoothed over `p[3]`."""
     return -p[at] * abs(load) * v / (abs(v) + p[3])
 
 
@@ -60,14 +64,14 @@ TERMS = (
 
 @cache
 def registry() -> Mapping[str, Effect]:
-    """Effects of mechanisms by name, sorted by it: the library's, and those of plug-ins."""
+    """Effects of mechanisms by name: those of the library, and those of plug-ins."""
     known = {e.name: e for family in FAMILIES for e in family.EFFECTS}
     return dict(sorted({**known, **plugins("mechanism_effects", Effect, known)}.items()))
 
 
 @cache
 def torques() -> Torques:
-    """Torque laws of all effects and terms, compiled together."""
+    """Joint-torque laws of all effects and descriptive terms, compiled together."""
     every = [*registry().values(), *TERMS]
     return Torques([(e.name, e.law, e.keys) for e in every if e.law is not None])
 
@@ -75,25 +79,25 @@ def torques() -> Torques:
 def candidates(
     mechanism: Mechanism, accepted: NamedValues, stated: Collection[str] = ()
 ) -> tuple[Candidate, ...]:
-    """Candidate effects of a mechanism, without accepted ones and errors of `stated` fields."""
+    """Candidate effects of `mechanism`, without `accepted` ones and errors of `stated` fields."""
     return tuple(e.candidate(mechanism) for name, e in registry().items()
                  if name not in accepted and e.error_of not in stated
                  and e.applies(mechanism))  # fmt: skip
 
 
 def describing_terms(mechanism: Mechanism) -> tuple[Candidate, ...]:
-    """Generic terms that describe what no effect explains in a mechanism's residuals."""
+    """Generic joint torques of `mechanism` that describe residuals which no effect explains."""
     return tuple(t.candidate(mechanism) for t in TERMS if t.applies(mechanism))
 
 
 def effect_of(name: str) -> Effect:
-    """Effect or descriptive term called `name`."""
+    """Effect or descriptive term of mechanisms called `name`."""
     found = registry().get(name)
     return found if found is not None else next(t for t in TERMS if t.name == name)
 
 
 def accepted_parameters(mechanism: Mechanism, accepted: NamedValues) -> Iterator[Parameter]:
-    """Base parameters `effect.parameter` by which accepted effects are refitted."""
+    """Base parameters `effect.parameter` by which `accepted` effects are fitted again."""
     for name, values in accepted.items():
         for p in effect_of(name).with_shape(mechanism):
             value = _engine_value(p, values.get(p.name))
@@ -106,7 +110,7 @@ def _engine_value(p: Parameter, value: float | None) -> float:
 
 
 def check_effects(accepted: NamedValues, mechanism: Mechanism, origin: str) -> None:
-    """Refuse effects and parameters that the library does not have, and values out of range."""
+    """Refuse effects and parameters that `mechanism` cannot have, and values out of range."""
     known = {e.name: e for e in (*registry().values(), *TERMS) if e.applies(mechanism)}
     for name, values in accepted.items():
         if name not in known:
@@ -131,7 +135,7 @@ def check_effects(accepted: NamedValues, mechanism: Mechanism, origin: str) -> N
 
 
 def group_by_effect(names: Sequence[str], values: Array) -> dict[str, Array]:
-    """Split `values` (k,) of parameters called `effect.parameter` into one array per effect."""
+    """Split `values` (k,) of parameters named `effect.parameter` into one array per effect."""
     found: dict[str, list[float]] = {}
     for name, value in zip(names, values, strict=True):
         found.setdefault(name.split(".")[0], []).append(float(value))
@@ -139,5 +143,5 @@ def group_by_effect(names: Sequence[str], values: Array) -> dict[str, Array]:
 
 
 def ordered_values(effect: Effect, mechanism: Mechanism, values: Mapping[str, float]) -> Array:
-    """Engine's values (k,) of an effect's parameters in their order, start values if not given."""
+    """Values (k,) of an effect's parameters in their order; start values where not given."""
     return np.array([_engine_value(p, values.get(p.name)) for p in effect.with_shape(mechanism)])

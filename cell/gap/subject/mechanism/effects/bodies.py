@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import MODES, Effect, add_to, per_joint, single
+from cell.gap.subject.mechanism.effect import MODES, Effect, add_to, per_joint, single_parameter
 from cell.gap.subject.mechanism.model import Fields, Mechanism, add_point, tip
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
@@ -19,6 +19,7 @@ def _moving_bodies(mechanism: Mechanism) -> list[int]:
 
 
 def _edit_inertia(mechanism: Mechanism, values: Array, fields: Fields) -> None:
+    """Scale mass and inertia of each moving body by 1 + its error."""
     for i, error in zip(_moving_bodies(mechanism), values, strict=True):
         fields["body_mass"][i] *= 1.0 + error
         fields["body_inertia"][i] *= 1.0 + error
@@ -26,12 +27,13 @@ def _edit_inertia(mechanism: Mechanism, values: Array, fields: Fields) -> None:
 
 def _payload_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     last = mechanism.last_body
-    return single("mass", "kg", 0.01 * float(mechanism.model.body_mass[last]))
+    return single_parameter("mass", "kg", 0.01 * float(mechanism.model.body_mass[last]))
 
 
 def _com_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    """Offsets of the last body's centre of mass along its axes [m]."""
     size = 0.01 * max(float(np.abs(mechanism.model.body_ipos).max()), 0.01)
-    return tuple(p for axis in "xyz" for p in single(axis, "m", size, signed=True))
+    return tuple(p for axis in "xyz" for p in single_parameter(axis, "m", size, signed=True))
 
 
 def _edit_com(mechanism: Mechanism, values: Array, fields: Fields) -> None:
@@ -41,7 +43,7 @@ def _edit_com(mechanism: Mechanism, values: Array, fields: Fields) -> None:
 def _drag_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """A share of air's density, or the drag per length and squared speed of a pendulum's rods."""
     swings = mechanism.mode == "planar"
-    return single("coefficient", *(("kg/m^2", 0.01) if swings else ("1", 0.02)))
+    return single_parameter("coefficient", *(("kg/m^2", 0.01) if swings else ("1", 0.02)))
 
 
 def _edit_drag(mechanism: Mechanism, values: Array, fields: Fields) -> None:
@@ -101,7 +103,7 @@ BASE_TILT = Effect(
     of="rig",
     source="rotation of gravity about x, then y",
     parameters=lambda _: tuple(
-        p for axis in "xy" for p in single(axis, "rad", 0.002, signed=True, high=150.0)
+        p for axis in "xy" for p in single_parameter(axis, "rad", 0.002, signed=True, high=150.0)
     ),
     edit=lambda _, values, fields: _lean(fields, *map(float, values)),
     revealed_by="hold still in several poses, with a level on the base",
@@ -111,7 +113,7 @@ FRAME_TILT = replace(
     name="frame_tilt",
     sentence="the frame stands tilted",
     source="rotation of gravity in the plane of motion",
-    parameters=lambda _: single("angle", "rad", 0.002, signed=True, high=100.0),
+    parameters=lambda _: single_parameter("angle", "rad", 0.002, signed=True, high=100.0),
     edit=lambda _, values, fields: _lean(fields, 0.0, -float(values[0])),
     modes=("planar",),
     revealed_by="let it hang still and read the angle",

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.signal import cont2discrete, lfilter
 
-from cell.gap.subject.mechanism.effect import Effect, has_gears, per_joint, single
+from cell.gap.subject.mechanism.effect import Effect, has_gears, per_joint, single_parameter
 from cell.gap.subject.mechanism.model import Fields, Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
@@ -20,11 +20,13 @@ MOTIONS = 64  # of which momenta are cached
 
 
 def _elasticity_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    """Compliances of gears: a typical one makes the link resonate at 300 times the rate."""
     rate = 30.0 * mechanism.rate
     return per_joint(mechanism, "compliance", "rad/(N m)", 0.01 / (mechanism.inertia * rate**2))
 
 
 def _spring_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    """Torque -c (q - rest) of a spring in parallel to a joint."""
     return -p[at] * (q - p[at + 1])
 
 
@@ -44,8 +46,8 @@ def _sway_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Compliances of the base along and about the axes of the world, and its frequency."""
     mass, inertia = float(mechanism.model.body_mass.sum()), float(mechanism.inertia.max())
     kinds = (("compliance", "m/N", mass), ("rocking", "rad/(N m)", inertia))
-    found = [p for key, unit, moved in kinds for axis in "xyz"
-             for p in single(f"{key}_{axis}", unit, 0.04 / (moved * SWAY**2))]  # fmt: skip
+    found = [p for key, unit, moved in kinds for axis in "xyz" for p in
+             single_parameter(f"{key}_{axis}", unit, 0.04 / (moved * SWAY**2))]  # fmt: skip
     low, *_, high = SWAYS
     return (*found, Parameter("frequency", "rad/s", SWAY, 0.5 * low, 2.0 * high, step=1e-3 * SWAY,
                               spread=high, shape=True))  # fmt: skip
@@ -140,7 +142,7 @@ PIVOT_COMPLIANCE = Effect(
     sentence="the pivot gives way sideways",
     of="rig",
     source="a stiff spring without mass: it follows the chain's pull at once",
-    parameters=lambda _: single("compliance", "m/N", 1e-5, high=100.0),
+    parameters=lambda _: single_parameter("compliance", "m/N", 1e-5, high=100.0),
     read=lambda _, values, readings: setattr(readings, "elastic", values),
     modes=("planar",),
     revealed_by="press the frame while it swings",

@@ -10,7 +10,7 @@ from cell.gap.subject.mechanism.effect import (
     per_encoder,
     per_joint,
     put_by_encoder,
-    single,
+    single_parameter,
 )
 from cell.gap.subject.mechanism.model import Fields, Mechanism, scale_gain
 from cell.gap.subject.subject import Parameter
@@ -20,6 +20,7 @@ ORDER = 6.0  # periods of a torque ripple in a turn, where nothing says otherwis
 
 
 def _edit_constant(mechanism: Mechanism, values: Array, fields: Fields) -> None:
+    """Scale gain and bias of each motor by 1 + its error."""
     for joint, error in zip(mechanism.driven.joints, values, strict=True):
         scale_gain(fields, joint.actuator, 1.0 + error)
 
@@ -38,10 +39,12 @@ def _ripple_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _ripple_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    """Torque A sin(order q + phase) of cogging."""
     return p[at] * np.sin(p[at + 1] * q + p[at + 2])
 
 
 def _saturation_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    """Reciprocals of the largest torque [N m] of each motor."""
     return tuple(
         Parameter(f"torque_{j.name}", "N m", 0.0, 0.0, 20.0 / j.torque, step=1e-3 / j.torque,
                   spread=1.0 / j.torque, inverse=True)
@@ -50,6 +53,7 @@ def _saturation_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _edit_saturation(mechanism: Mechanism, values: Array, fields: Fields) -> None:
+    """Narrow the force range of each motor to its largest torque."""
     for joint, inverse in zip(mechanism.driven.joints, values, strict=True):
         if inverse != 0.0:
             most = 1.0 / inverse
@@ -109,7 +113,7 @@ CONTROL_DELAY = Effect(
     sentence="commands take effect late",
     of="rig",
     source="transport delay",
-    parameters=lambda m: single("time", "s", 0.1 * m.step),
+    parameters=lambda m: single_parameter("time", "s", 0.1 * m.step),
     possible=lambda m: bool(m.trackings or (m.mode == "forward" and m.actuators)),
     read=lambda _, values, readings: setattr(readings, "command", float(values[0])),
     revealed_by="fast starts and stops",
@@ -119,7 +123,7 @@ SENSOR_DELAY = Effect(
     sentence="readings are stamped late",
     of="rig",
     source="transport delay",
-    parameters=lambda m: single("time", "s", 0.1 * m.step),
+    parameters=lambda m: single_parameter("time", "s", 0.1 * m.step),
     read=lambda _, values, readings: setattr(readings, "delay", float(values[0])),
     revealed_by="fast motion there and back",
 )

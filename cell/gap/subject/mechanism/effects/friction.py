@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import MODES, Effect, add_to, per_joint, single
+from cell.gap.subject.mechanism.effect import MODES, Effect, add_to, per_joint, single_parameter
 from cell.gap.subject.mechanism.model import Fields, Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.strip.rod.compiled import entry
@@ -24,6 +24,7 @@ def _dry_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _loads(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    """Friction torques per torque that the gear of each joint bears."""
     ones = np.ones(len(mechanism.joints))
     return per_joint(mechanism, "load", "1", 0.01 * ones, high=100.0)
 
@@ -47,6 +48,7 @@ def _dry_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _dry_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    """Torque -(c + k |load| + s exp(-(v / v_s)^2)) tanh(v / v_0), weighted by asymmetry."""
     size = p[at] + p[at + 1] * abs(load)
     if p[at + 3] != 0.0:
         size += p[at + 3] * np.exp(-((v / p[at + 4]) ** 2))
@@ -61,10 +63,12 @@ def _dry_limit(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 
 def _quadratic_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    """Torque -c |v| v."""
     return -p[at] * abs(v) * v
 
 
 def _presliding_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    """Torques at which presliding joints begin to slide."""
     return tuple(
         Parameter(f"torque_{j.name}", "N m", 0.05 * j.torque, 0.001 * j.torque, j.torque,
                   step=0.001 * j.torque, spread=0.1 * j.torque, shape=True)
@@ -139,7 +143,7 @@ CONTACT_FRICTION = Effect(
     sentence="contacts rub more or less than stated",
     of="model",
     source="Coulomb; MJCF pair/friction",
-    parameters=lambda _: single("coefficient", "1", 0.01, signed=True, high=50.0),
+    parameters=lambda _: single_parameter("coefficient", "1", 0.01, signed=True, high=50.0),
     possible=lambda m: bool(m.model.npair),
     edit=_edit_pairs,
     revealed_by="slide slowly along the contact",

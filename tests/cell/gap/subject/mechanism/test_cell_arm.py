@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from cell.config.places import CHECKOUT_CONFIGS, find_configs
-from cell.gap.subject.mechanism.open_mechanism import open_mechanism
+from cell.gap.open_subject import open_mechanism
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.verdict.accept import accept, sha256, undo
 from cell.record.tables import joint_table, write_parquet

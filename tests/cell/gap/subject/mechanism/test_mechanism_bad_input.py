@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from cell.gap.subject.mechanism.open_mechanism import open_mechanism
+from cell.gap.open_subject import open_mechanism
 from cell.gap.subject.run_folders import find_runs, read_table
 from drivers.errors import ConfigurationError
 from tests.support.mechanisms import ARM, FORWARD, PRESCRIBED, make_arm

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from cell.gap.open_subject import open_mechanism
 from cell.gap.subject.mechanism.effects import describing_terms, registry
-from cell.gap.subject.mechanism.open_mechanism import open_mechanism
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Residuals

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from cell.gap.subject.mechanism.open_mechanism import open_mechanism
+from cell.gap.open_subject import open_mechanism
 from cell.gap.subject.run_folders import find_runs
 from tests.lab.benchmarks.measure_mechanisms import DATA, driven, servo
 from tests.support.mechanisms import left

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from cell.gap.subject.mechanism.open_mechanism import open_mechanism
-from cell.gap.subject.mechanism.source import Source, compile_model, read_source
+from cell.gap.open_subject import open_mechanism
+from cell.gap.subject.mechanism.model_source import Source, compile_model, read_source
 from cell.gap.subject.run_folders import find_runs
 from drivers.errors import ConfigurationError
 

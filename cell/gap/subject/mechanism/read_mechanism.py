@@ -9,23 +9,35 @@ import mujoco
 import numpy as np
 
 from cell.gap.subject.mechanism.effects import check_effects, torques
-from cell.gap.subject.mechanism.file import OWNERS, MechanismFile, SignalSpec, UncertainSpec
+from cell.gap.subject.mechanism.mechanism_file import (
+    OWNERS,
+    MechanismFile,
+    SignalSpec,
+    UncertainSpec,
+)
 from cell.gap.subject.mechanism.model import (
     LIGHT,
     Fields,
     Joint,
     Mechanism,
+    actuator_on,
     check_joints,
-    driver,
     joints_of,
     number_of,
     scale_gain,
 )
+from cell.gap.subject.mechanism.model_source import Source, compile_model, read_source
 from cell.gap.subject.mechanism.passive import HEAD
-from cell.gap.subject.mechanism.runs import Recording, Signal, pace, read_recording, repeat_noise
-from cell.gap.subject.mechanism.source import Source, compile_model, read_source
-from cell.gap.subject.run_folders import HEADER_FILE, RunFolder, check_indices
+from cell.gap.subject.mechanism.recordings import (
+    Recording,
+    Signal,
+    read_recording,
+    repeat_noise,
+    typical_frequency,
+)
+from cell.gap.subject.run_folders import RunFolder, check_indices
 from cell.gap.subject.subject import Parameter
+from cell.record.files import RUN
 from drivers.errors import ConfigurationError
 from drivers.settings import load
 from drivers.types import Array
@@ -47,8 +59,8 @@ RATE_READINGS = 300  # of a recording, from which typical rates are taken
 
 
 @dataclass(frozen=True, slots=True)
-class Base:
-    """Base parameter of a fit, with the setter `put` that writes its value into a model's fields.
+class BaseParameter:
+    """Base parameter of a fit, and the function `put` that writes its value into a model's fields.
 
     `field` and `owner` name it in the file; `by_run` is its spread from run to run, if any.
     """
@@ -60,8 +72,8 @@ class Base:
     by_run: float | None = None
 
 
-def base_of(file: MechanismFile, mechanism: Mechanism, origin: str) -> tuple[Base, ...]:
-    """Base parameters that the file lists as `uncertain`; ConfigurationError for unknown names."""
+def base_of(file: MechanismFile, mechanism: Mechanism, origin: str) -> tuple[BaseParameter, ...]:
+    """Base parameters that a file lists as `uncertain`; ConfigurationError for unknown names."""
     found = [b for i, spec in enumerate(file.uncertain)
              for b in _expand(spec, mechanism, f"{origin}: uncertain.{i}")]  # fmt: skip
     names = [b.parameter.name for b in found]
@@ -71,7 +83,7 @@ def base_of(file: MechanismFile, mechanism: Mechanism, origin: str) -> tuple[Bas
     return tuple(found)
 
 
-def fully_fitted_fields(base: Sequence[Base], mechanism: Mechanism) -> Collection[str]:
+def fully_fitted_fields(base: Sequence[BaseParameter], mechanism: Mechanism) -> Collection[str]:
     """Names of model fields that `base` adjusts for every joint, actuator or the last body.
 
     Effects that are errors of these are no candidates.
@@ -83,7 +95,7 @@ def fully_fitted_fields(base: Sequence[Base], mechanism: Mechanism) -> Collectio
             if names <= {b.owner for b in base if b.field == field}}  # fmt: skip
 
 
-def _expand(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[Base]:
+def _expand(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[BaseParameter]:
     """Base parameters of one entry of `uncertain`, one or more for each owner that `*` matches."""
     model = mechanism.model
     kind = OWNERS[spec.field]
@@ -117,7 +129,7 @@ def _free_axes(model: Any, body: int) -> Iterator[str]:
 
 def _base_parameter(
     spec: UncertainSpec, mechanism: Mechanism, number: int, name: str, axis: str
-) -> Base:
+) -> BaseParameter:
     """Base parameter for one field of one owner, with its bounds; `axis` is that of a com."""
     start, put, size = _access(spec.field, mechanism, number, axis)
     width = _spread_width(spec.spread, size)
@@ -128,7 +140,7 @@ def _base_parameter(
     key = "_".join(filter(None, (spec.field, axis, name)))
     parameter = Parameter(key, UNITS[spec.field], start, low, high, step=STEP * width, spread=width)
     by_run = None if spec.by_run is None else _spread_width(spec.by_run, size)
-    return Base(parameter, put, spec.field, name, by_run)
+    return BaseParameter(parameter, put, spec.field, name, by_run)
 
 
 def _spread_width(spread: float | str, size: float) -> float:
@@ -153,7 +165,7 @@ def _access(
         return 1.0, lambda f, v: scale_gain(f, i, v), 1.0
     if field == "com":
         k, place = "xyz".index(axis), model.body_ipos[i]
-        return float(place[k]), setter("body_ipos", (i, k)), float(np.linalg.norm(place))
+        return float(place[k]), setter_of("body_ipos", (i, k)), float(np.linalg.norm(place))
     joint = mechanism.joints[i]
     name, at, size = {
         "stiffness": ("jnt_stiffness", i, joint.torque),
@@ -161,11 +173,13 @@ def _access(
         "armature": ("dof_armature", joint.dof, joint.inertia),
     }[field]
     start = float(getattr(model, name)[at])
-    return start, setter(name, (at,)), start or size
+    return start, setter_of(name, (at,)), start or size
 
 
-def setter(field: str, at: tuple[Any, ...], sign: float = 1.0) -> Callable[[Fields, float], None]:
-    """Setter of the place `at` of a model's `field` to a value times `sign`."""
+def setter_of(
+    field: str, at: tuple[Any, ...], sign: float = 1.0
+) -> Callable[[Fields, float], None]:
+    """Function that sets the place `at` of a model's `field` to a value times `sign`."""
 
     def put(fields: Fields, value: float) -> None:
         fields[field][at] = sign * value
@@ -180,6 +194,7 @@ def _set_mass(fields: Fields, i: int, value: float) -> None:
 
 
 def _scale_inertia(fields: Fields, i: int, factor: float) -> None:
+    """Multiply the inertia of body number `i` by a `factor`."""
     fields["body_inertia"][i] *= factor
 
 
@@ -193,7 +208,7 @@ class MechanismData:
     file: MechanismFile
     path: Path
     mechanism: Mechanism
-    base: tuple[Base, ...]
+    base: tuple[BaseParameter, ...]
     recordings: tuple[Recording, ...]
     pace: float
 
@@ -204,7 +219,7 @@ class MechanismData:
 
 
 def open_file(path: Path) -> tuple[MechanismFile, Source, Any]:
-    """Read the mechanism file at `path`; returns it with its model's source and compiled form.
+    """Mechanism file at `path`, with the source of its model and the compiled model.
 
     Raises ConfigurationError for anything broken in them.
     """
@@ -244,7 +259,7 @@ def _check_names(file: MechanismFile, model: Any, origin: str) -> None:
 
 
 def open_all(path: Path, folders: Sequence[RunFolder]) -> MechanismData:
-    """Read the mechanism at `path` and its measured runs; ConfigurationError for broken input."""
+    """Mechanism at `path` with its measured runs; ConfigurationError for broken input."""
     file, source, model = open_file(path)
     read = [_read_checked(folder, file, model) for folder in folders]
     check_indices([f.path for f in folders], [r.index for r in read])
@@ -261,7 +276,9 @@ def open_all(path: Path, folders: Sequence[RunFolder]) -> MechanismData:
     mechanism = mechanism_of(file, source, model, joints, signals)
     check_effects(file.effects, mechanism, str(path))
     base = base_of(file, mechanism, str(path))
-    return MechanismData(file, path, mechanism, base, tuple(recordings), pace(recordings, moving))
+    return MechanismData(
+        file, path, mechanism, base, tuple(recordings), typical_frequency(recordings, moving)
+    )
 
 
 def _read_checked(folder: RunFolder, file: MechanismFile, model: Any) -> Recording:
@@ -270,13 +287,13 @@ def _read_checked(folder: RunFolder, file: MechanismFile, model: Any) -> Recordi
     hinges = [model.joint(i).name for i in range(model.njnt) if is_hinge[i]]
     recording = read_recording(folder, file, hinges)
     if recording.load is not None:
-        origin = f"{recording.name}: {HEADER_FILE}: load"
+        origin = f"{recording.name}: {RUN}: load"
         number_of(model, "body", recording.load.body, origin, "body")
     return recording
 
 
 def check_of(path: Path) -> Callable[[Path], Recording]:
-    """Reader of a run's folder as one of the mechanism in the file at `path`.
+    """Function that reads the recording in a run's folder as one of the mechanism at `path`.
 
     Raises ConfigurationError for a file that cannot be read, as the reader does for a run.
     """
@@ -296,7 +313,7 @@ def _signal(name: str, spec: SignalSpec, model: Any, origin: str) -> Signal:
     kind, joint, actuator, gear = spec.is_ or owner, -1, -1, 1.0
     weights = np.zeros(model.njnt)
     if kind == "torque":
-        actuator = number if owner == "actuator" else driver(model, number)
+        actuator = number if owner == "actuator" else actuator_on(model, number)
         if actuator < 0 or model.actuator_trntype[actuator] != mujoco.mjtTrn.mjTRN_JOINT:
             raise ConfigurationError(
                 f"{origin}: {place}: {owner} {spec.actuator or spec.joint} drives no joint; "
@@ -333,7 +350,7 @@ def _with_noise(signal: Signal, spec: SignalSpec, recordings: Sequence[Recording
 
 def _missing_motors(file: MechanismFile, model: Any) -> tuple[str, ...]:
     """Joints without a motor that the file speaks of as driven, as those of a URDF."""
-    bare = {model.joint(i).name for i in range(model.njnt) if driver(model, i) < 0}
+    bare = {model.joint(i).name for i in range(model.njnt) if actuator_on(model, i) < 0}
     taken = {model.actuator(i).name for i in range(model.nu)}
     asked = [s.joint or s.actuator or "" for s in file.signals.values() if s.is_ == "torque"]
     asked += [name for name, kind in file.inputs.items() if kind != "position"]
@@ -361,7 +378,7 @@ def _sum_of_joints(model: Any, number: int) -> Array:
 
 def mechanism_of(file: MechanismFile, source: Source, model: Any, joints: tuple[Joint, ...],
                  signals: tuple[Signal, ...]) -> Mechanism:  # fmt: skip
-    """Mechanism of a compiled model, whose solver options are set, with its `joints`."""
+    """Mechanism of a compiled `model`, whose solver options it sets, with its `joints`."""
     _set_options(model)
     rates = np.array([j.rate for j in joints])
     prescribed = file.mode == "prescribed"
@@ -434,7 +451,7 @@ def start_of(opened: MechanismData, recording: Recording) -> tuple[Array, Array]
 
 
 def initial_state(opened: MechanismData, start: tuple[Array, Array]) -> tuple[Parameter, ...]:
-    """Unknown positions and rates (joints,) about a `start`; none if it is exact or settles."""
+    """Unknown start positions and rates (joints,) about `start`; none where the file fixes them."""
     spec, pace = opened.file.start, opened.pace
     if spec.spread == 0.0 or spec.settle:
         return ()

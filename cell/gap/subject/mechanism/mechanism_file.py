@@ -45,6 +45,7 @@ class SignalSpec(Settings):
 
     @model_validator(mode="after")
     def _one(self) -> Self:
+        """Refuse a signal that names no or several owners, or a quantity that its owner lacks."""
         named = [k for k in ("joint", "actuator", "site", "sensor") if getattr(self, k) is not None]
         if len(named) != 1:
             raise ValueError("names one of joint, actuator, site and sensor")
@@ -71,7 +72,7 @@ class StartSpec(Settings):
 
 
 class UncertainSpec(Settings):
-    """Number of the model to be fitted, and its prior spread as a share (`2%`) or absolute."""
+    """Field of the model to be fitted, and its prior spread, as a share (`2%`) or absolute."""
 
     body: str | None = None
     joint: str | None = None
@@ -82,6 +83,7 @@ class UncertainSpec(Settings):
 
     @model_validator(mode="after")
     def _owner(self) -> Self:
+        """Refuse an owner that does not have the field."""
         owner = OWNERS[self.field]
         if [k for k in ("body", "joint", "actuator") if getattr(self, k) is not None] != [owner]:
             raise ValueError(f"field {self.field} belongs to a {owner}: name it, and nothing else")
@@ -89,12 +91,12 @@ class UncertainSpec(Settings):
 
     @property
     def owner(self) -> str:
-        """Name of the body, joint or actuator; `*` stands for each of them."""
+        """Name of the body, joint or actuator that has the field; `*` stands for each of them."""
         return self.body or self.joint or self.actuator or "*"
 
 
 class MechanismFile(Settings):
-    """Content of a mechanism file, as its contract describes: model, signals, uncertain numbers."""
+    """Content of a mechanism file: the model, its signals and inputs, and its uncertain numbers."""
 
     schema_: Literal[1] = Field(1, alias="schema")
     kind: Literal["mechanism"]
@@ -113,6 +115,7 @@ class MechanismFile(Settings):
 
     @model_validator(mode="after")
     def _mode(self) -> Self:
+        """Refuse signals and inputs that do not belong to the mode."""
         torques = [s for s in self.signals.values() if s.is_ == "torque"]
         if self.mode == "prescribed" and not torques:
             raise ValueError("mode prescribed compares torques; no signal is: torque")
@@ -141,7 +144,7 @@ class Link(Settings):
 
 
 class PendulumFile(Settings):
-    """Content of a pendulum file, as its contract describes: gravity [m/s^2], links, effects."""
+    """Content of a pendulum file: gravity [m/s^2], links and accepted effects."""
 
     schema_: Literal[1] = Field(1, alias="schema")
     kind: Literal["pendulum"]
@@ -153,6 +156,7 @@ class PendulumFile(Settings):
 
     @model_validator(mode="after")
     def _lengths(self) -> Self:
+        """Refuse links without a length, or whose mass lies beyond their end."""
         *inner, last = self.links
         if any(link.length is None for link in inner):
             raise ValueError("only the last link may have no length")

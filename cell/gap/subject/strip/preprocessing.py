@@ -1,4 +1,4 @@
-"""Smooths the measured gripper path, and thins the images of the midline to points."""
+"""Smooths measured gripper paths, and thins the midline points of images."""
 
 from dataclasses import dataclass
 
@@ -23,7 +23,7 @@ FEWEST_POINTS = 5  # points of an image that is used
 
 
 def smooth_path(t: Array, poses: Array, sigma: float) -> tuple[Array, Array]:
-    """Times (k,) [s] and smooth poses (k, 3) of a path measured at `t` (m,) with noise `sigma` [m].
+    """Smooth path measured at `t` (m,) [s] with noise `sigma` [m]: times (k,) and poses (k, 3).
 
     A parabola through the points near each moment (Savitzky and Golay 1964); the more noise, the
     more points. A servo's limited jerk bends a path too little for the narrow one to blunt it.
@@ -52,7 +52,7 @@ def _parabolic_smoothing(values: Array, half: int) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Images:
-    """Midline points of m images with times `stamps` (m,) [s], one image after another.
+    """Midline points of m images, at times `stamps` (m,) [s], one image after another.
 
     Of each of the n points: `points` (n, 2) in x and z [m], `image` (n,) its image's index, `s`
     (n,) [m] its approximate arc length from the fixed edge, counted back from the gripper.
@@ -65,7 +65,7 @@ class Images:
 
 
 def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Images:
-    """Images of `profile` that are compared, of a strip of `length` [m] with noise `sigma` [m].
+    """Images of `profile` to compare, of a strip of `length` [m] seen with noise `sigma` [m].
 
     `grip` (n, 2) [m] is the gripper's position at each of the profile's points.
     """
@@ -77,7 +77,7 @@ def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Ima
         gripper, row = grip[row], row + len(curve)
         if stamp < last_stamp + IMAGE_INTERVAL:
             continue
-        kept = curve[believable(curve, sigma)]
+        kept = curve[inlier_mask(curve, sigma)]
         if len(kept) < FEWEST_POINTS:
             continue
         s = length - _to_grip(kept, gripper)
@@ -93,8 +93,8 @@ def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Ima
     )  # fmt: skip
 
 
-def believable(curve: Array, sigma: float) -> NDArray[np.bool_]:
-    """Mask (n,) of points of a curve (n, 2) [m] that lie near the running median: no outliers."""
+def inlier_mask(curve: Array, sigma: float) -> NDArray[np.bool_]:
+    """Mask (n,) of the points of a curve (n, 2) [m] near its running median: no outliers."""
     if len(curve) <= MEDIAN_WINDOW:
         return np.ones(len(curve), dtype=bool)
     off = np.hypot(*(curve - running_median(curve)).T)
@@ -103,7 +103,7 @@ def believable(curve: Array, sigma: float) -> NDArray[np.bool_]:
 
 
 def running_median(curve: Array) -> Array:
-    """Running median (n, 2) of a curve over MEDIAN_WINDOW points, extended linearly at the ends."""
+    """Running median (n, 2) of a curve over MEDIAN_WINDOW points, extended linearly at its ends."""
     half = MEDIAN_WINDOW // 2
     inner = np.median(sliding_window_view(curve, MEDIAN_WINDOW, axis=0), axis=-1)
     reach = min(half, len(inner) - 1)

@@ -1,11 +1,12 @@
-"""Residuals of a fold: measured minus simulated, by sample, with the rig's measurement errors."""
+"""Residuals of a fold: measured minus simulated samples, with the rig's measurement errors."""
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cell.gap.subject.strip.layout import Layout, Part
-from cell.gap.subject.strip.runs import FoldMeasurement
+from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.simulation import SimulatedMotion
 from cell.gap.subject.subject import Residuals
 from drivers.strip.engine import Touch
@@ -25,19 +26,19 @@ CONTACT_LIMIT = 1.0  # bending lengths between contacts that are still one and t
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Comparison:
-    """Residuals of a measured run against simulated motions, measured minus simulated.
+class FoldResiduals:
+    """Computes the residuals of one measured fold, measured minus simulated motion.
 
     `length` and stated `bending_length` [m] are the strip's.
     """
 
-    run: FoldMeasurement
+    run: MeasuredRun
     layout: Layout
     length: float
     bending_length: float
 
     def __call__(self, model: StripModel, motion: SimulatedMotion | None) -> Residuals:
-        """Residuals of the run against a simulated motion; NaN where that is None."""
+        """Residuals against the simulated `motion` of `model`; NaN where the motion is None."""
         if motion is None:
             lost = np.full(len(self.layout.samples), np.nan)
             return Residuals(lost, lost.copy())
@@ -52,16 +53,25 @@ class Comparison:
 
     def _profile_averages(self, model: StripModel, motion: SimulatedMotion) -> tuple[Array, Array]:
         """Mean and mean square (k,) of signed distances of measured points from the midline."""
-        images, order = self.run.images, self.layout.profile.order
-        found = np.empty(len(order))
-        if len(order):
-            time = np.asarray(imaged_time(model.observation, images.stamps))
-            points = true_points(model, images.points[order])
+        part, times = self.layout.profile, imaged_time(model.observation, self.run.images.stamps)
+        index = motion.index_at(np.asarray(times))
+        return average(self.distances(model, motion, part.order, index), part)
+
+    def distances(
+        self, model: StripModel, motion: SimulatedMotion, points: NDArray[np.int64], index: Array
+    ) -> Array:
+        """Signed distances (n,) [m] from the simulated midline of the measured `points` (n,).
+
+        They are numbers of points; `index` (m,) is that of the shape at the time of each image.
+        """
+        images, found = self.run.images, np.empty(len(points))
+        if len(points):
+            places = np.ascontiguousarray(true_points(model, images.points[points]))
             signed_distances(
-                np.ascontiguousarray(points), images.image[order], images.s[order],
-                motion.index_at(time), motion.shapes, motion.arc * self.length, found,
+                places, images.image[points], images.s[points], index, motion.shapes,
+                motion.arc * self.length, found,
             )  # fmt: skip
-        return average(found, self.layout.profile)
+        return found
 
     def _contact_averages(self, model: StripModel, motion: SimulatedMotion) -> tuple[Array, Array]:
         """Mean and mean square (k,) of contact residuals, NaN where the contacts are different.
@@ -111,10 +121,8 @@ class Comparison:
         return mean, mean**2
 
 
-def simulated_touch(
-    run: FoldMeasurement, model: StripModel, motion: SimulatedMotion
-) -> Touch | None:
-    """The simulated touch as the images of `run` would show it; None where there is none."""
+def simulated_touch(run: MeasuredRun, model: StripModel, motion: SimulatedMotion) -> Touch | None:
+    """Simulated touch of the layers as the images of `run` would show it; None without one."""
     if motion.touch is None:
         return None
     grip = np.array([np.interp(motion.touch.time, motion.t, c) for c in motion.poses.T])
@@ -130,7 +138,7 @@ def _touch_values(touch: Touch) -> Array:
 
 
 def average(values: Array, part: Part) -> tuple[Array, Array]:
-    """Mean and mean square (k,) of each sample's readings `values` (n,), outliers clipped."""
+    """Mean and mean square (k,) by sample of readings `values` (n,), outliers clipped."""
     mean, square = np.empty(len(part)), np.empty(len(part))
     if len(part):
         group_means(np.ascontiguousarray(values), part.edges, part.sigma, mean, square)

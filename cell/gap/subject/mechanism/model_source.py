@@ -22,7 +22,7 @@ MOST_BYTES = 200 * MEGABYTE  # of a model's text, and of all files that it names
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Text of a model, with motors on the joints `motors`.
+    """Text of a MuJoCo model, and the joints `motors` to which motors are added.
 
     Its paths count from `folder`, and stay `within` that of the mechanism's file.
     """
@@ -33,7 +33,7 @@ class Source:
     motors: tuple[str, ...] = ()
 
     def spec(self, text: str | None = None) -> Any:
-        """Specification of the model, or of its changed `text`; files are found in its folder."""
+        """MuJoCo specification of the model, or of its changed `text`."""
         spec = mujoco.MjSpec.from_string(text or self.text)
         spec.modelfiledir = "" if self.folder is None else f"{self.folder}/"
         for joint in self.motors if text is None else ():
@@ -43,7 +43,7 @@ class Source:
 
 
 def read_source(path: Path, folder: Path) -> Source:
-    """Read the MJCF or URDF at `path`, with what it includes, without foreign code.
+    """Read the MJCF or URDF model at `path`, with what it includes, without foreign code.
 
     Raises ConfigurationError for text that is no XML, plugins, files that are read while parsing,
     and files outside `folder`.
@@ -69,6 +69,7 @@ def read_source(path: Path, folder: Path) -> Source:
 
 
 def _root(text: str, path: Path) -> ET.Element:
+    """Root element of the XML `text`; ConfigurationError where it is invalid or has entities."""
     if "<!ENTITY" in text or "<!DOCTYPE" in text:
         raise ConfigurationError(f"{path}: declares XML entities; write them out")
     builder, parser = ET.TreeBuilder(), expat.ParserCreate()  # prefixes may be undeclared in URDFs

@@ -1,4 +1,4 @@
-"""Reads and checks measured runs of a mechanism, and averages them into samples."""
+"""Reads and checks recordings of a mechanism, and averages them into samples."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,17 +8,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.gap.subject.mechanism.file import MechanismFile
+from cell.gap.subject.mechanism.mechanism_file import MechanismFile
 from cell.gap.subject.run_folders import (
-    HEADER_FILE,
-    JOINT_TABLE,
     RunFolder,
     check_time,
     column,
     read_table,
 )
 from cell.gap.subject.subject import Samples, Words
-from cell.record.files import SIGNALS
+from cell.record.files import JOINTS, RUN, SIGNALS
 from cell.record.header import Load, MechanismRun
 from drivers.errors import ConfigurationError
 from drivers.settings import load
@@ -36,7 +34,7 @@ NOISY = 0.35  # times a column's spread, in a step: half of what white noise cha
 STILL = 0.05  # of the rms speed, below which a motion holds
 
 
-def blocks(t: Array, width: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def time_blocks(t: Array, width: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Split readings at times t (n,) [s] into b blocks of `width` [s], thinned to PER_BLOCK each.
 
     Returns the edges (b + 1,) of the blocks among the kept readings, and the indices (k,) of those.
@@ -76,7 +74,7 @@ class Recording:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """Compared column of a run: its `kind` of quantity, noise `sigma`, and place in the chain.
+    """Compared column of a run: its `kind` of quantity, noise `sigma`, and joint or sensor.
 
     `zone` is the place, `joint` the number of the joint whose encoder or motor reads the signal, or
     of the coordinate of a site or sensor (-1: none). Positions and rates are those of the joints,
@@ -97,12 +95,12 @@ class Signal:
 
     @property
     def channel(self) -> str:
-        """Name by which the signal is shown."""
+        """Name by which residuals of the signal are grouped and shown."""
         return self.group or self.name
 
     @property
     def label(self) -> str:
-        """Name of the signal where it is drawn."""
+        """Name of the signal in drawings."""
         return f"{self.group} {self.name}".strip()
 
 
@@ -115,15 +113,15 @@ class Cut:
     edges: NDArray[np.int64]
 
     def keep(self, good: NDArray[np.bool_]) -> "Cut":
-        """Only those readings that are `good` (k,), without samples that become empty."""
+        """Copy with the readings of the mask `good` (k,), without samples that become empty."""
         block = np.repeat(np.arange(len(self.edges) - 1), np.diff(self.edges))[good]
         edges = np.append(np.flatnonzero(np.diff(block, prepend=-1)), len(block))
         return Cut(self.t[good], self.values[:, good], edges)
 
 
 def read_recording(folder: RunFolder, file: MechanismFile, hinges: Sequence[str]) -> Recording:
-    """Read the recording in a run folder; ConfigurationError, in one line, for a broken one."""
-    path = folder.path / HEADER_FILE
+    """Recording in a run folder; ConfigurationError, in one line, for a broken one."""
+    path = folder.path / RUN
     head = load(path, MechanismRun)
     if head.mechanism != file.name and not (file.cell and head.mechanism is None):
         raise ConfigurationError(
@@ -142,7 +140,7 @@ def _signal_table(folder: Path, file: MechanismFile, hinges: Sequence[str]) -> d
     """Columns (m,) of a run by name, checked: `t`, and all signals and inputs of the file."""
     path = folder / SIGNALS
     if file.cell and not path.is_file():
-        path = folder / JOINT_TABLE
+        path = folder / JOINTS
         table = arm_columns(path)
     else:
         table = read_table(path)
@@ -176,7 +174,7 @@ def _check_clock(t: Array, path: Path) -> None:
 
 
 def arm_columns(path: Path) -> dict[str, Array]:
-    """Read a table of a robot's joints as columns (m,) of a mechanism.
+    """Columns (m,) of a mechanism, by name, from the table of a robot's joints at `path`.
 
     They are `joint1` [rad], `torque1` [N m], `tracking1` [rad], and so on. Raises
     ConfigurationError for a table that lacks one.
@@ -210,7 +208,7 @@ def check_angle(t: Array, values: Array, path: Path, name: str) -> None:
 
 
 def repeat_noise(found: Sequence[Recording], column: str, origin: str) -> float:
-    """One-sigma noise of a column from repeats of a condition; ConfigurationError without any."""
+    """Standard deviation of a column's noise, by repeats; ConfigurationError without any."""
     variances = []
     for a, b in combinations(found, 2):
         if a.condition == b.condition:
@@ -224,7 +222,7 @@ def repeat_noise(found: Sequence[Recording], column: str, origin: str) -> float:
     return float(max(np.sqrt(np.mean(variances)), SMALLEST_NOISE))
 
 
-def pace(found: Sequence[Recording], columns: Sequence[str]) -> float:
+def typical_frequency(found: Sequence[Recording], columns: Sequence[str]) -> float:
     """Typical angular frequency [rad/s] of the fastest column: spread of its rate over its own."""
     frequencies = []
     for name in columns:
@@ -256,7 +254,7 @@ def cut_recording(recording: Recording, columns: Sequence[str], width: float) ->
     """Cut a run into samples of `width` [s], without readings in which a column is absent."""
     values = np.array([recording.columns[c] for c in columns])
     good = np.flatnonzero(np.isfinite(values).all(axis=0))
-    edges, inside = blocks(recording.t[good], width)
+    edges, inside = time_blocks(recording.t[good], width)
     return Cut(frozen(recording.t[good[inside]]), frozen(values[:, good[inside]]), edges)
 
 
