@@ -10,12 +10,12 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from cell.gap.fitting.base_fit import nominal
+from cell.gap.fitting.base_fit import stated_estimate
 from cell.gap.fitting.normal_equations import covariance
 from cell.gap.fitting.projection import Projection, projection
 from cell.gap.fitting.tasks import run_all
 from cell.gap.open_subject import open_subject
-from cell.gap.selection.screening import ProbeResponses, probe
+from cell.gap.selection.screening import ProbeResponses, run_probes
 from cell.gap.subject.run_folders import (
     TABLES,
     RunFolder,
@@ -281,7 +281,7 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
 
 def identifiable(subject: Subject) -> Iterator[Finding]:
     """Findings on values and effects that the runs cannot identify, by linearised responses."""
-    stated = nominal(subject, subject.simulate)
+    stated = stated_estimate(subject, subject.simulate)
     sigma = np.sqrt(np.diag(covariance(stated.normal(1.0).curvature)))
     for p, s in zip(subject.scope.base, sigma, strict=False):
         if s > WEAK * p.spread:
@@ -289,7 +289,7 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
             yield _finding(IDENTIFIABLE, words, "move faster, higher or longer")
     absorbing = projection(stated, robustly=False)
     library = [
-        probe(stated, replace(c, probes=(_largest_probe(c),)), steps=False)
+        run_probes(stated, replace(c, probes=(_largest_probe(c),)), steps=False)
         for c in subject.scope.candidates
     ]
     directions: dict[str, Array] = {}
@@ -317,7 +317,7 @@ def _largest_probe(candidate: Candidate) -> tuple[tuple[float, ...], ...]:
 def _largest_response(projection: Projection, probed: ProbeResponses) -> Array:
     """Largest response (N,) of an effect to its own probes that the base cannot absorb."""
     firsts = np.concatenate([group[:, :1] for group in probed.responses], axis=1)
-    unabsorbed = projection.left(firsts)
+    unabsorbed = projection.unabsorbed(firsts)
     return np.asarray(unabsorbed[:, int(np.argmax(np.linalg.norm(unabsorbed, axis=0)))])
 
 

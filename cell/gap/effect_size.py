@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from cell.gap.diagnosis import held_out_gap
-from cell.gap.fitting.base_fit import nominal
+from cell.gap.fitting.base_fit import stated_estimate
 from cell.gap.fitting.model import response
 from cell.gap.fitting.projection import projection
 from cell.gap.subject.strip.measurement_errors import SLACK_EFFECTS
@@ -93,7 +93,7 @@ class GapModel:
     def __init__(self, plant: StripFile, made: Sequence[MeasuredRun]) -> None:
         runs = [replace(run, name=f"{i:02d}-{run.name}", index=i) for i, run in enumerate(made)]
         self._subject = StripSubject(plant, runs, scatter=SLACK_EFFECTS)
-        self._estimate = nominal(self._subject, self._subject.simulate)
+        self._estimate = stated_estimate(self._subject, self._subject.simulate)
         self._about = projection(self._estimate)
 
     @classmethod
@@ -122,7 +122,7 @@ class GapModel:
         """Whitened response (N,) of all runs, less the part that a refit of the base removes."""
         runs = zip(results, self._estimate.raw, self._estimate.evidence.scales, strict=True)
         moved = [response(result, base, scale) for result, base, scale in runs]
-        return self._about.left(np.concatenate(moved))
+        return self._about.unabsorbed(np.concatenate(moved))
 
     def excess_of(self, response: Array) -> float:
         """Excess residual, in units of noise, of a whitened response (N,) with the runs' noise."""

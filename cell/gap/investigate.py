@@ -17,7 +17,7 @@ from cell.gap.fitting.projection import projection
 from cell.gap.fitting.reml import (
     Spread,
     estimate_spreads,
-    spreads,
+    reml_spreads,
     with_own_scatter,
     with_scatter,
     with_spreads,
@@ -35,9 +35,9 @@ from cell.gap.selection.posterior import (
 from cell.gap.selection.screening import (
     ProbeResponses,
     detection_limits,
-    probe,
     probe_equations,
-    ranking,
+    ranked_singles,
+    run_probes,
 )
 from cell.gap.selection.search import Search
 from cell.gap.subject.subject import Subject
@@ -105,7 +105,7 @@ class Investigation:
     def fit_base(self) -> BaseFit:
         """Fit the base parameters and run-to-run spreads, and test the residuals that are left."""
         rough = refit_base(self.simulate, Model(self.subject.scope.base), self.fitted)
-        scatter = spreads(rough)
+        scatter = reml_spreads(rough)
         return self.judge_base(with_scatter(rough, scatter, self.fitted), scatter)
 
     def judge_base(self, rough: Estimate, scatter: Sequence[Spread]) -> BaseFit:
@@ -124,7 +124,7 @@ class Investigation:
 
     def screen(self, fitted: BaseFit) -> Screen:
         """Simulate probes of each candidate effect about the fitted base; predict their gains."""
-        tasks = [probe(fitted.base.estimate, c) for c in self.subject.scope.candidates]
+        tasks = [run_probes(fitted.base.estimate, c) for c in self.subject.scope.candidates]
         return self.score_candidates(fitted, run_all(self.simulate, tasks))
 
     def score_candidates(self, fitted: BaseFit, probed: Sequence[ProbeResponses]) -> Screen:
@@ -136,7 +136,7 @@ class Investigation:
         library = floor_responses(base, probed, believed=self.subject.scope.believed)
         about = projection(base, nuisance=spike_responses(library))
         equations = probe_equations(about, probed)
-        singles = ranking(equations)
+        singles = ranked_singles(equations)
         size = {c.name: len(c.parameters) for c in self.subject.scope.candidates}
         p = {  # likelihood ratios
             name: float(special.chdtrc(size[name], 2.0 * s.gain / likelihood.inefficiency))

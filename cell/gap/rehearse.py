@@ -25,7 +25,7 @@ from cell.gap.effect_size import GapModel, draw_strengths, indistinguishable_fro
 from cell.gap.fit import fit
 from cell.gap.fitting.base_fit import refit_base
 from cell.gap.fitting.model import Model, evidence
-from cell.gap.fitting.reml import spreads
+from cell.gap.fitting.reml import reml_spreads
 from cell.gap.subject.run_folders import find_runs, without_copies
 from cell.gap.subject.strip.measurement_errors import KNOWN_EFFECTS
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
@@ -106,7 +106,7 @@ def rehearsal_plan(
         file=str(file.resolve()),
         runs=tuple(str(run.path) for run in folders),
         base=values,
-        scatter={s.name: s.value for s in spreads(base)},
+        scatter={s.name: s.value for s in reml_spreads(base)},
         copies=tuple(copies),
         unseen=tuple(unseen),
     )

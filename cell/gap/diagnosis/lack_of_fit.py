@@ -60,7 +60,7 @@ class Repeats:
         form = about.form(columns)
         free = np.full(count, np.inf)
         rates = form.bounded_step(-free, free)
-        corrected = (about.residual + about.left(columns) @ rates) / about.weight
+        corrected = (about.residual + about.unabsorbed(columns) @ rates) / about.weight
         inflation = pure_error(estimate, estimate.by_run(corrected), spent=count)
         unit = max([1.0, *(v / estimate.scale for v in inflation.values())]) ** 2
         p = float(special.chdtrc(count, 2.0 * form.decrease(rates) / unit))
@@ -245,7 +245,7 @@ def draw_residuals(estimate: Estimate, rng: np.random.Generator) -> Array:
     noise = rng.standard_normal((len(linearised.residual), DRAWS))
     if linearised.scatter.shape[1]:
         noise += linearised.scatter @ rng.standard_normal((linearised.scatter.shape[1], DRAWS))
-    return linearised.left(noise)
+    return linearised.unabsorbed(noise)
 
 
 def _tail(drawn: Array, observed: float) -> float:

@@ -68,7 +68,7 @@ def refine(subject: Subject, model: Model, point: Point, coarse: Evidence) -> Ev
     return evidence(subject.refine(requests(model, coarse.runs, point)))
 
 
-def nominal(subject: Subject, simulate: Simulate) -> Estimate:
+def stated_estimate(subject: Subject, simulate: Simulate) -> Estimate:
     """Estimate at the stated values of the base, not fitted: its residuals are taken as zero."""
     known, model = evidence(subject.runs), Model(subject.scope.base)
     point = Point(np.array([p.start for p in model.parameters]), known.start())

@@ -27,7 +27,7 @@ class Projection:
     weight: Array
     scatter: Array
 
-    def left(self, response: Array) -> Array:
+    def unabsorbed(self, response: Array) -> Array:
         """Part of `response` (N, ...) that a refit of the unknowns leaves, in weighted units."""
         back = self.inverse @ (self.jacobian.T @ response)
         return np.asarray(response - self.jacobian @ back)
@@ -42,7 +42,8 @@ class Projection:
         At the estimate the unknowns' own gradient vanishes, so that responses D in the amounts a
         change the minimum by a' D' r + a' D' (I - H) D a / 2, H the hat matrix with priors.
         """
-        return NormalEquations(responses.T @ self.residual, responses.T @ self.left(responses))
+        left = self.unabsorbed(responses)
+        return NormalEquations(responses.T @ self.residual, responses.T @ left)
 
 
 def projection(

@@ -65,7 +65,7 @@ class Spread:
         return float(np.log(self.high / self.low)) / (2.0 * CENTRAL_95)
 
 
-def spreads(estimate: Estimate) -> tuple[Spread, ...]:
+def reml_spreads(estimate: Estimate) -> tuple[Spread, ...]:
     """REML estimates of the run-to-run spreads of the random unknowns of `estimate`.
 
     Common ones scatter in most laboratories: each takes its posterior mean, which allows for no
@@ -311,7 +311,7 @@ def estimate_spreads(
     extended = _with_unknowns(estimate, complete)
     _, jacobians = run_one(simulate, linearise(extended.model, extended.evidence, extended.point))
     refitted = refit(extended.model, extended.evidence, extended.point, jacobians, ROUGH_GAIN)
-    return spreads(run_one(simulate, refitted))
+    return reml_spreads(run_one(simulate, refitted))
 
 
 def _with_unknowns(estimate: Estimate, complete: Evidence) -> Estimate:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from cell.gap.fitting.base_fit import nominal
+from cell.gap.fitting.base_fit import stated_estimate
 from cell.gap.fitting.crossvalidation import folds
 from cell.gap.fitting.gauss_newton import Estimate, responses_to
 from cell.gap.fitting.model import Model
@@ -74,13 +74,13 @@ def _information_loss(subject: Subject, simulate: Simulate) -> Loss:
     Information is in nats by which a fit would gain from an effect of a size that laboratories
     report, at the stated values of the base, once this has moved to absorb what it can.
     """
-    stated = nominal(subject, simulate)
+    stated = stated_estimate(subject, simulate)
     responses = _responses(subject, simulate, stated)
 
     def information(indices: Sequence[int]) -> Array:
         absorbing = projection(stated.on(indices), robustly=False)
         response = np.concatenate([responses[i] for i in indices])
-        return np.asarray(0.5 * (response * absorbing.left(response)).sum(axis=0))
+        return np.asarray(0.5 * (response * absorbing.unabsorbed(response)).sum(axis=0))
 
     whole = information(range(len(responses)))
     counts = whole > LEAST_INFORMATION

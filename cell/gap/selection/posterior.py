@@ -75,7 +75,7 @@ def floor_responses(
     found: dict[str, Array] = {}
     for p in probed:
         firsts = np.concatenate([group[:, :1] for group in p.responses], axis=1)
-        left = about.left(firsts)
+        left = about.unabsorbed(firsts)
         norms = np.sqrt(np.sum((firsts if believed else left) * left, axis=0))
         seen = norms > LEAST_NORM
         by_run = np.add.reduceat(left[:, seen] ** 2, starts, axis=0)
@@ -134,7 +134,7 @@ class Posterior:
 def posterior(fits: Fits, likelihood: LikelihoodScale, prior: Beliefs | None = None) -> Posterior:
     """Posterior probabilities of the sets of effects in `fits`, by the shipped prior by default."""
     prior = prior or beliefs()
-    common = _About.of(fits, likelihood, prior)
+    common = _SharedTerms.of(fits, likelihood, prior)
     chance = prior.expected / max(len(fits.library), 2.0 * prior.expected)
     odds = float(special.logit(chance))
     nats = [common.evidence(m.estimate) + odds * len(m.model.effects) for m in fits.models]
@@ -145,7 +145,7 @@ def posterior(fits: Fits, likelihood: LikelihoodScale, prior: Beliefs | None = N
 
 
 @dataclass(frozen=True, slots=True)
-class _About:
+class _SharedTerms:
     """Inputs to the evidence of every set: base fit, weights (N,) of samples, spikes (N, k)."""
 
     base: Estimate
@@ -154,7 +154,7 @@ class _About:
     prior: Beliefs
 
     @classmethod
-    def of(cls, fits: Fits, likelihood: LikelihoodScale, prior: Beliefs) -> "_About":
+    def of(cls, fits: Fits, likelihood: LikelihoodScale, prior: Beliefs) -> "_SharedTerms":
         """Weights of samples and spikes for all sets of `fits`.
 
         Wild samples are those of the best fit: at its own, a bad model would call wild what it does

@@ -77,7 +77,7 @@ class Score:
         return {name: values for name, values in effects.items() if name in self.names}
 
 
-def starts(
+def fit_starts(
     base: Estimate, score: Score, candidates: Sequence[Candidate]
 ) -> tuple[Model, list[Start]]:
     """Model with the effects of `score`, and where its fits start: first with new effects at null.
@@ -150,7 +150,7 @@ class ProbeResponses:
         return all(np.abs(d).max(initial=0.0) < DEAD for d in self.responses)
 
 
-def probe(base: Estimate, candidate: Candidate, *, steps: bool = True) -> Task[ProbeResponses]:
+def run_probes(base: Estimate, candidate: Candidate, *, steps: bool = True) -> Task[ProbeResponses]:
     """Simulate an effect's probes at the fit `base`; a task that returns their responses.
 
     Without `steps` from null, which a linear screen needs, only its stated probes.
@@ -212,7 +212,7 @@ def probe_equations(projection: Projection, probed: Sequence[ProbeResponses]) ->
     return ProbeEquations(alive, form, columns, _gain_bounds(form, list(columns.values())))
 
 
-def ranking(equations: ProbeEquations) -> list[Score]:
+def ranked_singles(equations: ProbeEquations) -> list[Score]:
     """Scores of single effects, of each that changes something, the largest gain first."""
     scores = [_score(equations, (p,)) for p in equations.probed]
     return sorted(scores, key=lambda s: (-s.gain, s.names))

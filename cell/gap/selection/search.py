@@ -24,10 +24,10 @@ from cell.gap.selection.screening import (
     ProbeResponses,
     Score,
     Start,
-    probe,
+    fit_starts,
     probe_equations,
-    ranking,
-    starts,
+    ranked_singles,
+    run_probes,
 )
 from cell.gap.subject.subject import Candidate
 
@@ -77,7 +77,7 @@ class Search:
         for score in scores:
             earlier = fits.of(frozenset(score.names))
             incumbent = earlier.estimate if earlier else None
-            tasks.append(_best_short_fit(base, *starts(base, score, candidates), incumbent))
+            tasks.append(_best_short_fit(base, *fit_starts(base, score, candidates), incumbent))
         started = [e for e in run_all(self.simulate, tasks) if e is not None]
         estimates = [*(m.estimate for m in fits.models), *started]
         dispersion = min(e.scale for e in estimates)
@@ -124,7 +124,7 @@ class Search:
         """
         tasks = []
         for score in scores:
-            model, points = starts(base, score, candidates)
+            model, points = fit_starts(base, score, candidates)
             tasks.append(_few_steps(model, base.evidence, points[1:] or points))
         estimates = [best(tried) for tried in run_all(self.simulate, tasks)]
         dispersion = min((e.scale for e in estimates), default=1.0)
@@ -172,15 +172,15 @@ class Search:
         """
         beside = projection(fit, nuisance=spike_responses(fits.library))
         others = [p for p in self.probed if p.candidate.name not in fit.model.names]
-        ranked = ranking(probe_equations(beside, others))[: BUDGET.probed]
+        ranked = ranked_singles(probe_equations(beside, others))[: BUDGET.probed]
         promising = {score.names[0]: score for score in ranked}
         tasks = [
-            probe(fit, replace(c, probes=_most_promising(c, promising[c.name])))
+            run_probes(fit, replace(c, probes=_most_promising(c, promising[c.name])))
             for c in self._with_shape_parameters(fits)
             if c.name in promising
         ]
         equations = probe_equations(beside, run_all(self.simulate, tasks))
-        return [replace(score, probe_starts=()) for score in ranking(equations)]
+        return [replace(score, probe_starts=()) for score in ranked_singles(equations)]
 
 
 def _few_steps(model: Model, evidence: Evidence, points: Sequence[Start]) -> Task[list[Estimate]]:
@@ -261,8 +261,8 @@ def _with_other_sign(fit: Estimate, effect: Candidate, beside: Estimate) -> Task
     It gains that `beside` the other effects, as fitted without it. None without such a place, or
     where the fit comes no farther; yields simulations.
     """
-    probed = yield from probe(beside, effect)
-    score = next(iter(ranking(probe_equations(projection(beside), [probed]))), None)
+    probed = yield from run_probes(beside, effect)
+    score = next(iter(ranked_singles(probe_equations(projection(beside), [probed]))), None)
     shared, others = beside.model.split(beside.shared)
     fitted = fit.model.split(fit.shared)[1][effect.name]
     starts: list[Start] = []

@@ -13,7 +13,12 @@ from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.selection.choice import needed_models
 from cell.gap.selection.likelihood import Fits
 from cell.gap.selection.posterior import posterior
-from cell.gap.selection.screening import probe, probe_equations, ranked_pairs, ranking
+from cell.gap.selection.screening import (
+    probe_equations,
+    ranked_pairs,
+    ranked_singles,
+    run_probes,
+)
 from cell.gap.selection.search import Search
 from cell.gap.subject.subject import Subject
 
@@ -67,9 +72,9 @@ def _fit_laws(subject: Subject, simulate: Simulate, fits: Fits) -> Fits:
     """Fit the most promising laws, and add them to `fits`."""
     fit = fits.base.estimate
     terms = [t for t in subject.scope.terms if len(t.parameters) == 1]
-    probed = run_all(simulate, [probe(fit, t) for t in terms])
+    probed = run_all(simulate, [run_probes(fit, t) for t in terms])
     known, plain = probe_equations(projection(fit), probed), [replace(t, probes=()) for t in terms]
-    scores = [*ranking(known)[:SINGLES], *ranked_pairs(known, PAIRS)]
+    scores = [*ranked_singles(known)[:SINGLES], *ranked_pairs(known, PAIRS)]
     fits = Search(simulate, terms, probed).fit_scored_models(fits, scores)
     search = Search(simulate, plain, probed)
     for size in range(1, MOST_TERMS):

@@ -11,7 +11,7 @@ from cell.gap.fitting.tasks import run_all
 from cell.gap.selection.choice import choose
 from cell.gap.selection.likelihood import Fits, LikelihoodScale
 from cell.gap.selection.posterior import Beliefs, Posterior, beliefs, floor_responses, posterior
-from cell.gap.selection.screening import ProbeResponses, detection_limits, probe
+from cell.gap.selection.screening import ProbeResponses, detection_limits, run_probes
 from cell.gap.subject.subject import Candidate, Parameter
 from cell.gap.verdict.confidence import VerdictEvidence, calibration
 from drivers.types import Array
@@ -24,7 +24,7 @@ EXACT = beliefs().model_copy(update={"immaterial": 0.0, "shares": (0.0,)})
 def sets(subject: Curves, *names: tuple[str, ...], prior: Beliefs = EXACT) -> Posterior:
     models = tuple(validated(fitted(subject, n), subject) for n in ((), *names))
     base = models[0].estimate
-    probed = run_all(subject.simulate, [probe(base, c) for c in subject.scope.candidates])
+    probed = run_all(subject.simulate, [run_probes(base, c) for c in subject.scope.candidates])
     return posterior(Fits(models, floor_responses(base, probed, believed=False)), PLAIN, prior)
 
 

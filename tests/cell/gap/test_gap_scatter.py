@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.gap.fitting.reml import SMALLEST, covariance, spreads
+from cell.gap.fitting.reml import SMALLEST, covariance, reml_spreads
 from cell.gap.subject.subject import Parameter, Request, Residuals
 from cell.gap.verdict.compose import intervals
 from tests.support.curves import Curves, Law, T, bump, fitted, hidden, judged, nothing
@@ -42,24 +42,24 @@ def ripple(t: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("true", [0.05, 0.2])
 def test_spread_is_estimated_within_its_interval(true: float) -> None:
     subject = Scattering(nothing, true)
-    (found,) = spreads(fitted(subject))
+    (found,) = reml_spreads(fitted(subject))
     drawn = np.std(subject.drawn[: len(subject.runs)], ddof=1)
     assert found.value == pytest.approx(drawn, rel=0.3)
     assert found.low < true < found.high
 
 
 def test_what_the_runs_refute_is_switched_off() -> None:
-    assert spreads(fitted(Scattering(nothing, 0.0))) == ()
+    assert reml_spreads(fitted(Scattering(nothing, 0.0))) == ()
 
 
 def test_a_spread_that_coarse_runs_cannot_exclude_is_kept_small() -> None:
-    (found,) = spreads(fitted(Scattering(nothing, 0.0, seed=2, noise=2.0 * USUAL)))
+    (found,) = reml_spreads(fitted(Scattering(nothing, 0.0, seed=2, noise=2.0 * USUAL)))
     assert SMALLEST * USUAL <= found.value < 0.2 * USUAL
 
 
 def test_a_constant_error_of_all_runs_is_no_scatter() -> None:
     constant: Law = lambda t, s, i: 0.3 * ripple(t)  # noqa: E731
-    assert spreads(fitted(Scattering(constant, 0.0))) == ()
+    assert reml_spreads(fitted(Scattering(constant, 0.0))) == ()
 
 
 def test_scatter_alone_is_no_gap() -> None:

@@ -13,9 +13,14 @@ from cell.gap.effect_size import indistinguishable_from
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.reml import spreads, with_spreads
+from cell.gap.fitting.reml import reml_spreads, with_spreads
 from cell.gap.fitting.tasks import Simulate, run_all
-from cell.gap.selection.screening import probe, probe_equations, ranking, with_effects
+from cell.gap.selection.screening import (
+    probe_equations,
+    ranked_singles,
+    run_probes,
+    with_effects,
+)
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.strip.subject import open_strip
 from cell.gap.subject.subject import Candidate, Subject
@@ -275,7 +280,7 @@ def oracle(
         starts = [model.join(start, _true_values(case, model.effects))]
     else:
         starts = _screened_starts(subject.simulate, base, model)
-    scatter = spreads(_refit(subject.simulate, model, train, starts))
+    scatter = reml_spreads(_refit(subject.simulate, model, train, starts))
     train, test = with_spreads(train, scatter), with_spreads(test, scatter)
     base = _refit(subject.simulate, base.model, train, [base.shared])
     whole = _refit(subject.simulate, model, train, starts)
@@ -306,8 +311,8 @@ def _true_values(case: Case, effects: Sequence[Candidate]) -> dict[str, Array]:
 
 def _screened_starts(simulate: Simulate, base: Estimate, model: Model) -> list[Array]:
     """Start values (p,) of two fits: without effects, and with each effect as screened alone."""
-    probed = run_all(simulate, [probe(base, effect) for effect in model.effects])
-    scores = ranking(probe_equations(projection(base), probed))
+    probed = run_all(simulate, [run_probes(base, effect) for effect in model.effects])
+    scores = ranked_singles(probe_equations(projection(base), probed))
     values = {name: value for score in scores for name, value in score.start.items()}
     return [model.join(base.shared, {}), model.join(base.shared, values)]
 
