@@ -185,7 +185,7 @@ def _level(lost: float, limits: tuple[float, float]) -> Level:
 
 
 def complaints(tables: Mapping[str, Mapping[str, Array]]) -> Iterator[Finding]:
-    """Findings on one run's `tables`, which hold columns (n,) by name, by file name."""
+    """Findings on one run's `tables`: by file name, columns (n,) by name."""
     for file, columns in tables.items():
         t = columns.get("t")
         if t is None or len(t) < 3:

@@ -198,7 +198,7 @@ class ResidualTest:
         return _tail(null, float(_standardise(observed, drawn).max()))
 
     def test_bins(self) -> list[Bin]:
-        """Test each bin for residuals beyond noise; all bins, the strongest first.
+        """Test each bin for residuals beyond noise; returns all bins, the strongest first.
 
         Signed mean and energy of each bin, the latter as sqrt(2 chi^2), which is nearly normal
         (Fisher 1925), both standardised by the noise draws. `z` is of the residuals as they are,

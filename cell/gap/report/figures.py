@@ -36,7 +36,7 @@ class Replay:
 
     @property
     def scenes(self) -> dict[str, Scene]:
-        """Drawings of the run by `measured`, `before` and `after`, as far as there are any."""
+        """Drawings of the run that exist, by the words `measured`, `before` and `after`."""
         scenes = {"measured": self.measured, "before": self.before, "after": self.after}
         return {word: scene for word, scene in scenes.items() if scene is not None}
 

@@ -153,7 +153,7 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """Inputs of one simulation: the run, values of the base, of effects by name, and of the run.
+    """Inputs of one simulation: a run, values of the base and of effects, and the run's unknowns.
 
     One of a `response` is compared with other such ones only: for all repeats of a motion, a
     subject may simulate one.

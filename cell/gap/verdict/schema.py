@@ -149,7 +149,7 @@ class Verdict(Entry):
     suspected: list[NamedEffect] = Field(default_factory=list)
 
     def values_with(self, effects: Sequence[NamedEffect]) -> tuple[Values, EffectValues]:
-        """Values of the base by name, and of each of `effects` by its parameters' names."""
+        """Values for a patch: of the base by name, and of each of `effects` by parameter."""
         base = {name: v.value for name, v in self.base.items()}
         return base, {e.name: {k: v.value for k, v in e.parameters.items()} for e in effects}
 

@@ -219,7 +219,7 @@ def _common_errors(
 
 
 def relinearise(run: Run, about: Linearisation) -> Run:
-    """Copy of `run` with the linearisation `about` a model, its floors raised by doubts of it.
+    """Copy of `run` with residuals linearised `about` a model, and floors raised by its doubts.
 
     A strip with less damping than stated keeps swinging, where grids differ.
     """

@@ -183,7 +183,7 @@ def minutes(run: MeasuredRun) -> float:
 
 
 def instruction(run: MeasuredRun) -> str:
-    """Instruction for the operator to make a planned run, with what the run reveals."""
+    """Instruction for the operator to make a planned `run`, with what that run reveals."""
     standard = STANDARD[run.name]
     return f"fold once more with --policy {run.condition}; it shows {standard.reveals}"
 
