@@ -10,9 +10,7 @@ from typer.testing import CliRunner
 
 from cell.benchmark import run
 from cell.benchmark.page import page_of
-from cell.benchmark.results import (
-    Results,
-)
+from cell.benchmark.results import Results
 from cell.benchmark.summary import StripNumbers, claims
 from cell.cli.app import app
 from drivers.errors import ConfigurationError

@@ -1,6 +1,5 @@
 """A campaign on a Dask cluster goes on where scheduler and workers died."""
 
-import signal
 import socket
 import subprocess
 import sys
@@ -27,35 +26,30 @@ class Grid:
     """A scheduler and two workers of one thread on loopback, as a user starts them."""
 
     def __init__(self) -> None:
+        pytest.importorskip("distributed", reason="pip install '.[cluster]'")
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
-            self.port = free.getsockname()[1]
+            self.port = str(free.getsockname()[1])
         self.address = f"tcp://127.0.0.1:{self.port}"
-        self.workers: list[subprocess.Popen[bytes]] = []
         self.begin()
 
     def begin(self) -> None:
-        """Start all."""
-        pytest.importorskip("distributed", reason="pip install '.[cluster]'")
-        self.scheduler = self._started(
-            "scheduler", "--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard"
-        )
-        self.workers = [self.worker() for _ in range(2)]
-
-    def worker(self) -> subprocess.Popen[bytes]:
-        """One more worker, without a nanny, so that a kill is a death."""
-        return self._started("worker", self.address, "--nthreads", "1", "--no-nanny",
-                             "--no-dashboard")  # fmt: skip
+        """Start all; workers without a nanny, so that a kill is a death."""
+        scheduler = ("scheduler", "--host", "127.0.0.1", "--port", self.port)
+        worker = ("worker", self.address, "--nthreads", "1", "--no-nanny")
+        self.processes = [
+            subprocess.Popen(
+                [sys.executable, "-m", f"distributed.cli.dask_{name}", *words, "--no-dashboard"],
+                cwd=ROOT, stderr=subprocess.DEVNULL,
+            )
+            for name, *words in (scheduler, worker, worker)
+        ]  # fmt: skip
 
     def end(self) -> None:
         """Kill all."""
-        for process in (self.scheduler, *self.workers):
-            process.send_signal(signal.SIGKILL)
+        for process in self.processes:
+            process.kill()
             process.wait()
-
-    def _started(self, *words: str) -> subprocess.Popen[bytes]:
-        command = [sys.executable, "-m", "distributed.cli.dask_" + words[0], *words[1:]]
-        return subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL)
 
 
 @pytest.fixture
@@ -64,11 +58,6 @@ def grid(monkeypatch: pytest.MonkeyPatch) -> Iterator[Grid]:
     made = Grid()
     yield made
     made.end()
-
-
-def outcomes(parts, folder: Path, engine) -> dict[str, tuple[str, object]]:
-    found = carry_out(parts, folder, engine, Meter())
-    return {part.key: (record.state, record.outcome) for part, record in found}
 
 
 def test_a_scheduler_started_again_goes_on(grid: Grid, tmp_path: Path) -> None:
@@ -82,7 +71,7 @@ def test_a_scheduler_started_again_goes_on(grid: Grid, tmp_path: Path) -> None:
         grid.begin()
 
     Thread(target=restart, daemon=True).start()
-    found = outcomes(parts, tmp_path / "j", Cluster(grid.address))
-    assert {state for state, _ in found.values()} == {"measured"}
+    found = carry_out(parts, tmp_path / "j", Cluster(grid.address), Meter())
+    assert {record.state for _, record in found} == {"measured"}
     measured = marks.read_text().split("\n")[:-1]
     assert len(measured) <= 30 + 2  # what two workers had

@@ -10,9 +10,7 @@ from cell.gap.fitting.base_fit import weak_directions
 from cell.gap.fitting.crossvalidation import folds
 from cell.gap.report.sentence import sentence
 from cell.gap.selection.posterior import Posterior, SetProbability
-from cell.gap.subject.subject import (
-    Parameter,
-)
+from cell.gap.subject.subject import Parameter
 from cell.gap.verdict.compose import verdict as compose
 from tests.support.curves import Curves, Law, bump, fitted, hidden, judged, nothing, wave
 

@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from drivers.twin.renderer.looks import (
-    StripLook,
-)
+from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
 from tests.support.rendered_cell import empty, scene
