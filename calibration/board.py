@@ -1,4 +1,4 @@
-"""The calibration board: its settings, its corners in one view, its print in true size."""
+"""ChArUco calibration board: its settings, detection of its corners, its print in true size."""
 
 from dataclasses import dataclass
 from io import BytesIO, FileIO
@@ -24,7 +24,7 @@ DICTIONARY = cv2.aruco.DICT_5X5_100
 
 
 class BoardSettings(Settings):
-    """The printed ChArUco board, the required views, and the acceptance criteria.
+    """Settings of the printed ChArUco board, the required views and the acceptance criteria.
 
     `square` and `marker` are side lengths [m]; `rows` must be odd (older patterns with even rows
     show markers and no corners). `sizes` are the board's width over the image's, far and near;
@@ -58,15 +58,15 @@ class BoardSettings(Settings):
 
     @property
     def width(self) -> float:
-        """Total length [m] of all columns of squares, to be checked with a ruler."""
+        """Length [m] of all columns of squares together, to be checked with a ruler."""
         return self.columns * self.square
 
     def outline(self) -> Array:
-        """Outer corners (4, 2) [m] of the pattern, clockwise from its top left, y down."""
+        """Outer corners (4, 2) [m] of the board's pattern, clockwise from top left, y down."""
         return np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * (self.width, self.rows * self.square)
 
     def board(self) -> cv2.aruco.CharucoBoard:
-        """The board as an OpenCV object; impossible sizes are a ConfigurationError."""
+        """OpenCV's object of the board; raises ConfigurationError for impossible sizes."""
         if self.rows % 2 == 0:
             raise ConfigurationError(f"board: rows: is {self.rows}, must be odd; print another")
         if self.marker >= self.square:
@@ -86,7 +86,7 @@ class BoardView:
     image: Array
 
     def distance(self, other: "BoardView") -> float:
-        """Median distance [px] of corners common to both views; inf without any."""
+        """Median distance [px] of the corners that both views have; inf without any."""
         _, mine, others = np.intersect1d(self.ids, other.ids, return_indices=True)
         if len(mine) == 0:
             return float("inf")
@@ -98,7 +98,7 @@ class BoardView:
         return float(np.arcsin(-rotation[2, 1])), float(np.arcsin(rotation[2, 0]))
 
     def depth(self, lens: Lens) -> float:
-        """Distance [m] from the camera to the middle of the corners, along the optical axis."""
+        """Distance [m] from the camera to the mean of the corners, along the optical axis."""
         rotation, shift = self._board_pose(lens)
         middle = cv2.Rodrigues(rotation)[0] @ self.board.mean(axis=0) + shift.ravel()
         return float(middle[2])
@@ -119,7 +119,7 @@ class BoardDetection:
 
     @property
     def corners(self) -> int:
-        """Number of detected corners."""
+        """Number of detected corners of the board."""
         return 0 if self.view is None else len(self.view.ids)
 
 
@@ -157,7 +157,7 @@ INCHES_PER_MM = 1 / 25.4  # inches
 
 
 def smallest_sheet(settings: BoardSettings) -> tuple[str, tuple[float, float]]:
-    """Name, width and height [mm] of the smallest sheet for the board, or ConfigurationError."""
+    """Name, width and height [mm] of the smallest paper for the board; or ConfigurationError."""
     square = 1e3 * settings.square
     wide = (settings.columns + 2 * QUIET_ZONE) * square
     high = (settings.rows + 2 * QUIET_ZONE) * square + FOOT
@@ -170,7 +170,7 @@ def smallest_sheet(settings: BoardSettings) -> tuple[str, tuple[float, float]]:
 
 
 def board_figures(settings: BoardSettings) -> "tuple[Figure, Figure]":
-    """Two matplotlib figures of true size: the page of the board and that of the pointer."""
+    """Matplotlib figures in true size: the page of the board and the page of the pointer."""
     name, (width, height) = smallest_sheet(settings)
     page, axes = _blank_page(width, height)
     square = 1e3 * settings.square
@@ -186,9 +186,9 @@ def board_figures(settings: BoardSettings) -> "tuple[Figure, Figure]":
 
 
 def print_board(settings: BoardSettings, path: Path) -> str:
-    """Write the board as a PDF of true size to the new file `path`; returns the sheet's name.
+    """Write the board as a PDF in true size to the new file `path`; returns the paper's name.
 
-    Raises ConfigurationError where it cannot be written, or something is there already.
+    Raises ConfigurationError where the file cannot be written or exists already.
     """
     from matplotlib.backends.backend_pdf import PdfPages
 

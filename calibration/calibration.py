@@ -1,4 +1,4 @@
-"""A camera calibration: lens, map to the plane, and their quality, in one file."""
+"""Camera calibration: lens, map to the strip's plane, and their quality, in one file."""
 
 import hashlib
 import json
@@ -50,20 +50,20 @@ class Calibration:
 
     @property
     def residual(self) -> float:
-        """The rms distance [m] at touched points."""
+        """Rms error [m] of the calibration at touched points that the fit did not use."""
         return 1e-3 * self.residual_mm
 
     def to_plane(self, pixels: Array) -> Array:
-        """Points (n, 2) x, z [m] in the plane of the near edge at raw image points (n, 2) [px]."""
+        """Points (n, 2) x, z [m] in the near edge's plane of raw image points `pixels` (n, 2)."""
         return self.homography.to_plane(self.lens.undistort(pixels))
 
     def to_image(self, points: Array) -> Array:
-        """Raw image points (n, 2) [px] of points (n, 2) x, z [m] in the plane of the near edge."""
+        """Raw image points (n, 2) [px] of `points` (n, 2) x, z [m] in the near edge's plane."""
         return self.lens.distort(self.homography.to_image(points))
 
 
 class CalibrationFile(Settings):
-    """The calibration as a file; `lens` is a ROS camera_info mapping."""
+    """Content of a calibration file; `lens` is a ROS camera_info mapping."""
 
     schema_: Literal[1] = Field(1, alias="schema")
     id: str
@@ -79,12 +79,12 @@ class CalibrationFile(Settings):
     accepted_anyway: tuple[str, ...] = ()
 
     def content(self) -> dict[str, Any]:
-        """The file as a plain mapping for YAML; empty values are omitted."""
+        """Content as a plain mapping for YAML; empty values are omitted."""
         left_out = {key for key in OPTIONAL_KEYS if not getattr(self, key)}
         return self.model_dump(mode="json", by_alias=True, exclude=left_out)
 
     def calibration(self, origin: str) -> Calibration:
-        """The calibration; contents that do not match their id are a ConfigurationError."""
+        """Calibration from this file; ConfigurationError where its content contradicts its id."""
         lens = self.lens.lens(f"{origin}: lens")
         homography = Homography.of(self.homography.array((3, 3), f"{origin}: homography"))
         expected = _digest(self.content())
@@ -103,15 +103,15 @@ class CalibrationFile(Settings):
 
 
 def make_calibration(lens: Lens, homography: Homography, **facts: Any) -> Calibration:
-    """A calibration from its parts, with its id; `facts` are its other values, by name.
+    """Create a calibration with its id; `facts` are its other values, by name.
 
-    `residual_mm`, `date` and `camera` must be there.
+    `residual_mm`, `date` and `camera` are required.
     """
     return _signed_file(lens, homography, facts).calibration("calibration")
 
 
 def change_calibration(calibration: Calibration, **facts: Any) -> Calibration:
-    """Copy `calibration` with other `facts`, keywords of `make_calibration`, and a new id."""
+    """Copy of `calibration` with other `facts`, keywords of `make_calibration`, and a new id."""
     kept = {name: getattr(calibration, name) for name in KEYWORDS}
     return make_calibration(
         facts.pop("lens", calibration.lens),
@@ -121,10 +121,7 @@ def change_calibration(calibration: Calibration, **facts: Any) -> Calibration:
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:
-    """Write `calibration` to `path` atomically; ConfigurationError where that is not possible.
-
-    The old file, if any, stays until the new one is complete.
-    """
+    """Write `calibration` to `path` atomically; ConfigurationError where that is not possible."""
     facts = {name: getattr(calibration, name) for name in KEYWORDS}
     file = _signed_file(calibration.lens, calibration.homography, facts)
     content = dump_yaml(file.content())
@@ -132,7 +129,7 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
 
 
 def load_calibration(path: Path) -> Calibration:
-    """The calibration at `path`; missing, broken or changed files are a ConfigurationError."""
+    """Read the calibration at `path`; ConfigurationError for a missing, broken or changed file."""
     if not path.exists():
         raise ConfigurationError(f"{path}: there is no calibration; run `cell calibrate` first")
     return load(path, CalibrationFile).calibration(str(path))

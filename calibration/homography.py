@@ -19,34 +19,34 @@ RANSAC_THRESHOLD = 1.5  # px, RANSAC on millimetres to pixels
 
 @dataclass(frozen=True, slots=True)
 class Homography:
-    """Map from undistorted pixels to x, z [m] by `matrix` (3, 3), and back by its `inverse`."""
+    """Homography from undistorted pixels to x, z [m], by `matrix` (3, 3), and its `inverse`."""
 
     matrix: Array
     inverse: Array
 
     @classmethod
     def of(cls, matrix: Array) -> Self:
-        """The homography with this matrix; a singular one is a ConfigurationError."""
+        """Homography with `matrix` (3, 3); raises ConfigurationError for a singular one."""
         scaled = np.asarray(matrix, dtype=np.float64)
         if not np.isfinite(scaled).all() or abs(np.linalg.det(scaled)) < SMALLEST_DETERMINANT:
             raise ConfigurationError("homography: the matrix is singular; calibrate again")
         return cls(frozen(scaled), frozen(np.linalg.inv(scaled)))
 
     def to_plane(self, pixels: Array) -> Array:
-        """Points (n, 2) x, z [m] in the plane at undistorted `pixels` (n, 2)."""
+        """Points (n, 2) x, z [m] in the plane of the near edge at undistorted `pixels` (n, 2)."""
         return _apply(self.matrix, pixels)
 
     def to_image(self, points: Array) -> Array:
-        """Undistorted pixels (n, 2) of `points` (n, 2) x, z [m] in the plane."""
+        """Undistorted pixels (n, 2) of `points` (n, 2) x, z [m] in the plane of the near edge."""
         return _apply(self.inverse, points)
 
 
 @dataclass(frozen=True, slots=True)
 class Viewpoint:
-    """The camera's centre in the cell frame [m]: (x, z), and its distance from the plane.
+    """Centre of the camera in the cell frame [m]: x, z, and `distance` from the near edge's plane.
 
     Lines along y meet in the image at the picture of (x, z): a curve at depth y appears in the
-    plane as the curve itself drawn towards (x, z) by the share y / (distance + y).
+    plane moved towards (x, z) by the share y / (distance + y).
     """
 
     x: float
@@ -63,11 +63,11 @@ class Viewpoint:
 
 
 def fit_homography(pixels: Array, points: Array) -> tuple[Homography, NDArray[np.bool_]]:
-    """Homography from undistorted pixels (n, 2) and touched points (n, 2) x, z [m].
+    """Fit a homography to undistorted `pixels` (n, 2) of touched `points` (n, 2) x, z [m].
 
-    Also returns the mask (n,) of the points that it used. RANSAC from millimetres to
-    pixels at 1.5 px, then a refit on the inliers. Fewer than twelve points, or points that
-    determine no map, are a ConfigurationError.
+    Also returns the mask (n,) of inliers. RANSAC from millimetres to pixels at 1.5 px, then a refit
+    to the inliers. Raises ConfigurationError for fewer than twelve points, or points that determine
+    no map.
     """
     if len(points) < MINIMUM_POINTS:
         raise ConfigurationError(
@@ -90,7 +90,7 @@ def fit_homography(pixels: Array, points: Array) -> tuple[Homography, NDArray[np
 
 
 def viewpoint(lens: Lens, homography: Homography) -> Viewpoint:
-    """The camera's position from lens and map; ConfigurationError where they contradict."""
+    """Position of the camera, from lens and homography; ConfigurationError where they disagree."""
     shares = np.array([(u, v) for u in (0.1, 0.5, 0.9) for v in (0.1, 0.5, 0.9)])
     pixels = shares * (lens.width, lens.height)
     plane = homography.to_plane(pixels)

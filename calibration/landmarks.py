@@ -18,7 +18,7 @@ from drivers.settings import Settings
 from drivers.types import Array, Frame, Image, Pose
 
 TIP_SIDE, DESK_SIDE = 96, 28  # px, picture_sides of the patches
-SEARCH_RADIUS = 40  # px about a landmark's place in which it is searched
+SEARCH_RADIUS = 40  # px around a landmark's old position in which it is searched
 DESK_HEIGHTS = (0.010, 0.060)  # m, z over which the desk's edge is searched, above a lying strip
 DESK_RANGE, DESK_PATCHES = (0.05, 0.55), 7  # m, x over which patches of the desk's edge lie
 EDGE_ROWS = 4  # px over which the brightness changes at an edge
@@ -27,7 +27,7 @@ MATCH_CORRELATION = 0.6  # correlation from which a landmark counts as found
 
 
 class LandmarkSettings(Settings):
-    """Pose of the empty hand for landmarks, x, z [m] and pitch [rad], and the allowed shift [mm].
+    """Pose of the empty hand for landmarks, x, z [m], pitch [rad], and the allowed shift [mm].
 
     The hand must be in the image and clear of strips; the pose is the same for all strips.
     """
@@ -44,7 +44,7 @@ class LandmarkSettings(Settings):
 
 
 class Landmark(Settings):
-    """A square image patch: its kind, top left corner [px], and grey levels as PNG."""
+    """Landmark: a square image patch, with its kind, top left corner [px], grey levels as PNG."""
 
     kind: Literal["tip", "desk"]
     left: int = Field(ge=0)
@@ -53,12 +53,12 @@ class Landmark(Settings):
 
     @classmethod
     def cut(cls, kind: Literal["tip", "desk"], grey: Image, left: int, top: int, side: int) -> Self:
-        """The patch of `side` [px] at (`left`, `top`) in the image `grey` (height, width)."""
+        """Cut the patch of `side` [px] at `left`, `top` out of the image `grey` (height, width)."""
         _, content = cv2.imencode(".png", grey[top : top + side, left : left + side])
         return cls(kind=kind, left=left, top=top, png=b64encode(bytes(content)).decode("ascii"))
 
     def patch(self) -> Image:
-        """Grey levels (side, side) of the landmark; a broken one is a ConfigurationError."""
+        """Grey levels (side, side) of the patch; raises ConfigurationError for a broken PNG."""
         try:
             content = b64decode(self.png, validate=True)
         except ValueError:
@@ -72,7 +72,7 @@ class Landmark(Settings):
 
 
 class Landmarks(Settings):
-    """The gripper's pose at which landmarks were taken, and all landmarks."""
+    """All landmarks of a camera, and the gripper's pose at which they were taken."""
 
     x: float
     z: float
@@ -98,14 +98,14 @@ class CameraShift:
 
     @property
     def distance(self) -> float:
-        """Largest known component of the shift [mm]; NaN when none is known."""
+        """Larger of the shifts by tip and desk [mm] that are known; NaN where none is."""
         known = [abs(self.desk), float(np.hypot(self.x, self.z))]
         finite = [value for value in known if np.isfinite(value)]
         return max(finite) if finite else float("nan")
 
 
-def remember(frame: Frame, pose: Pose, lens: Lens, homography: Homography) -> Landmarks:
-    """Landmarks from an image (h, w, 3) of the empty hand at rest at `pose` over a bare desk.
+def take_landmarks(frame: Frame, pose: Pose, lens: Lens, homography: Homography) -> Landmarks:
+    """Take landmarks from an image (h, w, 3) of the empty hand at rest at `pose`, bare desk.
 
     Raises ConfigurationError where the camera does not see the tip.
     """
@@ -126,7 +126,7 @@ def remember(frame: Frame, pose: Pose, lens: Lens, homography: Homography) -> La
 def camera_shift(
     frame: Frame, landmarks: Landmarks, lens: Lens, homography: Homography
 ) -> CameraShift:
-    """Shift of the landmarks in an image (h, w, 3) of the empty hand at rest at their pose."""
+    """Shift of `landmarks` in a new image (h, w, 3) of the empty hand, at rest at their pose."""
     grey = grey_of(frame.image)
     shifts: dict[str, list[tuple[float, float]]] = {"tip": [], "desk": []}
     for mark in landmarks.marks:
@@ -178,7 +178,7 @@ def _find_shift(grey: Image, mark: Landmark) -> tuple[float, float] | None:
 
 
 def find_patch(window: Image, patch: Image) -> Array | None:
-    """Place (2,) u, v [px] of `patch` (n, n) in the grey `window` (h, w); None if not found."""
+    """Position (2,) u, v [px] of `patch` (n, n) in the grey `window` (h, w); None if not found."""
     scores = cv2.matchTemplate(window, patch, cv2.TM_CCOEFF_NORMED)
     _, best, _, (u, v) = cv2.minMaxLoc(scores)
     if not best >= MATCH_CORRELATION:

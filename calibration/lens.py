@@ -26,7 +26,10 @@ LARGEST_SIDE = 20_000  # px of a side
 
 @dataclass(frozen=True, slots=True)
 class Lens:
-    """Camera matrix (3, 3) [px] and distortion k1 k2 p1 p2 k3 (5,) for one image size [px]."""
+    """Lens model: camera `matrix` (3, 3) [px] and `distortion` k1 k2 p1 p2 k3 (5,).
+
+    It is valid for images of `width` and `height` [px].
+    """
 
     width: int
     height: int
@@ -34,7 +37,7 @@ class Lens:
     distortion: Array
 
     def undistort(self, pixels: Array) -> Array:
-        """Ideal pinhole points (n, 2) [px] of image points (n, 2) [px]."""
+        """Ideal pinhole points (n, 2) [px] of image points `pixels` (n, 2)."""
         points = np.asarray(pixels, dtype=np.float64).reshape(-1, 1, 2)
         if len(points) == 0:
             return np.empty((0, 2))
@@ -44,7 +47,7 @@ class Lens:
         return np.asarray(ideal, dtype=np.float64).reshape(-1, 2)
 
     def distort(self, pixels: Array) -> Array:
-        """Image points (n, 2) [px] of ideal pinhole points (n, 2) [px]; inverse of undistort."""
+        """Image points (n, 2) [px] of ideal pinhole points `pixels` (n, 2)."""
         points = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
         if len(points) == 0:
             return np.empty((0, 2))
@@ -55,7 +58,7 @@ class Lens:
 
 @dataclass(frozen=True, slots=True)
 class LensFit:
-    """A lens and its fit: rms [px], rms per view (n,), one sigma of the focal length [px]."""
+    """Fitted lens: rms error [px], rms `per_view` (n,), one sigma of the focal length [px]."""
 
     lens: Lens
     rms: float
@@ -69,10 +72,10 @@ def fit_lens(
     size: tuple[int, int],
     fixed: int = cv2.CALIB_FIX_K3,
 ) -> LensFit:
-    """Lens from board corners: per view (m, 3) [m] on the board and (m, 2) [px] in the image.
+    """Fit a lens to board corners, per view (m, 3) [m] on the board and (m, 2) [px] in the image.
 
-    `size` is (width, height) [px], `fixed` are OpenCV's flags of what is not fitted. Fewer than
-    three views, or corners outside of an image of that size, are a ConfigurationError.
+    `size` is (width, height) [px], `fixed` are OpenCV's flags of what is not fitted. Raises
+    ConfigurationError for fewer than three views, or corners outside of an image of that size.
     """
     if len(object_points) < MINIMUM_VIEWS:
         raise ConfigurationError(
@@ -92,7 +95,7 @@ def fit_lens(
 
 
 def _check_inside(points: Array, size: tuple[int, int]) -> None:
-    """Refuse `points` (n, 2) [px] outside an image of `size` [px]; OpenCV does not check."""
+    """Raise ConfigurationError for `points` (n, 2) [px] outside of an image of `size` [px]."""
     width, height = size
     u, v = points.max(axis=0)
     if u > width or v > height:
@@ -103,7 +106,7 @@ def _check_inside(points: Array, size: tuple[int, int]) -> None:
 
 
 def checked_lens(lens: Lens, origin: str) -> Lens:
-    """Return `lens` if a camera can have it; else raise a ConfigurationError that names `origin`.
+    """Return `lens` if it is plausible; raises ConfigurationError, naming `origin`, otherwise.
 
     Focal lengths must be finite and of the order of the image, its centre near the image, the
     distortion finite and bounded.
@@ -136,7 +139,7 @@ Positive = Annotated[int, Field(gt=0)]
 
 
 class MatrixFile(Settings):
-    """A matrix in the format of ROS: shape, and values row by row."""
+    """Matrix in the file format of ROS: shape, and values row by row."""
 
     rows: Positive
     cols: Positive
@@ -144,19 +147,19 @@ class MatrixFile(Settings):
 
     @classmethod
     def of(cls, matrix: Array) -> Self:
-        """The file content of `matrix` (rows, cols)."""
+        """File content that holds `matrix` (rows, cols)."""
         rows, cols = matrix.shape
         return cls(rows=rows, cols=cols, data=tuple(float(value) for value in matrix.ravel()))
 
     def array(self, shape: tuple[int, int], origin: str) -> Array:
-        """The matrix as an array of `shape`; another shape is a ConfigurationError."""
+        """Matrix as an array of `shape`; raises ConfigurationError where it has another."""
         if (self.rows, self.cols) != shape or len(self.data) != shape[0] * shape[1]:
             raise ConfigurationError(f"{origin}: must be {shape[0]} x {shape[1]} numbers")
         return frozen(np.reshape(self.data, shape))
 
 
 class CameraFile(Settings):
-    """ROS camera_info, the calibration format of image_pipeline."""
+    """Content of a ROS camera_info file, the calibration format of image_pipeline."""
 
     image_width: Positive
     image_height: Positive
@@ -169,7 +172,7 @@ class CameraFile(Settings):
 
     @classmethod
     def of(cls, lens: Lens, name: str) -> Self:
-        """The file that describes `lens` of the camera `name`."""
+        """File content that describes `lens` of the camera `name`."""
         projection = np.column_stack([lens.matrix, np.zeros(3)])
         return cls(
             image_width=lens.width,
@@ -182,7 +185,7 @@ class CameraFile(Settings):
         )
 
     def lens(self, origin: str) -> Lens:
-        """The lens; ConfigurationError, with `origin`, for wrong shapes or impossible numbers."""
+        """Lens from this file; ConfigurationError for wrong shapes or implausible numbers."""
         matrix = self.camera_matrix.array((3, 3), f"{origin}: camera_matrix")
         distortion = self.distortion_coefficients.array(
             (1, 5), f"{origin}: distortion_coefficients"
@@ -191,7 +194,7 @@ class CameraFile(Settings):
         return checked_lens(lens, origin)
 
     def content(self) -> dict[str, Any]:
-        """The lens as a plain mapping for YAML or JSON."""
+        """Content as a plain mapping for YAML or JSON."""
         return self.model_dump(mode="json")
 
 
@@ -208,13 +211,13 @@ MODEL_KEYS = {
 
 
 def write_camera_info(lens: Lens, name: str, path: Path) -> None:
-    """Write `lens` of the camera `name` as ROS camera_info; ConfigurationError where it cannot."""
+    """Write `lens` of the camera `name` to `path` as ROS camera_info; or ConfigurationError."""
     content = dump_yaml(CameraFile.of(lens, name).content())
     write_file(path, content)
 
 
 def write_opencv(lens: Lens, path: Path) -> None:
-    """Write `lens` as cv2.FileStorage does; ConfigurationError where it cannot be written."""
+    """Write `lens` to `path` in the format of cv2.FileStorage; or ConfigurationError."""
     kind = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
     store = cv2.FileStorage("", kind)
     store.write("image_width", lens.width)
@@ -225,9 +228,9 @@ def write_opencv(lens: Lens, path: Path) -> None:
 
 
 def read_lens(path: Path) -> Lens:
-    """The lens in a ROS or OpenCV file, distinguished by the tag of its matrices.
+    """Read the lens in a ROS or OpenCV file at `path`, by the tag of its matrices.
 
-    A missing or broken file, or another model than plumb bob, is a ConfigurationError.
+    Raises ConfigurationError for a missing or broken file, or another model than plumb bob.
     """
     text = read_text(path)
     if OPENCV in text:
@@ -253,7 +256,7 @@ def _read_opencv(path: Path, text: str) -> Lens:
 
 
 def _check_model(path: Path, store: cv2.FileStorage) -> None:
-    """Refuse a file whose coefficients are those of another model, such as a fisheye's."""
+    """Raise ConfigurationError for a file with coefficients of another model than plumb bob."""
     for key, allowed in MODEL_KEYS.items():
         node = store.getNode(key)
         if node.empty():

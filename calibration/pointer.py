@@ -15,7 +15,7 @@ DARK_SHARE = 0.1  # of the contrast, brightness above the plate that carries no 
 
 
 def find_pointer(image: Image) -> Array | None:
-    """Centre (2,) u, v [px] of the one bright disc in an image (h, w, 3), or None."""
+    """Centre (2,) u, v [px] of the pin's disc in `image` (h, w, 3); None unless exactly one."""
     darkest = cv2.min(cv2.min(image[..., 0], image[..., 1]), image[..., 2])
     for level in LIT_LEVELS:
         _, bright = cv2.threshold(darkest, level, 255, cv2.THRESH_BINARY)

@@ -1,8 +1,8 @@
-"""Child process that may die: start, messages, supervision and end; every wait has a timeout.
+"""Child process: start, messages, supervision and end; every wait for it has a timeout.
 
-Parent and child exchange messages, one frozen dataclass a kind, over a pipe of their own; images
-alone go through shared memory. `subprocess`, not `multiprocessing.Process`: a worker of Dask is a
-daemon, which may have no children of that kind.
+Parent and child exchange messages, one frozen dataclass for each kind, over a pipe; images go
+through shared memory. `subprocess`, not `multiprocessing.Process`: a worker of Dask is a daemon,
+which may not have children of that kind.
 """
 
 import math
@@ -35,8 +35,8 @@ KILL_TIMEOUT = 10.0  # s for the kernel to end a killed process
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
-    """First message to a child: it runs `main(pipe, *arguments)` and ends."""
+class MainCall:
+    """First message to a child process: run `main(pipe, *arguments)`, then end."""
 
     main: Callable[..., None]
     arguments: tuple[Any, ...]
@@ -44,14 +44,14 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """Last message of a child whose main function raised an error: its class and its text."""
+    """Last message of a child process whose main function raised an error: class and text."""
 
     error: str
     text: str
 
 
 class ChildDied(Exception):
-    """The child has ended: by an error, with its class and text, or with exit `code`.
+    """Raised where a child process has ended, by an error (`failure`) or with exit `code`.
 
     The code of a process that a signal ended is the signal's number, negated.
     """
@@ -64,7 +64,7 @@ class ChildDied(Exception):
 
 
 class SharedMemory:
-    """Memory that a parent shares with its child, given to it as an argument."""
+    """Memory shared by a parent and its child process, to which it is passed as an argument."""
 
     def __init__(self, descriptor: int | None = None) -> None:
         self.descriptor = os.memfd_create("shared") if descriptor is None else descriptor
@@ -73,14 +73,14 @@ class SharedMemory:
         return type(self), (self.descriptor,)
 
     def close(self) -> None:
-        """Release the memory once no view of it is in use."""
+        """Close the memory's file descriptor; what is mapped stays usable."""
         os.close(self.descriptor)
 
 
 class SharedImage(SharedMemory):
-    """Image that a parent shares with its child.
+    """Image in memory shared by a parent and its child process.
 
-    It belongs to one side at a time: a message passes it on, so that no image is torn.
+    One side uses it at a time, and hands it over by a message, so that no image is torn.
     """
 
     def __init__(self, descriptor: int | None = None) -> None:
@@ -88,13 +88,13 @@ class SharedImage(SharedMemory):
         self._pixels: Image = np.empty(0, np.uint8)
 
     def write(self, image: Image) -> None:
-        """Copy `image` (h, w, 3) into the memory, which grows with the largest one."""
+        """Copy `image` (h, w, 3) into the shared memory, which grows where it is too small."""
         if image.nbytes > self._pixels.size:
             os.ftruncate(self.descriptor, image.nbytes)
         np.copyto(self._view(image.shape), image)
 
     def read(self, shape: tuple[int, ...]) -> Image:
-        """Read-only view (h, w, 3) of the image written last, which had that `shape`."""
+        """Read-only view (h, w, 3) of the last written image, whose `shape` must be given."""
         view = self._view(shape)
         view.setflags(write=False)
         return view
@@ -107,14 +107,14 @@ class SharedImage(SharedMemory):
 
 
 class Child:
-    """Process that runs `main(pipe, *arguments)`, a function that can be imported by its name.
+    """Child process that runs `main(pipe, *arguments)`, a function of a module.
 
     It ignores Ctrl-C, which its parent handles. Its pipe closes when the parent closes it or dies,
-    and the main function then returns; `end_with_parent` ends one that computes for long.
+    and the main function must then return; `end_with_parent` ends one that computes for long.
     """
 
     def __init__(self, main: Callable[..., None], *arguments: Any) -> None:
-        """Start the process; SharedMemory among its `arguments` is shared with it."""
+        """Start the process; it shares any SharedMemory among its `arguments`."""
         self._failure: Failure | None = None
         self.pipe, theirs = Pipe()
         _bound_stalls(self.pipe)
@@ -129,16 +129,16 @@ class Child:
                 start_new_session=True,
                 env={**dict.fromkeys(THREADS, "1"), **os.environ, "PYTHONPATH": paths},
             )
-        self.send(Task(main, arguments))
+        self.send(MainCall(main, arguments))
 
     @property
     def pid(self) -> int:
-        """Process ID of the child."""
+        """Process ID of the child process."""
         return self._process.pid
 
     @property
     def ends(self) -> bool:
-        """Whether the child has ended or is about to end; messages may still be there.
+        """Whether the child has ended or is about to end; its messages can still be received.
 
         A killed process first frees its memory, for some 10 ms, and only then closes its pipe.
         """
@@ -149,15 +149,15 @@ class Child:
         return False
 
     def send(self, message: object) -> None:
-        """Send a `message`; that a child has ended is reported by `receive`."""
+        """Send the child a `message`; that it has ended is reported by `receive` alone."""
         with suppress(OSError):
             self.pipe.send(message)
 
     def receive(self, timeout: float | None = None) -> Any:
         """Next message of the child; None where none comes within `timeout` [s].
 
-        Raises ChildDied once the child has failed or ended and its messages were received, and from
-        then on. One that failed may take a moment to end, for which `close` waits.
+        Raises ChildDied once the child has failed or ended and all its messages were received. A
+        child that failed may take a moment to end, for which `close` waits.
         """
         try:
             if not self.pipe.poll(timeout):
@@ -173,9 +173,9 @@ class Child:
         return message
 
     def close(self, patience: float = 1.0) -> None:
-        """Close the pipe and wait for the end of the child; allowed twice.
+        """Close the pipe and wait until the child has ended; allowed twice.
 
-        It is sent SIGTERM after `patience` [s], and killed where that does not end it.
+        It gets SIGTERM after `patience` [s], and SIGKILL after TERMINATION_TIMEOUT more.
         """
         self.pipe.close()
         if not self._has_ended(patience):
@@ -185,7 +185,7 @@ class Child:
                 self.kill()
 
     def kill(self) -> None:
-        """Kill the child and its children."""
+        """Kill the child process and the processes that it started."""
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(self.pid, signal.SIGKILL)
         self._has_ended(KILL_TIMEOUT)
@@ -200,17 +200,17 @@ class Child:
 
 
 def end_with_parent(pipe: Connection) -> None:
-    """End this child and what it started as soon as its parent closes the `pipe` or is gone."""
+    """Kill this child process and those it started once its parent closes `pipe` or has died."""
     Thread(target=_watch_parent, args=(pipe.fileno(),), daemon=True).start()
 
 
 def serve(descriptor: int) -> None:
-    """Run in the child: carry out the task that comes through the pipe `descriptor`."""
+    """Run, in the child process, the MainCall that comes through the pipe `descriptor`."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     pipe = Connection(descriptor)
     try:
-        task: Task = pipe.recv()
-        task.main(pipe, *task.arguments)
+        call: MainCall = pipe.recv()
+        call.main(pipe, *call.arguments)
     except EOFError:
         return
     except Exception as error:  # noqa: BLE001  an edge: the parent says why the child has ended
@@ -219,13 +219,14 @@ def serve(descriptor: int) -> None:
 
 
 def _bound_stalls(pipe: Connection) -> None:
-    """Make reads and writes of `pipe` fail that a child which stands still would hold up."""
+    """Make reads and writes of `pipe` fail after STALL_TIMEOUT, as a stopped child blocks them."""
     with socket.socket(fileno=os.dup(pipe.fileno())) as end:
         for option in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
             end.setsockopt(socket.SOL_SOCKET, option, struct.pack("ll", STALL_TIMEOUT, 0))
 
 
 def _watch_parent(descriptor: int) -> None:
+    """Wait until the other end of the pipe `descriptor` is closed, then kill this process group."""
     watch = select.poll()
     watch.register(descriptor, 0)  # its end alone
     watch.poll()

@@ -11,22 +11,17 @@ SCHED_SETATTR = 314  # number of the system call on x86-64
 
 
 class WallClock:
-    """Monotonic clock [s] that counts from its construction or from another clock's `origin`."""
+    """Wall clock [s] that is 0 at `origin` [s] of the system's monotonic clock, by default now."""
 
     def __init__(self, origin: float | None = None) -> None:
-        self._start = time.monotonic() if origin is None else origin
-
-    @property
-    def origin(self) -> float:
-        """Zero of this clock in the system's monotonic time [s], to make an equal clock of it."""
-        return self._start
+        self.origin = time.monotonic() if origin is None else origin
 
     def now(self) -> float:
-        """Time [s] since the origin of this clock."""
-        return time.monotonic() - self._start
+        """Time [s] of this clock, since its origin."""
+        return time.monotonic() - self.origin
 
     def wait_until(self, time_s: float) -> None:
-        """Sleep until `time_s`; return at once when it is past."""
+        """Sleep until this clock is at `time_s` [s]; returns at once where that has passed."""
         remaining = time_s - self.now()
         if remaining > 0:
             time.sleep(remaining)
@@ -35,8 +30,8 @@ class WallClock:
 def lock_memory() -> bool:
     """Lock all memory mapped by this process into RAM; returns False where this user may not.
 
-    A page that was given up is read from the disk again, for some milliseconds. What is allocated
-    later is not locked: where little may be locked, allocating it would fail. Source: mlockall(2).
+    Reading a swapped page from disk takes some milliseconds. Later allocations are not locked: they
+    would fail where the user may lock little memory. Source: mlockall(2).
     """
     libc = ctypes.CDLL(None, use_errno=True)
     return int(libc.mlockall(LOCK_CURRENT | LOCK_ON_FAULT)) == 0
@@ -56,12 +51,12 @@ def take_priority(priority: int) -> bool:
 
 
 def wake_promptly() -> bool:
-    """Ask for short slices of processor time for this thread; returns False where unsupported.
+    """Request short slices of processor time for this thread; returns False where unsupported.
 
     Under Linux 6.12 and later a thread of the ordinary scheduler that runs briefly and often then
-    interrupts those that compute, instead of waiting for the end of their slices, some
-    milliseconds. Any user may; policy and priority stay. Source: the kernel's documentation of
-    EEVDF, and `sched_setattr(2)`. A thread with real-time priority needs none of it.
+    interrupts computing threads, instead of waiting some milliseconds for the end of their slices.
+    Any user may; policy and priority stay, and a thread with real-time priority does not need it.
+    Source: the kernel's documentation of EEVDF, and `sched_setattr(2)`.
     """
     nice = os.getpriority(os.PRIO_PROCESS, 0)
     # size, policy, flags, nice, priority, runtime, deadline, period of the kernel's sched_attr

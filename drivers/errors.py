@@ -8,9 +8,9 @@ from typing import Any
 
 
 class CellError(Exception):
-    """Root of every expected error; `exit_code` is what the command line returns for it.
+    """Root class of all expected errors; `exit_code` is the command line's exit code for it.
 
-    Can be pickled between processes, whatever its constructor takes.
+    Can be pickled between processes, whatever arguments its constructor has.
     """
 
     exit_code = 1
@@ -20,19 +20,19 @@ class CellError(Exception):
 
 
 class ConfigurationError(CellError):
-    """A file, key or argument that cannot be used; its text is `file: key: what, allowed`."""
+    """Error for an unusable file, key or argument; its text is `file: key: problem; remedy`."""
 
     exit_code = 2
 
 
 class PreflightRefused(CellError):
-    """A check before the motion failed; nothing has moved."""
+    """Error for a failed check before the motion; nothing has moved."""
 
     exit_code = 3
 
 
 class Fault(CellError):
-    """The run was stopped by a monitor, a driver or the plant; `name` goes into the record."""
+    """Error that stops a run, by a monitor, driver or simulation; its `name` is recorded."""
 
     exit_code = 4
 
@@ -43,7 +43,7 @@ class Fault(CellError):
 
 
 class SimulationNotFinite(Fault):
-    """The simulated strip diverged: caused by model and time step, not by the controller."""
+    """Fault of a simulated strip that diverged, because of its model or time step."""
 
     def __init__(self, engine: str, time: float) -> None:
         super().__init__(
@@ -54,7 +54,7 @@ class SimulationNotFinite(Fault):
 
 
 class SimulationNotConverged(Fault):
-    """The implicit solver found no equilibrium shape for the next time step."""
+    """Fault of an implicit solver that found no shape of a strip for the next time step."""
 
     def __init__(self, engine: str, strip: int, time: float) -> None:
         super().__init__(
@@ -65,7 +65,7 @@ class SimulationNotConverged(Fault):
 
 
 class Unsupported(CellError):
-    """An engine cannot simulate a part of the strip's description."""
+    """Error for a part of a strip's description that an engine cannot simulate."""
 
     exit_code = 2
 
@@ -74,7 +74,7 @@ class Unsupported(CellError):
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:
-    """Hint in an error message at the `known` name closest to `name`; empty where none is close."""
+    """Text ` (did you mean ...?)` with the `known` name closest to `name`; empty for none close."""
     near = get_close_matches(name, list(known), n=1)
     return f" (did you mean {near[0]!r}?)" if near else ""
 
@@ -86,7 +86,7 @@ def _rebuild(kind: type[CellError], arguments: tuple[Any, ...]) -> CellError:
 
 
 class Unexpected(CellError):
-    """A defect of this program, reported with its place in the source and its message."""
+    """Error for a defect of this program: an exception that was not expected, and its place."""
 
     def __init__(self, error: BaseException) -> None:
         place = traceback.extract_tb(error.__traceback__)[-1]
@@ -98,7 +98,7 @@ class Unexpected(CellError):
 
 
 class WorkersLost(CellError):
-    """The worker processes died; the journal keeps all finished parts of the work."""
+    """Error for worker processes that died; finished parts of the work stay in the journal."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(f"{reason}; run the same command again to go on")

@@ -1,4 +1,4 @@
-"""Files that are written: atomically, following no links; and locks on folders."""
+"""Writing of files: atomically and without following links; locks on folders."""
 
 import errno
 import fcntl
@@ -15,15 +15,15 @@ from drivers.errors import ConfigurationError
 from drivers.readers import read_text
 
 LOCK_TIMEOUT = 10.0  # s for another command to finish
-POLL_INTERVAL = 0.02  # s between looks whether it has
+POLL_INTERVAL = 0.02  # s between attempts to lock
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Context with a new, empty file of random name that replaces `path` once the block ends well.
+    """Context with a new, empty file that replaces the file at `path` once the block succeeds.
 
-    It is for a writer that wants a name. A reader sees the old file or the new one, and a link at
-    `path` is replaced, not followed. Raises OSError where that is not possible.
+    For a writer that needs a file name. Readers see the old file or the new one; a link at `path`
+    is replaced, not followed. Raises OSError where that is not possible.
     """
     scratch = path.with_name(f".{os.urandom(6).hex()}.part")
     new_file(scratch).close()
@@ -56,10 +56,10 @@ def write_file(path: Path, content: str | bytes, remedy: str = "") -> None:
 
 
 def change_file(path: Path, change: Callable[[str], str], remedy: str = "") -> None:
-    """Replace the text in the file at `path` by `change` of it, of "" where there is no file.
+    """Replace the text of the file at `path` by `change(text)`; the text of no file is "".
 
-    Its folder is locked from reading to writing: no command undoes what another one changes
-    meanwhile. Raises ConfigurationError where it cannot be read or written, and then leaves it.
+    The folder is locked from reading to writing, so that no command undoes another's change. Raises
+    ConfigurationError where the file cannot be read or written, and then leaves it unchanged.
     """
     with writing(path, remedy):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -70,9 +70,9 @@ def change_file(path: Path, change: Callable[[str], str], remedy: str = "") -> N
 
 @contextmanager
 def scratch_folder(parent: Path) -> Iterator[Path]:
-    """Context with a new, hidden folder in `parent`; it is removed, with all that is left in it.
+    """Context with a new, hidden folder in `parent`, which is removed with its content at the end.
 
-    So is a `parent` that was made for it and in which nothing is left.
+    A `parent` that did not exist before is removed too if it is empty.
     """
     parent_is_new = not os.path.lexists(parent)
     with writing(parent):
@@ -90,10 +90,10 @@ def scratch_folder(parent: Path) -> Iterator[Path]:
 
 @contextmanager
 def new_folder(path: Path) -> Iterator[Path]:
-    """Context with an empty folder that becomes the new folder `path` once the block ends well.
+    """Context with an empty folder that becomes the new folder `path` once the block succeeds.
 
-    Until then nobody sees it, and whatever ends the block early leaves nothing of it. Raises
-    ConfigurationError where something is at `path`, before the block or after it.
+    An error in the block leaves nothing behind. Raises ConfigurationError where something exists
+    at `path`, before the block or after it.
     """
     check_free(path)
     with scratch_folder(path.parent) as scratch:
@@ -105,7 +105,7 @@ def new_folder(path: Path) -> Iterator[Path]:
 
 
 def move_folder(made: Path, path: Path) -> None:
-    """Move the folder `made` to `path`; ConfigurationError where something is there already."""
+    """Move the folder `made` to `path`; ConfigurationError where something exists there."""
     check_free(path)
     try:
         made.rename(path)  # which replaces an empty folder at most
@@ -117,14 +117,14 @@ def move_folder(made: Path, path: Path) -> None:
 
 
 def check_free(path: Path) -> None:
-    """Raise ConfigurationError where something is at `path`, a broken link included."""
+    """Raise ConfigurationError where something exists at `path`, a broken link included."""
     if os.path.lexists(path):
         raise ConfigurationError(f"{path}: is there already; name another --out")
 
 
 @contextmanager
 def writing(place: Path | str, remedy: str = "") -> Iterator[None]:
-    """Context that raises an OSError of its block as a one-line ConfigurationError on `place`."""
+    """Context that turns an OSError into a one-line ConfigurationError: `place` is not writable."""
     try:
         yield
     except OSError as error:
@@ -133,7 +133,7 @@ def writing(place: Path | str, remedy: str = "") -> Iterator[None]:
 
 
 def new_file(path: Path) -> FileIO:
-    """Create a file at `path` and open it for writing without a buffer.
+    """Create a file at `path`, open for unbuffered writing.
 
     Raises OSError where something exists at `path`, a broken link included.
     """
@@ -141,22 +141,19 @@ def new_file(path: Path) -> FileIO:
 
 
 def check_writable(path: Path) -> None:
-    """Ensure that `path` is a regular file, for a writer that opens it by name.
-
-    Raises OSError where a link, a pipe or another special file stands there.
-    """
+    """Ensure that a regular file is at `path`, created if missing; OSError for a link or a pipe."""
     os.close(_open_to_write(path, os.O_WRONLY))
 
 
 def open_emptied(path: Path) -> FileIO:
-    """The regular file at `path`, emptied and open for writing; OSError as for `check_writable`."""
+    """Empty the regular file at `path` and open it for writing; OSError for a link or a pipe."""
     return FileIO(_open_to_write(path, os.O_WRONLY | os.O_TRUNC), "w")
 
 
 def append_line(path: Path, line: bytes) -> None:
-    """Append `line` to the file at `path` and flush it to disk.
+    """Append `line` to the regular file at `path` and flush it to disk.
 
-    Raises OSError as `check_writable` does, and where the line does not fit: it is then removed.
+    Raises OSError for a link or a pipe, and where the line does not fit: it is then removed.
     """
     with open(_open_to_write(path, os.O_WRONLY | os.O_APPEND), "wb", buffering=0) as file:
         end = os.fstat(file.fileno()).st_size
@@ -169,7 +166,7 @@ def append_line(path: Path, line: bytes) -> None:
 
 
 def write_all(file: FileIO, content: bytes | memoryview) -> None:
-    """Write all of `content`, repeating partial writes; raises OSError when the system refuses."""
+    """Write all of `content` to `file`, repeating partial writes; OSError where that fails."""
     rest = memoryview(content)
     while rest:
         rest = rest[file.write(rest) or 0 :]
@@ -188,9 +185,8 @@ def sync_folder(folder: Path) -> None:
 def lock_folders(folders: Iterable[Path]) -> Iterator[None]:
     """Context that locks `folders` against other commands while their files are changed.
 
-    A lock of the folder itself: it leaves no file, and ends with the process. Raises
-    ConfigurationError where another holds it for longer than LOCK_TIMEOUT, or a folder cannot be
-    read.
+    The lock leaves no file, and ends with the process. Raises ConfigurationError where another
+    command holds it for longer than LOCK_TIMEOUT, or a folder cannot be read.
     """
     with ExitStack() as held:
         for folder in sorted({folder.resolve() for folder in folders}):  # in one order for all
@@ -220,6 +216,7 @@ def _lock(handle: int, folder: Path) -> None:
 
 
 def _open_to_write(path: Path, flags: int) -> int:
+    """Descriptor of the regular file at `path`, created if missing; OSError for anything else."""
     flags |= os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC
     handle = os.open(path, flags, 0o666)
     if not stat.S_ISREG(os.fstat(handle).st_mode):

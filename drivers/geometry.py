@@ -6,14 +6,14 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-Matrix = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class CellInRobot:
     """Rigid transform from the cell frame (x along the strip, z up) to the robot base."""
 
-    matrix: Matrix
+    matrix: Array
 
     @classmethod
     def from_yaw(cls, x: float, y: float, z: float, yaw: float) -> Self:
@@ -21,8 +21,8 @@ class CellInRobot:
         c, s = np.cos(yaw), np.sin(yaw)
         return cls(np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, z], [0, 0, 0, 1.0]]))
 
-    def to_robot(self, x: float, z: float, pitch: float) -> Matrix:
-        """End-effector pose (4, 4) in the base for a gripper pose in the cell frame.
+    def to_robot(self, x: float, z: float, pitch: float) -> Array:
+        """End-effector pose (4, 4) in the base for a gripper at x, z [m] and `pitch` [rad].
 
         The hand's approach axis is its z-axis; at pitch pi/2 it points straight down.
         """
@@ -31,21 +31,21 @@ class CellInRobot:
         in_cell = np.array([[c, 0, s, x], [0, -1, 0, 0], [s, 0, -c, z], [0, 0, 0, 1.0]])
         return np.asarray(self.matrix @ in_cell, dtype=np.float64)
 
-    def to_cell(self, pose: Matrix) -> tuple[float, float, float]:
-        """(x, z, pitch) in the cell frame of an end-effector pose (4, 4) in the base."""
+    def to_cell(self, pose: Array) -> tuple[float, float, float]:
+        """x, z [m], pitch [rad] in the cell frame of an end-effector `pose` (4, 4) in the base."""
         in_cell = np.linalg.solve(self.matrix, pose)
         pitch = np.pi / 2 + np.arctan2(in_cell[2, 0], in_cell[0, 0])
         return float(in_cell[0, 3]), float(in_cell[2, 3]), float(pitch)
 
 
-def arc_lengths(points: Matrix) -> Matrix:
-    """Distances (n,) [m] from the first of `points` (n, 2) [m] along the line through them."""
+def arc_lengths(points: Array) -> Array:
+    """Distances (n,) [m] of `points` (n, 2) [m] from the first, along the polyline."""
     steps = np.hypot(*np.diff(points, axis=0).T)
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def even_points(points: Matrix, count: int) -> Matrix:
-    """Resample a polyline (n, 2) to `count` points at equal steps along it."""
+def even_points(points: Array, count: int) -> Array:
+    """Points (count, 2) at equal arc lengths along the polyline through `points` (n, 2)."""
     travel = arc_lengths(points)
     at = np.linspace(0.0, travel[-1], count)
     return np.stack([np.interp(at, travel, points[:, c]) for c in range(2)], axis=1)

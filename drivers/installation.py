@@ -15,7 +15,7 @@ AXIS_UNITS = ("m", "m", "rad")
 
 
 class AxisLimits(Settings):
-    """Largest velocity, acceleration and jerk of one axis: [m/s, m/s^2, m/s^3], or in rad.
+    """Largest velocity, acceleration and jerk on one axis: [m/s, m/s^2, m/s^3], or in rad.
 
     Values are bounded above, so that no limit can be switched off by a large number.
     """
@@ -24,12 +24,11 @@ class AxisLimits(Settings):
     acceleration: float = Field(gt=0, le=25)
     jerk: float = Field(gt=0, le=12500)
 
-    def lower(self, other: "AxisLimits") -> "AxisLimits":
-        """Element-wise minimum of these limits and those of `other`."""
+    def tighter(self, other: "AxisLimits") -> "AxisLimits":
+        """Limits that are, one by one, the lower of these and those of `other`."""
+        limits = AxisLimits.model_fields
         return AxisLimits(
-            velocity=min(self.velocity, other.velocity),
-            acceleration=min(self.acceleration, other.acceleration),
-            jerk=min(self.jerk, other.jerk),
+            **{name: min(getattr(self, name), getattr(other, name)) for name in limits}
         )
 
 
@@ -46,19 +45,16 @@ class MotionLimits(Settings):
 
     @property
     def axes(self) -> tuple[AxisLimits, AxisLimits, AxisLimits]:
-        """The limits in the order x, z, pitch."""
+        """Limits of the axes x, z and pitch, in this order."""
         return self.x, self.z, self.pitch
 
-    def lower(self, other: "MotionLimits") -> "MotionLimits":
-        """Element-wise minimum of these limits and those of `other`, axis by axis."""
-        lower = {
-            name: axis.lower(getattr(other, name))
-            for name, axis in zip(AXIS_NAMES, self.axes, strict=True)
-        }
-        return MotionLimits(**lower)
+    def tighter(self, other: "MotionLimits") -> "MotionLimits":
+        """Limits of which each, on every axis, is the lower of this one and that of `other`."""
+        axes = (a.tighter(b) for a, b in zip(self.axes, other.axes, strict=True))
+        return MotionLimits(**dict(zip(AXIS_NAMES, axes, strict=True)))
 
     def check(self, velocity: Velocity) -> None:
-        """Refuse a velocity that is not finite or too fast, with Fault `velocity_refused`."""
+        """Raise Fault `velocity_refused` for a velocity that is not finite or above a limit."""
         rates = (velocity.vx, velocity.vz, velocity.pitch_rate)
         for axis, unit, limits, rate in zip(AXIS_NAMES, AXIS_UNITS, self.axes, rates, strict=True):
             if not isfinite(rate) or abs(rate) > limits.velocity:
@@ -81,7 +77,7 @@ Turned = Annotated[float, Field(ge=-2 * pi, le=2 * pi)]
 
 
 class Workspace(Settings):
-    """Allowed box of the gripper: [low, high] of x, z [m] and pitch [rad], cell frame."""
+    """Allowed gripper poses: [low, high] of x, z [m] and pitch [rad] in the cell frame."""
 
     x: Annotated[tuple[Along, Along], AfterValidator(_order)] = (-0.15, 0.85)
     z: Annotated[tuple[Above, Above], AfterValidator(_order)] = (-0.01, 0.5)
@@ -89,16 +85,16 @@ class Workspace(Settings):
 
     @property
     def low(self) -> tuple[float, float, float]:
-        """Lower corner: x, z [m], pitch [rad]."""
+        """Lowest allowed x, z [m] and pitch [rad]."""
         return self.x[0], self.z[0], self.pitch[0]
 
     @property
     def high(self) -> tuple[float, float, float]:
-        """Upper corner: x, z [m], pitch [rad]."""
+        """Highest allowed x, z [m] and pitch [rad]."""
         return self.x[1], self.z[1], self.pitch[1]
 
     def check(self, pose: Pose) -> None:
-        """Refuse a pose that is not finite or outside, with Fault `outside_workspace`."""
+        """Raise Fault `outside_workspace` for a gripper pose that is not finite or not allowed."""
         values = (pose.x, pose.z, pose.pitch)
         for axis, unit, low, high, value in zip(
             AXIS_NAMES, AXIS_UNITS, self.low, self.high, values, strict=True
@@ -129,7 +125,7 @@ class Mounting(Settings):
 
 
 class Installation(Settings):
-    """Mounting, limits and workspace of an arm in this cell, and the x at which `desk` ends [m]."""
+    """Mounting, motion limits and workspace of a cell's arm; `desk` is x [m] of the desk's end."""
 
     limits: MotionLimits = MotionLimits()
     workspace: Workspace = Workspace()

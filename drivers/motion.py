@@ -1,4 +1,4 @@
-"""Jerk-limited setpoints of the gripper point for any arm, computed by ruckig."""
+"""Jerk-limited setpoints of the gripper's pose for any arm, computed by ruckig."""
 
 from math import exp
 from typing import Any, NamedTuple
@@ -10,7 +10,7 @@ from drivers.installation import MotionLimits, Workspace
 from drivers.types import Pose, Velocity
 
 TICK = 0.001  # s, the servo's period
-EXPIRY_TICKS = 100  # for which a velocity target holds
+EXPIRY_TICKS = 100  # ticks for which a velocity target holds
 BORDER_ROUNDING = 1e-9  # m or rad, rounding at the border of the workspace
 SETTLE = 0.3  # s, of a correction near the goal
 CORRECTION_TIME = 0.05  # s, of a correction near the target velocity
@@ -25,7 +25,7 @@ _STILL = [0.0, 0.0, 0.0]
 
 
 class PredictedMotion(NamedTuple):
-    """Pose, velocity and acceleration [m/s^2, rad/s^2] that are commanded at a later time."""
+    """Commanded gripper pose, velocity and acceleration [m/s^2, rad/s^2] at a later time."""
 
     pose: Pose
     velocity: Velocity
@@ -33,20 +33,20 @@ class PredictedMotion(NamedTuple):
 
 
 def lag_gain(lag: float) -> float:
-    """Share of the way to its command that a first-order lag of `lag` [s] makes up in a tick."""
+    """Fraction of the error that a first-order lag of time constant `lag` [s] removes per tick."""
     return 1.0 if lag == 0 else 1.0 - exp(-TICK / lag)
 
 
 class MotionProfile:
-    """Setpoint generator of a servo: a pose per tick, limited in velocity, acceleration and jerk.
+    """Generator of gripper setpoints, a pose per tick, limited in velocity, acceleration and jerk.
 
-    The newest command replaces the one before: follow a velocity, move to rest at a pose, or brake.
-    A velocity holds for `EXPIRY_TICKS`; then the profile brakes and sets `expired`. A velocity that
-    would leave the workspace is braked on the axes concerned so that the gripper stops inside.
+    A new command, to move at a velocity, to rest at a pose or to brake, replaces the last one. A
+    velocity holds for EXPIRY_TICKS; then the profile brakes and sets `expired`. Axes on which a
+    velocity would leave the workspace brake so that the gripper stops inside.
     """
 
     def __init__(self, limits: MotionLimits, workspace: Workspace, start: Pose) -> None:
-        """Begin at rest at `start`, which may lie outside the workspace."""
+        """Start at rest at pose `start`, which may lie outside the workspace."""
         self.expired = False
         self._limits = limits
         self._workspace = workspace
@@ -67,31 +67,31 @@ class MotionProfile:
 
     @property
     def pose(self) -> Pose:
-        """The commanded pose at the last tick."""
+        """Commanded gripper pose at the last tick."""
         return Pose(*self._position)
 
     @property
     def velocity(self) -> Velocity:
-        """The commanded velocity at the last tick."""
+        """Commanded gripper velocity at the last tick."""
         return Velocity(*self._velocity)
 
     @property
     def acceleration(self) -> Velocity:
-        """The commanded acceleration [m/s^2, rad/s^2]."""
+        """Commanded gripper acceleration [m/s^2, rad/s^2] at the last tick."""
         return Velocity(*self._acceleration)
 
     def predict(self, seconds: float) -> PredictedMotion:
-        """The commanded motion `seconds` from now, if no other command comes."""
-        place, rate, change = self._plan.at_time(self._elapsed * TICK + seconds)
-        return PredictedMotion(Pose(*place), Velocity(*rate), Velocity(*change))
+        """Commanded motion `seconds` from now, if no other command comes."""
+        pose, rate, change = self._plan.at_time(self._elapsed * TICK + seconds)
+        return PredictedMotion(Pose(*pose), Velocity(*rate), Velocity(*change))
 
     @property
     def moving(self) -> bool:
-        """True until the commanded motion has come to rest."""
+        """Whether the commanded motion has yet to come to rest."""
         return self._next_move is not None or self._pending or any(self._velocity)
 
     def set_velocity(self, velocity: Velocity) -> None:
-        """Follow `velocity`; refused above the limits with Fault `velocity_refused`."""
+        """Move at `velocity` from now on; raises Fault `velocity_refused` above the limits."""
         self._limits.check(velocity)
         self._begin()
         target = [velocity.vx, velocity.vz, velocity.pitch_rate]
@@ -99,10 +99,9 @@ class MotionProfile:
             self._follow(target)
 
     def move_to(self, pose: Pose) -> None:
-        """Move to rest at `pose`: on a straight line from rest, time-optimally from motion.
+        """Move to rest at `pose`: on a straight line from rest, time-optimally from a motion.
 
-        Refused with Fault `outside_workspace`. A motion that would overshoot the workspace is
-        preceded by braking.
+        Raises Fault `outside_workspace`. Brakes first where the motion would leave the workspace.
         """
         self._workspace.check(pose)
         self._begin()
@@ -112,7 +111,7 @@ class MotionProfile:
             self._next_move = goal
 
     def stop(self) -> None:
-        """Brake as fast as the limits allow."""
+        """Brake to rest as fast as the limits allow."""
         self._begin()
         self._follow(_STILL)
 
@@ -141,7 +140,7 @@ class MotionProfile:
         return max(distances) < ARRIVED and max(remainders) < ARRIVED
 
     def tick(self) -> Numbers:
-        """Advance by one period; returns the commanded x, z [m], pitch [rad] at its end."""
+        """Advance by one tick; returns the commanded x, z [m], pitch [rad] (3,) at its end."""
         self._age += 1
         if self._age > EXPIRY_TICKS and self._target is not None and any(self._target):
             self.expired = True
@@ -160,11 +159,13 @@ class MotionProfile:
         return bool(self._elapsed * TICK < self._plan.duration)
 
     def _begin(self) -> None:
+        """Discard what the last command left: its age, its expiry and its goal."""
         self.expired = False
         self._age = 0
         self._next_move = None
 
     def _arrive(self) -> None:
+        """Set the setpoint to the end of the plan exactly, and start a move that waited for it."""
         self._velocity, self._acceleration = self._request.target_velocity, _STILL
         if self._target is None:
             self._position = self._request.target_position
@@ -175,7 +176,7 @@ class MotionProfile:
     def _follow(
         self, target: Numbers, blocked: frozenset[int] = frozenset(), *, gently: bool = False
     ) -> None:
-        """Plan towards velocity `target`, softly near it if `gently`; `blocked` axes brake hard."""
+        """Plan to velocity `target` (3,), softly near it if `gently`; `blocked` axes brake hard."""
         request, synchronization = self._request, ruckig.Synchronization
         request.control_interface = ruckig.ControlInterface.Velocity
         request.target_velocity = [0.0 if i in blocked else rate for i, rate in enumerate(target)]
@@ -197,7 +198,7 @@ class MotionProfile:
         self._elapsed = 0
 
     def _move(self, goal: Numbers, *, gently: bool = False) -> bool:
-        """Plan a move to `goal`, softly near it if `gently`; False if it leaves the workspace."""
+        """Plan a move to rest at `goal` (3,), softly if `gently`; False if it leaves the space."""
         request = self._request
         request.control_interface = ruckig.ControlInterface.Position
         request.per_dof_synchronization = None
@@ -220,7 +221,7 @@ class MotionProfile:
         return not self._leaving(self._plan)
 
     def _keep_inside(self, state: State) -> State:
-        """The next state: `state`, or one that brakes axes which could not stop inside after it."""
+        """`state`, or instead one that brakes the axes which could not stop inside after it."""
         for _ in range(3):  # each round blocks one of the three axes or more
             self._calculate(self._brake, self._stopping, state)
             leaving = self._leaving(self._stopping) - self._blocked
@@ -232,7 +233,7 @@ class MotionProfile:
         return state
 
     def _leaving(self, plan: ruckig.Trajectory) -> frozenset[int]:
-        """Axes on which `plan` leaves the workspace and gets further outside than it starts."""
+        """Numbers of axes on which `plan` leaves the workspace, further than where it starts."""
         low, high, here = self._workspace.low, self._workspace.high, self._position
         return frozenset(
             i
@@ -248,6 +249,7 @@ class MotionProfile:
     def _calculate(
         self, request: ruckig.InputParameter, plan: ruckig.Trajectory, state: State
     ) -> None:
+        """Calculate the trajectory `plan` of `request` from `state`; Fault `motion_refused`."""
         request.current_position, request.current_velocity, request.current_acceleration = state
         try:
             self._ruckig.calculate(request, plan)
@@ -256,10 +258,10 @@ class MotionProfile:
 
 
 def settling(distance: float, speed: float, most: float) -> float:
-    """Acceleration, at most `most`, with which an axis stops `distance` away in about SETTLE.
+    """Acceleration, at most `most`, for an axis to stop `distance` away in about SETTLE.
 
-    Corrections in the shortest time would swing about the goal for ever where ticks are lost: what
-    a lost tick continues is an acceleration.
+    `distance` in m or rad, `speed` per s, `most` per s^2. Corrections in the shortest time would
+    oscillate about the goal where ticks are lost, as a lost tick continues the acceleration.
     """
     from_rest, to_rest = 4 * distance / SETTLE**2, 2 * speed / SETTLE  # braking takes SETTLE / 2
     needed = max(from_rest, to_rest)
@@ -277,7 +279,7 @@ def _new_request(limits: MotionLimits, synchronization: ruckig.Synchronization) 
 
 
 def _limit(request: Any, limits: MotionLimits, change: Numbers) -> None:
-    """Set the limits of `request`, in proportion to a nonzero `change` of pose or velocity.
+    """Set the limits of a ruckig `request`, in proportion to a `change` (3,) of pose or velocity.
 
     Ruckig leaves the straight line where one axis alone would allow a shorter profile.
     """
@@ -287,7 +289,7 @@ def _limit(request: Any, limits: MotionLimits, change: Numbers) -> None:
 
 
 def _share(limits: Numbers, change: Numbers) -> Numbers:
-    """`limits` lowered to the ratios of `change`, so that its axes begin and end together."""
+    """`limits` (3,) lowered in proportion to `change` (3,), so that all axes end together."""
     sizes = [abs(c) if abs(c) > SMALLEST_CHANGE else 0.0 for c in change]
     if not any(sizes):
         return limits

@@ -1,4 +1,4 @@
-"""Plug-ins: objects that other installed packages add by an entry point."""
+"""Plug-ins: objects that other installed packages provide by an entry point."""
 
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -12,15 +12,15 @@ GROUP = "folding_cell"  # before a dot and the kind, such as effects, policies, 
 
 
 def plugin_names(kind: str) -> tuple[str, ...]:
-    """Names of the installed plug-ins of `kind`, sorted; none of them is imported."""
+    """Sorted names of the installed plug-ins of `kind`, such as policies; none is imported."""
     return tuple(sorted(point.name for point in entry_points(group=f"{GROUP}.{kind}")))
 
 
 def plugins(kind: str, of: type[T], taken: Collection[str]) -> Mapping[str, T]:
-    """The installed plug-ins of `kind` by name, each an instance of `of`.
+    """Import the installed plug-ins of `kind`, by name; they must be instances of class `of`.
 
-    Raises ConfigurationError for one that cannot be imported, is something else, or has a name that
-    is `taken`.
+    Raises ConfigurationError for one that cannot be imported, is not an `of`, or has a name in
+    `taken`.
     """
     loaded: dict[str, T] = {}
     for point in sorted(entry_points(group=f"{GROUP}.{kind}"), key=lambda point: point.name):
@@ -34,8 +34,8 @@ def plugins(kind: str, of: type[T], taken: Collection[str]) -> Mapping[str, T]:
 def guarded(kind: str, name: str) -> Iterator[None]:
     """Context that turns an error of the plug-in `name` into one that names its package.
 
-    Raises ConfigurationError in place of any error but a CellError, and of an exit; errors of what
-    is no plug-in pass.
+    Any exception but a CellError, and an exit, becomes a ConfigurationError; without a plug-in of
+    that name they pass unchanged.
     """
     points = entry_points(group=f"{GROUP}.{kind}", name=name)
     try:
@@ -49,6 +49,7 @@ def guarded(kind: str, name: str) -> Iterator[None]:
 
 
 def _load(point: EntryPoint, of: type[T]) -> T:
+    """Import the plug-in at `point`; ConfigurationError where it fails or is not an `of`."""
     try:
         value = point.load()
     except (Exception, SystemExit) as error:

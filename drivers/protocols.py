@@ -1,4 +1,4 @@
-"""Protocols that devices of the twin and of the hardware satisfy: clock, arm, hand, camera."""
+"""Protocols of the cell's devices, simulated or real: clock, arm, hand, camera."""
 
 from typing import Protocol
 
@@ -6,43 +6,43 @@ from drivers.types import ArmState, Frame, HandState, Pose, Velocity
 
 
 class Clock(Protocol):
-    """Monotonic clock of a run [s]; the only source of time and of waiting."""
+    """Protocol of a run's clock [s], the only source of time and of waiting."""
 
     def now(self) -> float:
-        """Seconds since the run began."""
+        """Time [s] since the run began."""
 
     def wait_until(self, time: float) -> None:
-        """Return when `time` has come; on the twin this, and only this, advances the world."""
+        """Return when the clock is at `time` [s]; on the twin only this advances the simulation."""
 
 
 class Arm(Protocol):
-    """Interface of an arm: a gripper point that moves in the plane of the strip, in the cell frame.
+    """Protocol of an arm, whose gripper point moves in the plane of the strip, in the cell frame.
 
-    The arm's driver owns the 1 kHz servo. Methods return at once; `state().moving` says whether a
-    motion is under way. Raises `Fault` when the robot refuses or has stopped by itself.
+    The driver runs the 1 kHz servo. Methods return at once; `state().moving` says whether the arm
+    is in motion. Raises `Fault` when the robot refuses a command or has stopped by itself.
     """
 
     def connect(self) -> None:
-        """Connect and hold the arm at rest."""
+        """Connect to the arm and hold it at rest."""
 
     def state(self) -> ArmState:
-        """The newest measured state of the arm."""
+        """Newest measured state of the arm."""
 
     def move_to(self, pose: Pose) -> None:
         """Start a motion to rest at `pose` within the limits; a new command replaces it."""
 
     def set_velocity(self, velocity: Velocity) -> None:
-        """Follow `velocity` from now on; without a new command the arm brakes after a timeout."""
+        """Move at `velocity` from now on; without a new command the arm brakes after a timeout."""
 
     def stop(self) -> None:
-        """Brake within the limits; allowed at any time, from any state."""
+        """Brake the arm within its limits; allowed at any time."""
 
     def close(self) -> None:
-        """Brake and disconnect; calling it twice is allowed."""
+        """Brake the arm and disconnect from it; allowed twice."""
 
 
 class Hand(Protocol):
-    """Interface of a gripper with two fingers."""
+    """Protocol of a gripper with two fingers; methods return at once."""
 
     def open(self) -> None:
         """Start to open the fingers."""
@@ -51,28 +51,27 @@ class Hand(Protocol):
         """Start to close the fingers on the strip's edge."""
 
     def state(self) -> HandState:
-        """The newest measured state of the fingers."""
+        """Newest measured state of the fingers."""
 
     def stop(self) -> None:
-        """Hold the fingers where they are."""
+        """Stop the fingers' motion; an object that they hold stays held."""
 
 
 class Camera(Protocol):
-    """Interface of a camera, which delivers stamped frames."""
+    """Protocol of a camera that delivers stamped frames."""
 
     @property
     def rate(self) -> float:
-        """Frames per second [Hz]: measured after `connect`, requested before it."""
+        """Frame rate [Hz]: as the device accepted it after `connect`, requested before it."""
 
     def connect(self) -> None:
-        """Start delivering frames."""
+        """Connect to the camera and start its stream."""
 
     def read(self, after: float, timeout: float) -> Frame | None:
-        """The newest frame that has arrived with a stamp later than `after`, or None.
+        """Newest frame with a stamp later than `after` [s]; None if none comes in `timeout` [s].
 
-        Waits at most `timeout` [s]; 0 only looks. On the twin it never steps the world, so any
-        timeout there is 0: the caller waits on the clock.
+        The twin ignores `timeout`, because its simulation advances only on the clock.
         """
 
     def close(self) -> None:
-        """Stop and release the device; calling it twice is allowed."""
+        """Stop the stream and release the camera; allowed twice."""

@@ -1,6 +1,6 @@
 """Readers of files from outside: regular files only, of bounded size, depth and digits.
 
-The libraries behind them are imported when they are used, for commands that go without.
+Libraries are imported where they are used, for commands that do not need them.
 """
 
 import json
@@ -70,12 +70,12 @@ def read_text(path: Path, most: int = LARGEST_TEXT) -> str:
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
-    """Mapping in a YAML file; a missing, broken or non-mapping file is a ConfigurationError."""
+    """Mapping in the YAML file at `path`; ConfigurationError where it is missing or broken."""
     return parse_yaml(read_text(path), str(path))
 
 
 def read_json(path: Path, most: int = LARGEST_TEXT) -> dict[str, Any]:
-    """Mapping in a JSON file of at most `most` bytes; raises ConfigurationError for any other."""
+    """Mapping in the JSON file at `path`, of at most `most` bytes; ConfigurationError otherwise."""
     text = read_text(path, most)
     try:
         content = json.loads(text)
@@ -87,10 +87,10 @@ def read_json(path: Path, most: int = LARGEST_TEXT) -> dict[str, Any]:
 
 
 def read_json_lines(path: Path, most: int = LARGEST_LINES) -> list[dict[str, Any]]:
-    """Mappings in the lines of a JSON-lines file of at most `most` bytes; empty without a file.
+    """Mappings in a JSON-lines file of at most `most` bytes, one per line; empty without a file.
 
-    Other lines are skipped, such as a truncated last one. Raises ConfigurationError for a file that
-    is not regular, or too large.
+    Lines that hold no mapping, such as a truncated last one, are skipped. Raises ConfigurationError
+    for a file that is not regular, or too large.
     """
     if not path.exists():
         return []
@@ -107,7 +107,7 @@ def read_json_lines(path: Path, most: int = LARGEST_LINES) -> list[dict[str, Any
 
 
 def read_parquet(path: Path) -> "pa.Table":
-    """The Parquet table at `path`; ConfigurationError when missing, broken or of a newer schema."""
+    """Parquet table at `path`; ConfigurationError where missing, broken or of a newer schema."""
     import pyarrow as pa
 
     if not path.exists():
@@ -130,10 +130,10 @@ def read_parquet(path: Path) -> "pa.Table":
 
 
 def read_picture(path: Path, side: int = LARGEST_SIDE) -> "Image":
-    """The picture (height, width, 3) in BGR at `path`, no side longer than `side` [px].
+    """PNG or JPEG picture (height, width, 3) at `path` in BGR, no side longer than `side` [px].
 
-    Raises ConfigurationError for a file that is missing, not regular, no whole PNG or JPEG, or
-    larger; nothing is decoded before its sides are known.
+    Raises ConfigurationError for a file that is missing, not regular, broken or larger; nothing is
+    decoded before the sides are known.
     """
     content = read_bytes(path, LARGEST_PICTURE)
     width, height = picture_sides(content)
@@ -171,6 +171,7 @@ def _open_nonblocking(path: str, flags: int) -> int:
 
 
 def _check_regular(path: Path, found: os.stat_result) -> None:
+    """Raise ConfigurationError where the status `found` of `path` is a device, pipe or socket."""
     kind = stat.S_IFMT(found.st_mode)
     if kind in SPECIAL_FILES:
         raise ConfigurationError(
@@ -188,12 +189,12 @@ def _is_flat(value: object, depth: int) -> bool:
 
 
 def _integer(text: str) -> int | float:
-    """Parse a whole number; as a float where it is too large for any index, count or time."""
+    """Number in `text`, an integer of JSON; a float where it has more than LINE_DIGITS digits."""
     return int(text) if len(text) <= LINE_DIGITS else float(text)
 
 
 def _parquet_table(content: bytes) -> "pa.Table":
-    """The table in a Parquet file's `content`; ValueError where it declares too much memory."""
+    """Table in a Parquet file's `content`; ValueError where it declares too much memory."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -212,7 +213,7 @@ def _parquet_table(content: bytes) -> "pa.Table":
 
 
 def _decode(content: bytes) -> "Image | None":
-    """The picture (height, width, 3) in BGR; None where broken, without messages of OpenCV."""
+    """Decode a picture (height, width, 3) to BGR; None where broken, without OpenCV's messages."""
     import cv2
     import numpy as np
 

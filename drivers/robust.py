@@ -1,4 +1,4 @@
-"""Robust scale of normal errors among which some are wild."""
+"""Robust estimate of the standard deviation of errors with outliers."""
 
 import numpy as np
 
@@ -8,5 +8,8 @@ MAD = 1.4826  # standard deviation of normal errors over their median absolute d
 
 
 def robust_sigma(errors: Array) -> float:
-    """Standard deviation of `errors` (n,) about zero, by their median absolute value."""
+    """Standard deviation of `errors` (n,) about zero, by their median absolute value.
+
+    Consistent for normal errors; outliers hardly change it.
+    """
     return MAD * float(np.median(np.abs(errors)))

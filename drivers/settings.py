@@ -1,4 +1,4 @@
-"""Base of all settings, and their validation with one line for each error."""
+"""Base class of all settings, and validation of files with one line for each error."""
 
 import json
 import operator
@@ -22,7 +22,7 @@ SMALLER_UNITS = {"m": "mm", "s": "ms", "m/s": "mm/s", "kg/m^2": "g/m^2"}  # a th
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """Unit of a field, given in `Annotated` and named in errors on values beyond its bounds."""
+    """Unit of a settings field, given in `Annotated` and named in errors on its bounds."""
 
     name: str
 
@@ -33,7 +33,7 @@ Speed = Annotated[float, Unit("m/s")]
 
 
 class Settings(BaseModel):
-    """Base of all configuration: frozen, unknown keys forbidden, no conversion from text."""
+    """Base class of all settings: frozen, unknown keys forbidden, finite numbers only."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -42,7 +42,7 @@ S = TypeVar("S", bound=BaseModel)
 
 
 def parse(content: object, model: type[S], origin: str) -> S:
-    """`content` validated as `model`; raises ConfigurationError with one line for each problem.
+    """Validate `content` as a `model`; raises ConfigurationError with a line for each problem.
 
     A line reads `origin: key: reason`. Nothing is converted: text and booleans are not numbers.
     Validated as JSON, where tuples are given as lists.
@@ -63,9 +63,9 @@ def parse(content: object, model: type[S], origin: str) -> S:
 
 
 def load(path: Path, model: type[S], *, bare: bool = False) -> S:
-    """Read the file at `path` as a `model`; unless `bare`, the file must state its `schema`.
+    """Read the YAML file at `path` as a `model`; unless `bare`, it must state its `schema`.
 
-    Raises ConfigurationError, one line for each problem.
+    Raises ConfigurationError with a line for each problem.
     """
     content = read_yaml(path)
     _check_kind(content, model, str(path))
@@ -77,7 +77,7 @@ def load(path: Path, model: type[S], *, bare: bool = False) -> S:
 
 
 def _check_kind(content: Mapping[str, Any], model: type[BaseModel], origin: str) -> None:
-    """Raise ConfigurationError for a file without any key that `model` requires but a name."""
+    """Raise ConfigurationError for content without any key that `model` requires but `name`."""
     fields = model.model_fields.items()
     needed = [field.alias or name for name, field in fields if field.is_required()]
     if len(needed) > 1 and not content.keys() & set(needed) - {"name"}:

@@ -1,4 +1,4 @@
-"""Values that drivers and cell exchange: poses, states, frames."""
+"""Values that drivers and cell exchange: poses, velocities, device states, frames."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -12,7 +12,7 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Gripper point in the cell frame: x, z [m], pitch of the strip's end tangent [rad].
+    """Gripper pose in the cell frame: x, z [m], pitch of the strip's end tangent [rad].
 
     Pitch is 0 with the end flat along +x and pi/2 with the strip hanging straight down.
     """
@@ -28,7 +28,7 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class Velocity:
-    """Rate of a pose: vx, vz [m/s], pitch_rate [rad/s]."""
+    """Velocity of the gripper in the cell frame: vx, vz [m/s], pitch_rate [rad/s]."""
 
     vx: float
     vz: float
@@ -45,7 +45,7 @@ ZERO_VELOCITY = Velocity(0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """Header of every measurement: stamp, arrival and source; times [s] since the run began."""
+    """Header of every measurement: times `stamp`, `arrival` [s] since the run's start, source."""
 
     stamp: float
     arrival: float
@@ -56,7 +56,7 @@ class Reading:
 class ArmState(Reading):
     """Measured `pose` and `velocity` of the arm, and the pose `commanded` by its servo.
 
-    `moving` is true while a motion is under way; `expired` once a velocity command timed out and
+    `moving` is true while the arm is in motion; `expired` once a velocity command timed out and
     the arm braked. `force` on the gripper is (f_x, f_z) [N], NaN where not measured.
     """
 
@@ -70,7 +70,7 @@ class ArmState(Reading):
 
 @dataclass(frozen=True, slots=True)
 class HandState(Reading):
-    """Measured finger width [m], whether the fingers hold something, and whether they move."""
+    """Measured state of the hand: finger `width` [m], whether they hold something or move."""
 
     width: float
     grasped: bool
@@ -79,18 +79,18 @@ class HandState(Reading):
 
 @dataclass(frozen=True, slots=True)
 class Frame(Reading):
-    """One camera image, (height, width, 3) BGR; `stamp` is the middle of the exposure."""
+    """Camera image (height, width, 3) BGR; `stamp` is the middle of its exposure [s]."""
 
     sequence: int
     image: Image
 
     def restamp(self, offset: float) -> Self:
-        """The same frame with its stamp moved by `offset` [s]."""
+        """Copy of this frame with its stamp moved by `offset` [s]."""
         return replace(self, stamp=self.stamp + offset)
 
 
 def frozen(values: object) -> Array:
-    """A read-only float64 copy of `values`, of the same shape."""
+    """Read-only float64 copy of `values`, of the same shape."""
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
     return array

@@ -1,4 +1,4 @@
-"""YAML text: parsed within bounds, dumped, and edited so that comments and order stay."""
+"""YAML text: parsing within bounds, dumping, and editing that preserves comments and order."""
 
 import io
 import re
@@ -15,7 +15,7 @@ if TYPE_CHECKING or not yaml.__with_libyaml__:
 else:
 
     class _Loader(Composer, yaml.CSafeLoader):
-        """Parser in C, eight times as fast, and composer in Python: in C, deep nests overflow."""
+        """YAML parser in C, for speed, with a composer in Python, as deep nests overflow C's."""
 
         def __init__(self, stream: Any) -> None:
             yaml.CSafeLoader.__init__(self, stream)
@@ -56,16 +56,16 @@ def parse_yaml(text: str, path: str) -> dict[str, Any]:
 
 
 def dump_yaml(content: Mapping[str, Any]) -> str:
-    """`content`, of plain values, as the text of a YAML file that `parse_yaml` reads as it is."""
+    """YAML text of `content`, plain values, from which `parse_yaml` reads an equal mapping."""
     return yaml.dump(
         dict(content), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=LINE_WIDTH
     )
 
 
 def edit_yaml(text: str, content: Mapping[str, Any]) -> str:
-    """YAML `text` edited to hold `content`; parts that do not change stay as they are written.
+    """Edit YAML `text` to hold `content`; unchanged parts keep their layout and comments.
 
-    A text that cannot be edited so is written anew.
+    A text that cannot be edited is replaced by `dump_yaml` of `content`.
     """
     from ruamel.yaml import YAML
     from ruamel.yaml.error import YAMLError
@@ -90,8 +90,8 @@ def edit_yaml(text: str, content: Mapping[str, Any]) -> str:
 class BoundedLoader(_Loader):
     """Safe YAML loader that refuses duplicate keys and bounds depth, size and digits of numbers.
 
-    Size counts aliases written out; 1e3 is read as a number. Raises yaml.MarkedYAMLError at the
-    place where a bound is exceeded.
+    Size counts expanded aliases; 1e3 is read as a number. Raises yaml.MarkedYAMLError, with its
+    line, where a bound is exceeded.
     """
 
     def __init__(self, stream: Any) -> None:
@@ -101,7 +101,7 @@ class BoundedLoader(_Loader):
         self._sizes: dict[str, int] = {}
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        """The next node of the document; an alias counts as often as the node it stands for."""
+        """Next node of the document; an alias counts as many nodes as what it stands for."""
         event: Any = self.peek_event()  # type: ignore[no-untyped-call]
         anchor: Any = getattr(event, "anchor", None)
         if self.check_event(yaml.AliasEvent):
@@ -123,7 +123,7 @@ class BoundedLoader(_Loader):
         return node
 
     def compose_scalar_node(self, anchor: Any) -> Any:
-        """The next scalar; a number with too many digits is refused before it is converted."""
+        """Next scalar of the document; MarkedYAMLError for a number of more than MOST_DIGITS."""
         event: Any = self.peek_event()  # type: ignore[no-untyped-call]
         node = super().compose_scalar_node(anchor)
         if node.tag in NUMBER_TAGS and len(node.value) > MOST_DIGITS:
@@ -133,7 +133,7 @@ class BoundedLoader(_Loader):
         return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Mapping of `node`; MarkedYAMLError for a key that is no word or is given twice."""
+        """Mapping from `node`; MarkedYAMLError for a key that is no word or is given twice."""
         seen: set[Hashable] = set()
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode) or key.tag in KEYLESS_TAGS:
@@ -170,7 +170,7 @@ def _place(error: yaml.YAMLError) -> str:
 
 
 def _edited(old: Any, new: Any) -> Any:
-    """`old`, a node of a document, edited in place to equal `new`; `new` where it cannot be."""
+    """Edit a document's node `old` in place to equal `new` and return it; else return `new`."""
     if old == new and isinstance(old, bool) == isinstance(new, bool):
         return old
     if isinstance(old, MutableMapping) and isinstance(new, Mapping):
@@ -186,7 +186,7 @@ def _edited(old: Any, new: Any) -> Any:
 
 
 def _edit_list(node: Any, value: Sequence[Any]) -> None:
-    """Make the list `node` equal `value` in place; entries before or after new ones stay."""
+    """Edit the list `node` in place to equal `value`; entries before or after new ones stay."""
     added = len(value) - len(node)
     if added > 0 and _nearly_equal(node, value[:-added]):
         node.extend(value[-added:])

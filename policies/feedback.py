@@ -1,4 +1,4 @@
-"""The paper's feedback policy: heading phi from gripper x, z and desk_contact x by a network."""
+"""Feedback policy of the paper: heading phi from gripper x, z and desk contact x by a network."""
 
 import json
 import math
@@ -38,7 +38,7 @@ PAST = -0.20
 
 
 class HeadingNetwork:
-    """One hidden layer of 20 tanh units for each of p candidates, evaluated side by side.
+    """Network with one hidden layer of 20 tanh units, for p candidate weights at once.
 
     `weights` (p, WEIGHT_COUNT): per unit three input weights, then the hidden biases, the output
     weights and the output bias.
@@ -61,7 +61,7 @@ class HeadingNetwork:
 
 
 class Feedback:
-    """Policy of the paper's network; `weights` (p, WEIGHT_COUNT) drive p equal groups of the batch.
+    """Feedback policy of the paper, with `weights` (p, WEIGHT_COUNT) for p equal groups of strips.
 
     Speed and pitch are constant. The direction always has a component toward the fixed edge, so
     that every fold ends in a touch or past the edge.
@@ -77,7 +77,7 @@ class Feedback:
         self._contact: Array = np.zeros(0)
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Prepare for `count` strips, a multiple of the number of candidate weights."""
+        """Prepare for `count` strips, a multiple of the number p of candidate weights."""
         self._length = strip.length
         self._speed = speed
         self._contact = np.full(count, np.nan)
@@ -87,12 +87,13 @@ class Feedback:
         return triangular(self._length)
 
     def decide(self, observation: Observation) -> Decision:
-        """Decide headings by the network, from the gripper and the newest visible desk contact."""
+        """Command headings by the network, from the gripper and the newest visible desk contact."""
         seen = np.isfinite(observation.contact_x)
         self._contact = np.where(seen, observation.contact_x, self._contact)
         state = np.stack([observation.x, observation.z, self._contact], axis=-1) / self._length
         blind = np.isnan(self._contact)
-        direction = np.where(blind, 0.75 * math.pi, self._direction(state))
+        headings = self._network(state.reshape(self._groups, -1, 3)).reshape(-1)
+        direction = np.where(blind, 0.75 * math.pi, headings)
         done = state[:, 0] < PAST
         return Decision(
             direction=limit_directions(direction, state[:, 0], state[:, 1]),
@@ -101,12 +102,9 @@ class Feedback:
             done=done,
         )
 
-    def _direction(self, state: Array) -> Array:
-        return self._network(state.reshape(self._groups, -1, 3)).reshape(-1)
-
 
 def limit_directions(direction: Array, x: Array, z: Array) -> Array:
-    """Directions (n,) [rad] clipped to bounds of height and distance; `x`, `z` (n,) over length."""
+    """Clip `direction` (n,) [rad] by bounds of height and distance; `x`, `z` (n,) over length."""
     along_circle = np.arctan2(z, x) + 0.5 * math.pi  # heading at a constant distance from the edge
     low = np.where(np.hypot(x, z) > NEARLY_TAUT, along_circle, 0.5 * math.pi)
     low = np.where(z > LOFT, np.maximum(low, math.pi), low)
@@ -115,7 +113,7 @@ def limit_directions(direction: Array, x: Array, z: Array) -> Array:
 
 
 class Training(Settings):
-    """Origin of the weights: settings and results of their training."""
+    """Origin of a feedback network's weights: seed, generations and folds of their training."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -125,7 +123,7 @@ class Training(Settings):
 
 
 class Checkpoint(Settings):
-    """Weights of the feedback network, in the order of `HeadingNetwork`, as JSON."""
+    """Content of a checkpoint file: weights of the feedback network, and their training."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -136,7 +134,7 @@ class Checkpoint(Settings):
 
 
 def load_checkpoint(path: FilePath) -> Checkpoint:
-    """The checkpoint at `path`; one line of ConfigurationError when it is missing or broken."""
+    """Read the checkpoint at `path`; ConfigurationError where it is missing or broken."""
     try:
         return parse(read_json(path, MEGABYTE), Checkpoint, str(path))
     except ConfigurationError as error:
@@ -150,5 +148,5 @@ def save_checkpoint(path: FilePath, checkpoint: Checkpoint) -> None:
 
 
 def load_feedback(path: FilePath | None = None) -> Feedback:
-    """The policy with the weights of the checkpoint at `path`, or the committed one."""
+    """Policy `feedback` with the weights of the checkpoint at `path`, or of the committed one."""
     return Feedback(np.array(load_checkpoint(path or COMMITTED).weights))

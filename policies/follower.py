@@ -1,4 +1,4 @@
-"""Path following by heading, for a batch of grippers commanded by velocity."""
+"""Path following for a batch of grippers that are commanded by velocity."""
 
 from collections.abc import Callable
 
@@ -10,13 +10,13 @@ from policies.path import Path
 from policies.policy import Decision, Observation
 
 SEARCH_WINDOW = 0.03  # m of path ahead in which the nearest point is searched
-LOOK_AHEAD = 0.01  # m over which a cross-track error is steered out
+LOOK_AHEAD = 0.01  # m over which a cross-track error is corrected
 LEAD = 0.04  # s of preview: half the time in which a gripper turns a corner
-END_TOLERANCE = 0.0005  # m before its end at which a path has been followed
+END_TOLERANCE = 0.0005  # m before the path's end from which the gripper has arrived
 
 
 class Follower:
-    """Steers n grippers along one path; their progress never decreases.
+    """Controller that steers n grippers along one path; their progress never decreases.
 
     `progress` (n,) is the distance along the path [m] of the point nearest to each gripper.
     """
@@ -27,9 +27,9 @@ class Follower:
         self._reach = path.length
 
     def decide(self, x: Array, z: Array, speed: float) -> Decision:
-        """Headings along the path at `speed` [m/s] from `x`, `z` (n,) [m]; done at its end.
+        """Command grippers at `x`, `z` (n,) [m] along the path at `speed` [m/s]; done at its end.
 
-        The first call searches the whole path, later ones at most `SEARCH_WINDOW` ahead.
+        The first call searches the entire path, later ones at most SEARCH_WINDOW ahead.
         """
         points = np.stack([x, z], axis=-1)
         high = np.minimum(self.progress + self._reach, self.path.length)
@@ -45,6 +45,7 @@ class Follower:
         )
 
     def _heading(self, points: Array, speed: float) -> Array:
+        """Headings (n,) [rad] at `points` (n, 2): the path's LEAD ahead, plus error correction."""
         tangent = tangents(self.path, self.progress + speed * LEAD)
         offset = self.path.at(self.progress) - points
         across = offset - np.sum(offset * tangent, axis=-1, keepdims=True) * tangent
@@ -53,7 +54,7 @@ class Follower:
 
 
 def nearest(path: Path, points: Array, low: Array, high: Array) -> Array:
-    """Distances along the path (n,) in [`low`, `high`] of the points nearest to `points` (n, 2)."""
+    """Distances (n,) [m] along `path`, in [low, high], of its points nearest to `points` (n, 2)."""
     starts, steps = path.points[:-1], np.diff(path.points, axis=0)
     lengths = np.diff(path.travel)
     along = np.einsum("nms,ms->nm", points[:, None] - starts, steps) / lengths
@@ -65,7 +66,7 @@ def nearest(path: Path, points: Array, low: Array, high: Array) -> Array:
 
 
 def tangents(path: Path, travel: Array) -> Array:
-    """Unit tangents (n, 2) at distances along the path (n,); constant beyond its end."""
+    """Unit tangents (n, 2) of `path` at distances `travel` (n,) [m]; constant beyond its end."""
     segment = np.clip(
         np.searchsorted(path.travel, travel, side="right") - 1, 0, len(path.travel) - 2
     )
@@ -74,7 +75,7 @@ def tangents(path: Path, travel: Array) -> Array:
 
 
 class PathPolicy:
-    """A policy that follows a path known before the fold: `path` of a strip's length [m]."""
+    """Policy that follows a path known before the fold: `path(length)` for a strip's length [m]."""
 
     def __init__(self, name: str, path: Callable[[float], Path]) -> None:
         self.name, self.path = name, path
@@ -82,16 +83,16 @@ class PathPolicy:
         self._follower: Follower | None = None
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Compute the path for `strip` and start at its beginning."""
+        """Compute the path for `strip`, and start `count` grippers at its beginning."""
         self._speed = speed
         self._follower = Follower(self.path(strip.length), count)
 
     def lift(self) -> Path:
-        """Path of the lift, the policy's path."""
+        """Path of the lift: the policy's path."""
         return self._active_follower().path
 
     def decide(self, observation: Observation) -> Decision:
-        """Headings along the path at the configured speed; done at its end."""
+        """Command the grippers along the path at the speed given to `reset`; done at its end."""
         return self._active_follower().decide(observation.x, observation.z, self._speed)
 
     def _active_follower(self) -> Follower:

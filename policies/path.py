@@ -1,4 +1,4 @@
-"""Gripper paths in the plane of the strip, as polylines measured along their length."""
+"""Gripper paths in the plane of the strip, as polylines with distances along them."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -17,14 +17,14 @@ PAPER_RISE = 0.042
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """A polyline: `points` (m, 2) of x, z [m] at distances `travel` (m,) [m] from its start."""
+    """Gripper path: polyline `points` (m, 2) x, z [m] at distances `travel` (m,) [m] along it."""
 
     points: Array
     travel: Array
 
     @classmethod
     def through(cls, points: Array) -> Self:
-        """The path through `points` (m, 2), m at least 2."""
+        """Path through `points` (m, 2) x, z [m], m at least 2."""
         return cls(frozen(points), frozen(arc_lengths(points)))
 
     @property
@@ -39,7 +39,7 @@ class Path:
         return np.stack([x, z], axis=-1)
 
     def poses(self, travel: Array | float) -> Array:
-        """Gripper poses (..., 3) x, z [m], pitch [rad] at distances along the path."""
+        """Gripper poses (..., 3) x, z [m], pitch [rad] at distances `travel` (...,) [m]."""
         return np.concatenate([self.at(travel), lift_pitch(travel)[..., None]], axis=-1)
 
 
@@ -49,7 +49,7 @@ def lift_pitch(travel: Array | float) -> Array:
 
 
 def triangular(length: float, rise: float = 0.0) -> Path:
-    """Triangle (L, 0), (L/2, L/2 + rise), (0, rise) over a strip of `length` L [m]; `rise` [m].
+    """Triangular path (L, 0), (L/2, L/2 + rise), (0, rise) [m] over a strip of `length` L [m].
 
     Without a rise it is exact for limp strips (paper, state of the art).
     """
@@ -58,12 +58,12 @@ def triangular(length: float, rise: float = 0.0) -> Path:
 
 
 def shifted(length: float) -> Path:
-    """The triangle moved up by `PAPER_RISE`, the same for every fabric."""
+    """Triangular path over a strip of `length` [m], moved up by PAPER_RISE for every fabric."""
     return triangular(length, PAPER_RISE)
 
 
 def vertical_lift(length: float) -> Path:
-    """Path from (L, 0) straight up, turning to 45 degrees by the take-over height, up to z = L/2.
+    """Path over a strip of `length` L [m] from (L, 0) straight up, then at 45 degrees to z = L/2.
 
     The triangle's first leg pushes the strip back along the desk until it buckles at the grip, to
     curvatures of up to 180 1/m, of which friction between yarns keeps a part; on this parabola they
@@ -76,7 +76,7 @@ def vertical_lift(length: float) -> Path:
 
 
 def circular(length: float) -> Path:
-    """Half a circle about (L/2, 0) with radius L/2, from (L, 0) to (0, 0) (paper)."""
+    """Path over a strip of `length` L [m]: half a circle from (L, 0) to (0, 0) (paper)."""
     angle = np.linspace(0.0, np.pi, 361)
     radius = length / 2
     return Path.through(np.stack([radius + radius * np.cos(angle), radius * np.sin(angle)], -1))

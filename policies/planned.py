@@ -1,4 +1,4 @@
-"""The policy `planned`, an upper bound for feedback: plans by simulating the known strip."""
+"""Policy `planned`, an upper bound for feedback: it plans by simulation of the known strip."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -22,19 +22,19 @@ from policies.sensing import EXACT_SENSING
 SEGMENTS = 100
 BENT = 0.18  # of the length, height up to which all paths climb as the triangle does
 FIRST_RISES = np.linspace(-0.06, 0.22, 8)  # rises tried first, over the length
-FINE_STEPS = np.arange(-3.0, 5.0)  # steps around the zero between those, tried then
+FINE_STEPS = np.arange(-3.0, 5.0)  # steps around the zero among the first, tried then
 RISE_STEP = 1 / 600  # of the length; rises tried are multiples, so that strips share motions
 
 
 def raise_path(length: float, rise: float) -> Path:
-    """The triangle with apex and end moved up by `rise` [m]; its first section is unchanged."""
+    """Triangular path over a strip of `length` [m], with apex and end moved up by `rise` [m]."""
     bend = BENT * length
     apex = (length / 2, length / 2 + rise)
     return Path.through(np.array([(length, 0.0), (length - bend, bend), apex, (0.0, rise)]))
 
 
 class Paths:
-    """Policy for a batch of strips in which each gripper follows a different path."""
+    """Policy for a batch of strips in which each gripper follows its own of n `paths`."""
 
     name = "paths"
 
@@ -44,7 +44,7 @@ class Paths:
         self._speed = 0.0
 
     def reset(self, _: StripFile, speed: float, count: int) -> None:
-        """Reset to the start of the paths; ValueError unless `count` is their number."""
+        """Start at the beginning of the paths; ValueError unless `count` is their number."""
         if count != len(self._each):
             raise ValueError(f"{count} strips, but {len(self._each)} paths")
         self._followers = [Follower(path, 1) for path in self._each]
@@ -55,7 +55,7 @@ class Paths:
         return self._each[0]
 
     def decide(self, observation: Observation) -> Decision:
-        """Decide headings along the path of each gripper."""
+        """Command each gripper along its path."""
         places = zip(self._followers, observation.x, observation.z, strict=True)
         each = [f.decide(np.array([x]), np.array([z]), self._speed) for f, x, z in places]
         return Decision(
@@ -67,7 +67,7 @@ class Paths:
 
 
 class Planned(Paths):
-    """Follows the raised triangle on which the simulated strip folds with displacement 0.
+    """Policy that follows the raised triangle on which the simulated strip has displacement 0.
 
     Plans once for a strip and a speed. `strips` are the known strips of a batch; without them all
     equal the strip given at `reset`.
@@ -83,11 +83,11 @@ class Planned(Paths):
         self._known: tuple[tuple[StripFile, ...], float, float] | None = None
 
     def correct(self, seen: float, unseen: float) -> None:
-        """Cancel biases [m]: `seen`, measured minus simulated, `unseen`, true minus measured."""
+        """Correct by biases [m]: `seen`, measured less simulated, `unseen`, true less measured."""
         self._aim = -seen - unseen
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Plan for `strip` at `speed` [m/s], unless already planned; errors are those of `plan`."""
+        """Plan for `strip` at `speed` [m/s], unless already planned; or ConfigurationError."""
         asked = (self._strips or (strip,), speed, self._aim)
         if asked != self._known:
             self.rises, self._known = plan(*asked), asked
@@ -97,12 +97,11 @@ class Planned(Paths):
 
 
 def plan(strips: Sequence[StripFile], speed: float, aim: float = 0.0) -> Array:
-    """Rises (n,) [m] of the triangles on which the rod folds `strips` with d = `aim` [m] at `speed`
-    [m/s].
+    """Rises (n,) [m] of triangles on which simulated `strips` get the displacement `aim` [m].
 
-    Two rounds over all strips in one batch: coarse, then fine around the zero. The grippers move as
-    in a fold, with its lift and its limited acceleration. Raises ConfigurationError where no path
-    reaches d = `aim`.
+    At `speed` [m/s]. Two rounds over all strips in one batch: coarse, then fine around the zero.
+    The grippers move as in a fold, with its lift and its limited acceleration. Raises
+    ConfigurationError where no path reaches `aim`.
     """
     first_steps = np.round(FIRST_RISES / RISE_STEP).astype(int)
     coarse = np.tile(first_steps, (len(strips), 1))
@@ -119,9 +118,9 @@ def plan(strips: Sequence[StripFile], speed: float, aim: float = 0.0) -> Array:
 
 
 def fold_by_plan(known: StripFile, lying: StripFile) -> tuple[float, Array]:
-    """Displacement [m], NaN without a touch, and midline (n, 2) [m] of the strip `lying`.
+    """Fold the strip `lying` in simulation on the path that is planned for the strip `known`.
 
-    It is folded in the rod on the path planned for the strip `known`; errors are those of `plan`.
+    Returns the displacement [m], NaN without a touch, and the midline (n, 2) [m] at the end.
     """
     rod, rng = Rod(), np.random.default_rng(0)
     folds = roll_out(Planned(), rod, known, [describe(lying)], settings=Rollout(), rng=rng)
@@ -129,8 +128,9 @@ def fold_by_plan(known: StripFile, lying: StripFile) -> tuple[float, Array]:
 
 
 def _gripper_poses(strip: StripFile, speed: float, steps: Array) -> tuple[Array, float]:
-    """Poses (k, n, 3) of grippers at `speed` [m/s] along the triangles raised by `steps` (n,) times
-    RISE_STEP, and the time [s] between them.
+    """Poses (k, n, 3) of grippers along triangles raised by `steps` (n,), and their period [s].
+
+    At `speed` [m/s]; a step is RISE_STEP.
     """
     different, numbers = np.unique(steps, return_inverse=True)
     paths = [raise_path(strip.length, step * RISE_STEP * strip.length) for step in different]
@@ -138,7 +138,7 @@ def _gripper_poses(strip: StripFile, speed: float, steps: Array) -> tuple[Array,
     settings = Rollout(speed=speed, sensing=EXACT_SENSING, profile=False)
     rng = np.random.default_rng(0)
     roll_out(Paths(paths), recorder, strip, models, settings=settings, rng=rng)
-    return recorder.poses[:, numbers], recorder.dt
+    return np.array(recorder.poses)[:, numbers], recorder.dt
 
 
 class _PoseRecorder:
@@ -147,19 +147,14 @@ class _PoseRecorder:
     def __init__(self) -> None:
         self.dt = 0.0
         self._count = 0
-        self._kept: list[Array] = []
-
-    @property
-    def poses(self) -> Array:
-        """Grippers' poses (k, n, 3) recorded so far."""
-        return np.array(self._kept)
+        self.poses: list[Array] = []  # (n, 3), one entry for each step
 
     def reset(self, models: Sequence[StripModel]) -> None:
-        self._count, self._kept = len(models), []
+        self._count, self.poses = len(models), []
 
     def step(self, poses: Array, dt: float) -> Observables:
         self.dt = dt
-        self._kept.append(poses.copy())
+        self.poses.append(poses.copy())
         scalars, points = np.zeros(self._count), np.zeros((self._count, 2))
         return Observables(0.0, scalars, points, scalars, points, (None,) * self._count)
 
@@ -180,7 +175,7 @@ def _displacements(strips: Sequence[StripFile], speed: float, steps: Array) -> A
 
 
 def _check_reachable(strip: StripFile, d: Array) -> None:
-    """Refuse a `strip` whose displacements `d` (m,) [m] have one sign at all rises."""
+    """Raise ConfigurationError where displacements `d` (m,) [m] have one sign at all rises."""
     if not (np.any(d < 0) and np.any(d > 0)):
         raise ConfigurationError(
             f"planned: {strip.name}: no raised triangle folds it with displacement 0 in the rod, "
@@ -190,16 +185,14 @@ def _check_reachable(strip: StripFile, d: Array) -> None:
 
 
 def _brackets_zero(d: Array) -> NDArray[np.bool_]:
-    """Mask (n,) of rows of displacements `d` (n, m) that hold both signs, so that 0 is between."""
+    """Mask (n,) of the rows of displacements `d` (n, m) that contain both signs."""
     return np.asarray(np.any(d <= 0, axis=1) & np.any(d >= 0, axis=1))
 
 
 def _interpolate_zeros(steps: Array, d: Array) -> Array:
-    """Rises (n,) at which the displacements `d` (n, m) of the rises `steps` (n, m) vanish."""
-    return np.array([_interpolate_zero(*row) for row in zip(steps, d, strict=True)])
-
-
-def _interpolate_zero(steps: Array, d: Array) -> float:
-    """Rise at which the displacements `d` (m,) of the rises `steps` (m,) vanish."""
-    order = np.argsort(d)[: int(np.isfinite(d).sum())]  # NaN sorts last and is left out
-    return float(np.interp(0.0, d[order], steps[order]))
+    """Rises (n,) at which displacements are zero: `d` (n, m) are those of rises `steps` (n, m)."""
+    zeros = []
+    for row, rises in zip(d, steps, strict=True):
+        order = np.argsort(row)[: int(np.isfinite(row).sum())]  # NaN sorts last and is left out
+        zeros.append(float(np.interp(0.0, row[order], rises[order])))
+    return np.array(zeros)

@@ -1,4 +1,4 @@
-"""Protocol of every policy: an observation in, a direction out, for a batch of strips."""
+"""Protocol of policies: from an observation to a command of the gripper, for n strips."""
 
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -13,7 +13,7 @@ from policies.path import Path
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """Inputs of a policy for n strips; arrays are (n,) unless stated, [m] and [s].
+    """Observation of n strips, the input of a policy; arrays (n,) unless stated, [m] and [s].
 
     `x`, `z` are the gripper's, measured now; `contact_x` is the desk contact and `tip_x`, `tip_z`
     the fold's rightmost point at `stamp`, the time of the newest image; `time` is now. NaN marks
@@ -35,8 +35,10 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """Command for n grippers: `direction` phi from the x-axis [rad], `speed` [m/s], `pitch_rate`
-    [rad/s], and `done` where the policy has finished; arrays (n,).
+    """Command for n grippers, the output of a policy; arrays (n,).
+
+    `direction` phi from the x-axis [rad], `speed` [m/s], `pitch_rate` [rad/s], and `done` where the
+    policy has finished.
     """
 
     direction: Array
@@ -46,15 +48,15 @@ class Decision:
 
 
 class Policy(Protocol):
-    """Protocol of a folding policy: converts observations to commands, with state until `reset`."""
+    """Protocol of a folding policy, which converts observations to commands of the gripper."""
 
     name: str
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Clear the state; prepare for `count` strips as long as `strip`, at `speed` [m/s]."""
+        """Clear all state; prepare for `count` strips as long as `strip`, at `speed` [m/s]."""
 
     def lift(self) -> Path:
-        """The path whose first section lifts the edge from (L, 0) to the take-over height."""
+        """Path whose first section lifts the edge from (L, 0) to the take-over height."""
 
     def decide(self, observation: Observation) -> Decision:
-        """Direction and speed of the gripper for each strip."""
+        """Command for the gripper of each strip, from the newest `observation`."""

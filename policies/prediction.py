@@ -1,4 +1,4 @@
-"""Predictions of a policy about the fold and the strip, for the record and the operator."""
+"""Predictions of a policy on the fold and the strip, for the record and the operator."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -19,10 +19,10 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class FoldPrediction:
-    """Predicted `displacement` and its standard deviation `sigma` [m]; estimates of the bending
-    length [m], retardation time [s] and yield curvature of yarn friction [1/m].
+    """Prediction of a fold's `displacement` and its standard deviation `sigma` [m].
 
-    With `blind` no image is reliable at present, and nothing is predicted for this fold.
+    With estimates of the strip's bending length [m], retardation time [s] and yield curvature of
+    yarn friction [1/m]. With `blind` no image is reliable at present.
     """
 
     displacement: float
@@ -33,13 +33,13 @@ class FoldPrediction:
     blind: bool
 
     def sentence(self) -> str:
-        """The prediction as text for the operator."""
+        """Text with the predicted displacement and its sigma, for the operator."""
         return f"predicted {1e3 * self.displacement:+.1f} mm, sigma {1e3 * self.sigma:.1f} mm"
 
 
 @runtime_checkable
 class Predictor(Protocol):
-    """A policy that predicts the result of its fold."""
+    """Protocol of a policy that predicts the result of its fold."""
 
     def prediction(self) -> FoldPrediction | None:
-        """The prediction for the first fold of the batch; None before the first decision."""
+        """Prediction for the first fold of the batch; None before the first decision."""

@@ -1,8 +1,8 @@
-"""Profiles of lifted strips resampled to a fixed number of points, from simulation and images."""
+"""Profiles of lifted strips, midlines of a fixed number of points, from simulation and images."""
 
 import numpy as np
 
-from drivers.geometry import arc_lengths
+from drivers.geometry import even_points
 from drivers.strip.model import CONTACT_HEIGHT
 from drivers.types import Array
 
@@ -10,10 +10,11 @@ POINTS = 12  # of a profile that a policy reads, desk contact and gripper includ
 
 
 def profiles(shapes: Array, arc: Array, contact_x: Array, grip: Array) -> Array:
-    """Points (n, POINTS, 2) [m] at equal arc lengths along midlines from desk contact to gripper.
+    """Profiles (n, POINTS, 2) [m]: points at equal arc lengths from desk contact to gripper.
 
-    `shapes` (n, nodes, 2) at arc lengths `arc` (n, nodes) [m]; the strip before `contact_x` (n,)
-    lies flat, so that this is also its arc length. The last point is the gripper's, `grip` (n, 2).
+    Midlines are `shapes` (n, nodes, 2) at arc lengths `arc` (n, nodes) [m]; the strip before
+    `contact_x` (n,) lies flat, so that this is also its arc length. The last point is the
+    gripper's, `grip` (n, 2).
     """
     share = np.linspace(0.0, 1.0, POINTS)
     at = contact_x[:, None] + share * (arc[:, -1] - contact_x)[:, None]
@@ -27,20 +28,13 @@ def profiles(shapes: Array, arc: Array, contact_x: Array, grip: Array) -> Array:
     return np.asarray(points)
 
 
-def seen_profile(points: Array, contact_x: float, gripper: tuple[float, float]) -> Array:
-    """Profile (1, POINTS, 2) [m] at equal arc lengths along `points` (m, 2) [m] of an image.
+def image_profile(points: Array, contact_x: float, gripper: tuple[float, float]) -> Array:
+    """Profile (1, POINTS, 2) [m] through midline `points` (m, 2) [m] measured in an image.
 
     It begins at the desk contact `contact_x` [m] and ends at the `gripper`'s x, z [m]: points of
     images begin up to 2 mm past the contact, and the fingers hide the last ones before the gripper.
-    NaN where nothing was seen.
+    NaN where nothing was measured.
     """
     if len(points) < 2 or not np.isfinite(contact_x):
         return np.full((1, POINTS, 2), np.nan)
-    return resample_evenly(np.vstack([(contact_x, CONTACT_HEIGHT), points, gripper]))[None]
-
-
-def resample_evenly(points: Array) -> Array:
-    """Points (POINTS, 2) at equal arc lengths along one polyline (m, 2) [m], m at least 2."""
-    travel = arc_lengths(points)
-    at = np.linspace(0.0, travel[-1], POINTS)
-    return np.stack([np.interp(at, travel, points[:, c]) for c in range(2)], axis=1)
+    return even_points(np.vstack([(contact_x, CONTACT_HEIGHT), points, gripper]), POINTS)[None]

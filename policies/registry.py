@@ -1,4 +1,4 @@
-"""Policies by name: their factories and their appearance in figures.
+"""Registry of policies by name: their factories and their appearance in figures.
 
 Names are listed without loading any policy: a factory does its own imports.
 """
@@ -6,7 +6,7 @@ Names are listed without loading any policy: a factory does its own imports.
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
@@ -35,10 +35,10 @@ PLAIN = Look()
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A policy's factory, called with a checkpoint or None, and its `rank` in lists.
+    """Registered policy: its factory `make`, called with a checkpoint or None, its `rank` in lists.
 
-    A `learned` policy has weights that a checkpoint replaces. `in_rod` makes the policy for folds
-    of the rod, where that is another one than for folds through images.
+    A `learned` policy has weights that a checkpoint replaces. `in_rod` is the factory for simulated
+    folds, where it differs from that for folds through images.
     """
 
     rank: int
@@ -72,18 +72,11 @@ def _feedback(checkpoint: FilePath | None) -> "Policy":
     return load_feedback(checkpoint)
 
 
-def _adaptive(checkpoint: FilePath | None) -> "Policy":
+def _adaptive(checkpoint: FilePath | None, *, in_rod: bool = False) -> "Policy":
     from policies.adaptive.adaptive import Adaptive
     from policies.adaptive.checkpoint import load_bias, load_critic
 
-    return Adaptive(load_critic(checkpoint), load_bias(checkpoint))
-
-
-def _adaptive_in_rod(checkpoint: FilePath | None) -> "Policy":
-    from policies.adaptive.adaptive import Adaptive
-    from policies.adaptive.checkpoint import load_critic
-
-    return Adaptive(load_critic(checkpoint))
+    return Adaptive(load_critic(checkpoint), None if in_rod else load_bias(checkpoint))
 
 
 OWN_POLICIES: Mapping[str, Entry] = {
@@ -93,35 +86,39 @@ OWN_POLICIES: Mapping[str, Entry] = {
     "planned": Entry(4, _planned, look=Look("#8a5fb0", "s", 4.2)),
     "feedback": Entry(5, _feedback, learned=True, look=Look("#3a8a5c", size=7.0)),
     "adaptive": Entry(
-        6, _adaptive, learned=True, in_rod=_adaptive_in_rod, look=Look("#c2352b", "P")
+        6,
+        _adaptive,
+        learned=True,
+        in_rod=partial(_adaptive, in_rod=True),
+        look=Look("#c2352b", "P"),
     ),
 }
 
 
 @cache
 def entries() -> Mapping[str, Entry]:
-    """All policies by name, those of plug-ins too, in display order."""
+    """All policies by name, those of plug-ins included, in display order."""
     found = {**OWN_POLICIES, **plugins("policies", Entry, OWN_POLICIES)}
     return dict(sorted(found.items(), key=lambda item: (item[1].rank, item[0])))
 
 
 def policy_names() -> tuple[str, ...]:
-    """The names that `make_policy` accepts, in display order."""
+    """Names of all policies, in display order."""
     return tuple(entries())
 
 
 def look_of(name: str) -> Look:
-    """Colour and marker of a policy in figures; plain ones for an unknown name."""
+    """Colour and marker of the policy `name` in figures; default ones for an unknown name."""
     return entries()[name].look if name in entries() else PLAIN
 
 
 def make_policy(name: str, checkpoint: FilePath | None = None, *, in_rod: bool = False) -> "Policy":
-    """The policy called `name`, not yet reset, for folds through images or `in_rod`.
+    """Create the policy `name`, for folds through images or, if `in_rod`, for simulated folds.
 
-    `checkpoint` replaces the committed weights of a learned policy. Raises ConfigurationError
-    for an unknown name, a checkpoint that cannot be read, or one for a policy without weights.
-    `motion:NAME` is the standard motion of that name, `motion:by-hand-SEED-NUMBER` one as a person
-    leads the gripper, drawn from these numbers.
+    `checkpoint` replaces the committed weights of a learned policy. Raises ConfigurationError for
+    an unknown name, a checkpoint that cannot be read, or one for a policy without weights.
+    `motion:NAME` is the standard motion of that name, `motion:by-hand-SEED-NUMBER` a random one as
+    a person guides the gripper.
     """
     if name.startswith(MOTION) and checkpoint is None:
         return _standard_motion(name)

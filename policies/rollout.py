@@ -1,4 +1,4 @@
-"""Simulated folds: any policy, any engine, a batch of strips in one closed loop."""
+"""Simulated folds of a batch of strips in closed loop, with any policy and any engine."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -25,16 +25,16 @@ class MultiStepper(Protocol):
     """Protocol of an engine that executes several steps in one call."""
 
     def advance(self, poses: Array, dt: float) -> Observables:
-        """Advance by a step of `dt` [s] to each of `poses` (k, n, 3) in turn."""
+        """Advance by a step of `dt` [s] to each of the gripper `poses` (k, n, 3)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rollout:
-    """Settings of a simulated fold.
+    """Settings of simulated folds: speed [m/s], rate of decisions [Hz], sensing.
 
-    Decisions at `rate` [Hz], `substeps` engine steps in between; the gripper changes its velocity
-    with at most `acceleration` [m/s^2]; a fold without a touch after `patience` times the strip's
-    length of travel is given up. Policies that read no `profile` run faster without it.
+    Between decisions the engine makes `substeps` steps; the gripper's acceleration is at most
+    `acceleration` [m/s^2]; a fold without a touch is given up after a travel of `patience` times
+    the strip's length. Policies that read no `profile` run faster without it.
     """
 
     speed: float = 0.1
@@ -47,15 +47,17 @@ class Rollout:
 
     @property
     def period(self) -> float:
-        """Time between decisions [s]."""
+        """Time [s] between two decisions."""
         return 1.0 / self.rate
 
 
 @dataclass(frozen=True, slots=True)
 class Folds:
-    """Results of n folds: `displacement` (n,) [m], NaN without a touch; `touch` of each; mean size
-    (n,) [N] of the horizontal force on the fixed edge until the touch: `holding_force` of the whole
-    fold, `pull` from the take-over on, as in the paper; gripper `trace` (k, n, 2) [m].
+    """Results of n simulated folds.
+
+    `displacement` (n,) [m], NaN without a touch; mean size (n,) [N] of the horizontal force on the
+    fixed edge until the touch: `holding_force` from the start, `pull` from the take-over on, as in
+    the paper; gripper `trace` (k, n, 2) [m].
     """
 
     displacement: Array
@@ -72,9 +74,7 @@ class Folds:
 
 @dataclass(frozen=True, slots=True)
 class Misses:
-    """Sizes of displacements [m]: mean, 95 % quantile and largest |d|, NaN of none; the number of
-    folds that ended without a touch.
-    """
+    """Statistics of the size |d| of displacements [m], NaN of none; number of folds `untouched`."""
 
     mean: float
     quantile_95: float
@@ -83,7 +83,7 @@ class Misses:
 
     @classmethod
     def of(cls, displacement: Array) -> Self:
-        """Sizes of `displacement` (..., n) [m], NaN without a touch; those are left out."""
+        """Statistics of `displacement` (..., n) [m], NaN for folds without a touch."""
         d = np.abs(displacement[np.isfinite(displacement)])
         lost = displacement.size - d.size
         if d.size == 0:
@@ -101,7 +101,7 @@ def roll_out(
     rng: np.random.Generator,
     groups: int = 1,
 ) -> Folds:
-    """Results of folding `models` in one batch; the policy gets only `strip` and observations.
+    """Fold the strips `models` in one batch; the policy gets only `strip` and observations.
 
     `groups` equal groups of strips get the same noise and delays, so that candidates can be
     compared.
@@ -120,8 +120,8 @@ def roll_out(
     loop.lift(policy.lift(), len(models))
     decisions = round(settings.patience * strip.length / settings.speed * settings.rate)
     for _ in range(decisions):
-        decision = policy.decide(loop.camera.look(loop.time, loop.poses[:, :2]))
-        if loop.follow(decision):
+        decision = policy.decide(loop.camera.observe(loop.time, loop.poses[:, :2]))
+        if loop.execute(decision):
             break
     return loop.folds()
 
@@ -143,10 +143,10 @@ class _Loop:
         self._trace: list[Array] = []
         self._touch: tuple[Touch | None, ...] = ()
         self._folding: NDArray[np.bool_] = np.zeros(0, dtype=bool)
-        self._march = engine.advance if isinstance(engine, MultiStepper) else self._step
+        self._step_all = engine.advance if isinstance(engine, MultiStepper) else self._step_each
 
     def lift(self, path: Path, count: int) -> None:
-        """Move along `path` from rest until the grippers stand at the take-over height."""
+        """Move `count` grippers along `path` from rest up to the take-over height."""
         height = min(TAKEOVER_HEIGHT, LIFT_SHARE * float(path.points[:, 1].max()))
         self._force, self._periods = np.zeros((2, count)), np.zeros((2, count))
         self._lifted = np.zeros(count, dtype=bool)
@@ -163,15 +163,15 @@ class _Loop:
         last_step = path.at(travel) - path.at(travel - speed * self._dt)
         self._velocity = np.tile(last_step / self._dt, (count, 1))
 
-    def follow(self, decision: Decision) -> bool:
-        """Carry out `decision` until the next one; returns whether every fold has ended."""
-        if self._has_ended(decision):
+    def execute(self, decision: Decision) -> bool:
+        """Execute `decision` until the next one is due; returns whether all folds have ended."""
+        if not np.any(self._folding & ~decision.done):
             return True
         self._advance(self._turn_into(decision))
         return False
 
     def _turn_into(self, decision: Decision) -> Array:
-        """Poses (substeps, n, 3) of the grippers while they turn into the decided directions."""
+        """Poses (substeps, n, 3) of the grippers as their velocities change to the decided ones."""
         heading = np.stack([np.cos(decision.direction), np.sin(decision.direction)], axis=-1)
         wanted = decision.speed[:, None] * heading
         largest_change = self._settings.acceleration * self._dt
@@ -189,17 +189,14 @@ class _Loop:
         return poses
 
     def folds(self) -> Folds:
-        """The results of the folds."""
+        """Results of the folds up to now."""
         displacements = [np.nan if touch is None else touch.displacement for touch in self._touch]
         whole, pull = self._force / np.maximum(self._periods, 1)
         return Folds(np.array(displacements), self._touch, whole, pull, np.array(self._trace))
 
-    def _has_ended(self, decision: Decision) -> bool:
-        return not np.any(self._folding & ~decision.done)
-
     def _advance(self, poses: Array) -> None:
-        """Move the grippers through `poses`, add up forces, and let the camera see the result."""
-        seen = self._march(poses, self._dt)
+        """Move the grippers through `poses` (k, n, 3), sum forces up, return the camera states."""
+        seen = self._step_all(poses, self._dt)
         if seen.touch is not self._touch:
             self._touch = seen.touch
             self._folding = np.array([touch is None for touch in seen.touch])
@@ -212,10 +209,10 @@ class _Loop:
         shapes, arc = NO_SHAPES
         if self.camera.wants_shapes:
             shapes, arc = self._engine.shapes(), self._engine.arc()
-        self.camera.remember(seen, shapes, arc, self.poses[:, :2])
+        self.camera.store(seen, shapes, arc, self.poses[:, :2])
         self._trace.append(self.poses[:, :2].copy())
 
-    def _step(self, poses: Array, dt: float) -> Observables:
+    def _step_each(self, poses: Array, dt: float) -> Observables:
         for pose in poses[:-1]:
             self._engine.step(pose, dt)
         return self._engine.step(poses[-1], dt)

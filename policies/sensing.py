@@ -1,4 +1,4 @@
-"""Simulated sensing for policies: late, noisy and incomplete observations, as through a camera."""
+"""Simulated sensing for policies: late, noisy and incomplete observations, as by a camera."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,7 +20,7 @@ STATE_SIZE = 3
 
 @dataclass(frozen=True, slots=True)
 class Sensing:
-    """Noise model of images; lengths [m], times [s], sigmas one standard deviation.
+    """Noise model of measurements in images; lengths [m], times [s], one standard deviation.
 
     Drawn for each image: noise of desk_contact, of the tip's x (and z, where `tip_z_sigma`
     differs), of each point of the profile; in a fraction `wild` of images the contact is off by
@@ -46,13 +46,13 @@ class Sensing:
 
     @property
     def noise_sigmas(self) -> Array:
-        """Noise (STATE_SIZE,) [m] of contact, tip x and tip z, one standard deviation."""
+        """Standard deviations (STATE_SIZE,) [m] of an image's noise: contact, tip x, tip z."""
         tip_z = self.tip_sigma if self.tip_z_sigma is None else self.tip_z_sigma
         return np.array([self.contact_sigma, self.tip_sigma, tip_z])
 
     @property
     def bias_sigmas(self) -> Array:
-        """Standard deviations (STATE_SIZE,) [m] from which a fold's constant errors are drawn."""
+        """Standard deviations (STATE_SIZE,) [m] of a fold's fixed errors: contact, tip x, tip z."""
         return np.array([self.contact_bias, self.tip_bias, self.tip_bias])
 
 
@@ -67,9 +67,9 @@ EXACT_SENSING = Sensing(
 
 
 class ImageNoise(Settings):
-    """Measured noise and biases of the simulated cell's images; fields are as in `Sensing`.
+    """Content of `sensing.yaml`: measured noise and biases of the simulated cell's images.
 
-    Written by `python -m tests.lab study perception`; biases are over strips.
+    Fields are as in `Sensing`. Written by `python -m tests.lab study perception`.
     """
 
     schema_: Literal[1] = Field(1, alias="schema")
@@ -86,7 +86,7 @@ class ImageNoise(Settings):
     belongs_to: str
 
     def sensing(self) -> Sensing:
-        """Sensing with this noise and the delays of a calibrated camera."""
+        """Noise model with this noise and the delays of a calibrated camera."""
         sizes = self.model_dump(exclude={"schema_", "strips", "source", "belongs_to"})
         return Sensing(**sizes, delay=(0.02, 0.04), delay_error=0.002)
 
@@ -104,7 +104,7 @@ TRAINING = replace(
 
 
 class Images(NamedTuple):
-    """Observed state of n strips: `stamp` (n,), `state` (n, STATE_SIZE), `profile` (n, m, 2)."""
+    """Measurements of n strips: `stamp` (n,), `state` (n, STATE_SIZE), `profile` (n, m, 2)."""
 
     stamp: Array
     state: Array
@@ -112,17 +112,17 @@ class Images(NamedTuple):
 
 
 class Draws:
-    """Random numbers of one group of strips, repeated for every group."""
+    """Random numbers for the `size` strips of one group, repeated for each of `groups` groups."""
 
     def __init__(self, groups: int, size: int, rng: np.random.Generator) -> None:
         self._groups, self._size, self._rng = groups, size, rng
 
     def normal(self, *shape: int) -> Array:
-        """Standard normal values (n, *shape)."""
+        """Draw standard normal values (n, *shape)."""
         return self._repeat_for_groups(self._rng.normal(size=(self._size, *shape)))
 
     def uniform(self, low: float, high: float) -> Array:
-        """Uniform values (n,) over [low, high)."""
+        """Draw uniform values (n,) in [low, high)."""
         return self._repeat_for_groups(self._rng.uniform(low, high, size=self._size))
 
     def _repeat_for_groups(self, values: Array) -> Array:
@@ -130,11 +130,10 @@ class Draws:
 
 
 class SimulatedCamera:
-    """Simulated camera: stores the state of n strips at each decision and returns it as a camera
-    would measure it.
+    """Simulated camera, which measures the states of n strips late and with noise.
 
-    The strips come in `groups` equal groups which get the same noise and the same delays. Without
-    `profile` no profiles are measured.
+    The strips are in `groups` equal groups, which get the same noise and delays. Without `profile`
+    no profiles are measured.
     """
 
     def __init__(
@@ -167,8 +166,8 @@ class SimulatedCamera:
         self._strips = np.arange(count)
         self._shown: Images | None = None
 
-    def remember(self, seen: Observables, shapes: Array, arc: Array, grip: Array) -> None:
-        """Store the strips' true state at the next decision time.
+    def store(self, seen: Observables, shapes: Array, arc: Array, grip: Array) -> None:
+        """Store the strips' true states at the next decision time.
 
         Midlines `shapes` (n, nodes, 2) at `arc` (n, nodes) and the grippers (n, 2) [m] are used
         only where profiles are measured.
@@ -183,11 +182,11 @@ class SimulatedCamera:
 
     @property
     def wants_shapes(self) -> bool:
-        """Whether `remember` reads midlines."""
+        """Whether the camera measures profiles, for which `store` needs midlines."""
         return self._points > 0
 
-    def look(self, time: float, points: Array) -> Observation:
-        """Observation at `time` [s], of grippers known exactly to be at `points` (n, 2) [m]."""
+    def observe(self, time: float, points: Array) -> Observation:
+        """Observation at `time` [s], with grippers known exactly to be at `points` (n, 2) [m]."""
         shown = self._drop_images(self._add_noise(time))
         return Observation(
             time=np.full(len(points), time),
@@ -202,7 +201,7 @@ class SimulatedCamera:
         )
 
     def _add_noise(self, time: float) -> Images:
-        """The newest image of each strip, with noise added."""
+        """Measurements in the strips' newest images at `time` [s], with noise."""
         after = (self._newest + self._whole_late) % len(self._recent)
         before = (after + 1) % len(self._recent)
         true = (1 - self._part_late) * self._recent[after, self._strips]
@@ -218,14 +217,14 @@ class SimulatedCamera:
         return Images(time - self._delay, state, profile)
 
     def _blur_profile(self, profile: Array) -> Array:
-        """Profiles with noise on all points but the last, which the arm measures."""
+        """Copy of `profile` (n, m, 2) with noise on all points but the last, the gripper's."""
         noise = self._draws.normal(self._points, 2) * self._sensing.profile_sigma
         noise = noise * self._factor[:, None, None] + self._profile_bias
         noise[:, -1] = 0.0
         return profile + noise
 
     def _drop_images(self, new: Images) -> Images:
-        """The newest image of each strip that was not lost: `new` or the previous one."""
+        """Measurements in the strips' newest images that were not lost: `new`, or earlier ones."""
         if self._shown is not None and self._sensing.dropped[1] > 0:
             lost = self._draws.uniform(0.0, 1.0) < self._dropped
             new = Images(

@@ -1,4 +1,4 @@
-"""Strips that policies are trained and judged on: the paper's range, and effects of fabrics."""
+"""Sampling of strips that policies are trained and judged on: paper's range, effects of fabrics."""
 
 from collections.abc import Mapping
 
@@ -38,42 +38,44 @@ CONDITIONS = ("nothing", "friction", *EFFECTS)  # one effect at a time
 
 
 def strip_at(u: float, v: float) -> StripFile:
-    """The strip at (u, v) of the unit square, on which log stiffness and log damping are linear."""
+    """Strip of the paper's range at (u, v) of the unit square: log stiffness, log damping."""
     low, high = STIFFNESS_RANGE
     k = low * (high / low) ** u
     return paper_strip(k, paper_damping_minimum(k) * DAMPING_RATIO**v)
 
 
 def grid(n: int) -> list[StripFile]:
-    """n x n strips on a logarithmic grid with corners, stiffness outermost."""
+    """Strips of the paper's range on an n x n logarithmic grid, ordered by stiffness first."""
     places = np.linspace(0.0, 1.0, n)
     return [strip_at(u, v) for u in places for v in places]
 
 
 def sample(n: int, rng: np.random.Generator) -> list[StripFile]:
-    """n x n strips, one at random in each cell of the unit square (stratified sampling)."""
+    """Draw n x n strips of the paper's range by stratified sampling: one in each cell."""
     shift: Array = rng.uniform(size=(n, n, 2))
     cells = np.stack(np.meshgrid(np.arange(n), np.arange(n), indexing="ij"), axis=-1)
     places = ((cells + shift) / n).reshape(-1, 2)
     return [strip_at(u, v) for u, v in places]
 
 
-def friction(rng: np.random.Generator, low: float, high: float) -> dict[str, float]:
-    """Random parameters of yarn friction, yield curvature log-uniform in [`low`, `high`] [1/m]."""
+def draw_friction(rng: np.random.Generator, low: float, high: float) -> dict[str, float]:
+    """Draw parameters of yarn friction, its yield curvature log-uniform in [low, high] [1/m]."""
     ratio = registry()[FRICTION_EFFECT].textile["stiffness_ratio"]
     curvature = _log_uniform(rng, low, high)
-    return {"yield_curvature": curvature, "stiffness_ratio": ratio.draw(rng, STRIP_LENGTH)}
+    return {"yield_curvature": curvature, "stiffness_ratio": ratio.sample(rng, STRIP_LENGTH)}
 
 
-def effect(name: str, rng: np.random.Generator, length: float = STRIP_LENGTH) -> dict[str, float]:
-    """Random parameters of the effect `name` over textiles, for a strip of `length` [m]."""
-    return {key: span.draw(rng, length) for key, span in registry()[name].textile.items()}
+def draw_effect(
+    name: str, rng: np.random.Generator, length: float = STRIP_LENGTH
+) -> dict[str, float]:
+    """Draw parameters of the effect `name` as of textiles, for a strip of `length` [m]."""
+    return {key: span.sample(rng, length) for key, span in registry()[name].textile.items()}
 
 
 def plain_strip(
     rng: np.random.Generator, length: float = STRIP_LENGTH, **effects: Mapping[str, float]
 ) -> StripFile:
-    """A random strip of `length` [m] in the paper's range, of textile weight, with `effects`."""
+    """Draw a strip of `length` [m] in the paper's range, of textile weight, with `effects`."""
     of_paper = strip_at(rng.uniform(), rng.uniform())
     return StripFile(
         name="unknown",
@@ -90,31 +92,31 @@ def plain_strip(
 def strip_under_condition(
     condition: str, rng: np.random.Generator, length: float = STRIP_LENGTH
 ) -> StripFile:
-    """A random strip with the effect that `condition`, one of CONDITIONS, names."""
+    """Draw a strip of `length` [m] with the effect that `condition`, one of CONDITIONS, names."""
     if condition == "nothing":
         return plain_strip(rng, length)
     if condition == "friction":
         return plain_strip(rng, length, **{FRICTION_EFFECT: _textile_friction(rng)})
-    return plain_strip(rng, length, **{condition: effect(condition, rng, length)})
+    return plain_strip(rng, length, **{condition: draw_effect(condition, rng, length)})
 
 
 def random_strip(rng: np.random.Generator, length: float = STRIP_LENGTH) -> StripFile:
-    """A random strip as operators may bring it: many have yarn friction, some another effect."""
+    """Draw a strip as operators may bring one: many have yarn friction, some another effect."""
     effects: dict[str, Mapping[str, float]] = {}
     if rng.uniform() < FRICTION_SHARE:
         effects[FRICTION_EFFECT] = _textile_friction(rng)
     if rng.uniform() < OTHER_SHARE:
         frequencies = np.array([*EFFECTS.values()])
         name = str(rng.choice(list(EFFECTS), p=frequencies / frequencies.sum()))
-        effects[name] = effect(name, rng, length)
+        effects[name] = draw_effect(name, rng, length)
     return plain_strip(rng, length, **effects)
 
 
 def _textile_friction(rng: np.random.Generator) -> dict[str, float]:
     """Yarn friction over the range of textiles."""
     curvature = registry()[FRICTION_EFFECT].textile["yield_curvature"]
-    return friction(rng, curvature.low, curvature.high)
+    return draw_friction(rng, curvature.low, curvature.high)
 
 
 def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    return Span(low, high, log=True).draw(rng, STRIP_LENGTH)
+    return Span(low, high, log=True).sample(rng, STRIP_LENGTH)

@@ -1,1 +1,1 @@
-"""Tasks of the calibration wizard by ask and tell: each requests images and judges them."""
+"""Tasks of the calibration wizard by ask and tell: they request images and judge them."""

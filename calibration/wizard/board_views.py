@@ -28,12 +28,12 @@ VIEW_TOLERANCE = (0.12, 0.12, 0.25, 0.25)  # x, y, relative size and rad, from t
 
 
 class BoardViews:
-    """Collects views of the board by ask and tell: the caller shows the board as `ask()` requests
-    and passes the camera's image to `tell()`.
+    """Collection of views of the calibration board, by ask and tell.
 
-    Views that were not asked for count as well. With `patience` a requested view is given up after
-    that many refused images; a person (`patient`) calls `skip` instead. `size` are width and height
-    [px] of the images, those of the first view if it is not known.
+    The caller shows the board as `ask()` requests and passes the camera's image to `tell()`. Other
+    views count as well. A requested view is given up after `patience` refused images; a person
+    (`patient`) calls `skip` instead. `size` are width and height [px] of the images, by default
+    those of the first view.
     """
 
     subject = "board"
@@ -60,11 +60,11 @@ class BoardViews:
         self._lens: Lens | None = None
 
     def ask(self) -> WantedView | None:
-        """The next view to show; None when the views suffice."""
+        """Next view of the board to show; None once the views suffice."""
         return self._wanted[0] if self._wanted else None
 
     def tell(self, frame: Frame) -> Result:
-        """Process an image of the board; two in a row must show it at the same place."""
+        """Process an image of the board; a view is accepted if two in a row agree."""
         number, self._count = self._count, self._count + 1
         look = find_board(frame.image, self._detector, self._board)
         refused = self._refuse(frame, look)
@@ -81,7 +81,7 @@ class BoardViews:
         return Result(_row(number, look.view, refused))
 
     def restore(self, rows: Iterable[tuple[Row, Image]]) -> Row | None:
-        """Accept the views in a session's images (h, w, 3); returns a row without one, or None."""
+        """Accept the views in a session's images (h, w, 3); returns a row without any, or None."""
         for row, image in rows:
             view = find_board(image, self._detector, self._board).view
             if view is None:
@@ -115,11 +115,11 @@ class BoardViews:
         return tuple(Mark(corner) for view in self.views for corner in view.image)
 
     def gates(self) -> tuple[Gate, ...]:
-        """Coverage requirements and how far the views so far meet each."""
+        """Coverage requirements, and how far the accepted views meet them."""
         return coverage(self.views, self._lens or guessed_lens(TYPICAL_SIZE), self._settings)
 
     def progress(self, frame: Frame | None = None, result: Result | None = None) -> Progress:
-        """Request, coverage, and the `result` of the newest image `frame`, if any."""
+        """Message to observers: request, coverage, `result` of the newest image `frame`, if any."""
         gates, wanted = self.gates(), self.ask()
         missing = [gate for gate in gates if not gate.passed]
         seen = () if self._seen is None or result is None else self._seen.image
@@ -136,7 +136,7 @@ class BoardViews:
         )
 
     def verdict(self, length: float | None) -> LensVerdict:
-        """The verdict on the lens from the views so far.
+        """Verdict on the lens from the views so far.
 
         `length` [m] is the ruler's length of the board's squares across all columns.
         """

@@ -17,7 +17,7 @@ FLAT_ANGLE = 0.05  # rad under which a lean is not mentioned
 
 @dataclass(frozen=True, slots=True)
 class WantedView:
-    """A required view of the board: its place, size and angles in the image.
+    """Required view of the calibration board: its place, size and angles in the image.
 
     `x`, `y` are its centre as fractions of the image, from the left and from the top, `size` its
     width as a fraction of the image's. Facing the camera at zero angles [rad]: `tilt` leans its top
@@ -98,7 +98,7 @@ GUESS = 2.0  # focal length over image width, before any is known
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """Placement of the board in one view, after ROS's camera_calibration.
+    """Placement of the calibration board in one view, as in ROS's camera_calibration.
 
     `x`, `y` are its centre and `size` the root of its area, as fractions of the image; `skew` is 0
     for a rectangle and 1 for corners 28 degrees off square; `tilt`, `turn` [rad] lean its top and
@@ -115,7 +115,7 @@ class Placement:
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """One coverage requirement: how much of the `need` the views `have`, and `advice`."""
+    """Requirement on the views' coverage: how much of the `need` they `have`, and `advice`."""
 
     name: str
     have: float
@@ -125,7 +125,7 @@ class Gate:
 
     @property
     def share(self) -> float:
-        """Fraction of the need that is met, at most 1."""
+        """Fraction of the requirement that is met, at most 1."""
         return min(self.have / self.need, 1.0)
 
     @property
@@ -135,7 +135,7 @@ class Gate:
 
     @property
     def ratio(self) -> str:
-        """`have` of `need` as text, as integers where views are counted."""
+        """Text with `have` of `need`, as integers where views are counted."""
         digits = 0 if self.unit else 2
         return f"{self.have:.{digits}f} of {self.need:.{digits}f}"
 
@@ -153,7 +153,7 @@ def guessed_lens(size: tuple[int, int]) -> Lens:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sketch:
-    """Outer corners (4, 2) [px] of the board, `wanted` and `seen`, None where unknown.
+    """Outer corners (4, 2) [px] of the board, as `wanted` and as `seen`, None where unknown.
 
     `size` is the (width, height) [px] of the image.
     """
@@ -190,7 +190,7 @@ def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
 
 
 def coverage(views: Sequence[BoardView], lens: Lens, needs: BoardSettings) -> tuple[Gate, ...]:
-    """All coverage requirements, and how far `views` through `lens` meet each."""
+    """All requirements on coverage, and how far `views` through `lens` meet them."""
     seen = [placement(view, needs.outline(), lens) for view in views]
     x, y, size = (_range([getattr(p, name) for p in seen]) for name in ("x", "y", "size"))
     skew, cells = max((p.skew for p in seen), default=0.0), _cell_share(views, lens)

@@ -22,11 +22,11 @@ FIRST_STEP = 0.005  # s between the latencies that are tried first
 
 
 class LatencySettings(Settings):
-    """Settings of the latency measurement: `steps` moves of `step` [m] along x from (`x`, `z`) and
-    back, and the acceptance criteria.
+    """Settings of the latency measurement and its acceptance criteria.
 
-    `most` is the largest plausible latency and `uncertainty` the allowed difference between two
-    halves of the images, both [s]; `images` is the number required in motion.
+    The arm makes `steps` moves of `step` [m] along x from (`x`, `z`) and back. `most` is the
+    largest plausible latency and `uncertainty` the allowed difference between two halves of the
+    images, both [s]; `images` is the number required in motion.
     """
 
     x: float = Field(0.25, ge=-0.5, le=2.0)
@@ -67,7 +67,10 @@ NOT_MEASURED = LatencyVerdict(reasons=("the latency was not measured",))
 
 
 class LatencySteps:
-    """Collects arm states and images by ask and tell, while the caller moves the arm to `ask()`."""
+    """Collection of arm states and images for the latency, by ask and tell.
+
+    The caller moves the arm to the poses of `ask()`.
+    """
 
     def __init__(self, settings: LatencySettings) -> None:
         here = Pose(settings.x, settings.z, pi / 2)
@@ -83,29 +86,29 @@ class LatencySteps:
 
     @property
     def arm(self) -> Array:
-        """Arm measurements (n, 3): stamp [s], x, z [m]."""
+        """Measurements (n, 3) of the arm: stamp [s], x, z [m]."""
         return np.reshape(self._arm, (-1, 3))
 
     @property
     def seen(self) -> Array:
-        """Images of the pointer (n, 3): stamp [s] and the disc's centre u, v [px]."""
+        """Measurements (n, 3) in images of the pointer: stamp [s], centre of its disc u, v [px]."""
         return np.reshape(self._seen, (-1, 3))
 
     def ask(self) -> Pose | None:
-        """The next pose of the pointer; None once enough images have shown it."""
+        """Next pose of the pointer; None once all moves are done."""
         return self._queue[0] if self._queue else None
 
     def record_arrival(self) -> None:
-        """Record that the arm rests at the requested pose."""
+        """Record that the arm is at rest at the requested pose."""
         self._queue = self._queue[1:]
 
     def tell_arm(self, state: ArmState) -> None:
-        """Add the arm's newest state."""
+        """Add the arm's newest `state`, unless it was added already."""
         if not self._arm or state.stamp > self._arm[-1][0]:
             self._arm.append((state.stamp, state.pose.x, state.pose.z))
 
     def tell_frame(self, frame: Frame) -> None:
-        """Add a new image, if it shows the pointer."""
+        """Add a new image, which is ignored unless it shows the pointer."""
         centre = find_pointer(frame.image)
         if centre is not None:
             self._seen.append((frame.stamp, float(centre[0]), float(centre[1])))
@@ -114,10 +117,10 @@ class LatencySteps:
 def latency_verdict(
     arm: Array, seen: Array, lens: Lens, homography: Homography, settings: LatencySettings
 ) -> LatencyVerdict:
-    """The camera's latency from arm measurements (n, 3) and images `seen` (m, 3) of the pointer.
+    """Measure the camera's latency from those of the arm (n, 3) and of images `seen` (m, 3).
 
-    The first are stamp [s], x, z [m], the second stamp [s], u, v [px]; `homography` is that of the
-    touched points.
+    `arm` holds stamp [s], x, z [m], `seen` stamp [s], u, v [px] of the pointer; `homography` is
+    that of the touched points.
     """
     if len(arm) < 2 or len(seen) == 0:
         return LatencyVerdict(reasons=("no step of the arm was seen; step again",))

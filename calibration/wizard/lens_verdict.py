@@ -22,7 +22,7 @@ BOW_MODES = 3  # of a bow: x^2, y^2, x y
 
 @dataclass(frozen=True, slots=True)
 class Bow:
-    """A board's bow: peak to peak out of its plane over the pattern, and one sigma of it [mm]."""
+    """Bow of a board out of its plane: peak to peak over the pattern, and one sigma of it [mm]."""
 
     height_mm: float
     sigma_mm: float
@@ -106,13 +106,11 @@ NAN = float("nan")
 
 @dataclass(frozen=True, slots=True)
 class LensVerdict(Verdict):
-    """The lens fit, differences between the lenses of two halves of the views, and the reasons for
-    failure.
+    """Verdict on a lens calibration: the fitted lens, and the lenses of two halves of the views.
 
-    `split` is their relative difference in focal length; `bend_px` the largest difference of their
-    distortion over the image after the best plane homography is removed, and `bend_mm` that at the
-    board's distance. `per_view` is the rms [px] of the image with that number, `bow` how far the
-    board is bent.
+    `split` is the halves' relative difference in focal length; `bend_px` the largest difference of
+    their distortion over the image after the best plane homography is removed, and `bend_mm` that
+    at the board's distance. `per_view` is the rms [px] by number of the image.
     """
 
     fit: LensFit | None = None
@@ -124,7 +122,7 @@ class LensVerdict(Verdict):
     bow: Bow | None = None
 
     def lines(self) -> tuple[Line, ...]:
-        """Lines for the operator, the next step last."""
+        """Lines on the lens for the operator, the next step last."""
         lines = []
         if self.fit is not None:
             focal, (u, v) = self.fit.lens.matrix[0, 0], self.fit.lens.matrix[:2, 2]
@@ -152,7 +150,7 @@ class LensVerdict(Verdict):
 
     @property
     def title(self) -> tuple[str, ...]:
-        """Lines over the picture of the session."""
+        """Lines over the session's picture: number of views, and their worst error."""
         worst = max(self.per_view.values(), default=0)
         return (f"{len(self.per_view)} views; corners off by up to {worst:.2f} px",)
 
@@ -163,7 +161,7 @@ def lens_verdict(
     length: float | None,
     settings: BoardSettings,
 ) -> LensVerdict:
-    """The verdict from `views` by number, in images of `size` [px]; independent of their order.
+    """Verdict on the lens from `views` by number, in images of `size` [px], in any order.
 
     `length` [m] is the ruler's length of the printed squares across all columns.
     """
@@ -196,7 +194,7 @@ def lens_verdict(
 
 
 def fit_views(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
-    """Fit the lens to `views` of the board in images of `size` [px]; errors as of `fit_lens`."""
+    """Fit a lens to `views` of the board in images of `size` [px]; or ConfigurationError."""
     return fit_lens([view.board for view in views], [view.image for view in views], size)
 
 

@@ -1,4 +1,4 @@
-"""Messages of a wizard to its observers, and the marks that are drawn into an image."""
+"""Messages of the calibration wizard to its observers, and marks that are drawn into images."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from drivers.types import Array, Frame, Image
 
 
 class Row(Settings):
-    """One line of told.jsonl: an accepted or refused image and its measurements.
+    """One line of told.jsonl: an accepted or refused image and the measurements in it.
 
     `corners` are [id, u, v] of the board, `centre` of the pointer; `pose` x, z, pitch of the arm.
     `dropped` takes the earlier row of the same number back, and of the same touch (`again`).
@@ -38,7 +38,7 @@ class Row(Settings):
 class Result:
     """Result of one image: its `row` in the session's folder, and whether it was accepted.
 
-    `given_up` tells that no further image of this pose is wanted, though none was accepted.
+    `given_up` is set where no further image of this pose is wanted, though none was accepted.
     """
 
     row: Row
@@ -52,7 +52,7 @@ class Result:
 
     @property
     def waits(self) -> bool:
-        """Whether the next image decides."""
+        """Whether the image was neither accepted nor refused: the next one decides."""
         return not self.taken and self.row.refused is None
 
     def text(self, kind: str, taken: str) -> str:
@@ -90,7 +90,7 @@ class Mark:
 
 
 class PlannedPoint(NamedTuple):
-    """A pose of the plan, x, z [m], and its `state`, a character of the terminal's legend."""
+    """Planned pose x, z [m] of the pointer, and its `state` as a character for the terminal."""
 
     x: float
     z: float
@@ -99,12 +99,11 @@ class PlannedPoint(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """Progress of a wizard: its request, the reason `why`, and the result of the newest image.
+    """Message of a wizard: its request, the reason `why`, and the result of the newest image.
 
-    `frame` is that image, `result` what it gave and `answer` this as a text; `marks` are drawn into
-    it. `coverage` and `sketch` show how a board is to be held, `plan` which poses were touched.
-    `taken_back` is the row of a measurement that the operator took back, `steps` the arm's motion
-    that shows the latency.
+    `frame` is that image, `answer` its `result` as text, `marks` are drawn into it. `coverage` and
+    `sketch` show how a board is to be held, `plan` which poses were touched. `taken_back` is the
+    row of a measurement that the operator took back, `steps` the arm's motion for the latency.
     """
 
     title: str
@@ -129,7 +128,7 @@ def ignore(_: Progress) -> None:
 
 
 def draw_picture(image: Image, marks: Iterable[Mark], lines: Sequence[str]) -> Image:
-    """`image` (h, w, 3), darkened, with `marks`, their errors `ENLARGED` times, and title lines."""
+    """Darkened copy of `image` (h, w, 3) with `marks`, errors ENLARGED times, and title `lines`."""
     drawn = np.asarray(image * 0.55, dtype=np.uint8)
     for mark in marks:
         _draw_mark(drawn, mark)

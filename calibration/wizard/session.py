@@ -57,14 +57,15 @@ class Session(Settings):
 
 
 class SessionFolder:
-    """An observer that writes each message of a session to its folder at once, so that nothing is
-    lost, and passes it on to `watch`; `newest` is the last image.
+    """Observer of a wizard that writes its messages to a session's folder at once.
+
+    It passes them on to `watch`; `newest` is the last image.
     """
 
     def __init__(self, folder: Path, session: Session, watch: Observer = ignore) -> None:
         """Create `folder`, which must be new or empty, or resume that of the same `session`.
 
-        A folder that cannot be written is a ConfigurationError.
+        Raises ConfigurationError for a folder that cannot be written.
         """
         self.folder, self.session = folder, session
         self.newest: Frame | None = None
@@ -91,7 +92,7 @@ class SessionFolder:
         self._watch(progress)
 
     def add(self, row: Row, image: Image | None = None) -> None:
-        """Append `row` to the file of rows and write its `image` (height, width, 3), if any.
+        """Append `row` to told.jsonl and write its `image` (height, width, 3), if any.
 
         Raises ConfigurationError where it cannot be written.
         """
@@ -106,7 +107,7 @@ class SessionFolder:
 
 
 def read_session(folder: Path, kind: Kind) -> Session:
-    """Read session.yaml in `folder`; another kind of session is a ConfigurationError."""
+    """Read session.yaml in `folder`; ConfigurationError for another `kind` of session."""
     session = load(folder / SESSION_FILE, Session)
     if session.kind != kind:
         raise ConfigurationError(
@@ -117,7 +118,7 @@ def read_session(folder: Path, kind: Kind) -> Session:
 
 
 def begin_or_resume(folder: Path, now: Session) -> Session:
-    """The session in `folder`, or `now` in a new one; ConfigurationError where settings differ."""
+    """Session in `folder`, or `now` in a new one; ConfigurationError where settings differ."""
     if not (folder / SESSION_FILE).exists():
         return now
     begun = read_session(folder, now.kind)
@@ -141,7 +142,7 @@ def _mend_rows(path: Path) -> None:
 
 
 def read_rows(folder: Path) -> Iterator[Row]:
-    """Rows of told.jsonl, without a truncated last line.
+    """Yield the rows of told.jsonl in a session's `folder`, without a truncated last line.
 
     Raises ConfigurationError for a file that cannot be read or a line that is not JSON.
     """
@@ -202,11 +203,11 @@ class Task(Protocol):
     """What its images show."""
 
     def restore(self, rows: Iterable[tuple[Row, Image]]) -> Row | None:
-        """Accept what a session's images (h, w, 3) show; returns a row that is refused, or None."""
+        """Accept what a session's images (h, w, 3) show; returns a refused row, or None."""
 
 
 def restore(task: Task, folder: Path, session: Session, without: Collection[int] = ()) -> None:
-    """Measure anew in the accepted images in `folder`, `without` those of some numbers.
+    """Repeat a session's measurements in the accepted images in `folder`, `without` some numbers.
 
     Raises ConfigurationError for a broken file or an image that shows nothing.
     """
@@ -219,7 +220,7 @@ def restore(task: Task, folder: Path, session: Session, without: Collection[int]
 
 
 class StepsFile(Settings):
-    """Contents of latency.json: `arm` [[t, x, z]] and `seen` [[t, u, v]] during the arm's steps."""
+    """Content of latency.json: `arm` [[t, x, z]] and `seen` [[t, u, v]] during the arm's steps."""
 
     model_config = ConfigDict(extra="ignore")  # a program writes it
 
@@ -228,7 +229,7 @@ class StepsFile(Settings):
 
 
 def read_latency(folder: Path) -> tuple[Array, Array]:
-    """Arm measurements (n, 3) and images of the pointer (m, 3), as `latency_verdict` takes them.
+    """Read measurements of the arm (n, 3) and of the pointer in images (m, 3), for the latency.
 
     Empty where `folder` has no latency.json; raises ConfigurationError for a broken one.
     """
@@ -239,7 +240,7 @@ def read_latency(folder: Path) -> tuple[Array, Array]:
 
 
 def write_image(path: Path, image: Image) -> None:
-    """Write `image` (height, width, 3) as PNG; ConfigurationError where it cannot be written."""
+    """Write `image` (height, width, 3) to `path` as PNG; ConfigurationError where that fails."""
     made, content = cv2.imencode(".png", image, FAST_PNG)
     if not made:
         raise ConfigurationError(f"{path}: the picture cannot be written as PNG")
@@ -247,5 +248,5 @@ def write_image(path: Path, image: Image) -> None:
 
 
 def write_yaml(path: Path, content: Mapping[str, Any]) -> None:
-    """Write `content` as YAML; a place that cannot be written is a ConfigurationError."""
+    """Write `content` to `path` as YAML; ConfigurationError where that fails."""
     write_file(path, dump_yaml(content), MAKE_ROOM)

@@ -1,4 +1,4 @@
-"""Verdicts on touched points: on the map fitted to them, and on a calibration already in use."""
+"""Verdicts from touched points: on the map fitted to them, and on a calibration already in use."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -38,7 +38,7 @@ ANEW = "run `cell calibrate homography` again"
 
 @dataclass(frozen=True, slots=True)
 class TouchVerdict(Verdict):
-    """The map, its errors [mm] at held-out points, and the reasons for failure.
+    """Verdict on a map to the plane: the map and its errors [mm] at held-out points.
 
     `residual_mm` is their rms; `halves_mm` the largest difference over the work area between two
     maps from independent halves of the points; `displacement_mm` the rms effect of the errors along
@@ -81,7 +81,7 @@ class TouchVerdict(Verdict):
 
     @property
     def title(self) -> tuple[str, ...]:
-        """Lines over the picture of the session."""
+        """Lines over the session's picture: legend, and errors at held-out points."""
         return (
             f"green: fitted, blue: held out, red: wild; errors drawn {ENLARGED:.0f} times",
             f"held out: {self.residual_mm:.2f} mm rms, {self.worst_mm:.2f} mm at worst; "
@@ -94,7 +94,7 @@ NOT_TOUCHED = TouchVerdict(reasons=("no points were touched",))
 
 @dataclass(frozen=True, slots=True)
 class CheckVerdict(Verdict):
-    """Error [mm] of a calibration in use at each touched point, by the point's number.
+    """Verdict on a calibration in use: its errors [mm] at touched points, by number.
 
     `median_mm` and `worst_mm` are NaN without points.
     """
@@ -104,7 +104,7 @@ class CheckVerdict(Verdict):
     worst_mm: float
 
     def lines(self) -> tuple[Line, ...]:
-        """Lines for the operator, the next step last."""
+        """Lines on the calibration for the operator, the next step last."""
         lines = self.bad_lines()
         if self.errors_mm:
             text = f"half of {len(self.errors_mm)} touched points are under "
@@ -114,7 +114,7 @@ class CheckVerdict(Verdict):
 
 
 def touch_verdict(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -> TouchVerdict:
-    """The verdict on the map from `touches` through `lens`; independent of their order."""
+    """Verdict on the map that fits `touches` through `lens`, in any order."""
     try:
         fit = fit_touches(touches, lens, settings)
     except ConfigurationError as error:
@@ -128,7 +128,7 @@ def touch_verdict(touches: Sequence[Touch], lens: Lens, settings: TouchSettings)
 def check_verdict(
     touches: Sequence[Touch], calibration: Calibration, settings: TouchSettings
 ) -> CheckVerdict:
-    """The verdict on `calibration` from new `touches`, to which it was not fitted."""
+    """Verdict on `calibration` from new `touches`, to which it was not fitted."""
     off = [calibration.to_plane(touched.pixel[None])[0] - touched.place for touched in touches]
     off_mm = 1e3 * np.reshape(off, (-1, 2))
     values = np.hypot(*off_mm.T)
@@ -153,8 +153,8 @@ def check_verdict(
 class MapVerdict:
     """Verdict on map and latency together, and the `calibration` made of them.
 
-    `calibration` is None where it was not accepted. `speed` [m/s] is that of a fold, to state what
-    the latency amounts to.
+    `calibration` is None where it was not accepted. `speed` [m/s] is that of a fold, to state the
+    effect of the latency.
     """
 
     touches: TouchVerdict
@@ -164,16 +164,16 @@ class MapVerdict:
 
     @property
     def passed(self) -> bool:
-        """Whether a calibration was accepted, in spite of reasons perhaps."""
+        """Whether a calibration was accepted, possibly in spite of reasons."""
         return self.calibration is not None
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Every reason to refuse a calibration from these parts."""
+        """Reasons to refuse a calibration from this map and latency."""
         return (*self.touches.reasons, *self.latency.reasons)
 
     def lines(self) -> tuple[Line, ...]:
-        """Lines for the operator, the next step last."""
+        """Lines on map and latency for the operator, the next step last."""
         lines = [*self.touches.lines(), *self.latency.lines(self.speed)]
         if self.reasons:
             return (*lines, Line(Level.BAD, "refused: mend what is said above and touch again"))
@@ -203,7 +203,7 @@ def judge_map(
     accept_anyway: bool = False,
     **facts: Any,
 ) -> MapVerdict:
-    """Verdict on these parts, with a calibration of `camera` and `facts` where it is accepted.
+    """Verdict on a map and a latency, with a calibration of `camera` where it is accepted.
 
     `facts` are further values of `make_calibration`, `speed` [m/s] is that of a fold. Reasons for
     refusal are overridden by `accept_anyway`, but no calibration is made without a map.

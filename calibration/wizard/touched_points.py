@@ -1,4 +1,4 @@
-"""Map to the plane by touching, by ask and tell: requests gripper poses, judges images."""
+"""Calibration of the map to the plane by touched points: requests poses, judges images."""
 
 from collections.abc import Iterable, Sequence
 
@@ -21,10 +21,10 @@ from drivers.types import Array, Frame, Image, Pose
 
 
 class TouchedPoints:
-    """Collects touched points by ask and tell: the caller moves the pointer to `ask()` and passes
-    the camera's image to `tell()`.
+    """Collection of touched points, by ask and tell.
 
-    After all poses, those of the map's outliers are requested once more.
+    The caller moves the pointer to `ask()` and passes the camera's image to `tell()`. After all
+    poses, those of the map's outliers are requested once more; `again` is set meanwhile.
     """
 
     subject = "pointer"
@@ -50,27 +50,22 @@ class TouchedPoints:
             require_enough(self.plan, settings)
         self._touches: list[Touch] = []
         self._queue = list(range(len(self.plan)))
-        self._second = False
+        self.again = False
         self._tries = 0
         self._last: tuple[Array, Array] | None = None
 
     @property
     def touches(self) -> tuple[Touch, ...]:
-        """All accepted points, in the order in which they were touched."""
+        """All accepted touches, in the order in which they were made."""
         return tuple(self._touches)
 
     @property
     def number(self) -> int | None:
-        """Number of the requested pose, None when there are enough points."""
+        """Number of the requested pose; None once there are enough points."""
         return self._queue[0] if self._queue else None
 
-    @property
-    def again(self) -> bool:
-        """Whether points that disagreed are being touched a second time."""
-        return self._second
-
     def ask(self) -> Pose | None:
-        """The next pose for the pointer, to be held still; None once there are enough points."""
+        """Next pose for the pointer, to be held still; None once there are enough points."""
         return self.plan[self._queue[0]] if self._queue else None
 
     def tell(self, frame: Frame, pose: Pose) -> Result:
@@ -90,7 +85,7 @@ class TouchedPoints:
             refused=refused,
             centre=None if centre is None else (float(centre[0]), float(centre[1])),
             pose=(pose.x, pose.z, pose.pitch),
-            again=taken and self._second,
+            again=taken and self.again,
         )
         if centre is not None and taken:
             self._touches.append(self._touched(row, centre))
@@ -132,13 +127,13 @@ class TouchedPoints:
         return Row(number=dropped.number, again=dropped.again, dropped=True)
 
     def verdict(self) -> TouchVerdict:
-        """The verdict on the touched points so far."""
+        """Verdict on the map from the touched points so far."""
         return touch_verdict(self._touches, self.lens, self._settings)
 
     @property
     def why(self) -> str:
         """Reason for the requested pose, and the number of touched points."""
-        if self._second:
+        if self.again:
             return f"point {self.number} disagrees with the others: touch it once more"
         done = f"{len(self._touches)} of {len(self.plan)} points are touched"
         held = self.number is not None and held_out(self.number, self._settings)
@@ -165,12 +160,12 @@ class TouchedPoints:
         )
 
     def answer(self, result: Result, pose: Pose) -> str:
-        """Text about the `result` of an image taken at `pose`; empty while the next is awaited."""
+        """Text on the `result` of an image taken at `pose`; empty while the next is awaited."""
         again = " again" if result.row.again else ""
         return result.text("point", f"touched{again} at {_place(pose)}")
 
     def marks(self, verdict: TouchVerdict) -> tuple[Mark, ...]:
-        """All points with their errors by the map of `verdict`, outliers marked as wild."""
+        """Marks of all points with their errors by the map of `verdict`, and of outliers."""
         return tuple(
             Mark(p.pixel, MarkKind.WILD, str(p.number))
             if p.number in verdict.rejected or (p.number in verdict.wild and not p.again)
@@ -187,8 +182,8 @@ class TouchedPoints:
 
     def _repeat_suspects(self) -> None:
         """Once all poses are touched, request those of the map's outliers a second time."""
-        if not self._queue and self.fitted and not self._second:
-            self._second = True
+        if not self._queue and self.fitted and not self.again:
+            self.again = True
             self._queue = list(suspects(self._touches, self.lens, self._settings))
 
     def _check_size(self, frame: Frame) -> None:

@@ -48,7 +48,7 @@ class TouchSettings(Settings):
 
 
 def touch_plan(settings: TouchSettings) -> tuple[Pose, ...]:
-    """Poses over the work area, row by row, back and forth."""
+    """Poses of the pointer over the work area, row by row, back and forth."""
     poses: list[Pose] = []
     rightwards = np.linspace(settings.x_min, settings.x_max, settings.columns)
     for row, z in enumerate(np.linspace(settings.z_min, settings.z_max, settings.rows)):
@@ -58,7 +58,7 @@ def touch_plan(settings: TouchSettings) -> tuple[Pose, ...]:
 
 
 def check_plan(settings: TouchSettings) -> tuple[Pose, ...]:
-    """Poses that check whether a calibration still holds: the corners and the middle."""
+    """Poses of the pointer that check a calibration: corners and middle of the work area."""
     xs, zs = (settings.x_min, settings.x_max), (settings.z_min, settings.z_max)
     middle = (sum(xs) / 2, sum(zs) / 2)
     places = [(xs[0], zs[0]), (xs[1], zs[0]), middle, (xs[1], zs[1]), (xs[0], zs[1])]
@@ -66,7 +66,7 @@ def check_plan(settings: TouchSettings) -> tuple[Pose, ...]:
 
 
 def require_enough(plan: Sequence[Pose], settings: TouchSettings) -> None:
-    """Refuse a `plan` that leaves fewer than twelve points to fit, by a ConfigurationError."""
+    """Raise ConfigurationError for a `plan` that leaves fewer than twelve points to fit."""
     fitted = sum(not held_out(number, settings) for number in range(len(plan)))
     if fitted < MINIMUM_POINTS:
         raise ConfigurationError(
@@ -76,14 +76,16 @@ def require_enough(plan: Sequence[Pose], settings: TouchSettings) -> None:
 
 
 def held_out(number: int, settings: TouchSettings) -> bool:
-    """Whether the point with this number is held out of the fit."""
+    """Whether the point with this `number` is held out of the fit of the map."""
     return number % settings.hold_out == settings.hold_out // 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Touch:
-    """One touched point: `number` of the pose, the arm's `place` (2,) x, z [m], the disc's `pixel`
-    (2,) u, v in the raw image; `again` marks a second touch of the same pose.
+    """One touched point: where the arm was, and where the image showed the pointer.
+
+    `number` of the pose, `place` (2,) x, z [m] of the arm, `pixel` (2,) u, v of the disc in the raw
+    image; `again` marks a second touch of the same pose.
     """
 
     number: int
@@ -95,7 +97,7 @@ class Touch:
 
 @dataclass(frozen=True, slots=True)
 class TouchFit:
-    """The map fitted to the touches `used`, and the other touches sorted into groups.
+    """Map to the plane fitted to the touches `used`, and the other touches sorted into groups.
 
     `validation` are held-out touches, `outliers` all outliers, `repeated_outliers` those of them
     whose second touch has the same error, `replaced` first touches that a second one replaced.
@@ -110,12 +112,12 @@ class TouchFit:
     lens: Lens
 
     def error(self, touched: Touch) -> Array:
-        """Residual (2,) x, z [m] of a touch: its place by the map minus the arm's."""
+        """Residual (2,) x, z [m] of a touch: place by the map minus place of the arm."""
         mapped = self.homography.to_plane(self.lens.undistort(touched.pixel))[0]
         return np.asarray(mapped - touched.place)
 
     def describe(self, points: Sequence[Touch]) -> dict[int, str]:
-        """Place [m] and residual [px] of each of `points` as text, by number."""
+        """Texts with place [m] and residual [px] of `points`, by their numbers."""
         texts = {}
         for point in sorted(points, key=lambda p: p.number):
             mapped = self.homography.to_image(point.place)[0]
@@ -176,7 +178,7 @@ def _repeats_error(
 
 
 def suspects(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -> tuple[int, ...]:
-    """Numbers of the outliers of the fitted map, which are to be touched again."""
+    """Numbers of the outliers of the map fitted to `touches`, to be touched again."""
     try:
         fit = fit_touches(touches, lens, settings)
     except ConfigurationError:
@@ -193,7 +195,7 @@ MOVE_SIGMA = 3.8  # sigma by which a move is significant; Source: slow tests in 
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """A turn of the camera by `mrad` after point `after`; later touches shift by `shift_mm`."""
+    """Turn of the camera by `mrad` after point `after`, which shifts later ones by `shift_mm`."""
 
     after: int
     shift_mm: float
@@ -203,7 +205,7 @@ class Move:
 def camera_move(
     touches: Sequence[Touch], lens: Lens, homography: Homography, least_mm: float
 ) -> Move | None:
-    """The move of the camera by at least `least_mm` that explains `touches` best; None for none.
+    """Move of the camera by at least `least_mm` that explains `touches` best; None for none.
 
     For each moment, a map and a shift of the image from then on are fitted robustly (Cauchy loss)
     to all touches, wild ones too. `homography` is where the fit begins.

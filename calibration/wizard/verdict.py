@@ -1,4 +1,4 @@
-"""Common parts of all wizards' verdicts: reasons for refusal, and graded lines to print."""
+"""Common parts of the calibration verdicts: reasons for refusal, and graded lines to print."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -15,7 +15,7 @@ class Level(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One line of a verdict for the operator, with its grade."""
+    """Line of a verdict for the operator, with its grade."""
 
     level: Level
     text: str
@@ -23,7 +23,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """A result with the `reasons` for which it is refused; without any it may be used."""
+    """Base of a calibration's result, with the `reasons` for which it is refused, if any."""
 
     reasons: tuple[str, ...] = ()
 
@@ -33,7 +33,7 @@ class Verdict:
         return not self.reasons
 
     def bad_lines(self) -> list[Line]:
-        """A line for each reason."""
+        """Lines for the operator, one for each reason for refusal."""
         return [Line(Level.BAD, reason) for reason in self.reasons]
 
     def last_line(self, good: str, refused: str) -> Line:
@@ -44,11 +44,11 @@ class Verdict:
 
 
 def reasons(*facts: tuple[bool, str]) -> tuple[str, ...]:
-    """Texts of those `facts` that hold, pairs of a condition and its text."""
+    """Texts of those `facts` (condition, text) whose condition is true."""
     return tuple(text for holds, text in facts if holds)
 
 
 def grade_line(value: float, good: float, fair: float, text: str) -> Line:
-    """A line on `value`: good up to `good`, fair up to `fair`, else bad."""
+    """Line with `text`, graded by `value`: good up to `good`, fair up to `fair`, else bad."""
     level = Level.GOOD if value <= good else Level.FAIR if value <= fair else Level.BAD
     return Line(level, text)

@@ -17,7 +17,7 @@ from drivers.strip.file import StripFile
 from drivers.types import Pose
 
 if TYPE_CHECKING:
-    from drivers.arm.process import Task
+    from drivers.arm.process import RobotAccess
 
 Asked = Callable[[], bool]
 
@@ -89,7 +89,7 @@ def home_joints(settings: CellFile, strip: StripFile) -> tuple[float, ...]:
     return start_joints(installation, settings.fold, strip.length, home)
 
 
-def robot_task(settings: CellFile) -> "Task":
+def robot_task(settings: CellFile) -> "RobotAccess":
     """Connection to the robot of the cell; ConfigurationError where cell.yaml has no address."""
     check_drivers(settings, DeviceSelection(arm="fci"))
     if settings.fci.address is None:
@@ -97,6 +97,6 @@ def robot_task(settings: CellFile) -> "Task":
             "fci.address: is missing; name the robot's address in cell.yaml, or that of a twin "
             "that `cell twin serve` has started"
         )
-    from drivers.arm.process import Task
+    from drivers.arm.process import RobotAccess
 
-    return Task(settings.fci.address, settings.fci, settings.installation)
+    return RobotAccess(settings.fci.address, settings.fci, settings.installation)

@@ -30,7 +30,7 @@ from policies.planned import Planned
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import IMAGE_SENSING
-from policies.strip_sampling import EFFECTS, effect, friction, grid, plain_strip
+from policies.strip_sampling import EFFECTS, draw_effect, draw_friction, grid, plain_strip
 
 FRICTION_EFFECT = "bending_hysteresis"
 YIELD_RANGE = (20.0, 60.0)  # 1/m, as laboratories measure it
@@ -146,6 +146,6 @@ def _fold_known(
 def _strip_with(name: str, rng: np.random.Generator) -> StripFile:
     """Draw a strip of the paper's range with the effect `name`, with none for an empty name."""
     if name == FRICTION_EFFECT:
-        return plain_strip(rng, bending_hysteresis=friction(rng, *YIELD_RANGE))
+        return plain_strip(rng, bending_hysteresis=draw_friction(rng, *YIELD_RANGE))
     bare = plain_strip(rng)
-    return bare.model_copy(update={"effects": {name: effect(name, rng)}}) if name else bare
+    return bare.model_copy(update={"effects": {name: draw_effect(name, rng)}}) if name else bare

@@ -11,7 +11,7 @@ from cell.devices.twin import TwinCalibrationAids, TwinPlant, empty_desk, on_des
 from drivers.arm.arm import FciArm
 from drivers.arm.hand import FciHand
 from drivers.arm.obstacles import floor_of
-from drivers.arm.process import Task
+from drivers.arm.process import RobotAccess
 from drivers.arm.reach import plan_reach
 from drivers.clock import WallClock
 from drivers.errors import ConfigurationError, Fault
@@ -102,7 +102,7 @@ def fci_arm(
     def origin() -> float | None:
         return None if isinstance(clock, TwinClock) else clock.origin
 
-    arm = FciArm(Task(address, fci, installation), clock, origin)
+    arm = FciArm(RobotAccess(address, fci, installation), clock, origin)
     hand = FciHand(address, fci.hand, clock, ready=arm.join)
     return arm, hand
 

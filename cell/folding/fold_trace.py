@@ -11,7 +11,7 @@ from cell.orchestrator.states import State
 from cell.perception.model_agreement import Agreement, MeasuredFold, agreement
 from drivers.errors import CellError
 from drivers.strip.file import StripFile
-from policies.profile import seen_profile
+from policies.profile import image_profile
 
 MOVING_STATES = frozenset({State.LIFT, State.FOLD, State.TOUCHED})
 UNLIKE_REASON = "unlike_model"
@@ -35,7 +35,7 @@ class FoldTrace:
         self._path.append((snapshot.arm.stamp, pose.x, pose.z, pose.pitch))
         if snapshot.state is State.FOLD and snapshot.view.read and seen is not None:
             self._stamps.append(seen.stamp)
-            self._profiles.append(seen_profile(seen.profile, seen.contact_x, seen.gripper)[0])
+            self._profiles.append(image_profile(seen.profile, seen.contact_x, seen.gripper)[0])
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
         """Ignore an event of the run."""

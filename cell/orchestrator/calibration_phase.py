@@ -4,7 +4,7 @@ from collections.abc import Generator
 from dataclasses import replace
 
 from calibration.homography import Homography
-from calibration.landmarks import remember
+from calibration.landmarks import take_landmarks
 from calibration.wizard.latency import LatencySteps, latency_verdict
 from cell.orchestrator.context import CalibrationContext
 from cell.orchestrator.operator import Answer, Ask, Question
@@ -137,7 +137,9 @@ def _take_landmarks(cell: CalibrationContext, homography: Homography) -> Doing:
     yield from move(pose)
     picture = yield from still_picture()
     try:
-        cell.landmarks = remember(picture.frame, picture.gripper, cell.points.lens, homography)
+        cell.landmarks = take_landmarks(
+            picture.frame, picture.gripper, cell.points.lens, homography
+        )
     except CellError as error:
         cell.watch(cell.points.progress(pose, str(error), "remember"))
 

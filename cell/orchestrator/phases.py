@@ -48,7 +48,7 @@ from policies.follower import Follower
 from policies.path import lift_pitch
 from policies.policy import Observation
 from policies.prediction import Predictor
-from policies.profile import seen_profile
+from policies.profile import image_profile
 
 BRAKING_SHARE = 0.7  # of the arm's pitch acceleration, to stop the rotation at the lift's end
 SLOPE_TRAVEL = 0.01  # m of the lift over which its rotation per metre is measured
@@ -264,7 +264,7 @@ def observation(time: float, gripper: Pose, seen: StripMeasurement) -> Observati
         contact_x=np.array([seen.contact_x]),
         tip_x=np.array([seen.tip[0]]),
         tip_z=np.array([seen.tip[1]]),
-        profile=seen_profile(seen.profile, seen.contact_x, seen.gripper),
+        profile=image_profile(seen.profile, seen.contact_x, seen.gripper),
         profile_confidence=np.array([seen.profile_confidence]),
     )
 

@@ -9,7 +9,7 @@ from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Hold, Snapshot
 from cell.orchestrator.steps import Motion, move, wait_for
 from drivers.types import Array, Pose
-from policies.profile import seen_profile
+from policies.profile import image_profile
 
 COMPARED_TIME = 0.5  # s of images that are compared
 FEWEST_IMAGES = 5  # of them
@@ -51,7 +51,7 @@ class Swing:
         seen = snapshot.view.measurement
         if not snapshot.view.read or seen is None or seen.stamp < since:
             return
-        mean = seen_profile(seen.profile, seen.contact_x, seen.gripper)[0].mean(axis=0)
+        mean = image_profile(seen.profile, seen.contact_x, seen.gripper)[0].mean(axis=0)
         if not np.isfinite(mean).all():
             return
         self._seen.append((seen.stamp, mean))

@@ -200,7 +200,7 @@ def _simulate_profile(model: StripModel, fold: MeasuredFold) -> Array | None:
     path = np.stack([np.interp(times, fold.t, column) for column in fold.poses.T], axis=1)
     rod = Rod(SEGMENTS, strict=False)
     rod.reset([model])
-    motion = rod.follow(path[:, None], DT, SHAPE_STRIDE)
+    motion = rod.trace(path[:, None], DT, SHAPE_STRIDE)
     if rod.failed.any():
         return None
     kept = slice(SHAPE_STRIDE - 1, None, SHAPE_STRIDE)  # the steps of which there are shapes

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from cell.strips.photograph import Photograph
-from drivers.strip.cantilever import HangingStrip, NoRest, hang, hinges
+from drivers.strip.cantilever import HangingStrip, NoRest, hanging_shape, hinges
 from drivers.types import Array
 
 # place of each unknown, and of the first coefficient of the rest curvature's fields
@@ -101,7 +101,7 @@ class Problem:
     def trial(self, values: Array) -> Trial:
         """Solve the strip's shape for `values` (p,), compare it with the midline; raises NoRest."""
         seen = self.photograph
-        hanging = hang(
+        hanging = hanging_shape(
             seen.overhang,
             TYPICAL * float(np.exp(values[LN_LENGTH])),
             rest_curvature=self._fields @ values[FIRST_FIELD:],

@@ -1,4 +1,4 @@
-"""Arm driver of the cell: a Franka arm as a gripper point in the plane of the strip."""
+"""Driver of a Franka arm that moves the gripper's point and pitch in the plane of the strip."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -10,7 +10,7 @@ from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.joint_log import joint_rows
 from drivers.arm.loop import Close, Ended, RunUntil, run_loop
 from drivers.arm.mailbox import CommandKind, LoopCommand, Mailbox, Report
-from drivers.arm.process import END_PATIENCE, Task, receive
+from drivers.arm.process import END_PATIENCE, RobotAccess, receive
 from drivers.child import Child
 from drivers.errors import Fault
 from drivers.motion import TICK
@@ -24,23 +24,23 @@ TICKS_PER_ANSWER = 50  # in lock-step: many ticks take a busy machine longer tha
 
 
 class FciArm:
-    """Driver of a Franka arm, whose 1 kHz loop runs in a process of its own, begun at first use.
+    """Driver of a Franka arm, whose 1 kHz loop runs in a separate process.
 
-    In lock-step the robot makes one tick for each millisecond of the cell's clock whenever the cell
-    reads its state or sends a command, so runs repeat byte for byte. States of a robot that follows
-    the wall clock are stamped on arrival. Every wait has a timeout, and a process that does not
-    answer is killed; after a fault every call raises it again.
+    The process starts when the arm is first connected or held. In lock-step each state and each
+    command first advances the robot by a tick for every millisecond of the cell's clock, so runs
+    repeat byte for byte; states of a robot on the wall clock are stamped on arrival. A process that
+    does not answer within a timeout is killed; after a fault every call raises it again.
     """
 
     def __init__(
-        self, task: Task, clock: Clock, origin: Callable[[], float | None] = lambda: None
+        self, access: RobotAccess, clock: Clock, origin: Callable[[], float | None] = lambda: None
     ) -> None:
-        """Drive the robot of `task` on `clock`, once the arm is connected or held.
+        """Create a driver that connects by `access` later, in the time of `clock`.
 
         `origin` gives the clock's zero in the system's monotonic time [s], if it has one.
         """
-        self._task, self._clock, self._origin = task, clock, origin
-        self._lock_step = task.settings.in_lock_step
+        self._access, self._clock, self._origin = access, clock, origin
+        self._lock_step = access.settings.in_lock_step
         self._command = LoopCommand(0, CommandKind.HOLD, 0, 0.0, 0.0, 0.0)
         self._child: Child | None = None
         self._fault: ArmFault | None = None
@@ -51,7 +51,7 @@ class FciArm:
         self._joints = joint_rows(b"")
 
     def connect(self) -> None:
-        """Connect and hold the arm at rest; allowed twice, refused with a Fault once closed."""
+        """Connect to the arm and hold it at rest; allowed twice, raises Fault once closed."""
         self.hold()
         self._connected = True
 
@@ -61,18 +61,18 @@ class FciArm:
         if self._child is not None:
             return
         self._commands, self._reports = Mailbox(LoopCommand), Mailbox(Report)
-        self._child = Child(run_loop, self._task, self._origin(), self._commands, self._reports)
+        self._child = Child(run_loop, self._access, self._origin(), self._commands, self._reports)
         self._commands.close()  # the memory stays mapped
         self._reports.close()
         try:
-            self._receive(self._child, self._task.settings.start)
+            self._receive(self._child, self._access.settings.start)
         except BaseException:  # Ctrl-C too: nobody would end the robot's process later
             self._child.close(END_PATIENCE)
             raise
         self._start_time = self._clock.now()
 
     def join(self) -> None:
-        """Hold the arm and advance it to the clock's time, for devices that follow its robot."""
+        """Hold the arm and advance its robot to the clock's time, as the hand needs it."""
         self.hold()
         self.catch_up()
 
@@ -94,25 +94,25 @@ class FciArm:
         )
 
     def move_to(self, pose: Pose) -> None:
-        """Start a motion to rest at `pose`; Fault `outside_workspace` when it is out of reach."""
+        """Start a motion to rest at `pose`; Fault `outside_workspace` for a pose outside of it."""
         self._catch_up()
-        self._task.installation.workspace.check(pose)
+        self._access.installation.workspace.check(pose)
         self._send(CommandKind.MOVE, pose.x, pose.z, pose.pitch)
 
     def set_velocity(self, velocity: Velocity) -> None:
-        """Follow `velocity`; Fault `velocity_refused` above the limits."""
+        """Move the gripper at `velocity`; Fault `velocity_refused` for one above the limits."""
         self._catch_up()
-        self._task.installation.limits.check(velocity)
+        self._access.installation.limits.check(velocity)
         self._send(CommandKind.FOLLOW, velocity.vx, velocity.vz, velocity.pitch_rate)
 
     def stop(self) -> None:
-        """Brake within the limits; allowed at any time, from any state."""
+        """Brake the arm to rest within its limits; allowed at any time."""
         if self._connected and not self._closed:
             self._catch_up()
             self._send(CommandKind.HOLD, 0.0, 0.0, 0.0)
 
     def close(self) -> None:
-        """Bring the arm to rest and disconnect; allowed twice and after a fault."""
+        """Brake the arm to rest and disconnect from it; allowed twice and after a fault."""
         child = None if self._closed else self._child
         self._closed = True
         if child is None:
@@ -141,7 +141,7 @@ class FciArm:
 
     @property
     def joints(self) -> Array:
-        """Joint log (n, 29), one row a tick with its time [s] on the clock; empty until closed."""
+        """Joint log (n, 29), a row for each tick: time [s], then joints; empty until closed."""
         rows = np.array(self._joints)
         rows[:, 0] += self._start_time if self._lock_step else 0.0
         return frozen(rows)
@@ -167,11 +167,11 @@ class FciArm:
         self._check()
         for tick in (*range(self._ticks + TICKS_PER_ANSWER, due, TICKS_PER_ANSWER), due):
             child.send(RunUntil(tick))
-            self._receive(child, self._task.settings.answer)
+            self._receive(child, self._access.settings.answer)
             self._ticks = tick
 
     def _send(self, kind: CommandKind, x: float, z: float, pitch: float) -> None:
-        """Replace the command that the loop follows."""
+        """Send the loop a command; `x`, `z`, `pitch` state a pose [m, rad] or a velocity."""
         self._check()
         last = self._command
         self._command = LoopCommand(last.number + 1, kind, last.beat + 1, x, z, pitch)
@@ -190,7 +190,7 @@ class FciArm:
             raise self._fault
 
     def _receive(self, child: Child, patience: float) -> Any:
-        """One answer of the process within `patience` [s]; a process that gives none is killed."""
+        """Next answer of the process; it is killed where none comes within `patience` [s]."""
         try:
             return receive(child, patience)
         except ArmFault as fault:

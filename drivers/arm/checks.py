@@ -44,17 +44,17 @@ BY_RESET = "see what is mounted; if only the hand is, `cell home --reset-tool` s
 
 
 def robot_version(address: str) -> int | None:
-    """Interface version that a robot answers with; None when it does not answer."""
+    """Interface version of the robot at `address`; None where it does not answer."""
     with suppress(OSError), _connection(address) as (_, _, version):
         return version
     return None
 
 
 def read_description(address: str) -> str | None:
-    """URDF text of the robot at `address`; None where the robot gives none.
+    """URDF description of the robot at `address`; None where the robot sends none.
 
-    The library then says why. A connection of its own, before the library's: a robot serves one
-    client, and pylibfranka keeps the text that it reads to itself. Never tried on hardware.
+    To be called before the library connects, which says why a robot refuses: a robot serves one
+    client, and pylibfranka does not hand out the text that it reads. Never tried on hardware.
     """
     with suppress(OSError), _connection(address) as (link, status, _):
         if status == SUCCESS:
@@ -65,7 +65,7 @@ def read_description(address: str) -> str | None:
 
 
 def require_limits(description: str) -> None:
-    """Raise ArmFault where a joint of this robot allows less than the cell plans with.
+    """Raise ArmFault where a joint limit in a URDF `description` is narrower than the cell's.
 
     Both values are named. The format is that of franka_description.
     """
@@ -82,7 +82,7 @@ def require_limits(description: str) -> None:
 
 
 def require_tool(state: Any, tool: ToolSettings) -> None:
-    """Raise ArmFault, with both values and the remedy, for a tool that is not the cell's."""
+    """Raise ArmFault where tool or load in the robot's `state` differ from the settings `tool`."""
     differences = list(_tool_differences(state, tool))
     if differences:
         raise ArmFault(Cause.TOOL, "; ".join(differences))
@@ -90,7 +90,7 @@ def require_tool(state: Any, tool: ToolSettings) -> None:
 
 @contextmanager
 def _connection(address: str) -> Iterator[tuple[socket.socket, int, int]]:
-    """Connection to the arm at `address`, with status and version of its reply; or OSError."""
+    """Connect to the arm at `address`; yields socket, reply's status and version, or OSError."""
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as states,
         socket.create_connection((address, PORT), ANSWER_TIMEOUT) as link,
@@ -105,7 +105,7 @@ def _connection(address: str) -> Iterator[tuple[socket.socket, int, int]]:
 
 
 def _reply(link: socket.socket) -> bytes:
-    """Content of the next reply; OSError where it does not come or is too long."""
+    """Content of the next reply, without header; OSError where none comes or it is too long."""
     link.settimeout(ANSWER_TIMEOUT)
     _, _, size = HEADER.unpack(_read_exactly(link, HEADER.size))
     if not HEADER.size < size <= LARGEST_DESCRIPTION:
@@ -133,7 +133,7 @@ def _narrower_limits(joints: dict[str, ElementTree.Element]) -> Iterator[str]:
 
 
 def _value(joints: dict[str, ElementTree.Element], number: int, tag: str, name: str) -> float:
-    """Attribute `name` of a joint's `tag`; NaN, which no limit allows, where it is missing."""
+    """Attribute `name` of element `tag` of joint `number`, from 0; NaN where it is missing."""
     joint = joints.get(str(number + 1))
     element = None if joint is None else joint.find(tag)
     try:
@@ -145,7 +145,7 @@ def _value(joints: dict[str, ElementTree.Element], number: int, tag: str, name: 
 def _tool_differences(state: Any, tool: ToolSettings) -> Iterator[str]:
     """Yield a line for each difference of the robot's tool in `state` from `tool`, a Franka Hand.
 
-    Left by another program are NE_T_EE, EE_T_K and the load; F_T_NE and the hand's mass are Desk's.
+    NE_T_EE, EE_T_K and the load are set by programs; F_T_NE and the hand's mass in Desk.
     """
     effector_remedy = IN_DESK if _same_frame(_matrix(state.NE_T_EE), np.eye(4)) else BY_RESET
     frames = [

@@ -1,4 +1,4 @@
-"""Causes of a robot's stop: library errors as one type, classified by class and robot state."""
+"""Causes for which an arm stops or does not start, and the fault that states one."""
 
 from enum import StrEnum
 from typing import Self
@@ -7,7 +7,7 @@ from drivers.errors import Fault
 
 
 class Cause(StrEnum):
-    """Causes of arm faults by their names in the record, each with its `remedy`."""
+    """Causes of arm faults, named as in a run's record, each with a `remedy` for the operator."""
 
     remedy: str
 
@@ -61,7 +61,7 @@ class Cause(StrEnum):
 
 
 class ArmFault(Fault):
-    """Fault of the arm: `cause`, `words` for the operator, the robot's `errors` by flag name."""
+    """Fault of the arm: `cause`, what happened in `words`, names of the robot's error flags."""
 
     def __init__(self, cause: Cause, words: str, errors: tuple[str, ...] = ()) -> None:
         flags = f" ({', '.join(errors)})" if errors else ""
@@ -70,5 +70,5 @@ class ArmFault(Fault):
 
 
 def one_line(error: BaseException) -> str:
-    """Class and message of `error` in one line for the operator; no decision depends on it."""
+    """Class and message of `error` in one line of text; no decision depends on it."""
     return " ".join(f"{type(error).__name__}: {error}".split())

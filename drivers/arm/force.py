@@ -1,4 +1,4 @@
-"""External forces on an arm beyond those measured at rest, and their limits."""
+"""External forces on an arm, less those estimated at rest without contact, and their limits."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class Tare:
 
     @classmethod
     def from_states(cls, states: Sequence[Any], most: float) -> Self:
-        """Mean over `states` at rest; raises ArmFault for a force above `most` [N], or for NaN."""
+        """Mean over robot `states` at rest; ArmFault for a force above `most` [N] or NaN."""
         wrench = np.mean([state.O_F_ext_hat_K for state in states], axis=0)
         torques = np.mean([state.tau_ext_hat_filtered for state in states], axis=0)
         force = float(np.linalg.norm(wrench[:3]))
@@ -41,18 +41,18 @@ class Tare:
 
 @dataclass(frozen=True, slots=True)
 class ForceGuard:
-    """Limits on the `force` [N] on the gripper and `torque` [N m] at a joint beyond the `tare`."""
+    """Limits on external `force` [N] on the gripper and `torque` [N m] at a joint, less `tare`."""
 
     force: float
     torque: float = 87.0
     tare: Tare = Tare()
 
     def beyond_tare(self, state: Any) -> list[float]:
-        """External wrench (6,) [N, N m] in `state` less the tare."""
+        """External wrench (6,) [N, N m] on the gripper in the robot's `state`, less the tare."""
         return [a - b for a, b in zip(state.O_F_ext_hat_K, self.tare.wrench, strict=True)]
 
     def objection(self, state: Any) -> str:
-        """Reason to stop the motion of a robot in `state`; empty while it may continue."""
+        """Reason to stop a robot in `state`: a force or torque above its limit; empty for none."""
         force = hypot(*self.beyond_tare(state)[:3])
         if not force <= self.force:
             return f"the gripper met {force:.1f} N, allowed {self.force:.1f} N"
@@ -65,19 +65,19 @@ class ForceGuard:
 
 
 class DriftMonitor:
-    """Monitors the mean force beyond the tare on an arm at rest, which should be zero.
+    """Monitors the mean external force, less the tare, on an arm at rest, which should be zero.
 
     It detects an outdated tare, or a person who leans on the arm, below the limit of the guard.
     """
 
     def __init__(self, guard: ForceGuard, most: float, tick: float) -> None:
-        """Allow `most` [N] beyond the tare of `guard`, with a state every `tick` [s]."""
+        """Allow a mean of `most` [N] less the tare of `guard`; a state comes every `tick` [s]."""
         self._guard, self._most, self._tick = guard, most, tick
         self._rested = 0.0
         self._mean = [0.0, 0.0, 0.0]
 
     def objection(self, state: Any, *, moving: bool) -> str:
-        """Reason to stop an arm in `state`; empty while it may continue."""
+        """Reason to stop an arm in `state`: its mean force has drifted; empty for none."""
         self._rested = 0.0 if moving else self._rested + self._tick
         if self._rested < SETTLING:
             self._mean = [0.0, 0.0, 0.0]

@@ -39,7 +39,7 @@ Motion = tuple[HandCommand, tuple[float, ...]]  # a command with its numbers
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """Reply at the end of command `number`; `version` only in the reply to a connection."""
+    """Reply of the hand to command `number`, at its end; `version` only for CONNECT."""
 
     command: int
     number: int
@@ -49,7 +49,7 @@ class Reply:
 
 @dataclass(frozen=True, slots=True)
 class Fingers:
-    """State of the hand: `width` between the fingers [m] and whether they hold something."""
+    """State `number` of the hand: finger `width` and `widest` [m], and its flag `grasped`."""
 
     number: int
     width: float
@@ -94,7 +94,7 @@ class FciHand:
         self._stamp = 0.0
 
     def open(self) -> None:
-        """Start to open the fingers; a hand that does not know its width is homed first."""
+        """Start to open the fingers; a hand that has not been homed is homed first."""
         self._receive()
         limits = self._settings
         homing: list[Motion] = [] if self._homed else [(HandCommand.HOMING, ())]
@@ -103,7 +103,7 @@ class FciHand:
     def grasp(self) -> None:
         """Start to close the fingers on the strip's edge; does nothing while they hold one.
 
-        Raises Fault `hand_not_homed` where the hand does not know its width.
+        Raises Fault `hand_not_homed` where the hand has not been homed.
         """
         self._receive()
         if not self._homed:
@@ -130,7 +130,7 @@ class FciHand:
         )
 
     def stop(self) -> None:
-        """Hold the fingers where they are; a held object stays held."""
+        """Stop the fingers' motion; an object that they hold stays held."""
         self._receive()
         self._next = []
         self._interrupt()
@@ -148,14 +148,14 @@ class FciHand:
         return self._closed and limits.thinnest <= fingers.width <= limits.thickest and confirmed
 
     def close(self) -> None:
-        """Disconnect; calling it twice is allowed."""
+        """Disconnect from the hand; allowed twice."""
         for link in (self._tcp, self._udp):
             if link is not None:
                 link.close()
         self._tcp = self._udp = None
 
     def _queue_motions(self, *motions: Motion) -> None:
-        """Carry out `motions` one after another, once the one under way has been stopped."""
+        """Start `motions` one after another, once the motion in progress has been stopped."""
         self._next = list(motions)
         if self._motion is None:
             self._start_next()
@@ -163,17 +163,18 @@ class FciHand:
             self._interrupt()
 
     def _start_next(self) -> None:
+        """Request the first of the queued motions."""
         self._closed = self._flagged = False
         self._motion = self._send(self._next.pop(0))
 
     def _interrupt(self) -> None:
-        """Stop the motion under way, unless a stop is already on its way."""
+        """Request a stop of the motion in progress, unless one was already requested."""
         if self._motion is not None and self._stop_sent is None:
             self._send((HandCommand.STOP, ()))
             self._stop_sent, self._stops = self._clock.now(), self._stops + 1
 
     def _repeat_stop(self) -> None:
-        """Repeat a stop that has not ended the motion; Fault where the hand answers none."""
+        """Repeat an overdue stop; Fault `hand_not_stopped` after MOST_STOPS without effect."""
         if self._stop_sent is None or self._clock.now() - self._stop_sent < UNSTOPPED:
             return
         self._stop_sent = None
@@ -187,7 +188,7 @@ class FciHand:
         self._interrupt()
 
     def _send(self, motion: Motion) -> int:
-        """Send the request for `motion`, and return its number."""
+        """Send the request for `motion` to the hand and return the request's number."""
         tcp, _ = self._open_links()
         self._number += 1
         try:
@@ -200,24 +201,22 @@ class FciHand:
         """Read the replies and states that have arrived; repeat a stop that had no effect."""
         self._ready()
         tcp, udp = self._open_links()
-        for _ in range(MOST_DATAGRAMS):
-            packet = _next_datagram(udp)
-            if packet is None:
-                break
-            self._keep_state(_parse_state(packet))
+        with suppress(BlockingIOError):  # once none is left
+            for _ in range(MOST_DATAGRAMS):
+                self._store_state(_parse_state(udp.recv(256)))
         for reply in self._read_replies(tcp):
             self._finish_motion(reply)
         self._repeat_stop()
 
-    def _keep_state(self, fingers: Fingers | None) -> None:
-        """Keep a state of the fingers, unless it repeats the one before."""
+    def _store_state(self, fingers: Fingers | None) -> None:
+        """Store a new state of the fingers; one with the last number is a repetition."""
         if fingers is not None and fingers.number != self._fingers.number:
             self._fingers, self._stamp = fingers, self._clock.now()
             self._homed = fingers.widest > 0
             self._flagged |= self._closed and fingers.grasped
 
     def _finish_motion(self, reply: Reply) -> None:
-        """Note the end of the motion under way and start the next; Fault where it failed."""
+        """End the motion in progress by its reply and start the next; Fault where it failed."""
         if reply.number != self._motion:
             return
         self._motion, self._ended = None, self._fingers.number
@@ -244,6 +243,7 @@ class FciHand:
             raise _hand_lost(self._address, error) from error
 
     def _open_links(self) -> tuple[socket.socket, socket.socket]:
+        """TCP and UDP connections to the hand, opened at the first call; Fault where that fails."""
         if self._tcp is None or self._udp is None:
             self._ready()
             try:
@@ -255,7 +255,7 @@ class FciHand:
 
 
 def _connect(address: str) -> tuple[socket.socket, socket.socket, Fingers]:
-    """Connections (TCP and UDP) to the hand at `address`, and its first state."""
+    """Connect to the hand at `address`; returns TCP and UDP sockets and the hand's first state."""
     with ExitStack() as opened:  # which closes both if anything fails
         udp = opened.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         tcp = opened.enter_context(socket.create_connection((address, PORT), CONNECT_TIMEOUT))
@@ -263,7 +263,10 @@ def _connect(address: str) -> tuple[socket.socket, socket.socket, Fingers]:
             tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         udp.bind((tcp.getsockname()[0], 0))
         tcp.sendall(_request(0, HandCommand.CONNECT, (PROTOCOL_VERSION, udp.getsockname()[1])))
-        answer = _first_reply(tcp)
+        received = bytearray()
+        while not (answers := _take_replies(received)):
+            received += _recv(tcp)
+        answer = answers[0]
         if answer.status != HandStatus.SUCCESS:
             raise Fault(
                 "hand_version",
@@ -279,26 +282,12 @@ def _connect(address: str) -> tuple[socket.socket, socket.socket, Fingers]:
         return tcp, udp, first
 
 
-def _first_reply(tcp: socket.socket) -> Reply:
-    received = bytearray()
-    while not (answers := _take_replies(received)):
-        received += _recv(tcp)
-    return answers[0]
-
-
 def _recv(tcp: socket.socket) -> bytes:
-    """Bytes from the connection; ConnectionResetError where the hand has closed it."""
+    """Next bytes from the hand, at least one; ConnectionResetError where it has disconnected."""
     received = tcp.recv(4096)
     if not received:
         raise ConnectionResetError("it closed the connection")
     return received
-
-
-def _next_datagram(udp: socket.socket) -> bytes | None:
-    try:
-        return udp.recv(256)
-    except BlockingIOError:
-        return None
 
 
 def _hand_lost(address: str, error: OSError) -> Fault:
@@ -308,7 +297,7 @@ def _hand_lost(address: str, error: OSError) -> Fault:
 
 
 def _request(number: int, command: HandCommand, values: tuple[float, ...]) -> bytes:
-    """Bytes of a request of the hand's protocol, with its `values`."""
+    """Message of the hand's protocol: request `number` for `command` with its `values`."""
     payload = PAYLOAD[command].pack(*values)
     return HEADER.pack(command, number, HEADER.size + len(payload)) + payload
 
@@ -319,7 +308,7 @@ def _take_replies(received: bytearray) -> list[Reply]:
     Raises ConnectionError for a reply of invalid size, after which no other can be read.
     """
     replies: list[Reply] = []
-    version_at = HEADER.size + NUMBER.size  # behind the status
+    version_at = HEADER.size + NUMBER.size  # offset [bytes], behind the status
     while len(received) >= version_at:
         command, number, size = HEADER.unpack_from(received)
         if not version_at <= size <= LONGEST_REPLY:

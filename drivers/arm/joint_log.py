@@ -1,4 +1,4 @@
-"""Log of the process that owns a robot: joints at every tick, histogram of intervals."""
+"""Log of the robot's loop: joints at every tick, and a histogram of the ticks' intervals."""
 
 from bisect import bisect
 from dataclasses import dataclass, field
@@ -16,27 +16,27 @@ KEPT_TICKS = 120_000  # ticks, two minutes; older ones are overwritten
 
 
 class JointLog:
-    """Ring buffer of the joints at the newest ticks, allocated in advance so that no tick waits."""
+    """Ring buffer of joint states at the newest KEPT_TICKS ticks, allocated in advance."""
 
     def __init__(self) -> None:
         self._rows = np.full((KEPT_TICKS, COLUMN_COUNT), np.nan)
         self._count = 0
 
     def add(self, t: float, state: Any) -> None:
-        """Store the joints of the robot's `state` at time `t` [s]."""
+        """Store the JOINT_FIELDS of the robot's `state` at time `t` [s]."""
         row = self._rows[self._count % KEPT_TICKS]
         row[0] = t
         row[1:8], row[8:15], row[15:22], row[22:29] = state.q, state.dq, state.q_d, state.tau_J
         self._count += 1
 
     def content(self) -> bytes:
-        """The stored rows as bytes, oldest first."""
+        """All stored rows as bytes, oldest first, for `joint_rows`."""
         first = self._count % KEPT_TICKS if self._count > KEPT_TICKS else 0
         return np.roll(self._rows[: min(self._count, KEPT_TICKS)], -first, axis=0).tobytes()
 
 
 def joint_rows(content: bytes) -> Array:
-    """Rows (n, 29) from `JointLog.content`: t [s], then JOINT_FIELDS for each of seven joints."""
+    """Array (n, 29) from `JointLog.content`: t [s], then 7 joints for each of JOINT_FIELDS."""
     return frozen(np.frombuffer(content).reshape(-1, COLUMN_COUNT))
 
 
@@ -44,7 +44,7 @@ def joint_rows(content: bytes) -> Array:
 class Timing:
     """Histogram of intervals between the robot's states, in bins `EDGES_MS` open at both ends.
 
-    `longest` [s] of them; `answered` is the mean of the robot's own share of commands in time.
+    `longest` is the longest interval [s]; `heard` sums the shares of commands received in time.
     """
 
     counts: list[int] = field(default_factory=lambda: [0] * (len(EDGES_MS) + 1))
@@ -53,7 +53,7 @@ class Timing:
     heard: float = 0.0
 
     def update(self, now: float, success: float) -> None:
-        """Record a state that arrived at `now` [s] and its share of commands in time."""
+        """Count a state that arrived at `now` [s]; `success` is its share of commands in time."""
         self.heard += success
         if self.last is not None:
             interval = now - self.last
@@ -62,7 +62,7 @@ class Timing:
         self.last = now
 
     def content(self) -> dict[str, Any]:
-        """The histogram as plain values for the record."""
+        """The histogram as plain values, for the record of a run."""
         return {
             "edges_ms": list(EDGES_MS),
             "counts": self.counts,

@@ -35,20 +35,20 @@ Numbers = list[float]
 
 
 class JointRobot(Protocol):
-    """Interface of a robot that runs a joint motion, such as `drivers.arm.robot.Robot`."""
+    """Protocol of a robot whose joints are commanded each tick, such as `drivers.arm.Robot`."""
 
     def start_joints(self) -> Any:
-        """Start a motion that follows joint positions."""
+        """Start a motion that is commanded by joint positions, and return its handle."""
 
     def read(self, motion: Any, *, awaited: bool = True) -> Any:
-        """The robot's next state; unless `awaited`, one that arrived earlier will do."""
+        """Next state of the robot in `motion`; unless `awaited`, an already queued one will do."""
 
     def write_joints(self, motion: Any, joints: Numbers, *, last: bool = False) -> None:
-        """Send the joints (7,) [rad] for this tick; `last` ends the motion."""
+        """Command the joints (7,) [rad] of this tick; `last` ends the motion."""
 
 
 class JointSetpoint(NamedTuple):
-    """Joints (7,) [rad], rates and accelerations, as differences of successive setpoints."""
+    """Commanded joints (7,) [rad], with rates [rad/s] and accelerations by differences of ticks."""
 
     position: Numbers
     rate: Numbers
@@ -56,18 +56,18 @@ class JointSetpoint(NamedTuple):
 
     @classmethod
     def from_state(cls, state: Any) -> "JointSetpoint":
-        """Commanded joint positions, rates and accelerations in the robot's rounded `state`."""
+        """Joint setpoint in the robot's `state`, which rounds its numbers."""
         return cls(list(state.q_d), list(state.dq_d), list(state.ddq_d))
 
     def after_a_tick(self) -> "JointSetpoint":
-        """Joint motion one tick later without a command: the robot keeps its acceleration."""
+        """Setpoint one tick later of a robot without a command, which keeps its acceleration."""
         position, rate, acceleration = (np.array(part) for part in self)
         rate = rate + TICK * acceleration
         position = position + TICK * rate
         return JointSetpoint(position.tolist(), rate.tolist(), self.acceleration)
 
     def followed_by(self, state: Any, sent: Numbers, ticks: int) -> "JointSetpoint":
-        """Setpoint that the robot's `state` reports, `ticks` after this one, without its rounding.
+        """Setpoint in the robot's `state`, `ticks` after this one, free of the state's rounding.
 
         A robot that received its command was at the joints `sent` (7,) one tick later; otherwise
         it keeps its acceleration.
@@ -89,7 +89,7 @@ class JointSetpoint(NamedTuple):
 
 
 class JointMotion:
-    """Generates joint setpoints (7,) [rad] to a goal, one per tick.
+    """Generator of joint setpoints (7,) [rad] on the way to a goal, one per tick.
 
     It follows a time-optimal plan while every command arrives, and a proportional controller
     afterwards. The plan reverses its acceleration at the last moment: a robot that misses commands
@@ -100,8 +100,9 @@ class JointMotion:
     def __init__(self, state: Any, goal: Numbers, share: float) -> None:
         """Plan from rest in `state` to rest at `goal` (7,) [rad], at a `share` of full speed."""
         start = list(state.q_d)
-        self._plan = _plan(start, goal, share)
-        self._planner, self._output = (ruckig.Ruckig(AXES, TICK), ruckig.OutputParameter(AXES))
+        self._planner = ruckig.Ruckig(AXES, TICK)
+        self._input = _planner_input(start, goal, share)
+        self._output = ruckig.OutputParameter(AXES)
         self._goal: Numbers | None = goal
         self._speed, self._acceleration = share * JOINT_SPEED, share * JOINT_ACCELERATION
         self._jerk, self._rate_gain = JOINT_JERK, RATE_GAIN
@@ -120,7 +121,7 @@ class JointMotion:
         return still and largest_difference(self._here.position, self._goal) < GOAL_TOLERANCE
 
     def tick(self) -> Numbers:
-        """Return the next setpoint (7,) [rad]; ArmFault where no motion leads to the goal."""
+        """Next setpoint (7,) [rad] of all joints; ArmFault where no motion leads to the goal."""
         self._sent = self._stepwise_setpoint() if self._missed else self._planned_setpoint()
         return self._sent
 
@@ -137,26 +138,28 @@ class JointMotion:
         self._here = self._here.followed_by(state, self._sent, ticks)
 
     def brake(self, *, hard: bool = False) -> None:
-        """Brake to rest in any posture; if `hard`, as quickly as the joints may."""
+        """From now on brake to rest in any posture; if `hard`, at HARD_ACCELERATION."""
         self._goal, self._acceleration = None, JOINT_ACCELERATION
         if hard:
             self._acceleration, self._jerk = HARD_ACCELERATION, HARD_JERK
             self._rate_gain = HARD_GAIN
-        self._plan.max_acceleration = [self._acceleration] * AXES
-        self._plan.max_jerk = [self._jerk] * AXES
-        self._plan.control_interface = ruckig.ControlInterface.Velocity
-        self._plan.target_velocity = self._plan.target_acceleration = [0.0] * AXES
+        self._input.max_acceleration = [self._acceleration] * AXES
+        self._input.max_jerk = [self._jerk] * AXES
+        self._input.control_interface = ruckig.ControlInterface.Velocity
+        self._input.target_velocity = self._input.target_acceleration = [0.0] * AXES
 
     def _planned_setpoint(self) -> Numbers:
-        result = self._planner.update(self._plan, self._output)
+        """Next setpoint (7,) [rad] of the time-optimal plan."""
+        result = self._planner.update(self._input, self._output)
         if result not in (ruckig.Result.Working, ruckig.Result.Finished):
             raise ArmFault(Cause.COMMAND, "no motion leads to these joints")
         self._planned = bool(result == ruckig.Result.Working)
-        self._output.pass_to_input(self._plan)
+        self._output.pass_to_input(self._input)
         setpoint: Numbers = self._output.new_position
         return setpoint
 
     def _stepwise_setpoint(self) -> Numbers:
+        """Next setpoint (7,) [rad] of the controller, at speeds proportional to the distance."""
         rates = [0.0] * AXES
         if self._goal is not None:
             away = [end - p for end, p in zip(self._goal, self._here.position, strict=True)]
@@ -182,10 +185,10 @@ def follow_joints(
     interrupted: Callable[[], bool],
     until: Callable[[Any], bool] = lambda _: False,
 ) -> Numbers:
-    """Bring `robot` to `joints` (7,) [rad] and return the joints (7,) at which it comes to rest.
+    """Move `robot` to `joints` (7,) [rad] and return the joints (7,) at which it comes to rest.
 
-    It brakes earlier once `interrupted` or, for its state, `until` is true. Raises ArmFault for an
-    objection of the `guard`, once the robot stands.
+    It brakes earlier once `interrupted()` or `until(state)` is true. Raises ArmFault for a force
+    beyond the limits of `guard`, once the robot stands.
     """
     motion = robot.start_joints()
     state = robot.read(motion)
@@ -206,7 +209,7 @@ def follow_joints(
 
 
 class CartesianState:
-    """A robot's state at `seconds`, with the hand's commanded pose, twist and acceleration."""
+    """State of a robot at robot time `seconds`, with the hand's commanded pose and derivatives."""
 
     def __init__(
         self, state: Any, seconds: float, pose: Numbers, twist: Numbers, acceleration: Numbers
@@ -219,7 +222,7 @@ class CartesianState:
 
 
 class CartesianMotion:
-    """Converts poses of the hand to joints (7,) [rad] and sends them to a robot; the elbow stays.
+    """Converter of hand poses to joints (7,) [rad], which it sends to a robot; joint 3 stays.
 
     The client library's Cartesian commands carry no elbow: the robot's own inverse kinematics would
     choose one (frankx#22), and over a fold it may wander into a joint's end.
@@ -230,7 +233,7 @@ class CartesianMotion:
     """
 
     def __init__(self, robot: JointRobot, *, own_clock: bool = False) -> None:
-        """Drive `robot`; on its `own_clock` each command is computed a tick ahead."""
+        """Command `robot`; for one on its `own_clock` commands are computed a tick ahead."""
         self._robot, self._own_clock = robot, own_clock
         self._ahead = False  # whether `_here` predicts the robot a tick after `_time`
         self._here: JointSetpoint | None = None
@@ -242,12 +245,12 @@ class CartesianMotion:
         self._initial_elbow = self._elbow = self._elbow_rate = 0.0
 
     def start_poses(self) -> Any:
-        """Start a motion that follows poses of the hand; the elbow keeps its present angle."""
+        """Start a motion commanded by hand poses; the elbow (joint 3) keeps its present angle."""
         self._here, self._sent_pose, self._ahead = None, None, False
         return self._robot.start_joints()
 
     def read(self, motion: Any) -> CartesianState:
-        """The next state, with the setpoint of the hand computed from that of the joints."""
+        """Next state of the robot in `motion`, with the hand's setpoint from that of the joints."""
         state = self._robot.read(motion)
         now, first = state.time.to_sec(), self._here is None
         if self._here is None:
@@ -279,7 +282,7 @@ class CartesianMotion:
         return start
 
     def write_pose(self, motion: Any, pose: Numbers, *, last: bool = False) -> None:
-        """Send the joints that bring the hand to `pose`, 16 numbers by columns.
+        """Command the joints that bring the hand to `pose`, a column-major 4x4 matrix (16,).
 
         Raises ArmFault before the first state.
         """
@@ -299,7 +302,7 @@ class CartesianMotion:
         self._robot.write_joints(motion, sent, last=last)
 
     def _has_arrived(self, motion: Any) -> bool:
-        """Whether the robot moves as predicted; if not, the prediction restarts where it is."""
+        """Whether the robot reached the predicted setpoint; if not, predict from where it is."""
         state = self._robot.read(motion, awaited=False)
         expected, self._ahead = self._here or JointSetpoint([], [], []), False
         before, self._time = self._time, state.time.to_sec()
@@ -312,7 +315,7 @@ class CartesianMotion:
 
 
 def largest_difference(these: Numbers, those: Numbers) -> float:
-    """Largest absolute difference between two lists of numbers, entry by entry."""
+    """Largest absolute difference between entries at the same place of two lists of numbers."""
     return max(abs(a - b) for a, b in zip(these, those, strict=True))
 
 
@@ -340,16 +343,21 @@ def _is_still(state: Any) -> bool:
     return bool(max(abs(rate) for rate in state.dq_d) < REST_RATE)
 
 
-def _plan(start: Numbers, goal: Numbers, share: float) -> Any:
-    plan = ruckig.InputParameter(AXES)
-    plan.synchronization = ruckig.Synchronization.Phase  # straight from start to goal
-    plan.current_position, plan.target_position = start, goal
-    plan.current_velocity = plan.current_acceleration = [0.0] * AXES
-    plan.max_velocity = [share * JOINT_SPEED] * AXES
-    plan.max_acceleration = [share * JOINT_ACCELERATION] * AXES
-    plan.max_jerk = [JOINT_JERK] * AXES
-    return plan
+def _planner_input(start: Numbers, goal: Numbers, share: float) -> ruckig.InputParameter:
+    """Ruckig's input from rest at `start` to rest at `goal` (7,) [rad], straight in joint space.
+
+    Speed and acceleration are a `share` of the full ones; the jerk is not scaled.
+    """
+    planned = ruckig.InputParameter(AXES)
+    planned.synchronization = ruckig.Synchronization.Phase  # straight
+    planned.current_position, planned.target_position = start, goal
+    planned.current_velocity = planned.current_acceleration = [0.0] * AXES
+    planned.max_velocity = [share * JOINT_SPEED] * AXES
+    planned.max_acceleration = [share * JOINT_ACCELERATION] * AXES
+    planned.max_jerk = [JOINT_JERK] * AXES
+    return planned
 
 
 def _clip(value: float, most: float) -> float:
+    """Nearest number to `value` whose size is at most `most`."""
     return min(max(value, -most), most)

@@ -1,4 +1,4 @@
-"""Requests to a robot outside the strip's plane: its pose, a motion to joints, a retreat."""
+"""Single requests to a robot in any posture: read its pose, move to joints, retreat."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from drivers.arm.joint_motion import follow_joints
 from drivers.arm.obstacles import ARM_CLEARANCE, CLEARANCE_TOLERANCE, clear_path, solids_of
 from drivers.arm.process import (
     END_PATIENCE,
-    Task,
+    RobotAccess,
     TerminationFlag,
     connection,
     receive,
@@ -44,7 +44,7 @@ FORCE_CAP, MOMENT_CAP, TORQUE_CAP = 100.0, 100.0, 87.0  # N, N m, N m: most that
 
 @dataclass(frozen=True, slots=True)
 class GoTo:
-    """Request for a motion, with the arguments of `go_to`."""
+    """Request to a robot's process for a motion to `joints`, with the arguments of `go_to`."""
 
     joints: list[float]
     share: float
@@ -53,7 +53,7 @@ class GoTo:
 
 
 def go_to(
-    task: Task,
+    access: RobotAccess,
     joints: list[float],
     share: float,
     *,
@@ -62,24 +62,24 @@ def go_to(
 ) -> None:
     """Bring the robot to `joints` (7,) [rad] at a `share` of full speed and wait; raises Fault.
 
-    With `recover` it is asked to leave its reflex first, and retreats from what presses on it; with
-    `reset_tool` it is given the cell's tool, which is read back. Where the straight way meets the
-    arm itself, desk, clamp or floor, it goes around. Interrupting this ends the motion.
+    `recover` first resets a reflex and retreats from what presses on the gripper; `reset_tool` sets
+    the cell's tool and reads it back. The path goes around where a straight one in joint space
+    meets the arm itself, desk, clamp or floor. Interrupting this function ends the motion.
     """
-    _ask(task, GoTo(joints, share, recover, reset_tool))
+    _run_in_process(access, GoTo(joints, share, recover, reset_tool))
 
 
-def hand_pose(task: Task) -> list[float]:
-    """Pose of the hand in the robot's base, 16 numbers by columns; moves nothing.
+def hand_pose(access: RobotAccess) -> list[float]:
+    """Read the hand's pose in the robot's base, a column-major 4x4 matrix (16,); moves nothing.
 
-    Raises Fault, for a tool too that is not the cell's.
+    Raises Fault, also where the robot's tool is not the cell's.
     """
-    return _ask(task, None)
+    return _run_in_process(access, None)
 
 
-def _ask(task: Task, request: GoTo | None) -> list[float]:
-    """Run `request` in a process and return its answer; the robot brakes if the cell dies."""
-    child = Child(carry_out, task, request)
+def _run_in_process(access: RobotAccess, request: GoTo | None) -> list[float]:
+    """Run `carry_out` in a process and return its answer; the robot brakes if the cell dies."""
+    child = Child(carry_out, access, request)
     try:
         answer: list[float] = receive(child, REQUEST_TIMEOUT)
         return answer
@@ -87,32 +87,32 @@ def _ask(task: Task, request: GoTo | None) -> list[float]:
         child.close(END_PATIENCE)
 
 
-def carry_out(pipe: Connection, task: Task, request: GoTo | None) -> None:
+def carry_out(pipe: Connection, access: RobotAccess, request: GoTo | None) -> None:
     """Connect to the robot and send its pose (16,), or its joints (7,) [rad] after `request`."""
-    with connection(pipe, task) as robot:
+    with connection(pipe, access) as robot:
         if request is None:
             robot.require_tool()
             send(pipe, list(robot.state().O_T_EE))
         else:
-            send(pipe, _go(robot, task, request, pipe))
+            send(pipe, _go(robot, access, request, pipe))
 
 
-def _go(robot: Any, task: Task, request: GoTo, pipe: Connection) -> list[float]:
-    """Prepare the robot as `request` asks, check it and bring it to the joints (7,) [rad]."""
+def _go(robot: Any, access: RobotAccess, request: GoTo, pipe: Connection) -> list[float]:
+    """Prepare, check and move the robot as `request` states; returns joints (7,) [rad] reached."""
     if request.recover:
         robot.recover()
     robot.require_ready()
     if request.reset_tool:
         robot.reset_tool()
     robot.require_tool()
-    termination, solids = TerminationFlag(), solids_of(task.installation)
+    termination, solids = TerminationFlag(), solids_of(access.installation)
 
     def interrupted() -> bool:
         return termination.is_set or pipe.poll()
 
     if request.recover:
-        retreat(robot, task.settings, interrupted, solids)
-    robot.configure(task.settings.collision)
+        retreat(robot, access.settings, interrupted, solids)
+    robot.configure(access.settings.collision)
     guard, reached = robot.guard(), list(robot.state().q)
     path = clear_path(np.array(reached), np.array(request.joints), solids)
     for joints in path:
@@ -124,18 +124,18 @@ def _go(robot: Any, task: Task, request: GoTo, pipe: Connection) -> list[float]:
 
 
 def _rests(state: Any) -> bool:
-    """Whether all joints stand, so that the force in `state` can be the tare of this posture."""
+    """Whether all joints in the robot's `state` are at rest, so that its force can be the tare."""
     return bool(max(abs(rate) for rate in state.dq) < REST_RATE)
 
 
 def retreat(
     robot: Any, settings: FciSettings, interrupted: Callable[[], bool], solids: Solids
 ) -> None:
-    """Move a `robot` at rest along the force on its gripper, if that is more than allowed.
+    """Move a `robot` at rest along the force on its gripper, if that force is more than allowed.
 
-    Raises the thresholds of the reflexes, which would stop it; the caller sets them again. Raises
-    ArmFault where the force is no number or rises during the motion, where the path leads towards
-    one of the `solids`, or does not free the arm within AWAY.
+    Increases the thresholds of the reflexes, which would stop it; the caller resets them. Raises
+    ArmFault where the force is NaN or rises during the motion, where the path leads towards one of
+    the `solids`, or does not free the arm within AWAY.
     """
     state = robot.state()
     force = np.array(state.O_F_ext_hat_K[:3])
@@ -164,7 +164,7 @@ def retreat(
 
 
 def _steps_away(joints: Array, direction: Array) -> Array:
-    """Joints (n, 7) [rad] that move the tip by AWAY along `direction` (3,) without turning."""
+    """Joints (n, 7) [rad] that move the gripper by AWAY along `direction` (3,), without a turn."""
     places = islice(straight(joints, PLACE_STEP * direction), round(AWAY / PLACE_STEP))
     path = np.array([joints, *places])
     if not limits.margins(path[-1]).min() >= JOINT_MARGIN:
@@ -174,7 +174,10 @@ def _steps_away(joints: Array, direction: Array) -> Array:
 
 
 def _require_room(path: Array, solids: Solids) -> None:
-    """Raise ArmFault where `path` (n, 7) [rad] comes nearer to a solid than it began, too near."""
+    """Raise ArmFault where joints `path` (n, 7) [rad] lead closer to a solid than is allowed.
+
+    Allowed is ARM_CLEARANCE, or the clearance at the start of the path where that is smaller.
+    """
     gaps = solids.clearance(path)
     allowed = np.minimum(gaps[0] - CLEARANCE_TOLERANCE, ARM_CLEARANCE)
     for box, gap, least in zip(solids.boxes, gaps.T, allowed, strict=True):
@@ -184,7 +187,7 @@ def _require_room(path: Array, solids: Solids) -> None:
 
 
 def _raise_thresholds(collision: CollisionSettings, force: float) -> CollisionSettings:
-    """Thresholds under which the arm may move while it is pressed with `force` [N]."""
+    """Copy of `collision` with upper thresholds that allow a retreat from a `force` [N]."""
     upper = {
         "force_upper": min(max(collision.force_upper, LOOSENING * force + FORCE_RISE), FORCE_CAP),
         "moment_upper": min(LOOSENING * collision.moment_upper, MOMENT_CAP),

@@ -13,7 +13,7 @@ from drivers.arm.joint_log import JointLog, Timing
 from drivers.arm.joint_motion import CartesianMotion, largest_difference
 from drivers.arm.mailbox import CommandKind, LoopCommand, Mailbox, Report
 from drivers.arm.plane import LEANING, OUT_OF_PLANE, FadingOffset, StripPlane
-from drivers.arm.process import Task, TerminationFlag, connection, send
+from drivers.arm.process import RobotAccess, TerminationFlag, connection, send
 from drivers.arm.reach import REACTION, ReachGuard
 from drivers.arm.settings import FciSettings
 from drivers.clock import WallClock
@@ -37,33 +37,33 @@ CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
 
 @dataclass(frozen=True, slots=True)
 class Ready:
-    """Answer: the loop runs, or has run the ticks that the cell allowed."""
+    """Answer of the loop's process: the loop runs, or has run the ticks that the cell allowed."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunUntil:
-    """Message to a loop in lock-step: run the ticks up to this number."""
+    """Message to the loop's process in lock-step: run all ticks up to number `tick`."""
 
     tick: int
 
 
 @dataclass(frozen=True, slots=True)
 class Close:
-    """Message to the loop: come to rest and end."""
+    """Message to the loop's process: brake the arm to rest and end."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """Answer: the arm rests; with the histogram of the loop's timing."""
+    """Answer of the loop's process at its end, once the arm rests; `timing` is its histogram."""
 
     timing: dict[str, Any]
 
 
 class ServoLoop:
-    """Runs one motion that follows commands in the strip's plane until `end` is called.
+    """Loop of one motion of the arm in the strip's plane, as the cell commands it, until `end`.
 
-    `step` answers the current state with a command and waits for the next state, on the robot's
-    clock or, in lock-step, on the cell's.
+    `step` answers the robot's current state with a setpoint and waits for the next state, on the
+    robot's clock or, in lock-step, on the cell's.
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class ServoLoop:
         self._path: deque[tuple[float, float, float, float]] = deque(maxlen=VELOCITY_STATES + 1)
 
     def begin(self) -> None:
-        """Start from rest at the present pose; ArmFault for a hand out of the strip's plane."""
+        """Start the motion at the arm's present pose; ArmFault for a hand out of the plane."""
         self._motion = self._robot.start_poses()
         state = self._robot.read(self._motion)
         pose = state.O_T_EE_c
@@ -124,8 +124,8 @@ class ServoLoop:
     def step(self) -> None:
         """Run one tick of the robot's time; raises ArmFault when the robot has stopped.
 
-        On the robot's clock the command is sent first, and the state that it answers is checked
-        while the next one is awaited; in lock-step the newest state is checked.
+        On the robot's clock a state is checked after the setpoint that answers it was sent, while
+        the next state is awaited; in lock-step the newest state is checked.
         """
         self._take_command(self._commands.read())
         x, z, pitch = self._profile.tick()
@@ -160,7 +160,7 @@ class ServoLoop:
         return None if self._profile.moving else self._reason
 
     def _take_command(self, command: LoopCommand) -> None:
-        """Take a new command, unless braked for good; brake when the heartbeat stops."""
+        """Apply a new `command`, unless the arm brakes for good; brake once heartbeats stop."""
         if self._taken < 0 or self._reason is not None:
             return
         if command.beat != self._beat:
@@ -175,6 +175,7 @@ class ServoLoop:
             )
 
     def _apply(self, command: LoopCommand) -> None:
+        """Give the motion profile the velocity, pose or stop of `command`; ArmFault if refused."""
         self._new = True
         values = command.x, command.z, command.pitch
         try:
@@ -189,14 +190,14 @@ class ServoLoop:
             raise ArmFault(Cause.COMMAND, str(fault)) from fault
 
     def _check_force(self, state: Any) -> None:
-        """Brake for a force beyond its limit, or for one that drifts at rest."""
+        """Brake for an external force in `state` beyond its limit, or one that drifts at rest."""
         objection = self._touch.objection(state)
         objection = objection or self._drift.objection(state, moving=self._profile.moving)
         if objection:
             self._brake_for_good(Cause.CONTACT, objection)
 
     def _resynchronise(self, state: Any, sent: list[float]) -> None:
-        """Continue from the setpoint that the robot reports where it differs from the one `sent`.
+        """Continue from the pose setpoint that the robot reports where it is not the one `sent`.
 
         A robot that receives a command too late extrapolates the motion, and a command that
         does not continue it is a discontinuity, which stops the robot.
@@ -207,19 +208,19 @@ class ServoLoop:
             self._resume(state, ticks - 1)
 
     def _resume(self, state: Any, lost: int) -> None:
-        """Continue from the setpoint that the robot reports, in the strip's plane and off it.
+        """Continue, after `lost` ticks, from the robot's setpoint, in the plane and off it.
 
         The reported velocity is the mean over the last tick, so half a tick old.
         """
-        gains = [0.5 * TICK * part for part in state.O_ddP_EE_c]
-        twist = [part + gain for part, gain in zip(state.O_dP_EE_c, gains, strict=True)]
+        change = [0.5 * TICK * part for part in state.O_ddP_EE_c]
+        twist = [part + more for part, more in zip(state.O_dP_EE_c, change, strict=True)]
         motion = self._plane.split_motion(state.O_T_EE_c, twist, state.O_ddP_EE_c)
         pose, velocity = Pose(*motion.pose), Velocity(*motion.velocity)
         self._profile.resume(pose, velocity, Velocity(*motion.acceleration), lost)
         self._offset.begin(motion.aside, motion.aside_velocity, motion.aside_acceleration)
 
     def _check_ahead(self) -> None:
-        """Brake while the arm still can, before it reaches a pose that it could not follow."""
+        """Brake where the motion ahead leads to a pose that the arm could not follow."""
         self._new = False
         if not self._profile.moving:
             return
@@ -237,20 +238,22 @@ class ServoLoop:
     def _publish(self, state: Any) -> None:
         """Write the report of `state`; brake where its pose is not finite or off the plane."""
         self.success = state.control_command_success_rate
-        here = self._checked_place(state.O_T_EE)
+        here = self._checked_pose(state.O_T_EE)
         self._path.append((*here, state.seconds))
         if self._joints is not None:
             self._joints.add(self.ticks * TICK if self._lock_step else self._now(), state)
-        rate = self._rate()
-        calm = hypot(rate[0], rate[1]) < CALM[0] and abs(rate[2]) < CALM[1]
+        velocity, pose = self._measured_velocity(), self._profile.pose
+        calm = hypot(velocity[0], velocity[1]) < CALM[0] and abs(velocity[2]) < CALM[1]
         self._reports.write(
             Report(
                 self.ticks,
                 self._taken,
                 self._now(),
                 *here,
-                *rate,
-                *self._position,
+                *velocity,
+                pose.x,
+                pose.z,
+                pose.pitch,
                 *self._plane.force(self._touch.beyond_tare(state)),
                 self.success,
                 self._profile.moving or not calm,
@@ -258,8 +261,8 @@ class ServoLoop:
             )
         )
 
-    def _checked_place(self, pose: list[float]) -> tuple[float, float, float]:
-        """x, z [m] and pitch [rad] of the hand at `pose`.
+    def _checked_pose(self, pose: list[float]) -> tuple[float, float, float]:
+        """x, z [m] and pitch [rad] in the cell of the hand's `pose` in the robot's base.
 
         Brakes where `pose` is off the plane or not finite; for the latter the last one is returned.
         """
@@ -274,13 +277,8 @@ class ServoLoop:
             )
         return here
 
-    @property
-    def _position(self) -> tuple[float, float, float]:
-        pose = self._profile.pose
-        return pose.x, pose.z, pose.pitch
-
-    def _rate(self) -> tuple[float, float, float]:
-        """Measured velocity [m/s, m/s, rad/s] over the last states; 0 before there are two."""
+    def _measured_velocity(self) -> tuple[float, float, float]:
+        """Velocity [m/s, m/s, rad/s] over the last VELOCITY_STATES states; 0 before the second."""
         (*first, start), (*last, now) = self._path[0], self._path[-1]
         if now <= start:
             return 0.0, 0.0, 0.0
@@ -289,7 +287,7 @@ class ServoLoop:
 
 
 def warm_up(installation: Installation) -> None:
-    """Run a few ticks without a robot, because a first call takes as long as several ticks."""
+    """Compute a few ticks without a robot, as first calls take longer than a tick of the robot."""
     plane = StripPlane(installation.mounting.transform())
     limits, space = installation.limits, installation.workspace
     x, z, pitch = (0.5 * (low + high) for low, high in zip(space.low, space.high, strict=True))
@@ -304,13 +302,13 @@ def warm_up(installation: Installation) -> None:
 
 
 def at_rest(state: Any) -> bool:
-    """Whether the robot's setpoint is at rest, or slow enough to stop within one tick."""
+    """Whether the hand's commanded twist is zero, or small enough to stop within one tick."""
     twist = state.O_dP_EE_c
     return hypot(*twist[:3]) < REST_SPEEDS[0] and hypot(*twist[3:]) < REST_SPEEDS[1]
 
 
 def plane_of(installation: Installation, pose: list[float]) -> StripPlane:
-    """The strip's plane for the hand at `pose`; raises ArmFault when the hand is not in it."""
+    """Strip's plane, for the hand as it is turned at `pose`; ArmFault for a hand off the plane."""
     frame = installation.mounting.transform()
     planes = [StripPlane(frame, turned=turned) for turned in (False, True)]
     plane = min(planes, key=lambda candidate: candidate.aside(pose)[1])
@@ -327,23 +325,23 @@ def plane_of(installation: Installation, pose: list[float]) -> StripPlane:
 
 def run_loop(
     pipe: Connection,
-    task: Task,
+    access: RobotAccess,
     origin: float | None,
     commands: Mailbox[LoopCommand],
     reports: Mailbox[Report],
 ) -> None:
-    """Run a robot's loop until the cell at the other end of `pipe` closes or dies, or it stops.
+    """Run a robot's loop until the cell at the other end of `pipe` ends, or the robot stops.
 
     At the end it sends timing and joints, stamped by the monotonic clock from its `origin` [s].
     """
-    warm_up(task.installation)
-    with connection(pipe, task) as robot:
-        _run_loop(pipe, task, robot, WallClock(origin), commands, reports)
+    warm_up(access.installation)
+    with connection(pipe, access) as robot:
+        _run_loop(pipe, access, robot, WallClock(origin), commands, reports)
 
 
 def _run_loop(
     pipe: Connection,
-    task: Task,
+    access: RobotAccess,
     robot: Any,
     clock: WallClock,
     commands: Mailbox[LoopCommand],
@@ -351,12 +349,12 @@ def _run_loop(
 ) -> None:
     robot.require_ready()
     robot.require_tool()
-    robot.configure(task.settings.collision)
+    robot.configure(access.settings.collision)
     joints, timing = JointLog(), Timing()
     loop = ServoLoop(
-        CartesianMotion(robot, own_clock=not task.settings.in_lock_step),
-        task.settings,
-        task.installation,
+        CartesianMotion(robot, own_clock=not access.settings.in_lock_step),
+        access.settings,
+        access.installation,
         commands,
         reports,
         clock.now,
@@ -366,7 +364,7 @@ def _run_loop(
     termination = TerminationFlag()
     loop.begin()
     send(pipe, Ready())
-    if task.settings.in_lock_step:
+    if access.settings.in_lock_step:
         _run_in_lock_step(loop, pipe, termination)
     else:
         while loop.halted is None and not pipe.poll() and not termination.is_set:

@@ -1,4 +1,4 @@
-"""Commands to the robot's 1 kHz loop and its reports: the newest of each, in shared memory."""
+"""Shared memory that holds the newest command to the robot's loop, or the loop's newest report."""
 
 import os
 import struct
@@ -16,7 +16,7 @@ V = TypeVar("V", bound=NamedTuple)
 
 
 class CommandKind(IntEnum):
-    """Kinds of commands to the process that owns the robot."""
+    """Kinds of commands to the robot's loop: brake, move at a velocity, or move to a pose."""
 
     HOLD = 0
     FOLLOW = 1
@@ -24,7 +24,7 @@ class CommandKind(IntEnum):
 
 
 class LoopCommand(NamedTuple):
-    """The newest command to the loop: its `kind`, with a pose or a velocity in `x`, `z`, `pitch`.
+    """Command to the robot's loop: its `kind`, and `x`, `z`, `pitch` of a pose or a velocity.
 
     `number` rises with each command, which the loop executes once; `beat` counts heartbeats.
     """
@@ -38,11 +38,11 @@ class LoopCommand(NamedTuple):
 
 
 class Report(NamedTuple):
-    """The newest state of the arm, after `ticks` of its motion, at `arrival` [s] of the clock.
+    """State of the arm after `ticks` of its motion, which arrived at time `arrival` [s].
 
-    Measured pose and velocity and commanded pose in the cell frame; `fx`, `fz` force on the gripper
-    beyond its tare [N]; `success` the robot's own rate of commands received in time; the rest are
-    flags and the `number` of the last command taken.
+    Measured pose and velocity and commanded pose in the cell frame [m, rad, s]; `fx`, `fz` force on
+    the gripper less its tare [N]; `success` the robot's share of commands received in time;
+    `number` of the last command taken; flags `moving` and `expired`, a velocity not renewed.
     """
 
     ticks: int
@@ -65,7 +65,7 @@ class Report(NamedTuple):
 
 
 class Mailbox(SharedMemory, Generic[V]):
-    """Value in shared memory with one writer and any readers, none of which blocks another.
+    """Value in shared memory, written by one process and read by others without any locking.
 
     The writer fills the hidden one of two slots, then publishes it. A reader retries only when the
     writer has reused its slot meanwhile, so that a writer that dies during a write blocks no
@@ -90,7 +90,7 @@ class Mailbox(SharedMemory, Generic[V]):
 
     @property
     def count(self) -> int:
-        """Number of values written so far."""
+        """Number of values that have been written."""
         return self._count[0]
 
     def write(self, value: V) -> None:
@@ -100,7 +100,7 @@ class Mailbox(SharedMemory, Generic[V]):
         self._count[0] = after
 
     def read(self) -> V:
-        """The newest value, zeros before the first write; Fault `arm_memory` after many tries."""
+        """Newest value, zeros before the first write; Fault `arm_memory` after TRIES attempts."""
         for _ in range(TRIES):
             before = self._count[0]
             content = bytes(self._slots[before & 1])

@@ -1,4 +1,4 @@
-"""Obstacles of the arm: desk, clamp and floor; whether the hand clears them, and ways around."""
+"""Obstacles of the arm: desk, clamp and floor; clearance of the hand, and joint paths around."""
 
 from collections.abc import Iterator, Sequence
 from itertools import islice, pairwise
@@ -38,8 +38,8 @@ UNDER = 0.1  # m under the desk: published shapes of the wrist reach 9 cm below 
 def desk_end(installation: Installation, length: float | None = None) -> float:
     """x [m] at which the desk ends along the strip: as configured, or the workspace's end.
 
-    A desk without a configured end ends with a strip of known `length` [m]: otherwise no hand could
-    grasp the strip's edge. No desk ends before it.
+    A desk without a configured end ends with a strip of known `length` [m], as no hand could grasp
+    the strip's edge otherwise. No desk ends before the strip.
     """
     stated = installation.desk
     if stated is None:
@@ -48,7 +48,7 @@ def desk_end(installation: Installation, length: float | None = None) -> float:
 
 
 def require_clear(path: list[Pose], end: float) -> None:
-    """Raise Fault `hand_meets_desk` for a `path` of the hand into a desk that ends at `end` [m].
+    """Raise Fault `hand_meets_desk` where the hand's `path` leads into a desk up to x = `end` [m].
 
     Poses are joined by straight lines; a hand that begins inside may leave.
     """
@@ -70,10 +70,10 @@ def require_clear(path: list[Pose], end: float) -> None:
 
 
 def desk_clearance(poses: Array, length: float) -> Array:
-    """Height (n,) [m] of the hand's lowest point over the desk for gripper poses (n, 3).
+    """Height (n,) [m] above the desk of the hand's lowest point, at gripper poses (n, 3) [m, rad].
 
-    The desk reaches from x = 0 to `length` [m] and no further: beside it the hand may hang lower.
-    Infinite for poses with nothing of the hand over the desk.
+    The desk is from x = 0 to `length` [m]: beside it the hand may be lower. Infinite where no part
+    of the hand is above the desk.
     """
     x, z, pitch = poses.T
     lowest = np.full(len(poses), np.inf)
@@ -87,7 +87,7 @@ def desk_clearance(poses: Array, length: float) -> Array:
 
 
 def solids_of(installation: Installation) -> Solids:
-    """Desk, clamp and floor as obstacles in the frame of the cell's mounting."""
+    """Boxes of desk, clamp and floor, placed in the robot's base by the cell's mounting."""
     end = desk_end(installation)
     boxes = (
         Box("desk", (-CLAMP_LENGTH, -DESK_EDGE, -DESK_DEPTH), (end, DESK_EDGE, 0.0)),
@@ -98,16 +98,16 @@ def solids_of(installation: Installation) -> Solids:
 
 
 def floor_of(installation: Installation) -> Solids:
-    """The floor as an obstacle that no part of the arm may enter, not even a low wrist."""
+    """Box of the floor, UNDER the desk, which even the wrist of a low hand may not enter."""
     floor = Box("floor", (-FLOOR_SIZE, -FLOOR_SIZE, -FLOOR_SIZE), (FLOOR_SIZE, FLOOR_SIZE, -UNDER))
     return Solids(installation.mounting.transform().matrix, [floor])
 
 
 def clear_path(start: Array, goal: Array, solids: Solids) -> list[Array]:
-    """Joint waypoints (7,) [rad] after `start`, up to `goal`, on a way clear of all `solids`.
+    """Joint waypoints (7,) [rad] from `start` (excluded) to `goal` on a path clear of all `solids`.
 
     A straight line in joint space where that is clear, else over points above start or goal, or
-    over the upright posture. Raises ArmFault, naming what is in the way, where none is clear.
+    over the upright posture. Raises ArmFault, naming the obstacle, where no path is clear.
     """
     objection = _objection([start, goal], solids)
     if not objection:
@@ -120,7 +120,7 @@ def clear_path(start: Array, goal: Array, solids: Solids) -> list[Array]:
 
 
 def _detours(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:
-    """Lists of joint waypoints between start and goal, the shortest detour first."""
+    """Yield detours as lists of joint waypoints (7,) between start and goal, shortest first."""
     ascents = [_joints_above(start, up, rise) for rise in RISES]
     descents = [_joints_above(goal, up, rise)[::-1] for rise in RISES]
     yield from ascents
@@ -133,11 +133,10 @@ def _detours(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:
 
 
 def _joints_above(joints: Array, up: Array, rise: float) -> list[Array]:
-    """Joints (7,) at each LEG_RISE straight `up` (3,) to `rise` [m], as far as the arm reaches."""
+    """Joints (7,) [rad] at every LEG_RISE straight `up` (3,) to `rise` [m], if in reach."""
     points = []
-    for step, here in enumerate(
-        islice(straight(joints, PATH_STEP * up), round(rise / PATH_STEP)), 1
-    ):
+    steps = islice(straight(joints, PATH_STEP * up), round(rise / PATH_STEP))
+    for step, here in enumerate(steps, 1):
         if limits.margins(here).min() < JOINT_ROOM:
             break
         if step % round(LEG_RISE / PATH_STEP) == 0:
@@ -146,7 +145,7 @@ def _joints_above(joints: Array, up: Array, rise: float) -> list[Array]:
 
 
 def _objection(points: Sequence[Array], solids: Solids) -> str:
-    """Reason why the way through `points`, each (7,), is not clear; empty where it is clear."""
+    """Reason why straight joint motions through `points` (7,) [rad] collide; empty for none."""
     legs = []
     for a, b in pairwise(points):
         count = 2 + int(np.abs(b - a).max() / POSTURE_SPACING)
@@ -164,9 +163,9 @@ def _with_article(name: str) -> str:
 
 
 def _keeps_clear(gap: Array) -> bool:
-    """Whether distances (n,) [m] along a way stay above ARM_CLEARANCE, apart from its two ends.
+    """Whether distances (n,) [m] to an obstacle along a path stay above ARM_CLEARANCE.
 
-    An arm that begins nearer may leave, one that ends nearer may approach.
+    An arm that starts closer may move away, one that ends closer may approach.
     """
     clear = np.flatnonzero(gap >= ARM_CLEARANCE)
     if not len(clear):

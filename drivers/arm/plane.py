@@ -1,4 +1,4 @@
-"""The plane of the strip in the robot's frame, and poses of the hand in it."""
+"""Conversion between gripper poses in the strip's plane and hand poses in the robot's base."""
 
 from dataclasses import dataclass
 from math import atan2, cos, pi, sin
@@ -20,9 +20,10 @@ NO_OFFSET = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class PlaneMotion:
-    """A motion of the hand in the strip's plane and off the plane, each with two derivatives.
+    """Motion of the hand split into the part in the strip's plane and the part off the plane.
 
-    `pose` is x, z [m], pitch [rad]; `aside` an offset [m] and angles [rad] as in `command`.
+    `pose` is x, z [m], pitch [rad]; `aside` is the offset across the plane [m] and the lean about
+    x and z [rad]; both with first and second derivatives.
     """
 
     pose: Triple
@@ -37,8 +38,8 @@ class StripPlane:
     """Transform between gripper poses in the cell frame and hand poses in the robot's base.
 
     The hand's approach axis lies in the plane: at pitch pi/2 it points down. `turned` rotates the
-    hand by half a turn about that axis, an equivalent grasp that uses other wrist angles. The small
-    offset from the plane at `take_over` is kept.
+    hand by half a turn about that axis, an equivalent grasp that uses other wrist angles. All poses
+    have the small offset from the plane that the hand had at `take_over`.
     """
 
     def __init__(self, cell_in_robot: CellInRobot, *, turned: bool = False) -> None:
@@ -56,13 +57,13 @@ class StripPlane:
         self._back: Array | None = None  # its inverse
 
     def take_over(self, pose: Numbers) -> None:
-        """Keep the offset of `pose` from the plane, so that the first command equals it."""
+        """Give all poses the hand's offset from the plane at its present `pose` (16,)."""
         rest = np.linalg.solve(self.matrix(*self.to_cell(pose)), matrix(pose))
         self._rest = np.asarray(rest, dtype=np.float64)
         self._back = np.asarray(np.linalg.inv(rest), dtype=np.float64)
 
     def command(self, x: float, z: float, pitch: float, aside: Triple = NO_OFFSET) -> Numbers:
-        """Pose of the hand in the base, 16 numbers by columns, for x, z [m] and `pitch` [rad].
+        """Hand pose in the base, a column-major 4x4 matrix (16,), for x, z [m], pitch [rad].
 
         `aside` leaves the plane: an offset across it [m], angles [rad] about its x and z axes.
         """
@@ -78,7 +79,7 @@ class StripPlane:
         return numbers
 
     def split_motion(self, pose: Numbers, twist: Numbers, change: Numbers) -> PlaneMotion:
-        """Motion in the cell of a hand with `pose`, `twist` (6,) and `change` (6,) in the base."""
+        """Split a motion of the hand in the base: `pose` (16,), `twist` and its `change` (6,)."""
         hand = matrix(pose)
         inside = hand if self._back is None else hand @ self._back
         spin, spin_change = _cross_matrix(twist[3:]), _cross_matrix(change[3:])
@@ -101,13 +102,13 @@ class StripPlane:
         )  # fmt: skip
 
     def _split_rates(self, linear: Array, angular: Numbers) -> tuple[Triple, Numbers]:
-        """Split a twist into rates of x, z and pitch, and rates beside the plane."""
+        """Split a twist into rates of x, z, pitch and rates off the plane: offset, two angles."""
         along, across, up = (self._axes @ linear).tolist()
         lean, turn, yaw = (self._axes @ np.array(angular)).tolist()
         return (along, up, -turn), [across, lean, yaw]
 
     def matrix(self, x: float, z: float, pitch: float) -> Array:
-        """The hand's pose (4, 4) in the robot's base, exactly in the strip's plane."""
+        """Hand pose (4, 4) in the robot's base, exactly in the plane, for x, z [m], pitch [rad]."""
         c, s = cos(pitch - pi / 2), sin(pitch - pi / 2)
         sign, axes = self._sign, (self._along, self._across, self._up, self._origin)
         pose = [
@@ -117,33 +118,33 @@ class StripPlane:
         return np.array([*pose, (0.0, 0.0, 0.0, 1.0)])
 
     def to_cell(self, pose: Numbers) -> tuple[float, float, float]:
-        """x, z [m] and pitch [rad] in the cell of a hand's pose, 16 numbers by columns."""
+        """x, z [m] and pitch [rad] in the cell of a hand pose in the base, column-major (16,)."""
         x, _, z = self.place(pose)
         along, up = (_dot(row, pose[8:11]) for row in (self._rows[0], self._rows[2]))
         return x, z, _pitch_of_axis(along, up)
 
     def place(self, pose: Numbers) -> tuple[float, float, float]:
-        """x, y, z [m] in the cell frame of a hand's pose, 16 numbers, column-major."""
+        """x, y, z [m] in the cell of a hand pose in the base, column-major (16,)."""
         point = pose[12:15]
         x, y, z = (_dot(row, point) + row[3] for row in self._rows)
         return x, y, z
 
     def aside(self, pose: Numbers) -> tuple[float, float]:
-        """Distance [m] and angle [rad] between a hand's pose and its projection into the plane."""
+        """Distance [m] and angle [rad] of a hand pose (16,) from its projection into the plane."""
         off = np.linalg.solve(self.matrix(*self.to_cell(pose)), matrix(pose))
         angle = float(np.arccos(np.clip((np.trace(off[:3, :3]) - 1) / 2, -1.0, 1.0)))
         return float(np.linalg.norm(off[:3, 3])), angle
 
     def force(self, wrench: Numbers) -> tuple[float, float]:
-        """f_x, f_z [N] in the cell frame of a wrench (6,) in the base."""
+        """f_x, f_z [N] in the cell frame of a `wrench` (6,) [N, N m] in the robot's base."""
         return _dot(self._along, wrench), _dot(self._up, wrench)
 
 
 class FadingOffset:
-    """Offset of the hand across the strip's plane [m] and two angles [rad], faded to zero.
+    """Offset of the hand across the strip's plane [m] and two angles [rad], which fade to zero.
 
     A robot without commands extrapolates its last ones, rounding errors included, and drifts out
-    of the plane. From its state there, a polynomial of fifth degree takes each to rest at zero.
+    of the plane. Polynomials of fifth degree bring offset and angles from there to rest at zero.
     """
 
     def __init__(self) -> None:
@@ -158,7 +159,7 @@ class FadingOffset:
         self._age = 0
 
     def tick(self) -> tuple[float, float, float]:
-        """Advance by one period; returns offset and angles (3,) [m, rad, rad] at its end."""
+        """Advance by one tick; returns offset and angles (3,) [m, rad, rad] at its end."""
         if self._age >= FADE_TICKS:
             return NO_OFFSET
         self._age += 1
@@ -190,7 +191,7 @@ def _correct_for_pitch(
 
 
 def _pitch_of_axis(along: float, up: float) -> float:
-    """Pitch of an approach axis with these components in the cell: -x is 0, down pi/2, +x pi."""
+    """Pitch [rad] of an approach axis with components `along` x and `up`: -x is 0, down is pi/2."""
     pitch = atan2(-up, -along)
     return pitch + 2 * pi if pitch < -pi / 2 else pitch
 
@@ -206,5 +207,5 @@ def _dot(a: Numbers, b: Numbers) -> float:
 
 
 def matrix(columns: Numbers) -> Array:
-    """Pose (4, 4) from its 16 numbers by columns."""
+    """Pose (4, 4) from its 16 numbers in column-major order."""
     return np.array(columns).reshape(4, 4).T

@@ -1,4 +1,4 @@
-"""A process that owns the connection to a robot, and whose end ends its motion."""
+"""Parts of the processes that are connected to a robot; the robot stops when they end."""
 
 import gc
 import signal
@@ -19,8 +19,8 @@ PRIORITY = 80  # of 1 to 99, above ordinary threads and below the kernel's
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
-    """The robot at `address`, and how a process that owns its connection is to drive it."""
+class RobotAccess:
+    """Robot to connect to: its `address`, its settings and the installation of its arm."""
 
     address: str
     settings: FciSettings
@@ -28,10 +28,10 @@ class Task:
 
 
 class TerminationFlag:
-    """Flag that SIGTERM or SIGHUP sets in this process, so that the arm brakes first.
+    """Flag that SIGTERM or SIGHUP sets instead of ending this process, so that the arm can brake.
 
-    A closed terminal or a shutdown signals every process. One that ended in a motion would leave
-    it to the robot to detect the missing commands.
+    A closed terminal or a shutdown signals every process. One that ended during a motion would
+    leave it to the robot to detect the missing commands.
     """
 
     def __init__(self) -> None:
@@ -40,7 +40,7 @@ class TerminationFlag:
             signal.signal(number, self._note_signal)
 
     def check(self) -> None:
-        """Raise ArmFault if a signal asked this process to end; called once the arm rests."""
+        """Raise ArmFault if the flag is set; called once the arm rests."""
         if self.is_set:
             raise ArmFault(Cause.ENDED, "the process of the arm was asked to end")
 
@@ -49,9 +49,9 @@ class TerminationFlag:
 
 
 def receive(child: Child, patience: float) -> Any:
-    """The next answer of a process that owns a robot, within `patience` [s].
+    """Next message of a process that is connected to a robot, within `patience` [s].
 
-    Raises the ArmFault that it answers with, or one that says that there was no answer.
+    Raises ArmFault where the message is one, where none arrives or where the process has died.
     """
     try:
         answer = child.receive(patience)
@@ -65,17 +65,17 @@ def receive(child: Child, patience: float) -> Any:
 
 
 @contextmanager
-def connection(pipe: Connection, task: Task) -> Iterator[Any]:
-    """Context with the connected `drivers.arm.robot.Robot` of `task`, in the process that owns it.
+def connection(pipe: Connection, access: RobotAccess) -> Iterator[Any]:
+    """Context with a `drivers.arm.robot.Robot` connected by `access`, in the robot's process.
 
-    Sends its fault, whatever it is, through `pipe`; the process then ends.
+    Sends any exception that is raised in it through `pipe`, as an ArmFault.
     """
     gc.disable()  # nothing here makes cycles, and a collection takes longer than a tick
     try:
         from drivers.arm.robot import Robot
 
-        robot = Robot(task.address, task.settings)
-        apply_realtime(task.settings.realtime)
+        robot = Robot(access.address, access.settings)
+        apply_realtime(access.settings.realtime)
         yield robot
     except ArmFault as fault:
         send(pipe, fault)
@@ -90,14 +90,16 @@ def send(pipe: Connection, message: object) -> None:
 
 
 def apply_realtime(mode: RealTime) -> None:
-    """Give this thread the scheduling that `fci.realtime` names, once the library has connected.
+    """Give this thread the real-time scheduling of `mode`; call it after connecting to the robot.
 
-    For `enforce` the library takes the priority. Raises ArmFault where the user may not have it.
+    enforce: memory is locked; the library has taken the priority. priority: memory is locked and
+    PRIORITY taken. ignore: only a short time slice is requested. Raises ArmFault where the user may
+    not have PRIORITY.
     """
     if mode == "ignore":
         wake_promptly()
-    else:
-        lock_memory()
+        return
+    lock_memory()  # best effort: an unlocked page may have to be read from disk within a tick
     if mode == "priority" and not take_priority(PRIORITY):
         reason = f"this user may not have real-time priority {PRIORITY}, see `ulimit -r`"
         raise ArmFault(Cause.REALTIME, reason)

@@ -1,4 +1,4 @@
-"""Reach of the arm: checked for a gripper path before a motion, and ahead during every motion."""
+"""Whether the arm can follow a gripper path: before a motion, and ahead during every motion."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -44,7 +44,7 @@ CHANGE_SHARE = 1.6  # of a joint's acceleration, for the worst simultaneous chan
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Pose (x, z [m], pitch [rad]) that the arm cannot follow, and the reason."""
+    """Gripper pose (x, z [m], pitch [rad]) that the arm cannot reach, and the reason."""
 
     x: float
     z: float
@@ -52,14 +52,14 @@ class Problem:
     reason: str
 
     def __str__(self) -> str:
-        """Place and reason as a text for the operator."""
+        """Pose and reason as a text for the operator."""
         place = f"x {1e3 * self.x:.0f} mm, z {1e3 * self.z:.0f} mm"
         return f"{place}, pitch {np.degrees(self.pitch):.0f} deg: {self.reason}"
 
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """Result of tracking a path from one start posture: margin, progress and problems.
+    """Result of tracking a gripper path from one start posture: margin, progress and problems.
 
     The hand `turned` or not, `start` joints (7,) [rad] at the first pose, smallest joint `margin`
     [rad] and its `joint`, number of poses `followed`, and the first `problems` in path order.
@@ -81,11 +81,12 @@ class Reach:
 def plan_reach(
     installation: Installation, path: Array, speeds: Array, elbows: tuple[float, ...] = ELBOWS
 ) -> Reach:
-    """Choose the postures with which the arm best follows `path` (n, 3) at `speeds` (n,) [m/s].
+    """Choose the start posture with which the arm best follows a gripper path.
 
-    Tries both hand orientations and all `elbows` [rad], each constant along the path. Prefers no
-    problems, then the longest part followed, then the largest joint margin. The driver's guard must
-    not brake on the path before the lay, which depends on where the layers touch.
+    `path` (n, 3) is x, z [m] and pitch [rad], `speeds` (n,) [m/s] along it. Tries both hand
+    orientations and all `elbows` [rad], constant along the path. Prefers no problems, then the
+    longest part followed, then the largest joint margin. The driver's guard must not brake on the
+    path before the lay, which depends on where the layers touch.
     """
     candidates = [
         candidate
@@ -114,7 +115,7 @@ def plan_reach(
 def _postures(
     installation: Installation, path: Array, speeds: Array, turned: bool, elbows: tuple[float, ...]
 ) -> Iterator[Reach]:
-    """Yield the result of tracking `path` from each start posture, one for each elbow angle."""
+    """Yield the result of tracking `path` from a start posture at each angle of `elbows` [rad]."""
     plane = StripPlane(installation.mounting.transform(), turned=turned)
     poses, times = densify(path, speeds)
     for elbow in elbows:
@@ -125,11 +126,11 @@ def _postures(
             continue
         tracked = track(near, plane.matrix(*poses[0].tolist()), elbow, PATH_ITERATIONS)
         if tracked is not None:
-            yield _follow_path(plane, poses, times, tracked[0])
+            yield _track_path(plane, poses, times, tracked[0])
 
 
-def _follow_path(plane: StripPlane, poses: Array, times: Array, start: Array) -> Reach:
-    """Track the joints along `poses` from `start`, up to the first few problems."""
+def _track_path(plane: StripPlane, poses: Array, times: Array, start: Array) -> Reach:
+    """Track the joints along `poses` (n, 3) from `start` (7,) [rad], up to MOST_PROBLEMS."""
     joints, problems, count = start, list[Problem](), 0
     margin, joint = np.inf, 0
     for pose, time in zip(poses, times, strict=True):
@@ -154,7 +155,7 @@ def _follow_path(plane: StripPlane, poses: Array, times: Array, start: Array) ->
 def _first_braking(
     installation: Installation, path: Array, speeds: Array, reach: Reach
 ) -> Problem | None:
-    """The first pose along `path`, from the lift on, at which the arm's driver would brake."""
+    """First pose along `path`, from the lift on, at which the driver's guard would brake."""
     plane = StripPlane(installation.mounting.transform(), turned=reach.turned)
     guard = ReachGuard(plane, installation.limits, reach.start.tolist())
     poses, times = densify(path, speeds)
@@ -167,7 +168,7 @@ def _first_braking(
 
 
 def _step_objection(joints: Array, there: Array, time: float) -> str:
-    """Reason why a step from `joints` to `there` in `time` [s] is not allowed; empty if it is."""
+    """Reason to refuse a step from `joints` to `there` (7,) in `time` [s]; empty for none."""
     room, joint = float(limits.margins(there).min()), int(limits.margins(there).argmin()) + 1
     if room < PATH_MARGIN:
         return (
@@ -188,7 +189,7 @@ def _step_objection(joints: Array, there: Array, time: float) -> str:
 
 
 def densify(path: Array, speeds: Array) -> tuple[Array, Array]:
-    """Poses (m, 3) along `path` at most POSE_STEP apart, and the time [s] from each to the next."""
+    """Poses (m, 3) along `path` at most POSE_STEP apart, and times (m,) [s] from pose to pose."""
     poses, times = [path[:1]], [np.array([1.0])]  # s to the first pose: the arm stands there
     for here, there, speed in zip(path[:-1], path[1:], speeds[1:], strict=True):
         travel = float(np.hypot(*(there - here)[:2]))
@@ -201,7 +202,7 @@ def densify(path: Array, speeds: Array) -> tuple[Array, Array]:
 
 
 class ReachGuard:
-    """Checks joint limits on the motion REACTION ahead, and where braking from there would end.
+    """Check of joint limits at the motion REACTION ahead, and where braking from there would end.
 
     At both poses, with the elbow where the motion began, each joint must be away from its ends and
     need at most VELOCITY_SHARE of its velocity, ACCELERATION_SHARE of its acceleration for the
@@ -210,7 +211,7 @@ class ReachGuard:
     """
 
     def __init__(self, plane: StripPlane, motion: MotionLimits, joints: list[float]) -> None:
-        """Check a motion that begins at `joints` (7,) [rad]."""
+        """Check a motion in `plane` that begins at `joints` (7,) [rad], with its axes' limits."""
         self._plane = plane
         self._elbow = float(joints[ELBOW_JOINT])
         self._soon: Array = np.array(joints)
@@ -220,7 +221,7 @@ class ReachGuard:
         self._jerk = np.array([axis.jerk for axis in motion.axes])
 
     def objection(self, soon: PredictedMotion) -> str:
-        """Reason to stop a motion that will be at `soon`; empty while it may continue."""
+        """Reason to stop a motion predicted to be at `soon`; empty while it may continue."""
         speed, change = (
             np.array([rate.vx, rate.vz, rate.pitch_rate])
             for rate in (soon.velocity, soon.acceleration)
@@ -282,7 +283,7 @@ class ReachGuard:
 
 
 def _twists(plane: StripPlane) -> Array:
-    """Hand twist and elbow rate (7, 3) in the base per unit of velocity on x, z and pitch."""
+    """Hand twist (6) and elbow rate (1) in the base, (7, 3), per unit velocity of x, z, pitch."""
     here, small = plane.matrix(0.0, 0.0, 0.0), 1e-6
     x, z = (plane.matrix(*at)[:3, 3] - here[:3, 3] for at in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
     turn = (plane.matrix(0.0, 0.0, small)[:3, :3] @ here[:3, :3].T) / small  # per rad of pitch

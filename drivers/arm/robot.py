@@ -1,4 +1,4 @@
-"""The robot through libfranka's Python client: connect, configure, one motion at a time."""
+"""Connection to a Franka robot by libfranka's Python client: settings, one motion at a time."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -39,10 +39,10 @@ ERROR_NAMES = tuple(name for name in dir(franka.Errors) if not name.startswith("
 
 
 class Robot:
-    """One connection to a robot; every library error is raised as ArmFault."""
+    """Connection to a robot by pylibfranka; every error of the library is raised as ArmFault."""
 
     def __init__(self, address: str, settings: FciSettings) -> None:
-        """Connect as `settings.realtime` asks; ArmFault for a robot with narrower limits."""
+        """Connect to the robot; ArmFault where its joint limits are narrower than the cell's."""
         description = read_description(address)
         if description is not None:
             require_limits(description)
@@ -56,13 +56,13 @@ class Robot:
         self._settings = settings
 
     def state(self) -> Any:
-        """A fresh state; the first one after a pause is discarded as stale."""
+        """State of the robot now; the first one after a pause is discarded as stale."""
         with _library_errors(self._stop_reason):
             self._robot.read_once()
             return self._robot.read_once()
 
     def require_ready(self) -> None:
-        """Raise ArmFault for a robot that cannot move."""
+        """Raise ArmFault for a robot that cannot move: stopped, not idle, or with errors."""
         state = self.state()
         failure = failure_in(state)
         if failure is None and state.robot_mode != franka.RobotMode.Idle:
@@ -80,14 +80,14 @@ class Robot:
         require_tool(self.state(), self._settings.tool)
 
     def reset_tool(self) -> None:
-        """Set end effector and stiffness frame to the nominal ones, and no load."""
+        """Set the robot's end effector and stiffness frame to the nominal ones, and no load."""
         with _library_errors(self._stop_reason):
             self._robot.set_EE(IDENTITY)
             self._robot.set_K(IDENTITY)
             self._robot.set_load(0.0, [0.0] * 3, [0.0] * 9)
 
     def configure(self, collision: CollisionSettings) -> None:
-        """Set the thresholds of the robot's reflexes, which a robot in motion refuses."""
+        """Set the robot's contact and collision thresholds, which a robot in motion refuses."""
         lower, upper = [collision.torque_lower] * 7, [collision.torque_upper] * 7
         soft = [collision.force_lower] * 3 + [collision.moment_lower] * 3
         hard = [collision.force_upper] * 3 + [collision.moment_upper] * 3
@@ -95,7 +95,7 @@ class Robot:
             self._robot.set_collision_behavior(lower, upper, soft, hard)
 
     def guard(self) -> ForceGuard:
-        """Force guard of a motion from this posture; ArmFault for too large a force at rest."""
+        """Force guard for motions from here, tared now; ArmFault for too large a force at rest."""
         states = [self.state() for _ in range(TARE_STATES)]
         settings = self._settings
         tare = Tare.from_states(states, settings.rest)
@@ -107,7 +107,7 @@ class Robot:
             self._robot.automatic_error_recovery()
 
     def start_joints(self) -> Any:
-        """Start a motion commanded by joint positions."""
+        """Start a motion commanded by joint positions, and return its handle."""
         with _library_errors(self._stop_reason):
             motion: Any = self._robot.start_joint_position_control(
                 franka.ControllerMode.JointImpedance
@@ -115,7 +115,7 @@ class Robot:
         return motion
 
     def read(self, motion: Any, *, awaited: bool = True) -> Any:
-        """Return the next state of `motion`; on the robot's clock, if `awaited`, a fresh one.
+        """Next state of the robot in `motion`; on its own clock, if `awaited`, a fresh one.
 
         A state that is already queued is a tick old: answering it would be late, and a loop that
         needs most of its tick would never catch up. It is dropped.
@@ -129,19 +129,19 @@ class Robot:
             return state
 
     def write_joints(self, motion: Any, joints: list[float], *, last: bool = False) -> None:
-        """Command the joints (7,) [rad]; `last` ends the motion there."""
+        """Command the joints (7,) [rad] of this tick of `motion`; `last` ends the motion."""
         with _library_errors(self._stop_reason):
             command = franka.JointPositions(joints)
             command.motion_finished = last
             motion.writeOnce(command)
 
     def _stop_reason(self, cause: Cause) -> ArmFault | None:
-        """Reason for the stop in the robot's state; None where the state has none."""
+        """ArmFault that the robot's state states as reason for a stop; None where it has none."""
         return None if cause is Cause.NETWORK else failure_in(self._robot.read_once())
 
 
 def failure_in(state: Any) -> ArmFault | None:
-    """ArmFault for which a robot in `state` cannot move; None when it can."""
+    """ArmFault of a robot in `state` whose user stop is pressed or reflex is set; else None."""
     flagged = state.current_errors if bool(state.current_errors) else state.last_motion_errors
     errors = _flags(flagged)
     if state.robot_mode == franka.RobotMode.UserStopped:
@@ -158,7 +158,7 @@ def _flags(flagged: Any) -> tuple[str, ...]:
 
 @contextmanager
 def _library_errors(explain: Callable[[Cause], ArmFault | None]) -> Iterator[None]:
-    """Context that raises library errors as ArmFault, by class or, if more specific, by state."""
+    """Context that raises library errors as ArmFault, of `explain` or by the error's class."""
     try:
         yield
     except (franka.FrankaException, RuntimeError, ValueError) as error:
@@ -186,7 +186,7 @@ def _scheduler_restored(*, restore: bool) -> Iterator[None]:
 
 
 def _mismatch(address: str) -> ArmFault | None:
-    """ArmFault that names both versions, if they are why the robot refused; None if they agree."""
+    """ArmFault for a robot whose interface version is not the library's; None if they agree."""
     spoken = robot_version(address)
     if spoken is None or spoken == LIBRARY_VERSION:
         return None

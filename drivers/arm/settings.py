@@ -28,9 +28,9 @@ class CollisionSettings(Settings):
 
 
 class ToolSettings(Settings):
-    """The Franka Hand as Desk states it: `mass` [kg] and `centre` of mass [m] in the flange.
+    """Mass properties of the Franka Hand as set in Desk: `mass` [kg], `centre` of mass [m].
 
-    No load is carried: a strip weighs less than the force is known.
+    `centre` is in the flange's frame. No load is set: a strip weighs less than the force error.
     """
 
     mass: float = Field(0.73, gt=0, le=3)
@@ -51,7 +51,7 @@ class HandLimits(Settings):
     thickest: float = Field(0.006, ge=0.0005, le=0.02)
 
     def around(self, low: float, high: float) -> "HandLimits":
-        """These limits with the thickness narrowed to a fabric measured as `low` to `high` [m].
+        """Copy of these limits for a fabric measured to be from `low` to `high` [m] thick.
 
         The fingers press harder than calipers; a hem has two layers.
         """
@@ -68,7 +68,7 @@ REACHABLE = MotionLimits(
 
 
 class FciSettings(Settings):
-    """Address and control settings of the robot; times [s].
+    """Address and control settings of a Franka robot; times [s].
 
     Without an `address` the cell starts a twin that speaks the robot's protocol, in `lock_step`;
     with one, only a twin that was started in lock-step can be driven so. `realtime` enforce
@@ -101,6 +101,6 @@ class FciSettings(Settings):
         return self.address is None if self.lock_step is None else self.lock_step
 
     def limit(self, installation: Installation) -> Installation:
-        """The `installation` with its motion limits lowered to those of this robot."""
-        limits = installation.limits.lower(self.limits)
+        """Copy of `installation` whose motion limits are at most those of this robot."""
+        limits = installation.limits.tighter(self.limits)
         return installation.model_copy(update={"limits": limits})

@@ -39,7 +39,7 @@ class FormatDescription(Structure):
 
 
 class Fraction(Structure):
-    """struct v4l2_fract: a fraction of two whole numbers."""
+    """struct v4l2_fract: a ratio of two integers."""
 
     _fields_ = (("numerator", c_uint32), ("denominator", c_uint32))
 
@@ -187,7 +187,7 @@ def _request(direction: int, number: int, argument: type) -> int:
 
 
 class Ioctl(IntEnum):
-    """Requests of V4L2; a number carries the size of its argument."""
+    """Request numbers VIDIOC_* of V4L2 for ioctl, which contain the size of the argument."""
 
     QUERYCAP = _request(_IOC_READ, 0, Capability)
     ENUM_FMT = _request(_IOC_READ | _IOC_WRITE, 2, FormatDescription)
@@ -210,7 +210,7 @@ class Ioctl(IntEnum):
 
 
 class CapabilityFlag(IntFlag):
-    """Device capabilities that the driver checks."""
+    """V4L2_CAP_*: capabilities of a device that the driver checks."""
 
     VIDEO_CAPTURE = 0x00000001
     STREAMING = 0x04000000
@@ -218,7 +218,7 @@ class CapabilityFlag(IntFlag):
 
 
 class BufferFlag(IntFlag):
-    """Flags of a dequeued buffer that the driver checks."""
+    """V4L2_BUF_FLAG_*: flags of a dequeued buffer that the driver checks."""
 
     ERROR = 0x0040
     TIMESTAMP_MASK = 0xE000
@@ -239,7 +239,7 @@ class ControlFlag(IntFlag):
 
 
 class ControlType(IntEnum):
-    """Types of controls that hold one 32-bit number; other types are not supported."""
+    """V4L2_CTRL_TYPE_*: types of controls that hold one 32-bit number, as the driver supports."""
 
     INTEGER = 1
     BOOLEAN = 2
@@ -250,10 +250,10 @@ class ControlType(IntEnum):
 
 
 def fourcc(code: str) -> int:
-    """Number of the pixel format with the four letters `code`, such as "YUYV"."""
+    """V4L2 number of the pixel format with the four letters `code`, such as "YUYV"."""
     return int.from_bytes(code.encode("ascii"), "little")
 
 
 def letters(number: int) -> str:
-    """Four letters of the pixel format with this `number`."""
+    """Four letters of the pixel format with the V4L2 `number`, such as "YUYV"."""
     return (number & WITHOUT_BYTE_ORDER).to_bytes(4, "little").decode("latin-1").rstrip()

@@ -1,4 +1,4 @@
-"""The V4L2 camera as a `drivers.protocols.Camera`, and the list of those that are connected."""
+"""Camera driver for V4L2 devices, and a report on those that are connected."""
 
 import math
 import threading
@@ -25,7 +25,7 @@ DEVICE_LINKS_FOLDER = Path("/dev/v4l")
 
 @dataclass(frozen=True, slots=True)
 class StampedCapture:
-    """A frame as captured, with `stamp` and `arrival` on the cell's clock [s]."""
+    """A captured, undecoded frame with its times `stamp` and `arrival` on the cell's clock [s]."""
 
     capture: Capture
     picture: Picture
@@ -37,7 +37,7 @@ class StampedCapture:
 
 
 class NewestFrame:
-    """Takes every frame of a session and keeps the newest; recovers the device after a failure.
+    """Thread that takes every frame of a camera, stores the newest, and recovers the device.
 
     A failure is raised by the next `newest`, at least once, and until a frame has arrived after it.
     A stalled or faulty stream is restarted; a lost device is reopened once its link exists again,
@@ -64,9 +64,9 @@ class NewestFrame:
         self._thread.start()
 
     def newest(self, after: float, timeout: float) -> StampedCapture | None:
-        """The newest frame stamped later than `after`, waiting up to `timeout` [s] for one.
+        """Newest frame with a stamp later than `after` [s]; None if none comes in `timeout` [s].
 
-        Raises the error of the device if it is failing or has failed since the last call.
+        Raises the device's error if it is failing or has failed since the last call.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._trouble or self._fresh(after), timeout)
@@ -118,7 +118,7 @@ class NewestFrame:
         while not self._closing:
             capture = session.wait(FRAME_TIMEOUT)
             if capture is not None:
-                self._keep(session, capture)
+                self._publish(session, capture)
             self._check_flow()
 
     def _check_flow(self) -> None:
@@ -132,7 +132,7 @@ class NewestFrame:
                 self._settings.device, f"every frame of the last {corrupt:.2f} s is corrupt"
             )
 
-    def _keep(self, session: Session, capture: Capture) -> None:
+    def _publish(self, session: Session, capture: Capture) -> None:
         """Count a capture and publish it as the newest frame, unless it is corrupt."""
         step = self._sequence.step_to(capture.counter)
         self._last_any = capture.taken
@@ -150,7 +150,7 @@ class NewestFrame:
             self._changed.notify_all()
 
     def _on_cell_clock(self, session: Session, capture: Capture) -> StampedCapture:
-        """`capture` with times [s] on the cell's clock; stamps increase, and are before arrival."""
+        """`capture` with times [s] on the cell's clock; stamps increase and precede arrivals."""
         setup, number, last = session.setup, self._sequence.number, self._newest
         gap = 0 if last is None else number - last.sequence - 1
         earliest = -math.inf if last is None else last.stamp + LEAST_STEP
@@ -164,6 +164,7 @@ class NewestFrame:
         return StampedCapture(capture, setup.picture, number, gap, stamp, arrival, source)
 
     def _report(self, error: CellError) -> None:
+        """Let the next `newest` raise `error`."""
         with self._changed:
             self._trouble, self._recovered = error, False
             self._changed.notify_all()
@@ -181,6 +182,7 @@ class NewestFrame:
             self._restart_counts()
 
     def _restart_counts(self) -> None:
+        """Estimate the frames lost before a restart, and count from the kernel's next number."""
         now = self._kernel.monotonic()
         missing = round((now - self._last_any) * self._settings.rate)
         self._sequence.restart(max(missing, 0))
@@ -195,10 +197,10 @@ class NewestFrame:
 
 
 class V4l2Camera:
-    """Camera driver for V4L2 devices that keeps the newest frame in a thread.
+    """Camera driver for a V4L2 device, whose frames a thread takes and `read` decodes.
 
-    `read` decodes the frames that are used. Stamps are the middle of the exposure in the time of
-    `clock`, which must run at wall-clock speed. `kernel` makes the system calls.
+    Stamps are the middle of the exposure in the time of `clock`, which must run at wall-clock
+    speed. `kernel` makes the system calls. `setup`, from `connect` on, is what the camera accepted.
     """
 
     def __init__(self, settings: V4l2Settings, clock: Clock, kernel: Kernel | None = None) -> None:
@@ -206,26 +208,21 @@ class V4l2Camera:
         self._clock = clock
         self._kernel = Kernel() if kernel is None else kernel
         self._frames: NewestFrame | None = None
-        self._setup: Setup | None = None
+        self.setup: Setup | None = None
         self._newest: CameraFrame | None = None
 
     @property
     def rate(self) -> float:
-        """Frames per second [Hz]: measured after `connect`, requested before it."""
-        return self._settings.rate if self._setup is None else self._setup.picture.rate
-
-    @property
-    def setup(self) -> Setup | None:
-        """Settings as the camera accepted them; None before the first `connect`."""
-        return self._setup
+        """Frame rate [Hz]: as the device accepted it after `connect`, requested before it."""
+        return self._settings.rate if self.setup is None else self.setup.picture.rate
 
     @property
     def counts(self) -> Counts:
-        """Counts of frames since `connect`: delivered, dropped, broken."""
+        """Counts of the camera's frames since `connect`: complete, missing, corrupt and others."""
         return Counts() if self._frames is None else self._frames.counts
 
     def connect(self) -> None:
-        """Open, configure, lock the controls and start; does nothing when already connected.
+        """Open the camera, set format and controls, and start its stream; allowed twice.
 
         Raises CameraLost, CameraBusy, CameraFaulty, or CameraRefused for a setting that the camera
         does not accept.
@@ -233,15 +230,15 @@ class V4l2Camera:
         if self._frames is not None:
             return
         session = Session.open(self._kernel, self._settings)
-        self._setup = session.setup
+        self.setup = session.setup
         self._newest = None
         self._frames = NewestFrame(self._kernel, self._settings, self._clock, session)
 
     def read(self, after: float, timeout: float) -> CameraFrame | None:
-        """Return the newest complete frame with a stamp later than `after`, or None.
+        """Newest complete frame stamped later than `after` [s]; None if none in `timeout` [s].
 
-        Waits at most `timeout` [s]; 0 only looks. Raises CameraLost, CameraStalled, CameraBusy or
-        CameraFaulty while the device is so, and once after it recovered by itself.
+        Raises CameraLost, CameraStalled, CameraBusy or CameraFaulty while the device is so, and
+        once after it has recovered.
         """
         if self._frames is None:
             raise Fault("camera_closed", "a frame was read before connect or after close")
@@ -253,13 +250,13 @@ class V4l2Camera:
         return self._newest if self._newest and self._newest.stamp > after else None
 
     def close(self) -> None:
-        """Stop and release the device; calling it twice is allowed."""
+        """Stop the stream and release the device; allowed twice."""
         if self._frames is not None:
             self._frames.close()
             self._frames = None
 
     def _decode(self, arrived: StampedCapture, counts: Counts) -> CameraFrame | None:
-        """The decoded frame, or None where its bytes are not a picture."""
+        """Decode the frame `arrived`; None, counted as corrupt, where its bytes are no picture."""
         image = arrived.picture.decode(arrived.capture.content)
         if image is None:
             counts.corrupt += 1
@@ -279,7 +276,7 @@ class V4l2Camera:
 
 @dataclass(frozen=True, slots=True)
 class CameraReport:
-    """Report on the camera at link `device`: its identity, modes and controls."""
+    """Identity, modes and controls of the camera whose udev link is `device`."""
 
     device: str
     identity: Identity
@@ -289,7 +286,7 @@ class CameraReport:
 
 @dataclass(frozen=True, slots=True)
 class UnusableDevice:
-    """A device link that cannot be used as a camera, and the reason."""
+    """A video device's udev link that cannot be used as a camera, and the reason."""
 
     device: str
     problem: str
@@ -298,7 +295,7 @@ class UnusableDevice:
 def list_cameras(
     kernel: Kernel, links: Path = DEVICE_LINKS_FOLDER
 ) -> Iterator[CameraReport | UnusableDevice]:
-    """Yield a report for each video device with a link, by id where it has one, else by path."""
+    """Yield a report on each video device with a udev link, or the reason why it is unusable."""
     for link in device_links(links):
         try:
             yield report(kernel, link)
@@ -307,7 +304,7 @@ def list_cameras(
 
 
 def report(kernel: Kernel, link: str) -> CameraReport:
-    """Identity, modes and controls of the device at `link`; CellError where it cannot be opened."""
+    """Report on the camera at udev `link`; CellError where it cannot be opened."""
     device = Device.open(kernel, link)
     try:
         controls = tuple(controls_of(device).values())
@@ -317,7 +314,7 @@ def report(kernel: Kernel, link: str) -> CameraReport:
 
 
 def device_links(links: Path = DEVICE_LINKS_FOLDER) -> list[str]:
-    """One udev link for each video device: by id where it has one, else by path."""
+    """One udev link in folder `links` per video device: by id where it has one, else by path."""
     links_by_device: dict[Path, str] = {}
     for kind in ("by-id", "by-path"):
         for link in sorted((links / kind).glob("*")):

@@ -1,4 +1,4 @@
-"""Controls of a camera: listing, automatics switched off, values locked and read back."""
+"""Controls of a V4L2 camera: list them, switch automatics off, set values and read them back."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -34,7 +34,7 @@ LOCKED_OUT = {
 
 @dataclass(frozen=True, slots=True)
 class CameraControl:
-    """A camera's control; `entries` are menu texts by number, `value` is None if unreadable."""
+    """Control of a V4L2 camera; `entries` are menu texts by number, `value` None if unreadable."""
 
     number: int
     name: str
@@ -54,22 +54,22 @@ class CameraControl:
 
     @property
     def allowed(self) -> str:
-        """Allowed values, as text for the operator."""
+        """Allowed values of the control, as text for the operator."""
         if self.entries:
             return ", ".join(f"{number} ({text})" for number, text in self.entries.items())
         return f"{self.low} to {self.high} in steps of {self.step}"
 
 
 def controls_of(device: Device) -> dict[str, CameraControl]:
-    """Controls of the device by name, as v4l2-ctl spells them."""
+    """Controls of `device` by their names as v4l2-ctl spells them."""
     controls = (_control(device, query) for query in _queries(device))
     return {control.name: control for control in controls}
 
 
 def lock(device: Device, values: Mapping[str, int]) -> dict[str, int]:
-    """Switch automatics off, then set `values`; returns every value, read back, by control name.
+    """Switch automatic controls off, then set `values` by name; returns all values, read back.
 
-    Raises CameraRefused for a control that is not there or a value that did not take.
+    Raises CameraRefused for a control that the device lacks or a value that it does not take.
     """
     present = controls_of(device)
     for name in values:
@@ -86,6 +86,7 @@ def lock(device: Device, values: Mapping[str, int]) -> dict[str, int]:
 
 
 def _queries(device: Device) -> Iterator[ControlQuery]:
+    """Yield the kernel's description of each supported, enabled control of `device`."""
     query = ControlQuery(id=ControlFlag.NEXT)
     while device.supports(Ioctl.QUERYCTRL, query):
         if query.type in set(ControlType) and not query.flags & ControlFlag.DISABLED:
@@ -150,5 +151,5 @@ def _value(device: Device, number: int) -> int:
 
 
 def spell(name: str) -> str:
-    """A control's name as v4l2-ctl spells it: "White Balance, Automatic" loses its comma."""
+    """Name of a control as v4l2-ctl spells it: "White Balance" is white_balance."""
     return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")

@@ -32,7 +32,7 @@ NOBODY_KNOWN = "another program of a user whose processes are hidden"
 
 
 class MappedBuffer:
-    """A kernel buffer that is shared with this process."""
+    """A frame buffer of the kernel, mapped into the memory of this process."""
 
     def __init__(self, fd: int, length: int, offset: int) -> None:
         self._memory = mmap.mmap(
@@ -40,7 +40,7 @@ class MappedBuffer:
         )
 
     def copy(self, length: int) -> Image:
-        """A copy (length,) of the mapping's first bytes."""
+        """Copy (length,) of the buffer's first bytes."""
         return np.frombuffer(self._memory[:length], np.uint8)
 
     def close(self) -> None:
@@ -60,7 +60,7 @@ class Kernel:
         os.close(fd)
 
     def ioctl(self, fd: int, request: Ioctl, argument: Argument) -> None:
-        """Execute `request`, repeated after a signal."""
+        """Make the ioctl `request` with `argument`, repeated where a signal interrupts it."""
         while True:
             try:
                 fcntl.ioctl(fd, request, argument, True)
@@ -73,7 +73,7 @@ class Kernel:
         return MappedBuffer(fd, length, offset)
 
     def wait(self, fd: int | None, seconds: float) -> int:
-        """Poll `fd` for `seconds` and return the events, 0 for none; without `fd` only wait."""
+        """Poll `fd` for at most `seconds`; returns its events, 0 for none. Without `fd`, wait."""
         poll = select.poll()
         if fd is not None:
             poll.register(fd, select.POLLIN)
@@ -86,7 +86,7 @@ class Kernel:
 
 
 class CameraLost(Fault):
-    """The device does not exist or was unplugged."""
+    """Fault of a camera that does not exist or was unplugged."""
 
     def __init__(self, device: str, problem: str) -> None:
         super().__init__(
@@ -96,7 +96,7 @@ class CameraLost(Fault):
 
 
 class CameraStalled(Fault):
-    """The device exists but delivers no frames."""
+    """Fault of a camera that is connected but delivers no frames."""
 
     def __init__(self, device: str, seconds: float) -> None:
         super().__init__(
@@ -107,14 +107,14 @@ class CameraStalled(Fault):
 
 
 class CameraBusy(Fault):
-    """Another program streams from the device."""
+    """Fault of a camera from which another program streams."""
 
     def __init__(self, device: str, users: str) -> None:
         super().__init__("camera_busy", f"{device}: is in use by {users}; close that program")
 
 
 class CameraFaulty(Fault):
-    """The device exists but fails, or delivers only corrupt frames."""
+    """Fault of a camera that is connected but fails, or delivers only corrupt frames."""
 
     def __init__(self, device: str, problem: str) -> None:
         super().__init__(
@@ -125,14 +125,14 @@ class CameraFaulty(Fault):
 
 
 class CameraRefused(ConfigurationError):
-    """The device does not support what the cell file requests; no substitute is made silently."""
+    """Error for a setting in the cell file that the camera does not support; none is replaced."""
 
     def __init__(self, device: str, key: str, problem: str) -> None:
         super().__init__(f"{device}: {key}: {problem}")
 
 
 def translate_error(error: OSError, device: str, doing: str, users: str) -> Fault | CameraRefused:
-    """Camera error in place of an OSError raised while `doing` something to `device`."""
+    """Camera fault for an OSError that was raised while `doing` something to `device`."""
     reason = error.strerror or str(error)
     if error.errno in GONE_ERRNOS:
         return CameraLost(device, f"{reason} while {doing}")
@@ -146,7 +146,7 @@ def translate_error(error: OSError, device: str, doing: str, users: str) -> Faul
 
 
 def users_of(device: str, processes: Path = Path("/proc")) -> str:
-    """Names and ids of the other processes that have `device` open, as far as they are visible."""
+    """Names and ids, as text, of other visible processes that have `device` open."""
     node = os.path.realpath(device)
     problem = [
         f"{_name(process)} (process {process.name})"
@@ -172,7 +172,7 @@ def _name(process: Path) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Identity of a device as the kernel reports it: driver, card, bus."""
+    """Identity of a V4L2 device as the kernel reports it: driver, card, bus."""
 
     driver: str
     card: str
@@ -181,7 +181,7 @@ class Identity:
 
 @dataclass(frozen=True, slots=True)
 class Device:
-    """A capture device opened at `path`."""
+    """An open V4L2 capture device: its file descriptor `fd` and its `path`."""
 
     kernel: Kernel
     path: str
@@ -190,7 +190,7 @@ class Device:
 
     @classmethod
     def open(cls, kernel: Kernel, path: str) -> Self:
-        """Open `path`; raises CameraLost, CameraBusy or CameraRefused when that fails."""
+        """Open the device at `path`; raises CameraLost, CameraBusy or CameraRefused."""
         try:
             fd = kernel.open(path)
         except OSError as error:
@@ -202,7 +202,10 @@ class Device:
             raise
 
     def call(self, request: Ioctl, argument: A, doing: str) -> A:
-        """Execute `request`, return `argument` filled; raises the error of `translate_error`."""
+        """Make the ioctl `request` and return the `argument` that the kernel filled.
+
+        Raises CameraLost, CameraBusy, CameraRefused or CameraFaulty, naming what was `doing`.
+        """
         try:
             self.kernel.ioctl(self.fd, request, argument)
         except OSError as error:
@@ -211,9 +214,9 @@ class Device:
         return argument
 
     def supports(self, request: Ioctl, argument: Argument) -> bool:
-        """Execute `request`; returns False where the device does not support it.
+        """Make the ioctl `request`; returns False where the device does not support it.
 
-        Raises the error that `translate_error` gives for any other failure.
+        Raises CameraLost, CameraBusy, CameraRefused or CameraFaulty for any other failure.
         """
         try:
             self.kernel.ioctl(self.fd, request, argument)
@@ -224,14 +227,14 @@ class Device:
         return True
 
     def enumerate_entries(self, request: Ioctl, at: Callable[[int], A]) -> Iterator[A]:
-        """Entries of an enumeration by index, until the device has no more."""
+        """Yield answers to `request` with argument `at(index)` until the device has no more."""
         index = 0
         while self.supports(request, entry := at(index)):
             yield entry
             index += 1
 
     def formats(self) -> list[FormatDescription]:
-        """Pixel formats that the device offers."""
+        """Descriptions of the pixel formats that the device offers."""
         return list(
             self.enumerate_entries(
                 Ioctl.ENUM_FMT, lambda i: FormatDescription(index=i, type=CAPTURE)
@@ -239,14 +242,14 @@ class Device:
         )
 
     def present(self) -> bool:
-        """Whether the device still answers a request."""
+        """Whether the device still answers, as one that was unplugged does not."""
         try:
             return self.supports(Ioctl.QUERYCAP, Capability())
         except CameraLost:
             return False
 
     def close(self) -> None:
-        """Release the device; errors of an unplugged one are ignored."""
+        """Release the device; errors of an unplugged device are ignored."""
         try:
             self.kernel.close(self.fd)
         except OSError:
@@ -254,6 +257,7 @@ class Device:
 
 
 def _identity(kernel: Kernel, path: str, fd: int) -> Identity:
+    """Identity of the device; CameraRefused where it cannot stream video."""
     capability = Capability()
     try:
         kernel.ioctl(fd, Ioctl.QUERYCAP, capability)

@@ -1,4 +1,4 @@
-"""Modes that a device offers, and the picture format: negotiated, read back, decoded to BGR."""
+"""Modes of a V4L2 device, and the picture format: negotiated, read back, decoded to BGR."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -33,9 +33,9 @@ Decoder = Callable[[Image], Image]
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """A pixel format and size; `rates` [Hz], where the device lists them, fastest first.
+    """Mode of a camera: pixel format, size [px] and frame `rates` [Hz], fastest first, if listed.
 
-    For a stepwise size `width` and `height` are the largest, and `steps` describes the range.
+    `steps` is set where sizes are a range, of which `width` and `height` are the largest.
     """
 
     format: str
@@ -51,7 +51,7 @@ class Mode:
 
 
 def modes_of(device: Device) -> Iterator[Mode]:
-    """Every mode that the device lists, in its order."""
+    """Yield every mode that the device lists, in the device's order."""
     for described in device.formats():
         number = described.pixelformat
         for size in _sizes(device, number):
@@ -74,13 +74,10 @@ def _rates(device: Device, number: int, width: int, height: int) -> tuple[float,
         return FrameInterval(index=index, pixel_format=number, width=width, height=height)
 
     intervals = device.enumerate_entries(Ioctl.ENUM_FRAMEINTERVALS, at)
-    rates = {_rate(step) for interval in intervals for step in _range_ends(interval)}
+    # a range of frame intervals has two ends
+    ends = (step for i in intervals for step in i.steps[: 1 if i.type == DISCRETE else 2])
+    rates = {_rate(step) for step in ends}
     return tuple(sorted((rate for rate in rates if rate > 0), reverse=True))
-
-
-def _range_ends(interval: FrameInterval) -> list[Fraction]:
-    """Both ends of a range of frame intervals, or the one interval."""
-    return list(interval.steps[: 1 if interval.type == DISCRETE else 2])
 
 
 def _rate(interval: Fraction) -> float:
@@ -105,7 +102,7 @@ READABLE_FORMATS = frozenset({*RAW, "MJPG"})
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """Picture format as the device accepted it; `line` and `size` in bytes, `rate` in Hz."""
+    """Picture format that a camera accepted; `line` and `size` in bytes, `rate` in Hz."""
 
     format: str
     width: int
@@ -115,7 +112,7 @@ class Picture:
     rate: float
 
     def is_complete(self, content: Image) -> bool:
-        """Whether a buffer's bytes (n,) are a complete picture, by length or by a JPEG's markers.
+        """Whether the bytes `content` (n,) are a complete picture, by length or JPEG markers.
 
         A truncated JPEG decodes to a grey area without an error.
         """
@@ -128,7 +125,7 @@ class Picture:
         )
 
     def decode(self, content: Image) -> Image | None:
-        """(height, width, 3) BGR of a buffer's bytes (n,); None for an incomplete picture."""
+        """BGR image (height, width, 3) from the bytes `content` (n,); None if incomplete."""
         if not self.is_complete(content):
             return None
         if self.format == "MJPG":
@@ -142,10 +139,10 @@ class Picture:
 
 
 def negotiate(device: Device, settings: V4l2Settings) -> Picture:
-    """Set format, size and rate of `device`, and compare what it accepted with `settings`.
+    """Set pixel format, size and rate of `device`, and return them as read back.
 
-    Raises CameraRefused with the supported modes where they differ; CameraBusy while another
-    program streams.
+    Raises CameraRefused with the supported modes where they differ from `settings`; CameraBusy
+    while another program streams.
     """
     request = Format(type=CAPTURE)
     pix = request.fmt.pix
@@ -165,12 +162,13 @@ def negotiate(device: Device, settings: V4l2Settings) -> Picture:
 
 
 def _negotiate_rate(device: Device, settings: V4l2Settings) -> float:
+    """Set the frame rate and return it as read back [Hz]; CameraRefused where it differs."""
     request = StreamParameters(type=CAPTURE)
     request.parm.capture.timeperframe = Fraction(PER_SECOND, round(PER_SECOND * settings.rate))
     device.call(Ioctl.S_PARM, request, "setting the rate")
     parameters = StreamParameters(type=CAPTURE)
-    period = device.call(Ioctl.G_PARM, parameters, "reading the rate").parm.capture.timeperframe
-    rate = period.denominator / period.numerator if period.numerator else 0.0
+    reply = device.call(Ioctl.G_PARM, parameters, "reading the rate")
+    rate = _rate(reply.parm.capture.timeperframe)
     if abs(rate - settings.rate) > RATE_TOLERANCE * settings.rate:
         problem = f"{settings.rate:g} Hz became {rate:g} Hz; allowed: {_offered_formats(device)}"
         raise CameraRefused(device.path, "rate", problem)

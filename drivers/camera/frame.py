@@ -1,4 +1,4 @@
-"""Frames of the V4L2 camera: time of exposure, number, and counts of what happened to them."""
+"""Metadata of V4L2 frames: time of exposure, sequence number, and counts of lost frames."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -11,7 +11,7 @@ BITS = 1 << 32
 
 
 class StampSource(StrEnum):
-    """Origin of a frame's stamp: the kernel's time of the exposure, or the dequeue time."""
+    """Time from which a frame's stamp is computed: the kernel's of the exposure, or of dequeue."""
 
     START = "start of exposure"
     END = "end of exposure"
@@ -20,17 +20,17 @@ class StampSource(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Shutter:
-    """Times of a sensor [s]: frame period, exposure, readout from first to last line."""
+    """Times of an image sensor [s]: frame period, exposure, readout from first to last line."""
 
     period: float
     exposure: float
     readout: float
 
     def middle(self, stamp: float, flags: int, taken: float) -> tuple[float, StampSource]:
-        """Middle of the exposure [s] on the kernel's monotonic clock, and the source of that stamp.
+        """Middle of a frame's exposure [s] on the monotonic clock, and the time it is from.
 
-        `taken` is when the buffer was dequeued. Stamps more than a period in the future, too old,
-        or of another clock are replaced by it.
+        It is from the kernel's `stamp`, or from the time `taken` at which the buffer was dequeued
+        where the stamp is more than a period in the future, too old, or of another clock.
         """
         monotonic = flags & BufferFlag.TIMESTAMP_MASK == BufferFlag.TIMESTAMP_MONOTONIC
         if not (monotonic and -self.period < taken - stamp < OLDEST):
@@ -47,16 +47,17 @@ class Shutter:
 class Sequence:
     """Increasing frame numbers from the kernel's 32-bit counter, which wraps and can repeat.
 
-    `number` is that of the last frame, -1 before the first.
+    `number` is the last frame's, -1 before the first.
     """
 
     number: int = -1
     _counter: int | None = None
 
     def step_to(self, counter: int) -> int:
-        """Advance to the kernel's `counter`; returns the steps: 1, more where frames are missing.
+        """Advance to the kernel's `counter`, and return the difference from the last: 1 normally.
 
-        Less for a counter that repeats or goes back; such a frame is the next one.
+        It is more where frames are missing, and less where the counter repeats or goes back; such
+        a frame is numbered as the next one.
         """
         step = 1 if self._counter is None else signed_difference(counter - self._counter)
         self._counter = counter
@@ -64,21 +65,21 @@ class Sequence:
         return step
 
     def restart(self, missing: int) -> None:
-        """Restart the count after about `missing` lost frames, with a new kernel counter."""
+        """Continue after about `missing` lost frames with a kernel counter that starts anew."""
         self.number += missing
         self._counter = None
 
 
 def signed_difference(difference: int) -> int:
-    """A `difference` of two 32-bit counters, wrapped into -2^31 to 2^31 - 1."""
+    """Difference of two 32-bit counters, wrapped into -2^31 to 2^31 - 1."""
     return (difference + BITS // 2) % BITS - BITS // 2
 
 
 @dataclass(frozen=True, slots=True)
 class CameraFrame(Frame):
-    """A frame with the number `gap` of frames lost before it and the source of its stamp.
+    """Decoded frame of a V4L2 camera, with the number `gap` of frames lost before it.
 
-    `flags` are the kernel's. Frames that the kernel marks as corrupt are dropped.
+    `flags` are the kernel's, `stamp_source` the time from which the stamp is computed.
     """
 
     gap: int
@@ -88,11 +89,11 @@ class CameraFrame(Frame):
 
 @dataclass(slots=True)
 class Counts:
-    """Numbers of frames since the camera was connected, by what happened to them.
+    """Counts of a camera's frames since it was connected.
 
-    `arrived` whole, `missing` by sequence, `corrupt` by the kernel's flag or their own bytes,
-    `repeated` numbers, `restamped` because the kernel's stamp could not be trusted, `restarts`
-    of the stream or the device.
+    `arrived` complete, `missing` by sequence number, `corrupt` by the kernel's flag or the bytes,
+    `repeated` numbers, `restamped` for a kernel stamp that cannot be right, `restarts` of the
+    stream or the device.
     """
 
     arrived: int = 0

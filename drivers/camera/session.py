@@ -1,4 +1,4 @@
-"""A camera that is open, configured from the cell file, and streams into mapped buffers."""
+"""A V4L2 camera that is open, configured from the cell file, and streams into mapped buffers."""
 
 import errno
 from collections.abc import Mapping
@@ -28,7 +28,7 @@ MICRO = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Capture:
-    """A buffer's bytes and metadata, copied before the buffer was requeued.
+    """One captured frame: bytes (n,) and metadata of a buffer, copied before its requeueing.
 
     `counter` is the kernel's; `stamp` its time and `taken` the moment of dequeueing, both on the
     monotonic clock [s].
@@ -42,12 +42,12 @@ class Capture:
 
     @property
     def corrupt(self) -> bool:
-        """Whether the kernel marks the picture as damaged or empty."""
+        """Whether the kernel marks the frame as corrupt, or it is empty."""
         return bool(self.flags & BufferFlag.ERROR) or self.content.size == 0
 
 
 class Stream:
-    """Stream of frames from a configured device, between `start` and `stop`."""
+    """Stream of frames from a configured V4L2 device into mapped buffers, until `stop`."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
@@ -55,7 +55,7 @@ class Stream:
 
     @classmethod
     def start(cls, device: Device, buffers: int) -> Self:
-        """Request `buffers` of the kernel, map them, queue them and start streaming.
+        """Start a stream into this number of `buffers`, mapped and queued.
 
         Raises CameraBusy, CameraLost or CameraFaulty, and then leaves nothing mapped.
         """
@@ -68,7 +68,7 @@ class Stream:
         return stream
 
     def take(self) -> Capture | None:
-        """A copy of the next filled buffer, which is requeued; None when there is none yet.
+        """Copy the next filled buffer and requeue it; returns None where none is filled.
 
         Raises CameraLost or CameraFaulty.
         """
@@ -138,7 +138,7 @@ class Stream:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """Settings as the camera accepted them, including the values that a calibration depends on."""
+    """Identity, picture format, control values and shutter times of a camera, as read back."""
 
     identity: Identity
     picture: Picture
@@ -148,7 +148,7 @@ class Setup:
 
 @dataclass(slots=True)
 class Session:
-    """An open device with the setup that it accepted and its running stream."""
+    """An open camera device with its setup and its running stream."""
 
     device: Device
     settings: V4l2Settings
@@ -157,7 +157,7 @@ class Session:
 
     @classmethod
     def open(cls, kernel: Kernel, settings: V4l2Settings) -> Self:
-        """Open and configure the device, and start its stream.
+        """Open and configure the device that `settings` name, and start its stream.
 
         Raises CameraLost, CameraBusy, CameraFaulty or CameraRefused.
         """
@@ -170,10 +170,10 @@ class Session:
             raise
 
     def wait(self, seconds: float) -> Capture | None:
-        """The next frame, or None when there is none for `seconds`.
+        """Next frame of the stream, or None where none arrives within `seconds`.
 
-        Raises CameraLost, or CameraFaulty where poll wakes up without a frame: polling again at
-        once would be a busy loop.
+        Raises CameraLost, or CameraFaulty where poll reports an event without a frame: polling
+        again at once would be a busy loop.
         """
         events = self.device.kernel.wait(self.device.fd, seconds)
         if not events:
@@ -188,18 +188,18 @@ class Session:
         return capture
 
     def restart(self) -> None:
-        """Stop and start the stream; the device stays open and keeps its setup."""
+        """Stop the stream and start it again; the device stays open with its setup."""
         self.stream.stop()
         self.stream = Stream.start(self.device, self.settings.buffers)
 
     def close(self) -> None:
-        """Stop the stream, and release its buffers and the device."""
+        """Stop the stream and release its buffers and the device."""
         self.stream.stop()
         self.device.close()
 
 
 def set_up(device: Device, settings: V4l2Settings) -> Setup:
-    """Configure format and controls of `device`; raises CameraRefused where it refuses one."""
+    """Set format and controls of `device`; raises CameraRefused for a value that it refuses."""
     picture = negotiate(device, settings)
     locks = lock(device, settings.controls)
     exposure = settings.exposure

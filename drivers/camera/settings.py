@@ -1,4 +1,4 @@
-"""Settings of the real camera in the cell file."""
+"""Settings of the V4L2 camera in the cell file."""
 
 import hashlib
 from typing import Literal
@@ -11,7 +11,7 @@ PixelFormat = Literal["YUYV", "GREY", "MJPG", "RGGB", "GRBG", "BA81", "GBRG"]
 
 
 class V4l2Settings(Settings):
-    """Device, mode and fixed control values of the camera.
+    """Device, mode and fixed control values of the V4L2 camera.
 
     `device` is a udev link to this camera or port; device numbers change between boots. Automatic
     controls are switched off first, then `controls` are set; the values belong to the calibration,
@@ -33,6 +33,6 @@ class V4l2Settings(Settings):
 
     @property
     def identity(self) -> str:
-        """Hash of device, size and locked controls, which a calibration must match."""
+        """Hash of the camera's device, image size and controls, which a calibration must match."""
         facts = self.model_dump_json(include={"device", "width", "height", "controls"})
         return hashlib.sha256(facts.encode()).hexdigest()[:16]

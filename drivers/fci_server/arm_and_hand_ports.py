@@ -1,4 +1,4 @@
-"""Ports of the emulated robot's arm and hand: requests become calls, states become datagrams."""
+"""Network ports of the emulated robot's arm and hand: requests in, replies and states out."""
 
 import select
 
@@ -25,7 +25,7 @@ BURST = 256  # datagrams read per cycle, so that a flood does not delay other cl
 
 
 class ArmPort(Port[Command]):
-    """Port of the emulated arm: answers requests, reads commands, sends states."""
+    """Network port of the emulated arm: answers requests, reads commands, sends states."""
 
     def __init__(self, address: str, poll: select.epoll, robot: Robot) -> None:
         self._robot = robot
@@ -38,7 +38,7 @@ class ArmPort(Port[Command]):
         return -1 if self.client is None else self.client.datagram_fileno
 
     def command(self) -> RobotCommand | None:
-        """The client's next well-formed command; None when no more have arrived."""
+        """Next well-formed command of the client; None where none has arrived."""
         for _ in range(BURST):
             datagram = None if self.client is None else self.client.receive_datagram()
             if datagram is None:
@@ -50,7 +50,7 @@ class ArmPort(Port[Command]):
         return None
 
     def publish(self, rate: float, is_nan: bool) -> None:
-        """Send the client the state of this tick, then the replies due in this tick.
+        """Send the client the robot's state of this tick, then the replies due in this tick.
 
         `rate` is the fraction of commands that arrived in time; with `is_nan` the measured part of
         the state is NaN, as from a broken sensor.
@@ -85,7 +85,7 @@ class ArmPort(Port[Command]):
 
 
 class HandPort(Port[HandCommand]):
-    """Port of the emulated hand: answers requests and sends states."""
+    """Network port of the emulated hand: answers requests and sends states."""
 
     def __init__(self, address: str, poll: select.epoll, hand: Hand) -> None:
         self._hand = hand
@@ -93,12 +93,12 @@ class HandPort(Port[HandCommand]):
         super().__init__(address, port, poll, HAND_FRAMING, version)
 
     def discard(self) -> None:
-        """Read and ignore a datagram of the client: the hand takes none."""
+        """Read and ignore a UDP datagram of the client: the hand takes none."""
         if self.client is not None:
             self.client.receive_datagram()
 
     def answer(self) -> bool:
-        """Send the replies that are due; returns whether there were any."""
+        """Send the client the hand's replies that are due; returns whether there were any."""
         ended = bool(self._hand.replies)
         for content in self._hand.replies:
             if self.client is not None:
@@ -112,7 +112,7 @@ class HandPort(Port[HandCommand]):
         self.repeat()
 
     def repeat(self) -> None:
-        """Send the last state again, to a client that waits for one while time stands still."""
+        """Send the hand's last state again, as a client waits for one even if time stands still."""
         if self.client is not None:
             self.client.send_datagram(self._datagram or self._hand.state(0))
 

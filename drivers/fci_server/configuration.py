@@ -1,7 +1,9 @@
-"""Settings that a client may change at rest: thresholds, impedances, tool, load."""
+"""Settings of the emulated robot that a client may change: thresholds, impedances, tool, load."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +23,7 @@ _LAST_ROW = frozen([0, 0, 0, 1])
 
 @dataclass(frozen=True, slots=True)
 class Thresholds:
-    """Thresholds of external torque and force: first row for contact, second for collision.
+    """Thresholds of external torque and force: first row for contact, second row for collision.
 
     The state reports a contact; a collision triggers a reflex. `accelerating` holds while the
     commanded velocity changes, `nominal` otherwise: (2, 7) [N m] at the joints, (2, 6) [N, N m] at
@@ -35,14 +37,14 @@ class Thresholds:
 
 
 def _start_thresholds() -> Thresholds:
-    # Assumed: the defaults of a robot are not published.
+    """Thresholds before a client sets others; assumed, as a robot's defaults are not published."""
     torque, force = frozen(np.full((2, 7), 20.0)), frozen(np.full((2, 6), 20.0))
     return Thresholds(torque, torque, force, force)
 
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """Settings that a client or Desk has made, or their defaults; they outlive the client."""
+    """Settings of the emulated robot by a client or by Desk; they outlive the client."""
 
     thresholds: Thresholds = field(default_factory=_start_thresholds)
     flange_to_nominal: Array = field(default_factory=lambda: FLANGE_TO_TIP)
@@ -56,14 +58,14 @@ class Configuration:
 
     @property
     def tool(self) -> Array:
-        """Pose (4, 4) of the tool in the flange's frame."""
+        """Pose (4, 4) of the end effector in the flange's frame."""
         return frozen(self.flange_to_nominal @ self.nominal_to_tool)
 
 
 def configure(
     configuration: Configuration, command: Command, payload: bytes
 ) -> tuple[Configuration, Status]:
-    """Configuration after the request `command` to change it, and the status of the reply."""
+    """Configuration changed by a client's request `command`, and the status of the reply."""
     if command == Command.SET_GUIDING_MODE:
         allowed = all(flag in (0, 1) for flag in payload)
         return configuration, Status.SUCCESS if allowed else Status.INVALID_ARGUMENT
@@ -75,7 +77,7 @@ def configure(
 
 
 def rigid(matrix: Array) -> bool:
-    """Whether a matrix (4, 4) is a rotation and a translation."""
+    """Whether a matrix (4, 4) is a rigid transform: a rotation and a translation."""
     x, y, z = turn = matrix[:3, :3]
     right_handed = (
         z[0] * (x[1] * y[2] - x[2] * y[1])
@@ -110,14 +112,11 @@ def _within(numbers: Array, span: tuple[float, float]) -> bool:
     return bool((numbers >= span[0]).all() and (numbers <= span[1]).all())
 
 
-def _stiffness_frame(old: Configuration, numbers: Array) -> Configuration | None:
+def _frame(name: str, old: Configuration, numbers: Array) -> Configuration | None:
+    """Copy of `old` with the column-major matrix (16,) as its frame `name`; None if not rigid."""
     matrix = numbers.reshape(4, 4).T
-    return replace(old, tool_to_stiffness=frozen(matrix)) if rigid(matrix) else None
-
-
-def _tool(old: Configuration, numbers: Array) -> Configuration | None:
-    matrix = numbers.reshape(4, 4).T
-    return replace(old, nominal_to_tool=frozen(matrix)) if rigid(matrix) else None
+    changes: dict[str, Any] = {name: frozen(matrix)}
+    return replace(old, **changes) if rigid(matrix) else None
 
 
 def _load(old: Configuration, numbers: Array) -> Configuration | None:
@@ -135,8 +134,8 @@ _SETTERS: dict[Command, Callable[[Configuration, Array], Configuration | None]] 
     Command.SET_COLLISION_BEHAVIOR: _collision,
     Command.SET_JOINT_IMPEDANCE: _joint_impedance,
     Command.SET_CARTESIAN_IMPEDANCE: _cartesian_impedance,
-    Command.SET_EE_TO_K: _stiffness_frame,
-    Command.SET_NE_TO_EE: _tool,
+    Command.SET_EE_TO_K: partial(_frame, "tool_to_stiffness"),
+    Command.SET_NE_TO_EE: partial(_frame, "nominal_to_tool"),
     Command.SET_LOAD: _load,
 }
 SETTERS = frozenset((*_SETTERS, Command.SET_GUIDING_MODE))

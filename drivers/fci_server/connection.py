@@ -1,4 +1,4 @@
-"""A port of the emulated robot: one client, whose requests it answers and whose state it sends."""
+"""Network port of the emulated robot for one client, and that client's connection."""
 
 import select
 import socket
@@ -16,7 +16,7 @@ INCOMPATIBLE = 1
 
 
 class Connection:
-    """A client's TCP and UDP sockets; no call blocks, or raises when the client is gone."""
+    """TCP and UDP sockets of a client; no call blocks or raises once the client has gone."""
 
     def __init__(self, tcp: socket.socket) -> None:
         tcp.setblocking(False)
@@ -35,7 +35,7 @@ class Connection:
         return -1 if self._udp is None else self._udp.fileno()
 
     def read(self) -> bool:
-        """Append the bytes that have arrived to `received`; False when the client is gone."""
+        """Append the TCP bytes that have arrived to `received`; False once the client has gone."""
         try:
             content = self._tcp.recv(4096)
         except BlockingIOError:
@@ -46,7 +46,7 @@ class Connection:
         return bool(content) and len(self.received) <= MOST_PENDING
 
     def send(self, content: bytes) -> bool:
-        """Send `content`; False where the client does not take all of it."""
+        """Send `content` over TCP; False where the client does not take all of it."""
         try:
             return self._tcp.send(content) == len(content)
         except OSError:
@@ -66,7 +66,7 @@ class Connection:
         return True
 
     def send_datagram(self, content: bytes) -> None:
-        """Send one datagram, which may be lost."""
+        """Send one UDP datagram, which may be lost."""
         if self._udp is not None:
             try:
                 self._udp.send(content)
@@ -74,7 +74,7 @@ class Connection:
                 return
 
     def receive_datagram(self) -> bytes | None:
-        """The next datagram of the client; None when there is none."""
+        """Next UDP datagram of the client; None where none has arrived."""
         if self._udp is None:
             return None
         try:
@@ -83,7 +83,7 @@ class Connection:
             return None
 
     def close(self, reset: bool = False) -> None:
-        """Disconnect; with `reset` at once by RST, so that the client waits for no answer."""
+        """Close both sockets; `reset` sends RST, so that the client does not wait for a reply."""
         if reset:
             self._tcp.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
         self._tcp.close()
@@ -92,7 +92,7 @@ class Connection:
 
 
 class Port(ABC, Generic[K]):
-    """A listening port, its pending connections and its one client.
+    """Listening TCP port with pending connections and at most one client.
 
     A connection without a request stays pending: it blocks nothing, and the oldest is dropped when
     there are too many. A second client is refused by a reset, so that its library does not wait for
@@ -102,7 +102,7 @@ class Port(ABC, Generic[K]):
     def __init__(
         self, address: str, port: int, poll: select.epoll, framing: Framing[K], version: int
     ) -> None:
-        """Listen at `address` for requests in `framing`; `version` is the protocol's."""
+        """Listen at `address` for requests in `framing`, of protocol `version`."""
         self._poll, self._framing, self._address = poll, framing, address
         self.version = version
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
@@ -125,10 +125,10 @@ class Port(ABC, Generic[K]):
 
     @abstractmethod
     def _abandon(self) -> None:
-        """End the motion or task of a client that has disconnected."""
+        """End the motion or the hand's command of a client that has disconnected."""
 
     def serve(self, descriptor: int) -> None:
-        """Handle a readable descriptor of TCP, if it belongs to this port."""
+        """Read from the TCP socket `descriptor`, if it belongs to this port."""
         if descriptor == self._listener.fileno():
             while self._accept():
                 continue
@@ -139,12 +139,12 @@ class Port(ABC, Generic[K]):
             self.drop(reset=True)
 
     def drop(self, reset: bool = False) -> None:
-        """Disconnect the client and end its motion or task."""
+        """Disconnect the client, and end its motion or the hand's command."""
         self._dismiss(reset)
         self._abandon()
 
     def repeat(self) -> None:
-        """Send the last state again, for a client that may have missed it."""
+        """Send the last state to the client again, as datagrams may be lost."""
         if self.client is not None and self._datagram:
             self.client.send_datagram(self._datagram)
 
@@ -157,7 +157,7 @@ class Port(ABC, Generic[K]):
         self._listener.close()
 
     def _serve(self, client: Connection) -> bool:
-        """Answer the requests that have arrived; False for a client that is to be dropped."""
+        """Answer the client's requests that have arrived; False if it must be disconnected."""
         if not client.read():
             return False
         try:
@@ -180,7 +180,7 @@ class Port(ABC, Generic[K]):
             self.client = None
 
     def _accept(self) -> bool:
-        """Let in the next connection that waits as a guest; False where none waits."""
+        """Accept a waiting connection as a guest, which has sent no request; False for none."""
         try:
             connection, _ = self._listener.accept()
         except OSError:

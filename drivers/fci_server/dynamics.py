@@ -18,7 +18,7 @@ Sag = Callable[[Posture], Array]
 
 
 class Dynamics:
-    """Joint torques by the arm's published model, with friction, load and errors of a `plant`."""
+    """Joint torques of an arm: published model with friction, load, sensor errors of a `plant`."""
 
     def __init__(self, plant: ArmPlant) -> None:
         """Build the model with mass errors and tilt of `plant`; the hand keeps the model's mass."""
@@ -34,7 +34,7 @@ class Dynamics:
         self._payload_point = np.add(plant.payload_at, (0.0, 0.0, FLANGE))
 
     def torque(self, posture: Posture) -> Array:
-        """Torques (7,) [N m] that the joints of the moving arm exert."""
+        """Torques (7,) [N m] of the joints that move the arm as in `posture`."""
         plant, data, rates = self._plant, self._data, posture.joints
         q = posture.q - plant.encoder_bias
         data.qpos[:], data.qvel[:], data.qacc[:] = q, rates.velocity, rates.acceleration
@@ -47,7 +47,7 @@ class Dynamics:
         return np.asarray(torque)
 
     def reading(self, posture: Posture, tick: int) -> Array:
-        """Torque sensor readings (7,) [N m] at a `tick`, which determines their noise."""
+        """Torque sensor readings (7,) [N m] in `posture`, with noise that `tick` determines."""
         last = self._read
         if last is not None and last[0] is posture and last[1] == tick:
             return last[2]
@@ -59,7 +59,7 @@ class Dynamics:
         return readings
 
     def sag(self, posture: Posture) -> Array:
-        """Deflection (7,) [rad] of the links behind their motors, which are in `posture`."""
+        """Elastic deflection (7,) [rad] of the links from their motors, which are in `posture`."""
         return np.asarray(np.multiply(self._plant.compliance, self.torque(posture)))
 
     @property
@@ -80,15 +80,15 @@ class Dynamics:
 
 
 class LaggingArm:
-    """Posture of an arm that follows the commanded one with a `delay` [s] and a `lag` [s].
+    """Posture of an arm that lags its commands by a `delay` [s] and a first-order `lag` [s].
 
-    Its links deflect by a `sag` (7,) [rad] behind its motors, where there is one.
+    With a `sag` (7,) [rad] its links also deflect from its motors.
     """
 
     def __init__(
         self, posture: Posture, tool: Array, delay: float, lag: float, sag: Sag | None = None
     ) -> None:
-        """Start at rest in `posture` with a tool (4, 4) on the flange."""
+        """Arm at rest in `posture` with `tool` (4, 4) in the flange's frame."""
         self._tool, self._sag = tool, sag
         self._lag_gain = lag_gain(lag)
         self._delayed = deque([posture.q] * (1 + round(delay / TICK)))
@@ -97,7 +97,7 @@ class LaggingArm:
             self.posture = Posture.resting(posture.q - sag(posture), tool)
 
     def tick(self, commanded: Array) -> None:
-        """Advance the arm by one tick towards the delayed joints `commanded` (7,) [rad]."""
+        """Advance the arm by one tick, in which the joints `commanded` (7,) [rad] are sent."""
         self._delayed.append(commanded)
         self._delayed.popleft()
         here = self._motors
@@ -111,6 +111,7 @@ class LaggingArm:
             self.posture = self._step(self.posture, q - self._sag(self._motors))
 
     def _step(self, before: Posture, q: Array) -> Posture:
+        """Posture with joints `q` (7,) [rad], one tick after `before`."""
         velocity = (q - before.q) / TICK
         acceleration = (velocity - before.joints.velocity) / TICK
         return Posture.at_joints(q, self._tool, Rates(velocity, acceleration))

@@ -1,4 +1,4 @@
-"""The fault script: scheduled faults of the emulated robot, and their execution tick by tick."""
+"""Scheduled faults of the emulated robot, as a fault script states them, and their execution."""
 
 from collections.abc import Iterable, Iterator
 from math import inf, isfinite
@@ -28,47 +28,47 @@ def _check_force(force: tuple[float, float, float]) -> tuple[float, float, float
 
 
 class Scripted(Settings):
-    """A fault at control tick `at`: the count of commands followed since the server began."""
+    """Fault of the emulated robot, due once it has executed `at` commands since its start."""
 
     at: int = Field(ge=0)
 
 
 class ReflexFault(Scripted):
-    """The robot stops by a reflex and names `error`."""
+    """Fault: the robot stops by a reflex and reports `error`."""
 
     kind: Literal["reflex"]
     error: Annotated[str, AfterValidator(_check_name)] = "cartesian_reflex"
 
 
 class UserStopFault(Scripted):
-    """The user stop is pressed, and released after `duration` [s] or never."""
+    """Fault: the user stop is pressed, and released after `duration` [s] if that is finite."""
 
     kind: Literal["user_stop"]
     duration: float = Field(default=inf, gt=0, allow_inf_nan=True)
 
 
 class DropFault(Scripted):
-    """The TCP connection of the arm's client is closed."""
+    """Fault: the robot closes the TCP connection of the arm's client."""
 
     kind: Literal["tcp_drop"]
 
 
 class FreezeFault(Scripted):
-    """The server neither sends nor answers for `duration` [s] of the wall clock."""
+    """Fault: the robot neither sends nor answers for `duration` [s] of the wall clock."""
 
     kind: Literal["freeze"]
     duration: float = Field(gt=0, le=60)
 
 
 class NanFault(Scripted):
-    """For `ticks` ticks the joints, pose and force of the state are NaN."""
+    """Fault: for `ticks` ticks the measured joints, pose and force in the robot's state are NaN."""
 
     kind: Literal["nan"]
     ticks: int = Field(default=1, gt=0)
 
 
 class ContactFault(Scripted):
-    """A constant `force` [N] in the base acts on the tool for `duration` [s] of robot time."""
+    """Fault: a `force` (3,) [N] in the base acts on the tool for `duration` [s] of robot time."""
 
     kind: Literal["contact"]
     force: Annotated[tuple[float, float, float], AfterValidator(_check_force)]
@@ -76,7 +76,7 @@ class ContactFault(Scripted):
 
 
 class VersionFault(Scripted):
-    """The robot speaks another protocol `version`: new connections are refused from then on."""
+    """Fault: from then on the robot speaks protocol `version` and refuses new connections."""
 
     kind: Literal["wrong_version"]
     version: int = Field(default=9, ge=0, le=65535)
@@ -88,19 +88,19 @@ Fault = (
 
 
 class FaultScript(Settings):
-    """Content of a fault script's file: its schema and the scheduled faults."""
+    """Content of a fault script: version `schema` of the format, and the scheduled faults."""
 
     schema_: Literal[1] = Field(default=1, alias="schema")
     faults: tuple[Annotated[Fault, Field(discriminator="kind")], ...]
 
 
 def load_faults(path: Path) -> tuple[Fault, ...]:
-    """The faults in a file, earliest first; ConfigurationError for anything unreadable."""
+    """Read the fault script at `path`, earliest fault first; ConfigurationError if invalid."""
     return tuple(sorted(load(path, FaultScript).faults, key=lambda fault: fault.at))
 
 
 class Disturbance:
-    """Pending faults of the script, and the end times of those in effect."""
+    """Faults of a script that are still to come, and end times of faults in effect."""
 
     def __init__(self, script: Iterable[Fault]) -> None:
         self._waiting = sorted(script, key=lambda fault: fault.at)
@@ -113,7 +113,7 @@ class Disturbance:
         return time < self._nan_ends
 
     def add(self, fault: Fault) -> None:
-        """Schedule one more fault at its tick, or now if its tick has passed."""
+        """Schedule one more fault, which is due at once where its tick has passed."""
         self._waiting = sorted([*self._waiting, fault], key=lambda waiting: waiting.at)
 
     def strike(self, robot: Robot) -> Iterator[Fault]:

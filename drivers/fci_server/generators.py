@@ -26,7 +26,7 @@ Follow = Callable[[Posture, RobotCommand, Array], Posture]
 def follow(
     generator: Generator, old: Posture, command: RobotCommand, tool: Array, first: bool
 ) -> Posture:
-    """Posture one tick after `old` under `command`, with `tool` (4, 4) in the flange's frame.
+    """Posture one tick after `old` by a motion `command`, with `tool` (4, 4) in the flange's frame.
 
     `first` marks the first command of a motion, whose pose must be the arm's own. Raises Violation
     where the command breaks a limit of the robot.
@@ -44,13 +44,13 @@ def follow(
 
 
 def readable(generator: Generator, command: RobotCommand) -> bool:
-    """Whether the fields of `command` that `generator` reads are finite and of usable size."""
+    """Whether the numbers of `command` that `generator` reads are finite and not absurdly large."""
     fits = usable(_READ[generator](command))
     return fits and (command.elbow is None or usable(command.elbow))
 
 
 def extrapolate(old: Posture, message_id: int) -> RobotCommand:
-    """Command that continues the last ones at constant acceleration, for a tick without one.
+    """Command that continues the motion of `old` at constant acceleration, where none arrived.
 
     Source: the client library's `rate_limiting.h` on lost packets.
     """
@@ -70,7 +70,7 @@ def _joint_velocity(old: Posture, command: RobotCommand, tool: Array) -> Posture
 
 
 def _joints(old: Posture, q: Array, velocity: Array, tool: Array) -> Posture:
-    """Next posture with joints `q` at `velocity`, within the limits of the joints."""
+    """Posture after `old` with joints `q` (7,) at `velocity`; Violation of a joint's limit."""
     rates = old.joints.step(velocity)
     check_joints(q, old.joints, rates, JOINT)
     return old.move_on(q, tool, rates)
@@ -89,7 +89,7 @@ def _cartesian_velocity(old: Posture, command: RobotCommand, tool: Array) -> Pos
 def _cartesian(
     old: Posture, command: RobotCommand, pose: Array, twist: Array, tool: Array
 ) -> Posture:
-    """Next posture for a commanded tool `pose` with `twist`, within tool and joint limits."""
+    """Posture after `old` for tool `pose` (4, 4) with `twist` (6,); Violation of a limit."""
     rates = old.tool.step(twist)
     check_tool_rates(old.tool, rates)
     swing = old.swing_to(_elbow(old, command))
@@ -101,7 +101,7 @@ def _cartesian(
 
 
 def _elbow(old: Posture, command: RobotCommand) -> float:
-    """Elbow angle [rad] of `command`; without one the elbow keeps its angle."""
+    """Elbow angle [rad] that `command` states, or that of `old` if it states none."""
     if command.elbow is None:
         return old.elbow
     angle, sign = command.elbow
@@ -111,7 +111,7 @@ def _elbow(old: Posture, command: RobotCommand) -> float:
 
 
 def _advance_pose(pose: Array, twist: Array) -> Array:
-    """`pose` (4, 4) after one tick with `twist` (6,)."""
+    """Pose (4, 4) one tick after `pose` (4, 4) with `twist` (6,) [m/s, rad/s]."""
     advanced = np.array(pose)
     advanced[:3, 3] += TICK * twist[:3]
     advanced[:3, :3] = rotation(TICK * twist[3:]) @ pose[:3, :3]

@@ -17,8 +17,8 @@ HandRequest = Request[HandCommand]
 
 
 @dataclass(slots=True)
-class Task:
-    """A command under way: widths [m] still to reach in turn, at a speed [m/s]."""
+class FingerMotion:
+    """Motion of the fingers by a request: `widths` [m] still to reach in turn, `speed` [m/s]."""
 
     request: HandRequest
     widths: list[float]
@@ -37,7 +37,7 @@ class Hand:
 
     def __init__(self, between: Between) -> None:
         self._between = between
-        self._task: Task | None = None
+        self._motion: FingerMotion | None = None
         self.width = WIDEST
         self.is_homed = True
         self.felt = 0.0
@@ -47,8 +47,8 @@ class Hand:
 
     @property
     def moving(self) -> bool:
-        """Whether a command is under way."""
-        return self._task is not None
+        """Whether the fingers are executing a command."""
+        return self._motion is not None
 
     def state(self, time: int) -> bytes:
         """Datagram of the hand's state at robot `time` [ms]."""
@@ -56,7 +56,7 @@ class Hand:
         return STATE_PACKET.pack(time & 0xFFFFFFFF, width, widest, self.is_grasped, TEMPERATURE)
 
     def begin(self, request: HandRequest) -> None:
-        """Start the command of `request`; one that is under way is aborted."""
+        """Start the command of `request` and abort the one in progress."""
         if request.command is HandCommand.STOP and self.deaf > 0:
             self.deaf -= 1
             return
@@ -67,75 +67,75 @@ class Hand:
             self._answer(request, HandStatus.FAIL)
         else:
             self.is_grasped = False
-            self._task = _task(request)
+            self._motion = _finger_motion(request)
 
     def interrupt(self) -> None:
-        """Abort the command under way, with the fingers where they are."""
-        if self._task is not None:
-            self._answer(self._task.request, HandStatus.ABORTED)
-            self._task = None
+        """Abort the command in progress; the fingers stop where they are."""
+        if self._motion is not None:
+            self._answer(self._motion.request, HandStatus.ABORTED)
+            self._motion = None
 
     def advance(self) -> None:
         """Advance the fingers by one millisecond."""
         if self.is_grasped and self._between() is None:
-            self.is_grasped, self.width = (
-                False,
-                0.0,
-            )  # simplified: they close at once
-        task = self._task
-        if task is None:
+            self.is_grasped, self.width = False, 0.0  # simplified: the fingers close at once
+        motion = self._motion
+        if motion is None:
             return
-        target, step = task.widths[0], TICK * task.speed
+        target, step = motion.widths[0], TICK * motion.speed
         if target >= self.width:
             self.width = min(self.width + step, target)
         elif self._close_to(max(self.width - step, target)):
-            self._stop_on_touch(task)
+            self._stop_on_touch(motion)
             return
         if self.width == target:
-            self._reach_width(task)
+            self._reach_width(motion)
 
     def _close_to(self, width: float) -> bool:
-        """Close to `width` [m] or onto the object between the fingers; returns if they met it."""
+        """Close to `width` [m] or onto the object in between; returns whether it was touched."""
         thickness = self._between()
         touched = thickness is not None and width <= thickness
         self.width = min(thickness, WIDEST) if thickness is not None and touched else width
         return touched
 
-    def _stop_on_touch(self, task: Task) -> None:
-        """End `task`, whose fingers have met the object between them."""
-        self._task = None
+    def _stop_on_touch(self, motion: FingerMotion) -> None:
+        """End `motion`, as the fingers have touched the object between them."""
+        self._motion = None
         status = HandStatus.UNSUCCESSFUL
-        if task.request.command is HandCommand.GRASP:
-            width, inner, outer = _values(task.request)[:3]
+        if motion.request.command is HandCommand.GRASP:
+            width, inner, outer = _values(motion.request)[:3]
             inside = width - inner <= self.width <= width + outer
             self.is_grasped = inside and self.width >= self.felt
             status = HandStatus.SUCCESS if self.is_grasped else HandStatus.UNSUCCESSFUL
-        self._answer(task.request, status)
+        self._answer(motion.request, status)
 
-    def _reach_width(self, task: Task) -> None:
-        """Start the next width of `task`, or end `task` after its last."""
-        task.widths.pop(0)
-        if task.widths:
+    def _reach_width(self, motion: FingerMotion) -> None:
+        """Go on to the next width of `motion`, or end it after the last one."""
+        motion.widths.pop(0)
+        if motion.widths:
             return
-        self._task = None
-        missed = task.request.command is HandCommand.GRASP  # closed without touching anything
-        self.is_homed = self.is_homed or task.request.command is HandCommand.HOMING
-        self._answer(task.request, HandStatus.UNSUCCESSFUL if missed else HandStatus.SUCCESS)
+        self._motion = None
+        missed = motion.request.command is HandCommand.GRASP  # closed without touching anything
+        self.is_homed = self.is_homed or motion.request.command is HandCommand.HOMING
+        self._answer(motion.request, HandStatus.UNSUCCESSFUL if missed else HandStatus.SUCCESS)
 
     def _answer(self, request: HandRequest, status: HandStatus) -> None:
         content = HAND_FRAMING.status.pack(status)
         self.replies.append(HAND_FRAMING.reply(request.command, request.command_id, content))
 
 
-def _task(request: HandRequest) -> Task:
+def _finger_motion(request: HandRequest) -> FingerMotion:
+    """Motion of the fingers that `request`, HOMING, GRASP or MOVE, starts."""
     if request.command is HandCommand.HOMING:
-        return Task(request, [0.0, WIDEST], FASTEST_FINGER)
+        return FingerMotion(request, [0.0, WIDEST], FASTEST_FINGER)
     if request.command is HandCommand.GRASP:
-        return Task(request, [0.0], min(_values(request)[3], FASTEST_FINGER))
-    return Task(request, [_values(request)[0]], min(_values(request)[1], FASTEST_FINGER))
+        return FingerMotion(request, [0.0], min(_values(request)[3], FASTEST_FINGER))
+    width, speed = _values(request)
+    return FingerMotion(request, [width], min(speed, FASTEST_FINGER))
 
 
 def _valid(request: HandRequest) -> bool:
+    """Whether `request` is a motion whose numbers the hand accepts."""
     values = _values(request)
     if not all(isfinite(value) for value in values):
         return False
@@ -149,5 +149,5 @@ def _valid(request: HandRequest) -> bool:
 
 
 def _values(request: HandRequest) -> tuple[float, ...]:
-    """Numbers of a request, in the order of the hand's protocol."""
+    """Numbers in a request's payload, in the order of the hand's protocol."""
     return PAYLOAD[request.command].unpack(request.payload)

@@ -1,4 +1,4 @@
-"""Limits that the robot itself enforces on commands, whatever its client checked."""
+"""Limits that the emulated robot enforces on commands: joints, tool, elbow, collisions."""
 
 from dataclasses import dataclass, field
 from math import hypot, inf
@@ -19,7 +19,7 @@ DEEPER = 1e-6  # m by which a touch must grow to count again: the arm may leave 
 
 
 class Violation(Exception):
-    """A command that the robot does not follow, with the error that it reports instead."""
+    """Raised for a command that breaks a limit of the robot; `reflex` is the error it reports."""
 
     def __init__(self, reflex: Reflex) -> None:
         super().__init__(reflex.name.lower())
@@ -28,7 +28,7 @@ class Violation(Exception):
 
 @dataclass(frozen=True, slots=True)
 class JointReflexes:
-    """Reflexes for exceeding the limits of a joint, for one type of motion."""
+    """Errors that the robot reports for a joint beyond its limits, by the limit's kind."""
 
     position: Reflex
     velocity: Reflex
@@ -58,20 +58,20 @@ TOOL_REFLEXES = (
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """Box in which the tool may move: corners (3,) [m] in the base."""
+    """Box in the robot's base in which the tool may move, by two corners (3,) [m]."""
 
     low: Array = field(default_factory=lambda: frozen([-1.0, -1.0, -0.5]))
     high: Array = field(default_factory=lambda: frozen([1.0, 1.0, 1.4]))
 
     def check(self, pose: Array) -> None:
-        """Raises Violation for a tool pose (4, 4) outside the box."""
+        """Raise Violation for a tool pose (4, 4) in the base outside the box."""
         place = pose[:3, 3]
         if np.minimum(place - self.low, self.high - place).min() < 0:
             raise Violation(Reflex.CARTESIAN_POSITION_LIMITS_VIOLATION)
 
 
 class BodyCheck:
-    """Checks the arm for collisions only once it has moved far enough for one."""
+    """Collision check of the arm with itself and solids, done only once it may have come close."""
 
     def __init__(self, solids: Solids | None = None) -> None:
         """Check the arm against `solids`, or against itself alone."""
@@ -81,7 +81,7 @@ class BodyCheck:
         self._gaps = [inf, inf]  # m, to itself and to the solids
 
     def check(self, q: Array) -> None:
-        """Raises Violation where joints (7,) [rad] bring the arm into itself or a solid."""
+        """Raise Violation where joints `q` (7,) [rad] bring the arm into itself or a solid."""
         if self._checked_q is not None:
             travel = LEVER * float(np.abs(q - self._checked_q).sum())
             if travel < self._room:
@@ -100,7 +100,7 @@ class BodyCheck:
 
 
 def check_joints(q: Array, old: Rates, new: Rates, reflexes: JointReflexes) -> None:
-    """Raises Violation for joints (7,) [rad] beyond a limit, or too fast to brake before one."""
+    """Raise Violation for joints `q` (7,) [rad] beyond a limit, or too fast to brake before one."""
     if _beyond(new.velocity, _JOINT_VELOCITY):
         raise Violation(reflexes.velocity)
     if _beyond(new.acceleration, _JOINT_ACCELERATION):
@@ -115,7 +115,7 @@ def check_joints(q: Array, old: Rates, new: Rates, reflexes: JointReflexes) -> N
 
 
 def check_tool_rates(old: Rates, new: Rates) -> None:
-    """Raises Violation where the tool exceeds its velocity, acceleration or jerk limits."""
+    """Raise Violation where the tool's rates (6,) exceed velocity, acceleration or jerk limits."""
     jerk = (new.acceleration - old.acceleration) / TICK
     checks = zip(
         (new.velocity, new.acceleration, jerk),
@@ -131,14 +131,14 @@ def check_tool_rates(old: Rates, new: Rates) -> None:
 
 
 def check_swing(old: Array, new: Array) -> None:
-    """Raises Violation where the elbow (3,) [rad, s] exceeds limits of rate, acceleration, jerk."""
+    """Raise Violation where the elbow's angle, rate and acceleration (3,) break a rate limit."""
     rates = (*new[1:].tolist(), float(new[2] - old[2]) / TICK)
     if any(abs(rate) > LIMIT_FACTOR * most for rate, most in zip(rates, limits.ELBOW, strict=True)):
         raise Violation(Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_LIMIT_VIOLATION)
 
 
 def check_end(joints: Rates, reflexes: JointReflexes) -> None:
-    """Raises Violation for a motion that is declared finished while the arm still moves."""
+    """Raise Violation for a motion that is declared finished while the arm still moves."""
     if _beyond(joints.velocity, _JOINT_STANDSTILL):
         raise Violation(reflexes.acceleration)
 
@@ -148,6 +148,7 @@ def _beyond(values: Array, most: tuple[float, ...]) -> bool:
 
 
 def _slack(limit: Array, time: float = 1.0) -> tuple[float, ...]:
+    """`limit` (7,) times `time` [s], larger by LIMIT_FACTOR, as plain numbers."""
     return tuple((LIMIT_FACTOR * time * limit).tolist())
 
 

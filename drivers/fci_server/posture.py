@@ -14,18 +14,18 @@ from drivers.types import Array
 
 @dataclass(slots=True)
 class Rates:
-    """Commanded velocity and acceleration of the last tick: (7,) of joints or (6,) of the tool."""
+    """Commanded velocity and acceleration of the joints (7,) or of the tool (6,), [m, rad, s]."""
 
     velocity: Array
     acceleration: Array
 
     def step(self, velocity: Array) -> "Rates":
-        """Rates one tick later with a new `velocity`."""
+        """Rates one tick later with a new `velocity` (7,) or (6,), and the acceleration to it."""
         return Rates(velocity, (velocity - self.velocity) / TICK)
 
 
 def zero_rates(axes: int) -> Rates:
-    """Zero velocity and acceleration of `axes` axes."""
+    """Rates of `axes` axes at rest: zero velocity and acceleration, each (axes,)."""
     return Rates(np.zeros(axes), np.zeros(axes))
 
 
@@ -48,49 +48,49 @@ class Posture:
 
     @classmethod
     def at_joints(cls, q: Array, tool: Array, joints: Rates) -> Self:
-        """Posture at `q` (7,) [rad]; the pose of `tool` (4, 4) there is commanded, at rest."""
+        """Posture at joints `q` (7,) [rad], with the tool (4, 4) commanded to rest at its pose."""
         reached, jacobian = pose_and_jacobian(q, tool)
         swing = np.array([q[ELBOW_JOINT], 0.0, 0.0])
         return cls(q, joints, reached, jacobian, reached, zero_rates(6), swing)
 
     @classmethod
     def resting(cls, q: Array, tool: Array) -> Self:
-        """Posture at rest with joints (7,) [rad] and a tool (4, 4) on the flange."""
+        """Posture at rest with joints `q` (7,) [rad] and `tool` (4, 4) in the flange's frame."""
         return cls.at_joints(q, tool, zero_rates(7))
 
     @property
     def elbow(self) -> float:
-        """Commanded angle of the elbow [rad]."""
+        """Commanded angle of the elbow, joint 3 [rad]."""
         return float(self.swing[0])
 
     @property
     def elbow_sign(self) -> float:
-        """Side of its offset to which the elbow is flexed: 1 or -1."""
+        """Side to which the elbow is flexed, by joint 4: 1 or -1, as in libfranka."""
         return 1.0 if self.q[3] > ELBOW_FLIP else -1.0
 
     @property
     def at_rest(self) -> bool:
-        """Whether the arm stands still."""
+        """Whether all joints' commanded velocities are zero."""
         return not self.joints.velocity.any()
 
     def swing_to(self, elbow: float) -> Array:
-        """Angle, rate and acceleration (3,) [rad, s] of an elbow at `elbow` [rad] one tick on."""
+        """Elbow angle, rate and acceleration (3,) [rad, s] for angle `elbow` [rad] a tick later."""
         angle, rate, _ = self.swing.tolist()
         speed = (elbow - angle) / TICK
         return np.array([elbow, speed, (speed - rate) / TICK])
 
     def with_command(self, pose: Array, rates: Rates, swing: Array) -> Self:
-        """The same joints, commanded `pose` (4, 4) with its rates, and the elbow's `swing` (3,)."""
+        """Copy with another commanded tool `pose` (4, 4), its `rates`, and elbow `swing` (3,)."""
         return replace(self, pose=pose, tool=rates, swing=swing)
 
     def move_on(self, q: Array, tool: Array, joints: Rates) -> Self:
-        """Posture one tick on with joints `q` (7,) [rad], which give the commanded pose too."""
+        """Posture one tick later at joints `q` (7,) [rad]; the tool (4, 4) is commanded there."""
         new = self.at_joints(q, tool, joints)
         rates = self.tool.step(twist_of(self.pose, new.reached))
         return new.with_command(new.reached, rates, self.swing_to(q[ELBOW_JOINT]))
 
     def brake(self, tool: Array) -> Self:
-        """Posture after one tick of braking, as hard as allowed; all joints stop together."""
+        """Posture after one tick of the hardest braking in which all joints stop together."""
         time_left = float((np.abs(self.joints.velocity) / limits.ACCELERATION).max())  # s to rest
         if time_left <= TICK:
             return self.resting(self.q, tool)
@@ -99,5 +99,5 @@ class Posture:
 
 
 def twist_of(old: Array, new: Array) -> Array:
-    """Velocity (6,) in the base that takes pose `old` (4, 4) to `new` in one tick."""
+    """Twist (6,) [m/s, rad/s] in the base that takes pose `old` (4, 4) to `new` in one tick."""
     return twist_between(old, new) / TICK

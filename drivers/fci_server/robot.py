@@ -1,7 +1,7 @@
-"""The emulated robot: modes, one motion at a time, reflexes, stops, recovery; no sockets, no time.
+"""Emulated robot: modes, one motion at a time, reflexes, stops, recovery; no sockets, no time.
 
-It is stepped in control periods of 1 ms. Its caller requests motions and settings and collects the
-late replies, those that only the end of a motion gives.
+It is stepped in control periods of 1 ms. Its caller requests motions and settings, and collects the
+replies that are due only at the end of a motion.
 """
 
 from collections.abc import Callable
@@ -39,9 +39,9 @@ STEADY_ACCELERATION = 1e-3  # rad/s^2 and m/s^2, below which a motion counts as 
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """Estimated wrench (6,) [N, N m] on the tool in the base, and the joint torques it causes.
+    """Estimated external wrench (6,) [N, N m] on the tool in the base, and its joint torques.
 
-    Flags are 1 where a threshold is passed: first row contact, second collision.
+    Flags are 1 where a threshold is exceeded: first row for contact, second row for collision.
     """
 
     wrench: Array
@@ -51,7 +51,7 @@ class Contact:
 
     @classmethod
     def of_force(cls, posture: Posture, configuration: Configuration, force: Array) -> Self:
-        """Contact that a `force` (3,) [N] on the tool's origin causes in `posture`."""
+        """Contact by a `force` (3,) [N] in the robot's base on the tool's origin in `posture`."""
         wrench = np.zeros(6)
         wrench[:3] = force
         lever = posture.reached[:3, :3] @ configuration.tool_to_stiffness[:3, 3]
@@ -67,7 +67,7 @@ class Contact:
 
     @property
     def reflex(self) -> Reflex | None:
-        """Reflex that a threshold of collision triggers; None where none is passed."""
+        """Reflex that an exceeded collision threshold triggers; None where none is exceeded."""
         if self.tool_flags[1].any():
             return Reflex.CARTESIAN_REFLEX
         return Reflex.JOINT_REFLEX if self.joint_flags[1].any() else None
@@ -77,12 +77,12 @@ NO_CONTACT = Contact(np.zeros(6), np.zeros(7), np.zeros((2, 7)), np.zeros((2, 6)
 
 
 Push = Callable[[Array, float], Array]
-"""Force (3,) [N] in the base on the tool at a pose (4, 4), at robot time [s]."""
+"""Force (3,) [N] in the base on the tool, from its pose (4, 4) and robot time [s]."""
 
 
 @dataclass(slots=True)
 class Motion:
-    """A motion under way; its last reply carries `command_id`."""
+    """Motion in progress of the emulated robot; its last reply carries `command_id`."""
 
     command_id: int
     generator: Generator
@@ -94,7 +94,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class LateReply:
-    """A reply that is sent only at the end of a motion."""
+    """Reply to a client's request that is sent only at the end of a motion."""
 
     command: Command
     command_id: int
@@ -103,7 +103,7 @@ class LateReply:
 
 @dataclass(slots=True)
 class Robot:
-    """The emulated robot; `ticks` counts the commands that it followed, `time` is in [ms]."""
+    """Emulated robot; `ticks` counts the commands that it has executed, `time` is in [ms]."""
 
     posture: Posture
     box: Box = field(default_factory=Box)
@@ -130,16 +130,16 @@ class Robot:
 
     @property
     def measured(self) -> Posture:
-        """Posture of the arm itself, which may lag behind its setpoint."""
+        """Posture of the arm itself, which may lag its setpoint."""
         return self.posture if self.trailing is None else self.trailing.posture
 
     def trail(self) -> None:
-        """Advance an arm that lags behind its setpoint by one tick; no effect without a lag."""
+        """Advance an arm that lags its setpoint by one tick; no effect without a lag."""
         if self.trailing is not None:
             self.trailing.tick(self.posture.q)
 
     def move(self, request: MoveRequest, command_id: int) -> MoveStatus:
-        """Begin a motion; returns MOTION_STARTED, or the reason why it was refused."""
+        """Start the requested motion; returns MOTION_STARTED or the reason for a refusal."""
         if self.mode is not Mode.IDLE or self.motion is not None or not self.posture.at_rest:
             return MoveStatus.NOT_POSSIBLE
         if not _valid(request):
@@ -155,13 +155,13 @@ class Robot:
         return MoveStatus.MOTION_STARTED
 
     def stop(self, command_id: int) -> None:
-        """Brake the arm; the reply is sent once the arm stands still."""
+        """Brake the arm; the reply to request `command_id` is due once the arm is at rest."""
         self.waiting.append(LateReply(Command.STOP_MOVE, command_id, Status.SUCCESS))
         if self.motion is not None:
             self.motion.stopping = True
 
     def set(self, request: Request[Command]) -> Status:
-        """Change a setting by a request in SETTERS, which is refused unless the robot is idle."""
+        """Change the setting that `request` states; refused unless the robot is idle."""
         if request.command not in SETTERS or self.mode is not Mode.IDLE:
             return Status.NOT_POSSIBLE
         old = self.configuration
@@ -171,9 +171,9 @@ class Robot:
         return status
 
     def recover(self, command_id: int) -> Status | None:
-        """Recover from a reflex once the arm stands still, with a late reply.
+        """Recover from a reflex once the arm is at rest, when the reply is due: returns None.
 
-        Not possible in motion or while the user stop is pressed.
+        Returns NOT_POSSIBLE in motion or while the user stop is pressed.
         """
         if self.mode not in (Mode.IDLE, Mode.REFLEX):
             return Status.NOT_POSSIBLE
@@ -181,7 +181,7 @@ class Robot:
         return None
 
     def reflex(self, error: Reflex) -> None:
-        """Abort the motion and brake; only recovery lets the arm move again."""
+        """Abort the motion with `error` and brake; the arm moves again only after recovery."""
         if self.mode is Mode.USER_STOPPED:
             return
         self._finish(MoveStatus.REFLEX_ABORTED)
@@ -189,23 +189,23 @@ class Robot:
         self.errors = self.reasons = frozenset({error})
 
     def press_user_stop(self) -> None:
-        """Abort the motion and brake until the stop is released."""
+        """Abort the motion and brake; no motion starts until the user stop is released."""
         self._finish(MoveStatus.EMERGENCY_ABORTED)
         self.mode = Mode.USER_STOPPED
 
     def release_user_stop(self) -> None:
-        """Release the user stop: the robot is idle again, or in the reflex it was in before."""
+        """Release the user stop: the robot is idle again, or in its earlier reflex."""
         if self.mode is Mode.USER_STOPPED:
             self.mode = Mode.REFLEX if self.errors else Mode.IDLE
 
     def abandon(self) -> None:
-        """Brake after the client has disconnected, and drop its pending replies."""
+        """Brake after the client has disconnected, and discard its pending replies."""
         self._finish(MoveStatus.ABORTED)
         self.late.clear()
         self.waiting.clear()
 
     def step(self, command: RobotCommand) -> None:
-        """Follow one command, or stop by a reflex where a limit forbids it."""
+        """Execute one motion `command`, or stop by a reflex where it breaks a limit."""
         motion = self.motion
         if motion is None or motion.stopping:
             return
@@ -232,7 +232,7 @@ class Robot:
             self._send_late_replies()
 
     def miss(self) -> None:
-        """Extrapolate the last command in a tick without one, for MOST_MISSED_TICKS at most."""
+        """Extrapolate the motion in a tick without a command; a reflex after MOST_MISSED_TICKS."""
         motion = self.motion
         if motion is None or not motion.started:
             return
@@ -243,7 +243,7 @@ class Robot:
             self.reflex(Reflex.COMMUNICATION_CONSTRAINTS_VIOLATION)
 
     def rest(self) -> None:
-        """Pass one tick without commands: brake a moving arm, reply once it stands still."""
+        """Pass one tick without a motion: brake a moving arm, end and reply once it is at rest."""
         if not self.moving:
             self._brake()
         self._check_contact()
@@ -257,6 +257,7 @@ class Robot:
             self.posture = self.posture.brake(self.configuration.tool)
 
     def _check_contact(self) -> None:
+        """Compute the contact by all forces on the tool; one beyond a threshold is a reflex."""
         force = self.pushed
         if self.push is not None:
             force = force + self.push(self.measured.reached, self.time / 1000)
@@ -268,7 +269,7 @@ class Robot:
             self.reflex(self.contact.reflex)
 
     def _finish(self, status: MoveStatus) -> None:
-        """End the motion; its last reply comes before others that wait for the arm."""
+        """End the motion with `status`; its reply comes before others that are pending."""
         if self.motion is not None:
             self.waiting.insert(0, LateReply(Command.MOVE, self.motion.command_id, status))
             self.motion, self.mode = None, Mode.IDLE
@@ -284,7 +285,7 @@ class Robot:
 def resting_robot(
     start: Array | None = None, box: Box | None = None, push: Push | None = None
 ) -> Robot:
-    """A robot at rest with joints `start` (7,) [rad], by default in its home posture."""
+    """Emulated robot at rest with joints `start` (7,) [rad], by default in its home posture."""
     configuration = Configuration()
     posture = Posture.resting(np.array(HOME if start is None else start), configuration.tool)
     return Robot(posture, box or Box(), push, configuration=configuration)

@@ -1,4 +1,4 @@
-"""The emulated robot on the network: one event loop, in lock-step or by the wall clock."""
+"""Server of the emulated robot: one event loop, in lock-step or by the wall clock."""
 
 import select
 import socket
@@ -39,7 +39,7 @@ def _address(text: str) -> str:
 
 
 class ServerSettings(Settings):
-    """Address of the server and the clock that the robot follows.
+    """Settings of the emulated robot's server: address, clock, lag and mechanics.
 
     Without an `address` it takes a free one on the loopback, because the clients fix the ports. In
     `lock_step` a motion advances one control period for each command; otherwise it runs by the wall
@@ -55,13 +55,13 @@ class ServerSettings(Settings):
 
 
 class Pace:
-    """Timer of control periods of 1 ms, none of which is shorter than 0.8 ms."""
+    """Timer of control periods of 1 ms by the wall clock, none of them shorter than 0.8 ms."""
 
     def __init__(self) -> None:
         self._deadline = time.monotonic()
 
     def remaining(self) -> float:
-        """Time [s] until the next period is due; at most zero when it is."""
+        """Time [s] until the next period is due; zero or less once it is due."""
         return self._deadline - time.monotonic()
 
     def begin_next(self) -> None:
@@ -74,23 +74,22 @@ class Pace:
         self._deadline = max(self._deadline, now - LONGEST_CATCH_UP) + TICK
 
     def restart(self) -> None:
-        """Restart the periods from now."""
+        """Start a period now, however late the last one was."""
         self._deadline = time.monotonic() + TICK
 
 
 def _candidates() -> Iterator[str]:
-    """Addresses of the loopback that a server may take, in the order in which it tries them."""
+    """Loopback addresses that a server without a stated address tries, in this order."""
     return (f"127.77.{x}.{y}" for x in range(10) for y in range(1, 251))
 
 
 class RobotServer:
-    """Emulated robot with arm and hand at `address`, for one client each.
+    """Server of an emulated robot, whose arm and hand serve one client each at `address`.
 
-    `start` (7,) [rad] are the initial joints, `solids` what the arm must not meet, `push` and
-    `between` the forces on the arm and the object in the hand, `faults` the scheduled faults;
-    `on_command` is called with every command that is followed. Listens from its construction on;
-    serves between `start` and `close`, or inside a `with`, in a thread, or in the caller's by
-    `serve`.
+    `start` (7,) [rad] are the initial joints, `solids` obstacles of the arm, `push` the force on
+    its tool, `between` the thickness of the object in the hand, `faults` scheduled faults;
+    `on_command` is called with every executed command. Listens from its construction on; serves
+    in a thread between `start` and `close`, or inside a `with`, or in the caller's by `serve`.
     """
 
     def __init__(
@@ -131,13 +130,13 @@ class RobotServer:
         self._stopping = False
 
     def start(self) -> Self:
-        """Serve in a thread of this process."""
+        """Serve clients in a thread of this process."""
         self._thread = Thread(target=self.serve, name=f"twin {self.address}", daemon=True)
         self._thread.start()
         return self
 
     def close(self) -> None:
-        """Disconnect all clients and free the address; harmless when repeated."""
+        """Disconnect all clients and free the address; allowed twice."""
         self._stopping = True
         with suppress(OSError):  # it has hung up by itself
             self._bell.send(b"!")
@@ -154,12 +153,12 @@ class RobotServer:
         self.close()
 
     def inject(self, fault: Fault) -> None:
-        """Add one more fault to the script, at its tick or at the next."""
+        """Schedule one more fault at its tick, or now where that has passed."""
         self._disturbance.add(fault)
         self._bell.send(b"!")
 
     def serve(self) -> None:
-        """Serve clients until `close` is called from outside."""
+        """Serve clients until `close` is called from another thread."""
         try:
             while not self._stopping:
                 self._run_once()
@@ -201,8 +200,8 @@ class RobotServer:
     def _run_once(self) -> None:
         """Run one pass of the event loop.
 
-        While the client is the clock, it waits for the next command; with nobody connected and
-        nothing moving, for any request; else until the control period has passed.
+        It waits for the next command while the client is the clock, for any request while no
+        client is connected and nothing moves, else until the control period has passed.
         """
         moving = self._lock_step and self.robot.moving
         self._client_is_clock = self._client_is_clock and moving
@@ -221,7 +220,7 @@ class RobotServer:
         return alone and self.robot.posture.at_rest and not self.hand.moving
 
     def _wait_for_command(self) -> None:
-        """In lock-step, wait for the client's command and follow it."""
+        """In lock-step, wait for the client's command and execute it."""
         events = self._poll_sockets(OFFER_HAND)
         if not events:
             self._hand_port.repeat()
@@ -237,7 +236,7 @@ class RobotServer:
             self._pace.restart()
 
     def _wait_for_period(self) -> None:
-        """By the wall clock, take a command until the control period has passed."""
+        """By the wall clock, wait for a command or for the end of the control period."""
         self._poll_sockets(max(self._pace.remaining(), 0.0))
         command = self._next_command()
         if command is not None and self._lock_step:
@@ -255,7 +254,7 @@ class RobotServer:
             self._pace.begin_next()
 
     def _next_command(self) -> RobotCommand | None:
-        """The command for this tick of a motion, or in lock-step any; older ones are late."""
+        """Next command for this tick of a motion, in lock-step for any; late ones are skipped."""
         for _ in range(MOST_LATE):
             command = self._arm.command()
             if command is None:
@@ -266,6 +265,7 @@ class RobotServer:
         return None
 
     def _pass_period(self) -> None:
+        """End a control period, with or without a command, and advance robot time."""
         robot, heard = self.robot, self._heard
         self._heard = False
         if not heard and (self._lock_step or not robot.moving):
@@ -316,9 +316,9 @@ class RobotServer:
             self._pace.restart()
 
     def _poll_sockets(self, seconds: float | None) -> set[int]:
-        """Wait for `seconds` at most, then handle TCP; returns the descriptors that were readable.
+        """Wait for `seconds` at most, then serve TCP; returns the readable file descriptors.
 
-        The hand is handled before the arm, so that a command for it counts from the same tick.
+        The hand is served before the arm, so that a command for it counts from the same tick.
         """
         if seconds is not None and 0 < seconds < OFFER_HAND:
             select.select([self._poll], [], [], seconds)  # epoll counts in milliseconds
@@ -337,7 +337,7 @@ class RobotServer:
 
 
 def _give_mechanics(robot: Robot, settings: ServerSettings) -> None:
-    """Give `robot` the delay and lag behind its setpoint and the joint torques of `settings`."""
+    """Give `robot` the delay, lag and joint torques that `settings` state."""
     delay, sag, plant = settings.delay, None, settings.plant
     if plant is not None:
         robot.dynamics = Dynamics(plant)

@@ -1,4 +1,4 @@
-"""The arm's state as a UDP datagram of 1377 bytes, most of them float32."""
+"""State of the emulated arm as the UDP datagram (1377 bytes) that the robot sends each tick."""
 
 import numpy as np
 
@@ -65,7 +65,7 @@ TURNED = 5e-3  # rad by which a joint turns before the torques of gravity are co
 
 
 class Publisher:
-    """Serialises the robot's state; keeps rarely changing fields between datagrams."""
+    """Serialiser of the emulated robot's state, which reuses fields that have not changed."""
 
     def __init__(self) -> None:
         self._packet = np.zeros(1, PACKET)
@@ -81,9 +81,9 @@ class Publisher:
         self._gravity_configuration: Configuration | None = None
 
     def datagram(self, robot: Robot, rate: float = 0.0, is_nan: bool = False) -> bytes:
-        """State after the last tick; `rate` is the fraction of commands that arrived in time.
+        """Datagram of `robot` after its last tick; `rate` is the fraction of commands in time.
 
-        With `is_nan` its measured part is NaN, as from a broken sensor.
+        With `is_nan` the measured part is NaN, as from a broken sensor.
         """
         if robot.configuration is not self._configuration:
             self._put_configuration(robot.configuration)
@@ -99,7 +99,7 @@ class Publisher:
         return self._packet.tobytes()
 
     def _put_matrix(self, name: str, matrix: Array) -> None:
-        """Write a matrix (n, n) column by column."""
+        """Write a matrix (n, n) to the field `name` in column-major order."""
         self.fields[name][:] = matrix.T.ravel()
 
     def _put_configuration(self, configuration: Configuration) -> None:

@@ -1,4 +1,4 @@
-"""Messages of the robot's protocols, packed and little-endian; those of the arm are version 10."""
+"""Messages of the robot's network protocols, as the emulated robot reads and writes them."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -11,7 +11,7 @@ from drivers.franka import hand_protocol
 from drivers.franka.hand_protocol import HandCommand
 from drivers.types import Array
 
-PROTOCOL_VERSION = 10
+PROTOCOL_VERSION = 10  # of the arm
 PORT = 1337
 MOVE = Struct("<II6dB7d")
 MESSAGE, COMMAND_NUMBERS = Struct("<Q"), 38
@@ -23,7 +23,7 @@ K = TypeVar("K", bound=IntEnum)
 
 
 class Command(IntEnum):
-    """Commands of a client over TCP."""
+    """Requests of a client to the arm over TCP, by their number in the protocol."""
 
     CONNECT = 0
     MOVE = 1
@@ -40,7 +40,7 @@ class Command(IntEnum):
 
 
 class Status(IntEnum):
-    """Status in the replies to all requests but a motion."""
+    """Status in a reply to a client's request, other than for a motion."""
 
     SUCCESS = 0
     NOT_POSSIBLE = 1
@@ -48,7 +48,7 @@ class Status(IntEnum):
 
 
 class MoveStatus(IntEnum):
-    """Status in the replies to a motion: MOTION_STARTED at once, another at its end."""
+    """Status in the replies to a request for a motion: MOTION_STARTED first, another at its end."""
 
     SUCCESS = 0
     MOTION_STARTED = 1
@@ -63,7 +63,7 @@ class MoveStatus(IntEnum):
 
 
 class Generator(IntEnum):
-    """Motion generators as numbered in the state; a request numbers them from one less."""
+    """Motion generators, numbered as in the robot's state; requests number them from one less."""
 
     IDLE = 0
     JOINT_POSITION = 1
@@ -74,7 +74,7 @@ class Generator(IntEnum):
 
 
 class Controller(IntEnum):
-    """Controllers that can follow the commands, by their number in the protocol."""
+    """Controllers of the robot that follow its motion generators, as the protocol numbers them."""
 
     JOINT_IMPEDANCE = 0
     CARTESIAN_IMPEDANCE = 1
@@ -145,12 +145,12 @@ class Reflex(IntEnum):
 
 
 class Malformed(Exception):
-    """Bytes that are not a message of the protocol; the connection is closed."""
+    """Raised for bytes that are no message of the protocol; the server closes the connection."""
 
 
 @dataclass(frozen=True, slots=True)
 class Request(Generic[K]):
-    """One request over TCP: command, id, payload of the length that belongs to the command."""
+    """Request of a client over TCP: command, its id, and a payload of the command's length."""
 
     command: K
     command_id: int
@@ -159,7 +159,7 @@ class Request(Generic[K]):
 
 @dataclass(frozen=True, slots=True)
 class Framing(Generic[K]):
-    """Packing of messages over TCP: a header, a status in replies, payloads of fixed sizes."""
+    """Layout of a protocol's TCP messages: header, status in replies, payload sizes [bytes]."""
 
     commands: type[K]
     header: Struct  # command, command id, size with header
@@ -167,7 +167,7 @@ class Framing(Generic[K]):
     sizes: dict[K, int]  # bytes of the payload
 
     def take(self, buffer: bytearray) -> Request[K] | None:
-        """Remove the first complete request from the received bytes; None while there is none.
+        """Remove the first complete request from `buffer` and return it; None for none yet.
 
         Raises Malformed for an unknown command or a wrong size.
         """
@@ -186,13 +186,13 @@ class Framing(Generic[K]):
         return Request(command, command_id, payload)
 
     def reply(self, command: K, command_id: int, content: bytes) -> bytes:
-        """Bytes of one reply over TCP; `content` starts with its status."""
+        """Bytes of a reply to request `command_id` over TCP; `content` starts with its status."""
         return self.header.pack(command, command_id, self.header.size + len(content)) + content
 
 
 @dataclass(frozen=True, slots=True)
 class MoveRequest:
-    """The request for a motion; `generator` and `controller` as numbered by the client."""
+    """Request for a motion; `generator` and `controller` as numbered by the client."""
 
     controller: int
     generator: int
@@ -201,14 +201,14 @@ class MoveRequest:
 
     @classmethod
     def read(cls, payload: bytes) -> Self:
-        """Parse the payload (113 bytes) of a request to move."""
+        """Parse the payload (113 bytes) of a request for a motion."""
         controller, generator, *rest = MOVE.unpack(payload)
         return cls(controller, generator, tuple(rest[:6]), bool(rest[6]))
 
 
 @dataclass(frozen=True, slots=True)
 class RobotCommand:
-    """Command over UDP in answer to state `message_id`; a generator reads the field of its kind."""
+    """Motion command over UDP in answer to state `message_id`; one of `q` to `twist` counts."""
 
     message_id: int
     q: Array  # (7,) rad
@@ -220,7 +220,7 @@ class RobotCommand:
 
     @classmethod
     def read(cls, packet: bytes) -> Self:
-        """Parse one command from a datagram (371 bytes); raises Malformed for any other length."""
+        """Parse a command from the datagram `packet`; raises Malformed unless it has 371 bytes."""
         if len(packet) != COMMAND.size:
             raise Malformed(f"a command has {COMMAND.size} bytes, found {len(packet)}")
         (message_id,) = MESSAGE.unpack_from(packet)
@@ -239,7 +239,7 @@ class RobotCommand:
 
 
 def usable(numbers: Array | tuple[float, ...]) -> bool:
-    """Whether numbers, of any shape, are finite and within LARGEST_NUMBER."""
+    """Whether `numbers`, of any shape, are finite and at most LARGEST_NUMBER in size."""
     return bool(np.abs(numbers).max() < LARGEST_NUMBER)
 
 

@@ -1,4 +1,4 @@
-"""Collision model of the Franka Research 3 with its hand: spheres, their distances and boxes."""
+"""Collision model of the Franka Research 3 with its hand: spheres, and distances from boxes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -68,7 +68,7 @@ def sphere_centres(q: Array) -> Array:
 
 
 def self_clearance(q: Array) -> Array:
-    """Distance (...,) [m] of forearm, wrist and hand from the links below; negative in contact."""
+    """Distance (...,) [m] of forearm and hand from the upper arm at joints (..., 7) [rad]."""
     centres = sphere_centres(q)
     low, high = centres[..., _LOW, :], centres[..., _HIGH, :]
     between = np.linalg.norm(low[..., :, None, :] - high[..., None, :, :], axis=-1)
@@ -78,7 +78,7 @@ def self_clearance(q: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A box-shaped obstacle: its `name` and two corners (3,) [m] in the frame of its `Solids`."""
+    """Box-shaped obstacle: its `name` and two corners (3,) [m] in the frame of its `Solids`."""
 
     name: str
     low: tuple[float, float, float]
@@ -87,15 +87,15 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Solids:
-    """Boxes in a `frame` (4, 4), which is given in the robot's base."""
+    """Box-shaped obstacles of the arm in a `frame` (4, 4), which is given in the robot's base."""
 
     frame: Array
     boxes: Sequence[Box]
 
     def clearance(self, q: Array) -> Array:
-        """Distance (..., k) [m] of the arm in joints (..., 7) [rad] from each box; negative inside.
+        """Distance (..., k) [m] of the arm at joints (..., 7) [rad] from k boxes; negative inside.
 
-        Base and first link count as part of the stand.
+        Base and first link are left out, as part of the stand.
         """
         centres = sphere_centres(q)[..., _MOVABLE, :]
         turn, place = self.frame[:3, :3], self.frame[:3, 3]

@@ -10,7 +10,7 @@ STATE_PACKET = Struct("<IddBH")  # time [ms], width [m], largest width [m], gras
 
 
 class HandCommand(IntEnum):
-    """Commands of a client to the hand."""
+    """Commands of a client to the Franka Hand, by their number in its protocol."""
 
     CONNECT = 0
     HOMING = 1
@@ -29,7 +29,7 @@ PAYLOAD = {
 
 
 class HandStatus(IntEnum):
-    """Outcome of a hand command, as its reply states it."""
+    """Outcome of a command to the Franka Hand, as its reply states it."""
 
     SUCCESS = 0
     FAIL = 1

@@ -35,7 +35,7 @@ SHOULDER = frozen([0.0, 0.0, PARAMETERS[0, 1]])
 
 
 class Unreachable(CellError):
-    """No posture within the joint limits reaches the pose; `reason` says what fails."""
+    """Error for a pose that no posture within the joint limits reaches, for `reason`."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(f"pose out of reach: {reason}")
@@ -44,7 +44,7 @@ class Unreachable(CellError):
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """Result of one search: joints (7,) [rad], position error [m], orientation error [rad]."""
+    """Result of one search for joints: `joints` (7,) [rad], error `distance` [m], `angle` [rad]."""
 
     joints: Array
     distance: float
@@ -52,7 +52,7 @@ class Attempt:
 
     @property
     def converged(self) -> bool:
-        """Whether position and orientation are within POSE_TOLERANCE."""
+        """Whether errors of position and orientation are below POSE_TOLERANCE."""
         return max(self.distance, self.angle) < POSE_TOLERANCE
 
 
@@ -84,11 +84,11 @@ def twist_between(start: Array, end: Array) -> Array:
 
 
 def joint_step(q: Array, reached: Array, jac: Array, target: Array, elbow: float) -> Array:
-    """Step (7,) [rad] of joints (7,) towards tool pose `target` (4, 4) and elbow angle [rad].
+    """Newton step (7,) [rad] of joints `q` (7,) to tool pose `target` (4, 4) and angle `elbow`.
 
-    `reached` (4, 4) and `jac` (6, 7) are what `pose_and_jacobian` gives for `q`. One Newton step:
-    exact up to the square of the distance, so that what is missing after one tick is made up in
-    the next. Damped, and so bounded, in singular postures.
+    `reached` (4, 4) and `jac` (6, 7) are those of `q` by `pose_and_jacobian`. Exact up to the
+    square of the distance, so that the error after one tick is corrected in the next. Damped, and
+    so bounded, in singular postures.
     """
     twist = np.append(twist_between(reached, target), elbow - q[ELBOW_JOINT])
     return joint_rates(jac, twist)
@@ -97,10 +97,10 @@ def joint_step(q: Array, reached: Array, jac: Array, target: Array, elbow: float
 def track(
     q: Array, pose: Array, elbow: float, iterations: int, tolerance: float = CONVERGED
 ) -> tuple[Array, Array] | None:
-    """Joints (7,) [rad] near `q` (7,) with the tool at `pose` (4, 4), and a Jacobian (6, 7) there.
+    """Joints (7,) [rad] near `q` (7,) with the tool at `pose` (4, 4), and the Jacobian (6, 7).
 
-    The elbow stands at `elbow` [rad]. None where the last of at most `iterations` Newton steps is
-    not below `tolerance` [rad].
+    The elbow's angle, joint 3, is `elbow` [rad]. None where the last of at most `iterations` Newton
+    steps is not below `tolerance` [rad].
     """
     for _ in range(iterations):
         reached, jac = pose_and_jacobian(q)
@@ -113,7 +113,10 @@ def track(
 
 
 def joint_rates(jac: Array, twist: Array) -> Array:
-    """Joint rates (7,) for tool twist and elbow rate `twist` (7,), by Jacobian `jac` (6, 7)."""
+    """Joint rates (7,) [rad/s] for `twist` (7,): the tool's twist, then the elbow's rate.
+
+    `jac` (6, 7) is the tool's Jacobian.
+    """
     with_elbow = np.zeros((7, 7))
     with_elbow[:6] = jac
     with_elbow[6, ELBOW_JOINT] = 1
@@ -123,7 +126,7 @@ def joint_rates(jac: Array, twist: Array) -> Array:
 
 
 def rotation_vector(turn: Array) -> Array:
-    """Axis times angle (3,) [rad] of a rotation matrix (3, 3), accurate for small angles too."""
+    """Rotation vector (3,) [rad], axis times angle, of a rotation matrix `turn` (3, 3)."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = turn.tolist()
     twice_sine = np.array([zy - yz, xz - zx, yx - xy])
     sine = hypot(zy - yz, xz - zx, yx - xy) / 2
@@ -139,7 +142,7 @@ def rotation_vector(turn: Array) -> Array:
 
 
 def rotation(vector: Array) -> Array:
-    """Rotation matrix (3, 3) of axis times angle (3,) [rad] (Rodrigues)."""
+    """Rotation matrix (3, 3) of a rotation `vector` (3,) [rad], axis times angle (Rodrigues)."""
     x, y, z = vector.tolist()
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     angle = hypot(x, y, z)
@@ -151,14 +154,14 @@ def rotation(vector: Array) -> Array:
 
 
 def damped_inverse(jac: Array, damping: float) -> Array:
-    """Inverse (7, 6) of a Jacobian (6, 7) that stays bounded near singular postures."""
+    """Damped pseudo-inverse (7, 6) of a Jacobian (6, 7), bounded near singular postures."""
     square = jac @ jac.T
     square[np.diag_indices(6)] += damping**2
     return np.asarray(np.linalg.solve(square, jac).T, dtype=np.float64)
 
 
 def straight(joints: Array, step: Array) -> Iterator[Array]:
-    """Yield joints (7,) [rad] for ever, unchecked, that move the tip by `step` (3,) [m] each."""
+    """Yield joints (7,) [rad] without end or check, each `step` (3,) [m] of the tip further."""
     twist = np.concatenate([step, np.zeros(3)])
     while True:
         joints = joints + damped_inverse(jacobian(joints), LINE_DAMPING) @ twist
@@ -171,7 +174,7 @@ def manipulability(jac: Array) -> float:
 
 
 def _descend(pose: Array, start: Array, tool: Array, centre: float) -> Attempt:
-    """Damped least-squares search from `start`; `centre` pulls the joints to mid-range."""
+    """Damped least-squares search for joints from `start` (7,) [rad]; `centre` as in `solve`."""
     joints = np.array(start, dtype=np.float64)
     for _ in range(ITERATIONS):
         reached, jac = pose_and_jacobian(joints, tool)
@@ -191,7 +194,7 @@ def _descend(pose: Array, start: Array, tool: Array, centre: float) -> Attempt:
 
 
 def _step(jac: Array, error: Array, pull: Array, size: float) -> Array:
-    """Step (7,) [rad] that reduces `error` (6,), and follows `pull` (7,) in the null space."""
+    """Step (7,) [rad] that reduces the pose `error` (6,), with `pull` (7,) in the null space."""
     inverse = damped_inverse(jac, min(DAMPING_GAIN * size, LARGEST_DAMPING) + LEAST_DAMPING)
     step: Array = inverse @ error + pull - inverse @ (jac @ pull)
     return step

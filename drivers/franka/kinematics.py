@@ -31,7 +31,7 @@ _COS_ALPHA, _SIN_ALPHA = np.cos(PARAMETERS[:, 2]), np.sin(PARAMETERS[:, 2])
 
 
 def _fixed_parts() -> tuple[Array, Array, Array]:
-    """Link transforms as cos(q) A + sin(q) B + C, each (7, 4, 4)."""
+    """A, B, C (7, 4, 4) of the joints' transforms cos(q) A + sin(q) B + C."""
     cosine, sine, fixed = np.zeros((3, 7, 4, 4))
     cosine[:, 0, 0] = 1
     cosine[:, 1, 1] = _COS_ALPHA
@@ -52,7 +52,7 @@ _COSINE, _SINE, _FIXED = _fixed_parts()
 
 
 def offset_in_frame(joint: int) -> tuple[float, float]:
-    """Offset d of a joint, counted from 0, as (y, z) [m] in the frame before the joint."""
+    """Offset d of joint number `joint`, from 0, as (y, z) [m] in the frame before that joint."""
     _, d, alpha = PARAMETERS[joint].tolist()
     return (d, 0.0) if alpha < 0 else (-d, 0.0) if alpha > 0 else (0.0, d)
 
@@ -67,7 +67,7 @@ def frames(q: Array) -> Array:
 
 
 def forward(q: Array, tool: Array = FLANGE_TO_TIP) -> Array:
-    """Pose (..., 4, 4) of the tool in the base for joints (..., 7) [rad].
+    """Pose (..., 4, 4) of the tool in the robot's base for joints `q` (..., 7) [rad].
 
     `tool` (4, 4) is the tool in the flange's frame; by default the tip of the Franka Hand.
     """
@@ -75,12 +75,12 @@ def forward(q: Array, tool: Array = FLANGE_TO_TIP) -> Array:
 
 
 def jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> Array:
-    """Jacobian (..., 6, 7) of the tool in the base: three linear rows over three angular ones."""
+    """Jacobian (..., 6, 7) of the tool in the base at joints (..., 7), linear rows first."""
     return pose_and_jacobian(q, tool)[1]
 
 
 def pose_and_jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> tuple[Array, Array]:
-    """Tool pose (..., 4, 4) and Jacobian (..., 6, 7) of joints (..., 7) [rad] at once."""
+    """Tool pose (..., 4, 4) and Jacobian (..., 6, 7) in the base for joints `q` (..., 7) [rad]."""
     joints = frames(q)
     pose = joints[..., 6, :, :] @ from_last_joint(tool)
     axis = joints[..., :3, 2]

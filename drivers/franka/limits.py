@@ -27,7 +27,7 @@ ELBOW = (1.5, 10.0, 5000.0)  # rad/s, rad/s^2, rad/s^3
 
 
 def margins(q: Array) -> Array:
-    """Distance (..., 7) [rad] of joints (..., 7) from their nearer limit; negative beyond it.
+    """Distance (..., 7) [rad] of joints `q` (..., 7) from their nearer limit; negative beyond.
 
     User documentation, "limits depending on the joint position".
     """
@@ -35,7 +35,7 @@ def margins(q: Array) -> Array:
 
 
 def velocity_bounds(q: Array) -> tuple[Array, Array]:
-    """Lowest and highest joint velocity (..., 7) [rad/s] allowed at joints (..., 7) [rad].
+    """Lowest and highest joint velocity (..., 7) [rad/s] allowed at joints `q` (..., 7) [rad].
 
     User documentation, "limits depending on the joint position".
     """
@@ -43,6 +43,7 @@ def velocity_bounds(q: Array) -> tuple[Array, Array]:
 
 
 def _braking_speed(room: Array) -> Array:
+    """Speed (..., 7) [rad/s] from which a joint can brake within `room` (..., 7) [rad]."""
     speed = np.sqrt(2 * DECELERATION * np.maximum(room, 0)) - VELOCITY_OFFSET
     bounded: Array = np.minimum(np.maximum(speed, 0), VELOCITY)
     return bounded

@@ -77,7 +77,7 @@ class ArmPlant(Settings):
 
 
 def holding_torques(q: Array, mass: float, centre: Array) -> Array:
-    """Joint torques (7,) [N m] that hold the arm still in joints (7,) [rad].
+    """Joint torques (7,) [N m] that hold the arm against gravity at joints `q` (7,) [rad].
 
     `mass` [kg] with its `centre` (3,) [m] in the flange's frame is hand and load together.
     """
@@ -138,14 +138,18 @@ def _hand() -> str:
 
 
 def arm_urdf() -> str:
-    """URDF text with seven joints, their limits, and the flange as link8.
+    """URDF text of the arm: seven joints with their limits, and the flange as link8.
 
     The clients read `limit` and `position_based_velocity_limits` of joint1 to joint7. Masses are
     placeholders: the kinematic twin has none.
     """
     links = "".join(_urdf_link(number) for number in range(9))
     joints = "".join(_urdf_joint(number) for number in range(7))
-    return f'<?xml version="1.0"?>\n<robot name="fr3">\n{links}{joints}{_urdf_flange()}</robot>\n'
+    flange = (
+        '<joint name="joint8" type="fixed"><parent link="link7"/><child link="link8"/>'
+        f'<origin xyz="0 0 {FLANGE}" rpy="0 0 0"/></joint>\n'
+    )
+    return f'<?xml version="1.0"?>\n<robot name="fr3">\n{links}{joints}{flange}</robot>\n'
 
 
 def _urdf_link(number: int) -> str:
@@ -168,13 +172,6 @@ def _urdf_joint(index: int) -> str:
         f'<joint name="joint{index + 1}" type="revolute"><parent link="link{index}"/>'
         f'<child link="link{index + 1}"/><origin xyz="{a} {across} {along}" rpy="{alpha} 0 0"/>'
         f'<axis xyz="0 0 1"/>{span}{braking}</joint>\n'
-    )
-
-
-def _urdf_flange() -> str:
-    return (
-        '<joint name="joint8" type="fixed"><parent link="link7"/><child link="link8"/>'
-        f'<origin xyz="0 0 {FLANGE}" rpy="0 0 0"/></joint>\n'
     )
 
 

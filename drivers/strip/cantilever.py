@@ -1,4 +1,4 @@
-"""A strip clamped at a ledge that hangs at rest under its own weight: the heavy elastica.
+"""Equilibrium of a strip that hangs over a ledge under its own weight: the heavy elastica.
 
 EI (theta' - kappa0)' = w (L - s) cos(theta), theta(0) = clamp angle, theta'(L) = kappa0(L), with
 theta the tangent's angle above the horizontal and w the weight per length (Bickley 1934). The
@@ -18,11 +18,11 @@ SEGMENTS = 320
 GRADING = 1.6  # arc = overhang t^GRADING at equal steps of t
 ITERATIONS = 60
 CONVERGED = 1e-10  # rad
-LARGEST_STEP = 0.8  # rad by which Newton's method turns a segment at once
+LARGEST_STEP = 0.8  # rad by which one step of Newton's method turns a segment
 
 
 class NoRest(CellError):
-    """Error: no equilibrium shape was found for a hanging strip."""
+    """Error for a hanging strip of which no equilibrium shape was found."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,27 +43,27 @@ class HangingStrip:
     pull: Array
 
     def moved_by_bending_length(self) -> Array:
-        """Derivative (n + 1, 2) [m] of the points by ln(bending length)."""
+        """Derivative (n + 1, 2) [m] of the strip's points by ln(bending length)."""
         turn = solveh_banded(self.stiffness, 3 * self.pull * np.cos(self.angles))
         return self._motion(turn[:, None])[..., 0]
 
     def moved_by_clamp_angle(self) -> Array:
-        """Derivative (n + 1, 2) [m/rad] of the points by the clamp angle."""
+        """Derivative (n + 1, 2) [m/rad] of the strip's points by the clamp angle."""
         load = np.zeros(len(self.angles))
         load[0] = 1 / _spans(self.arc)[0]
         return self._motion(solveh_banded(self.stiffness, load)[:, None])[..., 0]
 
     def moved_by_rest_curvature(self, fields: Array) -> Array:
-        """Derivatives (n + 1, 2, m) of the points by amounts of rest curvature `fields` (n, m).
+        """Derivatives (n + 1, 2, m) of the strip's points by amounts of rest curvature.
 
-        Field j holds at the hinge where segment j begins.
+        `fields` (n, m) are m distributions of it over the `hinges`.
         """
         load = fields.copy()
         load[:-1] -= fields[1:]
         return self._motion(solveh_banded(self.stiffness, load))
 
     def _motion(self, turn: Array) -> Array:
-        """Displacement (n + 1, 2, m) [m] of the points for turns (n, m) [rad] of the segments."""
+        """Displacement (n + 1, 2, m) [m] of the points for `turn` (n, m) [rad] of the segments."""
         lengths = np.diff(self.arc)
         across = np.stack([-np.sin(self.angles), np.cos(self.angles)], axis=1) * lengths[:, None]
         steps = across[:, :, None] * turn[:, None, :]
@@ -71,16 +71,16 @@ class HangingStrip:
 
 
 def segments(overhang: float) -> Array:
-    """Arc lengths (n + 1,) [m] of the nodes from ledge to tip, finer at the ledge."""
+    """Arc lengths (n + 1,) [m] of a strip's nodes from ledge to tip, denser near the ledge."""
     return np.asarray(overhang * np.linspace(0.0, 1.0, SEGMENTS + 1) ** GRADING)
 
 
 def hinges(overhang: float) -> Array:
-    """Arc lengths (n,) [m] of the hinges, at which rest curvature is given."""
+    """Arc lengths (n,) [m] of the hinges between segments, at which rest curvature is given."""
     return segments(overhang)[:-1]
 
 
-def hang(
+def hanging_shape(
     overhang: float,
     bending_length: float,
     *,
@@ -90,7 +90,7 @@ def hang(
     """Equilibrium of a strip of `bending_length` [m] that hangs over a ledge by `overhang` [m].
 
     `rest_curvature` (n,) [1/m] at the `hinges`, positive turns the free end up; `clamp_angle`
-    [rad] above the horizontal. Raises NoRest when Newton's method finds no shape.
+    [rad] above the horizontal. Raises NoRest where Newton's method finds no stable shape.
     """
     arc = segments(overhang)
     spans = _spans(arc)
@@ -98,21 +98,31 @@ def hang(
     pull = np.diff(arc) * (overhang - middle) / bending_length**3
     rest_turns = np.zeros(len(pull)) if rest_curvature is None else rest_curvature * spans
     angles = _start_angles(middle, overhang, bending_length) + clamp_angle
-    for _ in range(ITERATIONS):
-        gradient, stiffness = _derivatives(angles, rest_turns, spans, pull, clamp_angle)
-        step = _newton_step(gradient, stiffness, pull * np.sin(angles))
-        turn = float(np.abs(step).max())
-        angles = angles + step * min(1.0, LARGEST_STEP / max(turn, np.finfo(float).tiny))
-        if not turn > CONVERGED:  # NaN too ends the search
-            break
-    if not (turn <= CONVERGED and _stable(stiffness)):
+    angles, stiffness = _equilibrium(angles, rest_turns, spans, pull, clamp_angle)
+    if stiffness is None:
         raise NoRest(
-            f"a strip of bending length {bending_length:.4g} m over {overhang:.4g} m: "
-            "no shape at rest was found"
+            f"a strip of bending length {bending_length:.4g} m over {overhang:.4g} m: no shape at "
+            f"rest was found in {ITERATIONS} Newton steps; check both lengths"
         )
     chords = np.stack([np.cos(angles), np.sin(angles)], axis=1) * np.diff(arc)[:, None]
     points = np.concatenate([np.zeros((1, 2)), np.cumsum(chords, axis=0)])
     return HangingStrip(bending_length, arc, angles, points, stiffness, pull)
+
+
+def _equilibrium(
+    angles: Array, rest_turns: Array, spans: Array, pull: Array, clamp_angle: float
+) -> tuple[Array, Array | None]:
+    """Angles (n,) [rad] at rest by Newton's method, and stiffness (2, n); None if not found."""
+    for _ in range(ITERATIONS):
+        gradient, stiffness = _derivatives(angles, rest_turns, spans, pull, clamp_angle)
+        if not np.isfinite(gradient).all():
+            break
+        step = _newton_step(gradient, stiffness, pull * np.sin(angles))
+        turn = float(np.abs(step).max())
+        angles = angles + step * min(1.0, LARGEST_STEP / max(turn, np.finfo(float).tiny))
+        if turn <= CONVERGED:
+            return angles, stiffness if _stable(stiffness) else None
+    return angles, None
 
 
 def _newton_step(gradient: Array, stiffness: Array, lifting: Array) -> Array:
@@ -138,7 +148,7 @@ def _spans(arc: Array) -> Array:
 
 
 def _start_angles(arc: Array, overhang: float, bending_length: float) -> Array:
-    """Initial angles (n,) [rad] of Newton's method: a bend at the ledge that the weight allows."""
+    """Initial angles (n,) [rad] for Newton's method: a bend at the ledge, as the weight allows."""
     reach = bending_length * min(1.0, (bending_length / overhang) ** 0.5)
     turned = -0.5 * np.pi * min(1.0, (overhang / bending_length) ** 3 / 8)
     return np.asarray(turned * (1 - np.exp(-arc / reach)))

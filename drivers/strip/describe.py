@@ -1,4 +1,4 @@
-"""Construction of a strip's physical model from its file, and validation of such files."""
+"""Construction of a strip's physical model from a strip file, and validation of strip files."""
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ from drivers.types import frozen
 
 
 def describe(strip: StripFile, cell_effects: Effects | None = None, index: int = 0) -> StripModel:
-    """Build the model of `strip` in a cell, with the effects of both applied in registry order.
+    """Build the physical model of `strip` with its effects and `cell_effects` of the cell.
 
     `index` is the number of runs that this specimen has already been through.
     """
@@ -40,7 +40,7 @@ class _Inputs:
 
 @lru_cache(maxsize=16)
 def _build_model(inputs: _Inputs) -> StripModel:
-    """Build a strip model, or take it from the cache: models are read-only and shared."""
+    """Build a strip model; models are read-only, so that cached ones are shared."""
     strip = inputs.strip
     rigidity = np.full(CELLS, strip.rigidity)
     mechanics = Mechanics(
@@ -58,12 +58,12 @@ def _build_model(inputs: _Inputs) -> StripModel:
 
 
 def load_strip(path: Path) -> StripFile:
-    """Load the strip file at `path`; raises ConfigurationError where it or an effect is wrong."""
+    """Read the strip file at `path`; ConfigurationError where it or one of its effects is wrong."""
     return _load(path, of_cell=frozenset())
 
 
 def load_plant(path: Path) -> StripFile:
-    """Load the plant file at `path`: a strip file that may also hold effects of the cell.
+    """Read the plant file at `path`: a strip file that may also hold effects of the cell.
 
     Raises ConfigurationError where it or its effects are wrong.
     """
@@ -71,7 +71,7 @@ def load_plant(path: Path) -> StripFile:
 
 
 def _load(path: Path, of_cell: Collection[str]) -> StripFile:
-    """Load the strip file at `path`, whose effects are of strips or among those `of_cell`."""
+    """Read the strip file at `path`, whose effects are of strips or named in `of_cell`."""
     strip = load(path, StripFile)
     for name, values in strip.effects.items():
         check_effects({name: values}, str(path), "cell" if name in of_cell else "strip")
@@ -81,7 +81,7 @@ def _load(path: Path, of_cell: Collection[str]) -> StripFile:
 
 
 def check_described(strip: StripFile, origin: str) -> None:
-    """Raise ConfigurationError for a strip that no engine simulates, or effects that do not fit."""
+    """Raise ConfigurationError for a strip that no engine can simulate or effects do not fit."""
     _check_valid(strip, origin)
     try:
         describe(strip)
@@ -91,11 +91,11 @@ def check_described(strip: StripFile, origin: str) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """Validated range of one strip property in one `engine`: `value` from `low` to `high`.
+    """Range, `low` to `high`, of a strip's property `value` in which an `engine` is validated.
 
-    Below `refused` the engine gives no result at all. `why` is what happens outside. Measured by
+    Below `refused` the engine gives no result at all; `why` is what happens outside. Measured by
     `python -m tests.lab study validity`: folds of denim with one value changed, against the same
-    engine with half its step in space. Inside the bounds that changes the displacement by at most 3
+    engine with half its step in space. Within the range that changes the displacement by at most 3
     mm, and rod and chain agree to 3 mm. Width and areal density were measured too, from 2 mm to 1 m
     and from 0.001 to 50 kg/m^2: without air they change nothing.
     """
@@ -156,7 +156,7 @@ BOUNDS = (
 
 
 def doubts(strip: StripFile) -> tuple[str, ...]:
-    """Warnings about properties of `strip` outside an engine's validated range, a sentence each."""
+    """Warnings, a sentence each, on properties of `strip` outside an engine's validated range."""
     return tuple(
         f"{strip.name}: {_location(bound, strip)}, the {bound.engine} holds from {bound.low:g} to "
         f"{bound.high:g}: {bound.why}; expect errors of the simulation"

@@ -1,4 +1,4 @@
-"""Protocol of a strip engine that steps a batch, its results, and the rule for its nodes."""
+"""Protocol of a strip engine, which simulates a batch of strips, and the engine's results."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """First touch of the layers: its time [s], its x [m], and the lengths [m] to both edges."""
+    """First touch of a fold's layers: `time` [s], `x` [m], lengths [m] from it to both edges."""
 
     time: float
     x: float
@@ -21,13 +21,13 @@ class Touch:
 
     @property
     def displacement(self) -> float:
-        """Misalignment d = l1 - l2 [m] of the layers (paper, figure of l1 and l2)."""
+        """Displacement d = l1 - l2 [m] between the edges of the layers (paper, its figure of d)."""
         return self.to_grasped - self.to_fixed
 
 
 @dataclass(frozen=True, slots=True)
 class Observables:
-    """Observable quantities of n strips at one instant `time` [s].
+    """Observable quantities of n strips at one `time` [s].
 
     `contact_x` (n,) [m]; `tip` (n, 2) [m], the fold's rightmost point; `holding_force` (n,) [N],
     the force along x that the fixed edge exerts on the strip, negative when taut; `grip_force`
@@ -44,7 +44,7 @@ class Observables:
 
 
 class Stepper(Protocol):
-    """An engine that simulates n strips at once, each held by its own gripper."""
+    """Protocol of an engine that simulates n strips at once, each held by its own gripper."""
 
     def reset(self, models: Sequence[StripModel]) -> None:
         """Lay the strips flat and at rest, gripped at (stated length, 0) with pitch 0, at time 0.
@@ -59,10 +59,10 @@ class Stepper(Protocol):
         """
 
     def shapes(self) -> Array:
-        """Midlines (n, nodes, 2) [m] from the fixed to the grasped edge, both included."""
+        """Midlines (n, nodes, 2) [m] of all strips, from the fixed to the grasped edge."""
 
     def arc(self) -> Array:
-        """Arc lengths of the nodes (n, nodes) [m], unstretched, from the fixed edge."""
+        """Unstretched arc lengths (n, nodes) [m] of the nodes from the fixed edge."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ class StripMotion:
     """Simulated motion of one strip: observables at k times, shapes and the layer touch, if any.
 
     Times (k,), gripper poses (k, 3), contact_x (k,), tip (k, 2), holding_force (k,), grip_force
-    (k, 2), shapes (k, nodes, 2) or (0, nodes, 2). All values are true ones over the true desk;
+    (k, 2), shapes (k, nodes, 2) or (0, nodes, 2). Values are true, over the true desk;
     `observation` converts them to measured ones.
     """
 
@@ -85,7 +85,7 @@ class StripMotion:
 
 
 def graded_nodes(length: float, pieces: int, share: float, finest: float) -> Array:
-    """Arc lengths (pieces + 1,) [m] of nodes that are equally spaced, closer near the grip.
+    """Arc lengths (pieces + 1,) [m] of a strip's nodes: equally spaced, but closer near the grip.
 
     Over the last `share` of the segments their length shrinks to `finest` times the others'. Near
     the grip a taut strip bends within sqrt(EI / T), a millimetre or two; where it leaves the desk

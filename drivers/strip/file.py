@@ -1,4 +1,4 @@
-"""Strip files: nominal properties of a fabric strip, as an operator writes them."""
+"""Strip files: the properties of a fabric strip, as an operator states them."""
 
 from typing import Annotated, Any, Literal
 
@@ -59,22 +59,22 @@ class StripFile(Settings):
 
     @property
     def linear_density(self) -> float:
-        """Mass per length [kg/m]."""
+        """Mass per length of the strip [kg/m]."""
         return self.areal_density * self.width
 
     @property
     def mass(self) -> float:
-        """Mass of the whole strip [kg]."""
+        """Mass of the strip [kg]."""
         return self.linear_density * self.length
 
     @property
     def weight(self) -> float:
-        """Weight of the whole strip [N]."""
+        """Weight of the strip [N]."""
         return self.linear_density * GRAVITY * self.length
 
     @property
     def rigidity(self) -> float:
-        """Bending rigidity EI = c^3 w of the whole width [N m^2], w the weight per length."""
+        """Bending rigidity EI [N m^2]: bending length^3 times weight per length."""
         return self.bending_length**3 * self.linear_density * GRAVITY
 
 
@@ -96,5 +96,5 @@ def paper_strip(k: float, b: float, **changes: Any) -> StripFile:
 
 
 def paper_damping_minimum(k: float) -> float:
-    """Smallest joint damping [N m s/rad] in the paper: b_min(k) = 3e-3 k + 3.5e-4 (appendix)."""
+    """Smallest joint damping [N m s/rad] in the paper's range at joint stiffness `k` (appendix)."""
     return 3e-3 * k + 3.5e-4

@@ -1,8 +1,7 @@
 """Generic terms of a strip's equations for residuals that no named effect explains.
 
-Each is a moment, a force or a measurement error as a function of a state variable. A strip file may
-hold their amounts under `law:`; every engine simulates them, because they change the description
-itself.
+A term is a moment, a force or a measurement error as a function of a state variable. A strip file
+may hold amounts of terms under `law:`; every engine simulates them, as they change the model.
 """
 
 from collections.abc import Callable, Mapping
@@ -19,7 +18,7 @@ from drivers.types import Array, frozen
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A generic term of a strip's equations: its unit, its range and the field that it changes.
+    """Generic term of a strip's equations: its unit, its range and the model field it changes.
 
     `size` [unit] is the smallest amount visible in ten runs, `most` the largest of any strip,
     `least` the lowest (`-most` unless stated). `added` is the path of the model's field to which
@@ -109,7 +108,7 @@ LAW_TERMS: Mapping[str, Term] = MappingProxyType({term.name: term for term in _T
 
 
 def with_law(model: StripModel, amounts: Mapping[str, float]) -> StripModel:
-    """`model` with `amounts` of generic terms applied; unknown names are ignored."""
+    """Copy of `model` with `amounts` of generic terms added, by name; unknown ones are ignored."""
     for name, term in LAW_TERMS.items():
         if amount := amounts.get(name):
             if isinstance(term.added, str):

@@ -1,4 +1,4 @@
-"""Residuals of measured points and contacts against a moving midline, and their robust means."""
+"""Residuals of measured points and contacts to a strip's moving midline, and their robust means."""
 
 import math
 from typing import Any
@@ -15,7 +15,7 @@ OUTLIER = 3.0  # robust standard deviations beyond which a value counts no more 
 
 @kernel
 def interpolate_midlines(shapes: Any, places: Any) -> Any:
-    """Midlines (m, nodes, 2) interpolated at indices `places` (m,) of `shapes` (k, nodes, 2)."""
+    """Midlines (m, nodes, 2) at fractional indices `places` (m,) of `shapes` (k, nodes, 2)."""
     curves = np.empty((len(places), shapes.shape[1], 2))
     for m in range(len(places)):
         place = min(max(places[m], 0.0), len(shapes) - 1.0)
@@ -29,7 +29,7 @@ def interpolate_midlines(shapes: Any, places: Any) -> Any:
 
 @kernel
 def chord(curve: Any, q: int) -> Any:
-    """Vector (x, z) [m] and length [m] of segment `q` of a curve, as one triple."""
+    """Vector x, z [m] and length [m] of segment `q` of `curve` (nodes, 2), as one triple."""
     x, z = curve[q + 1, 0] - curve[q, 0], curve[q + 1, 1] - curve[q, 1]
     return x, z, math.hypot(x, z)
 
@@ -43,7 +43,7 @@ def curvature(before: Any, after: Any) -> Any:
 
 @kernel
 def distances_to_segment(curve: Any, q: int, base: Any, bend: float, x: float, z: float) -> Any:
-    """Distance [m] of (x, z) from segment `q`, and its signed distance from the arc, left positive.
+    """Distance [m] of point x, z from segment `q`, and signed one from its arc, left positive.
 
     The arc over the segment's chord `base` has the mean curvature `bend` [1/m].
     """
@@ -63,7 +63,7 @@ def distances_to_segment(curve: Any, q: int, base: Any, bend: float, x: float, z
 
 @kernel
 def signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
-    """Signed distance [m] of (x, z) from the nearer of the segments at node `q`, left positive."""
+    """Signed distance [m], left positive, of point x, z from the nearer segment at node `q`."""
     last = len(curve) - 1
     best, found = math.inf, 0.0
     here = chord(curve, max(q - 1, 0))
@@ -83,7 +83,7 @@ def signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
 
 @kernel
 def nearest_node(curve: Any, low: int, high: int, x: float, z: float) -> Any:
-    """Index of the node in low..high nearest to (x, z), searched by every STRIDE-th node first."""
+    """Index in low..high of the node of `curve` nearest to point x, z, by every STRIDE-th first."""
     best = nearest_among(curve, range(low, high + 1, STRIDE), x, z)
     close = range(max(best - STRIDE + 1, low), min(best + STRIDE, high + 1))
     return nearest_among(curve, close, x, z)
@@ -91,7 +91,7 @@ def nearest_node(curve: Any, low: int, high: int, x: float, z: float) -> Any:
 
 @kernel
 def nearest_among(curve: Any, nodes: Any, x: float, z: float) -> Any:
-    """Index of the node nearest to (x, z) among the indices `nodes`."""
+    """Index, among `nodes`, of the node of `curve` nearest to point x, z."""
     best, least = 0, math.inf
     for q in nodes:
         square = (curve[q, 0] - x) ** 2 + (curve[q, 1] - z) ** 2
@@ -102,7 +102,7 @@ def nearest_among(curve: Any, nodes: Any, x: float, z: float) -> Any:
 
 @kernel
 def search_window(arc: Any, s: float) -> Any:
-    """First and last node index within SEARCH_SPAN of arc length `s` [m], clamped to the strip."""
+    """Indices of the first and last node within SEARCH_SPAN of arc length `s` [m]."""
     last = len(arc) - 1
     low = last_node_before(arc, min(s, arc[last]) - SEARCH_SPAN)
     high = last_node_before(arc, max(s, 0.0) + SEARCH_SPAN) + 1
@@ -111,7 +111,7 @@ def search_window(arc: Any, s: float) -> Any:
 
 @kernel
 def last_node_before(arc: Any, s: float) -> Any:
-    """Index of the last node whose arc length is less than `s` [m]; -1 without one."""
+    """Index of the last node whose arc length in `arc` (nodes,) is below `s` [m]; -1 for none."""
     low, high = -1, len(arc)
     while high - low > 1:
         middle = (low + high) // 2
@@ -128,10 +128,10 @@ def signed_distances(
 ) -> None:
     """Write into `found` (n,) the signed distances [m] of `points` (n, 2) from a moving midline.
 
-    Positive to the left of the way from the fixed to the grasped edge. Point p belongs to
-    `image` (n,), which shows the world at `places` (m,), a fractional index into `shapes`
-    (k, nodes, 2) with nodes at `arc` (nodes,) [m]; its foot lies within SEARCH_SPAN of `near` (n,)
-    [m]. Segments count as arcs.
+    Positive on the left as seen from the fixed edge. Point p belongs to image number `image[p]`,
+    taken at the fractional index `places[image[p]]` into `shapes` (k, nodes, 2), with nodes at
+    `arc` (nodes,) [m]; its foot is sought within SEARCH_SPAN of `near[p]` [m]. Segments count as
+    arcs.
     """
     curves = interpolate_midlines(shapes, places)
     for p in range(len(points)):
@@ -143,7 +143,7 @@ def signed_distances(
 
 @kernel
 def nearest_end(curve: Any, height: float, x: float, known: float) -> Any:
-    """x [m] nearest to `x` where lying strip rises above `height` [m], or `known` if that is."""
+    """x [m] nearest to `x` where a lying strip rises above `height` [m], or `known` if nearer."""
     found, q = known, 1
     while q < len(curve) and curve[q, 0] >= curve[q - 1, 0]:  # up to the fold's rightmost point
         low, high = curve[q - 1, 1], curve[q, 1]
@@ -158,11 +158,10 @@ def nearest_end(curve: Any, height: float, x: float, known: float) -> Any:
 
 @entry
 def nearest_ends(x: Any, places: Any, shapes: Any, height: float, found: Any) -> None:
-    """Replace each contact `found` (n,) [m] by the end of lying strip nearest to `x` (n,) [m].
+    """Replace desk contacts `found` (n,) [m] by the lift-off points nearest to `x` (n,) [m].
 
-    Strip that lies ends wherever the midline rises above `height` [m]: at the fold, and at each
-    hump before it. A contact stays if no end is nearer. `places` (n,) and `shapes` are those of
-    `signed_distances`.
+    A midline lifts off wherever it rises above `height` [m]: at the fold, and at each hump before
+    it. A contact stays if it is nearer. `places` (n,) and `shapes` are those of `signed_distances`.
     """
     curves = interpolate_midlines(shapes, places)
     for m in range(len(x)):
@@ -171,9 +170,9 @@ def nearest_ends(x: Any, places: Any, shapes: Any, height: float, found: Any) ->
 
 @entry
 def group_means(values: Any, edges: Any, sigma: float, mean: Any, square: Any) -> None:
-    """Write into `mean` and `square` (g,) the mean and the mean square of each group of values.
+    """Write into `mean` and `square` (g,) the mean and the mean square of each group of `values`.
 
-    Group g is values[edges[g]:edges[g + 1]]. Values count at most `OUTLIER` robust deviations (at
+    Group g is values[edges[g]:edges[g + 1]]. Values are clipped at OUTLIER robust deviations (at
     least `sigma`) from the group's median.
     """
     for g in range(len(edges) - 1):

@@ -1,8 +1,8 @@
 """Physical model of a strip and its cell, the common input of all simulation engines.
 
-A model comes from a strip file and the cell's effects and nothing else. It is independent
-of any discretisation: fields along the strip are constant over `CELLS` equal cells, and an
-engine lumps them onto its own nodes with `Mechanics.mean` and `Mechanics.total`.
+A model comes from a strip file and the cell's effects. It is independent of any discretisation:
+fields along the strip are constant over `CELLS` equal cells, and an engine lumps them onto its own
+nodes with `Mechanics.mean` and `Mechanics.total`.
 """
 
 import math
@@ -52,7 +52,7 @@ class BendingLaw:
 
     @property
     def crest(self) -> float:
-        """Curvature [1/m] at which the elastic moment stops growing; infinite if it never does."""
+        """Curvature [1/m] from which the elastic moment is constant; infinite if it never is."""
         if self.cubic >= 0 or 20.0 * self.fifth >= 9.0:
             return math.inf
         # dM/dkappa = 0: the smaller root of 1 + 3 u + 5 fifth u^2, finite at fifth = 0 too
@@ -98,7 +98,7 @@ class Mechanics:
 
     @property
     def cells(self) -> Array:
-        """Arc lengths (CELLS,) [m] of the middles of the cells."""
+        """Arc lengths (CELLS,) [m] of the cells' middles, from the fixed edge."""
         return np.asarray((np.arange(CELLS) + 0.5) * (self.length / CELLS))
 
     @property
@@ -108,7 +108,7 @@ class Mechanics:
 
     @property
     def touch_gap(self) -> float:
-        """Vertical distance of midlines at which layers touch: max(thickness, 1 mm) [m]."""
+        """Vertical distance [m] of midlines at which layers touch: thickness, at least 1 mm."""
         return max(self.thickness, 0.001)
 
     @property
@@ -172,8 +172,8 @@ class Rig:
     """Errors of gripper pose and desk height, true minus reported, and delay of the arm's stamps.
 
     `grip_x`, `grip_z` [m] and `grip_tilt` [rad] of the gripper's pose, `desk_height` [m] of the
-    desk, `delay` [s] of the gripper's stamps; applied in `observation`. Engines get
-    true poses over the true desk and do not use them.
+    desk, `delay` [s] of the gripper's stamps. Applied in `observation`: engines get true poses over
+    the true desk.
     """
 
     grip_x: float = 0.0
@@ -185,7 +185,7 @@ class Rig:
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """Measurement errors of camera and force sensor, measured minus true; see `observation`.
+    """Errors of camera and force sensor, measured minus true, as `observation` applies them.
 
     `contact_height` [m] is the height that defines desk_contact. Images show the world
     `camera_latency` [s] before their stamps. Places in them are 1 + `scale` times true, offset by
@@ -206,7 +206,7 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class StripModel:
-    """A strip in a cell: its mechanics, its boundary conditions and the cell's errors.
+    """Physical model of a strip in a cell: mechanics, boundary conditions and the cell's errors.
 
     `stated_length` [m] is x = L, where the gripper grasps the edge; a strip of another length
     starts slack or taut. `index` is the number of earlier runs of the specimen.
@@ -221,7 +221,7 @@ class StripModel:
 
 
 def with_field(part: T, path: str, value: Any) -> T:
-    """Copy `part`, a dataclass of a model, with `value` in the field at dotted `path`."""
+    """Copy of `part`, a dataclass of a strip model, with `value` in the field at dotted `path`."""
     name, _, inner = path.partition(".")
     if inner:
         value = with_field(getattr(part, name), inner, value)
@@ -229,7 +229,7 @@ def with_field(part: T, path: str, value: Any) -> T:
 
 
 def scale_rigidity(model: StripModel, factor: Array | float) -> StripModel:
-    """Copy `model` with rigidity and viscosity times `factor` (CELLS,): same retardation time."""
+    """Copy of `model` with rigidity and viscosity times `factor`, a scalar or (CELLS,)."""
     mechanics = model.mechanics
     rigidity, viscosity = frozen(mechanics.rigidity * factor), frozen(mechanics.viscosity * factor)
     return replace(model, mechanics=replace(mechanics, rigidity=rigidity, viscosity=viscosity))
@@ -239,7 +239,7 @@ Effects = Mapping[str, Mapping[str, float]]
 
 
 def check_simulated(engine: str, model: StripModel, simulated: Mapping[type, str]) -> None:
-    """Raise Unsupported for a part of `model` that is set, but which `engine` does not simulate.
+    """Raise Unsupported for a field of `model` that is set but that `engine` does not simulate.
 
     `simulated` holds the names of the fields that it simulates, by class.
     """

@@ -1,6 +1,6 @@
-"""Errors of the cell's measurements: reported gripper poses to true ones, true places to measured.
+"""Conversion between true and measured values: gripper poses, image points, forces and times.
 
-True poses and places are over the true desk, as engines have them; reported and measured ones are
+True poses and points are over the true desk, as engines have them; reported and measured ones are
 in the cell frame of the calibration. measured = (1 + scale) true + shift; times are stamps.
 
 The strip is grasped as it lies on the desk, so offsets, tilt and desk height act from 0 upwards
@@ -23,10 +23,10 @@ SHORTEST_WINDOW = 1e-9  # s, keeps the mean of a path of one row finite
 
 
 def true_path(rig: Rig, t: Array, poses: Array, *, hanging: bool = False) -> tuple[Array, Array]:
-    """True times (m,) [s] and poses (m, 3) of a gripper path reported as `t`, `poses`.
+    """True times (m,) [s] and poses (m, 3) of a gripper path reported as `t` (m,), `poses` (m, 3).
 
-    A strip that hangs when the path begins has its lift behind it. Without effects of the rig
-    the arrays are returned unchanged.
+    `hanging`: the strip hangs when the path begins. Without effects of the rig the arrays are
+    returned unchanged.
     """
     if rig == AS_REPORTED:
         return t, poses
@@ -35,10 +35,7 @@ def true_path(rig: Rig, t: Array, poses: Array, *, hanging: bool = False) -> tup
 
 
 def _growth(poses: Array) -> Array:
-    """Fraction (m,) of the rig's offsets that acts along reported `poses` (m, 3).
-
-    It never decreases: a gripper that returns keeps the largest fraction so far.
-    """
+    """Fraction (m,) of the rig's offsets that acts along reported `poses` (m, 3); never falls."""
     return np.maximum.accumulate(share_away(poses, poses[0]))
 
 
@@ -52,51 +49,51 @@ def share_away(poses: Array, start: Array) -> Array:
 
 
 def true_poses(rig: Rig, reported: Array, share: Array | float) -> Array:
-    """True poses (..., 3) over the true desk: `reported` plus `share` (...) of the offsets."""
+    """True gripper poses (..., 3): `reported` (..., 3) plus `share` (...) of the rig's offsets."""
     return np.asarray(reported + _offset(rig) * np.asarray(share)[..., None])
 
 
 def reported_poses(rig: Rig, true: Array, share: Array | float) -> Array:
-    """Reported poses (..., 3) of `true` ones (..., 3); the inverse of `true_poses`."""
+    """Reported gripper poses (..., 3): `true` (..., 3) less `share` (...) of the rig's offsets."""
     return np.asarray(true - _offset(rig) * np.asarray(share)[..., None])
 
 
 def _offset(rig: Rig) -> Array:
-    """Offset (3,) [m, m, rad] of the true pose over the true desk from the reported one."""
+    """Offset (3,) [m, m, rad] of the true gripper pose over the true desk from the reported."""
     return np.array([rig.grip_x, rig.grip_z - rig.desk_height, rig.grip_tilt])
 
 
 def image_stamp(observation: Observation, t: Array | float) -> Array | float:
-    """Stamp (...,) [s] of the image that shows the world at true time `t` (...,)."""
+    """Stamp (...,) [s] of an image that shows the strip at true time `t` (...,)."""
     return t + observation.camera_latency
 
 
 def imaged_time(observation: Observation, stamp: Array | float) -> Array | float:
-    """True time (...,) [s] that an image with `stamp` (...,) shows."""
+    """True time (...,) [s] of the strip that an image with `stamp` (...,) shows."""
     return stamp - observation.camera_latency
 
 
 def measured_points(model: StripModel, points: Array) -> Array:
-    """Measured points (..., 2) [m] of a midline with true `points` (..., 2)."""
+    """Points (..., 2) [m] at which the camera measures true `points` (..., 2) [m] of a midline."""
     raised = points + np.array([0.0, model.rig.desk_height])
     return np.asarray((1 + model.observation.scale) * raised + _shift(model.observation))
 
 
 def true_points(model: StripModel, points: Array) -> Array:
-    """True points (..., 2) [m] of a midline measured at `points` (..., 2) [m]."""
+    """True points (..., 2) [m] of a midline that the camera measures at `points` (..., 2) [m]."""
     raised = (points - _shift(model.observation)) / (1 + model.observation.scale)
     return np.asarray(raised - np.array([0.0, model.rig.desk_height]))
 
 
 def measured_contact(observation: Observation, x: Array | float) -> Array | float:
-    """Measured contact_x (...,) [m] of a true desk contact at `x` (...,) [m]."""
+    """Contact_x (...,) [m] that the camera measures for a true desk contact at `x` (...,) [m]."""
     return (1 + observation.scale) * x + (observation.shift_x + observation.contact_bias)
 
 
 def mean_force(t: Array, force: Array) -> Array:
-    """Moving average (k, 2) [N] over `FORCE_WINDOW` of `force` (k, 2) at times `t` (k,) [s].
+    """Moving average (k, 2) [N] over FORCE_WINDOW of `force` (k, 2) at times `t` (k,) [s].
 
-    A path that is given in rows has kinks, where a gripper jerks from step to step.
+    Between the rows of a recorded path a simulated gripper jerks, as a real arm does not.
     """
     from scipy.integrate import cumulative_trapezoid  # a second that no fold needs
 
@@ -114,10 +111,10 @@ def reported_force(observation: Observation, t: Array, true_t: Array, force: Arr
 
 
 def measured_touch(model: StripModel, touch: Touch, grip: Array, reported: Array) -> Touch:
-    """Layer touch as the camera measures it, from the true `touch`.
+    """Layer touch as the camera measures the true `touch`.
 
-    `grip` (3,) is the true pose at the touch, `reported` (3,) the arm's pose at the stamp of the
-    image. l1 is measured along the image of the upper layer to the reported grip point, along the
+    `grip` (3,) is the true gripper pose at the touch, `reported` (3,) the arm's at the image's
+    stamp. l1 is measured along the image of the upper layer to the reported grip point, along the
     strip's end tangent; l2 to the stated position of the fixed edge, x = 0.
     """
     observation = model.observation

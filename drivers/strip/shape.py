@@ -1,7 +1,7 @@
 """Geometric features of a strip's shape: desk contact, fold tip, layer gap and layer touch.
 
-One definition for truth, both engines, policies and perception. A shape is the midline as nodes (n,
-2) of x, z [m] in the cell frame at arc lengths s (n,) [m] from the fixed edge.
+Both engines, policies and perception use these definitions. A shape is the midline as nodes (n, 2)
+of x, z [m] in the cell frame at arc lengths s (n,) [m] from the fixed edge.
 """
 
 import math
@@ -12,12 +12,12 @@ import numpy as np
 from drivers.strip.rod.compiled import entry, kernel
 from drivers.types import Array
 
-LYING_LENGTH = 0.05  # m of strip that lies, which ends the search for the desk contact
+LYING_LENGTH = 0.05  # m of lying strip that ends the search for the desk contact
 SHORTEST_LAYERS = 2, 4  # nodes before the fold's rightmost one, and from it on: fewer are no fold
 
 
 class Gap(NamedTuple):
-    """Smallest vertical distance `height` [m] of the layers, at `x` [m] and arc length `s` [m]."""
+    """Smallest vertical gap `height` [m] of a fold's layers, at `x` [m] and arc length `s` [m]."""
 
     height: float
     x: float
@@ -28,23 +28,23 @@ NO_GAP = Gap(math.inf, math.nan, math.nan)
 
 
 def desk_contact(points: Array, height: float) -> float:
-    """x [m] where the midline `points` (n, 2) leaves the desk for the fold, `height` [m] over rest.
+    """Desk contact x [m], where the midline `points` (n, 2) rises over `height` [m] to the fold.
 
-    Searched from the fold's rightmost point back to where the strip lies: for `LYING_LENGTH`, or to
+    Searched from the fold's rightmost point back to where the strip lies for LYING_LENGTH, or to
     the fixed edge. So neither ripples that friction leaves in the lying strip count, nor a dip
-    behind the buckle of a lift. Where the whole strip lies it is the x of its grasped end.
+    behind the buckle of a lift. For a strip that lies entirely it is the x of its grasped end.
     """
     return float(_features_of(points, height=height)[0])
 
 
 def fold_tip(points: Array) -> tuple[float, float]:
-    """(x, z) [m] of the rightmost point of `points` (n, 2), refined by a parabola."""
+    """Fold tip x, z [m]: the rightmost point of the midline `points` (n, 2), by a parabola."""
     _, x, z, *_ = _features_of(points)
     return float(x), float(z)
 
 
 def layer_gap(points: Array, s: Array, opening: float) -> Gap | None:
-    """Smallest vertical gap of the upper layer over the lower one, or None before a fold.
+    """Smallest vertical gap between upper and lower layer of a midline; None before a fold.
 
     `points` are (n, 2), `s` (n,) their arc lengths [m]. The upper layer runs from the fold's
     rightmost point to the grasped edge. Near that point both layers meet by definition, so the gap
@@ -59,13 +59,14 @@ def layer_gap(points: Array, s: Array, opening: float) -> Gap | None:
 
 
 def _features_of(points: Array, height: float = 0.0, opening: float = math.inf) -> Any:
+    """The `features` of a midline `points` (n, 2) [m]."""
     x, z = np.array(points.T, dtype=np.float64, order="C")
     return features(x, z, height, opening)
 
 
 @entry
 def features(x: Any, z: Any, height: float, opening: float) -> Any:
-    """Features of the midline through nodes `x`, `z` (n,) [m], as five numbers.
+    """Desk contact, fold tip and layer gap of the midline `x`, `z` (n,) [m], as five numbers.
 
     x [m] of the desk contact at `height` [m]; x, z [m] of the fold's tip; height [m] and fractional
     node index of the layer gap after it has exceeded `opening` [m], infinite without one.
@@ -78,7 +79,7 @@ def features(x: Any, z: Any, height: float, opening: float) -> Any:
 
 @entry
 def layer_touch(before: Any, now: Any, limit: float) -> Any:
-    """Layer touch within a step: the share of the step, and x and arc length [m] of the touch.
+    """Share of a time step at which layers touch, and x and arc length [m] of the touch.
 
     `before` and `now` are height, x and arc length [m] of the layer gap at the beginning of the
     step and at its end, where the height is at most `limit` [m]. Linear between both; at the end of
@@ -93,7 +94,7 @@ def layer_touch(before: Any, now: Any, limit: float) -> Any:
 
 @kernel
 def at_index(values: Any, index: float) -> Any:
-    """Linear interpolation of `values` (n,) at a fractional `index`."""
+    """Linear interpolation of `values` (n,) at fractional `index`."""
     j = min(int(index), len(values) - 2)
     return values[j] + (values[j + 1] - values[j]) * (index - j)
 
@@ -122,7 +123,7 @@ def _contact_before(x: Any, z: Any, tip: int, height: float) -> Any:
 
 @kernel
 def _vertex(left: float, here: float, right: float) -> float:
-    """Offset [nodes], at most +-0.5, of the extremum of a parabola through three values."""
+    """Offset [nodes] from the middle, at most +-0.5, of a parabola's extremum by three values."""
     bend = left - 2 * here + right
     if bend == 0:
         return 0.0
@@ -131,7 +132,7 @@ def _vertex(left: float, here: float, right: float) -> float:
 
 @kernel
 def _rightmost(x: Any) -> int:
-    """Index of the node with the largest x, the first of equals."""
+    """Index of the first node with the largest of `x` (n,)."""
     best = 0
     for j in range(1, len(x)):
         if x[j] > x[best]:
@@ -141,7 +142,7 @@ def _rightmost(x: Any) -> int:
 
 @kernel
 def _refine_tip(x: Any, z: Any, j: int) -> Any:
-    """(x, z) [m] of the rightmost point near node `j`, refined by a parabola."""
+    """x, z [m] of the rightmost point near node `j`, by a parabola."""
     if j in (0, len(x) - 1):
         return x[j], z[j]
     offset = _vertex(x[j - 1], x[j], x[j + 1])
@@ -152,7 +153,7 @@ def _refine_tip(x: Any, z: Any, j: int) -> Any:
 
 @kernel
 def _height_over_lower_layer(x: Any, z: Any, j: int, k: int) -> Any:
-    """Height [m] of node `j` over the lower layer, infinite without one, and the segment below."""
+    """Height [m] of node `j` over the lower layer, infinite for none below, and its segment."""
     if x[j] < x[0]:
         return math.inf, k
     while k > 0 and x[k] > x[j]:
@@ -164,7 +165,7 @@ def _height_over_lower_layer(x: Any, z: Any, j: int, k: int) -> Any:
 
 @kernel
 def _narrowest_gap(x: Any, z: Any, tip: int, opening: float) -> Any:
-    """Height [m] and fractional node index of a fold's narrowest layer gap; infinite if none."""
+    """Height [m], infinite for none, and fractional node index of the narrowest layer gap."""
     last = len(x) - 1
     best, place = math.inf, 0.0
     if tip < SHORTEST_LAYERS[0] or last - tip + 1 < SHORTEST_LAYERS[1]:

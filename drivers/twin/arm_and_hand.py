@@ -1,4 +1,4 @@
-"""The twin's arm, a simulated servo with tracking lag and noise, and its hand of two fingers."""
+"""Simulated arm, a servo with tracking lag and noise, and simulated hand of two fingers."""
 
 from collections import deque
 from functools import partial
@@ -21,40 +21,35 @@ FORCE_NOT_MEASURED = (float("nan"), float("nan"))
 
 
 class ExternalWrench:
-    """Simulated external force of the twin's arm, in the plane of the strip.
+    """Sensor of the external force on the simulated arm: `reading` (f_x, f_z) [N], in the cell.
 
-    An arm estimates it from the torques of its motors, averaged over some time; what its tare did
-    not take off stays for the session.
+    An arm estimates the force from the torques of its motors, averaged over some time; an error of
+    its tare stays for the session.
     """
 
     def __init__(self, settings: WrenchSettings, rng: np.random.Generator) -> None:
-        """Start at zero force; noise and offset come from `rng`."""
+        """Sensor that reads zero force so far; noise and offset come from `rng`."""
         self._rng = rng
         self._noise = settings.noise
         self._lag_gain = lag_gain(settings.lag)
         self._offset = settings.bias * rng.standard_normal(2)
         self._average = np.zeros(2)
-        self._reading = (0.0, 0.0)
+        self.reading = (0.0, 0.0)
 
     def tick(self, force: tuple[float, float]) -> None:
         """Update the reading from the true `force` (f_x, f_z) [N], with lag, offset and noise."""
         self._average += self._lag_gain * (np.array(force) - self._average)
         noise = self._noise * self._rng.standard_normal(2)
         x, z = (self._average + self._offset + noise).tolist()
-        self._reading = (x, z)
-
-    @property
-    def reading(self) -> tuple[float, float]:
-        """Reported force (f_x, f_z) [N]."""
-        return self._reading
+        self.reading = (x, z)
 
 
 class TwinArm:
-    """A simulated robot on its mounting, whose servo ticks at 1 kHz of simulated time.
+    """Simulated arm, whose servo ticks at 1 kHz of simulated time.
 
-    Commands and measurements pass through the robot's own frame, as on hardware. The servo runs
-    from construction and holds the arm still until it is connected. The arm reports a pose `delay`
-    [s] after it was there; with a negative delay the gripper arrives later than reported. Force is
+    Commands and measurements are converted to the robot's base and back, as on hardware. The servo
+    runs from construction and holds the arm still until it is connected. The arm reports a pose
+    `delay` [s] late; with a negative delay the gripper arrives later than reported. Force is
     reported where the settings say so.
     """
 
@@ -67,9 +62,9 @@ class TwinArm:
         rng: np.random.Generator,
         delay: float = 0.0,
     ) -> None:
-        """Start at rest at the gripper of `world`, and register the servo with `clock`.
+        """Arm at rest at the gripper of `world`, whose servo is registered with `clock`.
 
-        Noise comes from `rng`; `delay` [s] as of the class.
+        Noise comes from `rng`.
         """
         start = world.gripper
         self._world, self._clock, self._rng, self._delay = world, clock, rng, delay
@@ -87,18 +82,18 @@ class TwinArm:
         self._sigma = np.array([*3 * [settings.noise], settings.pitch_noise])
         self._noise = rng.standard_normal((NOISE_BLOCK, 4))
         wrench = settings.force
-        # from a separate generator: with it or without, other noise stays the same
+        # from a separate generator, so that other noise does not depend on it
         self._wrench = None if wrench is None else ExternalWrench(wrench, rng.spawn(1)[0])
         clock.every(TICK, self._tick, Rank.SERVO)
 
     def connect(self) -> None:
-        """Connect and hold the arm at rest; allowed twice, refused once closed."""
+        """Connect to the arm and hold it at rest; allowed twice, raises Fault once closed."""
         if self._closed:
             raise Fault("arm_closed", "the arm was let go; open the cell again")
         self._connected = True
 
     def state(self) -> ArmState:
-        """The state that the servo measured at its newest tick."""
+        """State of the arm that the servo measured at its newest tick."""
         self._require_connection()
         return ArmState(
             stamp=self._stamp,
@@ -113,26 +108,27 @@ class TwinArm:
         )
 
     def move_to(self, pose: Pose) -> None:
-        """Start a motion to rest at `pose`; Fault `outside_workspace` when it is out of reach."""
+        """Start a motion to rest at `pose`; Fault `outside_workspace` for a pose outside of it."""
         self._require_connection()
         self._profile.move_to(pose)
 
     def set_velocity(self, velocity: Velocity) -> None:
-        """Follow `velocity`; Fault `velocity_refused` above the limits."""
+        """Move the gripper at `velocity`; Fault `velocity_refused` for one above the limits."""
         self._require_connection()
         self._profile.set_velocity(velocity)
 
     def stop(self) -> None:
-        """Brake within the limits; allowed at any time, from any state."""
+        """Brake the arm to rest within its limits; allowed at any time."""
         self._profile.stop()
 
     def close(self) -> None:
-        """Brake and disconnect; allowed twice. The servo finishes braking afterwards."""
+        """Brake the arm and disconnect; allowed twice. The servo finishes braking afterwards."""
         self._profile.stop()
         self._connected = False
         self._closed = True
 
     def _tick(self, now: float) -> None:
+        """Advance the servo by one tick, at time `now` [s], and give the world the new pose."""
         self._stamp = now
         self._ticks += 1
         if self._ticks % NOISE_BLOCK == 0:
@@ -143,10 +139,10 @@ class TwinArm:
         self._history.append((*self._position, *self._velocity))
         self._history.popleft()
         arrives = now - min(self._delay, 0.0)
-        self._world.follow_lazily(arrives, partial(self._in_cell, self._position))
+        self._world.add_pose(arrives, partial(self._in_cell, self._position))
 
     def _in_cell(self, position: list[float]) -> Pose:
-        """Pose of `position` (x, z, pitch) after the conversion to the robot's frame and back."""
+        """Pose at `position` (x, z, pitch), after conversion to the robot's base and back."""
         return Pose(*self._cell_in_robot.to_cell(self._cell_in_robot.to_robot(*position)))
 
     def _trail(self, command: list[float]) -> None:
@@ -157,7 +153,7 @@ class TwinArm:
         self._velocity = [move / TICK for move in step]
 
     def _report(self) -> list[float]:
-        """Pose and rate (6,) that the arm reports now: those of `delay` [s] ago."""
+        """Pose and velocity (6,) that the arm reports now, from `delay` [s] ago."""
         ticks = max(self._delay, 0.0) / TICK
         full_ticks = int(ticks)
         share = ticks - full_ticks
@@ -172,7 +168,7 @@ class TwinArm:
         return behind <= SETTLED_DISTANCE
 
     def _measure(self) -> Pose:
-        """The robot's measurement, transformed to the cell frame."""
+        """Pose with the measurement noise of the robot, in the cell frame."""
         noise: Array = self._noise[self._ticks % NOISE_BLOCK] * self._sigma
         x, z, pitch, *_ = self._report()
         pose = self._cell_in_robot.to_robot(x, z, pitch + noise[3])
@@ -187,10 +183,10 @@ class TwinArm:
 
 
 class TwinHand:
-    """Fingers that move in simulated time; a grasp holds if the edge lies between them."""
+    """Simulated hand, whose grasp holds the strip if its edge lies between the fingers."""
 
     def __init__(self, world: World, clock: TwinClock, settings: HandSettings) -> None:
-        """An open hand over the strip of `world`."""
+        """Open hand over the strip of `world`."""
         self._world = world
         self._clock = clock
         self._settings = settings
@@ -206,7 +202,7 @@ class TwinHand:
         self._move(self._settings.opening)
 
     def grasp(self) -> None:
-        """Start to close on the strip's edge; does nothing while it is held."""
+        """Start to close the fingers on the strip's edge; does nothing while they hold it."""
         if self._world.holds_strip:
             return
         self._move(0.0)
@@ -216,7 +212,7 @@ class TwinHand:
             self._closing = self._clock.at(at, self._meet_strip, Rank.HAND)
 
     def state(self) -> HandState:
-        """State of the fingers now: width, grasp and whether they move."""
+        """State of the fingers now: width, whether they hold the strip, whether they move."""
         now = self._clock.now()
         return HandState(
             stamp=now,
@@ -228,10 +224,11 @@ class TwinHand:
         )
 
     def stop(self) -> None:
-        """Hold the fingers where they are."""
+        """Stop the fingers' motion; a strip that they hold stays held."""
         self._move(self._fingers.at(self._clock.now()))
 
     def _move(self, target: float) -> None:
+        """Replace the fingers' motion by one to the width `target` [m]."""
         if self._closing is not None:
             self._closing.cancel()
             self._closing = None
@@ -241,6 +238,7 @@ class TwinHand:
         self._world.move_fingers(self._fingers)
 
     def _meet_strip(self, _: float) -> None:
+        """Grasp the strip if its edge lies between the fingers, which have closed to it."""
         if self._world.edge_within(self._settings.reach, self._settings.lean):
             self._world.attach()
             self._move(self._world.model.mechanics.thickness)

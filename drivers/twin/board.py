@@ -1,4 +1,4 @@
-"""Rendered ChArUco boards in front of the twin's camera."""
+"""Rendering of ChArUco boards in front of the twin's camera."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,6 @@ import cv2
 import numpy as np
 
 from drivers.errors import ConfigurationError
-from drivers.geometry import Matrix
 from drivers.twin.renderer.optics import Optics, Pixels, blur, noisy
 from drivers.twin.renderer.stage import bgr, light
 from drivers.twin.settings import CameraSettings
@@ -24,7 +23,7 @@ DICTIONARY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """Pose of a board in front of the camera, described by its place and size in the image.
+    """Pose of a board in front of the camera, as its place, size and angles in the image.
 
     `x`, `y` are the centre as fractions of the image, `size` the board's width as a fraction of the
     image's. At zero angles [rad] it faces the camera; `tilt` leans its top away, `turn` moves its
@@ -41,10 +40,10 @@ class Placement:
 
 def board_pose(
     settings: CameraSettings, board: cv2.aruco.CharucoBoard, placement: Placement
-) -> Matrix:
+) -> Array:
     """Pose (4, 4) in the cell frame of `board`, held in front of the camera at `placement`.
 
-    The board's own frame starts at its centre, x to its right, y down, z into it.
+    The board's frame has its origin at the centre, x to the right, y down, z into the board.
     """
     optics = Optics.of(settings)
     distance = optics.focal * board.getChessboardSize()[0] * board.getSquareLength()
@@ -58,6 +57,7 @@ def board_pose(
 
 
 def _rotation(tilt: float, turn: float, roll: float) -> Array:
+    """Rotation (3, 3) of a board from facing the camera by the angles of a Placement [rad]."""
     ct, st, cy, sy, cr, sr = (f(a) for a in (tilt, turn, roll) for f in (np.cos, np.sin))
     about_x = np.array([[1, 0, 0], [0, ct, -st], [0, st, ct]]).T
     about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]]).T
@@ -68,14 +68,14 @@ def _rotation(tilt: float, turn: float, roll: float) -> Array:
 def board_frame(
     settings: CameraSettings,
     board: cv2.aruco.CharucoBoard,
-    pose: Matrix,
+    pose: Array,
     seed: int,
     sequence: int = 0,
 ) -> Frame:
-    """The camera's image of `board` at rest at `pose` (4, 4) in the cell frame.
+    """Render the camera's image of `board` at rest at `pose` (4, 4) in the cell frame.
 
-    Noise depends on `seed` and `sequence`. Raises ConfigurationError for a board that stands
-    behind the camera.
+    Noise depends on `seed` and `sequence`. Raises ConfigurationError for a board that is behind
+    the camera.
     """
     optics = Optics.of(settings)
     image = np.empty((settings.height, settings.width, 3), np.uint8)
@@ -89,9 +89,9 @@ def board_frame(
 
 
 def _draw_board(
-    image: Image, optics: Optics, board: cv2.aruco.CharucoBoard, pose: Matrix, glow: Pixels
+    image: Image, optics: Optics, board: cv2.aruco.CharucoBoard, pose: Array, glow: Pixels
 ) -> None:
-    """Draw `board` into `image` where the camera sees it, in place."""
+    """Draw `board` at `pose` (4, 4) into `image` (h, w, 3), in place."""
     square = board.getSquareLength()
     half = (np.array(board.getChessboardSize()) / 2 + QUIET_ZONE) * square
     corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half
@@ -113,10 +113,8 @@ def _draw_board(
     part[:] = np.minimum(part + share[..., None] * (paper - part) + 0.5, 255)
 
 
-def _on_board(
-    optics: Optics, pose: Matrix, box: tuple[int, int, int, int]
-) -> tuple[Pixels, Pixels]:
-    """Points x, y [m] of the board, from its centre, that SAMPLES_PER_PIXEL rays per pixel meet."""
+def _on_board(optics: Optics, pose: Array, box: tuple[int, int, int, int]) -> tuple[Pixels, Pixels]:
+    """Points x, y [m] from the board's centre that the rays through pixels of `box` meet."""
     left, top, right, bottom = box
     u, v = np.meshgrid(
         (np.arange((right - left) * SAMPLES_PER_PIXEL) + 0.5) / SAMPLES_PER_PIXEL - 0.5 + left,
@@ -133,7 +131,7 @@ def _on_board(
 def _sample_print(
     board: cv2.aruco.CharucoBoard, x: Pixels, y: Pixels, scale: int
 ) -> tuple[Pixels, Pixels]:
-    """Grey level of the print and coverage of the pixel, at x, y [squares]."""
+    """Grey levels of the print, and shares of the pixels that it covers, at `x`, `y` [squares]."""
     columns, rows = board.getChessboardSize()
     margin = round(QUIET_ZONE * scale)
     size = (columns * scale + 2 * margin, rows * scale + 2 * margin)

@@ -1,4 +1,4 @@
-"""The twin's camera: rendered frames of the simulated cell, on either clock."""
+"""Simulated camera, which renders frames of the simulated cell."""
 
 from collections.abc import Callable
 from math import floor, inf
@@ -22,18 +22,18 @@ SLOW_PERIOD = 0.1  # s, image period above which drawing and reading fit into on
 
 
 View = Callable[[float], Scene]
-"""The scene of the cell that a camera sees at a time [s of the run]."""
+"""Function from a time [s of the run] to the scene of the cell that a camera sees then."""
 
 
 class TwinCamera:
-    """Simulated camera (`drivers.protocols.Camera`) that renders the scenes of its `view`.
+    """Simulated camera, which renders the scenes of its `view`.
 
-    Frame k is exposed about k / rate, its stamp, and delivered `transport_delay` later; a share of
-    them, `lost`, never is. Only frames that are read are rendered. `observation` holds what changed
-    since the calibration and is hidden from the controller: the camera is moved, so that places
+    Frame k is exposed about k / rate, its stamp, and delivered `transport_delay` later, but for a
+    share `lost` of the frames. Only frames that are read are rendered. `observation` holds changes
+    since the calibration that are hidden from the controller: the camera is moved, so that points
     appear scaled and shifted; lint or glare covers the point where the strip leaves the desk;
     frames show the world `camera_latency` [s] before their stamps, and a negative latency delays
-    them. The desk stands `desk_height` [m] higher than at the calibration. Scenes are over the true
+    them. The desk is `desk_height` [m] higher than at the calibration. Scenes are over the true
     desk. `surround` is the look of the cell about the strip.
     """
 
@@ -62,7 +62,7 @@ class TwinCamera:
 
     @property
     def rate(self) -> float:
-        """Frames per second [Hz]."""
+        """Frame rate [Hz] of the camera."""
         return self._settings.rate
 
     def connect(self) -> None:
@@ -70,9 +70,9 @@ class TwinCamera:
         self._connected = True
 
     def read(self, after: float, timeout: float) -> Frame | None:  # noqa: ARG002
-        """The newest frame that has arrived with a stamp later than `after`, or None.
+        """Newest frame that has arrived with a stamp later than `after` [s]; None for none.
 
-        Never waits, whatever `timeout` is: the caller waits on the clock. Raises Fault when the
+        Never waits, whatever `timeout` is: the caller waits on the clock. Raises Fault where the
         camera is not connected.
         """
         if not self._connected:
@@ -90,7 +90,7 @@ class TwinCamera:
         self._newest = None
 
     def _last_arrived(self) -> int:
-        """Sequence of the newest frame that has arrived; -1 before the first."""
+        """Sequence number of the newest frame that has arrived; -1 before the first."""
         now = self._clock.now()
         sequence = floor((now - self._delay) * self._settings.rate) + 1
         while sequence >= 0 and (self._arrival(sequence) > now or self._is_lost(sequence)):
@@ -126,8 +126,8 @@ def displaced_optics(
 ) -> Optics:
     """Camera model of `settings`, displaced by the calibration errors in `observation`.
 
-    A point p (2,) x, z [m] of the strip's plane is seen at (1 + scale) (p + (0, desk_height)) +
-    shift.
+    A point p (2,) x, z [m] of the strip's plane appears where (1 + scale) (p + (0, desk_height)) +
+    shift would appear without.
     """
     shift = observation.shift_x, observation.shift_z
     moved = Optics.of(settings).displace(observation.scale, shift)
@@ -135,11 +135,10 @@ def displaced_optics(
 
 
 class PacedCamera:
-    """Camera wrapper that draws an image in one control tick and delivers it in the next.
+    """Wrapper of a simulated camera that renders a frame in one control tick, for the next one.
 
-    It satisfies `drivers.protocols.Camera`. Drawing an image and reading the strip in it in one
-    tick of the control loop would take twice as long as either. So the tick in which a frame
-    arrives draws it, and the next one gets it; its stamp still says when the world was so.
+    To render a frame and to measure the strip in it within one tick of the control loop would take
+    twice as long as either. The stamp still is the time of the exposure.
     """
 
     def __init__(self, camera: Camera) -> None:
@@ -150,7 +149,7 @@ class PacedCamera:
 
     @property
     def rate(self) -> float:
-        """Frames per second [Hz]."""
+        """Frame rate [Hz] of the camera."""
         return self._camera.rate
 
     def connect(self) -> None:
@@ -158,10 +157,10 @@ class PacedCamera:
         self._camera.connect()
 
     def read(self, after: float, timeout: float) -> Frame | None:
-        """The frame that the last call has drawn if its stamp is later than `after`, else None.
+        """Frame that the last call rendered, if its stamp is later than `after` [s]; else None.
 
-        Without such a frame, one that has arrived since is drawn for the next call; a caller that
-        comes late or seldom gets it at once.
+        Without such a frame, one that has arrived since is rendered for the next call; a caller
+        that comes late or seldom gets it at once.
         """
         drawn, self._drawn = self._drawn, None
         if drawn is not None and drawn.stamp > after:

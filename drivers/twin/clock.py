@@ -1,4 +1,4 @@
-"""The twin's clocks: the simulated one, which alone advances its world, and one by the wall."""
+"""Clocks of the twin: a simulated one, which advances its world, and one by the wall clock."""
 
 import heapq
 import math
@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import count
 
 from drivers.clock import WallClock
 from drivers.errors import CellError
@@ -18,7 +19,7 @@ PIECE_TIME = 0.005  # s of the world between two looks at the wall
 
 
 class Rank(IntEnum):
-    """Kinds of events, in the order in which those at the same instant run."""
+    """Kinds of events, in the order in which events at the same instant run."""
 
     SERVO = 0
     HAND = 1
@@ -29,7 +30,7 @@ class Rank(IntEnum):
 
 @dataclass(slots=True)
 class Event:
-    """An action on the clock, once or periodic; `cancel` removes it."""
+    """Scheduled call of `action(now)` by a simulated clock, once or periodic."""
 
     action: Action
     rank: Rank
@@ -44,7 +45,7 @@ class Event:
         self.cancelled = True
 
     def due(self) -> int:
-        """Time [ns] of the next run: start plus `count` whole periods, so that it cannot drift."""
+        """Time [ns] of the next call: start plus `count` periods, so that it cannot drift."""
         return nanoseconds(self.start + self.count * (self.period or 0.0))
 
 
@@ -59,25 +60,25 @@ class TwinClock:
     def __init__(self) -> None:
         self._now = 0
         self._queue: list[tuple[int, int, int, Event]] = []
-        self._numbers = 0
+        self._numbers = count()
         self._running = False
 
     def now(self) -> float:
-        """Seconds since the run began."""
+        """Simulated time [s] since the run began."""
         return self._now / NANOSECONDS
 
     def every(self, period: float, action: Action, rank: Rank) -> Event:
-        """Call `action(now)` every `period` [s] from now on, first after one period.
+        """Schedule `action(now)` every `period` [s] from now on, first after one period.
 
         Raises CellError for a period under 1 ns.
         """
         if nanoseconds(period) < 1:
             raise CellError(f"clock: a period of {period} s is too short; use 1 ns or more")
-        return self._push(Event(action, rank, self._number(), self.now(), period, count=1))
+        return self._push(Event(action, rank, next(self._numbers), self.now(), period, count=1))
 
     def at(self, time: float, action: Action, rank: Rank) -> Event:
-        """Call `action(now)` once at `time` [s], or at the next `wait_until` if `time` is past."""
-        return self._push(Event(action, rank, self._number(), max(time, self.now()), None))
+        """Schedule `action(now)` once at `time` [s], or for the next `wait_until` if past."""
+        return self._push(Event(action, rank, next(self._numbers), max(time, self.now()), None))
 
     def wait_until(self, time: float) -> None:
         """Run every event up to and including `time` [s]; returns at once if `time` is past.
@@ -107,30 +108,27 @@ class TwinClock:
             self._now = max(self._now, due)
             event.action(self._now / NANOSECONDS)
 
-    def _number(self) -> int:
-        self._numbers += 1
-        return self._numbers
-
     def _push(self, event: Event) -> Event:
         heapq.heappush(self._queue, (event.due(), event.rank, event.number, event))
         return event
 
 
 def nanoseconds(time: float) -> int:
-    """`time` [s] as the nearest whole nanosecond."""
+    """Number of nanoseconds nearest to `time` [s]."""
     return round(time * NANOSECONDS)
 
 
 class RealTimeClock:
-    """Wall clock (`drivers.protocols.Clock`) that advances the twin's world to the present.
+    """Clock that runs by the wall clock and advances the twin's world to the present.
 
-    Its readers may be threads; the twin's own devices read `twin`, so that their stamps say how
-    far the world has come. The wall clock starts at the first use, so that construction time does
-    not count. A late caller finds the world at the present, as with a real arm. A world that is
-    slower than the wall falls behind `now`, and so do the arm's stamps, which a monitor checks.
+    Its readers may be threads; the twin's devices read the simulated clock `twin`, so that their
+    stamps say how far the world has come. The wall clock starts at the first use, so that
+    construction does not count. A late caller finds the world at the present, as with a real arm. A
+    world that is slower than the wall clock falls behind `now`, and so do the arm's stamps, which a
+    monitor checks.
 
-    With `patience` [s] a late caller is kept no longer than that, and the world catches up when
-    there is time: for a real robot, whose commands must not wait for the simulation.
+    With `patience` [s] no call takes longer than that, and the world catches up when there is time:
+    for a real robot, whose commands must not wait for the simulation.
     """
 
     def __init__(self, twin: TwinClock, patience: float = math.inf) -> None:
@@ -142,15 +140,15 @@ class RealTimeClock:
 
     @property
     def origin(self) -> float:
-        """Zero of this clock in the system's monotonic time [s], for another process."""
+        """System's monotonic time [s] at which this clock is 0, for another process."""
         return self._running().origin - self._start
 
     def now(self) -> float:
-        """Seconds since the run began."""
+        """Time [s] since the run began, by the wall clock."""
         return self._start + self._running().now()
 
     def wait_until(self, time: float) -> None:
-        """Sleep until `time` [s], then advance the twin's world to the present."""
+        """Sleep until this clock is at `time` [s], then advance the twin's world to the present."""
         if self._patience < math.inf:
             self._wait_patiently(time)
             return

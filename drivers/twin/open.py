@@ -1,4 +1,4 @@
-"""Construction of the twin of a cell: whole on one simulated clock, or a desk beside any arm."""
+"""Construction of the simulated cell, completely, or as a desk with strip for another arm."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from drivers.twin.world import Fingers, Plant, World
 from drivers.types import Array, Pose
 
 DEFAULT_INSTALLATION = Installation()
-PERIOD = 0.005  # s between two poses that the gripper takes over from an external arm
+PERIOD = 0.005  # s between two poses that are read from an external arm
 BEHIND = 0.005  # s that a measured pose may be old before the gripper counts as resting there
 
 MeasuredPose = Callable[[], tuple[float, Pose] | None]
@@ -31,9 +31,9 @@ MeasuredPose = Callable[[], tuple[float, Pose] | None]
 
 @dataclass(frozen=True, slots=True)
 class PlantOptions:
-    """Parts of a twin that can be replaced: its plant, and the camera's view of its world.
+    """Parts of a twin that can be replaced: the strip's engine, and the camera's view.
 
-    `engine` makes the plant from a number of links; `view` makes what the camera sees of a world.
+    `engine` makes the plant for a number of links; `view` makes what the camera sees of a world.
     """
 
     engine: Callable[[int], Plant] = Chain
@@ -45,7 +45,7 @@ DEFAULT_PLANT = PlantOptions()
 
 @dataclass(frozen=True, slots=True)
 class Desk:
-    """Parts of a twin besides arm and hand: clock, world, camera, and `home`, the start pose."""
+    """Simulated desk, the twin without arm and hand: clock, world, camera, `home` pose to start."""
 
     clock: TwinClock
     world: World
@@ -60,7 +60,7 @@ class Desk:
 
 @dataclass(frozen=True, slots=True)
 class Twin(Desk):
-    """A cell that is wholly simulated: a desk with arm and hand."""
+    """Simulated cell: a desk with arm and hand."""
 
     arm: TwinArm
     hand: TwinHand
@@ -75,7 +75,7 @@ def open_twin(
     installation: Installation = DEFAULT_INSTALLATION,
     staging: PlantOptions = DEFAULT_PLANT,
 ) -> Twin:
-    """A twin at rest, `plant` flat on its desk, the hand open above the grasped edge.
+    """Create a twin at rest, the strip `plant` on its desk, the hand open above the grasped edge.
 
     The same `seed` gives the same bytes. `index` is the number of runs that this specimen has
     already been through. Raises Unsupported for a plant or an effect that the chain cannot
@@ -99,7 +99,7 @@ def open_desk(
     index: int = 0,
     staging: PlantOptions = DEFAULT_PLANT,
 ) -> Desk:
-    """A desk with strip and camera on `clock`, for an arm that reports its poses to the world."""
+    """Create a desk with strip and camera on `clock`, for an arm that reports poses to it."""
     model = describe(plant, cell_effects, index)
     home = Pose(model.stated_length, settings.arm.home_height, 0.0)
     plant_engine = staging.engine(settings.world.links)
@@ -120,7 +120,7 @@ def open_desk(
 
 
 def thickness_between_fingers(desk: Desk, settings: HandSettings) -> float | None:
-    """Thickness [m] of the strip between the fingers of an external hand; None for nothing."""
+    """Thickness [m] of the strip between the fingers of an external hand; None for no strip."""
     held = desk.world.holds_strip
     if held or desk.world.edge_within(settings.reach, settings.lean):
         return desk.model.mechanics.thickness
@@ -128,12 +128,12 @@ def thickness_between_fingers(desk: Desk, settings: HandSettings) -> float | Non
 
 
 def strip_weight(desk: Desk, frame: CellInRobot) -> Array:
-    """Weight (3,) [N] of the strip on the gripper, in the robot's base; `frame` is the cell's."""
+    """Weight (3,) [N] of the strip on the gripper, in the base of the robot in `frame`."""
     return np.asarray(frame.matrix[:3, :3] @ (0.0, 0.0, -desk.world.load), dtype=np.float64)
 
 
 class ExternalArm:
-    """Moves the gripper in the world of `desk` to the poses that the arm measured.
+    """Coupling of an arm that is not part of the twin: the gripper of `desk` moves as it measures.
 
     `measured` gives the arm's newest stamp [s] and pose, None while it is not connected.
     """
@@ -149,13 +149,13 @@ class ExternalArm:
         desk.clock.every(PERIOD, self._follow, Rank.SERVO)
 
     def _follow(self, now: float) -> None:
+        """Give the world the measured pose and the fingers' state at time `now` [s]."""
         measured = self._measured()
+        stamp, pose = (now, self._pose) if measured is None else measured
+        self._world.add_pose(max(stamp, now - BEHIND), lambda: pose)
         if measured is None:
-            self._world.follow(now, self._pose)
             return
-        stamp, self._pose = measured
-        self._world.follow(max(stamp, now - BEHIND), self._pose)
-        hand = self._hand.state()
+        self._pose, hand = pose, self._hand.state()
         self._world.move_fingers(Fingers(hand.width, hand.width, start=now, speed=1.0))
         holds_strip = self._world.holds_strip
         if hand.grasped and not holds_strip:

@@ -1,4 +1,4 @@
-"""Scenes, the states of the twin's world that its camera renders, and their history."""
+"""Scenes: states of the simulated world that the twin's camera renders, and their history."""
 
 from collections import deque
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from drivers.types import Array, Pose, frozen
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """State of the twin's world at `stamp` [s of the run], in the strip's plane and cell frame.
+    """State of the simulated world at `stamp` [s of the run], in the cell frame.
 
     `points` (n, 2) midline (x, z) [m] from the fixed edge on, `arc` (n,) its arc length [m];
     `gripper` the true pose of the fingers, `finger_width` the distance between them [m],
@@ -30,24 +30,24 @@ class Scene:
 
 
 class History:
-    """Scenes at regular steps within a limited memory, with linear interpolation between them."""
+    """Buffer of the newest scenes, at regular steps, with linear interpolation between them."""
 
     def __init__(self, step: float, memory: float) -> None:
-        """Keep scenes at every `step` [s] for the last `memory` [s]."""
+        """Buffer for scenes at every `step` [s] of the last `memory` [s]."""
         self._step = nanoseconds(step)
         self._scenes: deque[Scene] = deque(maxlen=nanoseconds(memory) // self._step + 2)
 
     def add(self, scene: Scene) -> None:
-        """Append a scene one step later than the last."""
+        """Append a scene, which must be one step later than the last."""
         self._scenes.append(scene)
 
     @property
     def newest(self) -> Scene:
-        """The newest scene that was added."""
+        """Newest scene in the buffer."""
         return self._scenes[-1]
 
     def at(self, stamp: float) -> Scene:
-        """The scene at `stamp` [s]; Fault `world_unknown` when it is not remembered."""
+        """Scene at `stamp` [s]; Fault `world_unknown` where it is not in the buffer."""
         due, first = nanoseconds(stamp), nanoseconds(self._scenes[0].stamp)
         if not first <= due <= nanoseconds(self.newest.stamp):
             raise Fault(
@@ -77,7 +77,7 @@ def interpolate(earlier: Scene, later: Scene, stamp: float) -> Scene:
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """True states of strip and gripper at each step since the grasp, times `t` (k,) [s of the run].
+    """True states of strip and gripper at k steps since the grasp, at times `t` (k,) [s].
 
     `contact_x` (k,) [m]; `tip` (k, 2) [m], the fold's rightmost point; `gripper` (k, 3) and
     `edge` (k, 3), poses of the fingers and of the strip's grasped edge; `shapes` (k, n, 2) [m],

@@ -1,4 +1,4 @@
-"""Settings of the twin: arm, hand, camera and world."""
+"""Settings of the simulated cell: arm, hand, camera and world."""
 
 import hashlib
 from math import radians
@@ -18,7 +18,7 @@ Offset = Annotated[float, Field(ge=-0.05, le=0.05)]
 
 
 class Surroundings(Settings):
-    """Colours (sRGB) around the strip, and extent [m] in y of the desk.
+    """Colours (sRGB) of the cell around the strip, and extent [m] in y of the desk.
 
     The strip's near edge lies at y = 0. A bright green mat before a green backdrop, as for chroma
     keying: white, black, grey, brown, red, blue and teal fabrics all differ from it, in colour
@@ -35,15 +35,16 @@ class Surroundings(Settings):
 
 
 class CameraSettings(Settings):
-    """Settings of a camera that looks along +y at the plane y = 0 from `distance` [m] before it.
+    """Settings of the simulated camera, which looks along +y at the plane y = 0.
 
-    Angles [rad]: `elevation` above the desk seen from the near edge, at most 5 degrees; `yaw`,
-    `tilt` and `roll` are mounting errors. The optical axis aims at (`aim_x`, `aim_z`) and the image
-    is `view_width` [m] wide there. `principal` is the principal point's offset from the centre and
-    `lens_blur` the sigma of the lens [px]; `distortion` the radial k1, k2. Times [s]: `exposure`,
-    and `transport_delay` from its middle until the frame arrives. The share `lost` of the frames
-    never arrives. `noise` is the sensor's sigma in grey levels; the rest are fractions of
-    brightness.
+
+    It stands `distance` [m] before the plane. Angles [rad]: `elevation` above the desk seen from
+    the near edge, at most 5 degrees; `yaw`, `tilt` and `roll` are mounting errors. The optical axis
+    aims at (`aim_x`, `aim_z`) and the image is `view_width` [m] wide there. `principal` is the
+    principal point's offset from the centre and `lens_blur` the sigma of the lens [px];
+    `distortion` the radial k1, k2. Times [s]: `exposure`, and `transport_delay` from its middle
+    until the frame arrives. The share `lost` of the frames never arrives. `noise` is the sensor's
+    sigma in grey levels; the rest are fractions of brightness.
     """
 
     width: int = Field(1280, ge=320, le=4096)
@@ -87,22 +88,22 @@ class CameraSettings(Settings):
 
     @property
     def focal(self) -> float:
-        """Focal length [px]."""
+        """Focal length [px] of the camera."""
         return self.distance * self.width / self.view_width
 
     @property
     def identity(self) -> str:
-        """Hash of all camera settings, which a calibration must match."""
+        """Hash of all settings of the camera, which a calibration must match."""
         return hashlib.sha256(self.model_dump_json().encode()).hexdigest()[:16]
 
 
 class WrenchSettings(Settings):
     """Noise and bias [N, one sigma] and lag [s] of the force that the twin's arm reports.
 
-    Each reading has the `noise`, each session the `bias`, which is what the tare left; it is
-    averaged over `lag`. Source: assumed. A user's Franka at rest reports forces that scatter by
-    10 mN and are 1 to 2 N off, depending on its posture (franka_ros#404): it needs a tare near
-    where the strip is folded, and real sensors have errors beyond this model.
+    Each reading has the `noise`, each session a `bias`, the error of its tare; readings are
+    averaged over `lag`. Source: assumed. A user's Franka at rest reports forces that scatter by 10
+    mN and are 1 to 2 N off, depending on its posture (franka_ros#404): it needs a tare near where
+    the strip is folded, and real sensors have errors beyond this model.
     """
 
     noise: float = Field(0.01, gt=0, le=5.0)
@@ -113,10 +114,10 @@ class WrenchSettings(Settings):
 class ArmSettings(Settings):
     """Settings of the twin's arm: lengths [m], angles [rad], times [s].
 
-    It trails its commands by `lag` and measures itself with `noise` and `pitch_noise` (one
-    sigma). The emulated robot of arm fci trails by `robot_delay` and `robot_lag` instead; with a
-    `robot_plant` it reports torques of a moving arm, with whatever is wrong with it. It reports
-    no force without `force`.
+    It lags its commands by `lag` and measures its pose with `noise` and `pitch_noise` (one sigma).
+    The emulated robot of arm fci lags by `robot_delay` and `robot_lag` instead; with a
+    `robot_plant` it reports torques of a moving arm with those mechanics. It reports no force
+    without `force`.
     """
 
     home_height: float = Field(0.15, ge=0.02, le=0.5)  # over the grasped edge, at rest
@@ -148,7 +149,7 @@ class WorldSettings(Settings):
 
 
 class TwinSettings(Settings):
-    """All settings of the simulated devices.
+    """Settings of all simulated devices.
 
     `look` names the surroundings of the strip, their light and the print on the strip.
     """

@@ -1,4 +1,4 @@
-"""The twin's world: a strip on the desk and the hand over it, with their history."""
+"""Simulated world of the twin: a strip on the desk and the hand over it, with their history."""
 
 from collections import deque
 from collections.abc import Callable
@@ -21,7 +21,7 @@ from drivers.types import Array, Pose, frozen
 
 @dataclass(frozen=True, slots=True)
 class Fingers:
-    """A finger motion from `width` [m] at `start` [s] to `target` [m] at `speed` [m/s]."""
+    """Motion of the fingers from `width` [m] at `start` [s] to `target` [m] at `speed` [m/s]."""
 
     width: float
     target: float
@@ -30,7 +30,7 @@ class Fingers:
 
     @property
     def end(self) -> float:
-        """Time of arrival [s]."""
+        """Time [s] at which the fingers arrive at `target`."""
         return self.start + abs(self.target - self.width) / self.speed
 
     def at(self, time: float) -> float:
@@ -41,7 +41,7 @@ class Fingers:
 
 @dataclass(frozen=True, slots=True)
 class Grasp:
-    """A rigid grasp: position `along`, `across` [m] and `turn` [rad] of the edge in the hand."""
+    """Rigid grasp: position `along`, `across` [m] and `turn` [rad] of the edge in the hand."""
 
     along: float
     across: float
@@ -49,7 +49,7 @@ class Grasp:
 
     @classmethod
     def between(cls, hand: Pose, edge: Pose) -> Self:
-        """The grasp of a hand at pose `hand` that closed on an edge at pose `edge`."""
+        """Grasp of a hand at pose `hand` that has closed on an edge at pose `edge`."""
         dx, dz = edge.x - hand.x, edge.z - hand.z
         c, s = cos(hand.pitch), sin(hand.pitch)
         return cls(c * dx + s * dz, c * dz - s * dx, edge.pitch - hand.pitch)
@@ -76,18 +76,18 @@ class RigOffsets:
         self._share = 0.0
 
     def grasp(self, reported: Pose) -> None:
-        """Set `reported` as the pose of the grasp, from which on offsets grow with the distance."""
+        """Let the offsets grow with the distance from the pose `reported`, that of the grasp."""
         self._start = reported
 
     def advance(self, reported: Pose) -> Pose:
-        """The true pose of a gripper that has moved to the pose `reported`."""
+        """True pose of a gripper that has moved to the pose `reported`."""
         if self._start is not None:
             share = share_away(reported.as_array(), self._start.as_array())
             self._share = max(self._share, float(share))
         return self.true(reported)
 
     def true(self, reported: Pose) -> Pose:
-        """The true pose of a gripper at the pose `reported`, with the offsets grown so far."""
+        """True pose of a gripper at the pose `reported`, with the offsets grown so far."""
         if self._share == 0:
             return reported
         x, z, pitch = true_poses(self._rig, reported.as_array(), self._share).tolist()
@@ -95,10 +95,10 @@ class RigOffsets:
 
 
 class Plant(Stepper, Protocol):
-    """An engine whose strip can also be released."""
+    """Protocol of a strip engine whose strip can also be released."""
 
     def release(self) -> None:
-        """Release the grasped edge; later poses of a step have no effect on it."""
+        """Release the grasped edge; later gripper poses have no effect on it."""
 
 
 class _Step(NamedTuple):
@@ -112,18 +112,18 @@ class _Step(NamedTuple):
 
 
 class World:
-    """One strip on the desk, moved by the stamped poses of the connected arm.
+    """Simulated strip on a desk, moved by the reported gripper poses of an arm.
 
-    The gripper's true pose follows from those and the rig of `model`. The strip lies flat and still
-    until it is grasped, then starts as the plant does: its edge at x = L. It moves in steps of
-    `settings.step`, as far as the gripper's poses are known. The world has no clock: its caller
-    calls `advance`.
+    The gripper's true pose follows from the reported one and the rig of `model`. The strip lies
+    flat and still until it is grasped, then starts as the plant does: its edge at x = L. It moves
+    in steps of `settings.step`, as far as the gripper's poses are known. The world has no clock:
+    its caller calls `advance`.
     """
 
     def __init__(
         self, model: StripModel, plant: Plant, settings: WorldSettings, start: Pose, opening: float
     ) -> None:
-        """The strip of `model` in `plant`, the gripper at `start`, fingers `opening` [m] apart."""
+        """World with the strip of `model` in `plant`; gripper at `start`, `opening` [m] wide."""
         self.model = model
         self._plant = plant
         self._settings = settings
@@ -148,23 +148,20 @@ class World:
 
     @property
     def gripper(self) -> Pose:
-        """The newest true pose of the gripper."""
+        """Newest true pose of the gripper."""
         return self._offsets.true(self._path[-1][1]())
 
-    def follow(self, stamp: float, pose: Pose) -> None:
-        """Add the arm's reported `pose` at `stamp` [s]; stamps that are not newer are ignored."""
-        self.follow_lazily(stamp, lambda: pose)
+    def add_pose(self, stamp: float, compute: Callable[[], Pose]) -> None:
+        """Add the pose that the arm reports at `stamp` [s]; ignored if `stamp` is not newer.
 
-    def follow_lazily(self, stamp: float, pose: Callable[[], Pose]) -> None:
-        """Add a reported pose at `stamp` [s], computed only if a step of the strip needs it.
-
-        An arm reports each millisecond, the strip steps each five; later stamps alone are added.
+        `compute` is called if a step of the strip needs the pose: an arm reports each millisecond,
+        the strip steps each five.
         """
         if stamp > self._path[-1][0]:
-            self._path.append((stamp, pose))
+            self._path.append((stamp, compute))
 
     def advance(self, time: float) -> None:
-        """Simulate up to `time` [s], or as far as the gripper's poses are known."""
+        """Simulate the strip up to `time` [s], or as far as the gripper's poses are known."""
         end = nanoseconds(min(time, self._path[-1][0]))
         while nanoseconds((self._steps + 1) * self._settings.step) <= end:
             self._steps += 1
@@ -174,7 +171,7 @@ class World:
             self._history.add(self._scene(self.time, hand))
 
     def scene(self, stamp: float) -> Scene:
-        """The world at `stamp` [s] within its memory; Fault `world_unknown` outside."""
+        """Scene at `stamp` [s]; Fault `world_unknown` where the history does not reach it."""
         return self._history.at(stamp)
 
     def move_fingers(self, fingers: Fingers) -> None:
@@ -182,7 +179,7 @@ class World:
         self._fingers = fingers
 
     def hold_pointer(self, held: bool) -> None:
-        """Put the calibration pin between the fingers, or remove it."""
+        """Put the calibration pin between the fingers if `held`, else remove it."""
         self._pointer = held
 
     def edge_within(self, reach: float, lean: float) -> bool:
@@ -195,10 +192,7 @@ class World:
         return distance <= reach and abs(edge.pitch - hand.pitch) <= lean
 
     def attach(self) -> None:
-        """Grasp the strip's edge as it lies between the fingers.
-
-        Raises Fault the second time.
-        """
+        """Grasp the strip's edge as it lies between the fingers; raises Fault the second time."""
         if self._grasped_at is not None:
             raise Fault(
                 "grasp_not_simulated",
@@ -211,7 +205,7 @@ class World:
         self._grasped_at = self.time
 
     def detach(self) -> None:
-        """Release the strip, if the fingers hold it."""
+        """Release the strip if the fingers hold it."""
         if self._grasp is not None:
             self._grasp = None
             self._plant.release()
@@ -223,7 +217,7 @@ class World:
 
     @property
     def load(self) -> float:
-        """Weight of the strip that hangs between the desk and the gripper [N]."""
+        """Weight [N] of the lifted part of a held strip, from the desk contact on."""
         if not self.holds_strip or not self._record:
             return 0.0
         lifted = max(float(self._arc[-1]) - float(self._record[-1].observed.contact_x[0]), 0.0)
@@ -231,7 +225,7 @@ class World:
 
     @property
     def grip_force(self) -> tuple[float, float]:
-        """Force [N] along x and z of the strip on the gripper."""
+        """Force (f_x, f_z) [N] of the strip on the gripper."""
         if not self.holds_strip or not self._record:
             return 0.0, 0.0
         x, z = self._record[-1].observed.grip_force[0].tolist()
@@ -261,6 +255,7 @@ class World:
         return replace(touch, time=touch.time + self._grasped_at)
 
     def _step_strip(self, hand: Pose) -> None:
+        """Step the strip with the hand at its true pose `hand`, and record the step."""
         target = hand if self._grasp is None else self._grasp.edge(hand)
         observed = self._plant.step(target.as_array()[None], self._settings.step)
         self._points = frozen(self._plant.shapes()[0])
@@ -268,11 +263,13 @@ class World:
         self._record.append(_Step(self.time, observed, hand, edge, self._points))
 
     def _edge(self) -> Pose:
+        """Pose of the strip's grasped edge: its last node, with the last segment's angle."""
         dx, dz = self._points[-1] - self._points[-2]
         x, z = self._points[-1].tolist()
         return Pose(x, z, float(np.arctan2(dz, dx)))
 
     def _hand_at(self, time: float) -> Pose:
+        """Reported pose at `time` [s], linear between poses; older ones are forgotten."""
         path = self._path
         while len(path) > 1 and path[1][0] <= time:
             path.popleft()

@@ -17,22 +17,22 @@ from policies.path import Path, vertical_lift
 from policies.policy import Decision, Observation
 from policies.prediction import FoldPrediction
 
-SMOOTHING_TIME = 0.08  # s, time constant with which the rise follows the predictions
+SMOOTHING_TIME = 0.08  # s, time constant of the low-pass filter on the rise
 BLIND_TIME = 0.2  # s without a reliable image, after which predictions are not used
 RECENT_PREDICTIONS = 5  # newest predictions, whose median is reported
 LENGTH_RANGE = (0.45, 0.75)  # m, of strips that the critic was trained on
 SPEED, SPEED_TOLERANCE = 0.1, 0.015  # m/s, of folds that the critic was trained on
 BLIND_RISE = 0.07  # of the length, rise without any prediction: that of the policy `shifted`
-LOOK_AHEAD = 0.01  # m over which a cross-track error is steered out
+LOOK_AHEAD = 0.01  # m over which a cross-track error is corrected
 LEAD = 0.04  # s of preview: half the time in which a gripper turns a corner
 HIGHEST = 1 / 6  # of the length, largest rise
 LEVELLING_HEIGHT = 0.02  # m of height, under which the gripper goes level
-PAST = -0.15  # of the length, beyond which there is nothing left to fold
+PAST = -0.15  # x over the length, at which a fold has ended
 UP_DIRECTION, DOWN_DIRECTION, LEVEL_DIRECTION = 0.75 * math.pi, 1.25 * math.pi, math.pi
 
 
 class Steering:
-    """Steers n grippers along raised triangles; one that descends does not climb again."""
+    """Steering of n grippers along raised triangles; one that descends does not climb again."""
 
     def __init__(self, length: float, speed: float, count: int) -> None:
         """Steer `count` grippers over strips of `length` [m] at `speed` [m/s]."""
@@ -41,11 +41,11 @@ class Steering:
 
     @property
     def highest(self) -> float:
-        """Largest height [m] by which the line of descent may be raised."""
+        """Largest rise [m] of the lines along which grippers descend."""
         return HIGHEST * self._length
 
     def decide(self, x: Array, z: Array, rise: Array) -> Decision:
-        """Headings towards the lines z = x + `rise`, all (n,) [m]; done past the fixed edge."""
+        """Command grippers at `x`, `z` (n,) [m] to the lines z = x + `rise` (n,) [m], then down."""
         above = (z - x - rise) / math.sqrt(2.0)
         self.descending = self.descending | (above > -self._speed * LEAD)
         turn = np.arctan2(above, LOOK_AHEAD)
@@ -58,8 +58,10 @@ class Steering:
 
 
 class Fold(NamedTuple):
-    """State of n folds: `rise` (n,) [m] of the line that each gripper follows down, `memory`
-    (n, units) summed over `counted` (n,) images, `time` (n,) [s] of the last decision.
+    """State of n folds in progress, at the last decision.
+
+    `rise` (n,) [m] of the line z = x + rise along which each gripper descends, `memory` (n, units)
+    summed over `counted` (n,) images, `time` (n,) [s] of the decision.
     """
 
     rise: Array
@@ -69,16 +71,16 @@ class Fold(NamedTuple):
 
 
 class Adaptive:
-    """Descends along z = x + rise, with the rise for which the critic predicts zero displacement.
+    """Policy that descends along z = x + rise, as the critic predicts zero displacement for it.
 
-    After `BLIND_TIME` without an image of sufficient confidence, `blind` is set and the rise goes
+    After BLIND_TIME without an image of sufficient confidence, `blind` is set and the rise goes
     to that of the policy `shifted`.
     """
 
     name = "adaptive"
 
     def __init__(self, critic: Critic, bias: Bias | None = None) -> None:
-        """Predict by `critic`; `bias` corrects for camera images, None in simulated folds."""
+        """Policy with `critic`; `bias` corrects its predictions, None in simulated folds."""
         self.critic = critic
         self.bias = bias or Bias()
         self._seen, self._unseen = 0.0, 0.0
@@ -92,7 +94,7 @@ class Adaptive:
         self._fold: Fold = _initial_fold(REFERENCE_LENGTH, 1, critic.memory)
 
     def correct(self, seen: float, unseen: float) -> None:
-        """Add biases [m]: `seen`, measured minus predicted, and `unseen`, true minus measured."""
+        """Correct by biases [m]: `seen`, measured less predicted, `unseen`, true less measured."""
         self._seen, self._unseen = seen, unseen
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
@@ -131,7 +133,7 @@ class Adaptive:
         )
 
     def decide(self, observation: Observation) -> Decision:
-        """Headings towards each strip's line, whose rise follows the prediction from images."""
+        """Command for each gripper, towards the line whose rise the newest images demand."""
         fresh = self._features.add(observation)
         inputs = self._features.inputs(observation, self.rise, self._steering.descending)
         prediction = self._predict(inputs, fresh)
@@ -142,7 +144,7 @@ class Adaptive:
         return self._steering.decide(observation.x, observation.z, self.rise)
 
     def _predict(self, inputs: Array, fresh: NDArray[np.bool_]) -> Prediction:
-        """Prediction from `inputs` (n, COUNT); those that are `fresh` (n,) enter the memory."""
+        """Prediction from `inputs` (n, COUNT); inputs of `fresh` images (n,) enter the memory."""
         whitened = self.critic.whiten(inputs)
         memory = self._fold.memory + fresh[:, None] * self.critic.memorise(whitened)
         counted = self._fold.counted + fresh
@@ -155,8 +157,8 @@ class Adaptive:
     def _smooth_rise(self, prediction: Prediction, time: Array) -> Array:
         """Rises (n,) [m], low-pass filtered, for which a displacement of 0 is predicted."""
         bias = self.bias.estimate(prediction.belief, self._thickness)
-        missing = bias - self._seen - self._unseen - prediction.displacement
-        target = self.rise + missing / prediction.slope
+        correction = bias - self._seen - self._unseen - prediction.displacement
+        target = self.rise + correction / prediction.slope
         target = np.where(self.blind, BLIND_RISE * self._length, target)
         target = np.clip(target, 0.0, self._steering.highest)
         # the first decision takes the target without smoothing
@@ -176,7 +178,7 @@ def _initial_fold(length: float, count: int, memory: int) -> Fold:
 
 
 def _check_range(length: float, speed: float) -> None:
-    """Refuse a strip's `length` [m] or a `speed` [m/s] outside the range of the training."""
+    """Raise ConfigurationError for a `length` [m] or `speed` [m/s] outside the training's range."""
     low, high = LENGTH_RANGE
     if not low <= length <= high:
         raise ConfigurationError(

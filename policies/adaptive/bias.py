@@ -1,6 +1,6 @@
 """Correction of a critic that was trained in simulation, learned from folds through images.
 
-Its displacement has a bias, predicted minus true, in folds unlike its training.
+The critic's displacement has a bias, predicted minus true, in folds unlike its training.
 """
 
 import math
@@ -24,7 +24,7 @@ LARGEST_NUMBER = 100.0  # above every plausible coefficient
 
 
 class Untrained(Settings):
-    """Standard deviation `added` [m] to predictions for effects that the training lacked.
+    """Standard deviation `added` [m] to the critic's for effects that its training lacked.
 
     Examples: another engine, lost images. Written by `python -m tests.lab study unknown`, in whose
     `folds` the shares `within_1` and `within_2` then lie within 1 and 1.96 sigma.
@@ -41,18 +41,18 @@ class Untrained(Settings):
 
 @cache
 def untrained_spread() -> Untrained:
-    """Standard deviation for effects outside the training, read once from its data file."""
+    """Content of `untrained.yaml`: the standard deviation for effects outside the training."""
     return load(UNTRAINED, Untrained)
 
 
 @dataclass(frozen=True, slots=True)
 class Bias:
-    """Linear bias [m]: constant `always`, `of_length` per unit of ln bending length, and
-    `of_thickness` per m of thickness beyond 1 mm.
+    """Bias [m] of the critic's displacement, linear in ln bending length and thickness.
 
-    The critic's sigmas are right after multiplication by `sigma`; an unmeasured thickness adds
-    `unmeasured` [m], effects outside the training add `untrained` [m]. The default corrects
-    nothing, as for folds like those of the training.
+    Constant `always` [m], `of_length` [m] per unit of ln bending length, `of_thickness` per m of
+    thickness beyond 1 mm. The critic's sigmas are right after multiplication by `sigma`; an
+    unmeasured thickness adds `unmeasured` [m], effects outside the training add `untrained` [m].
+    The default corrects nothing, as for folds like those of the training.
     """
 
     always: float = 0.0
@@ -64,7 +64,7 @@ class Bias:
 
     @classmethod
     def read(cls, facts: Mapping[str, Any]) -> Self:
-        """The bias from its `facts`; raises ValueError where they are not valid."""
+        """Bias from the values `facts` of its fields; raises ValueError where they are invalid."""
         try:
             found = TypeAdapter(cls).validate_python(facts)
         except ValidationError as error:
@@ -74,17 +74,17 @@ class Bias:
         return found
 
     def facts(self) -> dict[str, Any]:
-        """The correction as plain values, for the checkpoint."""
+        """Plain values of this bias, for the checkpoint."""
         return {"bias": asdict(self)}
 
     def estimate(self, belief: Belief, thickness: float | None) -> Array:
-        """Bias (n,) [m] for strips estimated as `belief`; `thickness` [m] is None if unknown."""
+        """Bias (n,) [m] for n strips estimated as `belief`; `thickness` [m] is None if unknown."""
         beyond = np.array(0.0 if thickness is None else thickness - REFERENCE_THICKNESS)
         terms = bias_terms(belief.log_bending_length[:, 0], beyond)
         return np.asarray(terms @ np.array([self.always, self.of_length, self.of_thickness]))
 
     def sigma_of(self, sigma: Array, thickness: float | None) -> Array:
-        """Standard deviation (n,) [m] after correction, from the critic's `sigma` (n,) [m]."""
+        """Corrected standard deviations (n,) [m] of displacements, from the critic's `sigma`."""
         added = np.hypot(self.untrained, self.unmeasured if thickness is None else 0.0)
         return np.hypot(self.sigma * sigma, added)
 

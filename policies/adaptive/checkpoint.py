@@ -1,4 +1,4 @@
-"""Checkpoints of the critic: arrays, correction and origin in one file, read without pickles."""
+"""Checkpoint files of the critic: arrays, correction and origin, read without pickles."""
 
 import json
 import zipfile
@@ -25,7 +25,7 @@ SCHEMA = 1
 
 
 def load_critic(path: FilePath | None = None) -> Critic:
-    """The critic at `path`, or the committed one.
+    """Read the critic in the checkpoint at `path`, or in the committed one.
 
     Raises ConfigurationError for a file that is missing, broken, or of another policy.
     """
@@ -33,14 +33,14 @@ def load_critic(path: FilePath | None = None) -> Critic:
 
 
 def about(path: FilePath | None = None) -> dict[str, Any]:
-    """Origin of the weights at `path`: settings of their training and its results."""
+    """Origin of the critic in the checkpoint at `path`: settings and results of its training."""
     return _read_facts(_read_arrays(path or COMMITTED), path or COMMITTED)
 
 
 def load_bias(path: FilePath | None = None) -> Bias:
-    """The correction for folds through images at `path`, or the committed one.
+    """Read the critic's correction in the checkpoint at `path`, or in the committed one.
 
-    A checkpoint whose training ended with simulated folds has none, which reads as no bias. The
+    A checkpoint without folds through images has no correction, which reads as no bias. The
     spread `untrained` is that of this version's data file. Raises ConfigurationError for a file
     that is missing, broken, or of another policy.
     """
@@ -93,7 +93,7 @@ def _read_facts(arrays: dict[str, Any], path: FilePath) -> dict[str, Any]:
 
 
 def _read_weights(path: FilePath) -> dict[str, Array]:
-    """Arrays of the critic in `path`, by name; refuses missing arrays, wrong shapes and NaN."""
+    """Arrays of the critic at `path`, by name; ConfigurationError for missing ones or NaN."""
     arrays = _read_arrays(path)
     _read_facts(arrays, path)
     missing = [name for name in ARRAY_NAMES if name not in arrays]

@@ -1,4 +1,4 @@
-"""The critic, a network that predicts a fold's displacement and estimates the strip's behaviour."""
+"""The critic, a network that predicts a fold's displacement and estimates the strip's stiffness."""
 
 from collections.abc import Sequence
 from typing import NamedTuple, Self
@@ -25,8 +25,10 @@ ARRAY_NAMES = (
 
 
 class Belief(NamedTuple):
-    """Estimates of n strips, arrays (n, 2) of mean and standard deviation: `log_bending_length`
-    [ln m], `log_retardation_time` [ln s] and `friction`, ln(1 + yield curvature / YIELD_UNIT).
+    """Estimated properties of n strips, each as mean and standard deviation (n, 2).
+
+    `log_bending_length` [ln m], `log_retardation_time` [ln s] and `friction`, ln(1 + yield
+    curvature / YIELD_UNIT).
     """
 
     log_bending_length: Array
@@ -34,7 +36,7 @@ class Belief(NamedTuple):
     friction: Array
 
     def first(self) -> dict[str, Estimate]:
-        """Bending length [m], retardation time [s], yield curvature [1/m] of the first strip."""
+        """Estimated bending length [m], retardation time [s], yield curvature [1/m] of strip 0."""
         friction = _exponential(self.friction[0])
         intervals = {
             "bending_length": _exponential(self.log_bending_length[0]),
@@ -51,8 +53,10 @@ def _exponential(logarithm: Array) -> Array:
 
 
 class Prediction(NamedTuple):
-    """Prediction for n folds: `displacement` (n,) [m] if the rise is kept, its derivative `slope`
-    (n,) by the rise, its standard deviation `sigma` (n,) [m], and the `belief` about the strips.
+    """Prediction of the critic for n folds in progress.
+
+    `displacement` (n,) [m] if the rise stays, its derivative `slope` (n,) by the rise, its standard
+    deviation `sigma` (n,) [m], and the `belief` about the strips.
     """
 
     displacement: Array
@@ -62,7 +66,7 @@ class Prediction(NamedTuple):
 
 
 def median_prediction(predictions: Sequence[Prediction]) -> Prediction:
-    """Median, element by element, of at least one prediction of the same folds."""
+    """Element-wise median of `predictions`, at least one, for the same folds."""
     *numbers, beliefs = zip(*predictions, strict=True)
     displacement, slope, sigma = (np.median(each, axis=0) for each in numbers)
     belief = Belief(*(np.median(each, axis=0) for each in zip(*beliefs, strict=True)))
@@ -70,7 +74,7 @@ def median_prediction(predictions: Sequence[Prediction]) -> Prediction:
 
 
 class Critic:
-    """A network of two hidden layers over whitened inputs and the mean of its memory units.
+    """Network with two hidden layers over whitened inputs and the mean of its memory units.
 
     The layer `recall` turns inputs (n, k) into (n, memory) units, whose mean over a fold's images
     is the fold's memory; `predict` reads both. `weights` are the arrays called ARRAY_NAMES.
@@ -81,11 +85,11 @@ class Critic:
 
     @property
     def memory(self) -> int:
-        """Number of memory units."""
+        """Number of memory units of the network."""
         return int(self.weights["recall"].shape[1])
 
     def whiten(self, inputs: Array) -> Array:
-        """Inputs (n, k) decorrelated and scaled to unit variance, clipped to +-`INPUT_LIMIT`."""
+        """Decorrelate `inputs` (n, k), scale them to unit variance, clip them to +-INPUT_LIMIT."""
         return np.clip(
             (inputs - self.weights["mean"]) @ self.weights["whiten"], -INPUT_LIMIT, INPUT_LIMIT
         )
@@ -95,7 +99,7 @@ class Critic:
         return np.tanh(whitened @ self.weights["recall"] + self.weights["recall_bias"])
 
     def predict(self, whitened: Array, memory: Array) -> Prediction:
-        """Prediction from `whitened` inputs (n, k) and the mean memory units (n, memory)."""
+        """Prediction from `whitened` inputs (n, k) and mean memory units (n, memory)."""
         w = self.weights
         known = np.concatenate([whitened, memory], axis=1)
         hidden = np.tanh(known @ w["first"] + w["first_bias"])
@@ -111,5 +115,5 @@ class Critic:
         )
 
     def with_stretch(self, stretch: Array) -> Self:
-        """A copy of the critic with its four standard deviations multiplied by `stretch` (4,)."""
+        """Copy of the critic with its four standard deviations multiplied by `stretch` (4,)."""
         return type(self)(self.weights | {"stretch": self.weights["stretch"] * stretch})

@@ -1,4 +1,4 @@
-"""Inputs of the critic: gripper, its line, and line fits to the images of the last 0.12 s."""
+"""Inputs of the critic: gripper position, line of descent, trends of the last 0.12 s of images."""
 
 from typing import NamedTuple
 
@@ -28,8 +28,10 @@ PASSES = 2  # of reweighting
 
 
 class Trend(NamedTuple):
-    """Trend of n strips and their channels: `value` and `rate` (n, channels) at the newest image,
-    and `spread` (n, channels), the rms deviation of the images from the line.
+    """Lines fitted over time to the images of n strips, for each channel.
+
+    `value` and `rate` [1/s] (n, channels) at the newest image, and `spread` (n, channels), the rms
+    deviation of the images from the line.
     """
 
     value: Array
@@ -38,20 +40,20 @@ class Trend(NamedTuple):
 
 
 class Window:
-    """Measurements in n strips' newest images; an image not newer than the last is ignored."""
+    """Buffer of the measurements in the newest FRAME_COUNT images of each of n strips."""
 
     def __init__(self, count: int, channels: int) -> None:
-        """Keep measurements of `count` strips, `channels` values an image."""
+        """Buffer for `count` strips, with `channels` values per image."""
         self._stamps: Array = np.full((count, FRAME_COUNT), -np.inf)
         self._values: Array = np.zeros((count, FRAME_COUNT, channels))
 
     @property
     def newest(self) -> Array:
-        """Stamps (n,) [s] of the newest images, -inf before the first."""
+        """Stamps (n,) [s] of the strips' newest images, -inf before the first."""
         return self._stamps[:, 0]
 
     def add(self, stamp: Array, values: Array, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Add `values` (n, channels) of `stamp` (n,) [s] where `good`; returns which are new."""
+        """Add images, `values` (n, channels) at `stamp` (n,) [s], where `good` and new: a mask."""
         new = good & (stamp > self.newest)
         if new.any():
             self._stamps[new, 1:] = self._stamps[new, :-1]
@@ -60,7 +62,7 @@ class Window:
         return new
 
     def trend(self) -> Trend:
-        """Lines fitted to the images of the last `WINDOW_TIME`, outliers weighted down (Cauchy)."""
+        """Lines fitted to the images of the last WINDOW_TIME, outliers weighted down (Cauchy)."""
         with np.errstate(invalid="ignore"):
             ago = self._stamps - self.newest[:, None]
         inside = np.nan_to_num(ago, nan=-np.inf) >= -WINDOW_TIME
@@ -87,7 +89,7 @@ def _fit_line(t: Array, values: Array, weight: Array) -> tuple[Array, Array]:
 
 
 class Features:
-    """Turns observations of n strips into inputs (n, COUNT), lengths over the strip's length."""
+    """Converter of observations of n strips to the critic's inputs, lengths over the strip's."""
 
     def __init__(self, length: float, count: int) -> None:
         self._length = length
@@ -99,7 +101,7 @@ class Features:
         return self._window.newest
 
     def add(self, seen: Observation) -> NDArray[np.bool_]:
-        """Add an observation; returns for which strips (n,) its image is new and reliable."""
+        """Add an observation; returns the mask (n,) of strips with a new, reliable image."""
         count = len(seen.x)
         flat = seen.profile.reshape(count, -1)
         values = np.concatenate([seen.contact_x[:, None], seen.tip_x[:, None], flat], axis=1)
@@ -107,7 +109,7 @@ class Features:
         return self._window.add(seen.stamp, values / self._length, good)
 
     def inputs(self, seen: Observation, rise: Array, descending: NDArray[np.bool_]) -> Array:
-        """Inputs (n, COUNT) of the critic, from `seen`, `rise` (n,) [m] and `descending` (n,)."""
+        """Inputs (n, COUNT) of the critic from `seen`, `rise` (n,) [m], `descending` (n,)."""
         trend = self._window.trend()
         x, z, r = seen.x / self._length, seen.z / self._length, rise / self._length
         age = np.clip(seen.time - self.newest, 0.0, LARGEST_AGE)

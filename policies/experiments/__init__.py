@@ -1,1 +1,1 @@
-"""Predefined motions: the standard experiments, motions by hand, and a policy that executes one."""
+"""Predefined motions: standard experiments, motions by hand, and a policy that executes them."""

@@ -1,4 +1,4 @@
-"""Random gripper motions, as of a person who leads the gripper over the strip by hand."""
+"""Random gripper motions, as of a person who guides the gripper over the strip by hand."""
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
@@ -24,12 +24,12 @@ CURVE_SAMPLES = 400  # points by which a curve's arc length is measured
 
 
 def generator(seed: int, number: int) -> np.random.Generator:
-    """Random generator of motion `number` by the simulated person `seed`."""
+    """Random number generator for motion `number` of the simulated person `seed`."""
     return np.random.default_rng([seed, HAND_STREAM, number])
 
 
 def human_motion(length: float, seed: int, number: int) -> Motion:
-    """Motion `number` by the simulated person `seed` over a strip of `length` [m], no tremor."""
+    """Motion `number` of the simulated person `seed` over a strip of `length` [m], no tremor."""
     line, travel = hand_path(length, generator(seed, number))
     whole = np.linspace(0.0, line.x[-1], PATH_SAMPLES)
     times: Array = STEP * np.arange(len(travel), dtype=float)
@@ -37,7 +37,7 @@ def human_motion(length: float, seed: int, number: int) -> Motion:
 
 
 def hand_path(length: float, rng: np.random.Generator) -> tuple[CubicSpline, Array]:
-    """Spline of a hand-led path, x, z [m] by distance [m], and the distance (n,) [m] every STEP.
+    """Draw a path by hand: spline x, z [m] over distance [m], and distance (n,) [m] every STEP.
 
     From the grasped edge of a strip of `length` [m] up, then over to its fixed edge, with pauses
     and returns.
@@ -88,7 +88,7 @@ def _stroke(begin: float, end: float, speed: float, rng: np.random.Generator) ->
 
 
 def wavering(t: Array, band: tuple[float, float], rng: np.random.Generator) -> Array:
-    """A smooth random signal (n,) of unit variance with frequencies in `band` [Hz]."""
+    """Draw a smooth signal (n,) at times `t` (n,) [s], of unit variance, frequencies in `band`."""
     frequency = rng.uniform(*band, WAVES)
     phase = rng.uniform(0.0, 2.0 * np.pi, WAVES)
     waves = np.sin(2.0 * np.pi * np.outer(t, frequency) + phase)

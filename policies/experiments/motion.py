@@ -1,4 +1,4 @@
-"""Predefined gripper motions: a path, and the travel along it over time."""
+"""Predefined gripper motions: a path, and the distance along it over time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from policies.path import Path
 
 @dataclass(frozen=True, slots=True)
 class Go:
-    """Part of a motion: along the path, forward or back, to the fraction `to` of its length."""
+    """Part of a motion: move along the path, forward or back, to the fraction `to` of it."""
 
     to: float
 
@@ -25,7 +25,7 @@ class Rest:
 
 @dataclass(frozen=True, slots=True)
 class Shake:
-    """Swing along x with `amplitude` [m] at `frequency` [Hz] for a whole number of `cycles`."""
+    """Part of a motion: swing along x by `amplitude` [m] at `frequency` [Hz] for `cycles`."""
 
     amplitude: float
     frequency: float
@@ -33,11 +33,11 @@ class Shake:
 
     @property
     def duration(self) -> float:
-        """Duration of the shaking [s]."""
+        """Duration [s] of the shaking."""
         return self.cycles / self.frequency
 
     def offset(self, time: Array) -> Array:
-        """Displacement (...,) [m] at `time` (...,) [s] after its start, faded in and out."""
+        """Displacement (...,) [m] along x at `time` (...,) [s] after the start, with both fades."""
         left = np.minimum(time, self.duration - time)
         swell = np.clip(2.0 * left * self.frequency, 0.0, 1.0)
         return np.asarray(self.amplitude * swell * np.sin(2 * np.pi * self.frequency * time))
@@ -48,10 +48,10 @@ Part = Go | Rest | Shake
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """A planned gripper motion along `path`, over the time since its start.
+    """Planned gripper motion along `path`, over the time since its start.
 
-    `times` (k,) [s] and `travels` (k,) [m] are the corners of the travel along the path over time;
-    `shakes` begin at their times [s].
+    `times` (k,) [s] and `travels` (k,) [m] are the corners of the distance along the path over
+    time; `shakes` are paired with the times [s] at which they begin.
     """
 
     path: Path
@@ -61,11 +61,11 @@ class Motion:
 
     @property
     def duration(self) -> float:
-        """Duration of the motion [s]."""
+        """Duration [s] of the motion."""
         return float(self.times[-1])
 
     def at(self, time: Array | float) -> Array:
-        """Points (..., 2) of x, z [m] at `time` (...,) [s]."""
+        """Gripper points (..., 2) x, z [m] at `time` (...,) [s] since the start."""
         points = self.path.at(self.travel(time))
         for begin, shake in self.shakes:
             since = np.asarray(time) - begin
@@ -74,7 +74,7 @@ class Motion:
         return points
 
     def travel(self, time: Array | float) -> Array:
-        """Distance along the path (...,) [m] at `time` (...,) [s]."""
+        """Distance (...,) [m] along the path at `time` (...,) [s] since the start."""
         return np.asarray(np.interp(time, self.times, self.travels))
 
     def passing(self, travel: float) -> float:
@@ -84,7 +84,7 @@ class Motion:
 
 
 def motion(path: Path, parts: Sequence[Part], speed: float) -> Motion:
-    """A motion along `path` at `speed` [m/s], composed of `parts` in order."""
+    """Compose a motion along `path` at `speed` [m/s] of `parts`, in order."""
     times, travels = [0.0], [0.0]
     shakes = []
     for part in parts:

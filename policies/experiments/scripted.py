@@ -1,4 +1,4 @@
-"""A policy that executes a predefined motion, whatever the images show."""
+"""Policy that executes a predefined motion, whatever the images show."""
 
 from collections.abc import Callable
 
@@ -19,9 +19,9 @@ SEARCH_SAMPLES = 2001  # points of a path among which the nearest is searched
 
 
 class Scripted:
-    """Executes the motion that `draw` returns for a strip's length [m] and a speed [m/s].
+    """Policy that executes the motion `draw(length, speed)` of a strip's length and a speed.
 
-    The lift follows the motion's path; at the first decision the motion's clock is set to the
+    The lift is along the motion's path; at the first decision the motion's clock is set to the
     gripper's position on it.
     """
 
@@ -32,27 +32,27 @@ class Scripted:
         self._start_times: Array = np.zeros(0)
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Create the motion for `strip` and start at its beginning."""
+        """Create the motion for `strip` at `speed` [m/s], for `count` grippers at its start."""
         self._motion = self._draw(strip.length, speed)
         self._start_times = np.full(count, np.nan)
 
     def lift(self) -> Path:
-        """Path of the lift, the motion's path."""
+        """Path of the lift: that of the motion."""
         return self._active_motion().path
 
     def decide(self, observation: Observation) -> Decision:
-        """Headings and speeds that track the motion's present point; done at its end."""
+        """Command the motion's velocity with position feedback; done at the motion's end."""
         motion = self._active_motion()
         here = np.stack([observation.x, observation.z], axis=-1)
         if np.isnan(self._start_times).any():
-            passed = [motion.passing(travel) for travel in _nearest_travel(motion.path, here)]
-            self._start_times = observation.time - np.array(passed)
-        now = observation.time - self._start_times
-        place = motion.at(np.clip(now, 0.0, motion.duration))
-        before = motion.at(np.clip(now - HALF_SPAN, 0.0, motion.duration))
-        after = motion.at(np.clip(now + HALF_SPAN, 0.0, motion.duration))
-        velocity = (after - before) / (2 * HALF_SPAN) + GAIN * (place - here)
-        done = now >= motion.duration
+            times = [motion.passing(travel) for travel in _nearest_travel(motion.path, here)]
+            self._start_times = observation.time - np.array(times)
+        elapsed = observation.time - self._start_times
+        target = motion.at(np.clip(elapsed, 0.0, motion.duration))
+        before = motion.at(np.clip(elapsed - HALF_SPAN, 0.0, motion.duration))
+        after = motion.at(np.clip(elapsed + HALF_SPAN, 0.0, motion.duration))
+        velocity = (after - before) / (2 * HALF_SPAN) + GAIN * (target - here)
+        done = elapsed >= motion.duration
         speed = np.where(done, 0.0, np.minimum(np.hypot(*velocity.T), FASTEST_COMMAND))
         direction = np.arctan2(velocity[:, 1], velocity[:, 0]) % (2 * np.pi)
         return Decision(direction, speed, np.zeros(len(here)), done)

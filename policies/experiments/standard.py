@@ -17,7 +17,7 @@ THIRD = 1 / 3
 
 @dataclass(frozen=True, slots=True)
 class Standard:
-    """A standard motion on any strip: what it `reveals`, `speed` [m/s], `shape` and `parts`."""
+    """Standard motion for any strip: what it `reveals`, `speed` [m/s], path `shape`, `parts`."""
 
     reveals: str
     speed: float
@@ -25,16 +25,16 @@ class Standard:
     parts: Sequence[Part]
 
     def over(self, length: float, speed: float | None = None) -> Motion:
-        """The motion on a strip of `length` [m], at its standard speed or at `speed` [m/s]."""
+        """Motion over a strip of `length` [m], at the standard speed or at `speed` [m/s]."""
         return motion(self.shape(length), self.parts, speed or self.speed)
 
 
 def tent(height: float, turn: float = ARC_RADIUS) -> Callable[[float], Path]:
-    """A tent-shaped path: straight up, an arc of radius `turn` to 45 degrees, an apex of `height`
-    over the middle, down to the fixed edge.
+    """Function from a strip's length [m] to a tent-shaped path over the strip.
 
-    All in units of the strip's length. The path starts straight up because a strip drawn in before
-    it is lifted buckles to a random side, which changes the whole motion.
+    Straight up, an arc of radius `turn` to 45 degrees, an apex of `height` over the middle, down to
+    the fixed edge; in units of the strip's length. It starts straight up because a strip drawn in
+    before it is lifted buckles to a random side, which changes the entire motion.
     """
     angle = np.linspace(0.0, np.pi / 4, 46)
     arc = np.stack([1.0 - turn * (1.0 - np.cos(angle)), turn * np.sin(angle)], axis=-1)
@@ -76,6 +76,6 @@ be confirmed by another.
 
 
 def standard_order(rng: np.random.Generator) -> list[str]:
-    """Standard runs in order of execution: `REFERENCE_RUN` first and last, the others shuffled."""
+    """Names of all standard runs in random order, but with REFERENCE_RUN first and last."""
     others = [*(name for name in STANDARD if name != REFERENCE_RUN), REPEATED_RUN]
     return [REFERENCE_RUN, *(others[i] for i in rng.permutation(len(others))), REFERENCE_RUN]

@@ -20,7 +20,7 @@ OTHER_FOLDER = "name another output folder"
 
 
 class Journal:
-    """Append-only file of JSON lines at `path`; the first states `settings`, each other has `keys`.
+    """Journal of a training: file of JSON lines, first its `settings`, then lines with `keys`.
 
     A larger number of `generations` than before extends a training, and the first line records it.
     Raises ConfigurationError for a journal of other settings, for another file, and for a folder
@@ -43,13 +43,13 @@ class Journal:
         write_file(path, "".join(map(_line, [header, *self.lines])), OTHER_FOLDER)
 
     def append(self, line: Line) -> None:
-        """Write `line` to disk; it is kept after a crash."""
+        """Append `line` to the file and flush it to disk."""
         with writing(self.path, OTHER_FOLDER):
             append_line(self.path, _line(line).encode())
         self.lines.append(line)
 
     def _read(self) -> list[Line]:
-        """Lines of the file, settings first, without a truncated last one."""
+        """Lines of the file, settings first; ConfigurationError where it is no training journal."""
         text = read_text(self.path, LARGEST_JOURNAL)
         complete = text[: text.rfind("\n") + 1]
         try:
@@ -66,7 +66,7 @@ class Journal:
         return lines
 
     def _check(self, begun: Any, asked: dict[str, Any]) -> None:
-        """Refuse a journal of other settings; more generations than it holds are allowed."""
+        """Raise ConfigurationError for other settings; more generations are allowed."""
         if not isinstance(begun, dict):
             raise self._not_a_journal()
         differ = [

@@ -1,4 +1,4 @@
-"""The paper's reward, as a cost to be minimised over simulated folds of random strips."""
+"""Objective of a training: the paper's reward as a cost, over simulated folds of random strips."""
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
@@ -18,13 +18,13 @@ from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import Sensing
 from policies.strip_sampling import grid, sample
 
-PIECE = 12  # candidates a piece; fixed, so that no result depends on the number of workers
+PIECE = 12  # candidates per piece; fixed, so that no result depends on the number of workers
 JUDGING_SEGMENTS = 100  # segments of the rod in a validation
 VALIDATION = 8  # strips along each side of the grid that a validation folds
 
 
 class TrainingSettings(Settings):
-    """Settings of CMA-ES and of the folds that evaluate its candidates.
+    """Settings of a training by CMA-ES, and of the folds that evaluate its candidates.
 
     The same settings and seed give the same weights. `strips` squared strips a generation, one from
     each cell of the paper's range; `force_weight` a [m] scales the mean holding force over the
@@ -47,12 +47,12 @@ class TrainingSettings(Settings):
 
     @property
     def folds_per_generation(self) -> int:
-        """Folds that one generation simulates."""
+        """Number of folds that one generation simulates."""
         return self.population * self.strips**2
 
     @property
     def rollout(self) -> Rollout:
-        """Simulated folds of the training: late and noisy observations, coarse steps."""
+        """Settings of the training's folds: late and noisy observations, coarse steps."""
         sensing = Sensing(
             contact_sigma=self.contact_sigma,
             contact_bias=self.contact_bias,
@@ -62,7 +62,7 @@ class TrainingSettings(Settings):
 
 
 class Scores(NamedTuple):
-    """Scores of p candidates: mean `cost` (p,) [m] and mean |d| `miss` (p,) [m]."""
+    """Scores of p candidate weights: mean `cost` (p,) [m] and mean |d| `miss` (p,) [m]."""
 
     cost: Array
     miss: Array
@@ -71,7 +71,7 @@ class Scores(NamedTuple):
 def evaluate(
     settings: TrainingSettings, candidates: Array, generation: int, executor: Executor
 ) -> Scores:
-    """Scores of `candidates` (p, WEIGHT_COUNT) in `generation`, in equal pieces over `executor`."""
+    """Evaluate `candidates` (p, WEIGHT_COUNT) in `generation`, in equal pieces by `executor`."""
     pieces = [candidates[i : i + PIECE] for i in range(0, len(candidates), PIECE)]
     jobs = [executor.submit(evaluate_piece, settings, p, generation) for p in pieces]
     found = [job.result() for job in jobs]
@@ -79,7 +79,7 @@ def evaluate(
 
 
 def evaluate_piece(settings: TrainingSettings, candidates: Array, generation: int) -> Scores:
-    """Scores of `candidates` (p, WEIGHT_COUNT) over the same strips and noise: a pure function."""
+    """Evaluate `candidates` (p, WEIGHT_COUNT) on the same strips and noise: a pure function."""
     strips = sample(settings.strips, np.random.default_rng([settings.seed, generation, 0]))
     rng = np.random.default_rng([settings.seed, generation, 1])
     folds = fold_all(settings.segments, candidates, strips, settings.rollout, rng)
@@ -94,7 +94,7 @@ def evaluate_piece(settings: TrainingSettings, candidates: Array, generation: in
 
 
 def validate(settings: TrainingSettings, weights: Array) -> float:
-    """Rms displacement [m] by `weights` (WEIGHT_COUNT,) over a grid, with noise, in a finer rod.
+    """Rms displacement [m] of folds by `weights` (WEIGHT_COUNT,) over a grid of strips.
 
     The root mean square, because a policy must be good on every strip.
     """
@@ -106,7 +106,7 @@ def validate(settings: TrainingSettings, weights: Array) -> float:
 
 
 def fold_cost(folds: Folds, weight: Array, length: float, force_weight: float) -> Array:
-    """Cost -R (n,) [m] of each fold: |d| at the touch, plus a |f_x| / N over the `weight` [N].
+    """Costs (n,) [m] of n folds: |d| at the touch, plus a |f_x| over the strips' `weight` (n,) [N].
 
     Without a touch, the strip's length plus the remaining distance of the gripper from the fixed
     edge: worse than any touch, and less so the nearer (paper, reward shaping).
@@ -117,7 +117,7 @@ def fold_cost(folds: Folds, weight: Array, length: float, force_weight: float) -
 
 
 def misses(folds: Folds, length: float) -> Array:
-    """|d| (n,) [m] of each fold; half the strip's length where the layers never touched."""
+    """Sizes |d| (n,) [m] of n folds' displacements; half the strip's `length` without a touch."""
     return np.asarray(np.where(folds.touched, np.abs(folds.displacement), 0.5 * length))
 
 
@@ -128,7 +128,7 @@ def fold_all(
     rollout: Rollout,
     rng: np.random.Generator,
 ) -> Folds:
-    """Fold every strip in a rod with each of `candidates` (p, WEIGHT_COUNT), these outermost."""
+    """Fold all `strips` with each of `candidates` (p, WEIGHT_COUNT): p len(strips) folds."""
     models = [describe(strip) for strip in strips] * len(candidates)
     engine, policy = Rod(segments, strict=False), Feedback(candidates)
     return roll_out(

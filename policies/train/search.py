@@ -1,4 +1,4 @@
-"""Training of `feedback`: CMA-ES over the weights of its network, in a folder."""
+"""Training of the policy `feedback`: CMA-ES over the weights of its network, in a folder."""
 
 import hashlib
 import time
@@ -32,16 +32,17 @@ TURN_LENGTH = 0.06  # of the strip's length, over which it turns
 RISING, FALLING = 0.73, 1.25  # headings of the two legs, over pi
 
 
-def first_weights(rng: np.random.Generator) -> Array:
-    """Initial weights (WEIGHT_COUNT,): one unit turns the heading at the apex, others do nothing.
+def initial_weights(rng: np.random.Generator) -> Array:
+    """Initial weights (WEIGHT_COUNT,) of a network that folds along two straight legs.
 
-    y = (FALLING + RISING - 2) - (FALLING - RISING) tanh((x - APEX) / TURN_LENGTH),
-    phi = pi (1 + y / 2).
+    One hidden unit turns the heading phi = pi (1 + y / 2) where the gripper's x over the strip's
+    length passes APEX: y = (FALLING + RISING - 2) - (FALLING - RISING) tanh((x - APEX) /
+    TURN_LENGTH). The others have random inputs and no output.
     """
     input_weights = rng.normal(size=(HIDDEN_UNITS, INPUTS))
     hidden_biases = rng.normal(size=HIDDEN_UNITS)
     # the network whitens its inputs, so that x is the first row of the spread plus the centre
-    input_weights[0] = np.array([1.0, 0.0, 0.0]) @ np.array(INPUT_SPREAD) / TURN_LENGTH
+    input_weights[0] = np.array(INPUT_SPREAD[0]) / TURN_LENGTH
     hidden_biases[0] = (INPUT_CENTRE[0] - APEX) / TURN_LENGTH
     output_weights = np.zeros(HIDDEN_UNITS)
     output_weights[0] = -(FALLING - RISING)
@@ -50,7 +51,7 @@ def first_weights(rng: np.random.Generator) -> Array:
 
 
 class Search:
-    """Search by CMA-ES that begins in an empty folder, or resumes one of the same settings.
+    """Training of the policy `feedback` by CMA-ES in a folder, resumed where it has the settings.
 
     `weights` (WEIGHT_COUNT,) are the optimiser's mean at its best validation so far. The
     optimiser's linear algebra is limited to one thread: its rounding depends on their number, and a
@@ -63,7 +64,7 @@ class Search:
     def __init__(self, settings: TrainingSettings, folder: FilePath) -> None:
         self.settings = settings
         self.checkpoint = folder / CHECKPOINT
-        self.weights: Array = first_weights(np.random.default_rng(settings.seed))
+        self.weights: Array = initial_weights(np.random.default_rng(settings.seed))
         self.validated = np.inf
         self._journal = Journal(folder / JOURNAL, settings, REPLAYED)
         self._blas = ThreadpoolController()
@@ -82,16 +83,16 @@ class Search:
 
     @property
     def known(self) -> int:
-        """Generations in the journal."""
+        """Number of generations in the journal."""
         return len(self._journal.lines)
 
     @property
     def policy(self) -> Feedback:
-        """The policy with the best weights so far."""
+        """Policy `feedback` with the best weights so far."""
         return Feedback(self.weights)
 
     def run(self, executor: Executor) -> Iterator[str]:
-        """Run the remaining generations, folds by `executor`; yields a text on each.
+        """Run the remaining generations, with folds by `executor`; yields a text on each.
 
         Those in the journal are replayed. A checkpoint is saved whenever a generation validates
         better than all before, and at the end.

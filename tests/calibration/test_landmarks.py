@@ -13,7 +13,7 @@ from calibration.landmarks import (
     Landmarks,
     LandmarkSettings,
     camera_shift,
-    remember,
+    take_landmarks,
 )
 from cell.perception.preflight import camera_check
 from drivers.errors import ConfigurationError
@@ -51,7 +51,7 @@ def _frame(shift: tuple[float, float] = (0.0, 0.0), seed: int = 0) -> Frame:
 
 @lru_cache
 def _landmarks() -> Landmarks:
-    return remember(_frame(), SETTINGS.pose, LENS, _homography())
+    return take_landmarks(_frame(), SETTINGS.pose, LENS, _homography())
 
 
 def _shift(frame: Frame) -> CameraShift:
@@ -88,7 +88,7 @@ def test_desk_at_the_border_or_without_an_edge_is_no_landmark() -> None:
     lower = np.array([[1, 0, 0], [0, 1, -90], [0, 0, 1]])  # by 90 px
     at_border = np.roll(_frame().image, 90, axis=0), Homography.of(_homography().matrix @ lower)
     for image, map_ in (at_border, (np.full_like(at_border[0], 90), _homography())):
-        found = remember(Frame(0.0, 0.0, "test", 0, image), SETTINGS.pose, LENS, map_)
+        found = take_landmarks(Frame(0.0, 0.0, "test", 0, image), SETTINGS.pose, LENS, map_)
         assert [mark.kind for mark in found.marks] == ["tip"]
 
 

@@ -17,7 +17,7 @@ from cell.folding.fold import fold
 from cell.folding.request import Recording
 from cell.record.run import read_run
 from drivers.arm.arm import FciArm
-from drivers.arm.process import Task
+from drivers.arm.process import RobotAccess
 from drivers.errors import Fault
 from drivers.fci_server.faults import VersionFault
 from drivers.fci_server.server import RobotServer, ServerSettings
@@ -74,7 +74,7 @@ def test_robot_of_another_version_is_named_with_both_versions() -> None:
     with server(settings) as robot:
         robot.inject(VersionFault(kind="wrong_version", at=0))
         with pytest.raises(Fault, match=r"9.*10|10.*9") as refused:
-            FciArm(Task(robot.address, fci, settings.installation), TwinClock()).connect()
+            FciArm(RobotAccess(robot.address, fci, settings.installation), TwinClock()).connect()
     assert refused.value.name == "arm_version"
 
 

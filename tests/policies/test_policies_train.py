@@ -17,7 +17,7 @@ from policies.train.objective import (
     fold_cost,
     validate,
 )
-from policies.train.search import Search, first_weights
+from policies.train.search import Search, initial_weights
 
 SETTINGS = TrainingSettings(generations=12, population=6, validate_every=2)
 
@@ -79,7 +79,7 @@ def test_journal_of_other_settings_is_refused_and_says_which(tmp_path: Path) -> 
 def test_search_goes_down_and_keeps_what_validated_best(tmp_path: Path) -> None:
     settings = SETTINGS.model_copy(update={"generations": 60})
     search = train(tmp_path, 99, settings)
-    start = depth(first_weights(np.random.default_rng(0)))
+    start = depth(initial_weights(np.random.default_rng(0)))
     assert search.validated < 0.8 * start
     assert search.validated == pytest.approx(depth(search.weights))
 

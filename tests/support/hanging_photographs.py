@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from drivers.strip.cantilever import SEGMENTS, HangingStrip, hang, hinges
+from drivers.strip.cantilever import HangingStrip, hanging_shape, hinges
 from drivers.types import Array, Image
 
 FINER = 4
@@ -35,7 +35,7 @@ def shape(scene: Scene) -> HangingStrip:
     """The strip's true shape."""
     s = hinges(scene.overhang) / scene.overhang
     born = scene.curl + scene.set_amplitude * np.sin(2 * np.pi * scene.set_waves * s)
-    return hang(scene.overhang, scene.bending_length, rest_curvature=born * np.ones(SEGMENTS))
+    return hanging_shape(scene.overhang, scene.bending_length, rest_curvature=born)
 
 
 def photograph(scene: Scene, seed: int) -> Image:

@@ -1,4 +1,4 @@
-"""Registry of effects: those of the family modules of this folder, and of plug-ins."""
+"""Registry of a strip's and its cell's effects: built-in ones of this folder, and plug-ins."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -16,7 +16,7 @@ FAMILIES = (bending, mass, rig)
 
 @cache
 def registry() -> Mapping[str, Effect]:
-    """All effects by name, in the order in which they apply: by stage, then by name."""
+    """All known effects by name, in the order in which they apply: by stage, then by name."""
     built_in = [e for family in FAMILIES for e in vars(family).values() if isinstance(e, Effect)]
     effects = [
         *built_in,
@@ -26,7 +26,7 @@ def registry() -> Mapping[str, Effect]:
 
 
 def apply_effects(model: StripModel, effects: Effects) -> StripModel:
-    """`model` with all `effects` applied, in registry order."""
+    """Copy of `model` with all `effects` applied, in registry order."""
     for name, effect in registry().items():
         if name in effects:
             model = effect.apply_to(model, _fit_to_strip(effect, effects[name], model))
@@ -34,7 +34,7 @@ def apply_effects(model: StripModel, effects: Effects) -> StripModel:
 
 
 def _checkout_hint(name: str) -> str:
-    """Error hint where the working folder has an effect `name` that is not installed."""
+    """Hint in an error message where the working folder has an effect `name`, not installed."""
     for path in Path("drivers", "strip", "effects").glob("*.py"):
         if f'name="{name}"' in path.read_text(encoding="utf-8"):
             return f"; {path} is not a part of the installed package: run `pip install -e .` here"
@@ -44,7 +44,7 @@ def _checkout_hint(name: str) -> str:
 def _fit_to_strip(
     effect: Effect, values: Mapping[str, float], model: StripModel
 ) -> Mapping[str, float]:
-    """`values` on this strip, with places beyond a shorter strip's true end moved to that end."""
+    """Copy of `values` with positions beyond the true end of a shorter strip moved to that end."""
     end = model.mechanics.length
     places = {p.name for p in effect.parameters if p.role == "place"}
     given = places & values.keys()
@@ -53,7 +53,10 @@ def _fit_to_strip(
 
 
 def check_effects(effects: Effects, origin: str, of: Literal["strip", "cell"]) -> None:
-    """Raise ConfigurationError for unknown effects or parameters and for values out of range."""
+    """Raise ConfigurationError for unknown effects or parameters, or values out of range.
+
+    Known are the effects `of` strips or of cells; `origin` names the file in the error.
+    """
     for name, values in effects.items():
         known = [e.name for e in registry().values() if e.of == of]
         if name not in known:

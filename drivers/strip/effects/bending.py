@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from drivers.strip.effects.effect import PLACE_SPAN, Effect, Parameter, Span, Stage, sets, shape
+from drivers.strip.effects.effect import PLACE_SPAN, Effect, Parameter, Span, Stage, set_fields
 from drivers.strip.file import GRAVITY
 from drivers.strip.model import SOFTEST, StripModel, scale_rigidity, with_field
 from drivers.types import frozen
@@ -16,7 +16,7 @@ law_effect = partial(Effect, of="strip", stage=Stage.LAW)
 
 
 def add_crease(model: StripModel, angle: float, position: float) -> StripModel:
-    """The model with a crease: a rest angle `angle` [rad] at `position` [m]."""
+    """Copy of `model` with a crease: a rest angle `angle` [rad] at arc length `position` [m]."""
     mechanics = model.mechanics
     away = np.abs(mechanics.cells - position)
     near = mechanics.inside(position, 2 * HALF_WIDTH) * np.clip(1.0 - away / HALF_WIDTH, 0.0, 1.0)
@@ -27,11 +27,11 @@ def add_crease(model: StripModel, angle: float, position: float) -> StripModel:
 
 
 def add_grasp_crease(model: StripModel, turn: float) -> StripModel:
-    """The model with a crease of `turn` [rad] in front of the grip, as left by the grasp.
+    """Copy of `model` with a crease of `turn` [rad] in front of the grip, as left by the grasp.
 
-    The grasp turns and pushes the lying strip before anything is lifted. Where it bends then
-    depends on unknown slack, and the crease that a strip with bending hysteresis keeps depends on
-    its history; so the crease is a parameter.
+    The grasp turns and pushes the lying strip before it is lifted. Where it bends then depends on
+    unknown slack, and the crease left in a strip with bending hysteresis depends on its history; so
+    the crease is a parameter.
     """
     if not turn:
         return model
@@ -55,7 +55,7 @@ AGEING = law_effect(
 )
 
 
-_set_friction = sets(
+_set_friction = set_fields(
     yield_curvature="mechanics.law.yield_curvature",
     stiffness_ratio="mechanics.law.stiffness_ratio",
     gradual="mechanics.law.gradual",
@@ -69,8 +69,8 @@ BENDING_HYSTERESIS = law_effect(
         Parameter(
             "stiffness_ratio", "1", low=1.0, high=100.0, null=None, default=8.0, role="ratio"
         ),
-        shape("set", "rad", high=3.0, guess=0.3),
-        shape("gradual", "1", high=1.0, guess=0.3),
+        Parameter.shape("set", "rad", high=3.0, guess=0.3),
+        Parameter.shape("gradual", "1", high=1.0, guess=0.3),
     ),
     apply=lambda model, values: add_grasp_crease(_set_friction(model, values), values["set"]),
     typical=lambda _: (1.0, 5.0, 20.0),
@@ -100,9 +100,9 @@ NONLINEAR_BENDING = law_effect(
     # Below -5e-6 the moment would fall again at curvatures that a fold reaches (258 1/m).
     parameters=(
         Parameter("cubic", "m^2", low=-5e-6, high=1e-3),
-        shape("fifth", "1", high=10.0, guess=0.3),
+        Parameter.shape("fifth", "1", high=10.0, guess=0.3),
     ),
-    apply=sets(cubic="mechanics.law.cubic", fifth="mechanics.law.fifth"),
+    apply=set_fields(cubic="mechanics.law.cubic", fifth="mechanics.law.fifth"),
     typical=lambda _: (-4e-6, 3e-5, 2e-4),
     textile={"cubic": Span(3e-5, 2e-4, log=True)},
     revealed_by="a slow fold with a low and a high carry: only sharp bends change",
@@ -128,13 +128,13 @@ QUADRATIC_DAMPING = law_effect(
     name="quadratic_damping",
     sentence="the strip resists quick bending more than in proportion",
     parameters=(Parameter("coefficient", "m s^2", low=0.0, high=0.02),),
-    apply=sets(coefficient="mechanics.law.quadratic_damping"),
+    apply=set_fields(coefficient="mechanics.law.quadratic_damping"),
     typical=lambda _: (1e-4, 1e-3),
     textile={"coefficient": Span(1e-4, 1e-3, log=True)},
     revealed_by="a fast fold against a slow one, and a shake: only quick bending changes",
 )
 
-_set_relaxation = sets(ratio="mechanics.law.relaxing", time="mechanics.law.relaxation_time")
+_set_relaxation = set_fields(ratio="mechanics.law.relaxing", time="mechanics.law.relaxation_time")
 
 RELAXATION = law_effect(
     name="relaxation",
@@ -142,7 +142,7 @@ RELAXATION = law_effect(
     parameters=(
         Parameter("ratio", "1", low=0.0, high=0.9),
         Parameter("time", "s", low=0.01, high=100.0, null=None, role="time"),
-        shape("set", "rad", high=3.0, guess=0.3),
+        Parameter.shape("set", "rad", high=3.0, guess=0.3),
     ),
     apply=lambda model, values: add_grasp_crease(_set_relaxation(model, values), values["set"]),
     typical=lambda _: (0.03, 0.2),
@@ -163,7 +163,7 @@ SEAM = law_effect(
         Parameter("factor", "1", low=0.1, high=50.0, null=1.0),
         Parameter("position", "m", low=0.0, high=2.0, null=None, role="place"),
         Parameter("width", "m", low=0.001, high=0.5, null=None, role="width"),
-        shape("softness", "1", high=2.0, guess=0.4),
+        Parameter.shape("softness", "1", high=2.0, guess=0.4),
     ),
     apply=_stiffen_seam,
     typical=lambda _: (1.8,),
@@ -173,7 +173,7 @@ SEAM = law_effect(
 
 
 def _stiffen_towards_one_end(model: StripModel, values: Mapping[str, float]) -> StripModel:
-    """Linear in the arc length, or with `central` steeper in the middle."""
+    """Scale the rigidity linearly in the arc length, or with `central` steeper in the middle."""
     away = model.mechanics.cells / model.mechanics.length - 0.5
     rise = away * (1.0 + values["central"] * (1.0 - 4.0 * away**2))
     return scale_rigidity(model, 1.0 + values["slope"] * rise)
@@ -184,7 +184,7 @@ STIFFNESS_GRADIENT = law_effect(
     sentence="the strip is stiffer towards one of its ends",
     parameters=(
         Parameter("slope", "1", low=-1.8, high=1.8),
-        shape("central", "1", high=1.0, guess=0.3),
+        Parameter.shape("central", "1", high=1.0, guess=0.3),
     ),
     apply=_stiffen_towards_one_end,
     typical=lambda _: (0.2, 0.8),

@@ -1,4 +1,4 @@
-"""An effect: one physical or measurement phenomenon that a model may lack."""
+"""Effects: physical or measurement phenomena that a strip's model may lack."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ ASSUMED_SIZES = (0.01, 0.1)  # of its range, for an effect that states no typica
 
 
 class Stage(IntEnum):
-    """Part of the strip model that an effect changes; effects apply in the order of the stages."""
+    """Part of the strip model that an effect changes; effects apply in this order."""
 
     SIZE = 0
     LAW = 1
@@ -27,15 +27,18 @@ class Stage(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """Uniform or log-uniform from `low` to `high`, which are in strip lengths if `of_length`."""
+    """Uniform distribution, log-uniform if `log`, from `low` to `high`.
+
+    Both are shares of the strip's length if `of_length`.
+    """
 
     low: float
     high: float
     log: bool = False
     of_length: bool = False
 
-    def draw(self, rng: np.random.Generator, length: float) -> float:
-        """Draw a value for a strip of `length` [m]."""
+    def sample(self, rng: np.random.Generator, length: float) -> float:
+        """Random value for a strip of `length` [m]."""
         if self.log:
             value = float(np.exp(rng.uniform(np.log(self.low), np.log(self.high))))
         else:
@@ -48,13 +51,13 @@ PLACE_SPAN = Span(0.15, 0.95, of_length=True)  # along a strip, away from its fi
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One parameter of an effect: its unit, the null value that switches it off, and its range.
+    """Parameter of an effect: its unit, its range, and the `null` value that switches it off.
 
-    The first parameter of an effect switches it, as do later ones that have a null; one
-    whose `null` is None is switched off by absence. Without a `default` it is required.
-    `role` says what the number means: how much, where along the strip, over which width, within
-    which time, a ratio of stiffnesses, or a shape of the law. A shape parameter stays at its
-    default until measurements of this effect require more; `guess` is a first value to try.
+    The first parameter of an effect switches it, as do later ones that have a null; one whose
+    `null` is None is switched off by absence. Without a `default` it is required. `role` says what
+    the number means: an amount, a place along the strip, a width, a time, a ratio of stiffnesses,
+    or a shape of the law. A shape parameter stays at its default until measurements of this effect
+    require more; `guess` is a first value to try.
     """
 
     name: str
@@ -66,14 +69,14 @@ class Parameter:
     role: Role = "amount"
     guess: float | None = None
 
+    @classmethod
+    def shape(cls, name: str, unit: str, high: float, guess: float) -> "Parameter":
+        """Shape parameter of an effect's law, from 0, its default, to `high`."""
+        return cls(name, unit, 0.0, high, null=None, default=0.0, role="shape", guess=guess)
 
-def shape(name: str, unit: str, high: float, guess: float) -> Parameter:
-    """Shape parameter of an effect's law, from 0, its default, to `high`."""
-    return Parameter(name, unit, 0.0, high, null=None, default=0.0, role="shape", guess=guess)
 
-
-def sets(**fields: str) -> Apply:
-    """Return a function that writes parameter values into the model's fields at dotted paths."""
+def set_fields(**fields: str) -> Apply:
+    """Function `apply` of an effect that writes parameters into model fields at dotted paths."""
 
     def apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
         for name, path in fields.items():
@@ -85,7 +88,7 @@ def sets(**fields: str) -> Apply:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """A physical or measurement phenomenon as a pure function from strip model to strip model.
+    """Physical or measurement phenomenon, as a pure function from strip model to strip model.
 
     `sentence` describes it to a technician; `revealed_by` is the motion that shows it best;
     `typical` gives, for a strip, values of the first parameter, from just visible in ten runs to as
@@ -106,25 +109,25 @@ class Effect:
     looks_like: frozenset[str] = frozenset()
 
     def sizes(self, strip: StripFile) -> tuple[float, ...]:
-        """Values of the first parameter at which to screen `strip`, clipped to its range."""
+        """Typical values of the effect's first parameter for `strip`, clipped to its range."""
         switch = self.parameters[0]
         sizes = self.typical(strip) if self.typical is not None else self._assumed_sizes()
         return tuple(float(np.clip(size, switch.low, switch.high)) for size in sizes)
 
     def _assumed_sizes(self) -> tuple[float, ...]:
-        """Sizes as shares of the first parameter's range, from a weak effect to a strong one."""
+        """Values of the first parameter as shares of its range, from a weak effect to a strong."""
         switch = self.parameters[0]
         sizes = tuple(share * switch.high for share in ASSUMED_SIZES)
         # A parameter without a null is a limit, such as a friction: the smaller, the stronger.
         return sizes if switch.null is not None else sizes[::-1]
 
     def complete(self, values: Mapping[str, float]) -> dict[str, float]:
-        """A copy of `values` with the defaults of all parameters that it lacks."""
+        """Copy of `values` with the defaults of all parameters that it lacks."""
         defaults = {p.name: p.default for p in self.parameters if p.default is not None}
         return {**defaults, **values}
 
     def apply_to(self, model: StripModel, values: Mapping[str, float]) -> StripModel:
-        """`model` with this effect applied; the same object where the effect is at its null.
+        """Copy of `model` with this effect applied; `model` itself where the effect is at null.
 
         Raises ConfigurationError for values that do not fit the strip.
         """
@@ -141,7 +144,7 @@ class Effect:
         return bool(nulls) and all(values.get(name, null) == null for name, null in nulls.items())
 
     def check(self, values: Mapping[str, float], origin: str) -> None:
-        """Raise ConfigurationError for unknown, missing or out-of-range parameters."""
+        """Raise ConfigurationError for unknown, missing or out-of-range parameter `values`."""
         known = {p.name: p for p in self.parameters}
         for name in values:
             if name not in known:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from functools import partial
 
-from drivers.strip.effects.effect import Effect, Parameter, Span, Stage, sets, shape
+from drivers.strip.effects.effect import Effect, Parameter, Span, Stage, set_fields
 from drivers.strip.model import Drag, StripModel, with_field
 from drivers.types import frozen
 
@@ -55,7 +55,7 @@ STRETCH = law_effect(
     name="stretch",
     sentence="the strip stretches under its own weight and the pull of the gripper",
     parameters=(Parameter("stiffness", "N", low=0.5, high=1e6, null=None),),
-    apply=sets(stiffness="mechanics.stretch_stiffness"),
+    apply=set_fields(stiffness="mechanics.stretch_stiffness"),
     typical=lambda strip: tuple(strip.weight / strain for strain in (0.002, 0.006, 0.02)),
     textile={"stiffness": Span(6.0, 39.0, log=True)},
     revealed_by="a taut lift and a high carry: the hanging part grows longer",
@@ -66,9 +66,9 @@ AIR_DRAG = law_effect(
     sentence="the air slows the strip down where it moves broadside",
     parameters=(
         Parameter("coefficient", "1", low=0.0, high=10.0),
-        shape("slow", "m/s", high=1.0, guess=0.03),
-        shape("oblique", "1", high=1.0, guess=0.3),
-        shape("along", "1", high=1.0, guess=0.1),
+        Parameter.shape("slow", "m/s", high=1.0, guess=0.03),
+        Parameter.shape("oblique", "1", high=1.0, guess=0.3),
+        Parameter.shape("along", "1", high=1.0, guess=0.1),
     ),
     apply=lambda model, values: with_field(model, "mechanics.drag", Drag(**values)),
     typical=lambda _: (0.3, 1.5),
@@ -80,6 +80,6 @@ LAYER_ADHESION = law_effect(
     name="layer_adhesion",
     sentence="the layers cling to each other where they touch",
     parameters=(Parameter("force", "N/m", low=0.0, high=50.0),),
-    apply=sets(force="mechanics.adhesion"),
+    apply=set_fields(force="mechanics.adhesion"),
     revealed_by="a run that goes on or comes back after the layers have touched",
 )

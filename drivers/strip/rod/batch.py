@@ -1,4 +1,4 @@
-"""Memory of a batch of simulated strips: creation, compaction as strips finish, and read-out."""
+"""Memory of a batch of simulated strips: creation, compaction as strips end, and read-out."""
 
 from collections.abc import Callable, Sequence
 from typing import TypeVar
@@ -13,11 +13,11 @@ from drivers.strip.rod.lumping import lattice, lump, needs_terms
 from drivers.types import Array
 
 T = TypeVar("T", bound=np.generic)
-CLOSING_SHARE = 0.75  # share of the busy blocks that must suffice before a batch is closed up
+CLOSING_SHARE = 0.75  # of the busy blocks that must suffice before a batch is compacted
 
 
 def flat_batch(models: Sequence[StripModel], segments: int) -> Batch:
-    """A batch of `models` that lie flat and at rest along x, each gripped at its end."""
+    """Batch of strips, one of each of `models`, flat and at rest along x, gripped at their ends."""
     count, rows, lanes = len(models), segments + 3, at.lanes_for(len(models))
     slots = -(-count // lanes) * lanes
     filled = [*models, *[models[-1]] * (slots - count)]  # spare lanes copy the last strip
@@ -41,7 +41,7 @@ def flat_batch(models: Sequence[StripModel], segments: int) -> Batch:
 
 
 def compact(batch: Batch) -> Batch:
-    """The batch with its active strips moved into the first blocks, where that saves time."""
+    """Copy of `batch` whose active strips fill the first blocks, where that saves time."""
     lanes = batch.strips.shape[1]
     alive = at.unpack(batch.alive, lanes)[:, 0, 0] > 0
     busy = int(alive.reshape(-1, lanes).any(axis=1).sum())
@@ -62,44 +62,45 @@ def compact(batch: Batch) -> Batch:
 
 
 def end_strips(batch: Batch, gone: NDArray[np.bool_]) -> Batch:
-    """The batch with the strips of mask `gone` (n,) marked as ended."""
+    """Copy of `batch` in which the strips of mask `gone` (n,) are marked as ended."""
     slots = np.append(gone, np.zeros(batch.strips.size - len(gone), dtype=bool))
     ended = slots[batch.strips].reshape(batch.alive.shape)
     return batch._replace(alive=np.where(ended, 0.0, batch.alive))
 
 
 def living(batch: Batch) -> NDArray[np.bool_]:
-    """Mask (n,) of the strips that are still simulated."""
+    """Mask (n,) of the strips of `batch` that are still simulated."""
     alive = at.unpack(batch.alive, batch.strips.shape[1])[:, 0, 0] > 0
     return _by_strip(batch, alive)
 
 
 def midlines(batch: Batch) -> Array:
-    """Midlines (n, nodes, 2) of all strips: x, z [m] of the nodes."""
+    """Midlines (n, nodes, 2) of all strips of `batch`: x, z [m] of the nodes."""
     rows = at.unpack(batch.state, batch.strips.shape[1])
     return _by_strip(batch, rows[:, 1:-1, [at.X, at.Z]])
 
 
 def fixed_edges(batch: Batch) -> Array:
-    """Positions x (n,) [m] of the fixed edges."""
+    """Positions x (n,) [m] of the fixed edges of all strips of `batch`."""
     return _by_strip(batch, batch.state[:, 1, at.X].ravel())
 
 
 def _for_each(models: Sequence[StripModel], compute: Callable[[StripModel], Array]) -> Array:
-    """Stack of `compute(model)`, (n, ...), computed once for models that are the same object."""
+    """Stack (n, ...) of `compute(model)`, computed once for models that are the same object."""
     distinct = {id(model): model for model in models}
     values = {key: compute(model) for key, model in distinct.items()}
     return np.stack([values[id(model)] for model in models])
 
 
 def _by_strip(batch: Batch, slots: NDArray[T]) -> NDArray[T]:
-    """Values (n, ...) in the order of the strips from those of the batch's `slots`."""
+    """Reorder the values `slots` (slots, ...) of the batch's lanes to those of strips (n, ...)."""
     ordered = np.empty_like(slots)
     ordered[batch.strips.ravel()] = slots
     return ordered[: len(batch.arc)]
 
 
 def _flat_states(natures: Array, *, rich: bool) -> Array:
+    """States (n, rows, fields) of strips with coefficients `natures`, flat and at rest."""
     spans = natures[:, :, at.SPAN]
     states = np.zeros((*natures.shape[:2], at.RICH_STATE if rich else at.STATE_SIZE))
     states[:, 1:, at.X] = np.cumsum(spans[:, :-1], axis=1)
@@ -113,7 +114,7 @@ def _flat_states(natures: Array, *, rich: bool) -> Array:
 
 
 def _monitor(model: StripModel) -> Array:
-    """Monitor (MONITOR_SIZE,) of a strip that lies flat: its limits, all else NaN."""
+    """Monitor (MONITOR_SIZE,) of a flat strip: its limits, with all other fields NaN."""
     monitor = np.full(at.MONITOR_SIZE, np.nan)
     gap = model.mechanics.touch_gap
     monitor[at.CONTACT_HEIGHT] = model.observation.contact_height

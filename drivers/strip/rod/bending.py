@@ -1,16 +1,16 @@
-"""Bending at the nodes and stretch along the segments: forces and tangents of a planar rod."""
+"""Forces and tangent stiffness of a planar rod: bending at nodes, stretch along segments."""
 
 from typing import Any
 
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.compiled import kernel
-from drivers.strip.rod.lanes import below, choose, fma, load, sqrt, store
+from drivers.strip.rod.lanes import below, fma, load, select, sqrt, store
 from drivers.strip.rod.terms import gradual_friction, lagging_moment, stick_slip
 
 
 @kernel
 def direction(state: Any, r: int) -> Any:
-    """Unit tangent (x, z), inverse length [1/m] and length [m] of segment `r`."""
+    """Unit tangent x, z, inverse length [1/m] and length [m] of segment `r`."""
     ex = load(state, r + 1, at.X) - load(state, r, at.X)
     ez = load(state, r + 1, at.Z) - load(state, r, at.Z)
     length = sqrt(fma(ex, ex, ez * ez))
@@ -35,19 +35,20 @@ def strain(a: Any, b: Any) -> Any:
 
 @kernel
 def friction_element(stick: Any, slip: Any, change: Any, before: Any) -> Any:
-    """Moment [N m] of an element after a `change` of strain, and its tangent (return mapping).
+    """Moment [N m] of an elasto-plastic element after a `change` of strain, and its tangent.
 
-    `stick` is its stiffness, `slip` the moment at which it slides, `before` its moment before.
+    By return mapping: `stick` is its stiffness, `slip` the moment at which it slides, `before` its
+    moment before the change.
     """
     moment = fma(stick, change, before)
     over, under = below(slip, moment), below(moment, -slip)
-    moment = choose(over, slip, choose(under, -slip, moment))
-    return moment, choose(over + under, 0.0, stick)
+    moment = select(over, slip, select(under, -slip, moment))
+    return moment, select(over + under, 0.0, stick)
 
 
 @kernel
 def dry_friction(block: Any, r: int, eps: Any) -> Any:
-    """Moment [N m] of the elasto-plastic friction element at row `r`, and its tangent."""
+    """Moment [N m] of the friction element at row `r` at bending strain `eps`, and its tangent."""
     stick, slip = load(block.nature, r, at.STICK), load(block.nature, r, at.SLIP)
     change = eps - load(block.state, r, at.EPS)
     return friction_element(stick, slip, change, load(block.state, r, at.FRICTION))
@@ -55,20 +56,20 @@ def dry_friction(block: Any, r: int, eps: Any) -> Any:
 
 @kernel
 def elastic_moment(block: Any, r: int, e: Any) -> Any:
-    """Elastic moment K e (1 + u + fifth u^2), u = cubic e^2, at row `r`, and its tangent."""
+    """Elastic moment K e (1 + u + fifth u^2) [N m], u = cubic e^2, at row `r`, and its tangent."""
     stiffness, cubic = load(block.nature, r, at.BEND), load(block.nature, r, at.CUBIC)
     crest = load(block.nature, r, at.CREST)
     over, under = below(crest, e), below(e, -crest)
-    e = choose(over, crest, choose(under, -crest, e))  # clamped: the moment stays level
+    e = select(over, crest, select(under, -crest, e))  # clamped: the moment stays level
     growth = cubic * e * e
     beyond = load(block.nature, r, at.FIFTH) * growth * growth
     slope = stiffness * (fma(3.0, growth, 1.0) + 5.0 * beyond)
-    return stiffness * e * ((1.0 + growth) + beyond), choose(over + under, 0.0, slope)
+    return stiffness * e * ((1.0 + growth) + beyond), select(over + under, 0.0, slope)
 
 
 @kernel
 def moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
-    """Moment M(eps) [N m] at row r and dM/deps.
+    """Bending moment M(eps) [N m] at row `r`, and its tangent dM/deps.
 
     M = K e (1 + u + fifth u^2) + D deps/dt + friction with u = cubic e^2, e = eps - rest and
     deps/dt = rate (eps - base).
@@ -87,7 +88,7 @@ def moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
 
 @kernel
 def node_moment(block: Any, r: int, a: Any, b: Any, rate: Any) -> Any:
-    """Moment [N m] on the angle at row `r` between segments with tangents `a` and `b`.
+    """Moment [N m] on the angle at row `r` between segments with unit tangents `a` and `b`.
 
     With q = tan(theta / 4): deps/dtheta = 1 + q^2, d2eps/dtheta2 = q (1 + q^2) / 2. Leaves the
     tangent d(moment)/dtheta in `work`.
@@ -102,7 +103,7 @@ def node_moment(block: Any, r: int, a: Any, b: Any, rate: Any) -> Any:
 
 @kernel
 def segment_turn(work: Any, r: int, u: Any) -> Any:
-    """Write into `work` how segment `r` turns per motion of its end: its normal over its length."""
+    """Turn (x, z) [rad/m] of segment `r` per motion of its end, written into `work` as well."""
     x, z = -(u[1] * u[2]), u[0] * u[2]
     store(work, r, at.TURN_X, x)
     store(work, r, at.TURN_Z, z)
@@ -111,7 +112,7 @@ def segment_turn(work: Any, r: int, u: Any) -> Any:
 
 @kernel
 def segment_force(block: Any, r: int, u: Any, couple: Any) -> None:
-    """Write the force of segment `r` on its first node, and its 2 x 2 stiffness, into `work`.
+    """Write the force [N] of segment `r` on its first node, and its 2 x 2 stiffness, into `work`.
 
     f = T t + V n with tension T = EA (l / l0 - 1) and shear V = couple / l, couple the
     difference of the moments at its ends; df/de = EA/l0 t t' + T/l n n' + couple d2angle/de2.
@@ -126,7 +127,7 @@ def segment_force(block: Any, r: int, u: Any, couple: Any) -> None:
     if block.terms is not None:
         taut, stretch = stick_slip(block, r, taut, stretch, length)
     floor, known = load(block.nature, r, at.FLOOR), load(block.state, r, at.TENSION)
-    string = choose(known - floor, known, floor) * inverse
+    string = select(known - floor, known, floor) * inverse
     twist = couple * inverse * inverse
     turn_x, turn_z = segment_turn(work, r, u)
     store(work, r, at.TAUT, taut)
@@ -141,7 +142,7 @@ def segment_force(block: Any, r: int, u: Any, couple: Any) -> None:
 
 @kernel
 def extend_free_end(state: Any) -> None:
-    """Extend the strip beyond its free end by a ghost node in a straight line."""
+    """Place the ghost node beyond a strip's free end in line with its last segment."""
     ghost = state.shape[0] - 1
     for axis in (at.X, at.Z):
         end, before = load(state, ghost - 1, axis), load(state, ghost - 2, axis)
@@ -150,7 +151,7 @@ def extend_free_end(state: Any) -> None:
 
 @kernel
 def internal_forces(block: Any, rate: Any) -> None:
-    """Write each segment's force and stiffness and each node's bending tangent into `work`."""
+    """Write forces and stiffness of all segments and bending tangents of nodes into `work`."""
     end = block.state.shape[0] - 2
     if block.last == end:
         extend_free_end(block.state)

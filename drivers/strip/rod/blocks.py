@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.compiled import entry, kernel
-from drivers.strip.rod.lanes import anywhere, lane_of, pick, put
+from drivers.strip.rod.lanes import any_lane, lane_of, load_lane, store_lane
 from drivers.strip.rod.layout import Block
 from drivers.strip.rod.time_step import Grips, Pace, step
 from drivers.strip.shape import at_index, features, layer_touch
@@ -16,25 +16,25 @@ from drivers.strip.shape import at_index, features, layer_touch
 def copy_midline(state: Any, lane: int, x: Any, z: Any) -> None:
     """Copy the midline of the strip in lane `lane` of a block into `x` and `z` (nodes,) [m]."""
     for j in range(len(x)):
-        x[j] = pick(state, j + 1, at.X, lane)
-        z[j] = pick(state, j + 1, at.Z, lane)
+        x[j] = load_lane(state, j + 1, at.X, lane)
+        z[j] = load_lane(state, j + 1, at.Z, lane)
 
 
 @kernel
 def observe(batch: Any, b: int, observed: Any, k: int, time: float, h: float) -> None:
-    """Measure the active lanes of block `b` after step `k`, and end strips whose layers touched."""
+    """Write observables of the strips of block `b` after step `k`; end those that have touched."""
     nodes = batch.arc.shape[1]
     x, z = np.empty(nodes), np.empty(nodes)
     for lane in range(batch.strips.shape[1]):
-        if pick(batch.alive[b], 0, 0, lane) > 0.0:
+        if load_lane(batch.alive[b], 0, 0, lane) > 0.0:
             i = batch.strips[b, lane]
             copy_midline(batch.state[b], lane, x, z)
             monitor, strip = batch.monitor[i], observed[k, i]
             found = features(x, z, monitor[at.CONTACT_HEIGHT], monitor[at.OPENING])
             strip[at.CONTACT_X], strip[at.TIP_X], strip[at.TIP_Z], height, index = found
-            strip[at.HOLDING] = -pick(batch.state[b], 1, at.TENSION, lane)
-            strip[at.GRIP_X] = pick(batch.state[b], nodes + 1, at.GRIP_FORCE_X, lane)
-            strip[at.GRIP_Z] = pick(batch.state[b], nodes + 1, at.GRIP_FORCE_Z, lane)
+            strip[at.HOLDING] = -load_lane(batch.state[b], 1, at.TENSION, lane)
+            strip[at.GRIP_X] = load_lane(batch.state[b], nodes + 1, at.GRIP_FORCE_X, lane)
+            strip[at.GRIP_Z] = load_lane(batch.state[b], nodes + 1, at.GRIP_FORCE_Z, lane)
             gap = height, at_index(x, index), at_index(batch.arc[i], index)
             if height <= monitor[at.TOUCH_GAP]:
                 before = monitor[at.GAP_HEIGHT], monitor[at.GAP_X], monitor[at.GAP_S]
@@ -47,8 +47,8 @@ def observe(batch: Any, b: int, observed: Any, k: int, time: float, h: float) ->
 
 @kernel
 def retire(batch: Any, b: int, lane: int, observed: Any, k: int) -> None:
-    """End the strip in one lane after step `k`: its observables stay constant from then on."""
-    put(batch.alive[b], 0, 0, lane, 0.0)
+    """End the strip in lane `lane` of block `b` after step `k`; its observables stay constant."""
+    store_lane(batch.alive[b], 0, 0, lane, 0.0)
     i = batch.strips[b, lane]
     for later in range(k + 1, len(observed)):
         observed[later, i] = observed[k, i]
@@ -67,7 +67,7 @@ def end_failed(batch: Any, b: int, unsolved: Any, observed: Any, k: int, time: f
 def record(batch: Any, b: int, shapes: Any) -> None:
     """Copy the midlines of the active lanes of block `b` into `shapes` (n, nodes, 2) [m]."""
     for lane in range(batch.strips.shape[1]):
-        if pick(batch.alive[b], 0, 0, lane) > 0.0:
+        if load_lane(batch.alive[b], 0, 0, lane) > 0.0:
             shape = shapes[batch.strips[b, lane]]
             copy_midline(batch.state[b], lane, shape[:, 0], shape[:, 1])
 
@@ -78,7 +78,7 @@ def living_lanes(batch: Any, first: int, end: int) -> int:
     count = 0
     for b in range(first, end):
         for lane in range(batch.strips.shape[1]):
-            count += pick(batch.alive[b], 0, 0, lane) > 0.0
+            count += load_lane(batch.alive[b], 0, 0, lane) > 0.0
     return count
 
 
@@ -91,13 +91,13 @@ def store_poses(batch: Any, b: int, poses: Any) -> None:
 
 
 @entry
-def follow(
+def step_along(
     batch: Any, poses: Any, observed: Any, shapes: Any, every: int, start: float, pace: Any
 ) -> int:
-    """Step the batch along poses (k, n, 3), one step each, from time `start` [s].
+    """Step all strips along grip poses (k, n, 3), a step to each, from time `start` [s].
 
-    Writes into observed (k, n, OBSERVABLE_COUNT), and shapes (k // every, n, nodes, 2) unless they
-    are empty; returns the number of strips that ended.
+    Writes into `observed` (k, n, OBSERVABLE_COUNT), and into `shapes` (k // every, n, nodes, 2)
+    unless it is empty, without bounds checks; returns the number of strips that ended.
     """
     blocks = len(batch.nature)
     before = living_lanes(batch, 0, blocks)
@@ -111,7 +111,7 @@ def follow(
             grips = Grips(batch.strips[b], batch.alive[b], batch.held, poses[k])
             time = start + (k + 1) * pace.h
             unsolved = step(block, grips, now)
-            if anywhere(unsolved):
+            if any_lane(unsolved):
                 end_failed(batch, b, unsolved, observed, k, time)
             if len(shapes) > 0 and (k + 1) % every == 0:
                 record(batch, b, shapes[(k + 1) // every - 1])

@@ -1,4 +1,4 @@
-"""The rod engine: n strips at once in compiled code that releases the GIL, and whole motions."""
+"""Rod engine: simulates n strips at once in compiled code that releases the GIL."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,7 +13,7 @@ from drivers.strip.model import StripModel
 from drivers.strip.observation import true_path
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import compact, end_strips, fixed_edges, flat_batch, living, midlines
-from drivers.strip.rod.blocks import follow
+from drivers.strip.rod.blocks import step_along
 from drivers.strip.rod.lumping import check
 from drivers.strip.rod.newton import TURN_TOLERANCE
 from drivers.strip.rod.static import FINE_STEPS, fit_length, lift_path, settle
@@ -23,11 +23,11 @@ from drivers.types import Array
 PIECE_TIME = 0.5  # s of motion in one compiled call: a batch closes up between calls
 ROUNDING = 1e-9  # steps, by which a touch at the end of a step may seem to be after it
 FEWEST_SEGMENTS = 20
-LARGEST_RATIO = 2.0  # of a step to the last one: BDF2 is stable up to 1 + sqrt(2)
+LARGEST_RATIO = 2.0  # of a step to the one before: BDF2 is stable up to 1 + sqrt(2)
 
 
 class Trace(NamedTuple):
-    """Observables of n strips over k steps, and midlines at m of these steps.
+    """Observables of n simulated strips over k steps, and their midlines at m of these steps.
 
     `contact_x` (k, n), `tip` (k, n, 2), `holding_force` (k, n), `grip_force` (k, n, 2), and
     `shapes` (m, n, nodes, 2), NaN after a strip's end.
@@ -41,14 +41,15 @@ class Trace(NamedTuple):
 
 
 class Rod:
-    """Strip engine (`Stepper`): an implicit planar elastic rod of `segments` segments.
+    """Strip engine of implicit planar elastic rods of `segments` segments, in one batch.
 
     Newton's method ends when segments turn by less than `tolerance` [rad], root mean square: ten
     times the default moves nodes by some micrometres and takes two thirds of the time. Strips
     occupy the lanes of SIMD vectors, and each moves bit for bit as it would in a batch of one. A
-    strip that touched, was retired or failed keeps its shape and soon costs nothing. Where Newton's
-    method fails, the engine raises SimulationNotConverged or SimulationNotFinite; unless `strict`,
-    the strip ends and `failed` marks it.
+    strip that touched, was retired or failed keeps its shape and soon costs nothing; `touch` holds
+    each strip's first touch of its layers or None. Where Newton's method fails, the engine raises
+    SimulationNotConverged or SimulationNotFinite; unless `strict`, the strip ends and `failed`
+    marks it.
     """
 
     def __init__(
@@ -80,7 +81,7 @@ class Rod:
             self._begin()
 
     def step(self, poses: Array, dt: float) -> Observables:
-        """Advance by `dt` [s] to gripper `poses` (n, 3); see `Stepper.step`."""
+        """Advance by `dt` [s] to gripper `poses` (n, 3) of x, z, pitch at the step's end."""
         return self.advance(poses[None], dt)
 
     def advance(self, poses: Array, dt: float) -> Observables:
@@ -96,28 +97,21 @@ class Rod:
             touch=self.touch,
         )
 
-    def follow(self, poses: Array, dt: float, every: int = 0, memory: Array | None = None) -> Trace:
-        """Advance by a step of `dt` [s] to each of `poses` (k, n, 3); returns observables of each.
+    def trace(self, poses: Array, dt: float, every: int = 0) -> Trace:
+        """Advance by a step of `dt` [s] to each of `poses` (k, n, 3); returns all observables.
 
-        Shapes are kept of each `every`th step, 0 for none, in `memory` (m or more, n, nodes, 2) if
-        given.
+        Midlines are of every `every`th step, 0 for none.
         """
         count = len(poses) // every if every else 0
-        shapes = np.empty((count, *self._batch.arc.shape, 2)) if memory is None else memory[:count]
-        shapes.fill(np.nan)
+        shapes = np.full((count, *self._batch.arc.shape, 2), np.nan)
         observed = self._step_all(poses, dt, shapes, max(every, 1))
         tip = observed[:, :, at.TIP_X : at.TIP_Z + 1]
         grip = observed[:, :, at.GRIP_X : at.GRIP_Z + 1]
         return Trace(observed[:, :, at.CONTACT_X], tip, observed[:, :, at.HOLDING], grip, shapes)
 
     def retire(self, gone: NDArray[np.bool_]) -> None:
-        """End the strips `gone` (n,): they keep their shape and are no longer computed."""
+        """End the strips of mask `gone` (n,): they keep their shapes and cost no more time."""
         self._batch = compact(end_strips(self._batch, gone))
-
-    @property
-    def touch(self) -> tuple[Touch | None, ...]:
-        """Layer touch of each strip so far, None without one."""
-        return self._touch
 
     @property
     def living(self) -> NDArray[np.bool_]:
@@ -126,7 +120,7 @@ class Rod:
 
     @property
     def failed(self) -> NDArray[np.bool_]:
-        """Mask (n,) of the strips that failed to converge."""
+        """Mask (n,) of the strips for which Newton's method failed to converge."""
         failed: NDArray[np.bool_] = np.isfinite(self._batch.monitor[:, at.FAILURE_TIME])
         return failed
 
@@ -135,11 +129,11 @@ class Rod:
         return midlines(self._batch)
 
     def arc(self) -> Array:
-        """Arc lengths (n, nodes) [m] of the nodes from the fixed edge, closer towards the grip."""
+        """Arc lengths (n, nodes) [m] of the nodes from the fixed edge, denser near the grip."""
         return np.array(self._batch.arc)
 
     def _fit_length(self, models: Sequence[StripModel]) -> None:
-        """Lay strips out to their stated lengths; where the solver fails, again more slowly."""
+        """Move each gripped edge to the stated length; in smaller steps where the solver fails."""
         try:
             fit_length(self._batch, models)
         except SimulationNotConverged:
@@ -148,9 +142,10 @@ class Rod:
             fit_length(self._batch, models, FINE_STEPS)
 
     def _begin(self) -> None:
+        """Start a motion: time 0, no step before, no touch, no observables."""
         count = len(self._batch.arc)
         self._time, self._last = 0.0, np.inf
-        self._touch: tuple[Touch | None, ...] = (None,) * count
+        self.touch: tuple[Touch | None, ...] = (None,) * count
         self._observed = np.zeros((count, at.OBSERVABLE_COUNT))
 
     def _step_all(self, poses: Array, dt: float, shapes: Array, every: int) -> Array:
@@ -162,7 +157,7 @@ class Rod:
         observed[:] = self._observed
         omega = min(dt / self._last, LARGEST_RATIO)
         pace = Pace(dt, omega, 1.0, self._tolerance)
-        ended = follow(self._batch, poses, observed, shapes, every, self._time, pace)
+        ended = step_along(self._batch, poses, observed, shapes, every, self._time, pace)
         self._time += len(poses) * dt
         self._last = dt
         if len(observed):
@@ -173,9 +168,9 @@ class Rod:
         return observed
 
     def _record_touches(self) -> None:
-        """Record new layer touches; raises for a strip that failed if the engine is strict."""
+        """Read the touches of layers; raises for a strip that failed where the engine is strict."""
         pairs = zip(self._batch.monitor, fixed_edges(self._batch).tolist(), strict=True)
-        self._touch = tuple(_touch(monitor, edge) for monitor, edge in pairs)
+        self.touch = tuple(_touch(monitor, edge) for monitor, edge in pairs)
         if self._strict and self.failed.any():
             i = int(np.argmax(self.failed))
             time = float(self._batch.monitor[i, at.FAILURE_TIME])
@@ -191,7 +186,7 @@ def _touch(monitor: Array, edge: float) -> Touch | None:
 
 
 class GripperPath(NamedTuple):
-    """Reported gripper path: times `t` (m,) [s], `poses` (m, 3); `hanging` if not started flat."""
+    """Reported gripper path: times `t` (m,) [s], `poses` (m, 3); `hanging` if it starts lifted."""
 
     t: Array
     poses: Array
@@ -199,7 +194,7 @@ class GripperPath(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """Duration of the path [s]."""
+        """Time [s] from the first to the last pose of the path."""
         return float(self.t[-1] - self.t[0])
 
 
@@ -212,22 +207,22 @@ def simulate_all(
     every: int = 0,
     precision: type[np.floating] = np.float64,
 ) -> list[StripMotion]:
-    """Simulate each of `models` along its own path in one batch; see `simulate` for one.
+    """Simulate each of `models` along its path of `paths`, all in one batch, in steps of `dt` [s].
 
     True grip paths follow from the models' rigs. Every `every`th step keeps its shape, 0 for none;
-    `shapes` then has (k // every, nodes, 2), rounded to `precision`. A motion ends at its
-    layer_touch or at the end of its path.
+    `shapes` then has (k // every, nodes, 2), rounded to `precision`. A motion ends where its layers
+    touch or at the end of its path.
     """
     paths = [_true_path(model, path) for model, path in zip(models, paths, strict=True)]
     counts = [max(1, round(path.duration / dt)) for path in paths]
     poses = np.stack([_sample(path, dt, max(counts)) for path in paths], axis=1)
     rod.reset(models, _start_poses(models, paths) if any(path.hanging for path in paths) else None)
     stride = every or len(poses) + 1
-    kept = [np.empty((count // stride, *rod.arc().shape[1:], 2), precision) for count in counts]
-    observed = _follow_in_pieces(rod, poses, counts, dt, every, kept)
+    midlines = [np.empty((count // stride, *rod.arc().shape[1:], 2), precision) for count in counts]
+    observed = _trace_in_pieces(rod, poses, counts, dt, every, midlines)
     simulated = len(observed[0])
     motions = []
-    for i, (path, count, shapes) in enumerate(zip(paths, counts, kept, strict=True)):
+    for i, (path, count, shapes) in enumerate(zip(paths, counts, midlines, strict=True)):
         observed_strip = Trace._make([*(channel[:, i] for channel in observed), shapes])
         steps, touch = min(count, simulated), rod.touch[i]
         motions.append(
@@ -236,22 +231,21 @@ def simulate_all(
     return motions
 
 
-def _follow_in_pieces(
-    rod: Rod, poses: Array, counts: Sequence[int], dt: float, every: int, kept: Sequence[Array]
+def _trace_in_pieces(
+    rod: Rod, poses: Array, counts: Sequence[int], dt: float, every: int, midlines: Sequence[Array]
 ) -> list[Array]:
-    """Follow `poses` (k, n, 3) in calls of about PIECE_TIME until all strips have ended.
+    """Trace the strips along `poses` (k, n, 3) in calls of about PIECE_TIME until all have ended.
 
-    Strip i ends after `counts[i]` steps at the latest. Returns the observables of `Trace` but for
-    the shapes, each (k, n, ...), and writes every `every`th shape of strip i into `kept[i]`.
+    Strip i ends after `counts[i]` steps at the latest. Returns the observables of `Trace`, (k, n,
+    ...) each, without shapes, and writes every `every`th midline of strip i into `midlines[i]`.
     """
     stride = every or len(poses) + 1
     piece = max(1, round(PIECE_TIME / dt) // max(every, 1)) * max(every, 1)
-    memory = np.empty((piece // stride, *rod.arc().shape, 2))
     observed = []
     for begin in range(0, len(poses), piece):
-        *channels, shapes = rod.follow(poses[begin : begin + piece], dt, every, memory)
+        *channels, shapes = rod.trace(poses[begin : begin + piece], dt, every)
         observed.append(channels)
-        for i, of_strip in enumerate(kept):
+        for i, of_strip in enumerate(midlines):
             rows = of_strip[begin // stride :][: len(shapes)]
             rows[:] = shapes[: len(rows), i]
         rod.retire(np.array(counts) <= begin + piece)
@@ -266,12 +260,13 @@ def _true_path(model: StripModel, path: GripperPath) -> GripperPath:
 
 
 def _sample(path: GripperPath, dt: float, count: int) -> Array:
-    """Poses (count, 3) of `path` at the ends of `count` steps of `dt` [s], the last pose held."""
+    """Poses (count, 3) of `path` at the ends of `count` steps of `dt` [s]; the last one repeats."""
     times = path.t[0] + dt * np.arange(1, count + 1)
     return np.stack([np.interp(times, path.t, path.poses[:, c]) for c in range(3)], axis=-1)
 
 
 def _start_poses(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> Array:
+    """Gripper poses (n, 3) at the start: the first of a hanging path, else that of a flat strip."""
     flat = [(model.stated_length, 0.0, 0.0) for model in models]
     return np.array(
         [path.poses[0] if path.hanging else lying for path, lying in zip(paths, flat, strict=True)]
@@ -287,7 +282,7 @@ def _motion_of_strip(
     dt: float,
     stride: int,
 ) -> StripMotion:
-    """Motion of one strip over its first `count` steps, fewer where its layers touched."""
+    """Motion of one strip over its first `count` steps, or fewer where its layers touched."""
     if touch is not None and touch.time > count * dt:
         touch = None
     if touch is not None:

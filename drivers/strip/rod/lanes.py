@@ -1,4 +1,4 @@
-"""Numba SIMD type of eight doubles, one per strip, so that kernels read as scalar mathematics.
+"""Numba type of a SIMD vector of eight doubles, one per strip, with arithmetic as of scalars.
 
 Compiled code may add, subtract, multiply and divide `Lanes` with each other and with floats. `load`
 of an array with a lane axis gives Lanes, without one a float: the same kernel simulates eight
@@ -26,7 +26,7 @@ INDEX_VECTOR = ir.VectorType(ir.IntType(32), LANE_COUNT)
 
 
 class LanesType(types.Type):  # type: ignore[misc]
-    """Numba's type of `LANE_COUNT` doubles in one vector."""
+    """Numba type of a vector of LANE_COUNT doubles."""
 
     def __init__(self) -> None:
         super().__init__(name=f"Lanes{LANE_COUNT}")
@@ -47,10 +47,12 @@ def _number(array: Any) -> Any:
 
 
 def _widest(*numbers: Any) -> Any:
+    """Numba type of a result of `numbers`: Lanes if any of them is, else float."""
     return Lanes if Lanes in numbers else types.float64
 
 
 def _spread(builder: Any, value: Any) -> Any:
+    """LLVM vector of the LLVM `value`, which if it is a scalar fills all lanes."""
     if value.type == VECTOR:
         return value
     blank = ir.Constant(VECTOR, ir.Undefined)
@@ -121,7 +123,7 @@ def _inline(function: Callable[Concatenate[Any, P], Any]) -> Callable[P, Any]:
 
 @_inline
 def sqrt(typing: Any, a: Any) -> Any:
-    """Square root of a float, or of each lane."""
+    """Square root of `a`, lane by lane."""
     return a(a), _native("sqrt", 1)
 
 
@@ -133,7 +135,7 @@ def fma(typing: Any, a: Any, b: Any, c: Any) -> Any:
 
 @_inline
 def below(typing: Any, a: Any, b: Any) -> Any:
-    """1.0 where a < b, else 0.0 (also where one is NaN)."""
+    """1.0 where a < b, else 0.0, also where one is NaN, lane by lane."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         left, right = _operands(builder, sig.return_type, args)
@@ -145,7 +147,7 @@ def below(typing: Any, a: Any, b: Any) -> Any:
 
 
 @_inline
-def choose(typing: Any, gate: Any, a: Any, b: Any) -> Any:
+def select(typing: Any, gate: Any, a: Any, b: Any) -> Any:
     """`a` where `gate` is above zero, else `b`, lane by lane."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -158,8 +160,8 @@ def choose(typing: Any, gate: Any, a: Any, b: Any) -> Any:
 
 
 @_inline
-def anywhere(typing: Any, gate: Any) -> Any:
-    """Whether `gate` is above zero in any lane."""
+def any_lane(typing: Any, gate: Any) -> Any:
+    """Whether `gate` is above zero in at least one lane."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         (value,) = args
@@ -194,7 +196,7 @@ def _lane_address(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 
 @_inline
 def load(typing: Any, array: Any, row: Any, column: Any) -> Any:
-    """Element of a contiguous `array` (rows, columns[, LANE_COUNT]); no bounds check."""
+    """Load an element of a contiguous `array` (rows, columns[, LANE_COUNT]); no bounds check."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return builder.load(_address(context, builder, sig.args[0], args[0], args[1:]), align=8)
@@ -204,7 +206,7 @@ def load(typing: Any, array: Any, row: Any, column: Any) -> Any:
 
 @_inline
 def store(typing: Any, array: Any, row: Any, column: Any, value: Any) -> Any:
-    """Write an element of a contiguous `array` (rows, columns[, LANE_COUNT]); no bounds check."""
+    """Store `value` in a contiguous `array` (rows, columns[, LANE_COUNT]); no bounds check."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         (number,) = _operands(builder, _number(sig.args[0]), args[3:])
@@ -216,8 +218,8 @@ def store(typing: Any, array: Any, row: Any, column: Any, value: Any) -> Any:
 
 
 @_inline
-def pick(typing: Any, array: Any, row: Any, column: Any, lane: Any) -> Any:
-    """Element of one `lane` as a float (lane 0 in an array without lanes); no bounds check."""
+def load_lane(typing: Any, array: Any, row: Any, column: Any, lane: Any) -> Any:
+    """Load one `lane` of an element of `array` as a float; no bounds check."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return builder.load(_lane_address(context, builder, sig, args))
@@ -226,8 +228,8 @@ def pick(typing: Any, array: Any, row: Any, column: Any, lane: Any) -> Any:
 
 
 @_inline
-def put(typing: Any, array: Any, row: Any, column: Any, lane: Any, value: Any) -> Any:
-    """Write the float `value` to one `lane` of an element; no bounds check."""
+def store_lane(typing: Any, array: Any, row: Any, column: Any, lane: Any, value: Any) -> Any:
+    """Store the float `value` in one `lane` of an element of `array`; no bounds check."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         builder.store(args[4], _lane_address(context, builder, sig, args))
@@ -237,8 +239,8 @@ def put(typing: Any, array: Any, row: Any, column: Any, lane: Any, value: Any) -
 
 
 @_inline
-def like(typing: Any, array: Any, value: Any) -> Any:
-    """`value` broadcast to the element type of `array`."""
+def splat(typing: Any, array: Any, value: Any) -> Any:
+    """The float `value` in every lane of a number of the element type of `array`."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return _operands(builder, sig.return_type, args[1:])[0]
@@ -248,7 +250,7 @@ def like(typing: Any, array: Any, value: Any) -> Any:
 
 @_inline
 def lane_of(typing: Any, number: Any, lane: Any) -> Any:
-    """The float in one `lane` of `number`, or `number` itself where it is a float."""
+    """Lane `lane` of `number` as a float, or `number` itself where it is a float."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return builder.extract_element(*args) if sig.args[0] == Lanes else args[0]

@@ -1,4 +1,4 @@
-"""Memory layout of the rod: names of the array fields, blocks, packing of strips into lanes.
+"""Memory layout of the rod engine: names of array fields, blocks, packing of strips into lanes.
 
 Arrays are (rows, fields[, LANE_COUNT]). Row r is node r - 1: row 1 the fixed edge, row N + 1 the
 grasped edge; rows 0 and N + 2 are ghosts, one element beyond the ends, that hold the tangents.
@@ -22,7 +22,8 @@ STATE_SIZE = 12
 # Of the ghost beyond the grip, which has no speed: the strip's pull on it [N].
 GRIP_FORCE_X, GRIP_FORCE_Z = VX, VZ
 
-# Nature: of the node (mass [kg], weight [N], bending) and of the segment that begins there.
+# Nature: coefficients of a node (mass [kg], weight [N], bending) and of the segment that begins at
+# it.
 MASS, LOAD_X, LOAD_Z, DESK, BEND, CUBIC, FIFTH, CREST, DAMP, SLIP, STICK, REST = range(12)
 STRETCH, SPAN, SHARE, FLOOR = range(12, 16)
 NATURE = 16
@@ -57,7 +58,7 @@ MONITOR_SIZE = 11
 
 
 class Batch(NamedTuple):
-    """Memory of n strips: solver arrays in blocks of lanes, and values of each strip.
+    """Memory of n simulated strips: solver arrays in blocks of lanes, and values of each strip.
 
     `nature`, the coefficients, and `state` (blocks, rows, fields[, LANE_COUNT]); `work` and `band`,
     which blocks share; `strips` and `alive`: which strip each lane holds and whether it is still
@@ -95,7 +96,7 @@ class Block(NamedTuple):
 
 
 def pack(values: Array, lanes: int) -> Array:
-    """Pack `values` (n, rows, fields) into blocks (n / lanes, rows, fields[, lanes])."""
+    """Pack strips' `values` (n, rows, fields) into blocks (n / lanes, rows, fields[, lanes])."""
     if lanes == 1:
         return _aligned_copy(values)
     blocks = values.reshape(-1, lanes, *values.shape[1:])
@@ -103,14 +104,14 @@ def pack(values: Array, lanes: int) -> Array:
 
 
 def unpack(blocks: Array, lanes: int) -> Array:
-    """Unpack blocks (n / lanes, rows, fields[, lanes]) into values (n, rows, fields)."""
+    """Unpack `blocks` (n / lanes, rows, fields[, lanes]) to strips' values (n, rows, fields)."""
     if lanes == 1:
         return blocks
     return np.moveaxis(blocks, -1, 1).reshape(-1, *blocks.shape[1:-1])
 
 
 def scratch(rows: int, fields: int, lanes: int) -> Array:
-    """Cache-aligned zeros (rows, fields[, lanes])."""
+    """Work array of zeros (rows, fields[, lanes]), aligned to a cache line."""
     return _aligned_zeros((rows, fields) if lanes == 1 else (rows, fields, lanes))
 
 

@@ -23,7 +23,7 @@ SIMULATED_FIELDS: dict[type, str] = {
 
 
 def lattice(length: float, segments: int) -> Array:
-    """Arc lengths of the nodes (segments + 1,) [m]: equal segments, finer towards the grip."""
+    """Arc lengths (segments + 1,) [m] of a rod's nodes: equal segments, finer near the grip."""
     return graded_nodes(length, segments, GRADED, FINEST)
 
 
@@ -36,9 +36,9 @@ def needs_terms(model: StripModel) -> bool:
 
 
 def lump(model: StripModel, segments: int, *, rich: bool = False) -> Array:
-    """Coefficients (segments + 3, NATURE) of `model` lumped onto `segments` segments.
+    """Coefficients (segments + 3, NATURE) of the nodes and segments of a rod for strip `model`.
 
-    `rich`: (segments + 3, RICH_NATURE), with the coefficients of `terms`.
+    If `rich` they are (segments + 3, RICH_NATURE), with those of the kernels of `terms`.
     """
     mechanics = model.mechanics
     arc = lattice(mechanics.length, segments)
@@ -85,7 +85,7 @@ def _lump_bending(inner: Array, mechanics: Mechanics, middles: Array) -> None:
 
 
 def _combine_compliances(grip: Array, compliance: float) -> None:
-    """Put the grip's `compliance` [rad/(N m)] in series with the strip's hinge at the grip.
+    """Put the grip's `compliance` [rad/(N m)] in series with the strip's bending at the grip.
 
     Angles add under one moment: K' = K / (1 + C K); with s = K' / K the strip's share of the angle,
     damping is s^2 D, and the cubic term s^3 of itself.
@@ -101,7 +101,7 @@ def _combine_compliances(grip: Array, compliance: float) -> None:
 
 
 def _lump_terms(rows: Array, model: StripModel, reach: Array) -> None:
-    """Write the coefficients of `terms`; the grip's compliance is already in those of bending."""
+    """Write the coefficients that the kernels of `terms` read, for nodes `reach` (n,) [m] long."""
     mechanics, law, boundary = model.mechanics, model.mechanics.law, model.boundary
     inner = rows[1:-1]
     inner[:, at.QUADRATIC] = inner[:, at.BEND] * law.quadratic_damping / reach
@@ -126,7 +126,7 @@ def _lump_friction(inner: Array, law: BendingLaw) -> None:
 
 
 def check(models: Sequence[StripModel]) -> None:
-    """Raise Unsupported where a rod cannot represent part of a model in `models`."""
+    """Raise Unsupported for a strip model in `models` that a rod cannot represent."""
     for model in models:
         check_simulated("rod", model, SIMULATED_FIELDS)
         gx, gz = model.boundary.gravity

@@ -1,4 +1,4 @@
-"""Newton's method for one implicit step of a rod: assemble, eliminate, correct.
+"""Newton's method for one implicit step of a rod: assembly, elimination, correction.
 
 The tangent matrix is symmetric with half bandwidth 5 and is factorised in place into L D L^T. Row r
 of `band` (rows, 7[, LANE_COUNT]) holds 1/D(r) in column 0, L(r, r - j) in column j = 1..5 and the
@@ -10,11 +10,11 @@ from typing import Any
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.bending import internal_forces
 from drivers.strip.rod.compiled import kernel
-from drivers.strip.rod.lanes import anywhere, below, choose, fma, like, load, store
+from drivers.strip.rod.lanes import any_lane, below, fma, load, select, splat, store
 from drivers.strip.rod.terms import air_drag, settling_turn, update_stuck
 
 ITERATIONS = 10
-TURN_TOLERANCE = 1e-4  # rad, root mean square of the last turns of the segments, unless asked
+TURN_TOLERANCE = 1e-4  # rad, default for the root mean square of the last turns of the segments
 LARGEST_TURN = 1.0  # rad^2, square of a turn in one correction, more than a step of a fold needs
 SINK = 2e-5  # m over which the desk takes up the weight
 PIVOT_COLUMN, SIDE_COLUMN = 0, 6
@@ -22,22 +22,22 @@ PIVOT_COLUMN, SIDE_COLUMN = 0, 6
 
 @kernel
 def desk_reaction(block: Any, r: int) -> Any:
-    """Upward force [N] of the desk on row `r` and its stiffness [N/m]: a one-sided spring.
+    """Upward force [N] of the desk on the node at row `r`, and its stiffness [N/m].
 
-    Quadratic, then linear; exactly the weight at z = 0, so that a strip at rest stays there.
+    A one-sided spring, quadratic, then linear; at z = 0 exactly the weight, which so lies at rest.
     """
     weight = load(block.nature, r, at.DESK)
     depth = 1.5 - load(block.state, r, at.Z) * (1.0 / SINK)
-    touching = choose(depth, depth, 0.0)
+    touching = select(depth, depth, 0.0)
     full = below(1.0, touching)
-    force = choose(full, touching - 0.5, 0.5 * touching * touching)
-    slope = choose(full, 1.0, touching)
+    force = select(full, touching - 0.5, 0.5 * touching * touching)
+    slope = select(full, 1.0, touching)
     return weight * force, weight * slope * (1.0 / SINK)
 
 
 @kernel
 def residual(block: Any, r: int, inertia: Any, reaction: Any) -> Any:
-    """Residual force (x, z) [N] on row `r`: inertia + internal forces - weight - desk."""
+    """Residual force x, z [N] on node row `r`: inertia + internal forces - weight - desk."""
     nature, state, work = block.nature, block.state, block.work
     x = inertia * (load(state, r, at.X) - load(work, r, at.HAT_X))
     z = inertia * (load(state, r, at.Z) - load(work, r, at.HAT_Z))
@@ -87,7 +87,9 @@ def assemble(block: Any, r: int, rate: Any) -> None:
 
 @kernel
 def eliminate(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> None:
-    """Factorise row `r` with A(r, r - j) = a_j, j = 4..1, and substitute its right side forward.
+    """Factorise row `r` of the tangent matrix and substitute its right-hand `side` forward.
+
+    The entries `row` are A(r, r - j), j = 4..1.
 
     v_j = A(r, r-j) - sum_{k>j} v_k L(r-j, r-k); L(r, r-j) = v_j / D(r-j);
     D(r) = A(r, r) - sum_j v_j L(r, r-j).
@@ -115,7 +117,7 @@ def eliminate(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> None:
 
 @kernel
 def eliminate_fifth(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> None:
-    """Factorise row `r` as `eliminate` does, with five entries A(r, r - j) = a_j, j = 5..1."""
+    """Factorise row `r` as `eliminate` does, with five entries A(r, r - j), j = 5..1."""
     a5, a4, a3, a2, a1 = row
     l5 = a5 * load(band, r - 5, PIVOT_COLUMN)
     store(band, r, 5, l5)
@@ -131,12 +133,12 @@ def eliminate_fifth(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> No
 
 @kernel
 def substitute(band: Any, first: int, last: int) -> None:
-    """Solve rows first..last backwards, into column SIDE_COLUMN.
+    """Solve the factorised rows `first` to `last` backwards, into column SIDE_COLUMN.
 
     x_r = y_r / D(r) - sum_j L(r+j, r) x_{r+j}. Rows last + 1 .. last + 5 must exist; their columns
     1..5 and SIDE_COLUMN are overwritten by zeros.
     """
-    zero = like(band, 0.0)
+    zero = splat(band, 0.0)
     for r in range(last + 1, last + 6):
         for column in range(1, SIDE_COLUMN + 1):
             store(band, r, column, zero)
@@ -152,32 +154,32 @@ def substitute(band: Any, first: int, last: int) -> None:
 
 @kernel
 def apply_correction(block: Any, gate: Any) -> Any:
-    """Apply the solved Newton step to nodes and tensions of the lanes `gate`; returns its size.
+    """Apply the solved Newton step to nodes and tensions in the lanes where `gate` is above 0.
 
-    T = EA (l / l0 - 1 + t de / l0): the tension of the linearised segment, free of the stretch that
-    a turn of a straight piece feigns. The size is the mean and the largest of the squared turns of
-    the segments [rad^2].
+    Returns the mean and the largest squared turn [rad^2] of each lane's segments. T = EA (l / l0 -
+    1 + t de / l0) is the tension of the linearised segment, free of the stretch that a turn of a
+    straight piece feigns.
     """
     state, work, band = block.state, block.work, block.band
-    turned, wildest = like(state, 0.0), like(state, 0.0)
-    dx_before, dz_before = like(state, 0.0), like(state, 0.0)
+    turned, wildest = splat(state, 0.0), splat(state, 0.0)
+    dx_before, dz_before = splat(state, 0.0), splat(state, 0.0)
     for r in range(at.FIRST_FREE_NODE, state.shape[0] - 1):
         dx, dz = load(band, 2 * r, SIDE_COLUMN), load(band, 2 * r + 1, SIDE_COLUMN)
         x, z = pair(state, r, at.X)
-        store(state, r, at.X, choose(gate, x - dx, x))
-        store(state, r, at.Z, choose(gate, z - dz, z))
+        store(state, r, at.X, select(gate, x - dx, x))
+        store(state, r, at.Z, select(gate, z - dz, z))
         turn_x, turn_z = pair(work, r - 1, at.TURN_X)
         ex, ez = dx - dx_before, dz - dz_before
         turn = fma(turn_x, ex, turn_z * ez)
         square = turn * turn
         turned = fma(load(block.nature, r - 1, at.SHARE), square, turned)
-        wildest = choose(square - wildest, square, wildest)
+        wildest = select(square - wildest, square, wildest)
         along = fma(turn_z, ex, -(turn_x * ez))
         tension = fma(-load(work, r - 1, at.GROWTH), along, load(work, r - 1, at.TAUT))
         if block.terms is not None:
             turned = turned + settling_turn(block, r - 1, along)
             update_stuck(block, r - 1, along)
-        store(state, r - 1, at.TENSION, choose(gate, tension, load(state, r - 1, at.TENSION)))
+        store(state, r - 1, at.TENSION, select(gate, tension, load(state, r - 1, at.TENSION)))
         dx_before, dz_before = dx, dz
     return turned, wildest
 
@@ -198,8 +200,8 @@ def solve(block: Any, rate: Any, alive: Any, tolerance: Any) -> Any:
         substitute(block.band, 2 * at.FIRST_FREE_NODE, 2 * block.last + 1)
         turned, wildest = apply_correction(block, unsolved)
         sane = below(turned, LARGEST_TURN) * below(wildest, LARGEST_TURN)
-        failed = choose(unsolved * (1.0 - sane), unsolved, failed)
+        failed = select(unsolved * (1.0 - sane), unsolved, failed)
         unsolved = unsolved * sane * (1.0 - below(turned, tolerance * tolerance))
-        if not anywhere(unsolved):
+        if not any_lane(unsolved):
             break
-    return choose(unsolved, unsolved, failed)
+    return select(unsolved, unsolved, failed)

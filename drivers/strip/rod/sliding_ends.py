@@ -5,37 +5,37 @@ from typing import Any
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.bending import direction
 from drivers.strip.rod.compiled import kernel
-from drivers.strip.rod.lanes import below, choose, like, load, store
+from drivers.strip.rod.lanes import below, load, select, splat, store
 from drivers.strip.rod.newton import desk_reaction
 from drivers.strip.rod.terms import HUGE, slip_direction, slip_limit
 
 
 @kernel
 def slip_length(block: Any, r: int) -> Any:
-    """Sliding distance [m] of segment `r` in the step just solved."""
+    """Distance [m] by which the strip slid at segment `r` in the step just solved."""
     stretch, span = load(block.nature, r, at.STRETCH), load(block.nature, r, at.SPAN)
     _, _, _, length = direction(block.state, r)
     taut = stretch * (length - span - load(block.state, r, at.SLID))
     sign = slip_direction(block, r, taut)
-    level = choose(sign, slip_limit(block, r), -load(block.state, r, at.HELD))
-    return choose(sign * sign, (taut - level) / stretch, 0.0)
+    level = select(sign, slip_limit(block, r), -load(block.state, r, at.HELD))
+    return select(sign * sign, (taut - level) / stretch, 0.0)
 
 
 @kernel
 def slide_in_grip(block: Any, alive: Any) -> None:
-    """Lengthen the segment at the grip by the length that slips out of the grip.
+    """Lengthen the segment at the grip by what slid out of the grip in the step just solved.
 
-    That piece is straight and massless, valid for a few per cent of the strip. Arc lengths count
-    from the fixed edge to the edge that was grasped, so l1 does not grow by it.
+    That piece is straight and massless, valid for a few per cent of the strip. Arc lengths end at
+    the edge that was grasped, so l1 does not grow by it.
     """
     r = block.state.shape[0] - 3
     before = load(block.state, r, at.SLID)
-    store(block.state, r, at.SLID, choose(alive, before + slip_length(block, r), before))
+    store(block.state, r, at.SLID, select(alive, before + slip_length(block, r), before))
 
 
 @kernel
 def slide_edge(block: Any, alive: Any) -> None:
-    """Move the fixed edge by its slip, and update the friction that the lying part exerts on it.
+    """Move a loose fixed edge by the distance it slid, and update the friction that holds it.
 
     All friction of the lying part acts at its edge: that part is straight and hardly stretches, so
     it slides as a whole when the pull exceeds friction times the normal force of the desk.
@@ -44,18 +44,18 @@ def slide_edge(block: Any, alive: Any) -> None:
     away = slip_length(block, 1)
     for r in range(2):
         x = load(state, r, at.X)
-        store(state, r, at.X, choose(alive, x + away, x))
-    borne = like(state, 0.0)
+        store(state, r, at.X, select(alive, x + away, x))
+    borne = splat(state, 0.0)
     for r in range(1, block.last + 1):
         reaction, _ = desk_reaction(block, r)
         borne = borne + reaction
     cling, before = load(block.nature, 1, at.CLING), load(state, 1, at.HELD)
-    held = choose(below(HUGE, cling), cling, cling * borne)
-    store(state, 1, at.HELD, choose(alive, held, before))
+    held = select(below(HUGE, cling), cling, cling * borne)
+    store(state, 1, at.HELD, select(alive, held, before))
 
 
 @kernel
 def slide_ends(block: Any, alive: Any) -> None:
-    """Apply the slip of both ends after a step of the active lanes."""
+    """Apply the sliding of both ends in the active lanes, after a step."""
     slide_in_grip(block, alive)
     slide_edge(block, alive)

@@ -1,16 +1,15 @@
 """Static equilibria of a batch of strips, reached by damped motion along gripper paths."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import SimulationNotConverged, Unsupported
-from drivers.strip.model import StripModel
+from drivers.strip.model import StripModel, with_field
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import end_strips, flat_batch
-from drivers.strip.rod.blocks import follow
+from drivers.strip.rod.blocks import step_along
 from drivers.strip.rod.layout import Batch
 from drivers.strip.rod.newton import TURN_TOLERANCE
 from drivers.strip.rod.time_step import Pace
@@ -18,13 +17,13 @@ from drivers.types import Array
 
 APPROACH_STEPS = 60  # steps from lying flat to where a strip hangs
 FINE_STEPS = 150  # likewise, after the solver failed to converge in APPROACH_STEPS
-APPROACH_HEIGHT = 0.7  # of the way in over what a slack strip allows
-PERIOD = 0.05  # s, Euler steps of the way to the place of rest
-STILLING = tuple(PERIOD * 2**i for i in range(10))  # s, steps in which it comes to rest there
+APPROACH_HEIGHT = 0.7  # of the approach over the height that a slack strip allows
+PERIOD = 0.05  # s, Euler steps of the approach
+STILLING = tuple(PERIOD * 2**i for i in range(10))  # s, steps in which a strip comes to rest
 
 
 def lift_path(batch: Batch, start: Array) -> Array:
-    """Gripper poses (k, n, 3) on the way from flat strips to `start` (n, 3): up, then inwards.
+    """Gripper poses (k, n, 3) from flat strips to grippers at `start` (n, 3): up, then inwards.
 
     The height grows with the root of the inward distance, so that the edge stays within the strip's
     reach.
@@ -36,11 +35,11 @@ def lift_path(batch: Batch, start: Array) -> Array:
 
 
 def fit_length(batch: Batch, models: Sequence[StripModel], steps: int = APPROACH_STEPS) -> None:
-    """Move the gripped edge of each strip that is too long or too short to x = `stated_length`.
+    """Move the gripped edge of each strip of `batch` to x = its model's `stated_length`.
 
-    A shorter strip is stretched evenly; a longer one, laid in so many `steps`, lies at rest with
-    its slack as a wave in front of the grip, as after a grip that came in from above. Until the
-    grip is there it cannot shorten: fabric buckles, where a rod may stay straight and compressed.
+    A shorter strip is stretched evenly; a longer one, moved in `steps` steps, comes to rest with
+    its slack as a wave in front of the grip, as after a grip that came in from above. It is kept
+    inextensible until then: fabric buckles, where a rod may stay straight and compressed.
     """
     slack = batch.arc[:, -1] - np.array([model.stated_length for model in models])
     goal = batch.held - slack[:, None] * (1.0, 0.0, 0.0)
@@ -51,18 +50,15 @@ def fit_length(batch: Batch, models: Sequence[StripModel], steps: int = APPROACH
         path = batch.held + share[:, :, None] * (goal - batch.held)
         reach = np.sqrt(2 * batch.arc[:, -1] * np.maximum(slack, 0.0))
         path[:, :, 1] = APPROACH_HEIGHT * reach * np.sqrt(share * (1 - share))
-        rigid = flat_batch([_inextensible(model) for model in models], batch.arc.shape[1] - 1)
+        stiff = [with_field(m, "mechanics.stretch_stiffness", np.inf) for m in models]
+        rigid = flat_batch(stiff, batch.arc.shape[1] - 1)
         settle(end_strips(batch._replace(nature=rigid.nature), slack <= 0), path)
         yields = np.array([np.isfinite(m.mechanics.stretch_stiffness) for m in models])
         settle(end_strips(batch, (slack <= 0) | ~yields), goal[None])
 
 
-def _inextensible(model: StripModel) -> StripModel:
-    return replace(model, mechanics=replace(model.mechanics, stretch_stiffness=np.inf))
-
-
 def _stretch(batch: Batch, ratio: Array, which: NDArray[np.bool_]) -> None:
-    """Scale x of all nodes by `ratio` (n,), in the strips of mask `which` (n,)."""
+    """Scale x of all nodes by `ratio` (n,) in the strips of mask `which` (n,)."""
     end = batch.state.shape[1] - 1
     for b, lane in np.ndindex(batch.strips.shape):
         i = batch.strips[b, lane]
@@ -74,7 +70,7 @@ def _stretch(batch: Batch, ratio: Array, which: NDArray[np.bool_]) -> None:
 
 
 def settle(batch: Batch, path: Array) -> None:
-    """Move the grips along `path` (k, n, 3) and let the strips come to rest."""
+    """Move the grips along `path` (k, n, 3) by damped steps, and let the strips come to rest."""
     _follow_damped(batch, path, PERIOD)
     for longer in STILLING:
         _follow_damped(batch, path[-1:], longer)
@@ -84,7 +80,7 @@ def _follow_damped(batch: Batch, poses: Array, dt: float) -> None:
     """Step along `poses` (k, n, 3) by backward Euler; raises where a strip fails or touches."""
     observed = np.zeros((len(poses), len(batch.held), at.OBSERVABLE_COUNT))
     pace = Pace(dt, 0.0, 0.0, TURN_TOLERANCE)
-    follow(batch, poses, observed, np.empty((0, 0, 0, 2)), 1, 0.0, pace)
+    step_along(batch, poses, observed, np.empty((0, 0, 0, 2)), 1, 0.0, pace)
     failed, touched = (
         np.isfinite(batch.monitor[:, field]) for field in (at.FAILURE_TIME, at.TOUCH_TIME)
     )

@@ -7,23 +7,23 @@ from typing import Any
 
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.compiled import kernel
-from drivers.strip.rod.lanes import below, choose, fma, load, sqrt, store
+from drivers.strip.rod.lanes import below, fma, load, select, sqrt, store
 
 HUGE = 1e300  # coefficients beyond are null at infinity
 CORRECTION_TURN = 100.0  # rad/m: a correction by 1 um counts as one by 1e-4 rad
-UNTRIED = 2.0  # way of what slides before the first iteration of a step
-UNSETTLED = 0.1  # rad^2, what counts at most
+UNTRIED = 2.0  # sliding direction before the first iteration of a step
+UNSETTLED = 0.1  # rad^2 as which a correction counts at most
 
 
 @kernel
 def magnitude(a: Any) -> Any:
     """Absolute value of `a`, lane by lane."""
-    return choose(below(a, 0.0), -a, a)
+    return select(below(a, 0.0), -a, a)
 
 
 @kernel
 def maxwell_strain(block: Any, r: int, change: Any, rate: Any) -> Any:
-    """Strain q of the Maxwell element at row r, by dq/dt = deps/dt - q / time, and dq/deps.
+    """Strain q of the Maxwell element at row `r`, by dq/dt = deps/dt - q / time, and dq/deps.
 
     `change` is eps - base, so deps/dt = rate change and dq/dt = rate (q - base of q).
     """
@@ -46,17 +46,17 @@ def lagging_moment(block: Any, r: int, change: Any, rate: Any) -> Any:
 
 @kernel
 def gradual_element(slip: Any, pace: Any, change: Any, before: Any) -> Any:
-    """Moment [N m] of an element without a yield point after a `change` of strain, and its tangent.
+    """Moment [N m] of a friction element without yield point after a `change` of strain; tangent.
 
     dM/deps = pace (slip - s M) with s the sign of the change: Dahl's law of exponent 1. Of x = pace
     |change|, exp(-x) is taken as 1 / (1 + x + x^2 / 2 + x^3 / 6), which stays positive.
     """
     back = below(change, 0.0)
-    limit, x = choose(back, -slip, slip), pace * choose(back, -change, change)
+    limit, x = select(back, -slip, slip), pace * select(back, -change, change)
     slope = fma(x, fma(0.5, x, 1.0), 1.0)
     growth = fma(x * x, x * (1.0 / 6.0), slope)
     ahead = (limit - before) / growth  # the moment still to come
-    return limit - ahead, pace * slope * choose(back, -ahead, ahead) / growth
+    return limit - ahead, pace * slope * select(back, -ahead, ahead) / growth
 
 
 @kernel
@@ -69,17 +69,17 @@ def gradual_friction(block: Any, r: int, eps: Any) -> Any:
 
 @kernel
 def slip_limit(block: Any, r: int) -> Any:
-    """Tension [N] at which segment `r` begins to slide."""
+    """Tension [N] at which the strip begins to slide at segment `r`, next to an end."""
     held, gripped = load(block.state, r, at.HELD), load(block.nature, r, at.GRIPPED)
-    return choose(held - gripped, gripped, held)
+    return select(held - gripped, gripped, held)
 
 
 @kernel
 def slip_direction(block: Any, r: int, taut: Any) -> Any:
-    """Sliding direction of segment `r` at sticking tension `taut`: 1 pulled, -1 pushed, 0 none.
+    """Direction in which an end slides whose segment `r` would bear tension `taut` [N] if it stuck.
 
-    The grip lets go of what is pulled, not of what is pushed, which buckles first; a loose edge
-    slides both ways.
+    1 where it is pulled, -1 where pushed, 0 where it sticks. In the grip a pushed strip buckles
+    before it slides; a loose edge slides both ways.
     """
     pushed = below(taut, -load(block.state, r, at.HELD))
     return below(slip_limit(block, r), taut) - pushed
@@ -91,46 +91,45 @@ def stick_slip(block: Any, r: int, taut: Any, stretch: Any, span: Any) -> Any:
 
     Whether it slides follows from the tension that the last linear solution gives it if it sticks:
     that of its positions is mostly the stretch that a turn of an almost inextensible piece feigns.
-    What slid one way in the last iteration sticks in this one before it may slide the other way;
-    otherwise Newton's method would alternate between the two levels. In the first iteration of a
-    step all sticks: tensions of extrapolated positions are meaningless.
+    An end that slid in one direction in the last iteration sticks in this one before it may slide
+    in the other; otherwise Newton's method would alternate between the two. In the first iteration
+    of a step all ends stick: tensions of extrapolated positions are meaningless.
     """
     taut = taut - stretch * load(block.state, r, at.SLID)
     sign = slip_direction(block, r, load(block.work, r, at.STUCK))
     before = load(block.state, r, at.SLIP_SIGN)
-    sign = choose(below(sign * before, -0.5), 0.0, sign)
-    sign = choose(below(UNTRIED - 0.5, before), 0.0, sign)
+    sign = select(below(sign * before, -0.5), 0.0, sign)
+    sign = select(below(UNTRIED - 0.5, before), 0.0, sign)
     store(block.state, r, at.SLIP_SIGN, sign)
     store(block.work, r, at.STUCK, taut)
     store(block.work, r, at.STUCK_GROWTH, stretch * span)
-    level = choose(sign, slip_limit(block, r), -load(block.state, r, at.HELD))
+    level = select(sign, slip_limit(block, r), -load(block.state, r, at.HELD))
     moves = sign * sign
-    return choose(moves, level, taut), choose(moves, 0.0, stretch)
+    return select(moves, level, taut), select(moves, 0.0, stretch)
 
 
 @kernel
 def update_stuck(block: Any, r: int, along: Any) -> None:
-    """Update the sticking tension of segment `r` after a correction of its strain by `along`."""
+    """Update the tension of segment `r` if it stuck, after a correction `along` of its strain."""
     taut, growth = load(block.work, r, at.STUCK), load(block.work, r, at.STUCK_GROWTH)
     store(block.work, r, at.STUCK, fma(-growth, along, taut))
 
 
 @kernel
 def settling_turn(block: Any, r: int, along: Any) -> Any:
-    """Squared turn [rad^2] equivalent to a strain correction `along` of a segment that may slide.
+    """Squared turn [rad^2] as which a correction `along` of the strain of segment `r` counts.
 
-    A strip that slides moves without turning, so turns by themselves would end Newton's method
-    early.
+    A sliding strip moves without turning, so that turns alone would end Newton's method early.
     """
     turn = CORRECTION_TURN * along
     square = turn * turn
-    square = choose(square - UNSETTLED, UNSETTLED, square)
-    return choose(below(slip_limit(block, r), HUGE), square, 0.0)
+    square = select(square - UNSETTLED, UNSETTLED, square)
+    return select(below(slip_limit(block, r), HUGE), square, 0.0)
 
 
 @kernel
 def air_drag(block: Any, r: int, rate: Any) -> Any:
-    """Air drag (x, z) [N] against the motion of row `r`, and its tangent (xx, xz, zz).
+    """Air drag x, z [N] against the motion of node row `r`, and its tangent xx, xz, zz.
 
     F = D v with D = 1/2 rho C_d width length (u + slow) (n n' + along t t') of the predicted
     motion: of second order in the step, and symmetric.
@@ -144,7 +143,7 @@ def air_drag(block: Any, r: int, rate: Any) -> Any:
 
 @kernel
 def store_drag(block: Any, r: int, rate: Any) -> None:
-    """Write the drag matrix of row `r`, from its predicted motion, into `work`."""
+    """Write the drag matrix of node row `r`, from its predicted motion, into `work`."""
     state, work = block.state, block.work
     tx = load(state, r + 1, at.X) - load(state, r - 1, at.X)
     tz = load(state, r + 1, at.Z) - load(state, r - 1, at.Z)
@@ -163,18 +162,18 @@ def store_drag(block: Any, r: int, rate: Any) -> None:
 
 @kernel
 def store_history(block: Any, r: int, eps: Any, rate: Any, alive: Any) -> None:
-    """Store the Maxwell strain and the gradual friction at row r after a step to strain `eps`."""
+    """Store Maxwell strain and gradual friction at row `r` after a step to bending strain `eps`."""
     q, _ = maxwell_strain(block, r, eps - load(block.work, r, at.BASE_EPS), rate)
     before, older = load(block.state, r, at.MAXWELL), load(block.state, r, at.MAXWELL1)
-    store(block.state, r, at.MAXWELL1, choose(alive, before, older))
-    store(block.state, r, at.MAXWELL, choose(alive, q, before))
+    store(block.state, r, at.MAXWELL1, select(alive, before, older))
+    store(block.state, r, at.MAXWELL, select(alive, q, before))
     dry, _ = gradual_friction(block, r, eps)
-    store(block.state, r, at.GRADUAL, choose(alive, dry, load(block.state, r, at.GRADUAL)))
+    store(block.state, r, at.GRADUAL, select(alive, dry, load(block.state, r, at.GRADUAL)))
 
 
 @kernel
 def predict_terms(block: Any, rate: Any, weights: Any) -> None:
-    """Write drag matrices and bases of the Maxwell strains for the coming step into `work`."""
+    """Write drag matrices and BDF2 bases of Maxwell strains for the coming step into `work`."""
     now, old = weights
     for r in range(1, block.state.shape[0] - 1):
         store(block.state, r, at.SLIP_SIGN, UNTRIED)

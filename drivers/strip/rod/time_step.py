@@ -1,4 +1,4 @@
-"""One step of a block of strips: implicit in time, in substeps where a lane fails to converge.
+"""Implicit time step of a block of strips, in substeps where a lane fails to converge.
 
 Second-order backward difference (BDF2) with variable step, or backward Euler. With omega the step
 over the last one, a rate is gamma (value - base), gamma = (1 + 2 omega) / ((1 + omega) h), base =
@@ -17,12 +17,12 @@ import numpy as np
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.bending import direction, dry_friction, strain
 from drivers.strip.rod.compiled import kernel
-from drivers.strip.rod.lanes import anywhere, choose, fma, load, pick, put, store
+from drivers.strip.rod.lanes import any_lane, fma, load, load_lane, select, store, store_lane
 from drivers.strip.rod.newton import desk_reaction, pair, solve
 from drivers.strip.rod.sliding_ends import slide_ends
 from drivers.strip.rod.terms import air_drag, predict_terms, store_history
 
-SUBSTEPS = (16, 256)  # of a failed step: first try, second try
+SUBSTEPS = (16, 256)  # of a failed step, in the first and in the second attempt
 
 
 class Grips(NamedTuple):
@@ -59,7 +59,7 @@ def weights(omega: float) -> Any:
 
 @kernel
 def predict_motion(block: Any, h: float, omega: float, alive: Any) -> None:
-    """Shift the history of the free nodes, extrapolate them, and store the bases in `work`."""
+    """Extrapolate the free nodes over a step `h` [s], and store history and BDF2 bases."""
     state, work = block.state, block.work
     period = h * (1.0 + omega) / (1.0 + 2.0 * omega)
     now, old = weights(omega)
@@ -71,15 +71,15 @@ def predict_motion(block: Any, h: float, omega: float, alive: Any) -> None:
             base = fma(now, x, old * x1)
             store(work, r, at.BASE_X + axis, base)
             store(work, r, at.HAT_X + axis, fma(fma(now, v, old * v1), period, base))
-            store(state, r, at.X1 + axis, choose(alive, x, x1))
-            store(state, r, at.VX1 + axis, choose(alive, v, v1))
+            store(state, r, at.X1 + axis, select(alive, x, x1))
+            store(state, r, at.VX1 + axis, select(alive, v, v1))
             guess = x + fma(ahead, v, behind * v1)
-            store(state, r, at.X + axis, choose(alive, guess, x))
+            store(state, r, at.X + axis, select(alive, guess, x))
 
 
 @kernel
 def predict_strain(block: Any, omega: float) -> None:
-    """Store the BDF2 bases of the bending strains in `work`; `finish_step` shifts their history."""
+    """Store the BDF2 bases of the bending strains in `work`."""
     now, old = weights(omega)
     for r in range(1, block.state.shape[0] - 1):
         eps, eps1 = load(block.state, r, at.EPS), load(block.state, r, at.EPS1)
@@ -88,23 +88,23 @@ def predict_strain(block: Any, omega: float) -> None:
 
 @kernel
 def finish_step(block: Any, rate: float, alive: Any) -> None:
-    """Update velocities, history-dependent strains and moments, and sliding ends after a step."""
+    """Store velocities, strains, friction moments and sliding of the active lanes after a step."""
     state = block.state
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
         for axis in range(2):
             v = rate * (load(state, r, at.X + axis) - load(block.work, r, at.BASE_X + axis))
-            store(state, r, at.VX + axis, choose(alive, v, load(state, r, at.VX + axis)))
+            store(state, r, at.VX + axis, select(alive, v, load(state, r, at.VX + axis)))
     before = direction(state, 0)
     for r in range(1, state.shape[0] - 1):
         here = direction(state, r)
         new, _ = strain(before, here)
         dry, _ = dry_friction(block, r, new)
         eps = load(state, r, at.EPS)
-        store(state, r, at.FRICTION, choose(alive, dry, load(state, r, at.FRICTION)))
+        store(state, r, at.FRICTION, select(alive, dry, load(state, r, at.FRICTION)))
         if block.terms is not None:
             store_history(block, r, new, rate, alive)
-        store(state, r, at.EPS1, choose(alive, eps, load(state, r, at.EPS1)))
-        store(state, r, at.EPS, choose(alive, new, eps))
+        store(state, r, at.EPS1, select(alive, eps, load(state, r, at.EPS1)))
+        store(state, r, at.EPS, select(alive, new, eps))
         before = here
     if block.terms is not None:
         slide_ends(block, alive)
@@ -114,7 +114,7 @@ def finish_step(block: Any, rate: float, alive: Any) -> None:
 def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
     """Store the strip's force [N] on its grip, from the balance of momentum of the free nodes.
 
-    The last segments are so short that their own shear shows what Newton's method leaves.
+    The shear of the last, short segments would contain what error Newton's method leaves.
     """
     state, nature, work = block.state, block.nature, block.work
     end, ghost = state.shape[0] - 2, state.shape[0] - 1
@@ -133,8 +133,8 @@ def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
         if block.terms is not None:
             (drag_x, drag_z), _ = air_drag(block, r, rate)
             x, z = x - drag_x, z - drag_z
-    store(state, ghost, at.GRIP_FORCE_X, choose(alive, x, load(state, ghost, at.GRIP_FORCE_X)))
-    store(state, ghost, at.GRIP_FORCE_Z, choose(alive, z, load(state, ghost, at.GRIP_FORCE_Z)))
+    store(state, ghost, at.GRIP_FORCE_X, select(alive, x, load(state, ghost, at.GRIP_FORCE_X)))
+    store(state, ghost, at.GRIP_FORCE_Z, select(alive, z, load(state, ghost, at.GRIP_FORCE_Z)))
 
 
 @kernel
@@ -154,23 +154,23 @@ def implicit_step(block: Any, h: float, omega: float, alive: Any, tolerance: flo
 
 @kernel
 def place_grip(block: Any, lane: int, pose: Any) -> None:
-    """Move one lane's grasped edge to `pose` (x, z, pitch), and its ghost node along the pitch."""
+    """Move the grasped edge in lane `lane` to `pose` (3,), and its ghost node along the pitch."""
     row = block.state.shape[0] - 2
-    span = pick(block.nature, row, at.SPAN, lane)
-    put(block.state, row, at.X, lane, pose[0])
-    put(block.state, row, at.Z, lane, pose[1])
-    put(block.state, row + 1, at.X, lane, pose[0] + span * math.cos(pose[2]))
-    put(block.state, row + 1, at.Z, lane, pose[1] + span * math.sin(pose[2]))
+    span = load_lane(block.nature, row, at.SPAN, lane)
+    store_lane(block.state, row, at.X, lane, pose[0])
+    store_lane(block.state, row, at.Z, lane, pose[1])
+    store_lane(block.state, row + 1, at.X, lane, pose[0] + span * math.cos(pose[2]))
+    store_lane(block.state, row + 1, at.Z, lane, pose[1] + span * math.sin(pose[2]))
 
 
 @kernel
 def place_grips(block: Any, grips: Any, share: float) -> None:
-    """Move each active lane's grip to the pose at `share` of the step, unless the end is free."""
+    """Move the grips of the active lanes to their poses at `share` of the step."""
     if block.last == block.state.shape[0] - 2:
         return
     pose = np.empty(3)
     for lane in range(len(grips.strips)):
-        if pick(grips.alive, 0, 0, lane) > 0.0:
+        if load_lane(grips.alive, 0, 0, lane) > 0.0:
             i = grips.strips[lane]
             for c in range(3):
                 goal = grips.poses[i, c]
@@ -180,35 +180,35 @@ def place_grips(block: Any, grips: Any, share: float) -> None:
 
 @kernel
 def rewind(block: Any, gate: Any) -> None:
-    """Restore the state before a failed step in the lanes `gate`."""
+    """Restore the state before a failed step, in the lanes where `gate` is above 0."""
     state = block.state
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
         for field in range(at.EPS):
             now = load(state, r, at.X + field)
-            store(state, r, at.X + field, choose(gate, load(state, r, at.X1 + field), now))
+            store(state, r, at.X + field, select(gate, load(state, r, at.X1 + field), now))
     for r in range(state.shape[0]):
-        store(state, r, at.TENSION, choose(gate, 0.0, load(state, r, at.TENSION)))
+        store(state, r, at.TENSION, select(gate, 0.0, load(state, r, at.TENSION)))
 
 
 @kernel
 def copy_fields(source: Any, fields: Any, target: Any, to: int, gate: Any) -> None:
-    """Copy fields first to end - 1 of `source` to `target` from field `to` on, in lanes `gate`."""
+    """Copy fields (first, end) of `source` to `target` from field `to` on, in the lanes `gate`."""
     first, end = fields
     for r in range(target.shape[0]):
         for c in range(end - first):
             old = load(target, r, to + c)
-            store(target, r, to + c, choose(gate, load(source, r, first + c), old))
+            store(target, r, to + c, select(gate, load(source, r, first + c), old))
 
 
 @kernel
 def step_in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> Any:
-    """Step the lanes `gate` in `parts` equal substeps without history; returns the failed lanes."""
+    """Step the lanes `gate` in `parts` equal substeps, the first by Euler; returns failed lanes."""
     going = gate
     for part in range(parts):
         place_grips(block, grips, (part + 1) / parts)
         omega = pace.next_omega if part > 0 else 0.0
         going = going - implicit_step(block, pace.h / parts, omega, going, pace.tolerance)
-        if not anywhere(going):
+        if not any_lane(going):
             break
     return gate - going
 
@@ -217,12 +217,12 @@ def step_in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> A
 def step(block: Any, grips: Any, pace: Any) -> Any:
     """Step a block to the next poses of its grips; returns the lanes that failed to converge.
 
-    A lane that moved in substeps goes on with the history of one whole step; one that failed stays
-    as it was.
+    A lane that moved in substeps continues with the history of one full step; one that failed is
+    left unchanged.
     """
     place_grips(block, grips, 1.0)
     gate = implicit_step(block, pace.h, pace.omega, load(grips.alive, 0, 0), pace.tolerance)
-    if not anywhere(gate):
+    if not any_lane(gate):
         return gate
     rewind(block, gate)
     start = block.state.copy()
@@ -235,7 +235,7 @@ def step(block: Any, grips: Any, pace: Any) -> Any:
         if block.terms is not None:
             copy_fields(start, (at.MAXWELL, at.MAXWELL1), block.state, at.MAXWELL1, moved)
         gate = failed
-        if not anywhere(gate):
+        if not any_lane(gate):
             break
     place_grips(block, grips, 1.0)
     return gate

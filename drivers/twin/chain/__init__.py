@@ -1,1 +1,1 @@
-"""The chain engine: a strip as hinged rigid links in MuJoCo; the twin's plant."""
+"""Chain engine, the twin's plant: a strip as hinged rigid links in MuJoCo."""

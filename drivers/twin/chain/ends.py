@@ -1,4 +1,4 @@
-"""Ends of a chain: the grip's weld, its approach, and ends that slide with dry friction."""
+"""Ends of a chain of links: the grip's weld, its approach, and ends that slide with friction."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -22,22 +22,22 @@ GIVE = 1e-4  # m, by which an end yields before it slides
 
 @dataclass(frozen=True, slots=True)
 class Grip:
-    """Commanded gripper `pose` (3,) of x, z, pitch, and its `rate` (3,)."""
+    """Commanded gripper `pose` (3,) of x, z [m], pitch [rad], and its `rate` (3,) per second."""
 
     pose: Array
     rate: Array
 
     @classmethod
     def at_rest(cls, pose: Array) -> Self:
-        """A gripper at rest at `pose`."""
+        """Grip at rest at `pose` (3,)."""
         return cls(pose, np.zeros(3))
 
     def to(self, pose: Array, h: float) -> Self:
-        """The grip moved to `pose` within `h` [s]."""
+        """Grip that has moved from here to `pose` (3,) within `h` [s]."""
         return type(self)(pose, (pose - self.pose) / h)
 
     def target(self, before: Self, h: float) -> Array:
-        """Weld target (3,) with which the tip is at this grip's pose after the step.
+        """Target (3,) of the weld with which the chain's tip is at this grip after a step of `h`.
 
         The weld obeys a + b v + k r = 0, with acceleration a, rate v and violation r (tip minus
         target) at the step's end; a tip on its commanded motion has r = -(a + b v) / k.
@@ -47,7 +47,7 @@ class Grip:
 
 
 def approach_poses(model: StripModel) -> Array:
-    """Gripper poses (k, 3) that move the free edge from where it lies to its stated place.
+    """Gripper poses (k, 3) that move the free edge from where it lies to its stated length.
 
     A strip that is too long is brought there in an arc, which leaves its slack as a wave; one that
     is too short is pulled taut. Empty for a strip of exactly the stated length.
@@ -79,7 +79,7 @@ class Slide:
     sliding: float = NOT_SLIDING
 
     def update(self, position: float, rate: float) -> None:
-        """Decide between stick and slip from the joint's position and velocity."""
+        """Choose stick or slip for the next step, from the joint's position and velocity."""
         if self.sliding != NOT_SLIDING:
             if self.sliding * rate <= 0:  # reversed: stick, with the spring at the same force
                 self.rest = position - self.sliding * self.limit / self.stiffness
@@ -90,7 +90,7 @@ class Slide:
             self.sliding = float(np.sign(force))
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Hold the joint, or resist its motion, in the next step."""
+        """Write the element's spring, or its constant force, into `model` and `data`."""
         model.jnt_stiffness[self.joint] = self.stiffness if self.sliding == NOT_SLIDING else 0.0
         model.qpos_spring[self.joint] = self.rest
         data.qfrc_applied[self.joint] = -self.sliding * self.limit
@@ -98,11 +98,11 @@ class Slide:
 
 @dataclass(frozen=True, slots=True)
 class Ends:
-    """The sliding ends of a chain, if any.
+    """Sliding ends of a chain, None for an end that does not slide.
 
     The grip slips under pull and not under compression. The loose edge slides both ways, held by
     `friction` times the normal force of the desk, `edge_weight` [N] of it at the edge itself,
-    because the part behind the desk contact slides as a whole.
+    because the part behind the desk contact slides in one piece.
     """
 
     grip: Slide | None
@@ -112,7 +112,7 @@ class Ends:
 
     @classmethod
     def at_rest(cls, model: StripModel, lumps: Lumps, joints: Joints) -> Self:
-        """Both ends of a chain at rest."""
+        """Ends of the chain of strip `model` at rest."""
         boundary, gravity = model.boundary, -float(model.boundary.gravity[1])
         grip: Slide | None = None
         edge: Slide | None = None
@@ -127,11 +127,11 @@ class Ends:
 
     @property
     def slide(self) -> bool:
-        """Whether any end can slide."""
+        """Whether an end of the chain can slide."""
         return self.grip is not None or self.edge is not None
 
     def update(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Decide stick or slip for the next step from the state of `data`."""
+        """Choose stick or slip of both ends for the next step, from the state in `data`."""
         if not self.slide:
             return
         if self.edge is not None and data.ncon > 0:
@@ -142,7 +142,7 @@ class Ends:
         self.apply(model, data)
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Write the ends' springs and forces into the model of a step."""
+        """Write the springs and forces of both ends into `model` and `data`."""
         for slide in (self.grip, self.edge):
             if slide is not None:
                 slide.apply(model, data)

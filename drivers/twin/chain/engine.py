@@ -1,4 +1,4 @@
-"""The chain engine: MuJoCo steps strips as planar chains of hinges; the twin's plant."""
+"""Chain engine, the twin's plant: MuJoCo simulates strips as planar chains of hinged links."""
 
 import math
 from collections.abc import Sequence
@@ -18,25 +18,26 @@ from drivers.types import Array
 
 OPENING = 2.0  # touch gaps by which the layers must have opened before they can touch
 PULL = 2e-5  # m beyond a strip's reach: some three times its weight
-# rad that a hinge turns in a step when the chain has lost its way; 0.9 is known
-LOST_TURN = np.pi
+LOST_TURN = np.pi  # rad that a hinge turns in a step of a diverging chain; 0.9 is known
 STATE_SPEC = mujoco.mjtState.mjSTATE_INTEGRATION
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)  # arrays compare slowly with a member
 FEWEST_LINKS = 8
 
 
 class ChainStrip:
-    """Simulation of a strip as a chain of `links` links, flat at time 0 and held at its end.
+    """Simulation of one strip as a chain of `links` links, flat at time 0 and held at its end.
 
     `points` (links + 1, 2) [m] are its nodes now, at arc lengths `arc` (links + 1,) [m] from the
-    fixed edge; `touch` is its layer_touch, once it has happened. `foreign` forces act on it in
-    addition to those of its model.
+    fixed edge; `touch` is the first touch of its layers. `foreign` forces act on it in addition to
+    those of its model.
     """
 
     def __init__(self, model: StripModel, links: int, foreign: Sequence[ExtraForce] = ()) -> None:
         self._description, self._links = model, links
         self._lumps = Lumps.from_model(model, links)
-        self._load(compile_chain(model, links))
+        # `_step` raises SimulationNotFinite: MuJoCo's warning would only add a line on stderr
+        mujoco.set_mju_user_warning(_ignore_warning)
+        self._use_model(compile_chain(model, links))
         self._joints = Joints.from_model(self._model, self._lumps.spans)
         self._loads = Loads(self._lumps, self._joints)
         self._foreign = ExtraForces(
@@ -54,7 +55,7 @@ class ChainStrip:
         self._approach()
 
     def release(self) -> None:
-        """Release the grasped edge."""
+        """Release the grasped edge from the gripper."""
         self._held = False
         self._data.eq_active[0] = 0
 
@@ -93,7 +94,7 @@ class ChainStrip:
         return np.array([x, z]) / self._lumps.scale
 
     def _approach(self) -> None:
-        """Move the grasped edge to its stated position, if need be, and let the strip settle."""
+        """Move the grasped edge to the stated length, and let the strip settle."""
         for pose in approach_poses(self._description):
             grip = self._grip.to(pose, LONGEST_STEP)
             self._loads.update(self._data, LONGEST_STEP)
@@ -114,7 +115,7 @@ class ChainStrip:
             to_fixed = x - float(self.points[0, 0])
             self.touch = Touch(self._time + share * h, x, strip.length - s, to_fixed)
             layers = Layers.of(self._joints.angles(self._data.qpos)[:-1])
-            self._load(compile_chain(self._description, self._links, layers))
+            self._use_model(compile_chain(self._description, self._links, layers))
             self._pace(h)
             self._foreign.restore_damping(self._model)
             mujoco.mj_setState(self._model, self._data, self._state, STATE_SPEC)
@@ -122,6 +123,7 @@ class ChainStrip:
             self._step(grip, h)
 
     def _step(self, grip: Grip, h: float) -> None:
+        """Step MuJoCo by `h` [s] with the tip welded to `grip`; raises SimulationNotFinite."""
         if self._held:
             x, z, pitch = self._within_reach(grip.target(self._grip, h))
             self._data.mocap_pos[0] = x, 0.0, z
@@ -134,7 +136,7 @@ class ChainStrip:
             raise SimulationNotFinite("chain", self._time + h)
 
     def _within_reach(self, target: Array) -> Array:
-        """`target` (3,), moved no further from the fixed edge than a taut strip and `PULL` reach.
+        """Weld target `target` (3,), at most as far from the fixed edge as a taut strip and PULL.
 
         A weld with a larger violation pulls so hard that the solver loses the weight in rounding.
         """
@@ -144,15 +146,14 @@ class ChainStrip:
         return target * (reach / far, reach / far, 1.0)
 
     def _pace(self, h: float) -> None:
+        """Set the time step `h` [s] of the model, and the damping that belongs to it."""
         if self._model.opt.timestep != h:
             self._model.opt.timestep = h
             self._model.dof_damping[self._joints.hinges] = self._lumps.damping_at(h)
 
-    def _load(self, model: mujoco.MjModel) -> None:
-        # A strip that diverges is a fault with a name, not a line on the screen.
-        mujoco.set_mju_user_warning(_ignore_warning)
-        self._model = model
-        self._data = mujoco.MjData(model)
+    def _use_model(self, model: mujoco.MjModel) -> None:
+        """Continue with `model`, in its initial state."""
+        self._model, self._data = model, mujoco.MjData(model)
 
 
 def _ignore_warning(_: str) -> None:
@@ -160,12 +161,12 @@ def _ignore_warning(_: str) -> None:
 
 
 class Chain:
-    """Strip engine (`Stepper`): MuJoCo chains of `links` links, stepped one after the other.
+    """Strip engine of MuJoCo chains of `links` links, which are stepped one after the other.
 
-    Steps longer than 5 ms are divided into equal parts along the straight line between poses. After
-    layer_touch the run goes on: the layers rest on each other. A grip is compliant (10 N pull it by
-    7 um on the paper's strip), so a pose that the strip cannot reach costs force, not a fault.
-    `foreign` forces act on the strips in addition to those of their models.
+    Steps longer than 5 ms are divided into equal parts along the straight line between poses. The
+    simulation continues after the touch: the layers rest on each other. The grip is compliant (10 N
+    pull it by 7 um on the paper's strip), so that a pose out of the strip's reach costs force and
+    is no fault. `foreign` forces act on the strips in addition to those of their models.
     """
 
     def __init__(self, links: int = 60, foreign: Sequence[ExtraForce] = ()) -> None:
@@ -200,16 +201,16 @@ class Chain:
         return self._observe()
 
     def release(self) -> None:
-        """Release the strips: later gripper poses have no effect."""
+        """Release all strips from their grippers: later gripper poses have no effect."""
         for strip in self._strips:
             strip.release()
 
     def shapes(self) -> Array:
-        """Midlines (n, links + 1, 2) [m] from the fixed to the grasped edge."""
+        """Midlines (n, links + 1, 2) [m] of all strips, from the fixed to the grasped edge."""
         return np.stack([strip.points for strip in self._strips])
 
     def arc(self) -> Array:
-        """Arc lengths of the nodes (n, links + 1) [m] from the fixed edge."""
+        """Arc lengths (n, links + 1) [m] of the nodes from the fixed edge."""
         return np.stack([strip.arc for strip in self._strips])
 
     def _observe(self) -> Observables:

@@ -1,4 +1,4 @@
-"""Forces on a chain that MuJoCo has no field for, and the extension point for further ones."""
+"""Forces on a chain that MuJoCo has no field for, and the interface for extra forces."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from drivers.types import Array
 
 
 class Loads:
-    """Applied forces of one chain, computed before each step; keeps the history of its strip.
+    """Friction, relaxation and drag of one chain, computed before each step from its history.
 
     A chain steps like leapfrog: a force at the angles of a step's beginning is second-order
     accurate.
@@ -28,7 +28,7 @@ class Loads:
         self._elapsed = 0.0
 
     def update(self, data: mujoco.MjData, h: float) -> None:
-        """Compute the forces for a step of `h` [s] from the state of `data`."""
+        """Write the forces for a step of `h` [s] into `data`, from the state in it."""
         if self._has_friction or self._relaxes:
             data.qfrc_applied[self._joints.hinges] = self._moments(data, h)
         if self._has_drag:
@@ -36,7 +36,7 @@ class Loads:
             data.xfrc_applied[1:-2, :3:2] = self._drag(data, h)
 
     def _moments(self, data: mujoco.MjData, h: float) -> Array:
-        """Moments (n + 1,) of friction and relaxation at the hinges."""
+        """Moments (n + 1,) [N m] of friction and relaxation at the hinges."""
         lumps, hinges = self._lumps, self._joints.hinges
         moment = np.zeros(len(hinges))
         if self._has_friction:
@@ -48,7 +48,7 @@ class Loads:
         return moment
 
     def _relax(self, angle: Array, h: float) -> Array:
-        """Moments (n + 1,) by which Maxwell elements have relaxed below springs.
+        """Moments (n + 1,) [N m] by which Maxwell elements have relaxed below springs.
 
         Their strain obeys dq/dt = dangle/dt - q / time; exact for a uniform rate between calls.
         """
@@ -60,7 +60,7 @@ class Loads:
         return np.asarray(lumps.fading * (angle - lumps.rest - self._strain))
 
     def _drag(self, data: mujoco.MjData, h: float) -> Array:
-        """Drag forces (n, 2) on the links against their motion.
+        """Drag forces (n, 2) [N] along x and z on the links, against their motion.
 
         Divided by what an implicit step of an isolated link would slow it down by, so that light
         strips stay stable.
@@ -75,7 +75,7 @@ class Loads:
 
 
 class DahlFriction:
-    """Moment law of Dahl elements, each with its `limit` [N m] and `stiffness` [N m/rad].
+    """Moment law of Dahl's friction elements of `limit` (n,) [N m] and `stiffness` (n,) [N m/rad].
 
     dM/dangle = stiffness (1 - s M / limit)^exponent, where s is the sign of the rate. Source: Dahl,
     Solid friction damping of mechanical vibrations, AIAA Journal 14(12), 1976.
@@ -87,7 +87,7 @@ class DahlFriction:
         self._angle = 0.0 * limit
 
     def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG002
-        """Moments [N m] and slopes [N m/rad] at `angle` [rad]; exact for turns in one direction."""
+        """Moments (n,) [N m] and slopes [N m/rad] at `angle` (n,); exact for one direction."""
         turn = angle - self._angle
         sign = np.where(turn < 0, -1.0, 1.0)
         reserve = 1.0 - sign * self._moment / self._limit  # 0 in full sliding, 2 at a reversal
@@ -110,7 +110,7 @@ def _decay(start: Array, x: Array, exponent: float) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """Quantities of a chain that an extra force may read."""
+    """Properties of a chain that an extra force may read: strip model, lumps and joints."""
 
     model: StripModel
     lumps: Lumps
@@ -134,7 +134,7 @@ None where it exerts none.
 
 
 class ExtraForces:
-    """The extra forces that act on one chain, and the damping that they add."""
+    """Extra forces that act on one chain, and the damping that they add."""
 
     def __init__(self, laws: Sequence[ExtraForce], parts: Parts) -> None:
         self._lumps, self._hinges = parts.lumps, parts.joints.hinges
@@ -149,7 +149,7 @@ class ExtraForces:
             model.dof_damping[self._hinges] = self._lumps.damping_at(h)
 
     def add(self, model: mujoco.MjModel, data: mujoco.MjData, time: float, h: float) -> None:
-        """Add all extra forces to the next step."""
+        """Add all extra forces to the step of `h` [s] that begins at `time` [s]."""
         for act in self._acts:
             act(model, data, time, h)
         self._damping = model.dof_damping.copy() if self._acts else self._damping
@@ -168,7 +168,7 @@ Returns the moment (n + 1,) [N m] and its slope (n + 1,) [N m/rad]; it may remem
 
 
 def resistance(parts: Parts, law: MomentLaw) -> ForceFunction:
-    """An extra force from a moment law, with the damping that keeps the step stable.
+    """Extra force from a moment `law` at the hinges, with the damping that keeps steps stable.
 
     A step of h with the moment at its end is equivalent to a damper of h times the slope; its force
     at the present rate is subtracted, so that in steady motion only the moment remains.
@@ -197,13 +197,13 @@ def fifth_order(parts: Parts) -> ForceFunction:
 
 
 def gradual_friction(parts: Parts) -> ForceFunction:
-    """Extra force of the yarns' friction that has no yield point."""
+    """Extra force of the yarns' friction without a yield point, by Dahl's law."""
     lumps = parts.lumps
     return resistance(parts, DahlFriction(lumps.gradual_limit, lumps.gradual, exponent=1.0))
 
 
 def strip_laws(model: StripModel) -> Sequence[ExtraForce]:
-    """Extra forces that simulate terms of the strip's own bending law."""
+    """Extra forces for the terms of the strip's bending law that MuJoCo's joints lack."""
     law = model.mechanics.law
     fifth = (fifth_order,) if law.cubic != 0 and law.fifth != 0 else ()
     rubs = law.yield_curvature != 0 and law.gradual != 0

@@ -17,7 +17,7 @@ RIGID = 3e3  # axial stiffness over weight from which a strip counts as inextens
 
 @dataclass(frozen=True, slots=True)
 class Lumps:
-    """Coefficients of a strip on n links and n + 1 hinges, in the chain's own unit of mass.
+    """Coefficients of a strip on the n links and n + 1 hinges of a chain, in a scaled unit of mass.
 
     Dynamics do not change when masses, stiffnesses and forces share a factor; solver tolerances
     do. So every strip is built as heavy as the paper's: `scale` is that factor.
@@ -60,7 +60,7 @@ class Lumps:
 
     @classmethod
     def from_model(cls, model: StripModel, links: int) -> Self:
-        """Lumped coefficients of `model` on `links` links."""
+        """Coefficients of the strip `model` on a chain of `links` links."""
         strip, law = model.mechanics, model.mechanics.law
         nodes = places(strip.length, links)
         middles = np.concatenate([[0.0], 0.5 * (nodes[:-1] + nodes[1:]), [strip.length]])
@@ -100,11 +100,11 @@ class Lumps:
 
     @property
     def stretches(self) -> bool:
-        """Whether the strip stretches by more than a chain can distinguish from rigid."""
+        """Whether the strip is so soft along itself that a chain simulates its stretch."""
         return bool((self.along < self.held).any())
 
     def damping_at(self, h: float) -> Array:
-        """Damping (n + 1,) [N m s/rad] to simulate with steps of `h` [s].
+        """Damping (n + 1,) [N m s/rad] of the hinges to simulate with steps of `h` [s].
 
         An implicit step takes the spring's moment at its end, which damps like h times the
         stiffness; the difference is what has to be added. This makes the displacement second-order
@@ -114,7 +114,7 @@ class Lumps:
 
 
 def places(length: float, links: int) -> Array:
-    """Arc lengths of the nodes (links + 1,) [m]: equal links, shorter towards the grip.
+    """Arc lengths (links + 1,) [m] of a chain's nodes: equal links, shorter near the grip.
 
     For a blanket that slips in its grip, 200 equal links put the desk contact of a taut lift 29 mm
     from the rod's; these put it 9 mm away.
@@ -128,7 +128,7 @@ def _lag(strip: Mechanics) -> Array:
 
 
 def _share_of_strip(stiffness: Array, compliance: float) -> Array:
-    """Share s (n + 1,) of the strip in each hinge's angle; below 1 only at a compliant grip.
+    """Share s (n + 1,) of the hinges' angles that is the strip's; below 1 at a compliant grip.
 
     Under one moment angles add up: K' = s K with s = 1 / (1 + C K); then the strip's damping counts
     s^2, the cubic term against K' s^3.

@@ -1,4 +1,4 @@
-"""The MuJoCo description of a strip: a planar chain of hinges, its layers, desk, grip, joints."""
+"""MuJoCo model of a strip: a planar chain of hinges, with its layers, desk, grip and joints."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -39,9 +39,9 @@ Indices = NDArray[np.int_]
 
 @dataclass(frozen=True, slots=True)
 class Layers:
-    """Links up to number `lower` form the lower layer, nodes from number `upper` the upper one.
+    """Layers of a fold: links up to number `lower`, and nodes from number `upper` on.
 
-    The bend between them belongs to neither: it never touches itself.
+    The bend between the layers belongs to neither: it never touches itself.
     """
 
     lower: int
@@ -49,7 +49,7 @@ class Layers:
 
     @classmethod
     def of(cls, angle: Array) -> Self:
-        """The layers of a fold whose links stand at `angle` (n,) [rad] from flat."""
+        """Layers of a fold whose links are at `angle` (n,) [rad] from flat."""
         level = np.cos(angle)
         turned = int(np.argmax(level < 0))
         flat = np.flatnonzero(level[:turned] > FLAT)
@@ -60,11 +60,10 @@ class Layers:
         )
 
     def add(self, body: mujoco.MjsBody, node: int, lumps: Lumps, gap: float) -> None:
-        """Add to `body` the contact shape of the link that begins at `node`.
+        """Add to `body` the contact shape of the link that begins at number `node`.
 
-        It keeps midlines `gap` [m] apart, and together with adhesion. It lies on the outer side of
-        the fold and is thick, because a falling layer moves by more than the thickness of fabric
-        within a step.
+        It keeps midlines `gap` [m] apart. It lies on the outer side of the fold and is thick,
+        because a falling layer moves by more than the thickness of fabric within a step.
         """
         link = min(node, len(lumps.spans) - 1)
         radius = max(THICK, gap)
@@ -87,11 +86,11 @@ class Layers:
 
 
 def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco.MjSpec:
-    """A new MuJoCo spec of `model` as a chain of `links` links, flat along +x, gripped at its end.
+    """Build a MuJoCo spec of `model` as a chain of `links` links, flat along +x, held at its end.
 
-    Body i + 1 has its origin at node i; the last one is the tip, welded to the gripper.
-    Without `layers` only the desk carries the strip, with them its layers rest on each other.
-    Raises Unsupported for what a chain cannot represent.
+    Body i + 1 has its origin at node i; the last one is the tip, welded to the gripper. Without
+    `layers` only the desk carries the strip, with them its layers rest on each other. Raises
+    Unsupported for a model that a chain cannot represent.
     """
     check_simulated("chain", model, SIMULATED_FIELDS)
     lumps = Lumps.from_model(model, links)
@@ -116,7 +115,7 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
 
 
 def compile_chain(model: StripModel, links: int, layers: Layers | None = None) -> mujoco.MjModel:
-    """Compiled MuJoCo model of the chain, with the stiffness of its grip corrected.
+    """Compile the MuJoCo model of a strip's chain, with the stiffness of its grip corrected.
 
     MuJoCo softens a weld in proportion to how light the welded body is. The tip is nearly massless,
     so with the default its grip would sag by millimetres, and more with more links.
@@ -225,7 +224,7 @@ def _add_force_sensor(spec: mujoco.MjSpec) -> None:
 
 
 def sag(acceleration: float) -> float:
-    """Depth [m] to which a body under `acceleration` [m/s^2] sinks into a contact at rest.
+    """Depth [m] to which a body at rest under `acceleration` [m/s^2] sinks into a contact.
 
     Over it a strip starts at rest. Over a desk without it the strip would fall freely for a step,
     to a kink of 0.1 mm at its fixed edge, and under the push of a lift the strip would buckle there
@@ -235,7 +234,7 @@ def sag(acceleration: float) -> float:
 
 
 def solid(body: mujoco.MjsBody, contype: int, conaffinity: int) -> mujoco.MjsGeom:
-    """A massless, frictionless sphere on `body` whose stiffness determines its contacts."""
+    """Add to `body` a massless, frictionless sphere whose stiffness determines its contacts."""
     return body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_SPHERE,
         contype=contype,
@@ -265,7 +264,7 @@ class Joints:
 
     @classmethod
     def from_model(cls, model: mujoco.MjModel, spans: Array) -> Self:
-        """Joint indices of a compiled chain."""
+        """Joint indices of a compiled chain whose links are `spans` (n,) [m] long."""
         links = len(spans)
         numbers = {model.joint(j).name: j for j in range(model.njnt)}
         slides = {k: numbers[f"{SLIDE}{k}"] for k in range(links + 1) if f"{SLIDE}{k}" in numbers}
@@ -280,11 +279,11 @@ class Joints:
         )
 
     def angles(self, position: Array) -> Array:
-        """Angles (n + 1,) [rad] of links and tip from flat."""
+        """Angles (n + 1,) [rad] of links and tip from flat, at joint `position` (MuJoCo's qpos)."""
         return np.asarray(position[self.hinges].cumsum())
 
     def nodes(self, position: Array) -> Array:
-        """Positions (n + 1, 2) of the nodes: x, z [m]."""
+        """Positions (n + 1, 2) x, z [m] of the nodes, at joint `position` (MuJoCo's qpos)."""
         angles = self.angles(position)[:-1]
         nodes = np.zeros((len(self.hinges), 2))
         nodes[1:, 0] = np.cos(angles)
@@ -295,7 +294,7 @@ class Joints:
         return np.asarray(nodes.cumsum(axis=0))
 
     def speeds(self, position: Array, rate: Array) -> tuple[Array, Array]:
-        """Speeds (n, 2) [m/s] of link middles along and across the link, and directions (n, 2)."""
+        """Speeds (n, 2) [m/s] of links' middles along and across them, and directions (n, 2)."""
         angles = self.angles(position)[:-1]
         along = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         normals = np.stack([-along[:, 1], along[:, 0]], axis=1)

@@ -1,4 +1,4 @@
-"""Drawing of the hand: two fingers about the strip's edge, or the calibration pin."""
+"""Drawing of the simulated hand: two fingers about the strip's edge, or the calibration pin."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ DISC_LEVELS = np.array([236.0, 240.0, 240.0])
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """A box of the hand: convex `corners` (m, 2) of x, z [m], from `front` to `back` in y [m]."""
+    """Prism of the hand: convex `corners` (m, 2) of x, z [m], from `front` to `back` in y [m]."""
 
     corners: Array
     front: float
@@ -33,7 +33,10 @@ class Outline:
 
 
 def outlines(scene: Scene, middle: float, floor: float) -> list[Outline]:
-    """Convex outlines of hand and fingers about y = `middle` [m], far ones first, over `floor`."""
+    """Prisms of hand and fingers in `scene` about y = `middle` [m], cut off at z = `floor` [m].
+
+    In drawing order: wrist, hand, fingers.
+    """
     gap = 0.0 if scene.pointer else scene.finger_width / 2
     parts = [(_block(WRIST_SIZE), HAND_DEPTH, PALE), (_block(HAND_SIZE), HAND_DEPTH, 1.0)]
     parts += [(_finger(side * gap, side), FINGER_DEPTH, 1.0) for side in (-1.0, 1.0)]
@@ -49,7 +52,7 @@ def outlines(scene: Scene, middle: float, floor: float) -> list[Outline]:
 
 
 def faces_of(parts: Sequence[Outline], optics: Optics) -> list[tuple[Array, Array]]:
-    """Corners (m, 2) [px] of the front and the back face of each box."""
+    """Corners (m, 2) [px] of the front and the back face of each prism in `parts`."""
     return [
         (optics.plane(part.corners, part.front), optics.plane(part.corners, part.back))
         for part in parts
@@ -63,7 +66,7 @@ def draw_hand(
     origin: tuple[int, int],
     colour: Array,
 ) -> None:
-    """Draw boxes with darker sides and a lit front into `image` (h, w, 3), in place.
+    """Draw prisms of the hand, darker at the sides than in front, into `image` (h, w, 3).
 
     `faces` are in pixels of a larger image, in which this one begins at `origin` (u, v).
     """
@@ -99,7 +102,7 @@ def _disc(image: Image, centre: Array, radius: float, optics: Optics, colour: Ar
 def extent(
     faces: Sequence[tuple[Array, Array]], scene: Scene, optics: Optics
 ) -> tuple[Array, Array]:
-    """Pixels u and v (k,) that bound the hand, by its `faces`, and the pin that it holds."""
+    """Pixels u and v (k,) of points that bound the hand's `faces` and the pin that it holds."""
     sides = [corners for face in faces for corners in face]
     if scene.pointer:
         centre = np.array([scene.gripper.x, scene.gripper.z])

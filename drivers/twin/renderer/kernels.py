@@ -1,4 +1,4 @@
-"""Compiled loops over the strip's material points, from the midline to the pixels."""
+"""Compiled loops of the renderer: projection of a midline, sampling of its surface, splatting."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,12 +8,12 @@ from drivers.types import Array, Image
 
 Indices = NDArray[np.int64]
 
-FULL = 0.96  # coverage from which a pixel counts as filled, for gaps of the sampling
+FULL = 0.96  # coverage from which a pixel counts as filled, as samples leave gaps
 PLANE_SEQUENCE = (0.7548776662466927, 0.5698402909980532)  # a plane sequence of low discrepancy
 
 
 @entry
-def plane(
+def project_plane_points(
     points: Array,
     y: float,
     centre: Array,
@@ -24,7 +24,7 @@ def plane(
 ) -> Array:
     """Pixels (n, 2) of `points` (n, 2) of x, z [m] in the plane at `y` [m].
 
-    The camera at `centre` (3,) has the rotation `m` (3, 3); see `Optics`.
+    The camera at `centre` (3,) has the rotation `m` (3, 3); other arguments are as in `Optics`.
     """
     (u, v), (k1, k2) = principal, distortion
     pixels = np.empty((len(points), 2))
@@ -86,11 +86,11 @@ def sample_surface(
 ) -> Array:
     """Material points (6, n): u and v [px], area [px^2], brightness, arc length and depth [m].
 
-    Sample i of a curve, at arc length `s`, bears `rows` of them, each of `area`, evenly from
+    Sample i of a curve, at arc length `s[i]`, has `rows[i]` points of `area[i]`, evenly from
     `start` (m, 2) on over `across` (m, 2). Their brightness is `shade` times the `weave`, whose
-    rows and columns are powers of two; `grid` is how many of those a metre has, and the width [m]
-    that `across` stands for; 0 for an edge, seen to either side of `start`. They move by `motion`
-    (m, 2), empty at rest: each is shown at an instant such that neighbours together blur.
+    rows and columns are powers of two. `grid` is the number of those per metre, and the width [m]
+    that `across` stands for; 0 for an edge, to either side of `start`. Points move by `motion`
+    (m, 2), empty at rest: neighbours are shown at different instants, which together blur.
     """
     points = np.empty((6, rows.sum()))
     cells, width = grid
@@ -122,11 +122,11 @@ def _gather(
     low: int,
     right: int,
 ) -> int:
-    """Add each point's share of one of the four pixels around it to the `sums` (n, channels).
+    """Add the share of each point in one of the four pixels around it to `sums` (n, channels).
 
     `low` and `right`, 0 or 1, choose the pixel. Pixels get sums when first needed, numbered from 1:
-    `numbered` holds the number for each pixel (rows, columns) from `origin` on, 0 without a sum,
-    the flat pixel index of each sum (n,), and how many sums are taken. Returns how many then are.
+    `numbered` holds the number of each pixel (rows, columns) from `origin` on, 0 without a sum, the
+    flat pixel index of each sum (n,), and the number of sums in use, of which the new is returned.
     """
     places, pixels, taken = numbered
     (u0, v0), (rows, columns) = origin, places.shape
@@ -161,11 +161,11 @@ def splat(
     light: NDArray[np.float32],
     origin: tuple[int, int],
 ) -> None:
-    """Lay material points over `image`, a part of the whole one from `origin` (u, v) on, in place.
+    """Draw material `points` (6, n) over `image`, a window of the frame from `origin` (u, v) on.
 
-    Each spreads its area bilinearly over the four nearest pixels, which keeps its first moment;
-    what a pixel gathers is its coverage. The ink is `colour` (3,) BGR, or where `tint` (n, 3) is
-    not empty its mean by brightness, under the `light` of the whole image.
+    A point spreads its area bilinearly over the four nearest pixels, which preserves its first
+    moment; the sum in a pixel is its coverage. The ink is `colour` (3,) BGR, or the mean of `tint`
+    (n, 3) by brightness where that is not empty, under the `light` of the frame.
     """
     columns = image.shape[1]
     most = 4 * points.shape[1] + 1

@@ -1,4 +1,4 @@
-"""Light and shade: soft shadows of the strip and of the arm, and mains flicker."""
+"""Light in rendered frames: soft shadows of strip and arm, and mains flicker."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,7 +33,8 @@ Gain = NDArray[np.float32]
 class ShadowBand:
     """Image rows, from `top` on, in which the desk under the strip appears.
 
-    `bins` (rows, width) place along x, `weight` (rows, width) how much of the shadow they take.
+    `bins` (rows, width) are the pixels' places along x, `weight` (rows, width) their shares of the
+    shadow.
     """
 
     top: int
@@ -41,7 +42,7 @@ class ShadowBand:
     weight: NDArray[np.float32]
 
     def cast(self, image: Image, origin: tuple[int, int], profile: Array) -> None:
-        """Darken the desk in `image`, whose first pixel is (u, v) = `origin`, in place."""
+        """Darken the desk in `image`, whose first pixel is `origin` (u, v), in place."""
         u, v = origin
         first, last = max(self.top, v), min(self.top + len(self.bins), v + image.shape[0])
         if first >= last:
@@ -54,7 +55,7 @@ class ShadowBand:
 
 
 def shadow_band(settings: CameraSettings, optics: Optics, look: StripLook) -> ShadowBand:
-    """Shadow band of the image rows in which the camera sees the desk at the strip's depths."""
+    """Image rows in which the camera sees the desk at the depths y of a strip of this `look`."""
     floor = -look.thickness / 2
     top, bottom = _band_rows(settings, optics, look.width, floor)
     u, v = np.meshgrid(
@@ -82,7 +83,7 @@ def _band_rows(
 
 
 def shadow_profile(curve: Curve) -> Array:
-    """Depth (BINS,) of the shadow along x, 0 to 1: the deeper, the lower the strip hangs."""
+    """Darkness (BINS,) of the strip's shadow along x, 0 to 1: the darker, the lower it hangs."""
     place = (curve.points[:, 0] - TABLE_RANGE[0]) / (TABLE_RANGE[1] - TABLE_RANGE[0]) * BINS
     bins = np.clip(place, 0, BINS - 1).astype(np.int64)
     depth = np.exp(-np.maximum(curve.points[:, 1], 0) / FADE_HEIGHT)
@@ -91,13 +92,13 @@ def shadow_profile(curve: Curve) -> Array:
 
 
 def scale_brightness(image: Image, gain: Gain) -> Image:
-    """`image` (h, w, 3) under light that is `gain` (h, w) or (h, 1) times as bright."""
+    """Copy of `image` (h, w, 3) times the brightness `gain` (h, w) or (h, 1)."""
     whole = np.ascontiguousarray(np.broadcast_to(gain, image.shape[:2]))
     return np.asarray(cv2.multiply(image, cv2.merge([whole] * 3), dtype=cv2.CV_8U))
 
 
 def flicker(light: Flicker, height: int, stamp: float, exposure: float) -> Gain:
-    """Brightness (height, 1) of the rows of a frame exposed about `stamp` [s].
+    """Brightness (height, 1) of the rows of a frame that is exposed about `stamp` [s].
 
     The lamp's power falls to zero twice a mains period; the average over an `exposure` [s] follows
     the sinc of its fraction of that period.
@@ -111,9 +112,9 @@ def flicker(light: Flicker, height: int, stamp: float, exposure: float) -> Gain:
 def arm_shadow(
     lamp: Lamp, parts: Sequence[Outline], optics: Optics, size: tuple[int, int], floor: float
 ) -> Gain:
-    """Brightness (height, width) of an image under the arm's shadow on wall and desk.
+    """Brightness (height, width) of a frame under the shadow of the arm on wall and desk.
 
-    `size` is (width, height). The desk lies at `floor` [m]. Objects between desk and wall are
+    `size` is (width, height). The desk is at z = `floor` [m]. Objects between desk and wall are
     shaded like the wall.
     """
     width, height = size[0] // SHADOW_GRID, size[1] // SHADOW_GRID
@@ -121,7 +122,7 @@ def arm_shadow(
     for part in parts:
         middle = (part.front + part.back) / 2
         points = np.insert(part.corners, 1, middle, axis=1)
-        for shadow in (_on_wall(points, lamp), _on_desk(points, lamp, floor)):
+        for shadow in (_cast_on_wall(points, lamp), _cast_on_desk(points, lamp, floor)):
             if len(shadow) > 2:
                 _fill(dark, optics.project(shadow) / SHADOW_GRID)
     sigma = _softness(lamp, optics) / SHADOW_GRID
@@ -136,23 +137,26 @@ def _fill(dark: Image, corners: Array) -> None:
     cv2.fillPoly(dark, [outline], 255, cv2.LINE_AA, FRACTION_BITS)
 
 
-def _on_wall(points: Array, lamp: Lamp) -> Array:
-    """Points (n, 3) at which rays from the lamp through `points` (n, 3) meet the wall."""
-    place = np.array(lamp.place)
-    away = (BACKDROP_DISTANCE - place[1]) / (points[:, 1] - place[1])
-    met = place + away[:, None] * (points - place)
-    met[:, 2] = np.maximum(met[:, 2], WALL_EDGE)
-    return np.asarray(met)
+def _cast_on_wall(points: Array, lamp: Lamp) -> Array:
+    """Shadows (n, 3) [m] that `points` (n, 3), behind the lamp, cast on the visible wall.
+
+    Those below the wall's visible edge are raised to it.
+    """
+    source = np.array(lamp.place)
+    ratio = (BACKDROP_DISTANCE - source[1]) / (points[:, 1] - source[1])
+    shadow = source + ratio[:, None] * (points - source)
+    shadow[:, 2] = np.maximum(shadow[:, 2], WALL_EDGE)
+    return np.asarray(shadow)
 
 
-def _on_desk(points: Array, lamp: Lamp, floor: float) -> Array:
-    """Points (m, 3) at which rays from the lamp through `points` (n, 3) meet the desk."""
-    place = np.array(lamp.place)
-    low = points[points[:, 2] < place[2] - BELOW_LAMP]
-    away = (place[2] - floor) / (place[2] - low[:, 2])
-    met = place + away[:, None] * (low - place)
-    met[:, 1] = np.minimum(met[:, 1], BACKDROP_DISTANCE)
-    return np.asarray(met)
+def _cast_on_desk(points: Array, lamp: Lamp, floor: float) -> Array:
+    """Shadows (m, 3) [m] that those of `points` (n, 3) below the lamp cast on the desk."""
+    source = np.array(lamp.place)
+    low = points[points[:, 2] < source[2] - BELOW_LAMP]
+    ratio = (source[2] - floor) / (source[2] - low[:, 2])
+    shadow = source + ratio[:, None] * (low - source)
+    shadow[:, 1] = np.minimum(shadow[:, 1], BACKDROP_DISTANCE)
+    return np.asarray(shadow)
 
 
 def _softness(lamp: Lamp, optics: Optics) -> float:

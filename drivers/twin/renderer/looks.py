@@ -1,4 +1,4 @@
-"""Looks of the cell: surroundings, light, and patterns printed on the strip."""
+"""Appearances of the simulated cell: surroundings, light, and patterns printed on the strip."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ Point = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A box parallel to the axes of the cell frame: low and high corner [m], its sRGB colour."""
+    """Box parallel to the axes of the cell frame: low and high corner [m], sRGB colour."""
 
     low: Point
     high: Point
@@ -24,7 +24,7 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Cable:
-    """A cable through `points` [m], `thickness` [m] across, of one sRGB colour."""
+    """Cable through `points` [m] of the cell frame, `thickness` [m] across, of an sRGB colour."""
 
     points: tuple[Point, ...]
     thickness: float
@@ -36,7 +36,7 @@ Thing = Box | Cable
 
 @dataclass(frozen=True, slots=True)
 class Lamp:
-    """A lamp at `place` [m] that casts the arm's shadow; `size` [m] is its radius.
+    """Lamp at `place` [m] in the cell frame that casts the arm's shadow; `size` [m] is its radius.
 
     `share` is its fraction of the light at the desk.
     """
@@ -60,10 +60,10 @@ class Flicker:
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """Pattern of a strip: `printed` colours that alternate with its own every `pitch` [m].
+    """Pattern of a strip: `printed` colours that alternate with the strip's every `pitch` [m].
 
     `across` alternates along the strip's length, `along` over its width, `checks` in both.
-    `brightness` scales that of the strip's own colour.
+    `brightness` scales that of the strip's colour.
     """
 
     kind: Literal["across", "along", "checks"] = "across"
@@ -73,7 +73,7 @@ class Pattern:
 
     @property
     def plain(self) -> bool:
-        """Whether the strip keeps the one colour that its file states."""
+        """Whether the strip has only the colour that its file states."""
         return not self.printed and self.brightness == 1.0
 
     def colours(self, stated: Colour) -> Array:
@@ -114,11 +114,11 @@ class StripLook:
 
     @classmethod
     def of(cls, strip: StripFile, pattern: Pattern = UNIFORM) -> Self:
-        """The look that a strip or plant file states, `pattern` printed on it."""
+        """Appearance that a strip or plant file states, with `pattern` printed on the strip."""
         return cls(strip.colour, strip.thickness, strip.width, pattern)
 
     def tint(self, s: Array, y: Array) -> Array | None:
-        """BGR colours (n, 3) at arc lengths and depths (n,) [m]; None for a strip of one colour."""
+        """BGR colours (n, 3) at arc lengths `s`, depths `y` (n,) [m]; None for a single colour."""
         if self.pattern.plain:
             return None
         i, j = (np.floor(place / self.pattern.pitch).astype(np.int64) for place in (s, y))
@@ -175,7 +175,7 @@ LOOKS: Mapping[str, Look] = {
 
 
 def check_look(name: str) -> str:
-    """Returns `name` if a look has it; raises ValueError with all names otherwise."""
+    """Return `name` if it is that of a look; raises ValueError with all names otherwise."""
     if name not in LOOKS:
         raise ValueError(f"there is no look {name!r}; allowed: {', '.join(LOOKS)}")
     return name

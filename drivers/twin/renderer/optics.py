@@ -1,6 +1,6 @@
-"""The twin camera's true model: a pinhole with radial distortion at its pose, and its sensor.
+"""True model of the twin's camera: a pinhole with radial distortion, and its sensor's noise.
 
-Private to the twin: calibration sees only images.
+Private to the twin: calibration uses only images.
 """
 
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.twin.renderer.kernels import plane
+from drivers.twin.renderer.kernels import project_plane_points
 from drivers.twin.settings import CameraSettings
 from drivers.types import Array, Image
 
@@ -36,7 +36,7 @@ class Optics:
 
     @classmethod
     def of(cls, settings: CameraSettings) -> Self:
-        """The camera model from `settings`."""
+        """Camera model that `settings` state."""
         height = settings.distance * np.tan(settings.elevation)
         centre = np.array([settings.aim_x, -settings.distance, height])
         aim = np.array([settings.aim_x, 0.0, settings.aim_z]) - centre
@@ -59,7 +59,7 @@ class Optics:
         )
 
     def displace(self, scale: float, shift: tuple[float, float]) -> Self:
-        """The camera moved so that a point p appears where (1 + scale) p + `shift` appeared before.
+        """Camera moved so that a point p appears where (1 + scale) p + `shift` appeared before.
 
         `shift` is of x, z [m]. All rays turn about the centre, so this holds at every depth.
         """
@@ -67,7 +67,7 @@ class Optics:
         return replace(self, centre=np.asarray(moved))
 
     def project(self, points: Array) -> Array:
-        """Pixels (..., 2) of points (..., 3) of the cell frame [m]."""
+        """Pixels (..., 2) of `points` (..., 3) [m] of the cell frame."""
         right, down, forward = np.moveaxis((points - self.centre) @ self.rotation.T, -1, 0)
         inverse = 1 / forward
         a, b = right * inverse, down * inverse
@@ -77,18 +77,18 @@ class Optics:
         return np.stack([a * scale + self.principal[0], b * scale + self.principal[1]], axis=-1)
 
     def plane(self, points: Array, y: float = 0.0) -> Array:
-        """Pixels (..., 2) of points (..., 2) of x, z [m] in the plane at `y` [m]."""
+        """Pixels (..., 2) of `points` (..., 2) of x, z [m] in the plane at `y` [m]."""
         flat = np.array(points, dtype=np.float64).reshape(-1, 2)
         camera = self.centre, self.rotation, self.focal, self.principal, self.distortion
-        return plane(flat, y, *camera).reshape(points.shape)
+        return project_plane_points(flat, y, *camera).reshape(points.shape)
 
     def seen_from(self, origin: tuple[int, int]) -> Self:
-        """The camera with pixels counted from `origin` (u, v)."""
+        """Copy of the camera whose pixels are counted from `origin` (u, v)."""
         u, v = self.principal
         return replace(self, principal=(u - origin[0], v - origin[1]))
 
     def rays(self, u: Pixels, v: Pixels) -> tuple[Pixels, Pixels, Pixels]:
-        """Directions x, y, z in the cell frame of the rays through pixels u, v, not unit long."""
+        """Directions x, y, z (...,) in the cell frame of rays through pixels u, v; not unit."""
         a = (u - np.float32(self.principal[0])) / np.float32(self.focal)
         b = (v - np.float32(self.principal[1])) / np.float32(self.focal)
         r2 = a * a + b * b
@@ -127,7 +127,7 @@ def _inverse(distortion: tuple[float, float], field: float) -> Array:
 
 
 def blur(image: Image, sigma: float) -> Image:
-    """`image` (h, w, 3) blurred by a lens with a Gaussian point spread of `sigma` [px]."""
+    """Copy of `image` (h, w, 3) blurred by a Gaussian point spread of `sigma` [px]."""
     if sigma == 0:
         return image
     size = kernel_size(sigma)
@@ -140,21 +140,21 @@ def kernel_size(sigma: float) -> int:
 
 
 def noisy(image: Image, sigma: float, rng: np.random.Generator) -> Image:
-    """`image` (h, w, 3) with fresh Gaussian noise of `sigma` grey levels."""
+    """Copy of `image` (h, w, 3) with Gaussian noise of `sigma` grey levels from `rng`."""
     noise = rng.standard_normal(image.shape, dtype=np.float32) * np.float32(sigma)
     return np.asarray(np.clip(np.rint(image + noise), 0, 255), dtype=np.uint8)
 
 
 @dataclass(frozen=True, slots=True)
 class NoiseBank:
-    """A noise tile (height, width, 3) larger than the image, as positive and negative parts."""
+    """Noise tile (height, width, 3) larger than a frame, as positive part and negative part."""
 
     seed: int
     adds: Image
     takes: Image
 
     def apply(self, image: Image, sequence: int) -> None:
-        """Add the noise of frame `sequence` in place; a function of seed and sequence only."""
+        """Add the noise of frame `sequence` to `image` (h, w, 3), by seed and sequence alone."""
         rng = np.random.default_rng((self.seed, sequence))
         y, x = rng.integers(TILE_SHIFTS, size=2)
         window = (slice(y, y + image.shape[0]), slice(x, x + image.shape[1]))
@@ -163,7 +163,7 @@ class NoiseBank:
 
 
 def noise_bank(width: int, height: int, sigma: float, seed: int) -> NoiseBank:
-    """Noise bank of `sigma` grey levels, correlated between neighbours as after demosaicing."""
+    """Draw a noise tile of `sigma` grey levels, correlated in space as after demosaicing."""
     rng = np.random.default_rng((seed, 0x5E))
     tile = rng.standard_normal((height + TILE_SHIFTS, width + TILE_SHIFTS, 3), dtype=np.float32)
     tile = cv2.GaussianBlur(tile, (3, 3), 0.5)

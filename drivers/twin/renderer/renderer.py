@@ -1,4 +1,4 @@
-"""Renderer of the twin's camera frames."""
+"""Renderer of the simulated camera's frames."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -60,9 +60,9 @@ _SPECK = Scene(
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Columns `left` to `right` and rows `top` to `bottom` of an image of `size` (width, height).
+    """Window of an image of `size` (width, height): columns `left` to `right`, rows to `bottom`.
 
-    `margin` [px] at its sides serves the blur alone and is not put back.
+    Its outer `margin` [px] serves the blur alone and is not copied back.
     """
 
     left: int
@@ -76,7 +76,7 @@ class Window:
     def around(
         cls, extents: Sequence[tuple[Array, Array]], size: tuple[int, int], margin: int
     ) -> Self | None:
-        """Window around points (u, v) [px] and twice the margin; None where it misses the image."""
+        """Window around points u, v [px] with twice the margin; None where outside the image."""
         present = [extent for extent in extents if len(extent[0])]
         if not present:
             return None
@@ -95,11 +95,11 @@ class Window:
         return self.left, self.top
 
     def of(self, image: NDArray[T]) -> NDArray[T]:
-        """View of the window's part of `image`."""
+        """View of the window in `image`, of any shape (height, width, ...)."""
         return image[self.top : self.bottom, self.left : self.right]
 
     def put(self, part: Image, image: Image) -> None:
-        """Copy `part` into `image`, without the margin at sides that lie inside the image."""
+        """Copy `part`, a window's content (h, w, 3), into `image`, without the inner margins."""
         above, left = (self.margin if side > 0 else 0 for side in (self.top, self.left))
         right = self.right - (self.margin if self.right < self.size[0] else 0)
         bottom = self.bottom - (self.margin if self.bottom < self.size[1] else 0)
@@ -111,7 +111,7 @@ class Window:
 
 
 class Renderer:
-    """Draws scenes of one strip look from one camera; all randomness comes from `seed`.
+    """Renderer of scenes with a strip of one appearance, for one camera, random by `seed` alone.
 
     The static background is drawn once at construction. `render` is a pure function of its
     arguments.
@@ -131,7 +131,8 @@ class Renderer:
         `contact_bias` [m] shifts the apparent desk contact, see `draw_lint`.
         `surround` is the look of the cell about the strip, its colours over those of `settings`.
         """
-        settings = apply_look(settings, surround)
+        around = settings.surroundings.model_copy(update=dict(surround.colours))
+        settings = settings.model_copy(update={"surroundings": around})
         self._settings = settings
         self._surround = surround
         self._look = look
@@ -150,7 +151,7 @@ class Renderer:
         self.render([_SPECK], 0)  # compiles now, outside the control loop
 
     def render(self, scenes: Sequence[Scene], sequence: int) -> Image:
-        """Frame `sequence`, (height, width, 3) BGR, of `scenes`: moments of its exposure in order.
+        """Frame `sequence` (height, width, 3) BGR, exposed to `scenes`, equally spaced in time.
 
         Raises ConfigurationError without a scene.
         """
@@ -187,11 +188,13 @@ class Renderer:
         if scene.pointer:
             draw_pointer(part, scene, self._optics.seen_from(window.origin), self._gripper)
         if curve is not None and self._contact_bias:
-            self._draw_lint(part, window, scene)
+            look = (self._colour * float(np.median(window.of(self._light))), self._look.thickness)
+            optics = self._optics.seen_from(window.origin)
+            draw_lint(part, window.of(self._sharp), scene, optics, self._contact_bias, look)
         window.put(blur(part, self._settings.lens_blur), image)
 
     def _lit(self, image: Image, scene: Scene, hand: Sequence[Outline]) -> Image:
-        """`image` (h, w, 3) under light that varies: the arm's shadow and flicker, if any."""
+        """Copy of `image` (h, w, 3) with the arm's shadow and flicker, where the look has them."""
         surround, settings = self._surround, self._settings
         if surround.lamp is not None:
             size, floor = (settings.width, settings.height), -self._look.thickness / 2
@@ -204,24 +207,12 @@ class Renderer:
         return image
 
     def _clouds(self, curve: Curve) -> tuple[Cloud, ...]:
-        """Clouds of the strip's material points, far to near."""
+        """Material points of the strip in the image: those of its face, then of its near edge."""
         picture = project(curve, self._optics, self._look)
         return (
             sample_face(curve, picture, self._optics, self._look, self._weave),
             sample_edge(curve, picture, self._look, self._weave),
         )
-
-    def _draw_lint(self, part: Image, window: Window, scene: Scene) -> None:
-        optics = self._optics.seen_from(window.origin)
-        glow = float(np.median(window.of(self._light)))
-        look = (self._colour * glow, self._look.thickness)
-        draw_lint(part, window.of(self._sharp), scene, optics, self._contact_bias, look)
-
-
-def apply_look(settings: CameraSettings, look: Look) -> CameraSettings:
-    """`settings` with the colours of `look` in place of their own."""
-    around = settings.surroundings.model_copy(update=dict(look.colours))
-    return settings.model_copy(update={"surroundings": around})
 
 
 def draw_lint(

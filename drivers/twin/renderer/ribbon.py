@@ -1,4 +1,4 @@
-"""The strip's midline during an exposure, and the material points of its surface in the image."""
+"""Midline of the strip during an exposure, and material points of its surface in the image."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,9 +12,9 @@ from drivers.twin.scene import Scene
 from drivers.types import Array
 
 GRAIN = 0.0005  # m, grid of the weave
-WEAVE_ROWS, WEAVE_COLUMNS = 2048, 128  # its size, then it repeats
+WEAVE_ROWS, WEAVE_COLUMNS = 2048, 128  # cells of the grid after which the weave repeats
 PITCH = 0.5  # px between points of material along the strip
-DEPTH_PITCH = 0.65  # px, across its faces
+DEPTH_PITCH = 0.65  # px between points of material across its faces
 EDGE_RADIUS = 0.001  # m of half a thickness by which the corners of a cut edge are rounded off
 LENS_PROBE = 0.001  # m, over which the lens counts as linear
 LIGHT_DIRECTION = np.array([-0.35, 0.94])  # where the light comes from, in the plane
@@ -25,7 +25,7 @@ BACK_BRIGHTNESS = 0.93  # brightness of the side that lies on the desk
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """The midline at arc lengths `s` (m,): `points`, unit `tangents` (m, 2) [m].
+    """Midline of a strip at arc lengths `s` (m,) [m]: `points` (m, 2) [m], unit `tangents` (m, 2).
 
     `motion` (m, 2) [m] is how far the points move during the exposure, None for a strip at rest.
     """
@@ -37,17 +37,17 @@ class Curve:
 
     @property
     def steps(self) -> Array:
-        """Displacements (m, 2) [m] along the curve, as long as the spacing of the samples."""
+        """Vectors (m, 2) [m] along the curve, as long as the spacing of the samples."""
         return np.asarray(self.tangents * (self.s[1] - self.s[0]))
 
     @property
     def normals(self) -> Array:
-        """Unit normals (m, 2), to the left of the tangent: up for a strip lying along +x."""
+        """Unit normals (m, 2) of the curve, to the left: up for a strip lying along +x."""
         return np.stack([-self.tangents[:, 1], self.tangents[:, 0]], axis=-1)
 
 
 def expose(scenes: Sequence[Scene], spacing: float) -> Curve:
-    """The midline sampled about every `spacing` [m] during an exposure.
+    """Midline of the strip in `scenes`, sampled about every `spacing` [m], during an exposure.
 
     The scenes are at the middles of equal parts of the exposure; the middle one gives the shape,
     the first and the last the motion, which is assumed uniform.
@@ -66,7 +66,7 @@ def expose(scenes: Sequence[Scene], spacing: float) -> Curve:
 
 
 def smooth(points: Array, arc: Array) -> Array:
-    """Nodes (n, 2) whose smooth curve is nearest to the straight links between `points`.
+    """Nodes (n, 2) of a smooth curve that is nearest to the straight links between `points`.
 
     A curve through the ends of straight links lies outside them by kappa h^2 / 12 on average.
     Moving the nodes in by as much, a twelfth of their second difference where the links are equal,
@@ -91,14 +91,14 @@ def through_nodes(nodes: Array, arc: Array, s: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, slots=True)
 class Weave:
-    """Brightness of the fabric: `face` (i, j) by arc length and y, `cut` (i, 1) by arc length."""
+    """Brightness of a fabric: `face` (i, j) by arc length and depth, `cut` (i, 1) by arc length."""
 
     face: Array
     cut: Array
 
 
 def random_weave(depth: float, rng: np.random.Generator) -> Weave:
-    """A random twill of yarns whose brightness varies by the share `depth` about 1."""
+    """Draw a random twill of yarns whose brightness varies by the share `depth` about 1."""
     i, j = np.arange(WEAVE_ROWS)[:, None], np.arange(WEAVE_COLUMNS)[None, :]
     twill = np.sin(2 * np.pi * (i / 4 + j / 5))
     warp = rng.normal(size=(1, WEAVE_COLUMNS))
@@ -113,7 +113,7 @@ def random_weave(depth: float, rng: np.random.Generator) -> Weave:
 
 @dataclass(frozen=True, slots=True)
 class Projection:
-    """The midline at y = 0 in the image, `near` (m, 2) [px], and displacements from it in pixels.
+    """Image of a midline at y = 0, `near` (m, 2) [px], and vectors from there in pixels.
 
     `along` (m, 2) [px] is a sample's piece of the curve, `half` (m, 2) half a thickness along the
     normal, `motion` (m, 2) the path during the exposure, empty at rest.
@@ -142,9 +142,10 @@ def project(curve: Curve, optics: Optics, look: StripLook) -> Projection:
 
 @dataclass(frozen=True, slots=True)
 class Cloud:
-    """Material points (6, n): u, v [px], area [px^2], brightness, arc length and depth [m].
+    """Material points (6, n) of a strip in the image: u, v [px], area [px^2], and more.
 
-    `tint` (n, 3) BGR are colours of their own; empty where all share that of the strip.
+    Also brightness, arc length and depth [m]. `tint` (n, 3) BGR are the points' colours; empty
+    where all have the strip's.
     """
 
     points: Array
@@ -152,14 +153,14 @@ class Cloud:
 
     @property
     def pixels(self) -> tuple[Array, Array]:
-        """Columns and rows (n,) [px]."""
+        """Columns and rows (n,) [px] of the points."""
         return self.points[0], self.points[1]
 
 
 def sample_face(
     curve: Curve, picture: Projection, optics: Optics, look: StripLook, material: Weave
 ) -> Cloud:
-    """Samples of the strip's visible side in the image, from the near edge to the far one."""
+    """Material points of the strip's visible side in the image, from the near to the far edge."""
     across = optics.plane(curve.points, look.width) - picture.near
     area, length = _area(picture.along, across), np.hypot(*picture.along.T)
     rows = np.ceil(area / length / DEPTH_PITCH).astype(np.int64)
@@ -171,7 +172,7 @@ def sample_face(
 
 
 def sample_edge(curve: Curve, picture: Projection, look: StripLook, material: Weave) -> Cloud:
-    """Material points of the cut edge at y = 0, half a thickness to either side of the midline."""
+    """Material points of the strip's near edge, half a thickness to either side of the midline."""
     thickness = 2 * float(np.hypot(*picture.half.T).max())
     rows = np.full(len(curve.s), max(int(np.ceil(thickness / PITCH)), 2))
     each, shade = _area(picture.along, 2 * picture.half) / rows, np.full(len(curve.s), CUT)
@@ -208,7 +209,7 @@ def _facing(curve: Curve, optics: Optics) -> Array:
 
 
 def _lit(curve: Curve, optics: Optics) -> Array:
-    """Brightness (m,) of the side that faces the camera, by Lambert's law."""
+    """Brightness (m,) of the strip's side that faces the camera, by Lambert's law."""
     normals = curve.normals
     side = _facing(curve, optics)
     diffuse = np.maximum((normals @ LIGHT_DIRECTION) * side, 0.0)

@@ -1,4 +1,4 @@
-"""The empty cell, drawn once: desk, backdrop, clamp, light, and static objects around the strip."""
+"""Drawing of the empty cell: desk, backdrop, clamp, light, and static objects on the desk."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ CABLE_PIECES = 24  # straight pieces between two points of a cable
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """The empty cell before the lens blurs it, (height, width, 3) BGR, and the light's gradient.
+    """Image (height, width, 3) BGR of the empty cell before the lens blurs it, and its `light`.
 
     `light` (height, width) is the brightness that light and lens leave at a pixel.
     """
@@ -43,7 +43,7 @@ def stage(
     rng: np.random.Generator,
     things: Sequence[Thing] = (),
 ) -> Stage:
-    """Draw the cell without strip and gripper; the desk lies half a thickness below the midline.
+    """Draw the cell without strip and gripper; the desk is half a thickness below the midline.
 
     `things` stand on the desk and behind it.
     """
@@ -149,7 +149,7 @@ def fill(image: Image, outline: Array, colour: Array) -> None:
 
 
 def depth(thing: Thing) -> float:
-    """Depth y [m] of an object, at its nearest point."""
+    """Depth y [m] of the nearest point of `thing` in the cell frame."""
     if isinstance(thing, Box):
         return thing.low[1]
     return min(point[1] for point in thing.points)

@@ -1,1 +1,1 @@
-"""Training of the critic: simulated folds whose rise changes at random, and regression on them."""
+"""Training of the critic: simulated folds whose rise changes at random, and regression."""

@@ -33,7 +33,7 @@ BELIEF = 0.1  # weight of the strip's likelihood against that of the displacemen
 
 
 class Network(nn.Module):
-    """The critic as a module of torch, for training; see `policies.adaptive.critic.Critic`."""
+    """Critic as a module of torch, for training, with the arrays of `Critic` as parameters."""
 
     def __init__(self, inputs: int, memory: int, hidden: tuple[int, int]) -> None:
         super().__init__()
@@ -46,9 +46,9 @@ class Network(nn.Module):
             self.register_parameter(f"{name}_bias", nn.Parameter(torch.zeros(columns)))
 
     def forward(self, whitened: Tensor, counted: Tensor, picked: Tensor) -> Tensor:
-        """Outputs (n, p, OUTPUTS) at the `picked` (n, p) moments of folds (n, k, inputs).
+        """Outputs (n, p, OUTPUTS) at moments `picked` (n, p) of folds `whitened` (n, k, inputs).
 
-        `counted` (n, k, 1) is 1 for the moments that go into the memory.
+        `counted` (n, k, 1) is 1 for the moments that enter the memory.
         """
         parameter = self.get_parameter
         recalled = torch.tanh(whitened @ parameter("recall") + parameter("recall_bias")) * counted
@@ -62,7 +62,7 @@ class Network(nn.Module):
 
 
 def whitening(shard: Shard) -> tuple[Array, Array]:
-    """Mean (k,) and matrix (k, k) that whiten the inputs of `shard` before the touch."""
+    """Mean (k,) and matrix (k, k) that whiten the critic's inputs in `shard` before the touch."""
     inputs = shard.inputs[shard.alive].astype(np.float64)
     mean = inputs.mean(axis=0)
     scale = np.ones(inputs.shape[1])
@@ -74,7 +74,7 @@ def whitening(shard: Shard) -> tuple[Array, Array]:
 
 
 def input_mask(settings: CriticSettings) -> Array:
-    """Mask (COUNT,) of inputs: 1 for those that a critic may use, 0 for those left out."""
+    """Mask (COUNT,) of the critic's inputs: 1 for inputs that `settings` allow, else 0."""
     kept = np.ones(COUNT)
     values, rates = kept[STATE_SIZE : STATE_SIZE + CHANNELS], kept[STATE_SIZE + CHANNELS :]
     for part in (values, rates):
@@ -86,9 +86,9 @@ def input_mask(settings: CriticSettings) -> Array:
 def fit(
     shard: Shard, settings: CriticSettings, epochs: int, seed: int, start: Critic | None
 ) -> Critic:
-    """Critic fitted over `epochs` to `shard`, from `start` or from random weights of `seed`.
+    """Fit a critic to `shard` over `epochs`, from `start` or from random weights of `seed`.
 
-    Deterministic: one thread, its own generator.
+    Deterministic: one thread, a generator of its own.
     """
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
@@ -116,7 +116,9 @@ def _fit(shard: Shard, settings: CriticSettings, epochs: int, start: Critic | No
         order = torch.randperm(folds)[: batches * BATCH]
         for batch in torch.split(order, BATCH):
             optimiser.zero_grad()
-            loss = _loss(network, _add_bias([part[batch] for part in data], whiten_bias))
+            whitened, *others = (part[batch] for part in data)
+            whitened = whitened + (biases(len(whitened)) @ whiten_bias)[:, None]
+            loss = _loss(network, [whitened, *others])
             torch.autograd.backward(loss)
             optimiser.step()
             schedule.step()
@@ -124,7 +126,7 @@ def _fit(shard: Shard, settings: CriticSettings, epochs: int, start: Critic | No
 
 
 def biases(count: int) -> Tensor:
-    """Random errors (count, COUNT) of a fold's inputs that stay the same in all its images.
+    """Draw errors (count, COUNT) of the critic's inputs that are constant over a fold.
 
     One of the contact, one of the tip, and one of the profile that changes linearly along it, as
     measured by `python -m tests.lab study perception`.
@@ -146,15 +148,8 @@ def _tensors(shard: Shard, mean: Array, whiten: Array) -> list[Tensor]:
     return [torch.tensor(array, dtype=torch.float32) for array in arrays]
 
 
-def _add_bias(batch: list[Tensor], whiten: Tensor) -> list[Tensor]:
-    whitened, *others = batch
-    return [whitened + (biases(len(whitened)) @ whiten)[:, None], *others]
-
-
 def _loss(network: Network, batch: list[Tensor]) -> Tensor:
-    """Negative log likelihood of displacement and strip, at randomly picked moments of each
-    fold.
-    """
+    """Negative log likelihood of displacement and strip at random moments of each fold."""
     whitened, moved, alive, predicted, displacement, strip = batch
     # at random: first moments that predict the displacement, then others before the touch
     score = torch.rand(alive.shape) + predicted + alive

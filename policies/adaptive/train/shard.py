@@ -1,4 +1,4 @@
-"""A shard of training data: some hundred simulated folds with the critic's inputs during each."""
+"""Shards of training data: some hundred simulated folds, with the critic's inputs in each."""
 
 from pathlib import Path as FilePath
 from typing import NamedTuple, Self, TypeVar
@@ -27,7 +27,7 @@ ABSURD = 0.2  # m, to which displacements are clipped
 RATES, TRIAL_RATE = (45.0, 75.0), 60.0  # Hz, of the camera in training and in trials
 INPUT_STRIDE = 4  # decisions between inputs that are kept
 LATEST = 5.8  # s after the first decision, until which rises are switched
-NEVER = 1_000_000  # kept decisions, more than any fold has
+NEVER = 1_000_000  # decisions, more than any fold has
 UNSWITCHED = 0.25  # share of the folds with random rises whose rise is never switched
 
 
@@ -36,7 +36,7 @@ T = TypeVar("T", bound=np.generic)
 
 
 class NullCritic(Critic):
-    """Placeholder critic whose weights are all zero, for folds before any training."""
+    """Critic whose weights are all zero, for folds before any training."""
 
     def __init__(self) -> None:
         sizes = {"mean": (COUNT,), "whiten": (COUNT, 1), "recall": (1, 1), "recall_bias": (1,)}
@@ -46,10 +46,11 @@ class NullCritic(Critic):
 
 
 class Explorer(Adaptive):
-    """Policy whose rises follow a critic, or are random without one, until each fold's switch.
+    """Policy that explores: each fold's rise is switched once, at random, and then stays.
 
-    `kept` are inputs (n, COUNT) at every `INPUT_STRIDE`th decision, `rises` (n,) the rises kept
-    from then on, `times` (n,) [s]; `switch` (n,) counts the kept decisions before the switch.
+    Until then rises are the critic's, or random without a critic. `kept` are inputs (n, COUNT) at
+    every INPUT_STRIDE-th decision, `rises` (n,) the rises from then on, `times` (n,) [s]; `switch`
+    (n,) counts such decisions before the switch.
     """
 
     def __init__(
@@ -71,7 +72,7 @@ class Explorer(Adaptive):
         self.times: list[Array] = []
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Clear all state; draw the time and the new rise of each fold's switch."""
+        """Clear all state; draw the time of each fold's switch and its rise after it."""
         super().reset(strip, speed, count)
         rng, highest = self._rng, self._steering.highest
         self.kept, self.rises, self.times = [], [], []
@@ -87,7 +88,7 @@ class Explorer(Adaptive):
             self._rise_after = np.where(stays, self.rise, rng.uniform(0.0, highest, count))
 
     def decide(self, observation: Observation) -> Decision:
-        """Headings along each fold's line, whose rise is the critic's before the switch."""
+        """Command for each gripper, as of `Adaptive`; counts the decision."""
         decision = super().decide(observation)
         self._count += 1
         return decision
@@ -114,7 +115,7 @@ class Explorer(Adaptive):
 
 
 class CriticSettings(Settings):
-    """Settings of a critic's training: rounds of simulated folds, each followed by a regression.
+    """Settings of a critic's training: rounds of simulated folds, followed by a regression each.
 
     In the first round rises are drawn at random; in later ones the critic steers, until at a
     random moment the rise is moved by `perturbation` [m] (one sigma) and kept. Every second shard
@@ -140,14 +141,16 @@ class CriticSettings(Settings):
 
     @property
     def rounds(self) -> int:
-        """Number of rounds, each of folds and a regression."""
+        """Number of rounds of the training, each of folds and a regression."""
         return len(self.pieces)
 
 
 class Shard(NamedTuple):
-    """Data of n folds at k decisions: `inputs` (n, k, COUNT); `moved` (n, k) [m], the rise kept
-    from then on minus the one in the inputs; `alive` (n, k), before the touch; `predicted` (n, k),
-    at or after the switch; `displacement` (n,) [m]; `strip` (n, 3), the belief's true values.
+    """Training data of n folds at k decisions.
+
+    `inputs` (n, k, COUNT) of the critic; `moved` (n, k) [m], the rise from then on minus the one in
+    the inputs; `alive` (n, k), before the touch; `predicted` (n, k), at or after the switch;
+    `displacement` (n,) [m]; `strip` (n, 3), the true values that the critic estimates.
     """
 
     inputs: Array
@@ -164,7 +167,7 @@ class Shard(NamedTuple):
 
     @classmethod
     def load(cls, path: FilePath) -> Self:
-        """The shard at `path`; OSError or ValueError where the file is missing or incomplete."""
+        """Read the shard at `path`; OSError or ValueError where it is missing or incomplete."""
         with np.load(path, allow_pickle=False) as held:
             return cls(**{name: held[name] for name in cls._fields})
 
@@ -172,8 +175,8 @@ class Shard(NamedTuple):
 def simulate(settings: CriticSettings, turn: int, number: int, critic: Critic | None) -> Shard:
     """Simulate shard `number` of training round `turn` with `critic`: a pure function.
 
-    Strips that need the rod's further terms fold in a batch of their own.
-    Linear algebra keeps to one thread, on whose number its rounding depends.
+    Strips that need the rod's optional terms fold in a separate batch. Linear algebra runs in one
+    thread, as its rounding depends on the number of threads.
     """
     with threadpool_limits(1, user_api="blas"):
         return _simulate(settings, turn, number, critic)
@@ -195,7 +198,7 @@ def _simulate(settings: CriticSettings, turn: int, number: int, critic: Critic |
 
 
 def concatenate(shards: list[Shard]) -> Shard:
-    """One shard with all folds of `shards`, the shorter ones padded."""
+    """Shard with the folds of all `shards`, padded to the largest number of decisions."""
     longest = max(shard.moved.shape[1] for shard in shards)
     padded = [_pad(shard, longest) for shard in shards]
     return Shard(*(np.concatenate(field) for field in zip(*padded, strict=True)))
@@ -249,12 +252,15 @@ def _shard_of(explorer: Explorer, folds: Folds, strips: list[StripFile], *, tria
         alive=times < touch_times[:, None],
         predicted=(steps >= explorer.switch[:, None]) | trial,
         displacement=np.clip(folds.displacement, -ABSURD, ABSURD),
-        strip=np.array([truth(strip) for strip in strips]),
+        strip=np.array([true_belief(strip) for strip in strips]),
     )
 
 
-def truth(strip: StripFile) -> tuple[float, float, float]:
-    """True `Belief` of a strip: ln(bending length), ln(time), ln(1 + curvature / YIELD_UNIT)."""
+def true_belief(strip: StripFile) -> tuple[float, float, float]:
+    """True values of what the critic estimates of `strip`: means of its `Belief`.
+
+    ln bending length [m], ln retardation time [s], ln(1 + yield curvature / YIELD_UNIT).
+    """
     curvature = strip.effects.get("bending_hysteresis", {}).get("yield_curvature", 0.0)
     logs = np.log([strip.bending_length, strip.retardation_time, 1.0 + curvature / YIELD_UNIT])
     return float(logs[0]), float(logs[1]), float(logs[2])

@@ -28,12 +28,12 @@ COVERAGES = ((0.68, ONE), (0.95, TWO))  # share of outcomes, and sigmas that are
 
 
 class CriticTraining:
-    """Training of the critic of `adaptive` in a folder, resumed where that holds its settings.
+    """Training of the critic in a folder, resumed where the folder holds the same settings.
 
     Raises ConfigurationError for a folder of other settings, or one that cannot be written.
     """
 
-    known = 0  # steps in the folder are soon counted
+    known = 0  # steps done before: those in the folder are passed at once
 
     def __init__(self, settings: CriticSettings, folder: FilePath) -> None:
         self.settings, self.folder = settings, folder
@@ -49,7 +49,7 @@ class CriticTraining:
 
     @property
     def policy(self) -> Adaptive:
-        """The policy with the critic of a completed training."""
+        """Policy `adaptive` with the trained critic; RuntimeError before the training has ended."""
         if self._critic is None:
             raise RuntimeError("the training has not run to its end")
         return Adaptive(self._critic)
@@ -62,7 +62,7 @@ class CriticTraining:
         return self._trial
 
     def run(self, executor: Executor) -> Iterator[str]:
-        """Run the remaining steps, folds by `executor`, and save the weights; yields texts."""
+        """Run the remaining steps, with folds by `executor`, and save the weights; yields texts."""
         for done, text in enumerate(self._steps(executor), 1):
             yield f"{done} of {self.total}: {text}"
         self._finish()
@@ -137,7 +137,7 @@ class Trial:
 
 
 def calibrate_sigmas(critic: Critic, shard: Shard) -> tuple[Critic, Trial]:
-    """`critic` with sigmas scaled to cover the errors in `shard`, and the results of the trial."""
+    """Copy of `critic` with sigmas scaled to its errors in `shard`, and the trial's results."""
     ratios = error_ratios(critic, shard)
     critic = critic.with_stretch(np.array([_stretch(each) for each in ratios]))
     at_touch = error_ratios(critic, shard, last=1)[0]
@@ -153,7 +153,10 @@ def calibrate_sigmas(critic: Critic, shard: Shard) -> tuple[Critic, Trial]:
 
 
 def error_ratios(critic: Critic, shard: Shard, last: int = LAST) -> list[Array]:
-    """Four arrays (m,) |error| / sigma, of d and the strip, in the `last` decisions of folds."""
+    """Four arrays (m,) of the critic's |error| / sigma in the `last` decisions of the folds.
+
+    They are of the displacement and of the three properties of the strip.
+    """
     ratios: list[list[Array]] = [[] for _ in range(4)]
     count = len(shard.displacement)
     memory, counted = np.zeros((count, critic.memory)), np.zeros((count, 1))

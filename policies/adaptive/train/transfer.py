@@ -1,4 +1,4 @@
-"""Fit of a critic's correction, its `Bias`, to folds that were made through images."""
+"""Fit of the critic's correction, a `Bias`, to folds that were made through images."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,8 +19,10 @@ PARTS = 10  # of the cross-validation
 
 
 class FoldedBatch(NamedTuple):
-    """Data of n folds, arrays (n,): measured displacement [m], the critic's predicted displacement
-    and sigma [m], logarithm of its estimate of the bending length, and thickness [m].
+    """Data (n,) of n folds through images, to which a critic's bias is fitted.
+
+    Measured displacement [m], the critic's prediction and sigma [m], its estimate of the bending
+    length as a logarithm, and thickness [m].
     """
 
     displacement: Array
@@ -31,20 +33,20 @@ class FoldedBatch(NamedTuple):
 
     @classmethod
     def of(cls, rows: Sequence[Mapping[str, float]]) -> Self:
-        """The folds of `rows`, each a mapping with these fields."""
+        """Batch of folds from `rows`, mappings with these fields."""
         return cls(*(np.array([row[name] for row in rows], dtype=float) for name in cls._fields))
 
 
 @dataclass(frozen=True, slots=True)
 class FitQuality:
-    """Cross-validated error over `folds`: its root mean square `rms` [m]."""
+    """Quality of a fitted bias: number of `folds` and cross-validated `rms` error [m]."""
 
     folds: int
     rms: float
 
 
 def fit_transfer(batch: FoldedBatch) -> tuple[Bias, FitQuality]:
-    """The bias fitted to `batch`, and its quality by tenfold cross-validation.
+    """Fit a bias to `batch`; also returns its quality by tenfold cross-validation.
 
     Raises ValueError for fewer folds than the bias has terms.
     """
@@ -66,7 +68,8 @@ def _cross_validated_errors(batch: FoldedBatch) -> Array:
     errors = np.empty(count)
     for part in np.array_split(np.random.default_rng(0).permutation(count), min(count, PARTS)):
         others = np.setdiff1d(np.arange(count), part)
-        errors[part] = _residuals(_subset(batch, part), _coefficients(_subset(batch, others)))
+        left, bias = _subset(batch, part), _coefficients(_subset(batch, others))
+        errors[part] = left.displacement - left.predicted + _bias_terms(left) @ bias
     return errors
 
 
@@ -82,10 +85,6 @@ def _coefficients(batch: FoldedBatch) -> Array:
     rows = np.vstack([terms * PRIOR / FOLD_NOISE, np.eye(len(PRIOR))])
     start = np.linalg.lstsq(rows, np.concatenate([values / FOLD_NOISE, 0.0 * PRIOR]), rcond=None)[0]
     return np.asarray(optimize.least_squares(residuals, start).x * PRIOR)
-
-
-def _residuals(batch: FoldedBatch, bias: Array) -> Array:
-    return np.asarray(batch.displacement - batch.predicted + _bias_terms(batch) @ bias)
 
 
 def _bias_terms(batch: FoldedBatch) -> Array:

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from cell.cli.app import app
 from cell.record.documents import write_document
 from cell.strips.export_strip import export_strips
-from drivers.strip.cantilever import hang, hinges
+from drivers.strip.cantilever import hanging_shape, hinges
 from drivers.strip.file import StripFile, paper_strip
 
 FRICTION = {"bending_hysteresis": {"yield_curvature": 2.0, "stiffness_ratio": 8.0}}
@@ -37,7 +37,7 @@ def sag(made: StripFile, place: Path, lift: float = 0.0) -> float:
 def test_a_chain_of_mujoco_hangs_like_the_strip(tmp_path: Path) -> None:
     curled = strip(effects={"pre_curl": {"curvature": 3.0}})
     for made, rest in ((strip(), None), (curled, np.full(len(hinges(0.2)), 3.0))):
-        expected = hang(0.2, 0.1, rest_curvature=rest).points[-1, 1]
+        expected = hanging_shape(0.2, 0.1, rest_curvature=rest).points[-1, 1]
         assert abs(sag(made, tmp_path / f"{expected}") - expected) < 2e-4
 
 

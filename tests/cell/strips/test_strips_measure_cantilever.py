@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_bvp
 
-from drivers.strip.cantilever import SEGMENTS, HangingStrip, NoRest, hang
+from drivers.strip.cantilever import SEGMENTS, HangingStrip, NoRest, hanging_shape
 from drivers.types import Array
 
 
@@ -43,18 +43,18 @@ def test_hanging_strip_lies_on_the_heavy_elastica(
     overhang: float, bending_length: float, curvature: float, clamp: float
 ) -> None:
     born = np.full(SEGMENTS, curvature)
-    hanging = hang(overhang, bending_length, rest_curvature=born, clamp_angle=clamp)
+    hanging = hanging_shape(overhang, bending_length, rest_curvature=born, clamp_angle=clamp)
     expected = elastica(hanging, curvature, clamp)
     assert np.abs(hanging.points - expected).max() < 3e-6
 
 
 def test_textile_laboratory_reads_half_the_overhang_at_41_and_a_half_degrees() -> None:
     """Peirce's test: the chord falls by 41.5 degrees when the overhang is two bending lengths."""
-    tip = hang(0.04, 0.02).points[-1]
+    tip = hanging_shape(0.04, 0.02).points[-1]
     assert np.degrees(np.arctan2(-tip[1], tip[0])) == pytest.approx(41.5, abs=0.1)
 
 
 def test_shape_that_cannot_be_found_is_an_error() -> None:
     born = np.random.default_rng(1).normal(0.0, 3e4, SEGMENTS)
     with pytest.raises(NoRest, match="no shape at rest"):
-        hang(0.3, 0.02, rest_curvature=born)
+        hanging_shape(0.3, 0.02, rest_curvature=born)

@@ -12,7 +12,7 @@ from drivers.arm.joint_motion import CartesianMotion
 from drivers.arm.loop import ServoLoop
 from drivers.arm.mailbox import CommandKind, LoopCommand, Mailbox, Report
 from drivers.arm.plane import StripPlane
-from drivers.arm.process import Task
+from drivers.arm.process import RobotAccess
 from drivers.arm.reach import plan_reach
 from drivers.arm.settings import CollisionSettings, FciSettings, HandLimits
 from drivers.fci_server.robot import MOST_MISSED_TICKS, resting_robot
@@ -196,10 +196,10 @@ def served(**given) -> Iterator[RobotServer]:
         yield server
 
 
-def task(server: RobotServer, **changes) -> Task:
+def task(server: RobotServer, **changes) -> RobotAccess:
     """The robot as the cell drives it in lock-step."""
     usual = {"realtime": "ignore", "collision": COLLISION}
-    return Task(server.address, FciSettings(**(usual | changes)), INSTALLATION)
+    return RobotAccess(server.address, FciSettings(**(usual | changes)), INSTALLATION)
 
 
 def near(shift: float = 0.05) -> list[float]:

@@ -63,7 +63,7 @@ def test_loose_edge_holds_no_more_than_its_friction_and_slides_to_the_pull() -> 
     rod.reset([affected("end_slip", friction=friction), bare()])
     path = way(PATHS["circular"])
     poses = np.stack([path.poses] * 2, axis=1)
-    seen = rod.follow(poses[1:], 0.01)
+    seen = rod.trace(poses[1:], 0.01)
     assert np.abs(seen.holding_force[:, 1]).max() > WEIGHT
     assert np.abs(seen.holding_force[:, 0]).max() < friction * WEIGHT * 1.1
     edges = rod.shapes()[:, 0, 0]

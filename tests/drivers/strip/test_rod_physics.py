@@ -92,7 +92,7 @@ def _swing(dt: float) -> tuple[Array, Array]:
     t = np.arange(1, round(1.5 / dt) + 1) * dt
     push = 0.04 * np.sin(np.pi * np.clip(t / 0.4, 0.0, 1.0)) ** 2
     poses = hung + push[:, None] * np.array([1.0, 0.0, 0.0])
-    shapes = rod.follow(poses[:, None], dt, every=1).shapes[:, 0]
+    shapes = rod.trace(poses[:, None], dt, every=1).shapes[:, 0]
     rows, v = lump(model, segments)[1:-1], np.gradient(shapes, dt, axis=0)
     strain = _strains(shapes)
     energy = (

@@ -45,7 +45,7 @@ def test_hump_before_the_fold_is_no_contact_and_a_lying_strip_has_its_at_the_end
 def test_touches_of_the_rod_are_where_the_gap_of_its_shapes_fell_to_the_limit(path) -> None:
     rod, models = Rod(60), paper_grid()[::3]
     rod.reset(models)
-    shapes = rod.follow(for_all(steady(path, DT), len(models)), DT, every=1).shapes
+    shapes = rod.trace(for_all(steady(path, DT), len(models)), DT, every=1).shapes
     for i, touch in enumerate(rod.touch):
         assert touch is not None
         last = math.ceil(touch.time / DT)

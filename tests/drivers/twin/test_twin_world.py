@@ -63,7 +63,7 @@ def world_with(plant: Ruler) -> World:
 def carry(world: World, poses, start: float, dt: float = 0.001) -> None:
     """Follow `poses` at every `dt` from `start` on, advancing at each."""
     for number, pose in enumerate(poses, start=1):
-        world.follow(start + number * dt, pose)
+        world.add_pose(start + number * dt, lambda pose=pose: pose)
         world.advance(start + number * dt)
 
 

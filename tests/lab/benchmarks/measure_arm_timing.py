@@ -34,7 +34,7 @@ from cell.folding.request import Recording
 from cell.record.run import read_run
 from drivers.arm.joint_log import Timing
 from drivers.arm.joint_requests import go_to
-from drivers.arm.process import PRIORITY, Task, apply_realtime
+from drivers.arm.process import PRIORITY, RobotAccess, apply_realtime
 from drivers.arm.settings import RealTime
 from drivers.errors import Fault
 from drivers.fci_server.server import RobotServer, ServerSettings
@@ -149,18 +149,18 @@ def measure(seconds: float, strip: str, realtime: RealTime) -> tuple[Share, Shar
                 bare.add(STILL, json.loads(told.stdout))
             else:
                 ends.append("bare loop stopped by reflex")
-            go_home(Task(address, fci, installation), joints)
+            go_home(RobotAccess(address, fci, installation), joints)
             result = fold(request, calibration)
             header = read_run(Path(result.run)).header
             if header.arm_timing is not None:
                 cell.add(result.duration, header.arm_timing.model_dump())
             ends.append(result.outcome)
             sys.stderr.write(f"{result.outcome}: {result.reason}\n  bare {bare}\n  cell {cell}\n")
-            go_home(Task(address, fci, installation), joints)
+            go_home(RobotAccess(address, fci, installation), joints)
     return bare, cell, ends
 
 
-def go_home(task: Task, joints: list[float]) -> None:
+def go_home(task: RobotAccess, joints: list[float]) -> None:
     """Bring the robot to `joints`; a machine that loses packets may need several tries."""
     for _ in range(TRIES):
         with suppress(Fault):

@@ -14,7 +14,7 @@ from policies.policy import Observation
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import IMAGE_SENSING, Sensing
-from policies.strip_sampling import friction, plain_strip
+from policies.strip_sampling import draw_friction, plain_strip
 
 pytestmark = pytest.mark.slow
 
@@ -23,8 +23,8 @@ COUNT = 24
 
 def folded(policy: object, sensing: Sensing = IMAGE_SENSING, *, rough: bool = False) -> Folds:
     rng = np.random.default_rng(5)
-    hidden = [{"bending_hysteresis": friction(rng, 20, 60)} if rough else {} for _ in range(COUNT)]
-    strips = [plain_strip(rng, **effects) for effects in hidden]
+    rubs = [{"bending_hysteresis": draw_friction(rng, 20, 60)} for _ in range(COUNT * rough)]
+    strips = [plain_strip(rng, **effects) for effects in rubs or [{}] * COUNT]
     models = [describe(strip) for strip in strips]
     settings = Rollout(sensing=sensing)
     rod = Rod(100, strict=False)

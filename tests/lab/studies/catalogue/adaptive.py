@@ -6,12 +6,12 @@ from cell.train.evaluation import stepper
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from policies.adaptive.checkpoint import load_critic
-from policies.adaptive.train.shard import truth
+from policies.adaptive.train.shard import true_belief
 from policies.policy import Policy
 from policies.prediction import Estimate, FoldPrediction
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
-from policies.strip_sampling import EFFECTS, STRIP_LENGTH, effect, plain_strip
+from policies.strip_sampling import EFFECTS, STRIP_LENGTH, draw_effect, plain_strip
 from tests.lab.studies.kit.folds import SIGMAS_95
 from tests.lab.studies.kit.rollouts import Kept, rough, sensing_of, stretchy
 from tests.lab.studies.study import Quantity, Statistic, Study, Values
@@ -31,7 +31,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
     if name in STRANGE:
         strip = STRANGE[name](rng)
     else:
-        effects = {name: effect(name, rng)} if name in EFFECTS else {}
+        effects = {name: draw_effect(name, rng)} if name in EFFECTS else {}
         strip = plain_strip(rng, STRIP_LENGTH, **effects)
     content = strip.model_dump(mode="json", by_alias=True)
     engine = "chain" if times >= ROLLS else "rod"
@@ -55,7 +55,7 @@ def measure(case: Values) -> Values:
     shifted, second = fold(make_policy("shifted")), fold(policy)
     again = _last_prediction(policy, second)
     d = float(first.displacement[0])
-    length, time, _ = truth(strip)
+    length, time, _ = true_belief(strip)
     ratio = abs(d - known.displacement) / known.sigma
     both, sigma = _combine(known.retardation_time, again.retardation_time)
     return {

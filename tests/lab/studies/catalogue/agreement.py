@@ -16,7 +16,7 @@ from drivers.strip.file import StripFile
 from drivers.twin.chain.engine import Chain
 from policies.adaptive.checkpoint import load_critic
 from policies.rollout import Rollout, roll_out
-from policies.strip_sampling import STRIP_LENGTH, effect, plain_strip, random_strip
+from policies.strip_sampling import STRIP_LENGTH, draw_effect, plain_strip, random_strip
 from tests.lab.exam.causes import cause_of
 from tests.lab.studies.kit.rollouts import Kept, Traced, rough, sensing_of, stretchy
 from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
@@ -35,7 +35,7 @@ STRANGE_LAWS = {
 
 def add_seam(rng: np.random.Generator) -> StripFile:
     """Draw a strip with a seam at a random place."""
-    return plain_strip(rng, seam=effect("seam", rng))
+    return plain_strip(rng, seam=draw_effect("seam", rng))
 
 
 STRIP_DRAWS: dict[str, Callable[[np.random.Generator], StripFile]] = {

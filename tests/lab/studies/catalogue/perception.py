@@ -17,7 +17,7 @@ from drivers.strip.shape import fold_tip
 from drivers.types import Array
 from policies.experiments.standard import REFERENCE_RUN, STANDARD
 from policies.path import triangular
-from policies.profile import profiles, seen_profile
+from policies.profile import image_profile, profiles
 from tests.lab.studies.kit.sights import Sight, fold_of, sights
 from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
 
@@ -91,7 +91,7 @@ def _add_errors(halves: dict[str, list[float]], sight: Sight, length: float) -> 
 def _profile_errors(sight: Sight) -> Array:
     """Errors (points, 2) [m] of the profile as a policy reads it."""
     fold, grip = sight.fold, (sight.pose.x, sight.pose.z)
-    seen = seen_profile(sight.seen.profile, sight.seen.contact_x, grip)[0]
+    seen = image_profile(sight.seen.profile, sight.seen.contact_x, grip)[0]
     contact, true = np.array([fold.contact_x(sight.stamp)]), fold.shape(sight.stamp)[None]
     straight = profiles(true, fold.arc[None], contact, np.array([grip]))
     return np.asarray((seen - straight[0])[1:-1])

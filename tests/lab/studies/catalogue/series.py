@@ -14,8 +14,8 @@ from cell.folding.result import FoldResult
 from cell.learning.experience import Memory, learn_from_ruler
 from cell.record.run import read_run
 from drivers.strip.file import StripFile
-from policies.adaptive.train.shard import truth
-from policies.strip_sampling import STRIP_LENGTH, friction, plain_strip
+from policies.adaptive.train.shard import true_belief
+from policies.strip_sampling import STRIP_LENGTH, draw_friction, plain_strip
 from tests.lab.studies.kit.folds import changed_since, compare, fold_unknown
 from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
@@ -47,7 +47,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
     """Draw a strip for the next cell and series; every second one has yarn friction."""
     turn, which = divmod(number, len(CONDITIONS))
     cell, series = CONDITIONS[which]
-    rubs = {"bending_hysteresis": friction(rng, *FRICTION_RANGE)} if (turn + which) % 2 else {}
+    rubs = {"bending_hysteresis": draw_friction(rng, *FRICTION_RANGE)} if (turn + which) % 2 else {}
     content = plain_strip(rng, STRIP_LENGTH, **rubs).model_dump(mode="json", by_alias=True)
     return {"cell": cell, "series": series, "strip": content, "noise": number}
 
@@ -93,7 +93,7 @@ def _facts(case: Values, result: FoldResult) -> Values:
         facts["bias"] = result.displacement - known["predicted"] + learning["seen"]
     if "believed_time" not in known:
         return facts
-    length, time, rubbing = truth(StripFile.model_validate(case["strip"]))
+    length, time, rubbing = true_belief(StripFile.model_validate(case["strip"]))
     return facts | {
         "length_off": known["believed_length"] - length,
         "time_off": known["believed_time"] - time,

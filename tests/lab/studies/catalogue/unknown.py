@@ -14,9 +14,9 @@ from cell.record.run import read_run
 from drivers.strip.file import StripFile
 from drivers.types import Array
 from policies.adaptive.bias import untrained_spread
-from policies.adaptive.train.shard import truth
+from policies.adaptive.train.shard import true_belief
 from policies.adaptive.train.transfer import COVERAGE
-from policies.strip_sampling import EFFECTS, STRIP_LENGTH, effect, friction, plain_strip
+from policies.strip_sampling import EFFECTS, STRIP_LENGTH, draw_effect, draw_friction, plain_strip
 from tests.lab.studies.kit.folds import QUANTITIES, SIGMAS_95, cell_with_twin, compare, fold_unknown
 from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
 
@@ -37,9 +37,9 @@ def draw(number: int, rng: np.random.Generator) -> Values:
     effects = {}
     for part in hidden.split("+"):
         if part == "friction":
-            effects["bending_hysteresis"] = friction(rng, *FRICTION_RANGE)
+            effects["bending_hysteresis"] = draw_friction(rng, *FRICTION_RANGE)
         elif part != "nothing":
-            effects[part] = effect(part, rng)
+            effects[part] = draw_effect(part, rng)
     strip = plain_strip(rng, STRIP_LENGTH, **effects)
     content = strip.model_dump(mode="json", by_alias=True)
     return {"known": known, "hidden": hidden, "strip": content, "noise": number}
@@ -58,7 +58,7 @@ def measure(case: Values) -> Values:
         found = dict(compare(result)) | {"untrained": untrained_spread().added}
         found |= _loop_size(Path(result.run), strip.length, result.edge_offset_true)
         found |= _held(Path(result.run), strip)
-    length, time, _ = truth(strip)
+    length, time, _ = true_belief(strip)
     if "believed_length" in found:
         found |= {
             "length_off": found["believed_length"] - length,

@@ -14,7 +14,7 @@ from policies.adaptive.adaptive import Adaptive
 from policies.policy import Decision, Observation
 from policies.prediction import FoldPrediction
 from policies.sensing import IMAGE_SENSING, Sensing
-from policies.strip_sampling import STRIP_LENGTH, friction, plain_strip
+from policies.strip_sampling import STRIP_LENGTH, draw_friction, plain_strip
 
 LOUD = replace(IMAGE_SENSING, contact_sigma=0.003, tip_sigma=0.003, profile_sigma=0.003)
 Draw = Callable[[np.random.Generator], StripFile]
@@ -70,7 +70,7 @@ class Traced:
 
 def rough(low: float, high: float) -> Draw:
     """Make a draw function of strips with yarn friction, its yield curvature in a range [1/m]."""
-    return lambda rng: plain_strip(rng, bending_hysteresis=friction(rng, low, high))
+    return lambda rng: plain_strip(rng, bending_hysteresis=draw_friction(rng, low, high))
 
 
 def stretchy(rng: np.random.Generator) -> StripFile:
