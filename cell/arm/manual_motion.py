@@ -1,6 +1,6 @@
 """Manual motions of the arm (home, park, jog, open) under the monitors of every run."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from cell.config.cell import CellFile
@@ -63,20 +63,6 @@ def open_fingers(_: Snapshot) -> Motion:
 def home_pose(settings: CellFile, strip: StripFile) -> Pose:
     """Pose of the gripper at its home, over the edge of `strip`."""
     return Pose(strip.length, settings.twin.arm.home_height, 0.0)
-
-
-def go_joints(
-    settings: CellFile,
-    joints: Sequence[float],
-    share: float,
-    *,
-    recover: bool,
-    reset_tool: bool = False,
-) -> None:
-    """Move the robot at the cell's address to `joints` (7,) [rad]; Fault where it refuses."""
-    from drivers.arm.joint_requests import go_to
-
-    go_to(robot_task(settings), list(joints), share, recover=recover, reset_tool=reset_tool)
 
 
 def home_joints(settings: CellFile, strip: StripFile) -> tuple[float, ...]:

@@ -10,7 +10,7 @@ from cell.cli.options import Arm, Configs, FullSpeed, ask, check_names, length_o
 from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from cell.config.cell import CellFile
     from cell.devices.devices import DeviceSelection
@@ -44,9 +44,8 @@ def home(
     settings, choice = _agree_to_motion(found.cell(), arm, full_speed, recover=recover)
     lying = found.strip(strip)
     if _at_address(settings, choice):
-        share = _speed_share(full_speed=full_speed)
         joints = manual_motion.home_joints(settings, lying)
-        manual_motion.go_joints(settings, joints, share, recover=recover, reset_tool=reset_tool)
+        _go(settings, joints, full_speed=full_speed, recover=recover, reset_tool=reset_tool)
         _print_result("the arm is home", settings, choice)
         return
     _move(settings, choice, manual_motion.to_pose(manual_motion.home_pose(settings, lying)))
@@ -67,8 +66,7 @@ def park(
     found = find_configs(configs).cell()
     settings, choice = _agree_to_motion(found, arm, full_speed, recover=recover)
     if _at_address(settings, choice):
-        share = _speed_share(full_speed=full_speed)
-        manual_motion.go_joints(settings, HOME.tolist(), share, recover=recover)
+        _go(settings, HOME.tolist(), full_speed=full_speed, recover=recover)
         _print_result("the arm is parked", settings, choice)
         return
     _move(settings, choice, manual_motion.to_pose(manual_motion.home_pose(settings, NO_STRIP)))
@@ -140,11 +138,21 @@ def _agree_to_motion(
     return agree_to_slow_motion(settings, choice, ask, checks, full_speed=full_speed)
 
 
-def _speed_share(*, full_speed: bool) -> float:
-    """Share of full speed at which joints move: that of a first run unless at full speed."""
+def _go(
+    settings: "CellFile",
+    joints: "Sequence[float]",
+    *,
+    full_speed: bool,
+    recover: bool,
+    reset_tool: bool = False,
+) -> None:
+    """Bring the robot to `joints` (7,) [rad], at the speed of a first run unless `full_speed`."""
+    from cell.arm.manual_motion import robot_task
     from cell.arm.run_settings import FIRST_RUN_SPEED
+    from drivers.arm.joint_requests import go_to
 
-    return 1.0 if full_speed else FIRST_RUN_SPEED
+    share = 1.0 if full_speed else FIRST_RUN_SPEED
+    go_to(robot_task(settings), list(joints), share, recover=recover, reset_tool=reset_tool)
 
 
 def _at_address(settings: "CellFile", choice: "DeviceSelection") -> bool:

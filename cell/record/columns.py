@@ -1,9 +1,9 @@
-"""Columns of a run's tables as checked arrays."""
+"""Streams of a run: what each column holds, in which units and limits, and its checked arrays."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Self
+from typing import Annotated, NamedTuple, Self, get_type_hints
 
 import numpy as np
 import pyarrow as pa
@@ -11,22 +11,42 @@ import pyarrow as pa
 from drivers.errors import ConfigurationError
 from drivers.types import Array, Pose, frozen
 
+LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+ANGLES = {"rad": 1.0, "deg": 0.017453292519943295}
+FORCES = {"N": 1.0, "mN": 1e-3, "cN": 1e-2}
+COUNTS = {"1": 1.0}  # without a unit
 FARTHEST_HAND = 5.0  # m, further from the fixed edge nothing of a cell can be
 FULL_TURN = 2 * np.pi
 FARTHEST_POINT = 100.0  # m, further than any camera of a cell sees, however wrong a point may be
 LONGEST_TIME = 1e5  # s, longer than a day
 LARGEST_VALUE = 1e9  # nothing of a cell is as large in any unit
-MUST = ("t", "x", "z")
-MOTION_COLUMNS = ("pitch", "x_cmd", "z_cmd")  # finite where there are such columns
-Limit = tuple[float, str]  # largest absolute value, and its unit
-TIME, PLACE, ANY = (LONGEST_TIME, "s"), (FARTHEST_HAND, "m"), (LARGEST_VALUE, "SI units")
-TICK_LIMITS: dict[str, Limit] = {
-    "t": TIME, "x": PLACE, "z": PLACE, "pitch": (FULL_TURN, "rad"), "x_cmd": PLACE, "z_cmd": PLACE,
-    "contact_x": PLACE, "contact_t": ANY, "f_x": ANY, "f_z": ANY, "image_age": ANY,
-}  # fmt: skip
-PROFILE_LIMITS: dict[str, Limit] = {
-    "t": TIME, "i": (np.inf, ""), "x": (FARTHEST_POINT, "m"), "z": (FARTHEST_POINT, "m"),
-}  # fmt: skip
+
+
+class Quantity(NamedTuple):
+    """What a column holds: units with their factors to SI, the SI unit first; `largest` size [SI].
+
+    A column that is not `needed` may be missing, one that is `whole` holds no NaN where it is.
+    """
+
+    units: Mapping[str, float]
+    largest: float = LARGEST_VALUE
+    needed: bool = True
+    whole: bool = True
+
+
+Time = Annotated[Array, Quantity(TIMES, LONGEST_TIME)]
+Place = Annotated[Array, Quantity(LENGTHS, FARTHEST_HAND)]
+Angle = Annotated[Array, Quantity(ANGLES, FULL_TURN, needed=False)]
+Command = Annotated[Array, Quantity(LENGTHS, FARTHEST_HAND, needed=False)]
+Contact = Annotated[Array, Quantity(LENGTHS, FARTHEST_HAND, needed=False, whole=False)]
+Duration = Annotated[Array, Quantity(TIMES, needed=False, whole=False)]
+Force = Annotated[Array, Quantity(FORCES, needed=False, whole=False)]
+Point = Annotated[Array, Quantity(LENGTHS, FARTHEST_POINT)]
+Number = Annotated[Array, Quantity(COUNTS, np.inf)]
+Stamp = Annotated[Array, Quantity(TIMES)]
+Length = Annotated[Array, Quantity(LENGTHS, whole=False)]
+Share = Annotated[Array, Quantity(COUNTS, whole=False)]
 
 
 class Columns:
@@ -37,7 +57,30 @@ class Columns:
     @classmethod
     def none(cls) -> Self:
         """Columns without rows."""
-        return cls(**{name: frozen([]) for name in cls.__slots__ if name != "state"})
+        return cls(**{name: frozen([]) for name in quantities(cls)})
+
+    @classmethod
+    def read(cls, table: pa.Table, origin: str) -> dict[str, Array]:
+        """Checked columns (n,) of `table` by name, NaN for one that is not there nor needed.
+
+        Raises ConfigurationError that names `origin` and the column.
+        """
+        values = {}
+        for name, quantity in quantities(cls).items():
+            if not quantity.needed and name not in table.column_names:
+                values[name] = frozen(np.full(table.num_rows, np.nan))
+                continue
+            values[name] = _numbers(table, name, origin)
+            if quantity.whole:
+                _check_finite(values[name], name, origin)
+            _check_range(values[name], name, origin, quantity)
+        return values
+
+
+def quantities(columns: type[Columns]) -> Mapping[str, Quantity]:
+    """Quantity of each column of numbers by its name, in order."""
+    hints = get_type_hints(columns, include_extras=True)
+    return {n: hint.__metadata__[0] for n, hint in hints.items() if hasattr(hint, "__metadata__")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,23 +90,23 @@ class Ticks(Columns):
     `state` and `image_age` are those of a run of the cell, empty and NaN in others.
     """
 
-    t: Array
-    x: Array
-    z: Array
-    pitch: Array
-    x_cmd: Array
-    z_cmd: Array
-    contact_x: Array
-    contact_t: Array
-    f_x: Array
-    f_z: Array
-    image_age: Array
+    t: Time
+    x: Place
+    z: Place
+    pitch: Angle
+    x_cmd: Command
+    z_cmd: Command
+    contact_x: Contact
+    contact_t: Duration
+    f_x: Force
+    f_z: Force
+    image_age: Duration
     state: tuple[str, ...] = ()
 
     @classmethod
     def parse(cls, table: pa.Table, origin: str) -> Self:
         """Check `table`, return its ticks; ConfigurationError names `origin` and the column."""
-        values = _read(table, TICK_LIMITS, origin, must=MUST, finite=(*MUST, *MOTION_COLUMNS))
+        values = cls.read(table, origin)
         _check_order(values["t"], origin, strictly=True)
         state = table["state"].to_pylist() if table.column_names.count("state") == 1 else []
         return cls(**values, state=tuple(str(name) for name in state))
@@ -78,17 +121,17 @@ class Ticks(Columns):
 class Profile(Columns):
     """Columns of profile.parquet, arrays (n,): stamp `t` [s], order `i`, points `x`, `z` [m]."""
 
-    t: Array
-    i: Array
-    x: Array
-    z: Array
+    t: Time
+    i: Number
+    x: Point
+    z: Point
 
     @classmethod
     def parse(cls, table: pa.Table, origin: str) -> Self:
         """Check `table`, return its profile; ConfigurationError names `origin` and the column."""
         for name in ("x", "z"):
             _check_median(_numbers(table, name, origin), name, origin)
-        values = _read(table, PROFILE_LIMITS, origin, must=PROFILE_LIMITS, finite=PROFILE_LIMITS)
+        values = cls.read(table, origin)
         _check_order(values["t"], origin, strictly=False)
         return cls(**values)
 
@@ -107,42 +150,20 @@ class Profile(Columns):
 class Sights(Columns):
     """Columns of sights.parquet as arrays (n,): measurement of the strip in every image."""
 
-    stamp: Array
-    sequence: Array
-    contact_x: Array
-    contact_confidence: Array
-    profile_confidence: Array
-    tip_x: Array
-    tip_z: Array
-    gap: Array
-    gap_x: Array
+    stamp: Stamp
+    sequence: Annotated[Array, Quantity(COUNTS)]
+    contact_x: Length
+    contact_confidence: Share
+    profile_confidence: Share
+    tip_x: Length
+    tip_z: Length
+    gap: Length
+    gap_x: Length
 
     @classmethod
     def parse(cls, table: pa.Table, origin: str) -> Self:
         """Check `table`, return its sights; ConfigurationError names `origin` and the column."""
-        limits, finite = dict.fromkeys(cls.__slots__, ANY), ("stamp", "sequence")
-        values = _read(table, limits, origin, must=limits, finite=finite)
-        return cls(**values)
-
-
-def _read(
-    table: pa.Table,
-    limits: Mapping[str, Limit],
-    origin: str,
-    must: Collection[str],
-    finite: Collection[str],
-) -> dict[str, Array]:
-    """Columns (n,) by name, within their `limits`; NaN for one that is not there nor in `must`."""
-    values = {}
-    for name, (limit, unit) in limits.items():
-        if name not in must and name not in table.column_names:
-            values[name] = frozen(np.full(table.num_rows, np.nan))
-            continue
-        values[name] = _numbers(table, name, origin)
-        if name in finite:
-            _check_finite(values[name], name, origin)
-        _check_range(values[name], name, origin, limit, unit)
-    return values
+        return cls(**cls.read(table, origin))
 
 
 def _numbers(table: pa.Table, name: str, origin: str) -> Array:
@@ -188,11 +209,11 @@ def _check_median(values: Array, name: str, origin: str) -> None:
         )
 
 
-def _check_range(values: Array, name: str, origin: str, limit: float, unit: str) -> None:
-    known = values[~np.isnan(values)]
+def _check_range(values: Array, name: str, origin: str, quantity: Quantity) -> None:
+    known, unit = values[~np.isnan(values)], next(iter(quantity.units))
     largest = float(np.max(np.abs(known), initial=0.0))
-    if largest > limit:
+    if largest > quantity.largest:
         raise ConfigurationError(
-            f"{origin}: {name}: reaches {largest:.6g}, must stay within {limit:.3g} {unit}; "
-            f"give it in {unit}"
+            f"{origin}: {name}: reaches {largest:.6g}, must stay within {quantity.largest:.3g} "
+            f"{unit}; give it in {unit}"
         )

@@ -38,6 +38,8 @@ from drivers.readers import read_parquet
 from drivers.settings import load
 from drivers.types import Array, Frame, frozen
 
+MOTION = ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "f_x", "f_z")  # what an arm measures
+TOUCH = ("t_layer_touch", "l1", "l2", "displacement")  # of a result
 Part = TypeVar("Part")
 
 
@@ -173,6 +175,26 @@ class Run:
     def frame_index(self) -> tuple[FrameNote, ...]:
         """Index entries of all measured images, in order; none in a laboratory's run."""
         return read_index(self.folder)
+
+    @_cached_part(dict[str, dict[str, Array]])
+    def tables(self) -> dict[str, dict[str, Array]]:
+        """Measurements as plain tables of columns (n,) in SI units, for another format.
+
+        They are `ticks`, and where measured `contact`, `profile` and `result`, without columns that
+        hold no number.
+        """
+        ticks = {name: getattr(self.ticks, name) for name in MOTION}
+        found = {"ticks": {name: v for name, v in ticks.items() if np.isfinite(v).any()}}
+        seen = np.isfinite(self.ticks.contact_x)
+        stamps = np.where(np.isfinite(self.ticks.contact_t), self.ticks.contact_t, self.ticks.t)
+        if seen.any():
+            found["contact"] = {"t": stamps[seen], "contact_x": self.ticks.contact_x[seen]}
+        if len(self.profile.t):
+            found["profile"] = {name: getattr(self.profile, name) for name in Profile.__slots__}
+        touch = {name: getattr(self.result, name, None) for name in TOUCH}
+        if None not in touch.values():
+            found["result"] = {name: np.array([value]) for name, value in touch.items()}
+        return found
 
     def kept_images(self) -> list[FrameNote]:
         """Index entries of the images whose files were stored, in order."""

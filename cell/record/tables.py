@@ -15,8 +15,10 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from cell.record.columns import Sights, Ticks, quantities
 from cell.record.events import lift_time
 from cell.record.files import PROFILE, SIGHT_STREAM, SIGHTS, TICK_STREAM, TICKS
+from drivers.arm.joint_log import JOINT_FIELDS
 from drivers.errors import ConfigurationError
 from drivers.files import new_file, replacing, write_all
 from drivers.readers import MEGABYTE, SCHEMA, read_bytes
@@ -29,14 +31,13 @@ LATER_COLUMNS = frozenset({"cost"})  # which records from before lack
 NUMBER = pa.float64()
 POINTS_TYPE = pa.list_(pa.float64())
 
+PLACED = ("contact_x", "contact_t")  # columns of ticks that come from the images
 TICK_ROWS = pa.schema(
-    [(name, NUMBER) for name in ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "f_x", "f_z")]
-    + [("image_age", NUMBER), ("cost", NUMBER), ("state", pa.string())]
+    [(name, NUMBER) for name in quantities(Ticks) if name not in PLACED]
+    + [("cost", NUMBER), ("state", pa.string())]
 )
 SIGHT_ROWS = pa.schema(
-    [("stamp", NUMBER), ("sequence", pa.int64())]
-    + [(name, NUMBER) for name in ("contact_x", "contact_confidence", "profile_confidence")]
-    + [(name, NUMBER) for name in ("tip_x", "tip_z", "gap", "gap_x")]
+    [(name, pa.int64() if name == "sequence" else NUMBER) for name in quantities(Sights)]
     + [("profile_x", POINTS_TYPE), ("profile_z", POINTS_TYPE)]
 )
 NOT_MEASURED = float("nan")
@@ -205,13 +206,9 @@ def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
     finite = np.isfinite([_numbers(ticks, name) for name in ("x", "z", "pitch")]).all(axis=0)
     ticks = ticks.filter(pa.array((t > latest) & finite))
     t = _numbers(ticks, "t")
-    contact_x, contact_t = place_contacts(
-        t, _numbers(sights, "stamp"), _numbers(sights, "contact_x")
-    )
-    columns = {name: ticks[name] for name in ("t", "x", "z", "pitch", "x_cmd", "z_cmd")}
-    columns |= {"contact_x": pa.array(contact_x), "contact_t": pa.array(contact_t)}
-    columns |= {name: ticks[name] for name in ("f_x", "f_z", "image_age", "state")}
-    return pa.table(columns)
+    contacts = place_contacts(t, _numbers(sights, "stamp"), _numbers(sights, "contact_x"))
+    placed = dict(zip(PLACED, map(pa.array, contacts), strict=True))
+    return pa.table({n: placed[n] if n in placed else ticks[n] for n in Ticks.__slots__})
 
 
 def place_contacts(t: Array, stamp: Array, contact_x: Array) -> tuple[Array, Array]:
@@ -257,8 +254,7 @@ def joint_table(rows: Array, origin: float) -> pa.Table:
 
     Its `rows` (n, 29) hold t [s] on the cell's clock, then q, dq, q_d and tau_J of seven joints.
     """
-    fields = ("q", "dq", "q_d", "tau_J")
-    names = [f"{field}_{joint}" for field in fields for joint in range(1, 8)]
+    names = [f"{field}_{joint}" for field in JOINT_FIELDS for joint in range(1, 8)]
     columns = {"t": pa.array(rows[:, 0] - origin)}
     for name, values in zip(names, rows[:, 1:].T, strict=True):
         columns[name] = pa.array(values.astype(np.float32))

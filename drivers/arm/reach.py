@@ -88,11 +88,10 @@ def plan_reach(
     longest part followed, then the largest joint margin. The driver's guard must not brake on the
     path before the lay, which depends on where the layers touch.
     """
-    candidates = [
-        candidate
-        for turned in (False, True)
-        for candidate in _postures(installation, path, speeds, turned, elbows)
-    ]
+    poses, times = densify(path, speeds)
+    frame = installation.mounting.transform()
+    planes = [StripPlane(frame, turned=turned) for turned in (False, True)]
+    candidates = [reach for plane in planes for reach in _postures(plane, poses, times, elbows)]
     if not candidates:
         x, z, pitch = path[0].tolist()
         first = Problem(x, z, pitch, "no posture of the arm brings the hand there")
@@ -102,7 +101,8 @@ def plan_reach(
     for candidate in candidates:
         if not candidate.allowed:
             break  # the candidates with problems come last
-        stop = _first_braking(installation, path, speeds, candidate)
+        guard = ReachGuard(planes[candidate.turned], installation.limits, candidate.start.tolist())
+        stop = _first_braking(guard, poses, times)
         if stop is None:
             return candidate
         after_lift = stop.pitch > HANGING
@@ -113,11 +113,9 @@ def plan_reach(
 
 
 def _postures(
-    installation: Installation, path: Array, speeds: Array, turned: bool, elbows: tuple[float, ...]
+    plane: StripPlane, poses: Array, times: Array, elbows: tuple[float, ...]
 ) -> Iterator[Reach]:
-    """Yield the result of tracking `path` from a start posture at each angle of `elbows` [rad]."""
-    plane = StripPlane(installation.mounting.transform(), turned=turned)
-    poses, times = densify(path, speeds)
+    """Yield the result of tracking `poses` from each start posture, one for each elbow angle."""
     for elbow in elbows:
         seed = HOME + frozen([-elbow, 0, elbow, 0, 0, 0, 0])
         try:
@@ -152,13 +150,8 @@ def _track_path(plane: StripPlane, poses: Array, times: Array, start: Array) -> 
     return Reach(plane.turned, start, margin, joint + 1, count, tuple(problems))
 
 
-def _first_braking(
-    installation: Installation, path: Array, speeds: Array, reach: Reach
-) -> Problem | None:
-    """First pose along `path`, from the lift on, at which the driver's guard would brake."""
-    plane = StripPlane(installation.mounting.transform(), turned=reach.turned)
-    guard = ReachGuard(plane, installation.limits, reach.start.tolist())
-    poses, times = densify(path, speeds)
+def _first_braking(guard: "ReachGuard", poses: Array, times: Array) -> Problem | None:
+    """The first of `poses` (n, 3), from the lift on, at which `guard` would brake the arm."""
     rates = np.diff(poses, axis=0) / times[1:, None]
     for (x, z, pitch), rate in zip(poses.tolist(), rates.tolist(), strict=False):
         reason = guard.objection(PredictedMotion(Pose(x, z, pitch), Velocity(*rate), ZERO_VELOCITY))

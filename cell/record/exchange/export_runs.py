@@ -9,9 +9,8 @@ import pyarrow.csv as pc
 
 from cell.extras import require_library
 from cell.record.documents import write_document
-from cell.record.exchange.mapping import MAPPING
-from cell.record.exchange.run_tables import RunTables, check_alike, mapping_of
-from cell.record.run import read_run
+from cell.record.exchange.mapping import MAPPING, mapping_of
+from cell.record.run import Run, read_run
 from drivers.errors import ConfigurationError
 from drivers.files import check_free, new_folder, replace_file
 
@@ -27,31 +26,45 @@ def export_runs(folders: Sequence[Path], kind: Format, out: Path) -> tuple[Path,
     check_free(out)
     if kind == "mcap":
         require_library("mcap")
-    parts = [RunTables.of(read_run(folder)) for folder in folders]
-    names = [part.run.name for part in parts]
+    runs = [read_run(folder) for folder in folders]
+    for run in runs:
+        if not len(run.ticks.t):
+            raise ConfigurationError(f"{run.folder}: holds no row; leave it out")
+    names = [run.name for run in runs]
     if len(set(names)) < len(names):
         raise ConfigurationError(f"two runs are named {max(names, key=names.count)}; rename one")
     with new_folder(out) as made:
-        paths = _write(parts, kind, made)
+        paths = _write(runs, kind, made)
     return tuple(out / path.relative_to(made) for path in paths)
 
 
-def _write(parts: Sequence[RunTables], kind: Format, out: Path) -> tuple[Path, ...]:
+def _write(runs: Sequence[Run], kind: Format, out: Path) -> tuple[Path, ...]:
     if kind == "mcap":
         from cell.record.exchange.mcap_file import write_mcap
 
-        return write_mcap(parts, out)
+        return write_mcap(runs, out)
     if kind == "lerobot":
         from cell.record.exchange.lerobot import write_lerobot
 
-        return write_lerobot(parts, out)
-    check_alike([part.run for part in parts])
-    for part in parts:  # a folder of tables each, and one mapping for all
-        (out / part.run.name).mkdir(parents=True)
-        for name, columns in part.tables.items():
+        return write_lerobot(runs, out)
+    _check_alike(runs)
+    for run in runs:  # a folder of tables each, and one mapping for all
+        (out / run.name).mkdir(parents=True)
+        for name, columns in run.tables().items():
             sink = pa.BufferOutputStream()
             pc.write_csv(pa.table(dict(columns)), sink)
-            replace_file(out / part.run.name / f"{name}.csv", sink.getvalue().to_pybytes())
-    names = mapping_of(parts, lambda table, column: (f"{table}.csv", column))
+            replace_file(out / run.name / f"{name}.csv", sink.getvalue().to_pybytes())
+    names = mapping_of(runs, lambda table, column: (f"{table}.csv", column))
     write_document(out / MAPPING, names)
-    return tuple(out / part.run.name for part in parts)
+    return tuple(out / run.name for run in runs)
+
+
+def _check_alike(runs: Sequence[Run]) -> None:
+    """Raise ConfigurationError where no single mapping describes all `runs`."""
+    for run in runs:
+        alike = ("strip", "start", "sigma", "contact_height")
+        if any(getattr(run.header, k) != getattr(runs[0].header, k) for k in alike):
+            raise ConfigurationError(
+                f"{run.folder}: differs from {runs[0].folder} in strip, start or sigma; export "
+                "runs of one kind together, or as lerobot or mcap"
+            )

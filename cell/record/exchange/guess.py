@@ -11,17 +11,16 @@ from pathlib import Path
 
 import numpy as np
 
+from cell.record.columns import LENGTHS, TIMES
 from cell.record.exchange.import_runs import sources_in
 from cell.record.exchange.mapping import (
     FACTORS,
-    LENGTHS,
-    TIMES,
     Source,
     Table,
     numbers_of,
     seconds_of,
     units_of,
-)  # fmt: skip
+)
 from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 from drivers.types import Array
@@ -132,7 +131,7 @@ def _lines(
 
 def _columns(source: Source, file: str) -> dict[str, Guess]:
     """Columns of numbers of the table `file` that their names say; times in words are seconds."""
-    content, found = source.table(file, Table[str](file=file, columns={})), dict[str, Guess]()
+    content, found = source.table(Table[str](file=file, columns={})), dict[str, Guess]()
     names = [name for name in content.column_names if content.column_names.count(name) == 1]
     for name in sorted(names, key=lambda n: (not SECOND.isdisjoint(_words(n)), len(_words(n)))):
         values = numbers_of(content[name])

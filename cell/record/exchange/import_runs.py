@@ -1,7 +1,7 @@
 """Import of measured runs: foreign tables are checked, converted, written as run folders."""
 
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -12,12 +12,11 @@ import numpy as np
 import pyarrow as pa
 
 from cell.extras import require_library
-from cell.record.columns import Profile, Ticks
+from cell.record.columns import LENGTHS, Ticks
 from cell.record.documents import write_document
 from cell.record.exchange.lerobot import INFO, episodes
 from cell.record.exchange.mapping import (
     FILE,
-    LENGTHS,
     MAPPING,
     OF_SIGNALS,
     MappingFile,
@@ -25,8 +24,7 @@ from cell.record.exchange.mapping import (
     SignalMapping,
     Source,
     Table,
-    file_source,
-    path_of,
+    TableFiles,
     read_columns,
 )
 from cell.record.files import PROFILE, RESULT, RUN, SIGNALS, TICKS, is_run
@@ -40,6 +38,7 @@ from drivers.types import Array
 from drivers.yaml_text import dump_yaml, parse_yaml
 
 AnyMapping = MappingFile | SignalMapping
+Content = Mapping[str, Any]
 LONGEST_INTERVAL = 0.2  # s between rows of the gripper; slower ones are in another unit than stated
 SOON = 1.0  # s after the last row, within which a touch read off a stopwatch may lie
 
@@ -88,12 +87,10 @@ def import_runs(
 
 
 def _with_source_path(text: str, source: Source, how: AnyMapping, run: Path) -> str:
-    """The `text` of an error of the made `run`, with the path of its source."""
-    if isinstance(how, SignalMapping):
-        mapped = f"{path_of(source, how.signals)}, as mapped"
-        text = text.replace(str(run / SIGNALS), mapped)
-    else:
-        text = text.replace(str(run / TICKS), str(path_of(source, how.ticks)))
+    """The `text` of an error of the made `run`, with the paths of its source."""
+    for file, table in how.tables.items():
+        mapped = ", as mapped" if file == SIGNALS else ""
+        text = text.replace(str(run / file), f"{source.place(table)}{mapped}")
     return text.replace(str(run), str(source.path))
 
 
@@ -120,7 +117,7 @@ def _suggest_change(
     """
     if isinstance(how, SignalMapping):
         return ""
-    changes: list[Any] = [{"reversed": True}, {"reversed": False}]
+    changes: list[dict[str, Any]] = [{"reversed": True}, {"reversed": False}]
     for change in (*changes, *({"unit": unit} for unit in LENGTHS)):
         for names in (("x",), ("z",), ("x", "z")):
             columns = {
@@ -146,14 +143,13 @@ def sources_in(place: Path, mapping: Path | None = None) -> Iterator[Source]:
         require_library("mcap")
         from cell.record.exchange.mcap_file import McapFile
 
-        file = McapFile(place)
-        yield Source(place, place.stem, file.documents, file.topics, file.table)
+        yield McapFile(place)
     elif (place / INFO).is_file():
         yield from episodes(place)
     elif place.is_dir():
-        yield from map(file_source, _folders_of_tables(place))
+        yield from map(TableFiles, _folders_of_tables(place))
     elif place.is_file() and FILE.fullmatch(place.name):
-        yield file_source(place)
+        yield TableFiles(place)
     elif not (place.is_file() and (place.name == MAPPING or place == mapping)):
         fault = "is none of what is read" if place.exists() else "is not there"
         raise ConfigurationError(
@@ -188,33 +184,48 @@ def _write_run(
     source: Source, how: AnyMapping, index: int, target: Path, *, documents: bool
 ) -> None:
     """Write the tables of `source` as a run, and with `documents` its own YAML files."""
+    place = _place(source.name, how, index)
     if isinstance(how, SignalMapping):
-        signals = read_columns(source, how.signals, OF_SIGNALS)
-        head = {"schema": 1, "mechanism": how.mechanism, **_place(source.name, how, index)}
-        target.mkdir()
-        write_document(target / RUN, head)
-        write_parquet(target / SIGNALS, pa.table(signals))
-        return
+        made = _motion(source, how, place)
+    else:
+        made = _fold(source, how, place)
+    target.mkdir()
+    for name, content in made.items():
+        if name in {RUN, RESULT}:
+            write_document(target / name, content)
+        else:
+            write_parquet(target / name, pa.table(content))
+    for name in (RUN, RESULT) if documents and RESULT in made else ():
+        if name in source.documents:
+            replace_file(target / name, source.documents[name])
+
+
+def _motion(source: Source, how: SignalMapping, place: Content) -> dict[str, Content]:
+    """Contents of the files of a mechanism's run."""
+    head = {"schema": 1, "mechanism": how.mechanism, **place}
+    return {RUN: head, SIGNALS: read_columns(source, how.signals, OF_SIGNALS)}
+
+
+def _fold(source: Source, how: MappingFile, place: Content) -> dict[str, Content]:
+    """Contents of the files of a fold's run."""
     ticks = dict(read_columns(source, how.ticks))
     first = float(ticks["t"][0]) if len(ticks["t"]) else 0.0
     begin = first if how.begin is None else how.begin
-    ticks["t"] = ticks["t"] - begin
-    if "contact_t" in ticks:
-        ticks["contact_t"] = ticks["contact_t"] - begin
-    _check_ticks(ticks, path_of(source, how.ticks))
+    ticks |= {name: ticks[name] - begin for name in ("t", "contact_t") if name in ticks}
+    _check_ticks(ticks, source.place(how.ticks))
     if how.contact is not None:
         seen = read_columns(source, how.contact)
         placed = place_contacts(ticks["t"], seen["t"] - begin, seen["contact_x"])
         ticks |= dict(zip(("contact_x", "contact_t"), placed, strict=True))
-    target.mkdir()
-    write_document(target / RUN, _header(source.name, how, index))
-    write_parquet(target / TICKS, pa.table(ticks))
-    write_parquet(target / PROFILE, pa.table(_profile(source, how, begin)))
-    end = float(ticks["t"][-1])
-    write_document(target / RESULT, _result(source, how.result, begin, end))
-    for name in (RUN, RESULT) if documents else ():
-        if name in source.documents:
-            replace_file(target / name, source.documents[name])
+    head = {"schema": 1, **how.model_dump(include={"strip", "start", "contact_height"}), **place}
+    head["sigma"] = how.sigma.model_dump(exclude_unset=True)
+    head |= {} if how.seen_by is None else {"seen_by": how.seen_by}
+    return {
+        RUN: head,
+        TICKS: ticks,
+        PROFILE: _profile(source, how, begin),
+        RESULT: _result(source, how.result, begin, float(ticks["t"][-1])),
+    }
 
 
 def _write_film(source: Source, run: Path) -> None:
@@ -243,13 +254,6 @@ def _check_ticks(ticks: dict[str, Array], path: Path) -> None:
         )
 
 
-def _header(name: str, how: MappingFile, index: int) -> dict[str, object]:
-    stated = how.model_dump(include={"strip", "start", "contact_height"})
-    place, sigma = _place(name, how, index), how.sigma.model_dump(exclude_unset=True)
-    header: dict[str, object] = {"schema": 1, **stated, **place, "sigma": sigma}
-    return header | ({} if how.seen_by is None else {"seen_by": how.seen_by})
-
-
 def _place(name: str, how: AnyMapping, index: int) -> dict[str, object]:
     """Keys of a run's header that say where it belongs, by default the `index` of the call."""
     stated = how.runs.get(name, Place()).model_dump(exclude_none=True)
@@ -263,9 +267,6 @@ def _profile(source: Source, how: MappingFile, begin: float) -> dict[str, Array]
         return {name: np.empty(0) for name in ("t", "i", "x", "z")}
     points = dict(read_columns(source, how.profile))
     points["t"] = points["t"] - begin
-    Profile.parse(
-        pa.table(points | {"i": np.zeros(len(points["t"]))}), str(path_of(source, how.profile))
-    )
     if "i" not in points:  # numbered within each image, in the order of the file
         first = np.flatnonzero(np.diff(points["t"], prepend=np.nan))  # a NaN counts as a change
         sizes = np.diff(np.append(first, len(points["t"])))
@@ -276,7 +277,7 @@ def _profile(source: Source, how: MappingFile, begin: float) -> dict[str, Array]
 
 def _result(source: Source, how: Table[Any] | None, begin: float, end: float) -> dict[str, object]:
     """Content of result.yaml: the touch, at most SOON after `end` [s] of the ticks, if any."""
-    if how is None or not (path := path_of(source, how)).exists():  # a run without touch
+    if how is None or not (path := source.place(how)).exists():  # a run without touch
         return {"outcome": "path_done"}
     values = read_columns(source, how)
     if not all(len(column) and np.isfinite(column).any() for column in values.values()):

@@ -10,7 +10,6 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,10 +17,10 @@ import numpy as np
 import pyarrow as pa
 
 from cell.record.documents import plain
-from cell.record.exchange.mapping import MAPPING, Source
-from cell.record.exchange.run_tables import RunTables, mapping_of
+from cell.record.exchange.mapping import MAPPING, Source, Table, mapping_of
 from cell.record.files import FILM, RESULT, RUN
 from cell.record.film import Film, FilmWriter
+from cell.record.run import Run
 from cell.record.tables import place_rows, write_parquet
 from drivers.errors import ConfigurationError, suggestion
 from drivers.files import replace_file
@@ -65,27 +64,27 @@ class Feature(NamedTuple):
         return {"dtype": str(self.values.dtype), "shape": [self.size], "names": self.names}
 
 
-def write_lerobot(parts: Sequence[RunTables], out: Path) -> tuple[Path, ...]:
+def write_lerobot(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
     """Write the runs as a data set into the new folder `out`; returns that folder.
 
     Raises ConfigurationError where their films have images of several sizes.
     """
-    begin, rows, frames, fps = 0, list[dict[str, Any]](), [], _rate(parts)
-    tasks = list(dict.fromkeys(TASK.format(part.run.header.strip) for part in parts))
+    begin, rows, frames, fps = 0, list[dict[str, Any]](), [], _rate(runs)
+    tasks = list(dict.fromkeys(TASK.format(run.header.strip) for run in runs))
     images, shape = list[Mapping[str, Feature]](), tuple[int, ...]()
-    for i, part in enumerate(parts):
-        count = len(part.tables["ticks"]["t"])
-        rows.append(_episode_row(part, i, begin, count))
+    for i, run in enumerate(runs):
+        count = len(run.ticks.t)
+        rows.append(_episode_row(run, i, begin, count))
         counters = _counters(i, begin, count, fps, tasks.index(rows[-1]["tasks"][0]))
-        frames.append(_features(part, parts) | counters)
+        frames.append(_features(run, runs) | counters)
         _write(out / _fill_pattern(DATA, *divmod(i, CHUNK)), _table(frames[-1]))
         if CAMERA_STAMP in frames[-1]:
             path = out / _fill_pattern(VIDEO, *divmod(i, CHUNK), CAMERA)
-            size, sample = _write_film(part, path, fps)
+            size, sample = _write_film(run, path, fps)
             if images and size != shape:
                 raise ConfigurationError(
-                    f"{part.run.folder / FILM}: its images have another size than those of "
-                    f"{parts[0].run.folder}; export these runs apart"
+                    f"{run.folder / FILM}: its images have another size than those of "
+                    f"{runs[0].folder}; export these runs apart"
                 )
             shape = size
             images.append({CAMERA: sample})
@@ -96,7 +95,7 @@ def write_lerobot(parts: Sequence[RunTables], out: Path) -> tuple[Path, ...]:
     episodes = {name: [row[name] for row in rows] for name in rows[0]}
     _write(out / _fill_pattern(EPISODES, 0, 0), pa.table(episodes))
     _write(out / TASKS, _tasks(tasks))
-    stats, info = _stats(frames), _info(parts, frames[0], begin, len(tasks))
+    stats, info = _stats(frames), _info(runs, frames[0], begin, len(tasks))
     if images:
         stats[CAMERA] = {
             name: values if name == "count" else [[[value]] for value in values]
@@ -106,7 +105,7 @@ def write_lerobot(parts: Sequence[RunTables], out: Path) -> tuple[Path, ...]:
         info["features"][CAMERA] = {"dtype": "video", "shape": list(shape), "names": axes}
     replace_file(out / STATS, json.dumps(stats).encode())
     replace_file(out / INFO, json.dumps(info).encode())
-    names = mapping_of(parts, _file_and_column)
+    names = mapping_of(runs, _file_and_column)
     names.pop("result", None)  # it comes with the run's documents
     replace_file(out / "meta" / MAPPING, dump_yaml(plain(names)).encode())
     return (out,)
@@ -125,48 +124,48 @@ def _file_and_column(table: str, column: str) -> tuple[str, str]:
     return EPISODE, "stamp"
 
 
-def _features(part: RunTables, parts: Sequence[RunTables]) -> dict[str, Feature]:
-    """Features of a run's frames, by LeRobot's names: the quantities that all `parts` measured."""
-    ticks, found = part.tables["ticks"], dict[str, Feature]()
+def _features(run: Run, runs: Sequence[Run]) -> dict[str, Feature]:
+    """Features of a run's frames, by LeRobot's names: the quantities that all `runs` measured."""
+    ticks, found = run.tables()["ticks"], dict[str, Feature]()
     for name, columns in VECTORS.items():
-        there = [c for c in columns if all(c in other.tables["ticks"] for other in parts)]
+        there = [c for c in columns if all(c in other.tables()["ticks"] for other in runs)]
         if there:
             found[name] = Feature(np.stack([ticks[c] for c in there], axis=1), there)
     found["stamp"] = Feature(np.asarray(ticks["t"]))
-    if any("contact" in other.tables for other in parts):
-        seen = part.tables.get("contact", {"t": np.empty(0), "contact_x": np.empty(0)})
+    if any("contact" in other.tables() for other in runs):
+        seen = run.tables().get("contact", {"t": np.empty(0), "contact_x": np.empty(0)})
         for name, key in (("contact", "contact_x"), ("contact_stamp", "t")):
-            found[f"observation.{name}"] = _at_frames(part, seen["t"], seen[key])
-    if all(other.run.film_stamps() for other in parts):
-        stamps = part.run.film_stamps()
-        found[CAMERA_STAMP] = Feature(np.array([stamps[number] for number in _newest_images(part)]))
-    curves = [curve for other in parts for _, curve in other.run.profile.curves()]
+            found[f"observation.{name}"] = _at_frames(run, seen["t"], seen[key])
+    if all(other.film_stamps() for other in runs):
+        stamps = run.film_stamps()
+        found[CAMERA_STAMP] = Feature(np.array([stamps[number] for number in _newest_images(run)]))
+    curves = [curve for other in runs for _, curve in other.profile.curves()]
     points = max(map(len, curves), default=0)
-    return found | (_curves(part, points) if points else {})
+    return found | (_curves(run, points) if points else {})
 
 
-def _curves(part: RunTables, points: int) -> dict[str, Feature]:
+def _curves(run: Run, points: int) -> dict[str, Feature]:
     """Curves of up to `points` points in the frames nearest to their images, and their stamps."""
-    curves = part.run.profile.curves()
+    curves = run.profile.curves()
     stamps = np.array([stamp for stamp, _ in curves])
     padded = np.full((len(curves), points, 2), np.nan)
     for i, (_, curve) in enumerate(curves):
         padded[i, : len(curve)] = curve
     names = [str(i) for i in range(points)]
-    found = {POINTS_STAMP: _at_frames(part, stamps, stamps)}
+    found = {POINTS_STAMP: _at_frames(run, stamps, stamps)}
     for k, axis in enumerate("xz"):
-        feature = _at_frames(part, stamps, padded[..., k])
+        feature = _at_frames(run, stamps, padded[..., k])
         found[f"observation.profile_{axis}"] = feature._replace(names=names)
     return found
 
 
-def _at_frames(part: RunTables, stamps: Array, values: Array) -> Feature:
+def _at_frames(run: Run, stamps: Array, values: Array) -> Feature:
     """Feature of `values` (k, ...) in the frames nearest to their `stamps` (k,), else NaN."""
-    t = part.tables["ticks"]["t"]
+    t = run.ticks.t
     rows = place_rows(t, stamps)
     if len(np.unique(rows)) < len(rows):
         raise ConfigurationError(
-            f"{part.run.folder}: two images belong to one row of ticks.parquet; LeRobot keeps one "
+            f"{run.folder}: two images belong to one row of ticks.parquet; LeRobot keeps one "
             "a frame: export it as mcap or csv"
         )
     found = np.full((len(t), *values.shape[1:]), np.nan)
@@ -174,23 +173,23 @@ def _at_frames(part: RunTables, stamps: Array, values: Array) -> Feature:
     return Feature(found)
 
 
-def _newest_images(part: RunTables) -> list[int]:
+def _newest_images(run: Run) -> list[int]:
     """Numbers (n,) in the run's film of the newest image at each row; at first, of the first."""
-    stamps = part.run.film_stamps()
-    newest = np.searchsorted(list(stamps.values()), part.tables["ticks"]["t"], side="right") - 1
+    stamps = run.film_stamps()
+    newest = np.searchsorted(list(stamps.values()), run.ticks.t, side="right") - 1
     numbers = list(stamps)
     return [numbers[place] for place in np.maximum(newest, 0)]
 
 
-def _write_film(part: RunTables, path: Path, fps: int) -> tuple[tuple[int, ...], Feature]:
+def _write_film(run: Run, path: Path, fps: int) -> tuple[tuple[int, ...], Feature]:
     """Write a film with an image for each row; returns their shape, and pixels of each for stats.
 
     Raises ConfigurationError for a run whose film breaks off.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    counts, row, sample, shape = Counter(_newest_images(part)), 0, list[Array](), tuple[int, ...]()
+    counts, row, sample, shape = Counter(_newest_images(run)), 0, list[Array](), tuple[int, ...]()
     with FilmWriter(path) as film:
-        for number, frame in enumerate(Film(part.run.folder / FILM).frames()):
+        for number, frame in enumerate(Film(run.folder / FILM).frames()):
             for _ in range(counts[number]):
                 film.add(row / fps, frame.image)
                 row += 1
@@ -199,7 +198,7 @@ def _write_film(part: RunTables, path: Path, fps: int) -> tuple[tuple[int, ...],
                 sample.append(frame.image[::SAMPLE, ::SAMPLE, ::-1].reshape(-1, 3) / 255)
     if row < counts.total():
         raise ConfigurationError(
-            f"{part.run.folder / FILM}: breaks off before the run's end; delete it to export "
+            f"{run.folder / FILM}: breaks off before the run's end; delete it to export "
             "without a film"
         )
     return shape, Feature(np.concatenate(sample))
@@ -226,21 +225,21 @@ def _table(features: Mapping[str, Feature]) -> pa.Table:
     return pa.table(flat | lists)
 
 
-def _episode_row(part: RunTables, i: int, begin: int, count: int) -> dict[str, Any]:
+def _episode_row(run: Run, i: int, begin: int, count: int) -> dict[str, Any]:
     """Row of meta/episodes for one run; `cell/` holds the run's documents."""
     documents = {}
     for name in (RUN, RESULT):
-        path = part.run.folder / name
+        path = run.folder / name
         documents[f"cell/{name}"] = read_bytes(path, MEGABYTE).decode() if path.is_file() else ""
     return {
         "episode_index": i,
-        "tasks": [TASK.format(part.run.header.strip)],
+        "tasks": [TASK.format(run.header.strip)],
         "length": count,
         **_place("data", i),
         "dataset_from_index": begin,
         "dataset_to_index": begin + count,
         **_place("meta/episodes", 0),
-        "cell/name": part.run.name,
+        "cell/name": run.name,
         **documents,
     }
 
@@ -270,29 +269,29 @@ def _stats(each: Sequence[Mapping[str, Feature]]) -> dict[str, Any]:
 
 
 def _info(
-    parts: Sequence[RunTables], features: Mapping[str, Feature], frames: int, tasks: int
+    runs: Sequence[Run], features: Mapping[str, Feature], frames: int, tasks: int
 ) -> dict[str, Any]:
-    drivers = parts[0].run.header.drivers
+    drivers = runs[0].header.drivers
     return {
         "codebase_version": FORMAT_VERSION,
         "robot_type": "unknown" if drivers is None or not drivers.arm else drivers.arm,
-        "total_episodes": len(parts),
+        "total_episodes": len(runs),
         "total_frames": frames,
         "total_tasks": tasks,
         "chunks_size": CHUNK,
         "data_files_size_in_mb": 100,
         "video_files_size_in_mb": 200,
-        "fps": _rate(parts),
-        "splits": {"train": f"0:{len(parts)}"},
+        "fps": _rate(runs),
+        "splits": {"train": f"0:{len(runs)}"},
         "data_path": DATA,
         "video_path": VIDEO,
         "features": {name: feature.stated() for name, feature in features.items()},
     }
 
 
-def _rate(parts: Sequence[RunTables]) -> int:
+def _rate(runs: Sequence[Run]) -> int:
     """Nominal number of rows per second [Hz]."""
-    steps = np.concatenate([np.diff(part.tables["ticks"]["t"]) for part in parts])
+    steps = np.concatenate([np.diff(run.ticks.t) for run in runs])
     return max(round(1.0 / float(np.median(steps))), 1) if len(steps) else 1
 
 
@@ -307,20 +306,34 @@ def _write(path: Path, table: pa.Table) -> None:
     write_parquet(path, table)
 
 
-@dataclass(frozen=True, slots=True)
-class Episode:
-    """The tables of an episode: `episode`, and of an exported run `points`; and its first film.
+class Episode(Source):
+    """An episode of a data set as a run: its table `episode`, and maybe `points` and a film.
 
-    The table `episode` holds the frames, with a column for each component of a vector. `begin` [s]
-    is the episode's place in the `film`, whose images follow each other at `fps`.
+    The table `episode` holds the frames, with a column for each component of a vector; `points` are
+    those of the strip in an exported run.
     """
 
-    path: Path
-    frames: pa.Table
-    features: Mapping[str, Any]
-    film: Path | None
-    begin: float
-    fps: float
+    def __init__(self, root: Path, info: Mapping[str, Any], row: Mapping[str, Any]) -> None:
+        """Read the episode that one `row` of meta/episodes describes, with the set's `info`."""
+        self.path, self.features = _path_in_set(root, info, "data", row), info["features"]
+        self.name = str(row.get("cell/name") or f"episode-{row['episode_index']:06d}")
+        if Path(self.name).name != self.name:
+            raise ValueError(f"cell/name: {self.name!r} is not the name of a folder")
+        mapping = root / "meta" / MAPPING
+        self.documents = {MAPPING: read_bytes(mapping, MEGABYTE)} if mapping.is_file() else {}
+        for name in (RUN, RESULT):
+            if row.get(f"cell/{name}"):
+                self.documents[name] = row[f"cell/{name}"].encode()
+        frames = read_parquet(self.path)
+        of_episode = np.asarray(frames["episode_index"]) == row["episode_index"]
+        self.frames = frames.filter(pa.array(of_episode))
+        points = [POINTS_TABLE] if POINTS_STAMP in frames.column_names else []
+        self.names = [EPISODE, *points]
+        cameras = (name for name, each in self.features.items() if each.get("dtype") == "video")
+        camera = next((name for name in cameras if f"videos/{name}/file_index" in row), "")
+        self.film = _path_in_set(root, info, "video", row, camera) if camera else None
+        self.begin = float(row[f"videos/{camera}/from_timestamp"]) if camera else 0.0  # s
+        self.fps = float(info["fps"])
 
     def images(self) -> Iterator[tuple[int, Frame]]:
         """Images of the film with the row of each; of a repeated one the first after its stamp."""
@@ -335,42 +348,46 @@ class Episode:
             if row in rows:
                 yield row, frame
 
-    def table(self, file: str, _how: object) -> pa.Table:
+    def table(self, how: Table[Any]) -> pa.Table:
         """Frames or points of the episode; ConfigurationError for any other table."""
-        if file == EPISODE:
-            return self._flat()
-        if file == POINTS_TABLE and POINTS_STAMP in self.frames.column_names:
-            return self._points()
-        known = (EPISODE, POINTS_TABLE)
-        raise ConfigurationError(
-            f"{self.path}: file {file!r} is not there{suggestion(file, known)}; "
-            f"allowed: {', '.join(known)}"
-        )
+        if how.file not in self.names:
+            raise ConfigurationError(
+                f"{self.path}: file {how.file!r} is not there{suggestion(how.file, self.names)}; "
+                f"allowed: {', '.join(self.names)}"
+            )
+        return self._flat() if how.file == EPISODE else self._points()
 
     def _flat(self) -> pa.Table:
         columns = dict[str, Any]()
         for name in self.frames.column_names:
-            column = self.frames[name].combine_chunks()
-            values = _matrix(column, len(self.frames)) if _is_vector(column) else [column]
-            axes = _axes(self.features.get(name, {}).get("names"), len(values))
+            parts = self._components(name)
+            axes = _axes(self.features.get(name, {}).get("names"), len(parts))
             columns |= {
                 name if axis is None else f"{name}.{axis}": part
-                for axis, part in zip(axes, values, strict=True)
+                for axis, part in zip(axes, parts, strict=True)
             }
         return pa.table(columns)
 
     def _points(self) -> pa.Table:
-        count = len(self.frames)
         x, z = (
-            _matrix(self.frames[f"observation.profile_{a}"].combine_chunks(), count) for a in "xz"
+            np.array([np.asarray(part) for part in self._components(f"observation.profile_{axis}")])
+            for axis in "xz"
         )
         row, i = np.nonzero(np.isfinite(x.T))
         stamp = self.frames[POINTS_STAMP].to_numpy()
         return pa.table({"t": stamp[row], "i": i, "x": x[i, row], "z": z[i, row]})
 
-
-def _is_vector(column: pa.Array) -> bool:
-    return bool(pa.types.is_list(column.type) or pa.types.is_fixed_size_list(column.type))
+    def _components(self, name: str) -> Sequence[Any]:
+        """Components (n,) of a feature; ConfigurationError for vectors of several lengths."""
+        column, count = self.frames[name].combine_chunks(), len(self.frames)
+        if not (pa.types.is_list(column.type) or pa.types.is_fixed_size_list(column.type)):
+            return [column]
+        values = column.flatten().to_numpy(zero_copy_only=False).astype(np.float64)
+        if count == 0 or len(values) % count:
+            raise ConfigurationError(
+                f"a LeRobot feature holds {len(values)} values in {count} frames"
+            )
+        return list(values.reshape(count, -1).T)
 
 
 def _axes(stated: object, size: int) -> Sequence[object]:
@@ -383,16 +400,7 @@ def _axes(stated: object, size: int) -> Sequence[object]:
     return [None] if size == 1 else range(size)
 
 
-def _matrix(column: pa.Array, count: int) -> Array:
-    """Vectors of one length as parts (m, count); ConfigurationError where they differ."""
-    flat = column.flatten() if _is_vector(column) else column
-    values = flat.to_numpy(zero_copy_only=False).astype(np.float64)
-    if count == 0 or len(values) % count:
-        raise ConfigurationError(f"a LeRobot feature holds {len(values)} values in {count} frames")
-    return np.asarray(values.reshape(count, -1).T)
-
-
-def episodes(root: Path) -> Iterator[Source]:
+def episodes(root: Path) -> Iterator[Episode]:
     """Yield the episodes of the data set at `root`, each with its own frames.
 
     Raises ConfigurationError for a data set of another version, or one that is not whole.
@@ -403,38 +411,12 @@ def episodes(root: Path) -> Iterator[Source]:
             f"{root / INFO}: codebase_version: is {info.get('codebase_version')!r}, must be v3.x; "
             "convert it with LeRobot's own script"
         )
-    mapping = root / "meta" / MAPPING
-    shared = {MAPPING: read_bytes(mapping, MEGABYTE)} if mapping.is_file() else {}
     for path in sorted((root / "meta" / "episodes").glob("*/*.parquet")):
         for row in read_parquet(path).to_pylist():
             try:
-                yield _episode_source(root, row, info, shared)
+                yield Episode(root, info, row)
             except (KeyError, TypeError, ValueError) as error:
                 raise ConfigurationError(f"{path}: a row is not whole: {error}") from None
-
-
-def _episode_source(
-    root: Path, row: Mapping[str, Any], info: Mapping[str, Any], shared: Mapping[str, bytes]
-) -> Source:
-    """Read the episode that one `row` of meta/episodes describes."""
-    path = _path_in_set(root, info, "data", row)
-    cameras = (name for name, each in info["features"].items() if each.get("dtype") == "video")
-    camera = next((name for name in cameras if f"videos/{name}/file_index" in row), None)
-    film = camera and _path_in_set(root, info, "video", row, camera)
-    begin = float(row[f"videos/{camera}/from_timestamp"]) if camera else 0.0
-    frames = read_parquet(path)
-    of_episode = np.asarray(frames["episode_index"]) == row["episode_index"]
-    documents = {
-        name: row[f"cell/{name}"].encode() for name in (RUN, RESULT) if row.get(f"cell/{name}")
-    }
-    name = str(row.get("cell/name") or f"episode-{row['episode_index']:06d}")
-    if Path(name).name != name:
-        raise ValueError(f"cell/name: {name!r} is not the name of a folder")
-    of_episode = frames.filter(pa.array(of_episode))
-    found = Episode(path, of_episode, info["features"], film, begin, float(info["fps"]))
-    points = [POINTS_TABLE] if POINTS_STAMP in frames.column_names else []
-    shared = {**shared, **documents}
-    return Source(path, name, shared, [EPISODE, *points], found.table, found.images)
 
 
 def _path_in_set(

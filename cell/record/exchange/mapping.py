@@ -1,13 +1,13 @@
 """The mapping file of `cell import`, and foreign tables read by it in SI units and the cell frame.
 
-It names the foreign column for each quantity, with its unit.
+It names the foreign column for each quantity, with its unit; an exported run brings its own.
 """
 
 import io
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Any, Generic, Literal, TypeVar
@@ -17,29 +17,36 @@ import pyarrow as pa
 import pyarrow.csv as pc
 from pydantic import Field, field_validator
 
+from cell.record.columns import (
+    ANGLES,
+    COUNTS,
+    FORCES,
+    LENGTHS,
+    TIMES,
+    Profile,
+    Ticks,
+    quantities,
+)
+from cell.record.files import PROFILE, SIGNALS, TICKS
 from cell.record.header import Load, Sigma
+from cell.record.run import Run
 from drivers.errors import ConfigurationError, suggestion
 from drivers.readers import MEGABYTE, read_bytes, read_parquet, read_text
 from drivers.settings import Metres, Seconds, Settings
 from drivers.types import Array, Frame, frozen
 
-LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
-TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-ANGLES = {"rad": 1.0, "deg": 0.017453292519943295}
-FORCES = {"N": 1.0, "mN": 1e-3, "cN": 1e-2}
-COUNTS = {"1": 1.0}  # without a unit
 PER_SECOND = {f"{unit}/s": factor for unit, factor in (LENGTHS | ANGLES).items()}
 TORQUES = {f"{unit} m": factor for unit, factor in FORCES.items()}
 FACTORS = LENGTHS | TIMES | ANGLES | FORCES | COUNTS | PER_SECOND | TORQUES
-MEASURES = {
-    "t": TIMES, "contact_t": TIMES, "t_layer_touch": TIMES, "pitch": ANGLES,
-    "f_x": FORCES, "f_z": FORCES, "i": COUNTS, "": LENGTHS,
-}  # fmt: skip
+MEASURES = {name: q.units for table in (Ticks, Profile) for name, q in quantities(table).items()}
+MEASURES |= {"t_layer_touch": TIMES, "": LENGTHS}
 """Units [SI, the first of them] by column; "" stands for all other columns."""
 OF_SIGNALS = {"t": TIMES, "": FACTORS}
 MAPPING = "mapping.yaml"  # as `cell export` names it
 
 Name = TypeVar("Name", bound=str)
+Naming = Callable[[str, str], tuple[str, str]]
+"""Function from a table and its column to the file and column that hold it in a format."""
 Delimiter = Annotated[str, Field(min_length=1, max_length=1)]
 TickColumn = Literal["t", "x", "z", "pitch", "x_cmd", "z_cmd", "contact_x", "contact_t",
                      "f_x", "f_z"]  # fmt: skip
@@ -107,6 +114,11 @@ class SignalMapping(Settings):
     runs: dict[str, PlaceOfMotion] = Field(default_factory=dict)
     signals: Table[str]
 
+    @property
+    def tables(self) -> dict[str, Table[Any]]:
+        """The foreign table for each table of the run, by its file."""
+        return {SIGNALS: self.signals}
+
 
 class MappingFile(Settings):
     """Contents of a mapping file; quantities left out were not measured.
@@ -140,57 +152,70 @@ class MappingFile(Settings):
             raise ValueError(f"columns: {missing[0]} is missing; add it")
         return ticks
 
+    @property
+    def tables(self) -> dict[str, Table[Any]]:
+        """The foreign table for each table of the run, by its file."""
+        stated = {TICKS: self.ticks, PROFILE: self.profile}
+        return {file: table for file, table in stated.items() if table is not None}
 
-@dataclass(frozen=True, slots=True)
-class Source:
-    """Where one run's foreign tables come from: path, name of the run, and YAML files by name.
 
-    `names` are those of its tables; `table` returns the one that a mapping names, and raises
-    ConfigurationError without one. `images` yields the images of a film, with the row of `ticks` at
-    which each was taken.
-    """
+class Source(ABC):
+    """One run in a foreign format: its tables by name, and maybe images and YAML documents."""
 
     path: Path
     name: str
     documents: Mapping[str, bytes]
-    names: Sequence[str]
-    table: Callable[[str, Table[Any]], pa.Table]
-    images: Callable[[], Iterable[tuple[int, Frame]]] = tuple
+    names: Sequence[str]  # of the tables
+
+    @abstractmethod
+    def table(self, how: Table[Any]) -> pa.Table:
+        """The foreign table that `how` names; ConfigurationError where it cannot be read."""
+
+    def place(self, how: Table[Any]) -> Path:  # noqa: ARG002
+        """Path of the file that holds the table `how`, for errors."""
+        return self.path
+
+    def images(self) -> Iterable[tuple[int, Frame]]:
+        """Images of the run's film, if any, each with the row of `ticks` at which it was taken."""
+        return ()
 
 
-def file_source(path: Path) -> Source:
-    """Source of the tables in the folder at `path`, or of that file alone.
+class TableFiles(Source):
+    """A run in CSV and Parquet files: those of a folder, or one alone."""
 
-    It raises ConfigurationError for what is not CSV or Parquet.
-    """
+    def __init__(self, path: Path) -> None:
+        """Find the tables in the folder at `path`, or take that file."""
+        place = path.resolve()
+        mapping = place.parent / MAPPING
+        self.path, self.name = path, place.stem if path.is_file() else place.name
+        self.documents = {MAPPING: read_bytes(mapping, MEGABYTE)} if mapping.is_file() else {}
+        self._files = [path] if path.is_file() else sorted(path.iterdir())
+        found = [file.name for file in self._files if FILE.fullmatch(file.name)]
+        self.names = [f"*{path.suffix}"] if path.is_file() else found  # of all such files
 
-    def table(file: str, how: Table[Any]) -> pa.Table:
-        if FILE.fullmatch(file) is None:
+    def table(self, how: Table[Any]) -> pa.Table:
+        """Read the one CSV or Parquet file that `how` names, perhaps by a pattern.
+
+        Raises ConfigurationError for another name, or a file that cannot be read.
+        """
+        if FILE.fullmatch(how.file) is None:
             raise ConfigurationError(
-                f"mapping: file: {file!r} is not the name of a file of each run that ends in .csv, "
-                ".txt, .tsv or .parquet"
+                f"mapping: file: {how.file!r} is not the name of a file of each run that ends in "
+                ".csv, .txt, .tsv or .parquet"
             )
-        found = _file(path, file)
+        found = self.place(how)
         return read_parquet(found) if found.suffix == ".parquet" else _csv(found, how)
 
-    place = path.resolve()
-    beside = place.parent / MAPPING
-    documents = {MAPPING: read_bytes(beside, MEGABYTE)} if beside.is_file() else {}
-    if path.is_file():
-        return Source(path, place.stem, documents, [f"*{path.suffix}"], table)
-    names = [file.name for file in sorted(path.iterdir()) if FILE.fullmatch(file.name)]
-    return Source(path, place.name, documents, names, table)
-
-
-def _file(place: Path, name: str) -> Path:
-    """The file of a run at `place` that has this `name`, which may be a pattern of one alone."""
-    files = [place] if place.is_file() else sorted(place.iterdir())
-    found = [file for file in files if fnmatchcase(file.name, name)]
-    if len(found) > 1:
-        raise ConfigurationError(
-            f"{place}: {name} are {len(found)} files; where each is a run, give the files"
-        )
-    return found[0] if found else (place.parent if place.is_file() else place) / name
+    def place(self, how: Table[Any]) -> Path:
+        """Path of the file that `how` names; ConfigurationError where several have its name."""
+        found = [file for file in self._files if fnmatchcase(file.name, how.file)]
+        if len(found) > 1:
+            raise ConfigurationError(
+                f"{self.path}: {how.file} are {len(found)} files; where each is a run, give the "
+                "files"
+            )
+        folder = self.path.parent if self.path.is_file() else self.path
+        return found[0] if found else folder / how.file
 
 
 def read_columns(
@@ -201,7 +226,7 @@ def read_columns(
     Raises ConfigurationError for a file, a column or a unit that cannot be used; `measures` are the
     units by column.
     """
-    content, path = source.table(table.file, table), path_of(source, table)
+    content, path = source.table(table), source.place(table)
     found = {
         name: _values(content, column, name, units_of(name, measures), path)
         for name, column in table.columns.items()
@@ -209,12 +234,6 @@ def read_columns(
     if "t" in found and table.late:
         found["t"] = frozen(found["t"] - table.late)
     return found
-
-
-def path_of(source: Source, table: Table[Any]) -> Path:
-    """Path of the file that holds `table`, for errors."""
-    named = FILE.fullmatch(table.file) is not None
-    return _file(source.path, table.file) if named else source.path
 
 
 def _csv(path: Path, table: Table[Any]) -> pa.Table:
@@ -309,3 +328,38 @@ def seconds_of(raw: pa.ChunkedArray) -> Array | None:
         with suppress(pa.ArrowException):
             return frozen(raw.cast(kind).cast(pa.int64()).to_numpy() / 1e9)
     return None
+
+
+def mapping_of(runs: Sequence[Run], name: Naming) -> dict[str, Any]:
+    """Contents of the mapping file of exported runs; `name` gives the format's file and column.
+
+    A table or column is described where every run has it, the touch where any has.
+    """
+    header = runs[0].header
+    content: dict[str, Any] = {
+        "schema": 1,
+        "strip": header.strip,
+        "start": header.start,
+        "begin": 0.0,
+        "contact_height": header.contact_height,
+        "sigma": header.sigma.model_dump(exclude_unset=True),
+        "runs": {run.name: _place(run, i) for i, run in enumerate(runs)},
+    }
+    if all(run.header.by_cell for run in runs):
+        content["seen_by"] = "cell"
+    for table in ("ticks", "contact", "profile", "result"):
+        present = [run.tables()[table] for run in runs if table in run.tables()]
+        if present and (table == "result" or len(present) == len(runs)):
+            shared = [column for column in present[0] if all(column in each for each in present)]
+            file, _ = name(table, shared[0])
+            columns = {
+                c: {"column": name(table, c)[1], "unit": next(iter(units_of(c)))} for c in shared
+            }
+            content[table] = {"file": file, "columns": columns}
+    return content
+
+
+def _place(run: Run, place: int) -> dict[str, object]:
+    index = place if run.header.index is None else run.header.index
+    condition = run.header.condition
+    return {"index": index} | ({} if condition is None else {"condition": condition})

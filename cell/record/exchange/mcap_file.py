@@ -19,8 +19,7 @@ import pyarrow as pa
 
 from cell.record.documents import plain
 from cell.record.events import EVERY_FRAME, log_text
-from cell.record.exchange.mapping import MAPPING, Table
-from cell.record.exchange.run_tables import RunTables, mapping_of
+from cell.record.exchange.mapping import MAPPING, Source, Table, mapping_of
 from cell.record.files import CALIBRATION, FILM, RESULT, RUN
 from cell.record.film import Film
 from cell.record.frames import encode
@@ -43,34 +42,34 @@ TIMES = ({"nanosec", "sec"}, {"nsec", "sec"}, {"nanos", "seconds"})  # ROS 2, JS
 Row = dict[str, Any]
 
 
-def write_mcap(parts: Sequence[RunTables], out: Path) -> tuple[Path, ...]:
+def write_mcap(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
     """Write a file for each run into the folder `out`, its mapping as an attachment."""
-    return tuple(_write(part, out / f"{part.run.name}.mcap") for part in parts)
+    return tuple(_write(run, out / f"{run.name}.mcap") for run in runs)
 
 
-def _write(part: RunTables, path: Path) -> Path:
+def _write(run: Run, path: Path) -> Path:
     """Write one run as an MCAP file, its documents and mapping as attachments."""
     from mcap.writer import Writer
 
     with replacing(path) as scratch, scratch.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="", library="folding-cell")
-        files = (part.run.folder / name for name in ATTACHED)
+        files = (run.folder / name for name in ATTACHED)
         attached = {file.name: read_bytes(file, MEGABYTE) for file in files if file.is_file()}
-        names = mapping_of([part], lambda table, column: (f"/{table}", column))
+        names = mapping_of([run], lambda table, column: (f"/{table}", column))
         attached[MAPPING] = dump_yaml(plain(names)).encode()
         for name, content in attached.items():
             writer.add_attachment(
                 ATTACHMENT_TIME, ATTACHMENT_TIME, name, "application/yaml", content
             )
-        _write_numbers(writer, part)
-        _write_drawings(writer, part.run)
+        _write_numbers(writer, run)
+        _write_drawings(writer, run)
         writer.finish()
     return path
 
 
-def _write_numbers(writer: "Writer", part: RunTables) -> None:
-    for table, columns in part.tables.items():
+def _write_numbers(writer: "Writer", run: Run) -> None:
+    for table, columns in run.tables().items():
         numbers: Row = {name: {"type": "number"} for name in columns}
         if table == "profile":
             point = {"type": "object", "properties": numbers}
@@ -148,27 +147,28 @@ def _log_time(t: float) -> int:
     return max(ATTACHMENT_TIME + round(t * NANOSECONDS), 0)
 
 
-class McapFile:
-    """MCAP file as a source of tables, one per topic; a truncated file gives its whole chunks."""
+class McapFile(Source):
+    """A run in an MCAP file, a table per topic; a truncated file gives its whole chunks."""
 
     def __init__(self, path: Path) -> None:
-        """Read attachments and names of `topics` from the file at `path`."""
-        self.path = path
+        """Read attachments and names of topics from the file at `path`."""
+        self.path, self.name = path, path.stem
         self.documents: dict[str, bytes] = {}
         self._content = read_bytes(path, LARGEST_FILE)
-        self.topics = sorted({channel.topic for _, channel, _ in self._messages()})
+        self.names = sorted({channel.topic for _, channel, _ in self._messages()})
 
-    def table(self, topic: str, how: Table[Any]) -> pa.Table:
-        """Messages of `topic` as rows in the order of their `log_time` [s].
+    def table(self, how: Table[Any]) -> pa.Table:
+        """Messages of a topic as rows in the order of their `log_time` [s].
 
         Nested fields are joined by dots, numbers of a list have their index as name, and a list of
         objects gives a row for each. Rows without any of the wanted columns are left out. Raises
         ConfigurationError for a topic that is not there or cannot be decoded.
         """
-        if topic not in self.topics:
+        topic = how.file
+        if topic not in self.names:
             raise ConfigurationError(
-                f"{self.path}: topic {topic!r} is not there{suggestion(topic, self.topics)}; "
-                f"topics: {', '.join(self.topics)}"
+                f"{self.path}: topic {topic!r} is not there{suggestion(topic, self.names)}; "
+                f"topics: {', '.join(self.names)}"
             )
         wanted = {column.column for column in how.columns.values()} - {LOG_TIME}
         rows, unread = self._rows(topic)
