@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from cell.cli.options import Cluster, Json, engine, resumable
-from cell.cli.output import print_json
+from cell.cli.options import Cluster, engine, resumable
 
 if TYPE_CHECKING:
-    from tests.lab.exam.ledger import Entry
     from tests.lab.exam.run import Steps
 
 CASE_TIMEOUT = 7200.0  # s of a case, runs through images included
@@ -62,16 +60,12 @@ def exam(
         bool, typer.Option("--again", help="Judge anew what OUT already holds; runs are kept.")
     ] = False,
     ledger: KeptIn = None,
-    report: Annotated[
-        Path | None, typer.Option(help="The report, as Markdown [default: OUT/exam.md].")
-    ] = None,
-    as_json: Json = False,
 ) -> None:
     """Hide causes in plants, let the workflow find them, and hold its verdicts against the key.
 
-    What is finished is kept in OUT: an exam that was interrupted goes on where it stopped, on
-    another machine if LEDGER goes with it. Of the small exam, the exit code is 1 for a name where
-    nothing is hidden, and where more than one case in six is not right.
+    What is finished is kept in OUT, with the report exam.md: an exam that was interrupted goes on
+    where it stopped, on another machine if LEDGER goes with it. Of the small exam, the exit code is
+    1 for a name where nothing is hidden, and where more than one case in six is not right.
     """
     from rich.console import Console
 
@@ -83,10 +77,9 @@ def exam(
     steps, console = _steps(make=only_make, judge=only_judge), Console(stderr=True)
     out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
     chosen = engine(wide, cluster, CASE_TIMEOUT)
-    _check_places(out, report, made=only_judge and not ledger)
-    with resumable(out), Meter(None if as_json else console, summarise) as meter:
-        drawn = (lambda *_: None) if as_json else _print_progress
-        wanted = load_or_draw(out, tier, cases, seed, repeats, kind, force, drawn, wide)
+    _check_place(out, made=only_judge and not ledger)
+    with resumable(out), Meter(console, summarise) as meter:
+        wanted = load_or_draw(out, tier, cases, seed, repeats, kind, force, _print_progress, wide)
         entries = run_exam(
             wanted, out, engine=chosen, meter=meter, steps=steps, again=again, ledger=ledger
         )
@@ -95,10 +88,11 @@ def exam(
         sys.stdout.write(f"{len(wanted)} cases, {failed} failed; next: --only-judge\n")
         return
     command = _repeat_command(tier, len(wanted), seed, repeats, kind, force)
-    page, *_ = write_report(entries, report or out / "exam.md", command)
-    _print_table(entries, page, as_json=as_json)
+    page, *_ = write_report(entries, out / "exam.md", command)
     results = [e.outcome.result if e.outcome else "failed" for e in entries]
-    wrong = sum(result not in GOOD_RESULTS for result in results)
+    failed, wrong = results.count("failed"), sum(r not in GOOD_RESULTS for r in results)
+    words = f"{len(results) - wrong} of {len(results)} right"
+    sys.stdout.write(f"{words}{f', {failed} without a verdict' if failed else ''}: {page}\n")
     sys.exit(int(tier == "small" and (6 * wrong > len(results) or "false_alarm" in results)))
 
 
@@ -111,11 +105,10 @@ def _steps(*, make: bool, judge: bool) -> "Steps":
     return "make" if make else "judge" if judge else "all"
 
 
-def _check_places(out: Path, report: Path | None, *, made: bool) -> None:
-    """Check all places, as an exam takes hours.
+def _check_place(out: Path, *, made: bool) -> None:
+    """Check the folder `out` before an exam, which takes hours.
 
-    Raises ConfigurationError for a place of the wrong kind, or where runs must be `made` before and
-    `out` holds none.
+    Raises ConfigurationError for a file, or where runs must be `made` before and it holds none.
     """
     from drivers.errors import ConfigurationError
     from tests.lab.exam.cases import KEYS_FOLDER
@@ -123,10 +116,6 @@ def _check_places(out: Path, report: Path | None, *, made: bool) -> None:
 
     if out.exists() and not out.is_dir():
         raise ConfigurationError(f"--out: {out} is a file; name a folder")
-    if report is not None and report.is_dir():
-        raise ConfigurationError(
-            f"--report: {report} is a folder; name a file, as {report}/exam.md"
-        )
     if made and not any((out / name).exists() for name in (KEYS_FOLDER, LEDGER)):
         raise ConfigurationError(
             f"--only-judge: {out} holds no runs of an exam; make them first, with --only-make"
@@ -141,19 +130,6 @@ def _repeat_command(
     again += f" --kind {kind}" if kind else ""
     again += f" --force {force:g}" if force else ""
     return f"python -m tests.lab exam --tier {tier} --cases {count} --seed {seed}{again}"
-
-
-def _print_table(entries: "tuple[Entry, ...]", page: Path, *, as_json: bool) -> None:
-    if as_json:
-        for entry in entries:
-            print_json(entry.model_dump(mode="json"))
-        return
-    from tests.lab.exam.page import GOOD_RESULTS
-
-    good = sum(e.outcome is not None and e.outcome.result in GOOD_RESULTS for e in entries)
-    failed = sum(e.state == "failed" for e in entries)
-    words = f"{good} of {len(entries)} right" + (f", {failed} without a verdict" if failed else "")
-    sys.stdout.write(f"{words}: {page}\n")
 
 
 def _print_progress(done: int, total: int, text: str) -> None:

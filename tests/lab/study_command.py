@@ -3,14 +3,12 @@
 import os
 import re
 import sys
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Cluster, Json, engine, resumable
-from cell.cli.output import print_json
+from cell.cli.options import Cluster, engine, resumable
 
 if TYPE_CHECKING:
     from cell.campaign.run import Engine
@@ -47,7 +45,6 @@ def study(
     again: Annotated[
         bool, typer.Option("--again", help="Measure anew what OUT already holds.")
     ] = False,
-    as_json: Json = False,
 ) -> None:
     """Measure something of the cell over many cases: with a table and intervals.
 
@@ -60,7 +57,7 @@ def study(
     if models is not None:
         os.environ["FOREIGN_MODELS"] = str(models.resolve())  # processes of the study inherit it
     if name is None and not quick:
-        _print_studies(as_json=as_json)
+        _print_studies()
         return
     chosen = [s for s in studies().values() if s.quick] if name is None else [study_of(name)]
     kept = True
@@ -73,8 +70,8 @@ def study(
                 f"--show: {folder} holds no case of {each.name}; measure some first, without it"
             )
         if not show:
-            _measure(asked, engine(jobs, cluster, each.limit), _shard(shard), again, quiet=as_json)
-        held, lost = _print_study(asked, as_json=as_json)
+            _measure(asked, engine(jobs, cluster, each.limit), _shard(shard), again)
+        held, lost = _print_study(asked)
         kept = (held or quick) and not (lost and shard is None) and kept
     sys.exit(0 if kept or show else 1)
 
@@ -86,14 +83,9 @@ def _study_folder(out: Path | None, own: str, *, alone: bool) -> Path:
     return (out or Path("runs/studies")) / own
 
 
-def _print_studies(*, as_json: bool) -> None:
+def _print_studies() -> None:
     from tests.lab.studies.catalogue import studies
 
-    if as_json:
-        for each in studies().values():
-            facts = {"study": each.name, "question": each.question, "count": each.usual}
-            print_json(facts | {"seconds": each.seconds})
-        return
     for each in studies().values():
         cost = f"{each.usual} cases of {each.seconds:g} s"
         sys.stdout.write(f"{each.name:14s} {cost:22s} {each.question}\n")
@@ -109,36 +101,23 @@ def _shard(given: str | None) -> tuple[int, int]:
     return number, count
 
 
-def _measure(
-    asked: "StudyRequest", by: "Engine", shard: tuple[int, int], again: bool, *, quiet: bool
-) -> None:
+def _measure(asked: "StudyRequest", by: "Engine", shard: tuple[int, int], again: bool) -> None:
     from rich.console import Console
 
     from cell.campaign.progress import Meter
     from tests.lab.studies.campaign import measure
 
-    with resumable(asked.folder), Meter(None if quiet else Console(stderr=True)) as meter:
+    with resumable(asked.folder), Meter(Console(stderr=True)) as meter:
         measure(asked, by, meter, shard, again=again)
 
 
-def _print_study(asked: "StudyRequest", *, as_json: bool) -> tuple[bool, bool]:
+def _print_study(asked: "StudyRequest") -> tuple[bool, bool]:
     """Print a study and write its table; returns whether bars are kept and cases failed."""
     from tests.lab.studies.campaign import read_study
     from tests.lab.studies.table import keeps_bars, markdown, rows, write_table
 
     found = read_study(asked)
-    table = rows(found)
     written = write_table(found)
-    if as_json:
-        for row in table:
-            figures = {f.quantity.title: _figure_facts(asdict(f)) for f in row.figures}
-            line = {"study": asked.study.name, "group": row.group, "count": row.count}
-            print_json(line | {"figures": figures})
-    else:
-        page = "" if asked.study.ledger is None else asked.study.ledger.of(found.outcomes)
-        sys.stdout.write(f"{asked.study.question}\n\n{markdown(found)}  {written}\n{page}\n")
-    return keeps_bars(table), bool(found.lost)
-
-
-def _figure_facts(figure: dict[str, object]) -> dict[str, object]:
-    return {key: value for key, value in figure.items() if key != "quantity"}
+    page = "" if asked.study.ledger is None else asked.study.ledger.of(found.outcomes)
+    sys.stdout.write(f"{asked.study.question}\n\n{markdown(found)}  {written}\n{page}\n")
+    return keeps_bars(rows(found)), bool(found.lost)

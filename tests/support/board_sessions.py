@@ -1,6 +1,7 @@
 """Views of the calibration board as a lens projects them, without rendering an image."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from calibration.board import BoardSettings, BoardView
 from calibration.homography import Homography
@@ -29,7 +30,8 @@ def projected(
     board = np.asarray(settings.board().getChessboardCorners(), dtype=np.float64)
     centred = board - (settings.width / 2, settings.rows * settings.square / 2, 0)
     centred[:, 2] += bow * (centred[:, 0] / (settings.width / 2)) ** 2
-    turned = centred @ _turned(wanted).T
+    lean = Rotation.from_euler("YXZ", (-wanted.turn, -wanted.tilt, wanted.roll))
+    turned = lean.apply(centred)
     depth = float(lens.matrix[0, 0]) * settings.width / (wanted.size * lens.width)
     middle = np.array([wanted.x * lens.width, wanted.y * lens.height]) - lens.matrix[:2, 2]
     seen = turned + np.append(middle / lens.matrix[0, 0] * depth, depth)
@@ -58,16 +60,6 @@ def bent_session(settings: BoardSettings, bow: float, seed: int) -> dict[int, Bo
     lens = Lens(1280, 720, frozen(matrix), frozen(distortion))
     views = wanted_views(settings.lean, settings.sizes)
     return {k: projected(view, rng, settings, lens, noise, bow) for k, view in enumerate(views)}
-
-
-def _turned(wanted: WantedView) -> np.ndarray:
-    ct, st, cy, sy, cr, sr = (
-        f(a) for a in (wanted.tilt, wanted.turn, wanted.roll) for f in (np.cos, np.sin)
-    )
-    about_x = np.array([[1, 0, 0], [0, ct, -st], [0, st, ct]]).T
-    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]]).T
-    about_z = np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
-    return about_y @ about_x @ about_z
 
 
 def arm_steps(rng: np.random.Generator) -> Array:

@@ -2,6 +2,7 @@
 
 import ast
 from functools import cache
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -90,12 +91,6 @@ def edges(room) -> Edges:
 def ladder(found: Edges) -> list[str]:
     """The rooms in an order in which each imports only from earlier ones.
 
-    Raises ValueError naming the rooms of a circle.
+    Raises CycleError, a ValueError, naming the rooms of a circle.
     """
-    order: list[str] = []
-    while len(order) < len(found):
-        free = sorted(r for r in found if r not in order and found[r] <= set(order))
-        if not free:
-            raise ValueError(f"circle among {sorted(set(found) - set(order))}")
-        order += free
-    return order
+    return list(TopologicalSorter(found).static_order())

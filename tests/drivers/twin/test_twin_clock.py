@@ -20,13 +20,11 @@ class Wall:
 
     def __init__(self) -> None:
         self.seconds = 50.0
-        self.slept: list[float] = []
 
     def monotonic(self) -> float:
         return self.seconds
 
     def sleep(self, seconds: float) -> None:
-        self.slept.append(seconds)
         self.seconds += seconds
 
 

@@ -8,6 +8,7 @@ import ast
 import sys
 from html import escape
 from pathlib import Path
+from textwrap import wrap
 from typing import Annotated
 
 import typer
@@ -74,7 +75,7 @@ def _arrow(above: tuple[float, float], below: tuple[float, float]) -> str:
 
 
 def _box(room: str, x: float, y: float) -> str:
-    lines = _wrapped(says(room), 31)[:4]
+    lines = wrap(says(room), 31)[:4]
     text = "".join(
         f'<text class="says" x="{x + 8:.0f}" y="{y + 29 + 11 * i:.0f}">{escape(line)}</text>'
         for i, line in enumerate(lines)
@@ -84,15 +85,6 @@ def _box(room: str, x: float, y: float) -> str:
         f'<rect x="{x:.0f}" y="{y:.0f}" width="{WIDE}" height="{TALL}" rx="6"/>'
         f'<text x="{x + 8:.0f}" y="{y + 16:.0f}" font-weight="600">{name}</text>{text}'
     )
-
-
-def _wrapped(text: str, width: int) -> list[str]:
-    lines = [""]
-    for word in text.split():
-        if lines[-1] and len(lines[-1]) + len(word) >= width:
-            lines.append("")
-        lines[-1] = f"{lines[-1]} {word}".strip()
-    return lines
 
 
 def main(out: Annotated[Path, typer.Argument()] = OUT) -> None:

@@ -23,12 +23,12 @@ from drivers.readers import read_json_lines
 from drivers.yaml_text import dump_yaml
 from tests.lab.exam.ledger import LARGEST_LEDGER
 from tests.lab.exam.score import RIGHT_RESULTS
+from tests.lab.exam.targets import reliable
 from tests.lab.studies.catalogue.confidence import (
     calibrate,
     count_verdicts,
     leave_each_out,
     names,
-    reliable,
     shares,
 )
 from tests.lab.studies.catalogue.foreign import accepted

@@ -21,15 +21,14 @@ from tests.lab.exam.targets import (
     Bin,
     Confusion,
     Target,
-    brier,
     by_group,
-    calibration_error,
     comparisons,
     confusion,
     outcomes,
     rate,
     rate_text,
     reliability,
+    reliable,
     spread_errors,
     targets,
 )
@@ -237,7 +236,8 @@ def _detail_sections(entries: Sequence[Entry], found: Sequence[Outcome]) -> Iter
     yield "### What was hidden and what was said"
     yield _confusion_table(said_of(entries))
     yield "### Is the stated confidence earned?"
-    yield _reliability_table(found)
+    claims = stated_confidences(found)
+    yield reliable(claims) if claims else "Nothing was named."
     yield "### Do the intervals hold the truth?"
     yield _coverage_table(entries)
     yield "### The gap on held-out runs, against knowing the truth"
@@ -298,16 +298,6 @@ def _confusion_table(counts: Confusion) -> str:
         words = ", ".join(f"{column} {count}" for column, count in often)
         rows.append((row, str(sum(answers.values())), words))
     return table(["hidden", "cases", "said"], rows)
-
-
-def _reliability_table(found: Iterable[Outcome]) -> str:
-    claims = stated_confidences(found)
-    if not claims:
-        return "Nothing was named."
-    rows = [(f"{b.confidence:.2f}", rate_text(b.right)) for b in reliability(claims)]
-    summary = f"Brier score {brier(claims):.3f}; expected calibration error "
-    summary += f"{calibration_error(claims):.3f}; {len(claims)} verdicts that name."
-    return table(["mean confidence", "right, by class"], rows) + "\n\n" + summary
 
 
 def _coverage_table(entries: Sequence[Entry]) -> str:

@@ -5,8 +5,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from statistics import median
 
+import numpy as np
 from scipy.stats import binomtest
 
+from cell.gap.rehearse import table
+from drivers.types import Array
 from tests.lab.exam.case import Kind, Tier
 from tests.lab.exam.from_state import LEVELS
 from tests.lab.exam.ledger import Entry
@@ -59,13 +62,6 @@ def reliability(stated: Sequence[tuple[float, bool]], bins: int = 10) -> list[Bi
     ]
 
 
-def brier(stated: Sequence[tuple[float, bool]]) -> float:
-    """Mean squared difference of confidence and outcome (Brier 1950, Mon. Weather Rev. 78, 1)."""
-    if not stated:
-        return float("nan")
-    return sum((confidence - right) ** 2 for confidence, right in stated) / len(stated)
-
-
 def calibration_error(
     stated: Sequence[tuple[float, bool]], bins: int = 10, counts: Iterable[float] | None = None
 ) -> float:
@@ -74,6 +70,40 @@ def calibration_error(
     for (confidence, right), weight in zip(stated, weights, strict=True):
         away[min(int(confidence * bins), bins - 1)] += weight * (confidence - right)
     return sum(map(abs, away)) / sum(weights) if stated else float("nan")
+
+
+OUTSIDE_SHARE = 0.2  # of the causes that a confidence speaks of: as in the exam through images
+FIFTHS, DOUBTFUL = 5, 0.7  # bins; confidence under which a wrong name does little harm
+
+
+def log_loss(stated: Sequence[tuple[float, bool]], counts: Array | None = None) -> float:
+    """Mean logarithmic loss [nats] of these probabilities and outcomes, with weights (n,)."""
+    p = np.array([p if right else 1.0 - p for p, right in stated])
+    return float(-np.average(np.log(np.clip(p, 1e-9, 1.0)), weights=counts))
+
+
+def reliable(stated: Sequence[tuple[float, bool]], counts: Array | None = None) -> str:
+    """Reliability table in fifths of the stated probability, as Markdown.
+
+    With weights `counts` (n,) of verdicts also its errors where OUTSIDE_SHARE of the causes lie
+    outside the library, for which the probability is stated.
+    """
+    rows = [
+        (f"{b.confidence:.2f}", rate_text(b.right), f"{100 * (b.right.value - b.confidence):+.0f}")
+        for b in reliability(stated, FIFTHS)
+    ]
+    wrong = [p for p, right in stated if not right]
+    low = sum(p < DOUBTFUL for p in wrong)
+    head = ["mean stated probability, by fifths", "right, by class", "points apart"]
+    errors = [
+        f"{calibration_error(stated, FIFTHS, by):.3f}, log loss {log_loss(stated, by):.3f} nats"
+        for by in (None, counts)
+    ]
+    weighed = "" if counts is None else f" (with {OUTSIDE_SHARE:.0%} of causes outside {errors[1]})"
+    return (
+        f"{table(head, rows)}\n\n{len(stated)} verdicts that accept, {len(wrong)} of them wrong, "
+        f"{low} of these stated under {DOUBTFUL}; expected calibration error {errors[0]}{weighed}."
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,19 +228,11 @@ def _rates(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
 
 def by_group(groups: Sequence[Sequence[Entry]]) -> list[tuple[str, list[str]]]:
     """Table rows of rates: the label of each row, and one rate for each group of entries."""
-    rows = [
-        ("nothing hidden: `no_gap`", "nothing", (), ("correct_no_gap",)),
-        ("nothing hidden: a name", "nothing", (), ("false_alarm",)),
-        ("medium and above: by class", "single", CLEAR, RIGHT_RESULTS),
-        ("medium and above: strictly", "single", CLEAR, ("right_strict",)),
-        ("weak: a wrong name", "single", WEAK, ("wrong_name",)),
-        ("pairs: both", "pair", (), RIGHT_RESULTS),
-        ("outside the library: left open", "outside", (), ("correct_abstention",)),
-    ]
     lines = [
         (words, [rate_text(rate(_result(e) in good for e in _chosen(group, kind, strengths)))
                  for group in groups])
-        for words, kind, strengths, good in rows
+        for words, kind, strengths, good, *_ in RATES
+        if kind != "another law"
     ]  # fmt: skip
     held = [rate_text(rate(c.covered for c in comparisons(group))) for group in groups]
     return [*lines, ("intervals that hold the truth", held)]

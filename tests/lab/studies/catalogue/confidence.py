@@ -24,12 +24,11 @@ from tests.lab.exam.case import STRENGTHS, Case
 from tests.lab.exam.cases import Draw
 from tests.lab.exam.from_state import make_runs
 from tests.lab.exam.score import RIGHT_RESULTS, Comparison, score
-from tests.lab.exam.targets import Rate, calibration_error, rate, rate_text, reliability
+from tests.lab.exam.targets import OUTSIDE_SHARE, Rate, log_loss, rate, rate_text, reliable
 from tests.lab.studies.study import Fit, Ledger, Outcome, Quantity, Statistic, Study, Values
 
 PAIRS = 8  # one case in so many hides two
-FIFTHS, LACKING = 5, (1, 3)  # of five cases, those that lack the effect
-OUTSIDE_SHARE = 0.2  # of the causes that a confidence speaks of: as in the exam through images
+LACKING = (1, 3)  # of five cases, those that lack the effect
 SIGN_WEIGHTS = {  # prior weights of the signs, and the values between which they count
     "log_odds": Weight(weight=3.0, low=0.0, high=200.0, by_order=True),
     "gain": Weight(weight=1.0, low=0.0, high=200.0, by_order=True),
@@ -37,7 +36,6 @@ SIGN_WEIGHTS = {  # prior weights of the signs, and the values between which the
     "correlated": Weight(weight=-2.0, low=0.0, high=1.0),
 }
 FIRM = 2.0  # one sigma of what a sign weighs about that, in log-odds
-DOUBTFUL = 0.7  # confidence under which a wrong name does little harm
 
 
 class Name(NamedTuple):
@@ -52,7 +50,7 @@ class Name(NamedTuple):
 def draw(number: int, rng: np.random.Generator) -> Values:
     """Draw the kind of a case: one effect or two, in the library or withheld from it."""
     kind, of_kind = ("pair", number // PAIRS) if number % PAIRS == PAIRS - 1 else ("single", number)
-    lacks = number % FIFTHS in LACKING
+    lacks = number % 5 in LACKING
     return {"kind": kind, "number": number, "of_kind": of_kind, "seed": int(rng.integers(2**31)),
             "library": "lacks the effect" if lacks else "whole"}  # fmt: skip
 
@@ -156,36 +154,6 @@ def leave_each_out(found: Sequence[Name], counts: Array) -> list[tuple[float, bo
         by = fit_calibration(others, counts[kept], "-")
         stated.append((by.probability(name.signs), name.right))
     return stated
-
-
-def log_loss(stated: Sequence[tuple[float, bool]], counts: Array | None = None) -> float:
-    """Mean logarithmic loss [nats] of these probabilities and outcomes, with weights (n,)."""
-    p = np.array([p if right else 1.0 - p for p, right in stated])
-    return float(-np.average(np.log(np.clip(p, 1e-9, 1.0)), weights=counts))
-
-
-def reliable(stated: Sequence[tuple[float, bool]], counts: Array | None = None) -> str:
-    """Reliability table in fifths of the stated probability, as Markdown.
-
-    With weights `counts` (n,) of verdicts also its errors where OUTSIDE_SHARE of the causes lie
-    outside the library, for which the probability is stated.
-    """
-    rows = [
-        (f"{b.confidence:.2f}", rate_text(b.right), f"{100 * (b.right.value - b.confidence):+.0f}")
-        for b in reliability(stated, FIFTHS)
-    ]
-    wrong = [p for p, right in stated if not right]
-    low = sum(p < DOUBTFUL for p in wrong)
-    head = ["mean stated probability, by fifths", "right, by class", "points apart"]
-    errors = [
-        f"{calibration_error(stated, FIFTHS, by):.3f}, log loss {log_loss(stated, by):.3f} nats"
-        for by in (None, counts)
-    ]
-    weighed = "" if counts is None else f" (with {OUTSIDE_SHARE:.0%} of causes outside {errors[1]})"
-    return (
-        f"{table(head, rows)}\n\n{len(stated)} verdicts that accept, {len(wrong)} of them wrong, "
-        f"{low} of these stated under {DOUBTFUL}; expected calibration error {errors[0]}{weighed}."
-    )
 
 
 def calibrate(outcomes: Sequence[Outcome]) -> Values:

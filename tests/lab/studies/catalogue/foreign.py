@@ -16,7 +16,7 @@ from cell.gap.fit import fit
 from cell.gap.verdict.schema import Verdict
 from tests.lab.exam.mechanisms import LISTS, make_runs
 from tests.lab.exam.score import signs
-from tests.lab.studies.catalogue.confidence import reliable
+from tests.lab.exam.targets import reliable
 from tests.lab.studies.study import Ledger, Outcome, Quantity, Statistic, Study, Values
 
 KINDS = ("nothing", "one effect", "two effects", "outside", "wrong base")
