@@ -80,7 +80,7 @@ class CrossValidatedFit:
     def losses(self, scale: float) -> Array:
         """Negative log predictive density (R,) [nats] of each run, at the dispersion `scale`.
 
-        Of a run given the other folds, with the shared values as uncertain as those leave them
+        That of a run given the other folds, with the shared values as uncertain as those leave them
         (Laplace's approximation); runs of one fold follow one another.
         """
         losses = self.charged.copy()

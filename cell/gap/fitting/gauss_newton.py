@@ -46,7 +46,7 @@ def linearise(model: Model, evidence: Evidence, point: Point) -> Task[Linearised
 
 
 def linearise_both_ways(model: Model, evidence: Evidence, point: Point) -> Task[Linearised]:
-    """Residuals and whitened Jacobian of each run, limited by differences to both sides."""
+    """Residuals and whitened Jacobian (n, shared + local) of each run, by steps to both sides."""
     raw, right, left = yield from both_sides(model, evidence, point)
     return raw, tuple(map(minmod, right, left))
 
@@ -83,7 +83,8 @@ def secant_jacobian(
 ) -> Array:
     """Whitened Jacobian (n, k) by finite differences over `steps` (k,); 0 where residuals are NaN.
 
-    Of the residuals `stepped` in each of k unknowns and `at_point`; `scale` (n,) is the noise.
+    It is that of residuals `at_point`, from those `stepped` in each of k unknowns; `scale` (n,) is
+    the noise.
     """
     columns = [(m.mean - at_point.mean) / scale / h for m, h in zip(stepped, steps, strict=True)]
     matrix = np.array(columns).reshape(len(columns), len(scale)).T

@@ -54,8 +54,7 @@ def gain(model: CrossValidatedFit, other: CrossValidatedFit, likelihood: Likelih
 class Fits:
     """Fitted models of the same runs, one for each set of effects, with that of no effect.
 
-    `library` has for each effect the whitened response (N, k) to the amount that fills the model-
-    error floor.
+    `library` has for each effect the whitened response (N, k) to the amount that fills its floor.
     """
 
     models: tuple[CrossValidatedFit, ...]

@@ -83,7 +83,7 @@ class Acceptance(StoredFile):
 class Patch(StoredFile):
     """Content of a patch: parameters by effect, and settings of the cell.
 
-    That of an arm may hold settings of the cell: its tool, and the delay of its twin.
+    Settings are those of an arm: its tool, and the delay of its twin.
     """
 
     effects: dict[str, dict[str, float]]

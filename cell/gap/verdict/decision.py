@@ -127,7 +127,7 @@ def deciding_evidence(findings: Findings) -> VerdictEvidence:
 def _gains(findings: Findings) -> tuple[list[float], list[float]]:
     """Predictive gain [nats] over the base by run and by quantity, outliers bounded.
 
-    Of runs left out in turn as predicted from the others, and of held-out ones.
+    It is of runs left out in turn as predicted from the others, and of held-out ones.
     """
     base, accepted, unseen = findings.base, findings.accepted, findings.held_out_fits
     pairs = [

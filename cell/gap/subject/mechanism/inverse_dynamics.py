@@ -254,8 +254,8 @@ class InverseDynamics(MechanismSubject):
 class TorqueSensors:
     """Converts joint torques of a mechanism to readings of its torque sensors, and back.
 
-    With the gains and gears of `model`. `forces` (m, actuators, joints) are forces of actuators per
-    torque of each independent joint along closed loops; None without loops.
+    Gains and gears are those of `model`. `forces` (m, actuators, joints) are forces of actuators
+    per torque of each independent joint along closed loops; None without loops.
     """
 
     mechanism: Mechanism

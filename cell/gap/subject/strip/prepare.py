@@ -206,7 +206,7 @@ def _common_errors(
 ) -> dict[str, Array]:
     """Residuals (n,) per standard deviation of each error that all runs share, by name.
 
-    Of the model in damping, and of perception where a camera saw the run.
+    They are those of the model in damping, and of perception where a camera saw the run.
     """
     errors = {}
     if "damping" in linearisation.slopes:

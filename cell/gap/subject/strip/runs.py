@@ -118,9 +118,9 @@ class MeasuredRun:
     """Measured fold: gripper path and measurements of the strip, in SI units.
 
     `t` (m,), `poses` (m, 3) the gripper path, smoothed; `travel` (m,) along it. `contact_t`,
-    `contact_x` (k,). `force_t` (f,), `force` (f, 2) of the strip on the gripper along x and z.
-    `end` [s] is where comparison ends: the touch, or the last row. `plane_error` [m] is that of the
-    calibrated camera through which a cell measured the fold. `notes` are for the operator.
+    `contact_x` (k,). `force_t` (f,), `force` (f, 2) of the strip on the gripper along x and z, NaN
+    where it was not measured. `end` [s] is where comparison ends: the touch, or the last row.
+    `plane_error` [m] is that of the camera that measured the fold. `notes` are for the operator.
     """
 
     name: str
