@@ -34,7 +34,7 @@ from cell.gap.verdict.accept import (
 from cell.gap.verdict.compose import deviations
 from cell.gap.verdict.compose import verdict as compose
 from cell.gap.verdict.findings import Findings
-from cell.gap.verdict.schema import EffectValues, Values, Verdict
+from cell.gap.verdict.schema import Values, Verdict
 from drivers.errors import ConfigurationError
 from drivers.files import write_file, writing
 from drivers.yaml_text import dump_yaml
@@ -109,26 +109,26 @@ def _write(findings: Findings, verdict: Verdict, file: Path, out: Path) -> None:
     write_report(findings, verdict, out / "report.html")
     if (law := findings.law) is not None:
         terms = {name: {"amount": value} for name, value in law.terms.items()}
-        _write_patch(findings, out, LAW_PATCH, LAW_MODEL_PATCH, law.base, terms)
+        _write_patch(findings, out, LAW_PATCH, LAW_MODEL_PATCH, (law.base, terms))
     offers_values = bool(verdict.deviates) and not findings.accepted.model.effects
     if verdict.effects or verdict.suspected or offers_values:
         name = BASE_PATCH if offers_values else PATCH if verdict.effects else SUSPECT_PATCH
         values = verdict.values_with(verdict.effects or verdict.suspected)
-        cell_patch = _write_patch(findings, out, name, MODEL_PATCH, *values)
+        cell_patch = _write_patch(findings, out, name, MODEL_PATCH, values)
         if cell_patch is not None:
             write_file(out / CELL_PATCH, dump_yaml(cell_patch))
 
 
 def _write_patch(
-    findings: Findings, out: Path, name: str, model: str, base: Values, effects: EffectValues
+    findings: Findings, out: Path, name: str, model: str, values: Values
 ) -> dict[str, object] | None:
     """Write the patch `name`, and for a subject with a model its file `model`.
 
     Returns the patch of the cell, where effects belong to it.
     """
-    patch, cell_patch = findings.subject.patch(base, effects, f"cell gap fit, {out.name}")
+    patch, cell_patch = findings.subject.patch(*values, f"cell gap fit, {out.name}")
     write_file(out / name, dump_yaml(patch))
-    text = findings.subject.model_text(base, effects)
+    text = findings.subject.model_text(*values)
     if text is not None:
         write_file(out / model, text)
     return cell_patch

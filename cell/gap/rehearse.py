@@ -236,8 +236,9 @@ def page(plan: Plan, records: Sequence[Record]) -> str:
     outcomes = [r.outcome for r in records if r.outcome is not None]
     hidden = [o for o in outcomes if o["hidden"] != NO_EFFECT]
     empty = [o for o in outcomes if o["hidden"] == NO_EFFECT]
-    rows = [(o["hidden"], _size_text(o["values"]), _answer(o), "yes" if is_right(o) else "**no**")
-            for o in hidden]  # fmt: skip
+    sizes = [", ".join(f"{name} {v:.3g}" for name, v in o["values"].items()) for o in hidden]
+    rows = [(o["hidden"], size, _answer(o), "yes" if is_right(o) else "**no**")
+            for o, size in zip(hidden, sizes, strict=True)]  # fmt: skip
     return "\n\n".join([f"# Rehearsal of {len(plan.runs)} runs", *_summary(plan, hidden, empty),
                         table(("hidden", "size", "said", "right"), rows)]) + "\n"  # fmt: skip
 
@@ -256,10 +257,6 @@ def _summary(
     if plan.unseen:
         yield f"At no believable size do these runs show: {', '.join(plan.unseen)}."
     yield f"Inputs {plan.inputs}; of other runs it says nothing."
-
-
-def _size_text(values: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {value:.3g}" for name, value in values.items())
 
 
 def write_page(plan: Plan, records: Sequence[Record], folder: Path) -> Path:

@@ -1,6 +1,6 @@
 """Schema of verdict.json, as other programs read it (contract of `cell gap fit`)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Annotated, Literal
@@ -8,15 +8,15 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from cell.gap.diagnosis.lack_of_fit import Bin
+from cell.gap.subject.subject import NamedValues
 from drivers.errors import ConfigurationError
 from drivers.readers import MEGABYTE, read_json
 from drivers.settings import parse
 
 LARGEST_VERDICT = 8 * MEGABYTE
 Kind = Literal["named", "ambiguous", "no_gap", "unexplained"]
-Values = dict[str, float]
-EffectValues = dict[str, Values]
-"""Values by effect and parameter."""
+Values = tuple[Mapping[str, float], NamedValues]
+"""Values of the base by name, and of effects by parameter."""
 
 
 class Entry(BaseModel):
@@ -148,7 +148,7 @@ class Verdict(Entry):
     deviates: list[Deviation] = Field(default_factory=list)
     suspected: list[NamedEffect] = Field(default_factory=list)
 
-    def values_with(self, effects: Sequence[NamedEffect]) -> tuple[Values, EffectValues]:
+    def values_with(self, effects: Sequence[NamedEffect]) -> Values:
         """Values for a patch: of the base by name, and of each of `effects` by parameter."""
         base = {name: v.value for name, v in self.base.items()}
         return base, {e.name: {k: v.value for k, v in e.parameters.items()} for e in effects}

@@ -66,7 +66,7 @@ class Linearisation:
 
 
 @dataclass(frozen=True, slots=True)
-class Fold:
+class PreparedFold:
     """Measured fold: the paths along which it is simulated, its residuals, and its run's index.
 
     The rod has the fold's `resolution`; `linearisation` corrects its residuals.
@@ -124,7 +124,7 @@ def prepare_runs(
 
 
 def linearise_folds(
-    folds: Sequence[Fold], jobs: Sequence[Job], simulate: Simulation,
+    folds: Sequence[PreparedFold], jobs: Sequence[Job], simulate: Simulation,
     scatter: Sequence[RunEffect],
 ) -> list[Linearisation]:  # fmt: skip
     """Linearisation of the residuals of each of `folds` about its simulation in `jobs`."""
@@ -154,8 +154,8 @@ def linearise_folds(
 
 
 def _resolve(
-    folds: Sequence[Fold], models: Sequence[Hashed[StripModel]], simulate: Simulation
-) -> list[Fold]:
+    folds: Sequence[PreparedFold], models: Sequence[Hashed[StripModel]], simulate: Simulation
+) -> list[PreparedFold]:
     """Folds with the coarsest resolution at which their `models` come near a fine rod."""
     jobs = [fold.job(model) for fold, model in zip(folds, models, strict=True)]
     coarse = [
@@ -170,7 +170,7 @@ def _resolve(
 
 
 def _grid_errors(
-    folds: Sequence[Fold],
+    folds: Sequence[PreparedFold],
     jobs: Sequence[Job],
     residuals: Sequence[Array],
     simulate: Simulation,
@@ -191,7 +191,7 @@ def _grid_errors(
     return errors
 
 
-def _is_doubted(fold: Fold, error: Array) -> bool:
+def _is_doubted(fold: PreparedFold, error: Array) -> bool:
     """Whether a finer rod changes the residuals of `fold` by an `error` (n,) over its floors."""
     return _rms(error / fold.residuals.layout.samples.floor) > DOUBTED
 
@@ -223,7 +223,7 @@ def relinearise(run: Run, about: Linearisation) -> Run:
 
     A strip with less damping than stated keeps swinging, where grids differ.
     """
-    fold = cast(Fold, run.content)
+    fold = cast(PreparedFold, run.content)
     stated = fold.residuals.layout.samples.floor
     floor = np.maximum(run.samples.floor, np.hypot(stated, about.doubt))
     samples = replace(run.samples, floor=floor)
@@ -237,7 +237,7 @@ def _drop_large(change: Array, limit: Array) -> Array:
     return np.where(np.abs(finite) < limit, finite, 0.0)
 
 
-def _fold(run: MeasuredRun, strip: StripFile, floors: Floors) -> Fold:
+def _fold(run: MeasuredRun, strip: StripFile, floors: Floors) -> PreparedFold:
     """Measured fold `run` with its samples and paths, not linearised yet."""
     share = float(np.hypot(1.0, (run.plane_error or 0.0) / floors.profile))
     raised = replace(floors, profile=share * floors.profile, contact_x=share * floors.contact_x)
@@ -249,7 +249,7 @@ def _fold(run: MeasuredRun, strip: StripFile, floors: Floors) -> Fold:
     exact = Linearisation(no_error, no_error, {}, strip.length)
     measured, lifted = hashed_path(path), _lifted_path(path, run)
     lifted_path = measured if lifted is path else hashed_path(lifted)
-    return Fold(measured, lifted_path, residuals, run.index, exact)
+    return PreparedFold(measured, lifted_path, residuals, run.index, exact)
 
 
 def _lifted_path(path: GripperPath, run: MeasuredRun) -> GripperPath:
@@ -276,14 +276,14 @@ def _pushes_strip(path: GripperPath, travel: Array) -> bool:
     return bool(-along > STEEP * up)
 
 
-def replicates(runs: Sequence[Run]) -> Mapping[bytes, Fold]:
+def replicates(runs: Sequence[Run]) -> Mapping[bytes, PreparedFold]:
     """By the digest of each fold's path, the fold that is simulated in place of it.
 
     An effect changes replicates alike, up to far less than the error of a rough time step.
     """
-    leaders: list[Fold] = []
+    leaders: list[PreparedFold] = []
     leader_of = {}
-    folds = [cast(Fold, run.content) for run in runs]
+    folds = [cast(PreparedFold, run.content) for run in runs]
     for fold in sorted(folds, key=lambda f: -f.path.value.t[-1]):
         leader = next((f for f in leaders if _is_replicate(f, fold)), fold)
         if leader is fold:
@@ -292,7 +292,7 @@ def replicates(runs: Sequence[Run]) -> Mapping[bytes, Fold]:
     return leader_of
 
 
-def _is_replicate(longer: Fold, fold: Fold) -> bool:
+def _is_replicate(longer: PreparedFold, fold: PreparedFold) -> bool:
     """Whether the path of `longer` can be simulated in place of `fold`, which ends no later."""
     if longer.residuals.run.contact_height != fold.residuals.run.contact_height:
         return False

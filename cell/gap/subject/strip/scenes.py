@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.gap.subject.strip.fold_residuals import simulated_touch
-from cell.gap.subject.strip.prepare import Fold
+from cell.gap.subject.strip.prepare import PreparedFold
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.simulation import SimulatedMotion
 from cell.gap.subject.subject import Curve, Scene, TimeSeries, Track
@@ -33,7 +33,7 @@ def measured_scene(run: MeasuredRun) -> Scene:
     )
 
 
-def simulated_scene(fold: Fold, model: StripModel, motion: SimulatedMotion) -> Scene:
+def simulated_scene(fold: PreparedFold, model: StripModel, motion: SimulatedMotion) -> Scene:
     """Drawing of `fold` as simulated with `model`.
 
     Distances are of the images that are compared: not those of the first lift and of the snap.
@@ -73,7 +73,9 @@ def _interpolate_shapes(places: Array, motion: SimulatedMotion) -> Array:
     return np.asarray((1 - share) * motion.shapes[first] + share * motion.shapes[after])
 
 
-def _distances(fold: Fold, model: StripModel, motion: SimulatedMotion) -> tuple[Index, Array]:
+def _distances(
+    fold: PreparedFold, model: StripModel, motion: SimulatedMotion
+) -> tuple[Index, Array]:
     """Indices of compared images, and rms distances (k,) [m] of their points from the model."""
     run, order = fold.residuals.run, np.sort(fold.residuals.layout.profile.order)
     index = _shape_indices(run, model, motion)

@@ -15,7 +15,7 @@ from cell.gap.subject.strip.fold_residuals import FoldResiduals
 from cell.gap.subject.strip.layout import Floors
 from cell.gap.subject.strip.measurement_errors import FORCE_EFFECTS, RUN_EFFECTS, RunEffect
 from cell.gap.subject.strip.prepare import (
-    Fold,
+    PreparedFold,
     linearise_folds,
     prepare_runs,
     relinearise,
@@ -139,7 +139,7 @@ class StripSubject(Subject):
         self._replicates = replicates(self.runs)
         self.runs = [
             replace(run, replicate=self._leader(fold) is not fold)
-            for run, fold in ((run, cast(Fold, run.content)) for run in self.runs)
+            for run, fold in ((run, cast(PreparedFold, run.content)) for run in self.runs)
         ]
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
@@ -178,7 +178,7 @@ class StripSubject(Subject):
 
     def draw_measured(self, run: Run) -> Scene:
         """Drawing of the measured fold of `run`."""
-        return measured_scene(cast(Fold, run.content).residuals.run)
+        return measured_scene(cast(PreparedFold, run.content).residuals.run)
 
     def draw_simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
         """Drawings of the simulated folds, one for each request; None without a motion."""
@@ -211,23 +211,23 @@ class StripSubject(Subject):
         """Content of the strip file with refitted base and named effects, and of the cell's."""
         return patch_file(self.file, base, effects, source)
 
-    def _jobs_of(self, requests: Sequence[Request]) -> tuple[list[Fold], list[Job]]:
+    def _jobs_of(self, requests: Sequence[Request]) -> tuple[list[PreparedFold], list[Job]]:
         """Measured folds of `requests`, and the simulations to run for them.
 
         For a response, one fold is simulated that stands for all its replicates.
         """
-        folds = [cast(Fold, request.run.content) for request in requests]
+        folds = [cast(PreparedFold, request.run.content) for request in requests]
         jobs = [
             (self._leader(fold) if request.response else fold).job(self._model(request, fold))
             for request, fold in zip(requests, folds, strict=True)
         ]
         return folds, jobs
 
-    def _leader(self, fold: Fold) -> Fold:
+    def _leader(self, fold: PreparedFold) -> PreparedFold:
         """The fold that is simulated for all replicates of `fold`."""
         return self._replicates.get(fold.path.digest, fold)
 
-    def _model(self, request: Request, fold: Fold) -> Hashed[StripModel]:
+    def _model(self, request: Request, fold: PreparedFold) -> Hashed[StripModel]:
         """Model of a request; the number of the run counts only where something ages."""
         effects = tuple((name, tuple(map(float, v))) for name, v in request.effects.items())
         ages = self._ages or not AGEING.isdisjoint(request.effects)
