@@ -89,6 +89,7 @@ SPOILT = {
     "ticks that are a folder": ("ticks.parquet", directory, "read from ticks.arrows instead"),
     "ticks of another schema": ("ticks.parquet", schema("²"), "schema: is ²"),
     "sight without time": ("sights.parquet", column("stamp", put(2, np.nan)), "stamp: row 2"),
+    "camera that stood still": ("ticks.parquet", column("image_age", put(9, 7.5)), ""),
     "profile in mm": ("profile.parquet", column("x", lambda x: 1e3 * x), "give it in m"),
     "ticks without rows": ("ticks.parquet", table(lambda t: t.slice(0, 0)), ""),
     "event nested deep": ("events.jsonl", line('{"a": ' + "[" * 900 + "]" * 900 + "}"), ""),

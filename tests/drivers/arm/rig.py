@@ -174,8 +174,7 @@ def begun(robot: Any = None, *, lock_step: bool = True, guard=None) -> Driven:
     robot = FakeRobot() if robot is None else robot
     orders, reports = Mailbox(LoopCommand), Mailbox(Report)
     settings = FciSettings(address="127.0.0.1", lock_step=lock_step)
-    given = robot, settings, INSTALLATION, orders, reports, lambda: 0.0
-    loop = ServoLoop(*given, guard=guard)
+    loop = ServoLoop(robot, settings, INSTALLATION, orders, reports, lambda: 0.0, guard=guard)
     loop.begin()
     return Driven(robot, loop, orders, reports)
 
