@@ -171,8 +171,8 @@ STUDY = Study(
 class Here:
     """An engine that measures in this process, which alone knows the study."""
 
-    def measure(self, parts, folder, versions):
-        return (measure(part, folder, versions) for part in parts)
+    def measure(self, parts, folder):
+        return (measure(part, folder) for part in parts)
 
 
 OF_MECHANISMS = (

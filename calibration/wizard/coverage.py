@@ -46,13 +46,13 @@ class WantedView:
         """Image points (4, 2) [px] of the board's outer `corners` (4, 2) [m] in this view."""
         from scipy.spatial.transform import Rotation  # half a second that no fold needs
 
-        rotation = Rotation.from_euler("zxy", (self.roll, -self.tilt, -self.turn)).as_matrix()
+        rotation = Rotation.from_euler("zxy", (self.roll, -self.tilt, -self.turn)).as_rotvec()
         depth = float(lens.matrix[0, 0]) * float(np.ptp(corners[:, 0])) / (self.size * lens.width)
         middle = np.array([self.x * lens.width, self.y * lens.height, 1.0])
+        place = np.linalg.solve(lens.matrix, middle) * depth
         flat = np.column_stack([corners - corners.mean(axis=0), np.zeros(len(corners))])
-        in_camera = flat @ rotation.T + np.linalg.solve(lens.matrix, middle) * depth
-        image = in_camera @ lens.matrix.T
-        return np.asarray(image[:, :2] / image[:, 2:])
+        image, _ = cv2.projectPoints(flat, rotation, place, lens.matrix, None)
+        return np.asarray(image.reshape(-1, 2))
 
 
 def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, ...]:
@@ -166,8 +166,7 @@ class Sketch:
 def project_outline(view: BoardView, outline: Array) -> Array:
     """Project the board's outer corners `outline` (4, 2) [m] to image points (4, 2) [px]."""
     to_image, _ = cv2.findHomography(view.board[:, :2], view.image, 0)
-    image = np.column_stack([outline, np.ones(4)]) @ to_image.T
-    return np.asarray(image[:, :2] / image[:, 2:])
+    return np.asarray(cv2.perspectiveTransform(outline[None], to_image)[0])
 
 
 def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:

@@ -106,20 +106,18 @@ NAN = float("nan")
 
 @dataclass(frozen=True, slots=True)
 class LensVerdict(Verdict):
-    """Verdict on a lens calibration: the fitted lens, and the lenses of two halves of the views.
+    """The lens fit, differences between the lenses of two halves of the views, reasons for refusal.
 
-    `split` is the halves' relative difference in focal length; `bend_px` the largest difference of
-    their distortion over the image after the best plane homography is removed, and `bend_mm` that
-    at the board's distance. `per_view` is the rms [px] by number of the image.
+    `split` is their relative difference in focal length; `bend_mm` the largest difference of their
+    distortion, at the board's distance, after the best plane homography is removed. `per_view` is
+    the rms [px] of the image with that number.
     """
 
     fit: LensFit | None = None
     split: float = NAN
-    bend_px: float = NAN
     bend_mm: float = NAN
     views: int = 0
     per_view: Mapping[int, float] = field(default_factory=dict)
-    bow: Bow | None = None
 
     def lines(self) -> tuple[Line, ...]:
         """Lines on the lens for the operator, the next step last."""
@@ -177,11 +175,10 @@ def lens_verdict(
         return LensVerdict(views=len(ordered), reasons=(str(error),))
     focal = float(fit.lens.matrix[0, 0])
     split = abs(float(one.matrix[0, 0] - other.matrix[0, 0])) / focal
-    bend = _largest_difference(one, other)
     depth = float(np.median([view.depth(fit.lens) for view in ordered]))
-    bent = estimate_bow(ordered, fit.lens, settings.outline())
+    bend_mm = 1e3 * _largest_difference(one, other) * depth / focal
+    bow_reasons = _bow_reasons(estimate_bow(ordered, fit.lens, settings.outline()), settings)
     gates = coverage(ordered, fit.lens, settings)
-    bow_reasons = _bow_reasons(bent, settings)
     found = (
         *bow_reasons,
         *(str(gate) for gate in gates if not gate.passed),
@@ -189,8 +186,7 @@ def lens_verdict(
         *_length_reasons(length, settings),
     )
     per_view = dict(sorted(zip(numbers, fit.per_view.tolist(), strict=True)))
-    bend_mm = 1e3 * bend * depth / focal
-    return LensVerdict(fit, split, bend, bend_mm, len(ordered), per_view, bent, reasons=found)
+    return LensVerdict(fit, split, bend_mm, len(ordered), per_view, reasons=found)
 
 
 def fit_views(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
@@ -255,5 +251,5 @@ def _largest_difference(one: Lens, other: Lens) -> float:
     pixels = np.column_stack([u.ravel(), v.ravel()]) * (one.width, one.height)
     by_one, by_other = one.undistort(pixels), other.undistort(pixels)
     between, _ = cv2.findHomography(by_other, by_one, 0)
-    mapped: Array = np.column_stack([by_other, np.ones(len(by_other))]) @ between.T
-    return float(np.hypot(*(mapped[:, :2] / mapped[:, 2:] - by_one).T).max())
+    mapped = cv2.perspectiveTransform(by_other[None], between)[0]
+    return float(np.hypot(*(mapped - by_one).T).max())

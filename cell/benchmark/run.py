@@ -38,7 +38,7 @@ def benchmark(
     parts = parts_of(spec, configs, runs)
     calibration_of(settings)  # made once, not by every fold at once
     measured = carry_out(parts, folder / JOURNAL, engine, meter, again=again)
-    results = {part.key: _result(record) for part, record in measured}
+    results = {record.key: _result(record) for record in measured}
     return Results(
         schema=1,
         asked=spec,

@@ -27,6 +27,7 @@ from calibration.wizard.session import (
     Kind,
     Session,
     SessionFolder,
+    Task,
     begin_or_resume,
     read_latency,
     read_session,
@@ -89,14 +90,12 @@ class Wizard:
             if length is None and aids is not None:
                 length = aids.measure_board()
             size = (first.image.shape[1], first.image.shape[0])
-            session = self._begin("camera", folder, size, length=length, boards=boards)
             views = BoardViews(boards, patient=aids is None, size=size)
-            keep = SessionFolder(folder, session, self.watch)
-            restore(views, folder, session)
+            keep = self._open_session("camera", folder, views, size, length=length, boards=boards)
             show_board(views, source, self.operator, keep, self.interrupted)
         finally:
             devices.camera.close()
-        verdict = views.verdict(session.length)
+        verdict = views.verdict(keep.session.length)
         _keep_lens(folder, verdict, devices.camera_identity)
         _draw(folder, keep.newest or first, views.marks, verdict.title)
         return verdict
@@ -116,18 +115,17 @@ class Wizard:
         settings, devices = self.settings, self.devices
         if (folder / SESSION_FILE).exists():
             plan = read_poses(folder / POSES_FILE)
-        session = self._begin(
+        points = TouchedPoints(lens, settings.touches, plan)
+        keep = self._open_session(
             "homography",
             folder,
+            points,
             (lens.width, lens.height),
             lens=CameraFile.of(lens, devices.camera_identity),
             touches=settings.touches,
             latency=settings.latency,
         )
-        points = TouchedPoints(lens, settings.touches, plan)
-        keep = SessionFolder(folder, session, self.watch)
         write_yaml(folder / POSES_FILE, {"poses": [[p.x, p.z, p.pitch] for p in points.plan]})
-        restore(points, folder, session)
         context = CalibrationContext(
             settings.controller, points, self.operator, keep, remembers=True
         )
@@ -136,7 +134,7 @@ class Wizard:
             lens,
             context.touches,
             context.latency,
-            session.camera,
+            keep.session.camera,
             settings.fold.speed,
             accept_anyway=accept_anyway,
             locks=devices.camera_locks(),  # as read back
@@ -162,8 +160,13 @@ class Wizard:
         run_calibration(self.devices, context, self.interrupted)
         return check_verdict(points.touches, calibration, touches)
 
-    def _begin(self, kind: Kind, folder: Path, size: tuple[int, int], **facts: Any) -> Session:
-        """Session of images of `size` (width, height) [px]: that in `folder`, or a new one."""
+    def _open_session(
+        self, kind: Kind, folder: Path, task: Task, size: tuple[int, int], **facts: Any
+    ) -> SessionFolder:
+        """Begin a session of images of width and height `size` [px] in `folder`, or resume its own.
+
+        What it has taken before is given to the `task`.
+        """
         session = Session(
             schema=1,
             kind=kind,
@@ -173,7 +176,9 @@ class Wizard:
             locks=dict(self.devices.camera_locks()),
             **facts,
         )
-        return begin_or_resume(folder, session)
+        keep = SessionFolder(folder, begin_or_resume(folder, session), self.watch)
+        restore(task, folder, keep.session)
+        return keep
 
 
 def refit_lens(folder: Path, without: Collection[int], out: Path | None) -> LensVerdict:

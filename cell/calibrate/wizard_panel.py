@@ -6,10 +6,10 @@ import sys
 import termios
 import tty
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self, TextIO
+from typing import TYPE_CHECKING, Self, TextIO
 
 import cv2
 import numpy as np
@@ -21,7 +21,7 @@ from rich.table import Table
 from rich.text import Text
 
 from calibration.wizard.coverage import Gate, Sketch
-from calibration.wizard.progress import Observer, PlannedPoint, Progress
+from calibration.wizard.progress import PlannedPoint, Progress
 from calibration.wizard.session import ROWS_FILE, read_rows
 from calibration.wizard.verdict import Level, Line
 from cell.calibrate.wizard import POINTER, TwinOperator, Wizard
@@ -37,6 +37,9 @@ from cell.orchestrator.operator import (
 )
 from cell.report.words import plural
 from drivers.types import Array
+
+if TYPE_CHECKING:
+    from cell.report.viz.wizard import WizardScreen
 
 STYLES = {Level.GOOD: "green", Level.FAIR: "yellow", Level.BAD: "bold red", Level.PLAIN: ""}
 MARKS = {Level.GOOD: "+", Level.FAIR: "~", Level.BAD: "!", Level.PLAIN: " "}
@@ -292,12 +295,22 @@ class Keyboard:
 
 @dataclass(slots=True)
 class TerminalSession:
-    """Wizard's session at a terminal: `panel`, observer, Ctrl-C; `record` adds a verdict."""
+    """Session of a wizard at a terminal: its `panel`, its recording if any, and Ctrl-C."""
 
     panel: WizardPanel
-    watch: Observer
     interrupted: Callable[[], bool]
-    record: Callable[[Iterable[Line]], None] = lambda _: None
+    recording: "WizardScreen | None" = None
+
+    def watch(self, progress: Progress) -> None:
+        """Show the wizard's `progress`, and draw it into the recording."""
+        self.panel(progress)
+        if self.recording is not None:
+            self.recording(progress)
+
+    def record(self, lines: Iterable[Line]) -> None:
+        """Add the `lines` of a verdict to the recording."""
+        if self.recording is not None:
+            self.recording.log_verdict("\n".join(line.text for line in lines))
 
     def wizard(self, settings: CellFile, devices: Devices, *, interactive: bool) -> Wizard:
         """Wizard for `devices` whose operator answers here; on the twin only if `interactive`."""
@@ -316,7 +329,7 @@ def terminal_session() -> Iterator[TerminalSession]:
     """Open a wizard's session at the terminal within the block: panel, keys, and Ctrl-C."""
     panel = WizardPanel(Console(stderr=True))
     with Interrupt() as interrupted, single_keys(sys.stdin), panel:
-        yield TerminalSession(panel, panel, interrupted)
+        yield TerminalSession(panel, interrupted)
 
 
 @contextmanager
@@ -326,24 +339,14 @@ def wizard_session(folder: Path, kind: str, viz: str) -> Iterator[TerminalSessio
     Raises Interrupted with what is in `folder`, after one Ctrl-C as after two.
     """
     try:
-        with terminal_session() as session:
-            if viz == "off":
-                yield session
-                return
-            from cell.report.viz.wizard import wizard_screen  # Rerun takes a second to import
+        with terminal_session() as session, ExitStack() as drawn:
+            if viz != "off":
+                from cell.report.viz.wizard import wizard_screen  # Rerun takes a second to import
 
-            folder.mkdir(parents=True, exist_ok=True)
-            with wizard_screen(folder, live=viz == "live") as screen:
-
-                def both(progress: Progress) -> None:
-                    session.panel(progress)
-                    screen(progress)
-
-                session.watch = both
-                session.record = lambda lines: screen.log_verdict(
-                    "\n".join(line.text for line in lines)
-                )
-                yield session
+                folder.mkdir(parents=True, exist_ok=True)
+                screen = wizard_screen(folder, live=viz == "live")
+                session.recording = drawn.enter_context(screen)
+            yield session
     except (Interrupted, KeyboardInterrupt):
         raise Interrupted(_resume_hint(folder, kind)) from None
 

@@ -45,9 +45,7 @@ class Cluster:
     address: str
     limit: float | None = None
 
-    def measure(
-        self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str]
-    ) -> Iterator[Record]:
+    def measure(self, parts: Sequence[Part], folder: Path) -> Iterator[Record]:
         """Yield the records of `parts` as they finish, despite deaths of workers and scheduler.
 
         Raises ConfigurationError for an address without a usable cluster or a worker of other
@@ -57,9 +55,7 @@ class Cluster:
         patience = CONNECT_TIMEOUT
         while left:
             with _silence_dask(), connect(self.address, patience) as client:
-                for record in _run_until_lost(
-                    client, list(left.values()), folder, versions, self.limit
-                ):
+                for record in _run_until_lost(client, list(left.values()), folder, self.limit):
                     left.pop((record.key, record.of), None)
                     yield record
             patience = ABSENCE
@@ -137,19 +133,20 @@ def event_loop() -> Iterator["IOLoop"]:
 
 
 def _run_until_lost(
-    client: "Client", parts: list[Part], folder: Path, here: Mapping[str, str], limit: float | None
+    client: "Client", parts: list[Part], folder: Path, limit: float | None
 ) -> Iterator[Record]:
     """Yield records until all parts have one or the scheduler is gone; a part for each thread."""
     from distributed import wait
 
     waiting, killed = parts[::-1], Counter[str]()  # popped from the end: in the order of parts
+    here = versions()
     running: dict[Future[str], Part] = {}
     last_seen = time.monotonic()
     while (waiting or running) and client.status == "running":
         threads = _thread_count(client)
         while waiting and len(running) < max(threads, 1):
             part = waiting.pop()
-            arguments = (part, str(folder.resolve()), dict(here), limit)
+            arguments = (part, str(folder.resolve()), here, limit)
             running[client.submit(remote, *arguments, pure=False)] = part
         with suppress(TimeoutError, CancelledError), client.as_current():
             wait(list(running), timeout=POLL_INTERVAL, return_when="FIRST_COMPLETED")
@@ -188,7 +185,7 @@ def _store_record(
         killed[part.key] += 1
         if killed[part.key] < TRIES:
             return None
-        return set_aside(part, "many workers died while they had it", folder, versions())
+        return set_aside(part, "many workers died while they had it", folder)
     except (CancelledError, TimeoutError, OSError):
         return None
     finally:
@@ -211,7 +208,7 @@ def remote(part: Part, folder: str, there: Mapping[str, str], limit: float | Non
     place = Path(folder) if Path(folder).is_dir() else _local_folder()
     pools = _idle_pools()
     pool = ProcessPool(1, compile_rod) if pools.empty() else pools.get()
-    [record] = measure_in(pool, [part], place, there, limit)
+    [record] = measure_in(pool, [part], place, limit)
     pools.put(pool)
     return record.model_dump_json(by_alias=True)
 

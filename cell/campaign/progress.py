@@ -51,13 +51,13 @@ class Meter:
             self._bar.update(self._task, completed=self._done)
             self._bar.start()
 
-    def finish(self, key: str, cost: float, record: Record) -> None:
-        """Advance by the part `key`, which was measured with this `record`."""
+    def finish(self, cost: float, record: Record) -> None:
+        """Advance by a part of this `cost`, which ended with this `record`."""
         self._number += 1
         self._failed += record.state != "measured"
         failed = f", {self._failed} failed" if self._failed else ""
         self._done += cost
-        text = f"{self._number} of {self._count}{failed}{self._time_left()}  {key}"
+        text = f"{self._number} of {self._count}{failed}{self._time_left()}  {record.key}"
         kept = self._task is None or record.state != "measured"
         self._show(text + self._describe(record), kept=kept)
 

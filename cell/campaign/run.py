@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import BaseModel
 from pydantic_core import to_json
 
-from cell.campaign.journal import Cost, Journal, Record
+from cell.campaign.journal import Cost, Journal, Record, State
 from cell.campaign.processes import ProcessPool, workers
 from cell.campaign.progress import Meter
 from cell.campaign.versions import versions
@@ -48,7 +48,7 @@ class Part:
     arguments: tuple[Any, ...] = ()
 
 
-def measure(part: Part, folder: Path, versions: Mapping[str, str]) -> Record:
+def measure(part: Part, folder: Path) -> Record:
     """Measure `part` and store its record in the journal at `folder`; reuses a finished record.
 
     A part that raises is `failed`, with the reason. Raises ConfigurationError where the journal
@@ -65,19 +65,10 @@ def measure(part: Part, folder: Path, versions: Mapping[str, str]) -> Record:
         reason = str(error)
     except Exception as error:  # noqa: BLE001  an edge: the other parts go on
         reason = str(Unexpected(error))
-    record = Record(
-        schema=1,
-        key=part.key,
-        of=part.of,
-        state="failed" if outcome is None else "measured",
-        outcome=outcome,
-        reason=reason,
-        cost=Cost(wall=time.perf_counter() - begun, processor=_processor_time() - processor_before),
-        versions=dict(versions),
-        host=os.uname().nodename,
-    )
-    journal.put(record)
-    return record
+    passed = time.perf_counter() - begun
+    cost = Cost(wall=passed, processor=_processor_time() - processor_before)
+    state: State = "failed" if outcome is None else "measured"
+    return _put(part, folder, state, outcome=outcome, reason=reason, cost=cost)
 
 
 def plain(outcome: Outcome) -> dict[str, Any]:
@@ -87,10 +78,15 @@ def plain(outcome: Outcome) -> dict[str, Any]:
     return found
 
 
-def set_aside(part: Part, reason: str, folder: Path, versions: Mapping[str, str]) -> Record:
+def set_aside(part: Part, reason: str, folder: Path) -> Record:
     """Store and return a record for `part` that gave none itself, with the `reason`."""
-    facts: dict[str, Any] = {"state": "set_aside", "reason": reason, "versions": dict(versions)}
-    record = Record(schema=1, key=part.key, of=part.of, host=os.uname().nodename, **facts)
+    return _put(part, folder, "set_aside", reason=reason)
+
+
+def _put(part: Part, folder: Path, state: State, **facts: Any) -> Record:
+    """Store and return the record of `part` with these `facts`, and where it was made."""
+    where: dict[str, Any] = {"versions": versions(), "host": os.uname().nodename}
+    record = Record(schema=1, key=part.key, of=part.of, state=state, **facts, **where)
     Journal(folder).put(record)
     return record
 
@@ -115,9 +111,7 @@ def _processor_time() -> float:
 class Engine(Protocol):
     """Protocol of an engine that measures parts, here or on other machines."""
 
-    def measure(
-        self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str]
-    ) -> Iterator[Record]:
+    def measure(self, parts: Sequence[Part], folder: Path) -> Iterator[Record]:
         """Yield the records of `parts` as they finish, each stored in the journal at `folder`."""
 
     def executor(self) -> AbstractContextManager[Executor]:
@@ -131,13 +125,11 @@ class Local:
     jobs: int = 1
     limit: float | None = None
 
-    def measure(
-        self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str]
-    ) -> Iterator[Record]:
+    def measure(self, parts: Sequence[Part], folder: Path) -> Iterator[Record]:
         """Yield the records of `parts` as they finish; raises CellError if one cannot be stored."""
         pool = ProcessPool(min(self.jobs, len(parts)), compile_rod)
         try:
-            yield from measure_in(pool, parts, folder, versions, self.limit)
+            yield from measure_in(pool, parts, folder, self.limit)
         finally:
             pool.kill()
 
@@ -147,11 +139,7 @@ class Local:
 
 
 def measure_in(
-    pool: ProcessPool,
-    parts: Sequence[Part],
-    folder: Path,
-    versions: Mapping[str, str],
-    limit: float | None,
+    pool: ProcessPool, parts: Sequence[Part], folder: Path, limit: float | None
 ) -> Iterator[Record]:
     """Measure `parts` in the processes of `pool`, and yield their records as they finish.
 
@@ -162,7 +150,7 @@ def measure_in(
     while waiting or pool.is_busy:
         while waiting and pool.has_room:
             part = waiting.popleft()
-            pool.begin(part, measure, part, folder, dict(versions))
+            pool.begin(part, measure, part, folder)
         for part, result in pool.ended(POLL_INTERVAL, limit):
             if isinstance(result, CellError):
                 raise result
@@ -172,17 +160,17 @@ def measure_in(
                     waiting.append(part)
                 else:
                     reason = f"its process died {TRIES} times: {result}"
-                    yield set_aside(part, reason, folder, versions)
+                    yield set_aside(part, reason, folder)
             elif isinstance(result, TimeoutError):
-                yield set_aside(part, str(result), folder, versions)
+                yield set_aside(part, str(result), folder)
             else:
                 yield result
 
 
 def carry_out(
     parts: Sequence[Part], folder: Path, engine: Engine, meter: Meter, *, again: bool = False
-) -> Iterator[tuple[Part, Record]]:
-    """Yield every part with its record, finished ones first, then the others as they finish.
+) -> Iterator[Record]:
+    """Yield the record of every part, finished ones first, then the others as they finish.
 
     The journal at `folder` keeps the records; `again` measures all parts anew. Raises CellError
     where the journal cannot be written or the workers are gone, KeyboardInterrupt from the
@@ -195,16 +183,14 @@ def carry_out(
     known = {name: record for name, record in found.items() if record and record.done}
     done = sum(wanted[name].cost for name in known)
     meter.begin(len(parts), len(known), sum(part.cost for part in parts), done)
-    for name, record in known.items():
-        yield wanted[name], record
+    yield from known.values()
     left = [part for name, part in wanted.items() if name not in known]
     if not left:
         return
     make_folder(folder)
-    for record in engine.measure(left, folder, versions()):
-        part = wanted[record.key, record.of]
-        meter.finish(part.key, part.cost, record)
-        yield part, record
+    for record in engine.measure(left, folder):
+        meter.finish(wanted[record.key, record.of].cost, record)
+        yield record
 
 
 def make_folder(folder: Path) -> None:

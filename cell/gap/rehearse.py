@@ -205,7 +205,7 @@ def rehearse(plan: Plan, folder: Path, engine: Engine, meter: Meter) -> list[Rec
     parts = [
         Part(hidden.key, of, COPY_COST, diagnose_copy, (plan, hidden)) for hidden in plan.copies
     ]
-    return [r for _, r in carry_out(parts, folder / JOURNAL, engine, meter)]
+    return list(carry_out(parts, folder / JOURNAL, engine, meter))
 
 
 def is_right(outcome: Mapping[str, Any]) -> bool:

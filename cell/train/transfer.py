@@ -81,8 +81,8 @@ def transfer(
         Part(f"{seed}-{number:04d}", of, SECONDS, fold_drawn, (number, seed, bare.resolve()))
         for number in range(count)
     ]
-    records = [record for _, record in carry_out(parts, folder / JOURNAL, engine, meter)]
-    rows = [record.outcome for record in sorted(records, key=lambda r: r.key) if record.outcome]
+    records = sorted(carry_out(parts, folder / JOURNAL, engine, meter), key=lambda r: r.key)
+    rows = [record.outcome for record in records if record.outcome]
     if len(rows) < COMPLETE_SHARE * count:
         raise ConfigurationError(
             f"{folder}: {len(rows)} of {count} folds came to their end, {COMPLETE_SHARE:.0%} are "

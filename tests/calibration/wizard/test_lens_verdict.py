@@ -22,7 +22,7 @@ def test_good_session_passes_and_its_halves_agree() -> None:
     assert verdict.passed, verdict.reasons
     assert verdict.fit is not None
     assert verdict.fit.lens.matrix[0, 0] == pytest.approx(LENS.matrix[0, 0], rel=0.003)
-    assert verdict.bend_px < 0.5
+    assert verdict.bend_mm < 0.3
     assert set(verdict.per_view) == set(range(13))
 
 

@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[3]
 
 def run(parts, folder: Path, jobs: int = 1, limit: float | None = None, **asked):
     found = carry_out(parts, folder, Local(jobs, limit), Meter(), **asked)
-    return {part.key: record for part, record in found}
+    return {record.key: record for record in found}
 
 
 def record(key: str, of: str = "first", **facts) -> Record:

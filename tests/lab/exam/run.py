@@ -171,10 +171,10 @@ def run_exam(
         if not anew:
             _import_ledger(kept, Journal(place), parts)
         measured = carry_out(parts, place, engine or Local(), meter or Meter(), again=anew)
-        for part, record in measured:
-            entry = entry_of(named[part.key], now, record)
-            if entry.state != "made" and kept.get(part.key) != entry:
-                kept[part.key] = entry
+        for record in measured:
+            entry = entry_of(named[record.key], now, record)
+            if entry.state != "made" and kept.get(record.key) != entry:
+                kept[record.key] = entry
                 write_ledger(path, kept.values())
     return tuple(kept[case.name] for case in cases if case.name in kept)
 

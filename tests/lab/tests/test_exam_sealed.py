@@ -67,5 +67,5 @@ class Seen(Meter):
         super().__init__()
         self.lines: list[str] = []
 
-    def finish(self, key: str, cost: float, record: Record) -> None:
-        self.lines.append(key + summarise(record))
+    def finish(self, cost: float, record: Record) -> None:
+        self.lines.append(record.key + summarise(record))
