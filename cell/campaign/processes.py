@@ -247,5 +247,4 @@ def _exit_with_parent() -> None:
 
 def cores() -> int:
     """Number of cores that this process may use."""
-    allowed = getattr(os, "sched_getaffinity", None)
-    return len(allowed(0)) if allowed is not None else os.cpu_count() or 1
+    return len(os.sched_getaffinity(0))

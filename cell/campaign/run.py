@@ -1,6 +1,5 @@
 """Campaigns: parts measured by an engine, here or on other machines, and kept in a journal."""
 
-import json
 import os
 import resource
 import time
@@ -14,12 +13,12 @@ from typing import Any, Protocol
 
 import numpy as np
 from pydantic import BaseModel
-from pydantic_core import to_json
 
 from cell.campaign.journal import Cost, Journal, Record, State
 from cell.campaign.processes import ProcessPool, workers
 from cell.campaign.progress import Meter
 from cell.campaign.versions import versions
+from cell.record.documents import plain
 from drivers.child import ChildDied
 from drivers.errors import CellError, Unexpected
 from drivers.files import writing
@@ -60,7 +59,7 @@ def measure(part: Part, folder: Path) -> Record:
         return known
     begun, processor_before, outcome, reason = time.perf_counter(), _processor_time(), None, ""
     try:
-        outcome = plain(part.function(*part.arguments))
+        outcome = plain(dict(part.function(*part.arguments)))
     except CellError as error:
         reason = str(error)
     except Exception as error:  # noqa: BLE001  an edge: the other parts go on
@@ -69,13 +68,6 @@ def measure(part: Part, folder: Path) -> Record:
     cost = Cost(wall=passed, processor=_processor_time() - processor_before)
     state: State = "failed" if outcome is None else "measured"
     return _put(part, folder, state, outcome=outcome, reason=reason, cost=cost)
-
-
-def plain(outcome: Outcome) -> dict[str, Any]:
-    """Convert `outcome` to plain JSON values; a number that is not finite becomes None."""
-    content = to_json(dict(outcome), inf_nan_mode="null", fallback=lambda value: value.tolist())
-    found: dict[str, Any] = json.loads(content)
-    return found
 
 
 def set_aside(part: Part, reason: str, folder: Path) -> Record:

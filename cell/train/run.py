@@ -1,10 +1,6 @@
 """Runs a training in one folder: starts or resumes it, then evaluates its weights."""
 
-import fcntl
 import json
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,10 +8,9 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from cell.campaign.progress import Meter
-from cell.campaign.run import Engine
+from cell.campaign.run import Engine, make_folder
 from cell.train.evaluation import EffectErrors, Evaluation, evaluate, evaluate_effects
-from drivers.errors import ConfigurationError
-from drivers.files import write_file, writing
+from drivers.files import lock_folders, write_file
 from policies.adaptive.train.shard import CriticSettings
 from policies.rollout import Rollout
 from policies.sensing import IMAGE_SENSING
@@ -66,7 +61,8 @@ def train(
     each effect hidden. Raises ConfigurationError for a folder that cannot be used or holds a
     training of other settings, WorkersLost when the workers are gone.
     """
-    with alone_in(folder):
+    make_folder(folder)
+    with lock_folders([folder]):
         training = _open_training(settings, folder)
         with engine.executor() as executor:
             with Meter(console) as meter:
@@ -102,21 +98,3 @@ def _open_training(
     from policies.adaptive.train.training import CriticTraining
 
     return CriticTraining(settings, folder)
-
-
-@contextmanager
-def alone_in(folder: Path) -> Iterator[None]:
-    """Create `folder` and lock it against other trainings; raises ConfigurationError on failure."""
-    with writing(f"--out: {folder}", "name another folder"):
-        folder.mkdir(parents=True, exist_ok=True)
-        place = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        try:
-            fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise ConfigurationError(
-                f"--out: {folder}: another training is writing there; wait, or name another folder"
-            ) from None
-        yield
-    finally:
-        os.close(place)
