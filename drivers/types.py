@@ -94,3 +94,20 @@ def frozen(values: object) -> Array:
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
     return array
+
+
+@dataclass(frozen=True, slots=True)
+class BoardPlacement:
+    """Pose of a board in front of the camera, described by its place and size in the image.
+
+    `x`, `y` are the centre as fractions of the image, `size` the board's width as a fraction of the
+    image's. At zero angles [rad] it faces the camera; `tilt` leans its top away, `turn` moves its
+    right edge away, `roll` turns it clockwise.
+    """
+
+    x: float
+    y: float
+    size: float
+    tilt: float = 0.0
+    turn: float = 0.0
+    roll: float = 0.0

@@ -9,27 +9,16 @@ import numpy as np
 
 from calibration.board import BoardSettings, BoardView
 from calibration.lens import Lens
-from drivers.types import Array
+from drivers.types import Array, BoardPlacement
 
 MIDDLE_SHARE = 0.05  # share of the image within which a place is called the middle
 FLAT_ANGLE = 0.05  # rad under which a lean is not mentioned
 
 
-@dataclass(frozen=True, slots=True)
-class WantedView:
-    """Required view of the calibration board: its place, size and angles in the image.
+class WantedView(BoardPlacement):
+    """A required view of the board, by its place, size and angles in the image."""
 
-    `x`, `y` are its centre as fractions of the image, from the left and from the top, `size` its
-    width as a fraction of the image's. Facing the camera at zero angles [rad]: `tilt` leans its top
-    away, `turn` its right edge, `roll` turns it clockwise.
-    """
-
-    x: float
-    y: float
-    size: float
-    tilt: float = 0.0
-    turn: float = 0.0
-    roll: float = 0.0
+    __slots__ = ()
 
     def __str__(self) -> str:
         place = f"{_words(self.y, 'high', 'low')} {_words(self.x, 'left', 'right')}".split()

@@ -9,7 +9,7 @@ from cell.config.cell import CellFile
 from cell.devices.devices import Devices, DeviceSelection
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
-from drivers.twin.board import Placement, board_frame, board_pose
+from drivers.twin.board import board_frame, board_pose
 from drivers.twin.open import DEFAULT_PLANT, Desk, PlantOptions, Twin, open_twin
 from drivers.twin.settings import TwinSettings
 from drivers.types import Frame
@@ -27,10 +27,7 @@ class TwinCalibrationAids:
     def show_board(self, wanted: WantedView) -> Frame:
         """Render an image of the calibration board held as `wanted`."""
         board = self.settings.boards.board()
-        placement = Placement(
-            wanted.x, wanted.y, wanted.size, wanted.tilt, wanted.turn, wanted.roll
-        )
-        placed = board_pose(self.settings.twin.camera, board, placement)
+        placed = board_pose(self.settings.twin.camera, board, wanted)
         self._shown += 1
         return board_frame(
             self.settings.twin.camera, board, placed, self.seed, sequence=self._shown

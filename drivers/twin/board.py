@@ -1,7 +1,5 @@
 """Rendering of ChArUco boards in front of the twin's camera."""
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 
@@ -9,7 +7,7 @@ from drivers.errors import ConfigurationError
 from drivers.twin.renderer.optics import Optics, Pixels, blur, noisy
 from drivers.twin.renderer.stage import bgr, light
 from drivers.twin.settings import CameraSettings
-from drivers.types import Array, Frame, Image
+from drivers.types import Array, BoardPlacement, Frame, Image
 
 SOURCE = "twin board"
 QUIET_ZONE = 0.5  # squares of white paper around the pattern
@@ -21,25 +19,8 @@ PAPER_LEVEL, INK_LEVEL = 232.0, 26.0  # grey levels of the print
 DICTIONARY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
 
 
-@dataclass(frozen=True, slots=True)
-class Placement:
-    """Pose of a board in front of the camera, as its place, size and angles in the image.
-
-    `x`, `y` are the centre as fractions of the image, `size` the board's width as a fraction of the
-    image's. At zero angles [rad] it faces the camera; `tilt` leans its top away, `turn` moves its
-    right edge away, `roll` turns it clockwise.
-    """
-
-    x: float
-    y: float
-    size: float
-    tilt: float = 0.0
-    turn: float = 0.0
-    roll: float = 0.0
-
-
 def board_pose(
-    settings: CameraSettings, board: cv2.aruco.CharucoBoard, placement: Placement
+    settings: CameraSettings, board: cv2.aruco.CharucoBoard, placement: BoardPlacement
 ) -> Array:
     """Pose (4, 4) in the cell frame of `board`, held in front of the camera at `placement`.
 
@@ -57,7 +38,7 @@ def board_pose(
 
 
 def _rotation(tilt: float, turn: float, roll: float) -> Array:
-    """Rotation (3, 3) of a board from facing the camera by the angles of a Placement [rad]."""
+    """Rotation (3, 3) of a board from facing the camera by the angles of a BoardPlacement [rad]."""
     ct, st, cy, sy, cr, sr = (f(a) for a in (tilt, turn, roll) for f in (np.cos, np.sin))
     about_x = np.array([[1, 0, 0], [0, ct, -st], [0, st, ct]]).T
     about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]]).T

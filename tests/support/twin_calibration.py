@@ -24,7 +24,7 @@ from cell.calibrate.calibration_in_use import kept_calibration
 from cell.calibrate.wizard import calibrate_now
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from drivers.errors import Fault
-from drivers.twin.board import Placement, board_frame, board_pose
+from drivers.twin.board import board_frame, board_pose
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
@@ -49,10 +49,7 @@ def show_boards(camera: CameraSettings, settings: BoardSettings, seed: int = 1) 
     views = BoardViews(settings)
     sequence = 0
     while (wanted := views.ask()) is not None:
-        placement = Placement(
-            wanted.x, wanted.y, wanted.size, wanted.tilt, wanted.turn, wanted.roll
-        )
-        pose = board_pose(camera, settings.board(), placement)
+        pose = board_pose(camera, settings.board(), wanted)
         views.tell(board_frame(camera, settings.board(), pose, seed, sequence=sequence))
         sequence += 1
     return views.verdict(settings.width)
