@@ -23,6 +23,7 @@ def main(app: "Typer | None" = None) -> None:
 
 
 def _run(app: "Typer | None") -> int | str | None:
+    """Run the command line; returns its exit code."""
     from cell.cli.app import app as cell
 
     try:
@@ -41,19 +42,20 @@ def _print_error(error: Exception) -> int:
     usage: type = BadParameter.__mro__[1]  # of all misuse; no version of Typer exports it
     if isinstance(error, usage):
         return _show_usage(error)
-    return _print_line(
+    return _print_error_line(
         CellError("no answer was given") if isinstance(error, Abort) else _cell_error(error)
     )
 
 
 def _show_usage(error: Any) -> int:
+    """Show a misuse in one line, or the help where a command group stands alone."""
     if error.ctx is not None and error.message == error.ctx.get_help():
         error.show()
         return int(error.exit_code)
     command = "cell" if error.ctx is None else error.ctx.command_path
     text = error.format_message().replace("Value error, ", "").rstrip(".")
     text = f"{text[:1].lower()}{text[1:]}"
-    return _print_line(
+    return _print_error_line(
         ConfigurationError(f"{text}; `{command} --help` lists what goes{_hint(error)}")
     )
 
@@ -77,7 +79,7 @@ def _cell_error(error: Exception) -> CellError:
     return Unexpected(error)
 
 
-def _print_line(error: CellError) -> int:
+def _print_error_line(error: CellError) -> int:
     sys.stdout.flush()
     sys.stderr.write(f"cell: {error}\n")
     return error.exit_code

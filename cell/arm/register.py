@@ -23,7 +23,7 @@ OFF_LINE = 0.1  # m, at least, of the third point from the line of the first two
 MOUNTING_LINE = re.compile(r"^(?P<indent>\s*)mounting:[ \t]*\{[^}]*\}[^\n]*$", re.MULTILINE)
 
 
-def mounting_from(points: Array, length: float) -> Mounting:
+def mounting_from_points(points: Array, length: float) -> Mounting:
     """Mounting of the robot, from touched `points` (3, 3) [m] at TOUCH_POINTS in its base.
 
     Raises CellError for a strip of another `length` [m] or a desk that is not level.
@@ -65,16 +65,17 @@ def write_mounting(configs: Configs, mounting: Mounting) -> Path:
 
 
 def _with_mounting(text: str, mounting: Mounting, path: Path) -> str:
+    """Text of cell.yaml with the line of `mounting` replaced, the old line as a comment."""
     found = MOUNTING_LINE.search(text)
     if found is None:
         raise ConfigurationError(
-            f"{path}: installation.mounting: must stand on one line, as {_line(mounting)}"
+            f"{path}: installation.mounting: must stand on one line, as {_mounting_line(mounting)}"
         )
     indent, date = found["indent"], datetime.now(UTC).date().isoformat()
     old = f"{indent}# until {date}: {found[0].strip()}"
-    return f"{text[: found.start()]}{old}\n{indent}{_line(mounting)}{text[found.end() :]}"
+    return f"{text[: found.start()]}{old}\n{indent}{_mounting_line(mounting)}{text[found.end() :]}"
 
 
-def _line(mounting: Mounting) -> str:
+def _mounting_line(mounting: Mounting) -> str:
     m = mounting
     return f"mounting: {{x: {m.x}, y: {m.y}, z: {m.z}, yaw: {m.yaw}}}"

@@ -9,7 +9,7 @@ from cell.config.settings import CellSettings, FoldSettings
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import is_real
 from cell.doctor.check import Check
-from cell.doctor.doctor import refuse_red
+from cell.doctor.doctor import refuse_failed
 from drivers.errors import PreflightRefused
 from drivers.installation import MotionLimits
 from drivers.settings import parse
@@ -28,7 +28,7 @@ def consent(
     Returns the selection, then `agreed`; that of another arm is returned as it is. Raises
     PreflightRefused where a check failed or the name was not typed.
     """
-    refuse_red(checks)
+    refuse_failed(checks)
     if not is_real(settings, choice):
         return choice
     question = f"A real robot will move. Type the cell's name ({settings.name}) to go on: "
@@ -94,7 +94,7 @@ def settings_of_run(
     settings = at_speed(settings, speed)
     if is_real(settings, choice) and not full_speed:
         settings = slow_down(settings)
-    return suit_to_arm(settings, choice)
+    return limit_to_arm(settings, choice)
 
 
 def at_speed(settings: S, speed: float | None) -> S:
@@ -108,7 +108,7 @@ def at_speed(settings: S, speed: float | None) -> S:
     return settings.model_copy(update={"fold": parse(content, FoldSettings, "fold")})
 
 
-def suit_to_arm(settings: CellFile, choice: DeviceSelection) -> CellFile:
+def limit_to_arm(settings: CellFile, choice: DeviceSelection) -> CellFile:
     """Settings of the cell with the limits of the selected arm and its start of measured time.
 
     The start is `fold.start` where that is stated. If not, a run of the in-process arm begins flat:

@@ -40,15 +40,15 @@ def calibration_of(
     """
     if settings.calibration is not None:
         return load_calibration(Path(settings.calibration))
-    from cell.calibrate.wizard import calibrate_now
+    from cell.calibrate.wizard import calibrate_twin
 
-    path = kept_calibration(settings)
+    path = calibration_file(settings)
     with _file_lock(path):
         for known in (path, SHIPPED / path.name):
             with suppress(ConfigurationError):
                 return load_calibration(known)
         report("this twin has no calibration yet: its camera is calibrated first")
-        made = calibrate_now(settings, interrupted)
+        made = calibrate_twin(settings, interrupted)
         try:
             save_calibration(made, path)
         except ConfigurationError as error:
@@ -60,10 +60,10 @@ def calibrate_anew(
     settings: CellFile, interrupted: Callable[[], bool] = lambda: False
 ) -> tuple[Calibration, Path]:
     """Calibrate the twin and store the result for later runs; returns it and its path."""
-    from cell.calibrate.wizard import calibrate_now
+    from cell.calibrate.wizard import calibrate_twin
 
-    path = kept_calibration(settings)
-    made = calibrate_now(settings, interrupted)
+    path = calibration_file(settings)
+    made = calibrate_twin(settings, interrupted)
     save_calibration(made, path)
     return made, path
 
@@ -80,7 +80,7 @@ def _file_lock(path: Path) -> Iterator[None]:
         yield
 
 
-def kept_calibration(settings: CellFile) -> Path:
+def calibration_file(settings: CellFile) -> Path:
     """Path of the twin's stored calibration, unique to its settings and its renderer."""
     facts = settings.model_dump_json(include={"twin", "touches", "boards", "latency"})
     identity = hashlib.sha256(f"{facts}{RENDERING}".encode()).hexdigest()[:12]
@@ -112,10 +112,7 @@ def check_usable(
 
 
 def use_calibration(cell_file: Path, calibration: Path) -> None:
-    """Name the file `calibration` in `cell_file`, a cell.yaml, without loss of comments.
-
-    Raises ConfigurationError for a file that cannot be read or written.
-    """
+    """Name the file `calibration` in `cell_file`, a cell.yaml; ConfigurationError if unwritable."""
     named = {"calibration": str(calibration.resolve())}
     change_file(
         cell_file,

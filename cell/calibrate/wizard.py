@@ -211,7 +211,7 @@ def refit_homography(
     or a session without a lens.
     """
     cv2.setNumThreads(1)  # in several threads the last digits differ from time to time
-    session, lens = read_session(folder, "homography"), lens_of(folder)
+    session, lens = read_session(folder, "homography"), session_lens(folder)
     points = TouchedPoints(lens, session.touches, (), fitted=False)
     restore(points, folder, session, without)
     touches, latency = points.verdict(), NOT_MEASURED
@@ -249,7 +249,7 @@ class TwinOperator:
         return answer
 
 
-def calibrate_now(settings: CellFile, interrupted: Interruption) -> Calibration:
+def calibrate_twin(settings: CellFile, interrupted: Interruption) -> Calibration:
     """Calibrate lens and homography of the twin's camera without operator or session.
 
     Raises CellError when they are not good enough, Fault when a monitor stopped the arm, and
@@ -360,7 +360,7 @@ def read_poses(path: Path) -> tuple[Pose, ...]:
     return tuple(Pose(x, z, pitch) for x, z, pitch in load(path, PosesFile).poses)
 
 
-def lens_of(folder: Path) -> Lens:
+def session_lens(folder: Path) -> Lens:
     """Lens of the homography session in `folder`; raises ConfigurationError where it has none."""
     session = read_session(folder, "homography")
     if session.lens is None:

@@ -105,7 +105,7 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
     import numpy as np
 
     from cell.arm.manual_motion import robot_task
-    from cell.arm.register import TOUCH_POINTS, mounting_from, write_mounting
+    from cell.arm.register import TOUCH_POINTS, mounting_from_points, write_mounting
     from cell.config.places import find_configs
 
     found = find_configs(configs)
@@ -117,7 +117,7 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
         if not ask(f"{number} of 3: guide the finger tips to {point}, then press Enter: "):
             raise ConfigurationError("the input ended before Enter was pressed; nothing is changed")
         touched.append(hand_pose(task)[12:15])  # the translation of a transform by columns
-    mounting = mounting_from(np.array(touched), lying.length)
+    mounting = mounting_from_points(np.array(touched), lying.length)
     path = write_mounting(found, mounting)
     sys.stdout.write(f"registered: {mounting}\n  {path}; the old mounting stands beside it\n")
 

@@ -163,12 +163,8 @@ def calibrate_homography(
     if use:
         writable(configs)
     if again is not None:
-        folder, verdict = (
-            out,
-            refit_homography(
-                again, without or (), out, settings.fold.speed, accept_anyway=accept_anyway
-            ),
-        )
+        folder, speed = out, settings.fold.speed
+        verdict = refit_homography(again, without or (), out, speed, accept_anyway=accept_anyway)
     else:
         folder = _session_folder(out, resume, settings.name, "homography")
         settings, devices = _open_devices(settings, arm, camera, full_speed=full_speed)
@@ -274,10 +270,10 @@ def _open_devices(
 def _find_lens(file: Path | None, resume: Path | None, camera: str) -> "Lens":
     """Lens of the session to `resume`, of the `file`, or else the newest of this camera."""
     from calibration.lens import read_lens
-    from cell.calibrate.wizard import lens_of, newest_lens
+    from cell.calibrate.wizard import newest_lens, session_lens
 
     if resume is not None:
-        return lens_of(resume)
+        return session_lens(resume)
     return read_lens(file or newest_lens(SESSIONS, camera))
 
 

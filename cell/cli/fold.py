@@ -193,9 +193,9 @@ def _strip_name(strip: str, length: float | None, thickness: float | None) -> st
         )
     if length is None:
         return strip
-    from cell.config.unmeasured_strip import name_of
+    from cell.config.unmeasured_strip import unmeasured_name
 
-    return name_of(length, thickness)
+    return unmeasured_name(length, thickness)
 
 
 def _fold_all(

@@ -106,26 +106,26 @@ def _forget(settings: "CellFile", memory: "Memory", run: Path | None) -> None:
 
 def _list(memory: "Memory", *, as_json: bool) -> None:
     """Print everything that was learned, an entry for each fold."""
-    from cell.learning.summary import listing
+    from cell.learning.summary import experience_lines
 
     if as_json:
         for one in memory.experiences():
             print_json(asdict(one))
         return
-    sys.stdout.write(listing(memory.experiences()))
+    sys.stdout.write(experience_lines(memory.experiences()))
 
 
 def _show(memory: "Memory", settings: "CellFile", *, as_json: bool) -> None:
     """Print the learned biases, by policy, strip and specimen."""
-    from cell.learning.summary import largest, summaries, table
+    from cell.learning.summary import largest_text, summary_rows, summary_text
 
-    rows = summaries(memory.experiences(), settings.learning)
+    rows = summary_rows(memory.experiences(), settings.learning)
     if as_json:
         for row in rows:
             print_json(row)
         return
     state = "off" if memory.is_off else settings.learning.use
     sys.stdout.write(f"{settings.name}: learning is {state}\n")
-    sys.stdout.write(table(rows))
+    sys.stdout.write(summary_text(rows))
     if rows:
-        sys.stdout.write(largest(memory, settings.learning.limit))
+        sys.stdout.write(largest_text(memory, settings.learning.limit))

@@ -51,11 +51,11 @@ class Configs:
 
     def strip(self, name: str) -> "StripFile":
         """Read and check the strip called `name`; `unknown:LENGTH` is one without a file."""
-        from cell.config.unmeasured_strip import MARK, unknown_strip
+        from cell.config.unmeasured_strip import MARK, unmeasured_strip
         from drivers.strip.describe import load_strip
 
         if name.startswith(MARK):
-            return unknown_strip(name.removeprefix(MARK))
+            return unmeasured_strip(name.removeprefix(MARK))
         return load_strip(self.strip_path(name))
 
     def mechanism_path(self, name: str) -> Path:

@@ -16,12 +16,12 @@ ASSUMED_KEYS = ("width", "areal_density", "bending_length", "retardation_time")
 CALIPERS = {"key": "thickness", "source": "measured", "note": "stated by the operator"}
 
 
-def name_of(length: float, thickness: float | None) -> str:
+def unmeasured_name(length: float, thickness: float | None) -> str:
     """Name of a strip without a file, given by its `length` and maybe `thickness` [m]."""
     return f"{MARK}{length:g}" if thickness is None else f"{MARK}{length:g}:{thickness:g}"
 
 
-def unknown_strip(known: str) -> StripFile:
+def unmeasured_strip(known: str) -> StripFile:
     """Strip whose length, and thickness [m] after a colon, `known` states; the rest is assumed.
 
     Assumed values are in the middle of the paper's range. Raises ConfigurationError for other text.

@@ -7,7 +7,7 @@ from cell.config.cell import CellFile
 from cell.config.settings import FoldSettings
 from cell.devices.devices import Closable, Devices, DeviceSelection
 from cell.devices.fold_path import triangle, whole_path
-from cell.devices.twin import TwinCalibrationAids, TwinPlant, empty_desk, on_desk
+from cell.devices.twin import TwinCalibrationAids, TwinPlant, empty_desk, plant_on_desk
 from drivers.arm.arm import FciArm
 from drivers.arm.hand import FciHand
 from drivers.arm.obstacles import floor_of
@@ -49,7 +49,7 @@ def fci_devices(
     address, lock_step = settings.fci.address, settings.fci.in_lock_step
     desk, servers = None, list[Closable]()
     clock: TwinClock | RealTimeClock | WallClock = WallClock()
-    plant, lying, rig = on_desk(settings, strip, choice)
+    plant, lying, rig = plant_on_desk(settings, strip, choice)
     if not choice.camera_driver(settings).real or address is None or lock_step:
         world = TwinClock()
         clock = world if lock_step else RealTimeClock(world, CATCHING_UP)

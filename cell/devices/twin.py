@@ -80,7 +80,7 @@ def twin_devices(
 
     Without a plant file the twin equals the controller's model of strip and rig.
     """
-    plant, lying, rig = on_desk(settings, strip, choice)
+    plant, lying, rig = plant_on_desk(settings, strip, choice)
     if calibrating:
         desk, place = empty_desk(settings), settings.installation
         twin = open_twin(desk, lying, {}, choice.seed, installation=place)
@@ -105,7 +105,7 @@ def empty_desk(settings: CellFile) -> TwinSettings:
     return settings.twin.model_copy(update={"world": world})
 
 
-def on_desk(
+def plant_on_desk(
     settings: CellFile, strip: StripFile, choice: DeviceSelection
 ) -> tuple[StripFile, StripFile, dict[str, dict[str, float]]]:
     """Plant as recorded, strip that lies on the desk, and effects of the rig."""

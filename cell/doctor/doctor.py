@@ -82,7 +82,7 @@ def motion_checks(
         yield devices.camera(settings)
 
 
-def refuse_red(found: Iterable[Check]) -> None:
+def refuse_failed(found: Iterable[Check]) -> None:
     """Raise PreflightRefused where one of the checks `found` has failed."""
     red = [check for check in found if check.state is State.FAIL]
     if red:

@@ -65,7 +65,7 @@ def fold_all(
     starts no other; raises Interrupted or KeyboardInterrupt on the second.
     """
     if until is not None:
-        yield from _until(requests, until, attendance)
+        yield from _fold_until(requests, until, attendance)
     elif jobs > 1 and len(requests) > 1 and not requests[0].choice.agreed:
         with attendance.interrupt() as interrupted:
             folds = ParallelFolds(requests, jobs, attendance.report)
@@ -77,7 +77,7 @@ def fold_all(
             finally:
                 folds.close()
     else:
-        yield from _in_turn(requests, attendance)
+        yield from _fold_in_sequence(requests, attendance)
 
 
 def agreed(requests: Sequence[Request], ask: Callable[[str], str]) -> tuple[Request, ...]:
@@ -93,18 +93,18 @@ def agreed(requests: Sequence[Request], ask: Callable[[str], str]) -> tuple[Requ
     return tuple(replace(r, choice=replace(r.choice, agreed=given)) for r in requests)
 
 
-def _until(
+def _fold_until(
     requests: Sequence[Request], until: float, attendance: Attendance
 ) -> Iterator[FoldResult | CellError]:
     """Fold in sequence, correcting each fold by those before, until edges lie `until` [m] apart."""
     corrected = (with_correction(request, "on") for request in requests)
-    for result in _in_turn(corrected, attendance):
+    for result in _fold_in_sequence(corrected, attendance):
         yield result
         if result.ends(until) if isinstance(result, FoldResult) else result.exit_code > 1:
             return
 
 
-def _in_turn(
+def _fold_in_sequence(
     requests: Iterator[Request] | Sequence[Request], attendance: Attendance
 ) -> Iterator[FoldResult | CellError]:
     """Fold in sequence, with the strip laid again in between; a page follows each fold."""

@@ -48,12 +48,12 @@ def calibrate_film(
     Raises ConfigurationError that names what the film at `film` does not show: the board, a still
     scene after it, the strip, its ends.
     """
-    views, first = _until_still(film, frames, boards)
-    calibration = _by_board(film, views, boards, first.image.shape)
-    return _placed(film, first.image, calibration, strip), first.stamp
+    views, first = _views_until_still(film, frames, boards)
+    calibration = _calibrate_by_board(film, views, boards, first.image.shape)
+    return _aligned(film, first.image, calibration, strip), first.stamp
 
 
-def _until_still(
+def _views_until_still(
     film: Path, frames: Iterator[Frame], boards: BoardSettings
 ) -> tuple[list[BoardView], Frame]:
     """Views of the board, and the first image after the board in which nothing moves."""
@@ -90,7 +90,7 @@ def _until_still(
     )
 
 
-def _by_board(
+def _calibrate_by_board(
     film: Path, views: list[BoardView], boards: BoardSettings, shape: tuple[int, ...]
 ) -> Calibration:
     """Calibration to the standing board's plane: x right and z up from its upper left corner."""
@@ -118,16 +118,16 @@ def _by_board(
     return make_calibration(fit.lens, plane, **facts)
 
 
-def _placed(film: Path, image: Image, calibration: Calibration, strip: StripFile) -> Calibration:
+def _aligned(film: Path, image: Image, calibration: Calibration, strip: StripFile) -> Calibration:
     """Calibration moved and turned so that the strip lies from x = 0 to its length.
 
     Clamp and clip hide about as much of one end as of the other: the middle is kept.
     """
-    low, high, colour = _piece(film, image, calibration, strip)
+    low, high, colour = _find_strip(film, image, calibration, strip)
     for _ in range(ROUNDS):
         seen = float(np.hypot(*(high - low)))
-        calibration = _laid(calibration, low, high, seen)
-        low, high = _ends(image, calibration, seen, strip, colour)
+        calibration = _with_axis(calibration, low, high, seen)
+        low, high = _find_ends(image, calibration, seen, strip, colour)
     seen = float(np.hypot(*(high - low)))
     if not abs(seen / strip.length - 1) <= PRINTED:
         raise ConfigurationError(
@@ -136,10 +136,10 @@ def _placed(film: Path, image: Image, calibration: Calibration, strip: StripFile
             "at 100 %, stand it in the plane of the strip's edge, and measure the strip from "
             "its clamp to its clip, both of which need colours of their own"
         )
-    return _laid(calibration, low, high, strip.length)
+    return _with_axis(calibration, low, high, strip.length)
 
 
-def _laid(calibration: Calibration, low: Array, high: Array, length: float) -> Calibration:
+def _with_axis(calibration: Calibration, low: Array, high: Array, length: float) -> Calibration:
     """Calibration whose x axis runs from `low` to `high` (2,) [m], their middle at `length` / 2."""
     along = (high - low) / np.hypot(*(high - low))
     turn = np.array([(along[0], along[1]), (-along[1], along[0])])
@@ -149,7 +149,7 @@ def _laid(calibration: Calibration, low: Array, high: Array, length: float) -> C
     return change_calibration(calibration, homography=homography)
 
 
-def _piece(
+def _find_strip(
     film: Path, image: Image, calibration: Calibration, strip: StripFile
 ) -> tuple[Array, Array, Array]:
     """Left and right end (2,) [m] of the piece of the strip's colour, roughly, and its colour."""
@@ -177,7 +177,7 @@ def _piece(
     )
 
 
-def _ends(
+def _find_ends(
     image: Image, calibration: Calibration, length: float, strip: StripFile, colour: Array
 ) -> tuple[Array, Array]:
     """Both ends (2,) [m] of the resting midline, where a strip of a `colour` (3,) lies nearly.

@@ -125,7 +125,7 @@ def _record_fold(
         watchers = (trace, *observers, *watch)
         blind = replace(devices, plant=None, aids=None)  # the controller cannot read the truth
         run = Run(blind, context, recorder, watchers, interrupted)
-        outcome = conduct(run, devices, recorder, trace.review)
+        outcome = run_and_record(run, devices, recorder, trace.review)
     truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)
     if truth and request.record.truth:
         try:
@@ -148,7 +148,7 @@ def _learn(request: Request, outcome: Outcome, folder: Path) -> None:
         memory_of(request).add(experience)
 
 
-def conduct(
+def run_and_record(
     run: Run,
     devices: Devices,
     recorder: FileRecorder,

@@ -56,7 +56,7 @@ def bias(
         learner.learn(experience)
     found = learner.bias(strip, specimen)
     if found.since is None and learner.epoch:
-        parts = shrunk(found.parts, learner.epoch, strip, specimen, settings)
+        parts = averaged_parts(found.parts, learner.epoch, strip, specimen, settings)
         found = replace(found, seen=sum(parts), parts=parts)
     return replace(found, laid=laid_offset(learner.epoch, found.rig, settings))
 
@@ -172,7 +172,7 @@ def _indicator(unknowns: Sequence[Unknown], place: dict[Unknown, int]) -> Array:
     return row
 
 
-def shrunk(
+def averaged_parts(
     parts: Parts,
     experiences: Sequence[Experience],
     strip: str,

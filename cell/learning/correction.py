@@ -27,7 +27,7 @@ class Correctable(Protocol):
     """Protocol of a policy that steers by a model, whose aim can be corrected."""
 
     def correct(self, seen: float, unseen: float) -> None:
-        """Correct predictions by the bias `seen` [m] in images and the bias `unseen` [m] there."""
+        """Correct the aim, from the next `reset` on, by `seen` [m] in images, `unseen` in truth."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from cell.learning.bias import bias
 from cell.learning.experience import Experience, Memory
 
 
-def summaries(
+def summary_rows(
     experiences: Sequence[Experience], settings: LearningSettings
 ) -> list[dict[str, Any]]:
     """Rows, one for each policy, strip and specimen: bias and sigma [m], folds, last change."""
@@ -43,7 +43,7 @@ def _row(
     }
 
 
-def table(rows: Sequence[dict[str, Any]]) -> str:
+def summary_text(rows: Sequence[dict[str, Any]]) -> str:
     """Text of the `rows` of a summary [mm], with a line for each change of the cell."""
     if not rows:
         return "nothing was learned yet\n"
@@ -59,7 +59,7 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def largest(memory: Memory, limit: float) -> str:
+def largest_text(memory: Memory, limit: float) -> str:
     """Text of the largest corrections that any fold was made with, below `limit` [m]."""
     aim, place = memory.largest_corrections()
     return (
@@ -68,7 +68,7 @@ def largest(memory: Memory, limit: float) -> str:
     )
 
 
-def listing(experiences: Sequence[Experience]) -> str:
+def experience_lines(experiences: Sequence[Experience]) -> str:
     """Text with a line for each experience, oldest first."""
     return "".join(f"  {_line(one)}\n" for one in experiences) or "nothing was learned yet\n"
 

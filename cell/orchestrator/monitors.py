@@ -160,7 +160,7 @@ def _check_speed(snapshot: Snapshot, rules: Rules) -> str | None:
     return None
 
 
-def _tracking(snapshot: Snapshot, rules: Rules) -> str | None:
+def _tracking_error(snapshot: Snapshot, rules: Rules) -> str | None:
     """Reason to stop where measured and commanded pose are too far apart."""
     limits = rules.limits
     measured, commanded = snapshot.arm.pose, snapshot.arm.commanded
@@ -179,7 +179,7 @@ def _tracking(snapshot: Snapshot, rules: Rules) -> str | None:
     return None
 
 
-def _workspace(snapshot: Snapshot, rules: Rules) -> str | None:
+def _outside_workspace(snapshot: Snapshot, rules: Rules) -> str | None:
     pose, border = snapshot.arm.pose, rules.limits.border
     (x_low, x_high), (z_low, z_high) = rules.workspace.x, rules.workspace.z
     inside_x = x_low - border <= pose.x <= x_high + border
@@ -191,7 +191,7 @@ def _workspace(snapshot: Snapshot, rules: Rules) -> str | None:
     )
 
 
-def _force(snapshot: Snapshot, rules: Rules) -> str | None:
+def _force_too_large(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
     force = float(np.hypot(*snapshot.arm.force))
     if not force > limits.force:  # NaN: not measured
@@ -234,9 +234,9 @@ MONITORS: tuple[Monitor, ...] = (
     Monitor("hand_state_stale", _ALIVE, _hand_stale),
     Monitor("setpoint_expired", _FOLDING | {State.LAY}, _setpoint_expired),
     Monitor("overspeed", _ALIVE, _check_speed),
-    Monitor("tracking_error", _ALIVE, _tracking),
-    Monitor("workspace", _ALIVE, _workspace),
-    Monitor("force", _ALIVE, _force),
+    Monitor("tracking_error", _ALIVE, _tracking_error),
+    Monitor("workspace", _ALIVE, _outside_workspace),
+    Monitor("force", _ALIVE, _force_too_large),
     Monitor("grip_lost", _HOLDING, _grip_lost),
     Monitor("image_stale", SEEING, _image_stale),
     Monitor("image_frozen", SEEING, _image_frozen),

@@ -85,7 +85,7 @@ class Vision:
         """Update the view at `now` [s] in `state`; raises Fault where a due image has no reader."""
         fresh = self._take_frame(state, arm)
         self._view = replace(self._view, fresh=fresh, read=False)
-        self._read(state, now, arm, reader)
+        self._measure(state, now, arm, reader)
         if reader is not None:
             self._view = replace(
                 self._view, reading_since=reader.busy_since, reader_failure=reader.failure
@@ -108,7 +108,7 @@ class Vision:
         self._view = replace(self._view, frame=frame, identical=identical)
         return True
 
-    def _read(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> None:
+    def _measure(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> None:
         """Finish the measurement in progress if it is ready, and begin that of the newest frame."""
         if self._waiting is not None and reader is None:
             raise Fault("no_perception", "a frame came before the preflight image was accepted")

@@ -94,7 +94,7 @@ class CameraWatch:
     ) -> Self:
         """Choose the best located patches, off the strip's zone and below the waiting hand."""
         grey = grey_of(appearance.scene.background.image)
-        sigma = _deviation(grey, appearance.scene.sensor)
+        sigma = _place_deviation(grey, appearance.scene.sensor)
         hidden = strip_zone(calibration, strip.length)
         sigma[cv2.dilate(hidden, np.ones((PATCH_SIZE, PATCH_SIZE), np.uint8)) > 0] = np.inf
         edge, middle = PATCH_SIZE // 2 + SEARCH_RADIUS, strip.length / 2
@@ -102,7 +102,7 @@ class CameraWatch:
         sigma[: max(int(top), 0) + edge], sigma[-edge:] = np.inf, np.inf
         sigma[:, :edge], sigma[:, -edge:] = np.inf, np.inf
         corners, weights = _choose_patches(sigma)
-        soft = _soft(grey)
+        soft = _denoised(grey)
         patches = tuple(soft[v : v + PATCH_SIZE, u : u + PATCH_SIZE].copy() for u, v in corners)
         places = np.array(corners, dtype=np.float64).reshape(-1, 2)
         return cls(places, patches, np.array(weights), calibration)
@@ -151,7 +151,7 @@ class CameraWatch:
                     v - SEARCH_RADIUS : v + PATCH_SIZE + SEARCH_RADIUS,
                     u - SEARCH_RADIUS : u + PATCH_SIZE + SEARCH_RADIUS,
                 ]
-                moved[i] = _find(_soft(grey_of(window)), self.patches[i])
+                moved[i] = _find_shift(_denoised(grey_of(window)), self.patches[i])
         return moved
 
 
@@ -168,7 +168,7 @@ def _choose_patches(sigma: Array) -> tuple[list[tuple[int, int]], list[float]]:
     return corners, weights
 
 
-def _deviation(grey: Image, noise: float) -> Array:
+def _place_deviation(grey: Image, noise: float) -> Array:
     """Standard deviation (h, w) [px] of a patch's place about each pixel, by the Cramer-Rao bound.
 
     In its less sure direction; `noise` [grey levels] is that of two pixels' difference.
@@ -184,7 +184,7 @@ def _deviation(grey: Image, noise: float) -> Array:
     return np.asarray(noise / np.sqrt(np.maximum(least - flat, 1e-6)), dtype=np.float64)
 
 
-def _find(window: Image, patch: Image) -> Array:
+def _find_shift(window: Image, patch: Image) -> Array:
     """Shift (2,) [px] of `patch` (n, n) in a `window` SEARCH_RADIUS wider, NaN where not found.
 
     A patch at the window's border may lie outside of it.
@@ -195,6 +195,6 @@ def _find(window: Image, patch: Image) -> Array:
     return found - SEARCH_RADIUS
 
 
-def _soft(grey: Image) -> Image:
+def _denoised(grey: Image) -> Image:
     """Blurred copy of `grey` (h, w), in which noise is averaged over NOISE_WINDOW."""
     return np.asarray(cv2.GaussianBlur(grey, (0, 0), NOISE_WINDOW), dtype=np.uint8)

@@ -69,7 +69,7 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
         return Contact(float("nan"), 0.0)
     along = strip_share(_average(_sample(levels, line.pixels - origin)))
     strip = along > 0.5
-    ends = _ends(strip)
+    ends = _piece_ends(strip)
     if len(ends) == 0 or not strip[: len(strip) // 8].any():
         return Contact(float("nan"), 0.0)
     i = _lying_end(ends, np.flatnonzero(strip))
@@ -80,7 +80,7 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
     return Contact(float(line.x[i] + part * SAMPLE_SPACING), confidence)
 
 
-def _ends(strip: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _piece_ends(strip: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Samples (k,) at which pieces of strip end, by the mask `strip` (n,); also the last sample."""
     counts = np.convolve(strip, np.ones(SURE_COUNT), mode="full")  # in the run up to each sample
     before, following = counts[: len(strip)], counts[SURE_COUNT - 1 :]

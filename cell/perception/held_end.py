@@ -155,11 +155,11 @@ class HeldEnd:
     def _search(self, frame: Frame) -> HeldMeasurement:
         """Measure from guesses of the held end's pose, until one gives a sure profile."""
         first, *others = self._guesses(frame.stamp)
-        best = self._settle(frame, first)
+        best = self._iterate(frame, first)
         for guess in others:
             if best.end is not None and best.measurement.confidence >= PROFILE_CONFIDENCE:
                 break
-            found = self._settle(frame, guess)
+            found = self._iterate(frame, guess)
             if found.measurement.confidence > best.measurement.confidence:
                 best = found
         return best
@@ -189,11 +189,11 @@ class HeldEnd:
         ahead = last.as_array() + steps * (last.as_array() - start.as_array())
         return Pose(float(ahead[0]), max(float(ahead[1]), 0.0), last.pitch)
 
-    def _settle(self, frame: Frame, guess: Pose) -> HeldMeasurement:
+    def _iterate(self, frame: Frame, guess: Pose) -> HeldMeasurement:
         """Measure by fixed-point iteration from `guess`; no end where it does not converge."""
         for _ in range(ROUNDS):
             measurement = self._perception.measure(frame, guess)
-            end = self._end(measurement)
+            end = self._end_pose(measurement)
             if end is None:
                 return HeldMeasurement(measurement, None)
             moved = float(np.hypot(end.x - guess.x, end.z - guess.z))
@@ -202,7 +202,7 @@ class HeldEnd:
                 return HeldMeasurement(replace(measurement, gripper=(end.x, end.z)), end)
         return HeldMeasurement(measurement, None)
 
-    def _end(self, measurement: StripMeasurement) -> Pose | None:
+    def _end_pose(self, measurement: StripMeasurement) -> Pose | None:
         """Pose at the strip's full length along the extrapolated profile; None without profile."""
         curve = measurement.profile
         if len(curve) < 2:

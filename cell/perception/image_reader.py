@@ -118,10 +118,7 @@ class Reader(Protocol):
         """Reason why no more images are measured; empty while the reader works."""
 
     def submit(self, request: ImageTask, now: float) -> None:
-        """Begin to measure the image of `request`; `now` [s] is the cell's clock.
-
-        Raises Fault `image_size` for an image of another size than the calibrated ones.
-        """
+        """Begin to measure the image of `request`; Fault `image_size` for one of another size."""
 
     def result(self) -> Answer | None:
         """Measurement or checks of the last image, returned once; None until they are ready."""
@@ -177,10 +174,7 @@ class ProcessReader:
         return self._child.pid
 
     def submit(self, request: ImageTask, now: float) -> None:
-        """Send the image of `request` to the idle process; `now` [s] is the cell's clock.
-
-        Raises Fault `image_size` for an image of another size than the calibrated ones.
-        """
+        """Send the image of `request` to the process; Fault `image_size` for another size."""
         image = request.frame.image
         if image.shape != self._shape:
             h, w, _ = self._shape

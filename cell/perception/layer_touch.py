@@ -57,7 +57,7 @@ class LayerTouch:
         """
         if self._touch is None:
             fall = _fall(measurement, gripper)
-            if fall is not None and self._follows(fall):
+            if fall is not None and self._is_plausible(fall):
                 self._falls = [*self._falls, fall][-self._settings.touch_frames :]
                 self._touch = self._find_touch()
         return self._touch
@@ -72,7 +72,7 @@ class LayerTouch:
         distance = float(np.median(recent))
         return distance if distance > self._distances[1] + margin else float("nan")
 
-    def _follows(self, fall: Fall) -> bool:
+    def _is_plausible(self, fall: Fall) -> bool:
         """Whether `fall` is later than all before it, and consistent with the strip's length."""
         later = not self._falls or fall.time > self._falls[-1].time
         return later and fall.x + fall.to_grasped < self._most
@@ -86,7 +86,7 @@ class LayerTouch:
         level = distance + self._settings.touch_margin
         if len(gap) < FEWEST_FALLS or not (recent < level).all():
             return None
-        closing = _closing(t, gap, level, distance)
+        closing = _closing_time(t, gap, level, distance)
         if closing is None:
             return None
         time, speed = closing
@@ -96,13 +96,15 @@ class LayerTouch:
         speed_after = -float(np.polyfit(t[after], gap[after], 1)[0])
         if speed_after > self._settings.touch_stop * speed:
             return None
-        apart = abs(_knee(t, gap, time, speed) - time) / self._settings.touch_agreement
+        apart = abs(_end_of_fall(t, gap, time, speed) - time) / self._settings.touch_agreement
         if apart > LARGEST_RATIO:
             return None
         # both lengths err alike where the fold's place is misread: their difference is filtered
         falls = self._falls
-        x = _at(time, t, _without_spikes([fall.x for fall in falls]))
-        displacement = _at(time, t, _without_spikes([fall.to_grasped - fall.x for fall in falls]))
+        places = _without_spikes([fall.x for fall in falls])
+        differences = _without_spikes([fall.to_grasped - fall.x for fall in falls])
+        x = float(np.interp(time, t, places))
+        displacement = float(np.interp(time, t, differences))
         seen = SeenTouch(
             time=time,
             x=x,
@@ -137,7 +139,7 @@ def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:
     return Fall(measurement.stamp, measurement.gap, measurement.gap_x, float(to_grasped))
 
 
-def _closing(t: Array, gap: Array, level: float, end: float) -> tuple[float, float] | None:
+def _closing_time(t: Array, gap: Array, level: float, end: float) -> tuple[float, float] | None:
     """Time [s] at which the gap closed to `end` [m], and its speed [m/s]; None if it did not.
 
     The line through the last three gaps above `level` is extrapolated to `end`: later ones may be
@@ -157,7 +159,7 @@ def _closing(t: Array, gap: Array, level: float, end: float) -> tuple[float, flo
     return min(float(t[j]) + (float(gap[j]) - end) / speed, latest), speed
 
 
-def _knee(t: Array, gap: Array, time: float, speed: float) -> float:
+def _end_of_fall(t: Array, gap: Array, time: float, speed: float) -> float:
     """Time [s] at which the fall ended, by the intersection of its line with the gap at rest."""
     rest = float(np.median(gap[t >= time]))
     moving = gap > rest + RISE_SHARE * speed * float(np.median(np.diff(t)))
@@ -169,8 +171,3 @@ def _without_spikes(values: Sequence[float]) -> Array:
     """Running median (n,) over three of `values` (n,), which drops single outliers."""
     threes = np.lib.stride_tricks.sliding_window_view(np.pad(values, 1, mode="edge"), 3)
     return np.asarray(np.median(threes, axis=1))
-
-
-def _at(time: float, t: Array, values: Array) -> float:
-    """Value at `time` [s] of `values` (n,) given at `t` (n,) [s], linearly interpolated."""
-    return float(np.interp(time, t, values))

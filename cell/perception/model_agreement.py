@@ -121,10 +121,7 @@ def agreement_limits() -> AgreementLimits:
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Fit of a rod to a measured fold: rms `residual` [m] and fitted `yield_curvature` [1/m].
-
-    The residual is that of the profiles, beyond the noise of the images.
-    """
+    """Fit of a rod to a fold: rms `residual` [m] beyond noise, fitted `yield_curvature` [1/m]."""
 
     residual: float
     yield_curvature: float
@@ -140,11 +137,11 @@ class Agreement:
         if self.like_model:
             return f"the strip behaves like the model, within {1e3 * self.residual:.1f} mm"
         return (
-            f"this strip does not behave like the model: {self._why()}; find out what it does "
+            f"this strip does not behave like the model: {self._reason()}; find out what it does "
             "with `cell gap plan` and `cell gap fit`"
         )
 
-    def _why(self) -> str:
+    def _reason(self) -> str:
         """Text that names the value beyond its limit."""
         most, off, friction = agreement_limits(), 1e3 * self.residual, self.yield_curvature
         if self.residual > most.residual:

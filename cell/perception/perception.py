@@ -75,7 +75,7 @@ class Perception:
 
         Never raises because of an image: what is not seen is NaN with confidence 0.
         """
-        levels, smooth, region = self._levels(frame, gripper)
+        levels, smooth, region = self._matte(frame, gripper)
         contact = find_contact(smooth, self._line, region.origin)
         curve = self._curve(levels, smooth, region, contact, gripper)
         tip, gap = self._fold(contact, curve)
@@ -97,14 +97,14 @@ class Perception:
 
         Layers that lie on one another are one piece. Empty where no strip is seen.
         """
-        _, smooth, region = self._levels(frame, gripper, around=HAND_DEPTH)
+        _, smooth, region = self._matte(frame, gripper, around=HAND_DEPTH)
         found, _ = cv2.findContours(
             self._mask(smooth, region), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
         )
         largest = max(found, key=cv2.contourArea, default=np.empty((0, 1, 2)))
         return np.asarray(largest.reshape(-1, 2) + region.origin)
 
-    def _levels(
+    def _matte(
         self, frame: Frame, gripper: Pose, around: float = 0.0
     ) -> tuple[Image, Image, Region]:
         """Matte levels (h, w), smoothed ones, their region; `around` the hand [m] is masked."""
@@ -148,7 +148,7 @@ class Perception:
 
     def _side(self, smooth: Image, region: Region, contact: Contact, gripper: Pose) -> Side | None:
         """Outer side of the lifted strip in the window; None where it is not visible."""
-        start, grip = self._ends(contact, gripper, region)
+        start, grip = self._side_ends(contact, gripper, region)
         return outer_side(
             self._mask(smooth, region), start, grip, self._settings.outline_step, self._sizes
         )
@@ -161,7 +161,7 @@ class Perception:
         whole = np.vstack([np.column_stack([x, self._rest(x)]), curve.points])
         return fold_tip(whole), layer_gap(whole, arc_lengths(whole), self._settings.gap_opening)
 
-    def _ends(self, contact: Contact, gripper: Pose, region: Region) -> tuple[Array, Grip]:
+    def _side_ends(self, contact: Contact, gripper: Pose, region: Region) -> tuple[Array, Grip]:
         """Ends of the outer side in the window: pixel (2,) of the desk contact, and the grip."""
         along = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
         held = np.array([gripper.x, gripper.z])

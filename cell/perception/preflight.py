@@ -131,7 +131,7 @@ def _check_background(
     share = float(alike.mean())
     place = np.zeros(mask.shape, dtype=np.float32)
     place[mask > 0] = alike
-    x, z = calibration.to_plane(_heaviest(place)[None])[0]
+    x, z = calibration.to_plane(_densest_pixel(place)[None])[0]
     if share > MOSTLY:
         return PreflightCheck(
             "contrast",
@@ -210,7 +210,7 @@ def _check_rest(
     return flat, level, length
 
 
-def _heaviest(alike: Floats) -> Array:
+def _densest_pixel(alike: Floats) -> Array:
     """Pixel (2,), u and v, around which most of the mask `alike` (h, w) lies."""
     near = cv2.blur(alike, (BLOT_SIZE, BLOT_SIZE))
     v, u = np.unravel_index(int(np.argmax(near)), near.shape)
@@ -267,7 +267,7 @@ def inspect(
         place = resting_place(calibration, strip, rise, margin)
         inner = inner_pixels(image, calibration, strip, rise)
         scene = learn_segmenter(image, noise, inner, calibration, strip, place)
-        levels = smooth_matte(_levels(scene, image))
+        levels = smooth_matte(_matte_of(scene, image))
         lying = underside(levels, calibration, strip)
         rise = float(np.median(lying.z[lying.present])) if lying.present.any() else rise
     seen = sample_scene(image, calibration, strip)
@@ -285,7 +285,7 @@ def inspect(
     return Preflight((*distinct, lies, *rest), appearance)
 
 
-def _levels(scene: Segmenter, image: Image) -> Image:
+def _matte_of(scene: Segmenter, image: Image) -> Image:
     """Matte levels (h, w) of the full `image` (h, w, 3), where no hand hides the strip."""
     levels = np.full(image.shape[:2], ZERO_LEVEL, np.uint8)
     part, region = scene.levels(image, Region.whole(image), np.full_like(levels, 255))

@@ -52,18 +52,18 @@ def crossings(levels: Image, side: Side, band: Array, sizes: Sizes) -> Crossings
     across = strip_share(sampled)
     width = np.clip(band, 1.0, sizes.deep - FAR_ROOM)
     latest = int((OUTSIDE + OUTLINE_ERROR) / STEP) + np.round(width).astype(np.int64)  # sample
-    strength, peak = _peaks(across, _within(offsets, width, PEAK_REACH))
+    strength, peak = _peaks(across, _near_band(offsets, width, PEAK_REACH))
     level = 0.5 * np.clip(strength, *PLATEAU)
     j, low = np.arange(len(offsets)), across <= level[:, None]
     rise = np.where(low & (j < np.minimum(np.maximum(peak, 1), latest)[:, None]), j, 0).max(axis=1)
     fall = np.where(low & (j > np.maximum(peak, rise + 1)[:, None]), j, len(j)).min(axis=1)
-    inner = np.where(fall < len(j), _crossing(across, offsets, fall - 1, level), np.nan)
-    mass = np.where(_within(offsets, width, MASS_REACH), np.maximum(across, 0.0), 0.0)
+    inner = np.where(fall < len(j), _level_crossing(across, offsets, fall - 1, level), np.nan)
+    mass = np.where(_near_band(offsets, width, MASS_REACH), np.maximum(across, 0.0), 0.0)
     middle = (mass * offsets).sum(axis=1) / np.maximum(mass.sum(axis=1), 1e-6)
-    return Crossings(_crossing(across, offsets, rise, level), inner, middle, strength)
+    return Crossings(_level_crossing(across, offsets, rise, level), inner, middle, strength)
 
 
-def _within(offsets: Array, width: Array, reach: float) -> NDArray[np.bool_]:
+def _near_band(offsets: Array, width: Array, reach: float) -> NDArray[np.bool_]:
     """Mask (n, m) of the samples at `offsets` (m,) within `reach` of a band of `width` (n,)."""
     return (offsets >= -reach) & (offsets <= width[:, None] + reach)
 
@@ -74,7 +74,7 @@ def _peaks(across: Array, within: NDArray[np.bool_]) -> tuple[Array, NDArray[np.
     return np.maximum(shares.max(axis=1), 0.0), shares.argmax(axis=1)
 
 
-def _crossing(across: Array, offsets: Array, left: NDArray[np.int64], level: Array) -> Array:
+def _level_crossing(across: Array, offsets: Array, left: NDArray[np.int64], level: Array) -> Array:
     """Offsets (n,) at which lines cross `level` (n,) between samples `left` (n,) and the next."""
     rows = np.arange(len(across))
     at, following = across[rows, left], across[rows, np.minimum(left + 1, len(offsets) - 1)]
@@ -128,7 +128,7 @@ def midline_points(
     width = (borders.inner - borders.outer) * scale
     expected = swept + geometry.thickness
     good = (borders.strength > 0.2) & ~(width < expected - AGREE * scale)
-    return _ordered(points[good], tangents[good], spacing), float(good.mean())
+    return _average_in_order(points[good], tangents[good], spacing), float(good.mean())
 
 
 def _midline(
@@ -170,7 +170,7 @@ def _far_offset(differences: Array, most: float) -> float:
     return float(np.median(both)) if len(both) >= 10 else 0.0
 
 
-def _ordered(points: Array, tangents: Array, spacing: float) -> Array:
+def _average_in_order(points: Array, tangents: Array, spacing: float) -> Array:
     """Order `points` (n, 2) with unit `tangents` by arc length and average them over `spacing` [m].
 
     Where the outer side changes from near to far edge, its points repeat a section of the midline.

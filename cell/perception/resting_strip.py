@@ -128,10 +128,10 @@ def underside(levels: Image, calibration: Calibration, strip: StripFile) -> Unde
     low = z[0] + (first - 1 + part) * (z[1] - z[0])
     found = is_strip.any(axis=1) & (first > 0)
     height = np.where(found, low + strip.thickness / 2, NAN)
-    return Underside(x, height, _end(levels, calibration, strip))
+    return Underside(x, height, _free_edge(levels, calibration, strip))
 
 
-def _end(levels: Image, calibration: Calibration, strip: StripFile) -> float:
+def _free_edge(levels: Image, calibration: Calibration, strip: StripFile) -> float:
     """Position x [m] of the strip's free edge along its near edge; NaN where none is visible."""
     x = np.arange(0.1, strip.length + PAST_END, 0.0003)
     heights = np.array([0.0, 0.0005, 0.001])

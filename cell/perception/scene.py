@@ -43,7 +43,7 @@ def palette(samples: Array) -> Array:
     """
     colours = np.median(samples, axis=0)[None]
     while match_none(samples, colours).mean() > BLENDS and len(colours) < MOST_COLOURS:
-        colours = _refine(samples, np.vstack([colours, _farthest(samples, colours)]))
+        colours = _refine(samples, np.vstack([colours, _worst_explained(samples, colours)]))
     nearest = colour_distances(samples, colours).argmin(axis=1)
     frequent = np.argsort(-np.bincount(nearest, minlength=len(colours)), kind="stable")
     return frozen(colours[frequent])
@@ -64,7 +64,7 @@ def colour_distances(samples: Array, colours: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(aside, 0.0) / COLOUR_SPREAD**2 + along**2 / stretch))
 
 
-def _farthest(samples: Array, colours: Array) -> Array:
+def _worst_explained(samples: Array, colours: Array) -> Array:
     """Median colour (3,) of the twentieth of the samples nearest to the worst explained one."""
     distance = colour_distances(samples, colours).min(axis=1)
     worst = samples[int(np.argmax(distance))]

@@ -75,8 +75,8 @@ def silhouette(levels: Image, faint: float, strip: Image, lifted: Image, length:
 def line_offsets(length: int) -> Offsets:
     """Offsets (k, n, 2), row and column [px], of the n = `length` points on lines at SLANTS."""
     steps = np.arange(length) - length // 2
-    ways = [(np.cos(angle), np.sin(angle)) for angle in np.radians(SLANTS)]
-    return np.rint(steps[None, :, None] * np.array(ways)[:, None]).astype(np.int64)
+    directions = [(np.cos(angle), np.sin(angle)) for angle in np.radians(SLANTS)]
+    return np.rint(steps[None, :, None] * np.array(directions)[:, None]).astype(np.int64)
 
 
 def outer_side(mask: Image, contact: Array, grip: Grip, step: int, sizes: Sizes) -> Side | None:

@@ -167,6 +167,7 @@ class Sights(Columns):
 
 
 def _numbers(table: pa.Table, name: str, origin: str) -> Array:
+    """Column `name` as numbers (n,); raises ConfigurationError for a missing or other one."""
     if name not in table.column_names:
         raise ConfigurationError(f"{origin}: {name}: the column is missing; add it")
     if table.column_names.count(name) > 1:
@@ -181,6 +182,7 @@ def _numbers(table: pa.Table, name: str, origin: str) -> Array:
 
 
 def _check_finite(values: Array, name: str, origin: str) -> None:
+    """Raise ConfigurationError where a value of the column `name` is not finite."""
     wrong = np.flatnonzero(~np.isfinite(values))
     if wrong.size:
         raise ConfigurationError(
@@ -210,6 +212,7 @@ def _check_median(values: Array, name: str, origin: str) -> None:
 
 
 def _check_range(values: Array, name: str, origin: str, quantity: Quantity) -> None:
+    """Raise ConfigurationError where a value exceeds the largest one of its `quantity`."""
     known, unit = values[~np.isnan(values)], next(iter(quantity.units))
     largest = float(np.max(np.abs(known), initial=0.0))
     if largest > quantity.largest:

@@ -100,6 +100,7 @@ def _upright(picture: Any, path: Path) -> Image:
 
 
 def _stamp(picture: Any, path: Path) -> float:
+    """Stamp [s] of a decoded `picture`; raises ConfigurationError where it has none."""
     if picture.pts is None or picture.time_base is None:
         raise ConfigurationError(
             f"{path}: its images carry no time; write it again with a program that keeps them"
@@ -217,6 +218,7 @@ class FilmEncoder:
             self.failure = f"{BREAKS_OFF}: {HANGS}"
 
     def _encode_queue(self, path: Path, encoder: str) -> None:
+        """Encode images from the queue; after a failure they are read and discarded."""
         writer = FilmWriter if self._patient else FilmProcess
         try:
             with writer(path, encoder) as film:
@@ -288,6 +290,7 @@ class FilmProcess:
         self._image.close()
 
     def _await_answer(self) -> None:
+        """Wait for the process; raises OSError where it has died or stalled."""
         try:
             answer = self._child.receive(ENCODER_TIMEOUT)
         except ChildDied as died:

@@ -122,6 +122,7 @@ def read_frame(note: FrameNote) -> Frame | None:
 
 
 def _read_note(folder: Path, line: dict[str, Any], lift: float) -> FrameNote:
+    """Index entry from one line of the index; times are relative to the `lift` [s], if finite."""
     sequence, stamp, arrival = int(line["sequence"]), float(line["stamp"]), float(line["arrival"])
     if isfinite(lift):
         stamp, arrival = stamp - lift, arrival - lift
@@ -187,6 +188,7 @@ class FrameWriter:
         return failure
 
     def _drain(self) -> None:
+        """Write images until the queue ends, and at last the last one as a key frame."""
         while (item := self._waiting.get()) is not None:
             self._attempt(self._record, *item)
         if self._keep == "key" and self._last is not None:
@@ -202,6 +204,7 @@ class FrameWriter:
             self._failure, self._given_up = error, True
 
     def _record(self, frame: Frame, mark: bool) -> None:
+        """Film `frame`, enter it into the index, and store it if it is selected."""
         place = self._film.put(frame.stamp, frame.image) if self._film else None
         self._note(frame, sha256=digest(frame.image), film=place)
         self._last = frame

@@ -215,6 +215,7 @@ def read_row(folder: Path) -> RunRow:
 def _outcome(
     folder: Path, header: Mapping[str, Any] | None, result: Mapping[str, Any] | None
 ) -> str:
+    """Outcome of a run for the list, or BROKEN, UNDER_WAY, DIED where it has none."""
     if header is None:
         return BROKEN
     if is_under_way(folder):

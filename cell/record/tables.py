@@ -121,6 +121,7 @@ def read_stream(path: Path, schema: pa.Schema) -> pa.Table:
 
 
 def _check_columns(path: Path, found: pa.Schema, wanted: pa.Schema) -> None:
+    """Raise ConfigurationError where a stream lacks a column of the schema `wanted`."""
     try:
         names = found.names
     except UnicodeDecodeError:
@@ -138,6 +139,7 @@ def _check_columns(path: Path, found: pa.Schema, wanted: pa.Schema) -> None:
 
 
 def _complete_batches(reader: Any) -> Iterator[Any]:
+    """Yield the intact batches of rows up to the first one that is broken."""
     while True:
         try:
             batch = reader.read_next_batch()

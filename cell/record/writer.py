@@ -181,6 +181,7 @@ class RunWriter:
 
     @contextmanager
     def _recording(self) -> Iterator[None]:
+        """Raise Fault `record` where writing within the block fails, or failed in the thread."""
         try:
             yield
             failure = self._frames.take_failure()

@@ -28,10 +28,7 @@ SCALE_STEP = 1e-3  # m, over which the scale of the image is taken
 
 
 def write_calibration_report(path: Path) -> Path:
-    """Write the HTML page of the calibration file at `path` beside it; returns the page's path.
-
-    Raises ConfigurationError for a file that is no calibration, or a folder that cannot be written.
-    """
+    """Write the page of the calibration file at `path` beside it; ConfigurationError if none."""
     calibration = load_calibration(path)
     good = calibration.residual_mm <= GOOD_RESIDUAL and not calibration.accepted_anyway
     said = PageVerdict(

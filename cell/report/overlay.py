@@ -67,7 +67,7 @@ def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPict
             window = window_on(run.ticks, calibration)
             image = _with_sight(recorded, note, run, calibration)
             image = window.of(_with_outline(image, note.sequence, outlines))
-        pictures.append(_picture(image, WIDTH, _caption(note, run), note))
+        pictures.append(_key_picture(image, WIDTH, _caption(note, run), note))
     return tuple(pictures)
 
 
@@ -85,7 +85,7 @@ def _readable(notes: Iterable[FrameNote]) -> Iterator[tuple[FrameNote, Image]]:
                 yield note, read_picture(note.file)
 
 
-def _picture(image: Image, width: int, caption: str, note: FrameNote) -> KeyPicture:
+def _key_picture(image: Image, width: int, caption: str, note: FrameNote) -> KeyPicture:
     """Picture of `image`, made `width` [px] wide, that links to the file of its `note`."""
     whole = frame_file(Path(), note.sequence).as_posix()
     return KeyPicture(jpeg_text(image, width), caption, whole)
@@ -108,7 +108,7 @@ def close_ups(run: Run) -> tuple[KeyPicture, ...]:
             if _matches_size(image, calibration):
                 part = _laid_part(image, calibration, reach)
                 caption = f"{words}  ·  {seconds(note.stamp)}"
-                pictures.append(_picture(part, CLOSE_WIDTH, caption, note))
+                pictures.append(_key_picture(part, CLOSE_WIDTH, caption, note))
     return tuple(pictures)
 
 

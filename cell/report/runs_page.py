@@ -170,7 +170,7 @@ def _shapes(runs: Sequence[Run]) -> str:
         ends = [run.profile.t.max() for run in runs if run.profile.t.size]
         times = np.linspace(0.0, min(ends, default=0.0), SHAPES + 1)[1:]
         for number, run in enumerate(runs):
-            axes.plot(1e3 * run.ticks.x, 1e3 * run.ticks.z, **_line(number, run))
+            axes.plot(1e3 * run.ticks.x, 1e3 * run.ticks.z, **_path_style(number, run))
             curves = run.profile.curves()
             for time in times if curves else ():
                 _, points = min(curves, key=lambda curve: abs(curve[0] - time))
@@ -182,7 +182,7 @@ def _shapes(runs: Sequence[Run]) -> str:
         return as_svg(figure)
 
 
-def _line(number: int, run: Run) -> dict[str, object]:
+def _path_style(number: int, run: Run) -> dict[str, object]:
     """Style of a run's gripper path in the figure."""
     return {"color": _colour(number), "lw": 1.8, "label": _short_name(run)}
 

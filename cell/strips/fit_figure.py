@@ -48,6 +48,7 @@ def _title(fitted: Fit, straight: Fit) -> str:
 
 
 def _draw_photograph(axes: Any, fitted: Fit, straight: Fit) -> None:
+    """Draw the photograph with the midline, the fitted strip and the one born straight."""
     photograph = fitted.photograph
     image = photograph.image
     scale = min(1.0, PICTURE_HEIGHT / image.shape[0])

@@ -16,7 +16,7 @@ from cell.campaign.progress import Meter
 from cell.campaign.run import Engine, Part, carry_out, make_folder
 from cell.campaign.versions import code
 from cell.config.places import find_configs
-from cell.config.unmeasured_strip import name_of
+from cell.config.unmeasured_strip import unmeasured_name
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold
 from cell.folding.request import Recording, Request
@@ -39,7 +39,7 @@ def fold_drawn(number: int, seed: int, checkpoint: Path) -> Mapping[str, Any]:
     """
     strip = random_strip(np.random.default_rng([seed, number]))
     with TemporaryDirectory() as name:
-        configs, known = find_configs(None), name_of(strip.length, strip.thickness)
+        configs, known = find_configs(None), unmeasured_name(strip.length, strip.thickness)
         request = Request(
             configs.cell(),
             configs.strip(known),

@@ -7,7 +7,7 @@ import pytest
 
 import cell.folding.fold
 from cell.config.places import CHECKOUT_CONFIGS
-from cell.folding.fold import conduct, fold
+from cell.folding.fold import fold, run_and_record
 from cell.folding.request import Recording
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import FileRecorder
@@ -60,7 +60,7 @@ def recorder(tmp_path: Path) -> FileRecorder:
 
 def test_devices_that_refuse_are_an_outcome(recorder: FileRecorder) -> None:
     devices = Devices("connect")
-    outcome = conduct(running(DONE), devices, recorder)
+    outcome = run_and_record(running(DONE), devices, recorder)
     assert (outcome.name, outcome.reason) == ("arm_refused", "the brakes are closed")
     assert (outcome.exit_code, outcome.duration) == (4, 3.5)
     assert devices.closed == 1
@@ -70,7 +70,7 @@ def test_devices_that_refuse_are_an_outcome(recorder: FileRecorder) -> None:
 
 def test_the_second_ctrl_c_is_recorded(recorder: FileRecorder) -> None:
     devices = Devices()
-    outcome = conduct(running(KeyboardInterrupt()), devices, recorder)
+    outcome = run_and_record(running(KeyboardInterrupt()), devices, recorder)
     assert (outcome.name, outcome.exit_code) == ("interrupted", 130)
     assert devices.closed == 1
     assert read_run(recorder.folder).result.outcome == "interrupted"
@@ -89,7 +89,7 @@ def test_a_ctrl_c_while_the_record_ends_leaves_it_whole(recorder, monkeypatch) -
 
     monkeypatch.setattr(writer, "write_tables", impatient)
     with pytest.raises(KeyboardInterrupt):
-        conduct(running(DONE), Devices(), recorder)
+        run_and_record(running(DONE), Devices(), recorder)
     assert read_run(recorder.folder).result.outcome == "path_done"
 
 
@@ -100,7 +100,7 @@ def test_a_disk_that_fills_up_at_the_end_is_the_outcome(recorder, monkeypatch) -
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(writer, "write_tables", full)
-    outcome = conduct(running(DONE), Devices(), recorder)
+    outcome = run_and_record(running(DONE), Devices(), recorder)
     assert (outcome.name, outcome.exit_code) == ("record", 4)
     assert "No space left" in outcome.reason
     assert read_run(recorder.folder).result is None

@@ -40,7 +40,7 @@ def folded(
     kernel = FakeKernel(640, 360, 30.0)
     monkeypatch.setattr(drivers.camera.camera, "Kernel", lambda: kernel)
     monkeypatch.setattr(drivers.clock, "time", KernelTime(kernel, unplugged))
-    monkeypatch.setattr("cell.arm.run_settings.refuse_red", lambda _: None)  # it has its own tests
+    monkeypatch.setattr("cell.arm.run_settings.refuse_failed", lambda _: None)  # tested apart
     configure(tmp_path, V4l2Settings(device=LINK, width=640, height=360, rate=30.0))
     options = ["--arm", "twin", "--camera", "v4l2", "--policy", "triangular", "--json"]
     places = ["--configs", str(tmp_path), "--runs", str(tmp_path / "runs"), "--viz", "off"]

@@ -20,8 +20,8 @@ from calibration.wizard.lens_verdict import LensVerdict
 from calibration.wizard.touch_verdict import TouchVerdict
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
-from cell.calibrate.calibration_in_use import kept_calibration
-from cell.calibrate.wizard import calibrate_now
+from cell.calibrate.calibration_in_use import calibration_file
+from cell.calibrate.wizard import calibrate_twin
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from drivers.errors import Fault
 from drivers.twin.board import board_frame, board_pose
@@ -101,11 +101,11 @@ def twin_calibration(camera: CameraSettings) -> Calibration:
 def ship_calibration() -> None:
     """Calibrate the shipped cell's twin and put the result in the place of the shipped one."""
     settings = Configs(CHECKOUT_CONFIGS).cell()
-    made = calibrate_now(settings, lambda: False)
+    made = calibrate_twin(settings, lambda: False)
     SHIPPED.mkdir(exist_ok=True)
     for old in SHIPPED.iterdir():
         old.unlink()
-    save_calibration(made, SHIPPED / kept_calibration(settings).name)
+    save_calibration(made, SHIPPED / calibration_file(settings).name)
 
 
 if __name__ == "__main__":

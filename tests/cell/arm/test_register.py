@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cell.arm.register import mounting_from
+from cell.arm.register import mounting_from_points
 from drivers.errors import CellError
 from drivers.installation import Mounting
 
@@ -17,7 +17,7 @@ def touched(length: float = 0.6, tilt: float = 0.0) -> np.ndarray:
 
 
 def test_touched_points_give_the_mounting_back() -> None:
-    found = mounting_from(touched(), 0.6)
+    found = mounting_from_points(touched(), 0.6)
     for name in ("x", "y", "z", "yaw"):
         assert getattr(found, name) == pytest.approx(getattr(TRUE, name), abs=1e-5)
 
@@ -32,4 +32,4 @@ def test_touched_points_give_the_mounting_back() -> None:
 )
 def test_points_that_cannot_be_right_are_refused(points, word) -> None:
     with pytest.raises(CellError, match=word):
-        mounting_from(points, 0.6)
+        mounting_from_points(points, 0.6)

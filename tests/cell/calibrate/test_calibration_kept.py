@@ -8,7 +8,7 @@ import pytest
 
 from calibration.calibration import Calibration, load_calibration
 from cell.calibrate import calibration_in_use, wizard
-from cell.calibrate.calibration_in_use import calibrate_anew, calibration_of, kept_calibration
+from cell.calibrate.calibration_in_use import calibrate_anew, calibration_file, calibration_of
 from cell.config.cell import CellFile
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.folding.fold import fold
@@ -42,7 +42,7 @@ def count(monkeypatch) -> list[CellFile]:
         calls.append(settings)
         return made()
 
-    monkeypatch.setattr(wizard, "calibrate_now", make)
+    monkeypatch.setattr(wizard, "calibrate_twin", make)
     return calls
 
 
@@ -50,7 +50,7 @@ def test_the_shipped_one_serves_the_shipped_settings(cache, count, monkeypatch) 
     """Where this fails, write it anew: `python -m tests.support.twin_calibration`."""
     monkeypatch.setattr(calibration_in_use, "SHIPPED", SHIPPED)
     (shipped,) = SHIPPED.iterdir()
-    assert shipped.name == kept_calibration(SETTINGS).name
+    assert shipped.name == calibration_file(SETTINGS).name
     assert calibration_of(SETTINGS).id == load_calibration(shipped).id
     assert not count
 
@@ -94,14 +94,14 @@ def test_calibration_that_cannot_be_kept_serves_once_with_a_remark(cache, count)
 
 def test_while_one_process_makes_it_others_wait(cache, monkeypatch) -> None:
     def make(settings: CellFile, interrupted: object) -> Calibration:
-        lock = kept_calibration(settings).with_suffix(".lock")
+        lock = calibration_file(settings).with_suffix(".lock")
         with lock.open("wb") as another, pytest.raises(BlockingIOError):
             fcntl.flock(another, fcntl.LOCK_EX | fcntl.LOCK_NB)
         return made()
 
-    monkeypatch.setattr(wizard, "calibrate_now", make)
+    monkeypatch.setattr(wizard, "calibrate_twin", make)
     assert calibration_of(SETTINGS).id == made().id
-    with kept_calibration(SETTINGS).with_suffix(".lock").open("wb") as another:
+    with calibration_file(SETTINGS).with_suffix(".lock").open("wb") as another:
         fcntl.flock(another, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
@@ -117,7 +117,7 @@ def test_ctrl_c_stops_a_calibration_under_control(cache, monkeypatch) -> None:
     with pytest.raises(Interrupted, match="interrupted") as stopped:
         calibration_of(SETTINGS, interrupted=lambda: True)
     assert stopped.value.exit_code == 130
-    assert not kept_calibration(SETTINGS).exists()
+    assert not calibration_file(SETTINGS).exists()
 
 
 def test_a_monitor_that_stops_a_calibration_is_a_fault(cache, monkeypatch) -> None:
@@ -126,4 +126,4 @@ def test_a_monitor_that_stops_a_calibration_is_a_fault(cache, monkeypatch) -> No
     with pytest.raises(Fault, match="tracking_error") as stopped:
         calibration_of(SETTINGS.model_copy(update={"monitors": limits}))
     assert stopped.value.exit_code == 4
-    assert not kept_calibration(SETTINGS).exists()
+    assert not calibration_file(SETTINGS).exists()

@@ -2,17 +2,17 @@
 
 import pytest
 
-from cell.config.unmeasured_strip import MARK, THICKNESS_RANGE, name_of, unknown_strip
+from cell.config.unmeasured_strip import MARK, THICKNESS_RANGE, unmeasured_name, unmeasured_strip
 from drivers.errors import ConfigurationError
 
 
 def known(length: float, thickness: float | None) -> str:
-    return name_of(length, thickness).removeprefix(MARK)
+    return unmeasured_name(length, thickness).removeprefix(MARK)
 
 
 def test_thickness_is_a_range_until_it_is_stated() -> None:
-    assert unknown_strip(known(0.6, None)).spread["thickness"] == THICKNESS_RANGE
-    stated = unknown_strip(known(0.55, 0.0005))
+    assert unmeasured_strip(known(0.6, None)).spread["thickness"] == THICKNESS_RANGE
+    stated = unmeasured_strip(known(0.55, 0.0005))
     assert (stated.length, stated.thickness) == (0.55, 0.0005)
     assert "thickness" not in stated.spread
     sources = {entry.key: entry.source for entry in stated.provenance}
@@ -24,5 +24,5 @@ def test_thickness_is_a_range_until_it_is_stated() -> None:
 )
 def test_what_is_no_length_or_thickness_is_refused_in_a_line(text: str, option: str) -> None:
     with pytest.raises(ConfigurationError, match=option) as refused:
-        unknown_strip(text)
+        unmeasured_strip(text)
     assert "\n" not in str(refused.value)

@@ -15,7 +15,7 @@ from cell.devices.devices import DeviceSelection
 from cell.doctor import devices, machine
 from cell.doctor.check import Check, State
 from cell.doctor.devices import Link, judge_link, link_of, measure_link
-from cell.doctor.doctor import checks, refuse_red
+from cell.doctor.doctor import checks, refuse_failed
 from drivers.errors import CellError, PreflightRefused
 from drivers.fci_server.server import RobotServer
 from tests.cell.conftest import straight_camera
@@ -85,13 +85,13 @@ def test_disk_without_room_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_cell_of_the_twin_needs_no_hardware(tmp_path: Path) -> None:
     found = list(checks(find_configs(None), DeviceSelection(), tmp_path))
     assert [c.state for c in found if c.name in {"robot", "camera"}] == [State.SKIPPED] * 2
-    refuse_red([check for check in found if check.name != "cores"])
+    refuse_failed([check for check in found if check.name != "cores"])
 
 
 def test_red_check_refuses_with_its_remedy() -> None:
     red = Check("camera", State.FAIL, "is gone", "it sees", "connect it")
     with pytest.raises(PreflightRefused, match=r"camera: is gone; connect it"):
-        refuse_red([red])
+        refuse_failed([red])
 
 
 def test_command_prints_an_object_a_line(tmp_path: Path, capsys) -> None:

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from cell.config.unmeasured_strip import unknown_strip
+from cell.config.unmeasured_strip import unmeasured_strip
 from cell.perception.model_agreement import MeasuredFold, agreement
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
@@ -76,7 +76,7 @@ def measure(case: Values) -> Values:
     curves = np.array([observation.profile[0] for observation, _ in decisions])
     path = np.array(engine.poses)[:, 0]
     fold = MeasuredFold.until(touch.time, np.array(engine.times), path, stamps[new], curves[new])
-    agreed = agreement(unknown_strip(str(STRIP_LENGTH)), decisions[-1][1], fold)
+    agreed = agreement(unmeasured_strip(str(STRIP_LENGTH)), decisions[-1][1], fold)
     if agreed is None:
         return {"d": d, "flagged": None, "residual": None}
     return {"d": d, "flagged": not agreed.like_model, "residual": agreed.residual,

@@ -12,7 +12,7 @@ from calibration.calibration import Calibration
 from cell.calibrate.calibration_in_use import calibration_of
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
-from cell.config.unmeasured_strip import name_of
+from cell.config.unmeasured_strip import unmeasured_name
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold
 from cell.folding.request import Learning, Recording, Request, with_correction
@@ -77,7 +77,7 @@ def cell_with_twin(
 
 def changed_since(strip: StripFile, memory: Path) -> str | None:
     """Run since which the cell reports a change in its folds of `strip`; None without a change."""
-    name = name_of(strip.length, strip.thickness)
+    name = unmeasured_name(strip.length, strip.thickness)
     request = with_correction(_request(name, "adaptive", memory, memory), "on")
     learned = request.learning.correction.learned
     return None if learned is None else learned.since
@@ -97,7 +97,7 @@ def fold_unknown(
 
     The thickness is stated `thicker` [m] than it is; `memory` and `cell` as in `fold_strip`.
     """
-    name = name_of(strip.length, strip.thickness + thicker if measured else None)
+    name = unmeasured_name(strip.length, strip.thickness + thicker if measured else None)
     return fold_strip(name, "adaptive", seed, folder, plant=strip, memory=memory, cell=cell)
 
 
