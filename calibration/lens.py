@@ -239,6 +239,7 @@ def read_lens(path: Path) -> Lens:
 
 
 def _read_opencv(path: Path, text: str) -> Lens:
+    """Lens in an OpenCV file's `text`; ConfigurationError where it cannot be read."""
     try:
         store = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
         missing = [name for name in NODE_NAMES if store.getNode(name).empty()]
@@ -271,6 +272,7 @@ def _check_model(path: Path, store: cv2.FileStorage) -> None:
 
 
 def _check_matrices(path: Path, size: tuple[int, int], matrix: Array, distortion: Array) -> Lens:
+    """Lens with these matrices; ConfigurationError for a wrong shape, number or size."""
     if matrix.shape != (3, 3):
         raise ConfigurationError(f"{path}: camera_matrix: must be 3 x 3 numbers")
     if len(distortion) not in COEFFICIENTS:

@@ -133,10 +133,7 @@ def writing(place: Path | str, remedy: str = "") -> Iterator[None]:
 
 
 def new_file(path: Path) -> FileIO:
-    """Create a file at `path`, open for unbuffered writing.
-
-    Raises OSError where something exists at `path`, a broken link included.
-    """
+    """Create a file at `path` for unbuffered writing; OSError where something exists there."""
     return path.open("xb", buffering=0)
 
 

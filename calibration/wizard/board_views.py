@@ -184,6 +184,7 @@ class BoardViews:
         return f"{need}; bring it into the image, light it, uncover it"
 
     def _accept(self, number: int, image: Image, view: BoardView) -> None:
+        """Store an accepted `view`, refit the lens, and strike the required views that it meets."""
         self._size = (image.shape[1], image.shape[0])
         self._views[number] = view
         self._last, self._tries = None, 0

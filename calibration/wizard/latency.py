@@ -188,6 +188,7 @@ def _best_latency(arm: Array, stamps: Array, along: Array, most: float) -> tuple
 
 
 def _reasons(verdict: LatencyVerdict, settings: LatencySettings) -> tuple[str, ...]:
+    """Texts of the acceptance criteria that `verdict` does not meet."""
     return reasons(
         (abs(verdict.latency) > settings.most,
          f"the latency is {1e3 * verdict.latency:.0f} ms, plausible up to "

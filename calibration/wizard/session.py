@@ -92,10 +92,7 @@ class SessionFolder:
         self._watch(progress)
 
     def add(self, row: Row, image: Image | None = None) -> None:
-        """Append `row` to told.jsonl and write its `image` (height, width, 3), if any.
-
-        Raises ConfigurationError where it cannot be written.
-        """
+        """Append `row` to told.jsonl and write its `image` (h, w, 3); ConfigurationError if not."""
         if image is not None:
             name = f"{IMAGES_FOLDER}/{self._count:04d}.png"
             self._count += 1
@@ -178,6 +175,7 @@ def _taken_images(
 
 
 def _read_image(folder: Path, row: Row, size: tuple[int, int]) -> Image:
+    """Image of `row` in a session's `folder`; ConfigurationError if missing or of another size."""
     path = folder / str(row.image)
     if path.resolve().parent != (folder / IMAGES_FOLDER).resolve():
         raise ConfigurationError(

@@ -347,6 +347,7 @@ def _run_loop(
     commands: Mailbox[LoopCommand],
     reports: Mailbox[Report],
 ) -> None:
+    """Run the loop with the connected `robot`, then send timing and joints through `pipe`."""
     robot.require_ready()
     robot.require_tool()
     robot.configure(access.settings.collision)

@@ -95,6 +95,7 @@ def _queries(device: Device) -> Iterator[ControlQuery]:
 
 
 def _control(device: Device, query: ControlQuery) -> CameraControl:
+    """Control that the device describes by `query`, with its value and menu entries."""
     flags = ControlFlag(query.flags & sum(ControlFlag))
     kind = ControlType(query.type)
     readable = kind is not ControlType.BUTTON and not flags & ControlFlag.WRITE_ONLY
@@ -113,6 +114,7 @@ def _control(device: Device, query: ControlQuery) -> CameraControl:
 
 
 def _entries(device: Device, query: ControlQuery, kind: ControlType) -> dict[int, str]:
+    """Texts of a menu control's entries by their numbers; empty for other controls."""
     if kind not in {ControlType.MENU, ControlType.INTEGER_MENU}:
         return {}
     entries = {}
@@ -125,6 +127,7 @@ def _entries(device: Device, query: ControlQuery, kind: ControlType) -> dict[int
 
 
 def _set(device: Device, control: CameraControl, value: int) -> None:
+    """Set `control` to `value`; CameraRefused where the device does not accept it."""
     now = controls_of(device)[control.name]  # an automatic that went off may have released it
     if now.obstacle is not None:
         raise CameraRefused(device.path, f"controls.{control.name}", now.obstacle)
@@ -135,6 +138,7 @@ def _set(device: Device, control: CameraControl, value: int) -> None:
 
 
 def _read_back(device: Device, control: CameraControl, value: int) -> int:
+    """Value of `control` after it was set to `value`; CameraRefused where they differ."""
     took = _value(device, control.number)
     if took != value:
         raise CameraRefused(

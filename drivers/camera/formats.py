@@ -70,6 +70,8 @@ def _sizes(device: Device, number: int) -> Iterator[FrameSize]:
 
 
 def _rates(device: Device, number: int, width: int, height: int) -> tuple[float, ...]:
+    """Frame rates [Hz] of one pixel format and size, fastest first; of a range, both ends."""
+
     def at(index: int) -> FrameInterval:
         return FrameInterval(index=index, pixel_format=number, width=width, height=height)
 

@@ -68,10 +68,7 @@ class Stream:
         return stream
 
     def take(self) -> Capture | None:
-        """Copy the next filled buffer and requeue it; returns None where none is filled.
-
-        Raises CameraLost or CameraFaulty.
-        """
+        """Copy and requeue the next filled buffer, or None; raises CameraLost, CameraFaulty."""
         device = self._device
         buffer = Buffer(type=CAPTURE, memory=MMAP)
         try:
@@ -101,6 +98,7 @@ class Stream:
             device.kernel.ioctl(device.fd, Ioctl.REQBUFS, none)
 
     def _begin(self, buffers: int) -> None:
+        """Request and queue `buffers`, and start the stream; CameraFaulty for too few of them."""
         device = self._device
         request = BufferRequest(count=buffers, type=CAPTURE, memory=MMAP)
         count = device.call(Ioctl.REQBUFS, request, "asking for buffers").count
@@ -112,6 +110,7 @@ class Stream:
         device.call(Ioctl.STREAMON, Number(CAPTURE), "starting the stream")
 
     def _map_buffer(self, index: int) -> MappedBuffer:
+        """Map the device's buffer `index` into memory; raises the camera's fault where refused."""
         device = self._device
         request = Buffer(index=index, type=CAPTURE, memory=MMAP)
         reply = device.call(Ioctl.QUERYBUF, request, "asking for a buffer")

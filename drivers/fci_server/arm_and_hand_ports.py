@@ -68,6 +68,7 @@ class ArmPort(Port[Command]):
         self._robot.abandon()
 
     def _answer(self, request: Request[Command]) -> bytes:
+        """Content of the reply to `request`; empty for a reply that is due only later."""
         robot = self._robot
         match request.command:
             case Command.MOVE:

@@ -182,6 +182,7 @@ class RobotServer:
         )
 
     def _open(self, address: str) -> tuple[ArmPort, HandPort]:
+        """Ports of arm and hand at `address`, both or none; OSError where one is in use."""
         arm = ArmPort(address, self._poll, self.robot)
         try:
             return arm, HandPort(address, self._poll, self.hand)
@@ -305,6 +306,7 @@ class RobotServer:
             self._apply_fault(fault)
 
     def _apply_fault(self, fault: Fault) -> None:
+        """Carry out a `fault` of the connection: drop it, change the version, or pause."""
         if isinstance(fault, DropFault):
             self._arm.drop()
         elif isinstance(fault, VersionFault):

@@ -103,6 +103,7 @@ class Publisher:
         self.fields[name][:] = matrix.T.ravel()
 
     def _put_configuration(self, configuration: Configuration) -> None:
+        """Write tool, load and frames of `configuration` into the state's fields."""
         fields = self.fields
         self._put_matrix("F_T_EE", configuration.tool)
         self._put_matrix("F_T_NE", configuration.flange_to_nominal)
@@ -116,6 +117,7 @@ class Publisher:
         self._configuration = configuration
 
     def _put_modes(self, robot: Robot) -> None:
+        """Write mode, generator, controller and error flags of `robot` into the state's fields."""
         motion = robot.motion
         fields = self.fields
         fields["generator"][0] = Generator.IDLE if motion is None else motion.generator
@@ -158,6 +160,7 @@ class Publisher:
         return self._gravity
 
     def _put_contact(self, robot: Robot) -> None:
+        """Write external wrench, torques and contact flags of `robot` into the state's fields."""
         fields, contact = self.fields, robot.contact
         self._contact = contact
         fields["tau_ext_hat_filtered"][:] = contact.torque

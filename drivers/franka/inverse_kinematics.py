@@ -113,10 +113,7 @@ def track(
 
 
 def joint_rates(jac: Array, twist: Array) -> Array:
-    """Joint rates (7,) [rad/s] for `twist` (7,): the tool's twist, then the elbow's rate.
-
-    `jac` (6, 7) is the tool's Jacobian.
-    """
+    """Joint rates (7,) [rad/s] for `twist` (7,), tool then elbow; `jac` (6, 7) is the tool's."""
     with_elbow = np.zeros((7, 7))
     with_elbow[:6] = jac
     with_elbow[6, ELBOW_JOINT] = 1

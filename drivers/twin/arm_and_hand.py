@@ -62,10 +62,7 @@ class TwinArm:
         rng: np.random.Generator,
         delay: float = 0.0,
     ) -> None:
-        """Arm at rest at the gripper of `world`, whose servo is registered with `clock`.
-
-        Noise comes from `rng`.
-        """
+        """Arm at rest at the gripper of `world`, its servo run by `clock`; noise from `rng`."""
         start = world.gripper
         self._world, self._clock, self._rng, self._delay = world, clock, rng, delay
         self._cell_in_robot = installation.mounting.transform()

@@ -68,10 +68,7 @@ class TwinClock:
         return self._now / NANOSECONDS
 
     def every(self, period: float, action: Action, rank: Rank) -> Event:
-        """Schedule `action(now)` every `period` [s] from now on, first after one period.
-
-        Raises CellError for a period under 1 ns.
-        """
+        """Schedule `action(now)` every `period` [s] from now on; CellError for one under 1 ns."""
         if nanoseconds(period) < 1:
             raise CellError(f"clock: a period of {period} s is too short; use 1 ns or more")
         return self._push(Event(action, rank, next(self._numbers), self.now(), period, count=1))
@@ -98,6 +95,7 @@ class TwinClock:
         self._now = max(self._now, end)
 
     def _run_next(self) -> None:
+        """Run the first event of the queue and schedule its next call; drop a cancelled one."""
         due, _, _, event = self._queue[0]
         if event.cancelled or event.period is None:
             heapq.heappop(self._queue)

@@ -56,10 +56,7 @@ def load_bias(path: FilePath | None = None) -> Bias:
 
 
 def save_critic(path: FilePath, critic: Critic, facts: dict[str, Any]) -> None:
-    """Write `critic` with `facts` about its training to `path` atomically.
-
-    Raises ConfigurationError where that is not possible.
-    """
+    """Write `critic` and `facts` about its training to `path`; ConfigurationError if impossible."""
     origin = json.dumps({"schema": SCHEMA, "policy": "adaptive", **facts})
     arrays = {name: array.astype(np.float32) for name, array in critic.weights.items()}
     content = BytesIO()

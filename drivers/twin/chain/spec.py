@@ -166,6 +166,7 @@ def _add_slide(body: mujoco.MjsBody, model: StripModel, lumps: Lumps, node: int)
 
 
 def _add_hinge(spec: mujoco.MjSpec, body: mujoco.MjsBody, lumps: Lumps, node: int) -> None:
+    """Add hinge `node` to `body` with its bending law, and a tendon for yarn friction."""
     name = f"{HINGE}{node}"
     body.add_joint(
         name=name,
@@ -187,6 +188,7 @@ def _add_hinge(spec: mujoco.MjSpec, body: mujoco.MjsBody, lumps: Lumps, node: in
 
 
 def _add_mass(body: mujoco.MjsBody, lumps: Lumps, node: int) -> None:
+    """Set mass and inertia of the link that begins at `node`, or of the tip at the last node."""
     if node < len(lumps.mass):
         mass, centre = lumps.mass[node], 0.5 * lumps.spans[node]
         inertia = mass * lumps.spans[node] ** 2 / 12
@@ -200,6 +202,7 @@ def _add_mass(body: mujoco.MjsBody, lumps: Lumps, node: int) -> None:
 
 
 def _add_grip(spec: mujoco.MjSpec, links: int, length: float) -> None:
+    """Add the gripper, and the weld by which it holds the last node."""
     spec.worldbody.add_body(name="gripper", mocap=True, pos=[length, 0.0, 0.0])
     grip = spec.add_equality(
         name="grip",

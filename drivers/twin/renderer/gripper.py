@@ -33,10 +33,7 @@ class Outline:
 
 
 def outlines(scene: Scene, middle: float, floor: float) -> list[Outline]:
-    """Prisms of hand and fingers in `scene` about y = `middle` [m], cut off at z = `floor` [m].
-
-    In drawing order: wrist, hand, fingers.
-    """
+    """Prisms of wrist, hand, fingers in drawing order, about y = `middle` and above `floor` [m]."""
     gap = 0.0 if scene.pointer else scene.finger_width / 2
     parts = [(_block(WRIST_SIZE), HAND_DEPTH, PALE), (_block(HAND_SIZE), HAND_DEPTH, 1.0)]
     parts += [(_finger(side * gap, side), FINGER_DEPTH, 1.0) for side in (-1.0, 1.0)]
