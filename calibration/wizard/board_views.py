@@ -200,7 +200,7 @@ class BoardViews:
             self.skip()
 
     def _fitted_so_far(self, size: tuple[int, int]) -> Lens:
-        """Lens fitted to the views so far, to compute the board's tilt."""
+        """Lens fitted to the views so far; a typical one of fewer than FEWEST_VIEWS."""
         if len(self._views) < FEWEST_VIEWS:
             return guessed_lens(size)
         return fit_views(self.views, size).lens

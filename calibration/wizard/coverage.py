@@ -104,7 +104,7 @@ class Placement:
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """Requirement on the views' coverage: how much of the `need` they `have`, and `advice`."""
+    """Coverage that views must reach: `have` of `need` in `unit`, and `advice` to the operator."""
 
     name: str
     have: float

@@ -246,7 +246,7 @@ def claim_lines(results: Results) -> Iterator[str]:
 
 
 def tables(results: Results) -> Iterator[Table]:
-    """Columns, rows and title of the strips' table, and of that of the paper's range."""
+    """Tables of folds through images and over the paper's range, as (columns, rows, title)."""
     summary, strips = rows(results), plural(len(results.asked.strips), "strip")
     yield (
         ("policy", "folds", "mean", "from", "to", "worst", "on", "error", "differ"),

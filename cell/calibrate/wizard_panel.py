@@ -88,7 +88,7 @@ class WizardPanel:
             self._console.print(answer, markup=False, highlight=False, soft_wrap=True)
 
     def ask(self, words: str) -> None:
-        """Show a `question` in the panel, until another one or an empty text replaces it."""
+        """Show the question `words` in the panel until another or an empty text replaces it."""
         self._question = words
         if self._live is not None:
             view = Text(words) if self._news is None else self.draw(self._news)

@@ -86,7 +86,7 @@ def repetitions(base: Request, plants: Sequence[StripFile], repeat: int = 1) -> 
 
 
 def standard_requests(base: Request) -> tuple[Request, ...]:
-    """Requests of the standard runs in an order shuffled by seed S; number i has seed S + i."""
+    """Requests of the standard runs, shuffled by `base`'s seed S; number i has seed S + i."""
     order = standard_order(np.random.default_rng(base.choice.seed))
     return tuple(
         replace(

@@ -171,12 +171,12 @@ def data_folder() -> Path:
 def learn_from_ruler(
     folder: Path, edges: float, memory: Memory, settings: LearningSettings | None = None
 ) -> Experience:
-    """Learn that the laid edges of the run in `folder` lie `edges` [m] apart by a ruler.
+    """Store the offset `edges` [m] of a run's laid edges by a ruler, and return the experience.
 
-    `memory` knows to which policy, fabric and specimen the run belongs; with `settings` the word
-    must be one that both instruments can have seen. Raises ConfigurationError for another word, a
-    run that cannot be read, whose edges no camera saw, or that the cell did not learn from, and
-    where nothing can be kept.
+    Policy, fabric and specimen are those under which `memory` holds the run. With `settings` an
+    offset that is implausibly far from the camera's is refused. Raises ConfigurationError for it,
+    for a run that cannot be read, is not in `memory` or whose edges no camera saw, and where the
+    memory cannot be written.
     """
     from cell.record.run import read_run  # and the libraries of its tables
 

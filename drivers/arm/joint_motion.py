@@ -48,7 +48,7 @@ class JointRobot(Protocol):
 
 
 class JointSetpoint(NamedTuple):
-    """Commanded joints (7,) [rad], with rates [rad/s] and accelerations by differences of ticks."""
+    """Commanded angle (7,) [rad], rate [rad/s] and acceleration [rad/s^2] of joints in a tick."""
 
     position: Numbers
     rate: Numbers

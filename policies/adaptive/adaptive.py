@@ -133,7 +133,7 @@ class Adaptive:
         )
 
     def decide(self, observation: Observation) -> Decision:
-        """Command for each gripper, towards the line whose rise the newest images demand."""
+        """Command to descend on the line z = x + rise whose predicted displacement is zero."""
         fresh = self._features.add(observation)
         inputs = self._features.inputs(observation, self.rise, self._steering.descending)
         prediction = self._predict(inputs, fresh)

@@ -86,7 +86,7 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
 def intervals(
     estimate: Estimate, inefficiency: float, scatter: Sequence[Spread]
 ) -> dict[str, dict[str, ValueWithUnit]]:
-    """Estimates with 95 % intervals: of the base under `base`, and of each effect, by parameter.
+    """Estimates with 95 % intervals, by owner (`base` or an effect's name) and by parameter.
 
     They cover noise, run-to-run scatter and measurement errors common to all runs; they are wider
     where few runs show how large the scatter is.

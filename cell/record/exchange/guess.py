@@ -204,9 +204,9 @@ def _largest_move(values: Array) -> float:
 
 
 def _guess_profile(points: dict[str, Guess], ticks: Guesses) -> None:
-    """Find the units of a table of the strip's points: the last one is in the gripper.
+    """Set the units of the strip's points with which one of each image lies in the gripper.
 
-    Its zeros are those of the gripper, or of the cell.
+    Their zeros are the gripper's, or the cell's; units that fit nowhere stay unknown.
     """
     path = {quantity: ticks[quantity].si() for quantity in "txz"}
     t, (begin, end), misfit = points["t"], path["t"][[0, -1]], CLOSE

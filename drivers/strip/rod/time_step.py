@@ -180,7 +180,7 @@ def place_grips(block: Any, grips: Any, share: float) -> None:
 
 @kernel
 def rewind(block: Any, gate: Any) -> None:
-    """Restore the state before a failed step, in the lanes where `gate` is above 0."""
+    """Restore positions and velocities before a failed step, without tension, where `gate` > 0."""
     state = block.state
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
         for field in range(at.EPS):

@@ -134,7 +134,7 @@ None where it exerts none.
 
 
 class ExtraForces:
-    """Extra forces that act on one chain, and the damping that they add."""
+    """Forces and damping of effects that MuJoCo lacks, added to one chain before each step."""
 
     def __init__(self, laws: Sequence[ExtraForce], parts: Parts) -> None:
         self._lumps, self._hinges = parts.lumps, parts.joints.hinges

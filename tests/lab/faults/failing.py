@@ -171,9 +171,9 @@ class Failing:
 
     def kill_driver(self) -> None:
         """Kill the process that owns the robot."""
-        number: int | None = getattr(self._driver, "process", None)
-        if number is not None:
-            os.kill(number, signal.SIGKILL)
+        child: Any = getattr(self._driver, "_child", None)
+        if child is not None:
+            os.kill(child.pid, signal.SIGKILL)
 
     def drop_strip(self) -> None:
         """Let the strip slip out of the fingers."""

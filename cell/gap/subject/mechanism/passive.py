@@ -29,17 +29,17 @@ TINY_MODEL = (
 )
 
 
-def chain_laws(laws: Sequence[tuple[Callable[..., Array], int]]) -> Any:
-    """Compile `laws`, each with its first place in `p`, to one `(q, v, load, p) -> torque`."""
+def chain_laws(laws: Sequence[tuple[Callable[..., Array], int, int]]) -> Any:
+    """Compile `laws`, each with place and count in `p`, to one `(q, v, load, p) -> torque`."""
     if not laws:
         return kernel(_zero_torque)
-    law, at = laws[0]
+    law, at, keys = laws[0]
     others = chain_laws(laws[1:])
     own: Any = kernel(law)
 
     def both(q, v, load, p):  # type: ignore[no-untyped-def]
         torque = 0.0
-        if p[at] != 0.0:
+        if p[at : at + keys].any():
             torque = own(q, v, load, p, at)
         return torque + others(q, v, load, p)
 
@@ -77,7 +77,7 @@ class Torques:
         """Context in which MuJoCo adds the torques of the laws `names`; other threads wait."""
         with _LOCK:
             if names not in self._callbacks:
-                law = chain_laws([self._laws[name][:2] for name in sorted(names)])
+                law = chain_laws([self._laws[name] for name in sorted(names)])
                 self._callbacks[names] = _callback(law, *_offsets(), self.slots)
             mujoco.set_mjcb_passive(self._callbacks[names].ctypes)
             try:

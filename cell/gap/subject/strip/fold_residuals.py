@@ -138,7 +138,7 @@ def _touch_values(touch: Touch) -> Array:
 
 
 def average(values: Array, part: Part) -> tuple[Array, Array]:
-    """Mean and mean square (k,) by sample of readings `values` (n,), outliers clipped."""
+    """Mean and mean square (k,) of the readings `values` (n,) of each sample, outliers clipped."""
     mean, square = np.empty(len(part)), np.empty(len(part))
     if len(part):
         group_means(np.ascontiguousarray(values), part.edges, part.sigma, mean, square)
