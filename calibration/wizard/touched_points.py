@@ -141,7 +141,7 @@ class TouchedPoints:
         return f"point {self.number} ({part}): {done}" if self.fitted else done
 
     def progress(self, wanted: Pose | None, why: str, stage: str) -> Progress:
-        """Message to observers: the arm's next pose, the reason `why`, all planned points.
+        """Message for displays: the arm's next pose, `why` it is wanted, state of each planned one.
 
         `stage` names what the calibration does now, for the operator.
         """

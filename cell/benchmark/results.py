@@ -174,7 +174,7 @@ class Results(Settings):
         return tuple(sorted(folds, key=lambda fold: fold.seed))
 
     def over_range(self, policy: str, engine: str) -> RangeFolds | None:
-        """Folds of `policy` over the paper's range in `engine`; None where they are missing."""
+        """Folds of `policy` over the paper's stiffness and damping; None if not measured."""
         found = [r for r in self.results if isinstance(r, RangeFolds)]
         return next((r for r in found if (r.policy, r.engine) == (policy, engine)), None)
 

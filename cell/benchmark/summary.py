@@ -115,7 +115,7 @@ def rows(results: Results) -> tuple[Row, ...]:
 
 
 def spread(folds: tuple[ImageFold, ...]) -> float:
-    """Largest difference among the displacements of repeated `folds` [m]."""
+    """Largest difference [m] among the displacements of `folds`; NaN of fewer than two."""
     d: Array = np.array([f.displacement for f in folds if f.displacement is not None])
     return float(np.ptp(d)) if d.size > 1 else NAN
 

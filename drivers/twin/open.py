@@ -128,7 +128,7 @@ def thickness_between_fingers(desk: Desk, settings: HandSettings) -> float | Non
 
 
 def strip_weight(desk: Desk, frame: CellInRobot) -> Array:
-    """Force (3,) [N] of the lifted strip on the gripper; `frame` is the cell's in the robot's."""
+    """Weight (3,) [N] of the lifted strip on the gripper, in the base of a robot in `frame`."""
     return np.asarray(frame.matrix[:3, :3] @ (0.0, 0.0, -desk.world.load), dtype=np.float64)
 
 

@@ -95,7 +95,7 @@ class Critic:
         )
 
     def memorise(self, whitened: Array) -> Array:
-        """Values (n, memory) of the memory units for `whitened` inputs (n, k) of one image."""
+        """Activations (n, memory) of memory units by `whitened` inputs (n, k), an image a fold."""
         return np.tanh(whitened @ self.weights["recall"] + self.weights["recall_bias"])
 
     def predict(self, whitened: Array, memory: Array) -> Prediction:

@@ -26,8 +26,8 @@ def held_out(subject: Subject, simulate: Simulate, requested: Sequence[str] = ()
     """Names of the runs to hold out: those `requested`, or else one condition in four.
 
     A condition that holds most of the information on some effect is fitted: held out, it would
-    hide that effect. Where it alone shows one, the last of its repeats is held out. How well the
-    model fits does not matter, only what was done.
+    hide that effect. Where it alone shows one, the last of its repeats is held out; where nothing
+    can be spared, the second condition all the same. How well the model fits does not matter.
     """
     names = [run.name for run in subject.runs]
     check(names, requested)

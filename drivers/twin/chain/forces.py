@@ -155,7 +155,7 @@ class ExtraForces:
         self._damping = model.dof_damping.copy() if self._acts else self._damping
 
     def restore_damping(self, model: mujoco.MjModel) -> None:
-        """Copy the damping of this step into the `model` of a recompiled chain."""
+        """Set the joints' damping of a recompiled `model` to that after the last `add`."""
         if self._acts:
             model.dof_damping[:] = self._damping
 
