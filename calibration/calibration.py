@@ -86,7 +86,7 @@ class CalibrationFile(Settings):
     def calibration(self, origin: str) -> Calibration:
         """Calibration from this file; ConfigurationError where its content contradicts its id."""
         lens = self.lens.lens(f"{origin}: lens")
-        homography = Homography.of(self.homography.array((3, 3), f"{origin}: homography"))
+        homography = Homography.from_matrix(self.homography.array((3, 3), f"{origin}: homography"))
         expected = _digest(self.content())
         if self.id != expected:
             raise ConfigurationError(
@@ -140,8 +140,8 @@ def _signed_file(lens: Lens, homography: Homography, facts: Mapping[str, Any]) -
     unsigned = CalibrationFile(
         schema=1,
         id="",
-        homography=MatrixFile.of(homography.matrix),
-        lens=CameraFile.of(lens, facts["camera"]),
+        homography=MatrixFile.from_array(homography.matrix),
+        lens=CameraFile.from_lens(lens, facts["camera"]),
         **facts,
     )
     return unsigned.model_copy(update={"id": _digest(unsigned.content())})

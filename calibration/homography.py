@@ -25,8 +25,8 @@ class Homography:
     inverse: Array
 
     @classmethod
-    def of(cls, matrix: Array) -> Self:
-        """Homography with `matrix` (3, 3); raises ConfigurationError for a singular one."""
+    def from_matrix(cls, matrix: Array) -> Self:
+        """Homography with `matrix` (3, 3), pixels to metres; or ConfigurationError if singular."""
         scaled = np.asarray(matrix, dtype=np.float64)
         if not np.isfinite(scaled).all() or abs(np.linalg.det(scaled)) < SMALLEST_DETERMINANT:
             raise ConfigurationError("homography: the matrix is singular; calibrate again")
@@ -34,11 +34,11 @@ class Homography:
 
     def to_plane(self, pixels: Array) -> Array:
         """Points (n, 2) x, z [m] in the plane of the near edge at undistorted `pixels` (n, 2)."""
-        return _apply(self.matrix, pixels)
+        return transform(self.matrix, pixels)
 
     def to_image(self, points: Array) -> Array:
         """Undistorted pixels (n, 2) of `points` (n, 2) x, z [m] in the plane of the near edge."""
-        return _apply(self.inverse, points)
+        return transform(self.inverse, points)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +85,9 @@ def fit_homography(pixels: Array, points: Array) -> tuple[Homography, NDArray[np
             "check the pointer and touch again"
         )
     refit, _ = cv2.findHomography(millimetres[used], pixels[used], 0)
-    homography = Homography.of(np.diag([1e-3, 1e-3, 1.0]) @ np.linalg.inv(refit))  # to metres
+    homography = Homography.from_matrix(
+        np.diag([1e-3, 1e-3, 1.0]) @ np.linalg.inv(refit)
+    )  # to metres
     return homography, used
 
 
@@ -104,7 +106,8 @@ def viewpoint(lens: Lens, homography: Homography) -> Viewpoint:
     return Viewpoint(float(centre[0]), float(centre[2]), float(-centre[1]))
 
 
-def _apply(matrix: Array, points: Array) -> Array:
+def transform(matrix: Array, points: Array) -> Array:
+    """Images (n, 2) of plane `points` (n, 2) under the projective map with `matrix` (3, 3)."""
     flat = np.asarray(points, dtype=np.float64).reshape(-1, 2)
     mapped = flat @ matrix[:, :2].T + matrix[:, 2]
     return np.asarray(mapped[:, :2] / mapped[:, 2:], dtype=np.float64)

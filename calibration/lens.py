@@ -146,7 +146,7 @@ class MatrixFile(Settings):
     data: tuple[float, ...]
 
     @classmethod
-    def of(cls, matrix: Array) -> Self:
+    def from_array(cls, matrix: Array) -> Self:
         """File content that holds `matrix` (rows, cols)."""
         rows, cols = matrix.shape
         return cls(rows=rows, cols=cols, data=tuple(float(value) for value in matrix.ravel()))
@@ -171,17 +171,17 @@ class CameraFile(Settings):
     projection_matrix: MatrixFile
 
     @classmethod
-    def of(cls, lens: Lens, name: str) -> Self:
+    def from_lens(cls, lens: Lens, name: str) -> Self:
         """File content that describes `lens` of the camera `name`."""
         projection = np.column_stack([lens.matrix, np.zeros(3)])
         return cls(
             image_width=lens.width,
             image_height=lens.height,
             camera_name=name,
-            camera_matrix=MatrixFile.of(lens.matrix),
-            distortion_coefficients=MatrixFile.of(lens.distortion[None]),
-            rectification_matrix=MatrixFile.of(np.eye(3)),
-            projection_matrix=MatrixFile.of(projection),
+            camera_matrix=MatrixFile.from_array(lens.matrix),
+            distortion_coefficients=MatrixFile.from_array(lens.distortion[None]),
+            rectification_matrix=MatrixFile.from_array(np.eye(3)),
+            projection_matrix=MatrixFile.from_array(projection),
         )
 
     def lens(self, origin: str) -> Lens:
@@ -212,7 +212,7 @@ MODEL_KEYS = {
 
 def write_camera_info(lens: Lens, name: str, path: Path) -> None:
     """Write `lens` of the camera `name` to `path` as ROS camera_info; or ConfigurationError."""
-    content = dump_yaml(CameraFile.of(lens, name).content())
+    content = dump_yaml(CameraFile.from_lens(lens, name).content())
     write_file(path, content)
 
 

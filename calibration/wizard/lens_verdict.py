@@ -35,10 +35,9 @@ def estimate_bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
 
     One Gauss-Newton step of the whole bundle, in which the board gains the heights
     a x^2 + b y^2 + c x y: the part of the corners' errors that these explain and lens and poses do
-    not is the board's. x, y are from its middle, over half its length.
+    not is the board's.
     """
-    middle, reach = _centre_and_size(outline)
-    systems = [_pose_free_system(view, lens, middle, reach) for view in views]
+    systems = [_pose_free_system(view, lens) for view in views]
     design = np.vstack([slopes for slopes, _ in systems])
     errors = np.concatenate([error for _, error in systems])
     scale = np.linalg.norm(design, axis=0)
@@ -47,38 +46,25 @@ def estimate_bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
     freedom = max(len(errors) - POSE_COLUMNS * len(views) - len(solution), 1)
     noise = float(np.sum((errors - design @ solution) ** 2)) / freedom
     covariance = (noise * inverse / np.outer(scale, scale))[-BOW_MODES:, -BOW_MODES:]
-    modes = _bow_modes(_grid(outline), middle, reach)
+    # heights at corners, middles of the sides and middle, about the middle: a tilt is no bow
+    grid = np.array([(x, y) for y in (-0.5, 0.0, 0.5) for x in (-0.5, 0.0, 0.5)])
+    modes = _bow_modes(grid * np.ptp(outline, axis=0))
     heights = modes @ solution[-BOW_MODES:]
     lowest_to_highest = modes[np.argmax(heights)] - modes[np.argmin(heights)]
     sigma = float(np.sqrt(lowest_to_highest @ covariance @ lowest_to_highest))
     return Bow(1e3 * float(np.ptp(heights)), 1e3 * sigma)
 
 
-def _pose_free_system(
-    view: BoardView, lens: Lens, middle: Array, reach: float
-) -> tuple[Array, Array]:
+def _pose_free_system(view: BoardView, lens: Lens) -> tuple[Array, Array]:
     """Derivatives (2n, 11) by lens and bow, and errors (2n,), less what a pose can explain."""
     error, camera, pose, height = _linearise(view, lens)
-    modes = _bow_modes(view.board, middle, reach)
-    shared = np.hstack([camera, height * np.repeat(modes, 2, axis=0)])
+    shared = np.hstack([camera, height * np.repeat(_bow_modes(view.board), 2, axis=0)])
     return shared - pose @ _solution(pose, shared), error - pose @ _solution(pose, error)
 
 
-def _centre_and_size(outline: Array) -> tuple[Array, float]:
-    """Middle (2,) and half the longer side [m] of a pattern with corners `outline` (4, 2) [m]."""
-    low, high = outline.min(axis=0), outline.max(axis=0)
-    return 0.5 * (low + high), 0.5 * float((high - low).max())
-
-
-def _grid(outline: Array) -> Array:
-    """Nine points (9, 2) [m] of a pattern: corners, middles of the sides, and middle."""
-    x, y = np.linspace(outline.min(axis=0), outline.max(axis=0), 3).T
-    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-
-
-def _bow_modes(board: Array, middle: Array, reach: float) -> Array:
-    """Heights (n, 3) of the three modes of a bow at points (n, 2) or (n, 3) of the board."""
-    x, y = ((board[:, :2] - middle) / reach).T
+def _bow_modes(points: Array) -> Array:
+    """Terms x^2, y^2, x y (n, 3) [m^2] of a bow at `points` (n, 2) or (n, 3) [m] of the board."""
+    x, y = points[:, :2].T
     return np.stack([x * x, y * y, x * y], axis=1)
 
 

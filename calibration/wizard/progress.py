@@ -81,7 +81,10 @@ FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mark:
-    """A measured point in the image, `pixel` (2,) [px], its label, and its `error` (2,) [px]."""
+    """Point that was measured at `pixel` (2,) [px] of an image, to be drawn there with its label.
+
+    Its `error` (2,) [px] is the measured point minus the one that the calibration predicts.
+    """
 
     pixel: Array
     kind: MarkKind = MarkKind.FITTED

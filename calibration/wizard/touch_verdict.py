@@ -295,7 +295,7 @@ def _halves_mm(points: Sequence[Touch], lens: Lens, settings: TouchSettings) -> 
         pixels = lens.undistort(np.array([ordered[i].pixel for i in half]))
         places_mm = 1e3 * np.array([ordered[i].place for i in half])
         to_pixels, _ = cv2.findHomography(places_mm, pixels, 0)
-        maps.append(Homography.of(np.linalg.inv(to_pixels)))
+        maps.append(Homography.from_matrix(np.linalg.inv(to_pixels)))
     one, other = maps
     through_both = other.to_plane(one.to_image(area_mm))
     return float(np.hypot(*(through_both - area_mm).T).max())

@@ -1,7 +1,7 @@
 """Touched points: the plan of poses, the robust fit of the map, detection of a moved camera."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import compress
 from math import pi
 from typing import Annotated
@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from calibration.homography import MINIMUM_POINTS, Homography, fit_homography
+from calibration.homography import MINIMUM_POINTS, Homography, fit_homography, transform
 from calibration.lens import Lens
 from drivers.errors import ConfigurationError
 from drivers.robust import robust_sigma
@@ -49,12 +49,10 @@ class TouchSettings(Settings):
 
 def touch_plan(settings: TouchSettings) -> tuple[Pose, ...]:
     """Poses of the pointer over the work area, row by row, back and forth."""
-    poses: list[Pose] = []
-    rightwards = np.linspace(settings.x_min, settings.x_max, settings.columns)
-    for row, z in enumerate(np.linspace(settings.z_min, settings.z_max, settings.rows)):
-        columns = rightwards if row % 2 == 0 else rightwards[::-1]
-        poses += [Pose(float(x), float(z), pi / 2) for x in columns]
-    return tuple(poses)
+    xs = np.linspace(settings.x_min, settings.x_max, settings.columns).tolist()
+    zs = np.linspace(settings.z_min, settings.z_max, settings.rows).tolist()
+    rows = [(xs[:: -1 if row % 2 else 1], z) for row, z in enumerate(zs)]
+    return tuple(Pose(x, z, pi / 2) for columns, z in rows for x in columns)
 
 
 def check_plan(settings: TouchSettings) -> tuple[Pose, ...]:
@@ -103,13 +101,13 @@ class TouchFit:
     whose second touch has the same error, `replaced` first touches that a second one replaced.
     """
 
+    lens: Lens
     homography: Homography
     used: tuple[Touch, ...]
-    validation: tuple[Touch, ...]
-    outliers: tuple[Touch, ...]
-    repeated_outliers: tuple[Touch, ...]
-    replaced: tuple[Touch, ...]
-    lens: Lens
+    validation: tuple[Touch, ...] = ()
+    outliers: tuple[Touch, ...] = ()
+    repeated_outliers: tuple[Touch, ...] = ()
+    replaced: tuple[Touch, ...] = ()
 
     def error(self, touched: Touch) -> Array:
         """Residual (2,) x, z [m] of a touch: place by the map minus place of the arm."""
@@ -133,48 +131,42 @@ def fit_touches(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -
     Held-out poses are not fitted. The order of `touches` does not matter. Raises
     ConfigurationError where they give no map.
     """
-    newest = _newest_touches(touches)
+    by_number = {p.number: p for p in sorted(touches, key=lambda p: (p.number, p.again))}
+    newest = sorted(by_number.values(), key=lambda p: (p.place[0], p.place[1], p.number))
     fitted = [p for p in newest if not p.held_out]
     homography, inliers = fit_homography(
         lens.undistort(np.reshape([p.pixel for p in fitted], (-1, 2))),
         np.reshape([p.place for p in fitted], (-1, 2)),
     )
-    fit = TouchFit(homography, tuple(compress(fitted, inliers)), (), (), (), (), lens)
+    fit = TouchFit(lens, homography, tuple(compress(fitted, inliers)))
     return _sort_others(fit, touches, newest, settings)
 
 
 def _sort_others(
     fit: TouchFit, touches: Sequence[Touch], newest: Sequence[Touch], settings: TouchSettings
 ) -> TouchFit:
-    """Fill the groups of `fit` with the touches that it does not use."""
+    """Fill the groups of `fit` with the touches that it does not use.
+
+    A second touch with the first one's error shows that the map is wrong there; one that is off in
+    another way says nothing, and does not judge the map.
+    """
     held = [p for p in newest if p.held_out]
     outliers = [p for p in newest if not p.held_out and p not in fit.used]
     outliers += [p for p in held if 1e3 * np.hypot(*fit.error(p)) > settings.worst_mm]
     firsts = {p.number: p for p in touches if not p.again}
-    repeated = tuple(p for p in outliers if _repeats_error(p, firsts, fit, settings))
-    accepted = [p.number for p in newest if p.again and p not in outliers]
-    replaced = tuple(firsts[number] for number in accepted if number in firsts)
-    scattered = [p for p in outliers if p.again and p not in repeated]  # off twice, differently
-    validation = tuple(p for p in held if p not in scattered)
-    return TouchFit(
-        fit.homography, fit.used, validation, tuple(outliers), repeated, replaced, fit.lens
+    twice = [p for p in newest if p.again and p.number in firsts]
+    changes_mm = [1e3 * (fit.error(p) - fit.error(firsts[p.number])) for p in twice]
+    alike = [
+        p for p, mm in zip(twice, changes_mm, strict=True) if np.hypot(*mm) < settings.worst_mm
+    ]
+    repeated = [p for p in outliers if p in alike]
+    return replace(
+        fit,
+        validation=tuple(p for p in held if p not in outliers or not p.again or p in repeated),
+        outliers=tuple(outliers),
+        repeated_outliers=tuple(repeated),
+        replaced=tuple(firsts[p.number] for p in twice if p not in outliers),
     )
-
-
-def _newest_touches(touches: Sequence[Touch]) -> list[Touch]:
-    """Touches of distinct poses, the second touch where there is one, ordered by place."""
-    by_number = {p.number: p for p in sorted(touches, key=lambda p: (p.number, p.again))}
-    return sorted(by_number.values(), key=lambda p: (p.place[0], p.place[1], p.number))
-
-
-def _repeats_error(
-    again: Touch, firsts: dict[int, Touch], fit: TouchFit, settings: TouchSettings
-) -> bool:
-    """Whether a second touch repeats the first one's error, which shows that the map is wrong."""
-    first = firsts.get(again.number)
-    if first is None or not again.again:
-        return False
-    return 1e3 * float(np.hypot(*(fit.error(again) - fit.error(first)))) < settings.worst_mm
 
 
 def suspects(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -> tuple[int, ...]:
@@ -216,8 +208,7 @@ def camera_move(
     moments = range(FEWEST_TOUCHES, len(ordered) - FEWEST_TOUCHES + 1)
     if not moments:
         return None
-    start = _start_numbers(homography, places)
-    fits = {moment: _fit_move(places, pixels, moment, start) for moment in moments}
+    fits = {moment: _fit_move(places, pixels, moment, homography) for moment in moments}
     moment = min(fits, key=lambda tried: fits[tried][0])
     cost, shift, sigma = fits[moment]
     middle = homography.to_image(places.mean(axis=0)[None])[0]
@@ -229,35 +220,27 @@ def camera_move(
     return Move(ordered[moment - 1].number, shift_mm, 1e3 * size / float(lens.matrix[0, 0]))
 
 
-def _start_numbers(homography: Homography, places: Array) -> Array:
-    """The homography's eight free numbers (8,), for places centred and scaled to unit reach."""
-    middle, reach = _centre_and_reach(places)
-    matrix = homography.inverse @ np.array(
-        [[reach, 0.0, middle[0]], [0.0, reach, middle[1]], [0.0, 0.0, 1.0]]
-    )
-    return np.asarray((matrix / matrix[2, 2]).ravel()[:MAP_NUMBERS])
-
-
-def _centre_and_reach(places: Array) -> tuple[Array, float]:
-    return places.mean(axis=0), float(np.ptp(places, axis=0).max()) / 2.0
-
-
 def _fit_move(
-    places: Array, pixels: Array, moment: int, start: Array
+    places: Array, pixels: Array, moment: int, begin: Homography
 ) -> tuple[float, Array, float]:
-    """Cost of a map with an image shift from `moment` on, shift (2,) and its sigma [px]."""
-    middle, reach = _centre_and_reach(places)
-    plane = np.column_stack([(places - middle) / reach, np.ones(len(places))])
-    later = (np.arange(len(places)) >= moment).astype(np.float64)[:, None]
+    """Robust fit of a map to the image and a shift of the image from touch number `moment` on.
 
-    def errors(unknown: Array) -> Array:
-        numbers, shift = unknown[:MAP_NUMBERS], unknown[MAP_NUMBERS:]
-        return np.asarray((_project(plane, numbers) + later * shift - pixels).ravel())
-
-    begin = np.append(start, np.median((pixels - _project(plane, start))[moment:], axis=0))
+    `places` (n, 2) [m] are those of the arm and `pixels` (n, 2) [px] undistorted. Returns the cost,
+    the shift (2,) [px] and the largest sigma [px] of the shift.
+    """
     from scipy.optimize import least_squares
 
-    found = least_squares(errors, begin, loss="cauchy", f_scale=LOSS_SCALE, x_scale="jac")
+    later = (np.arange(len(places)) >= moment)[:, None]
+
+    def errors(unknown: Array) -> Array:
+        matrix = np.append(unknown[:MAP_NUMBERS], 1.0).reshape(3, 3)
+        moved = transform(matrix, places) + later * unknown[MAP_NUMBERS:]
+        return np.asarray((moved - pixels).ravel())
+
+    matrix = begin.inverse / begin.inverse[2, 2]
+    shift = np.median((pixels - begin.to_image(places))[moment:], axis=0)
+    start = np.append(matrix.ravel()[:MAP_NUMBERS], shift)
+    found = least_squares(errors, start, loss="cauchy", f_scale=LOSS_SCALE, x_scale="jac")
     left = errors(found.x)
     sigma = max(robust_sigma(left), LEAST_SIGMA)
     sigma = sigma * np.sqrt(len(left) / (len(left) - UNKNOWNS))
@@ -266,9 +249,3 @@ def _fit_move(
     covariance = sigma**2 * np.linalg.pinv(slopes.T @ slopes)[MAP_NUMBERS:, MAP_NUMBERS:]
     shift_sigma = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
     return float(found.cost), found.x[MAP_NUMBERS:], shift_sigma
-
-
-def _project(plane: Array, numbers: Array) -> Array:
-    """Image points (n, 2) [px] of `plane` (n, 3) by a homography of eight `numbers` (8,)."""
-    mapped = plane @ np.append(numbers, 1.0).reshape(3, 3).T
-    return np.asarray(mapped[:, :2] / mapped[:, 2:])

@@ -121,7 +121,7 @@ class Wizard:
             folder,
             points,
             (lens.width, lens.height),
-            lens=CameraFile.of(lens, devices.camera_identity),
+            lens=CameraFile.from_lens(lens, devices.camera_identity),
             touches=settings.touches,
             latency=settings.latency,
         )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cell.cli.options import Arm, Configs, FullSpeed, ask, check_names, length_option
+from cell.config.places import find_configs
 from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -38,7 +39,6 @@ def home(
     """Move the gripper over the strip's edge, into the arm posture that can follow a fold."""
     check_names(configs, strip)
     from cell.arm import manual_motion
-    from cell.config.places import find_configs
 
     found = find_configs(configs)
     settings, choice = _agree_to_motion(found.cell(), arm, full_speed, recover=recover)
@@ -59,7 +59,6 @@ def park(
 ) -> None:
     """Move the robot upright, out of the way; the cell's own twin moves to its home instead."""
     from cell.arm import manual_motion
-    from cell.config.places import find_configs
     from cell.devices.open import NO_STRIP
     from drivers.franka.kinematics import HOME
 
@@ -84,7 +83,6 @@ def jog(
     if not (x or z or pitch):
         raise ConfigurationError("--x, --z, --pitch: give one at least, as --z 20mm")
     from cell.arm import manual_motion
-    from cell.config.places import find_configs
 
     settings, choice = _agree_to_motion(find_configs(configs).cell(), arm, full_speed)
     _move(settings, choice, manual_motion.jog(x, z, radians(pitch)))
@@ -93,7 +91,6 @@ def jog(
 def open_hand(arm: Arm = None, configs: Configs = None) -> None:
     """Open the fingers of the hand."""
     from cell.arm import manual_motion
-    from cell.config.places import find_configs
 
     settings, choice = _agree_to_motion(find_configs(configs).cell(), arm, full_speed=False)
     _move(settings, choice, manual_motion.open_fingers, "the fingers are open")
@@ -106,7 +103,6 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
 
     from cell.arm.manual_motion import robot_task
     from cell.arm.register import TOUCH_POINTS, mounting_from_points, write_mounting
-    from cell.config.places import find_configs
 
     found = find_configs(configs)
     task, lying = robot_task(found.cell()), found.strip(strip)

@@ -18,6 +18,7 @@ from cell.cli.options import (
     writable,
 )
 from cell.cli.output import print_json
+from cell.config.places import find_configs
 from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -220,8 +221,6 @@ def calibrate_check(
 
 def _settings(configs: Path | None) -> "CellFile":
     """Settings of the cell from its configuration."""
-    from cell.config.places import find_configs
-
     return find_configs(configs).cell()
 
 
@@ -281,7 +280,6 @@ def _use_calibration(configs: Path | None, made: "Calibration", place: Path | No
     """Name the calibration `made` in cell.yaml; ConfigurationError where `place` lacks it."""
     from calibration.calibration import load_calibration
     from cell.calibrate.calibration_in_use import use_calibration
-    from cell.config.places import find_configs
 
     file = Path() if place is None else place / "calibration.yaml"
     if not file.is_file() or load_calibration(file).id != made.id:

@@ -11,6 +11,7 @@ import typer
 
 from cell.cli.options import Configs, Json, Runs
 from cell.cli.output import notice, print_json, while_busy
+from cell.config.places import find_configs
 from drivers.errors import ConfigurationError, PreflightRefused
 
 if TYPE_CHECKING:
@@ -28,7 +29,6 @@ def doctor(
     as_json: Json = False,
 ) -> None:
     """Check machine, files, robot and camera; prints findings, reasons and remedies."""
-    from cell.config.places import find_configs
     from cell.devices.devices import DeviceSelection
     from cell.doctor.check import State
     from cell.doctor.doctor import checks
@@ -66,7 +66,6 @@ def camera(
 
 def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
     """Settings of the cell file's camera, or suitable ones where `device` is another camera."""
-    from cell.config.places import find_configs
     from cell.devices.real_camera import suggest_settings
     from drivers.camera.camera import report
     from drivers.camera.device import Kernel

@@ -9,11 +9,12 @@ import typer
 
 from cell.cli.options import Configs, Json, Strip, check_names, run_folder
 from cell.cli.output import busy, print_json
+from cell.config.places import Configs as Found
+from cell.config.places import find_configs
 from cell.report.words import plural
 from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from cell.config.places import Configs as Found
     from drivers.strip.file import StripFile
 
 
@@ -45,8 +46,6 @@ def import_runs(
     as_json: Json = False,
 ) -> None:
     """Convert tables of other programs to run folders, checked and ready for `cell gap fit`."""
-    from cell.config.places import find_configs
-
     found = find_configs(configs)
     if guess and model is None:
         _propose(places, out or Path("mapping.yaml"), None if strip is None else found.strip(strip))
@@ -85,7 +84,7 @@ def _propose(places: list[Path], out: Path, strip: "StripFile | None") -> None:
 
 
 def _convert(
-    places: list[Path], mapping: Path | None, out: Path, model: Path | None, found: "Found"
+    places: list[Path], mapping: Path | None, out: Path, model: Path | None, found: Found
 ) -> tuple[Path, ...]:
     """Import the runs in `places` to `out`: folds, or runs of the mechanism in the file `model`."""
     from cell.record.exchange.import_runs import import_runs as convert
@@ -131,7 +130,6 @@ def export_runs(
     as_json: Json = False,
 ) -> None:
     """Write runs for other programs, with exact time stamps, or strips as simulation models."""
-    from cell.config.places import find_configs
     from cell.record.exchange.export_runs import export_runs as convert
     from cell.strips.export_strip import export_strips
 

@@ -26,6 +26,7 @@ from cell.cli.options import (
     strip_names,
 )
 from cell.cli.output import busy, notice, print_json, say
+from cell.config.places import check_recordable, find_configs
 from drivers.errors import CellError, ConfigurationError
 
 if TYPE_CHECKING:
@@ -118,7 +119,6 @@ def fold(
     check_names(configs, strip, policy)
     name = _strip_name(strip, length, thickness)
     from cell.config.length import metres
-    from cell.config.places import find_configs
 
     close = None if until is None else metres("--until", until, LARGEST_OFFSET)
     _check_until(close, learning, rehearse=rehearse)
@@ -154,8 +154,6 @@ def fold(
 
 def _check_files(plants: "Sequence[Path]", checkpoint: Path | None, runs: Path | None) -> None:
     """Raise ConfigurationError for files that cannot be read, or `runs` that cannot be written."""
-    from cell.config.places import check_recordable
-
     for path in plants:
         check_readable(path)
     if checkpoint is not None:

@@ -23,6 +23,7 @@ from cell.cli.options import (
     resumable,
 )
 from cell.cli.output import print_json, say, while_busy
+from cell.config.places import check_recordable, find_configs
 from drivers.errors import CellError, ConfigurationError
 
 if TYPE_CHECKING:
@@ -79,7 +80,6 @@ def plan(
 ) -> None:
     """Fold the standard runs, by which `cell gap fit` identifies what a strip's model lacks."""
     check_names(configs, strip)
-    from cell.config.places import check_recordable, find_configs
     from cell.record.files import check_empty
 
     folder = runs or Path("runs") / f"{Path(strip).stem}-plan"
@@ -368,15 +368,12 @@ def _subject_file(
         return _strip_file(strip, configs)
     if model is not None:
         return model
-    from cell.config.places import find_configs
 
     return _relative(find_configs(configs).mechanism_path(str(subject)))
 
 
 def _strip_file(strip: str, configs: Path | None) -> Path:
     """Path of the file of `strip`, named by a path or by its name in the configuration."""
-    from cell.config.places import find_configs
-
     if Path(strip).exists() or "/" in strip or Path(strip).suffix:
         return Path(strip)
     return _relative(find_configs(configs).strip_path(strip))
@@ -410,8 +407,6 @@ def _next_command(verdict: "Verdict", out: Path, option: str, *, law: bool) -> s
 
 def _cell_file(configs: Path | None) -> Path:
     """Path of cell.yaml; raises ConfigurationError where it cannot be read."""
-    from cell.config.places import find_configs
-
     found = find_configs(configs)
     found.cell()  # refused here, in one line, before anything is written
     return found.folder / "cell.yaml"

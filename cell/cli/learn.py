@@ -9,6 +9,7 @@ import typer
 
 from cell.cli.options import Configs, Json
 from cell.cli.output import print_json
+from cell.config.places import find_configs
 from drivers.errors import ConfigurationError, suggestion
 
 if TYPE_CHECKING:
@@ -46,7 +47,6 @@ def learn(
     as_json: Json = False,
 ) -> None:
     """Show or change what the cell has learned from folds, or enter a ruler's measurement."""
-    from cell.config.places import find_configs
     from cell.learning.experience import Memory
 
     settings = find_configs(configs).cell()
@@ -84,11 +84,13 @@ def _memory_of(settings: "CellFile", run: Path) -> "Memory":
 def _learn_from_ruler(settings: "CellFile", run: Path, edges: str, *, sure: bool) -> None:
     """Learn from the ruler's offset `edges` of the laid edges of `run`."""
     from cell.config.length import metres
-    from cell.learning.experience import learn_from_ruler
+    from cell.learning.experience import check_ruler, experience_by_ruler
 
-    offset = metres("--edges", edges, LONGEST_EDGES)
-    believed = None if sure else settings.learning
-    experience = learn_from_ruler(run, offset, _memory_of(settings, run), believed)
+    offset, memory = metres("--edges", edges, LONGEST_EDGES), _memory_of(settings, run)
+    experience = experience_by_ruler(run, offset, memory)
+    if not sure:
+        check_ruler(offset, experience.rig, settings.learning)
+    memory.add(experience)
     sys.stdout.write(
         f"{run.name}: the ruler shows {1e3 * experience.rig:+.1f} mm more than the camera\n"
     )

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from cell.config.drivers import arm_names, camera_names
+from cell.config.places import PACKAGED, find_configs
+from cell.config.places import Configs as Found
 from drivers.errors import ConfigurationError, suggestion
 from drivers.plugins import plugin_names
 
@@ -17,7 +19,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from cell.campaign.run import Engine
-    from cell.config.places import Configs as Found
 
 INTERRUPTED_CODE = 130  # exit code
 
@@ -47,8 +48,6 @@ def policy_names() -> list[str]:
 
 def strip_names(context: typer.Context) -> list[str]:
     """Names of strips for completion in a shell; empty without a configuration."""
-    from cell.config.places import find_configs
-
     try:
         return list(find_configs(context.params.get("configs")).strip_names())
     except ConfigurationError:
@@ -60,8 +59,6 @@ def check_names(configs: Path | None, strip: str, policy: str | None = None) -> 
 
     Reads no file and imports nothing heavy, so that a misspelt name is answered at once.
     """
-    from cell.config.places import find_configs
-
     if strip.partition(":")[0] != "unknown":
         find_configs(configs).strip_path(strip)
     known = policy_names()
@@ -84,10 +81,8 @@ def run_folder(text: str) -> Path:
     return max(Path("runs").glob(f"[0-9]*Z-*{end}"), default=place)
 
 
-def writable(configs: Path | None) -> "Found":
+def writable(configs: Path | None) -> Found:
     """Folder of configuration; raises ConfigurationError for the package's own folder."""
-    from cell.config.places import PACKAGED, find_configs
-
     found = find_configs(configs)
     if found.folder == PACKAGED:
         raise ConfigurationError(

@@ -9,6 +9,7 @@ import typer
 
 from cell.cli.options import Cluster, Configs, Json, engine, resumable
 from cell.cli.output import print_json, print_table, say
+from cell.config.places import find_configs
 from drivers.errors import ConfigurationError
 
 PART_TIMEOUT = 7200.0  # s of a part of the benchmark
@@ -136,7 +137,6 @@ def benchmark(
     from cell.benchmark.run import summarise
     from cell.benchmark.summary import claim_lines, tables
     from cell.campaign.progress import Meter
-    from cell.config.places import find_configs
 
     found = find_configs(configs)
     spec = BenchmarkSpec.build(found, split(policies), split(strips), repeat, seed, quick=quick)

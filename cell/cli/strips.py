@@ -9,6 +9,7 @@ import typer
 
 from cell.cli.options import Configs, Json, length_option, strip_names, writable
 from cell.cli.output import notice, print_json, print_table, say
+from cell.config.places import find_configs
 from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -28,7 +29,6 @@ def list_strips(context: typer.Context, configs: Configs = None, as_json: Json =
     """List the strips that this cell knows; further commands measure one or make a new one."""
     if context.invoked_subcommand is not None:
         return
-    from cell.config.places import find_configs
 
     found, all_strips = find_configs(configs), list["StripFile"]()
     for name in found.strip_names():

@@ -38,7 +38,9 @@ def corrected_calibration(
         return calibration
     return change_calibration(
         calibration,
-        homography=Homography.of(_true_points_matrix(model) @ calibration.homography.matrix),
+        homography=Homography.from_matrix(
+            _true_points_matrix(model) @ calibration.homography.matrix
+        ),
         landmarks=None,
         latency=calibration.latency + observation.camera_latency,
         contact_bias=calibration.contact_bias

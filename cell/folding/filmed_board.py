@@ -145,7 +145,7 @@ def _with_axis(calibration: Calibration, low: Array, high: Array, length: float)
     turn = np.array([(along[0], along[1]), (-along[1], along[0])])
     move = np.eye(3)
     move[:2, :2], move[:2, 2] = turn, (length / 2, 0.0) - turn @ (low + high) / 2
-    homography = Homography.of(move @ calibration.homography.matrix)
+    homography = Homography.from_matrix(move @ calibration.homography.matrix)
     return change_calibration(calibration, homography=homography)
 
 

@@ -168,45 +168,39 @@ def data_folder() -> Path:
     return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share") / "folding-cell"
 
 
-def learn_from_ruler(
-    folder: Path, edges: float, memory: Memory, settings: LearningSettings | None = None
-) -> Experience:
-    """Store the offset `edges` [m] of a run's laid edges by a ruler, and return the experience.
+def experience_by_ruler(run: Path, edges: float, memory: Memory) -> Experience:
+    """Experience from a run whose laid edges lie `edges` [m] apart by a ruler.
 
-    Policy, fabric and specimen are those under which `memory` holds the run. With `settings` an
-    offset that is implausibly far from the camera's is refused. Raises ConfigurationError for it,
-    for a run that cannot be read, is not in `memory` or whose edges no camera saw, and where the
-    memory cannot be written.
+    Its policy, fabric and specimen are those under which `memory` holds the run. Raises
+    ConfigurationError for a run that is not in `memory`, or whose edges no camera saw.
     """
     from cell.record.run import read_run  # and the libraries of its tables
 
-    result = read_run(folder).result
-    seen = None if result is None else result.edge_offset
-    if seen is None:
+    result = read_run(run).result
+    if result is None or result.edge_offset is None:
         raise ConfigurationError(
-            f"{folder}: result.yaml: edge_offset: is missing, the camera saw no laid edges; "
+            f"{run}: result.yaml: edge_offset: is missing, the camera saw no laid edges; "
             "measure a fold that was laid down"
         )
-    known = [one for one in memory.find(folder) if one.kind == "camera"]
+    known = [one for one in memory.find(run) if one.kind == "camera"]
     if not known:
         raise ConfigurationError(
-            f"{folder}: this cell did not learn from the run; fold with `--learning on` first"
+            f"{run}: this cell did not learn from the run; fold with `--learning on` first"
         )
-    rig = edges - seen
-    if settings is not None:
-        _check_ruler(rig, seen, settings)
     facts = {name: getattr(known[-1], name) for name in ("run", "policy", "strip", "specimen")}
-    experience = Experience(**facts, kind="ruler", rig=rig, key=known[-1].key)
-    memory.add(experience)
-    return experience
+    rig = edges - result.edge_offset
+    return Experience(**facts, kind="ruler", rig=rig, key=known[-1].key)
 
 
-def _check_ruler(rig: float, seen: float, settings: LearningSettings) -> None:
-    """Refuse a ruler's word `rig` [m] from the camera's that both can hardly differ by."""
+def check_ruler(edges: float, rig: float, settings: LearningSettings) -> None:
+    """Refuse laid `edges` [m] by a ruler that are implausibly far, by `rig` [m], from the camera's.
+
+    Raises ConfigurationError beyond PLAUSIBLE_SIGMAS of what is known of both.
+    """
     most = PLAUSIBLE_SIGMAS * hypot(settings.rig, settings.laid, settings.ruler)
     if abs(rig) > most:
         raise ConfigurationError(
-            f"--edges: is {1e3 * rig:+.1f} mm from the {1e3 * seen:+.1f} mm that the camera saw, "
-            f"both differ by {1e3 * most:.1f} mm at most; mind sign and unit, measure again, and "
-            "add --sure if it is so"
+            f"--edges: is {1e3 * rig:+.1f} mm from the {1e3 * (edges - rig):+.1f} mm that the "
+            f"camera saw, both differ by {1e3 * most:.1f} mm at most; mind sign and unit, measure "
+            "again, and add --sure if it is so"
         )

@@ -80,7 +80,7 @@ class Outlook(NamedTuple):
     rows: Array
 
     @classmethod
-    def of(cls, events: Iterable[Event]) -> Self:
+    def from_events(cls, events: Iterable[Event]) -> Self:
         """Collect the policy's predictions in `events`; NaN for values that cannot be read."""
         stated = sorted((e for e in events if e.kind == PREDICTED), key=lambda event: event.t)
         rows = np.array([row_of(event.facts) for event in stated])

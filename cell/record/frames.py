@@ -146,7 +146,6 @@ class FrameWriter:
         self, folder: Path, keep: Keep, patient: bool, encoder: Encoder | None = None
     ) -> None:
         """Write images into `folder`, and with an `encoder` also a film."""
-        self.dropped = 0
         self._film = encoder and FilmEncoder(folder / FILM, encoder, patient)
         self._failure: OSError | None = None
         self._given_up = False
@@ -164,7 +163,6 @@ class FrameWriter:
         try:
             self._waiting.put((frame, mark), block=self._patient)
         except queue.Full:
-            self.dropped += 1
             self._note(frame, sha256=None)
 
     def close(self) -> None:

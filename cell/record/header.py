@@ -11,22 +11,20 @@ Number = Annotated[float, Field(ge=-1e9, le=1e9)]  # in any unit, mistaken ones 
 
 
 UNMEASURED = 1.0  # m, an error beside which nothing of a cell matters
-GOALS = frozenset({"layer_touch", "path_done", "calibrated"})
 LAID = frozenset({"unlike_model", "grip_apart", "displacement_apart", "free_edge_apart"})
 """The strip lies folded, and yet not as the cell was told or saw it."""
 NOT_FOLDED = LAID | {"edges_not_seen", "edges_apart"}
 """The layers touched, which was measured, and yet nobody may call the fold a success."""
-STOPS = frozenset({"interrupted", "preflight_refused", "error", "internal_error", "record", "exam"})
-MONITORED = frozenset(
-    {"overspeed", "tracking_error", "workspace", "force", "grip_lost", "overtime"}
+OUTCOMES = NOT_FOLDED.union(
+    ("layer_touch", "path_done", "calibrated"),  # goals
+    ("interrupted", "preflight_refused", "error", "internal_error", "record", "exam"),  # stops
+    ("overspeed", "tracking_error", "workspace", "force", "grip_lost", "overtime"),  # monitors
+    ("low_confidence", "state_overtime", "setpoint_expired", "calibration_overtime"),
+    ("turn_overtime",),
+    ("command_refused", "motion_refused", "velocity_refused", "outside_workspace"),
+    ("illegal_event", "no_perception", "process_died", "world_unknown", "unexpected"),  # the cell's
+    ("no_aids", "no_latency"),
 )
-MONITORED |= {"low_confidence", "state_overtime", "setpoint_expired", "calibration_overtime"}
-MONITORED |= {"turn_overtime"}
-REFUSED = frozenset({"command_refused", "motion_refused", "velocity_refused", "outside_workspace"})
-CELL_OUTCOMES = frozenset(
-    {"illegal_event", "no_perception", "process_died", "world_unknown", "unexpected"}
-)
-CELL_OUTCOMES |= {"no_aids", "no_latency"}
 DEVICES = ("arm_", "hand_", "grasp_", "camera_", "image_", "simulation_", "strip_", "robot_")
 """Each device names its own faults after itself."""
 
@@ -225,5 +223,4 @@ class Result(Recorded):
 
 def is_outcome(name: str) -> bool:
     """Whether `name` is an outcome: that of a run that ended by itself, or a fault's name."""
-    known = GOALS | NOT_FOLDED | STOPS | MONITORED | REFUSED | CELL_OUTCOMES
-    return name in known or name.startswith(DEVICES)
+    return name in OUTCOMES or name.startswith(DEVICES)

@@ -3,7 +3,7 @@
 import base64
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cache, wraps
+from functools import cache, partial, wraps
 from html import escape
 from math import nan
 from pathlib import Path
@@ -43,20 +43,36 @@ TOUCH = ("t_layer_touch", "l1", "l2", "displacement")  # of a result
 Part = TypeVar("Part")
 
 
-Reader = Callable[["Run"], Part]
+@dataclass(frozen=True, slots=True)
+class PartReader:
+    """Reader of the parts of a record: a broken part is an error, or if `lenient` empty.
+
+    `problems` has a line for each part that was left empty.
+    """
+
+    lenient: bool
+    problems: list[str] = field(default_factory=list)
+
+    def read(self, part: Callable[[], Part], empty: Part) -> Part:
+        """Result of reading the `part`, or `empty`; ConfigurationError unless lenient."""
+        try:
+            return part()
+        except ConfigurationError as error:
+            if not self.lenient:
+                raise
+            self.problems.extend(str(error).splitlines()[:1])
+            return empty
 
 
-def _cached_part(empty: Callable[[], Part]) -> Callable[[Reader[Part]], Reader[Part]]:
-    """Cache a reader's result in `run.parts`; a lenient run gets `empty()` for a broken part."""
+def _cached_part(empty: object) -> Callable[[Callable[["Run"], Part]], Callable[["Run"], Part]]:
+    """Cache a method that reads a part of a run; a lenient run has `empty` for a broken part."""
 
-    def decorate(read: Reader[Part]) -> Reader[Part]:
+    def decorate(read: Callable[["Run"], Part]) -> Callable[["Run"], Part]:
         @wraps(read)
         def cached(run: "Run") -> Part:
             name = read.__name__
             if name not in run.parts:
-                run.parts[name] = _attempt(
-                    lambda: read(run), empty, run.problems, lenient=run.lenient
-                )
+                run.parts[name] = run.reader.read(lambda: read(run), cast("Part", empty))
             return cast("Part", run.parts[name])
 
         return cached
@@ -64,15 +80,11 @@ def _cached_part(empty: Callable[[], Part]) -> Callable[[Reader[Part]], Reader[P
     return decorate
 
 
-def _no_calibration() -> Calibration | None:
-    return None
-
-
 @dataclass(frozen=True, slots=True)
 class Run:
     """Recorded run; `result` is None where the process died before it wrote one.
 
-    Broken parts of a `lenient` one are empty, and `problems` has a line for each of them.
+    Its `reader` says whether broken parts are errors or empty; `parts` are those read so far.
     """
 
     folder: Path
@@ -80,8 +92,7 @@ class Run:
     ticks: Ticks
     profile: Profile
     result: Result | None
-    lenient: bool = False
-    problems: list[str] = field(default_factory=list, compare=False)
+    reader: PartReader
     parts: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
     @property
@@ -103,11 +114,16 @@ class Run:
         return f'{said}<br><img width="640" src="data:image/png;base64,{content}">'
 
     @property
+    def problems(self) -> list[str]:
+        """Lines on the broken parts that were read as empty."""
+        return self.reader.problems
+
+    @property
     def died(self) -> bool:
         """Whether the run ended without a result and is not under way any more."""
         return self.result is None and not is_under_way(self.folder)
 
-    @_cached_part(tuple[Event, ...])
+    @_cached_part(())
     def events(self) -> tuple[Event, ...]:
         """Events of the run in the order of writing; none in a laboratory's run.
 
@@ -118,12 +134,12 @@ class Run:
         origin = origin_of(found)
         return tuple(replace(event, t=event.t - origin) for event in found)
 
-    @_cached_part(float)
+    @_cached_part(0.0)
     def origin(self) -> float:
         """Time [s] of the cell's clock at t = 0 of the run; 0 where it is not stated."""
         return origin_of(read_events(self.folder))
 
-    @_cached_part(Sights.none)
+    @_cached_part(Sights.none())
     def sights(self) -> Sights:
         """Columns of the measurements of all images; empty in a laboratory's run."""
         path = self.folder / SIGHTS
@@ -156,7 +172,7 @@ class Run:
             for i, stamp in enumerate(sights.stamp)
         ]
 
-    @_cached_part(lambda: frozen([]))
+    @_cached_part(frozen([]))
     def costs(self) -> Array:
         """Computing time (n,) [s] of each control cycle; empty where not recorded."""
         path = self.folder / TICK_STREAM
@@ -165,18 +181,18 @@ class Run:
         table = read_stream(path, TICK_ROWS)
         return frozen(table["cost"].to_numpy() if "cost" in table.column_names else [])
 
-    @_cached_part(_no_calibration)
+    @_cached_part(None)
     def calibration(self) -> Calibration | None:
         """Calibration of the run's camera; None where it was not stored with the run."""
         path = self.folder / CALIBRATION
         return load_calibration(path) if path.exists() else None
 
-    @_cached_part(tuple[FrameNote, ...])
+    @_cached_part(())
     def frame_index(self) -> tuple[FrameNote, ...]:
         """Index entries of all measured images, in order; none in a laboratory's run."""
         return read_index(self.folder)
 
-    @_cached_part(dict[str, dict[str, Array]])
+    @_cached_part({})
     def tables(self) -> dict[str, dict[str, Array]]:
         """Measurements as plain tables of columns (n,) in SI units, for another format.
 
@@ -207,8 +223,9 @@ class Run:
 
     def frames(self) -> Iterator[Frame]:
         """Yield the stored images; one that fails its hash raises an error unless lenient."""
+        unlisted = PartReader(self.reader.lenient)  # broken images are no problems of the run
         for note in self.kept_images():
-            frame = _attempt(lambda: read_frame(note), lambda: None, [], lenient=self.lenient)  # noqa: B023
+            frame = unlisted.read(partial(read_frame, note), None)
             if frame is not None:
                 yield frame
 
@@ -243,39 +260,31 @@ def read_result(folder: Path) -> Result | None:
 def _read(folder: Path, *, lenient: bool) -> Run:
     """Read the run in `folder`; its broken parts are empty if `lenient`, else errors."""
     check_run(folder)
-    header, problems = load(folder / RUN, Header), list[str]()
-    result = _attempt(lambda: read_result(folder), lambda: None, problems, lenient=lenient)
+    header, reader = load(folder / RUN, Header), PartReader(lenient)
+    result = reader.read(lambda: read_result(folder), None)
     streams = cache(lambda: _tables_from_streams(folder, header))
-
-    def table(name: str) -> tuple[pa.Table, str]:
-        path = folder / name
-        try:
-            if path.exists() or not (result is None or lenient):
-                return read_parquet(path), str(path)
-        except ConfigurationError as error:
-            if not (lenient and (folder / TICK_STREAM).is_file()):
-                raise
-            problems.append(f"{error}; read from {TICK_STREAM} instead")
-        return getattr(streams(), path.stem), str(folder / TICK_STREAM)
-
-    ticks = _attempt(lambda: Ticks.parse(*table(TICKS)), Ticks.none, problems, lenient=lenient)
-    profile = _attempt(
-        lambda: Profile.parse(*table(PROFILE)), Profile.none, problems, lenient=lenient
-    )
-    return Run(folder, header, ticks, profile, result, lenient, problems)
+    table = partial(_read_table, folder, streams, reader, result is not None and not lenient)
+    ticks = reader.read(lambda: Ticks.parse(*table(TICKS)), Ticks.none())
+    profile = reader.read(lambda: Profile.parse(*table(PROFILE)), Profile.none())
+    return Run(folder, header, ticks, profile, result, reader)
 
 
-def _attempt(
-    read: Callable[[], Part], empty: Callable[[], Part], problems: list[str], *, lenient: bool
-) -> Part:
-    """Result of `read`; `empty` where a lenient reader fails, with a line in `problems`."""
+def _read_table(
+    folder: Path, streams: Callable[[], Tables], reader: PartReader, must_exist: bool, name: str
+) -> tuple[pa.Table, str]:
+    """The table in the Parquet file `name` of a run, and the path of its source for errors.
+
+    One that is missing, unless it `must_exist`, or is broken in a lenient run is made of `streams`.
+    """
+    path, stream = folder / name, folder / TICK_STREAM
     try:
-        return read()
+        if path.exists() or must_exist:
+            return read_parquet(path), str(path)
     except ConfigurationError as error:
-        if not lenient:
+        if not (reader.lenient and stream.is_file()):
             raise
-        problems.extend(str(error).splitlines()[:1])
-        return empty()
+        reader.problems.append(f"{error}; read from {TICK_STREAM} instead")
+    return getattr(streams(), path.stem), str(stream)
 
 
 def _tables_from_streams(folder: Path, header: Header) -> Tables:

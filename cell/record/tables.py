@@ -240,13 +240,13 @@ def place_rows(t: Array, stamps: Array) -> NDArray[np.intp]:
 
 def profile_table(sights: pa.Table) -> pa.Table:
     """Table of midline points t, i, x, z of all images, in the order of their stamps."""
-    counts = [len(points) for points in sights["profile_x"].to_pylist()]
+    counts = pc.list_value_length(sights["profile_x"]).to_numpy()
     return pa.table(
         {
             "t": pa.array(np.repeat(_numbers(sights, "stamp"), counts), pa.float64()),
             "i": pa.array([i for count in counts for i in range(count)], pa.int64()),
-            "x": _flatten(sights["profile_x"]),
-            "z": _flatten(sights["profile_z"]),
+            "x": sights["profile_x"].combine_chunks().flatten(),
+            "z": sights["profile_z"].combine_chunks().flatten(),
         }
     )
 
@@ -257,10 +257,8 @@ def joint_table(rows: Array, origin: float) -> pa.Table:
     Its `rows` (n, 29) hold t [s] on the cell's clock, then q, dq, q_d and tau_J of seven joints.
     """
     names = [f"{field}_{joint}" for field in JOINT_FIELDS for joint in range(1, 8)]
-    columns = {"t": pa.array(rows[:, 0] - origin)}
-    for name, values in zip(names, rows[:, 1:].T, strict=True):
-        columns[name] = pa.array(values.astype(np.float32))
-    return pa.table(columns)
+    joints = zip(names, rows[:, 1:].T.astype(np.float32), strict=True)
+    return pa.table({"t": rows[:, 0] - origin} | dict(joints))
 
 
 def write_parquet(path: Path, table: pa.Table) -> None:
@@ -280,8 +278,3 @@ def write_tables(folder: Path, tables: Tables) -> None:
 
 def _numbers(table: pa.Table, column: str) -> Array:
     return np.asarray(table[column].to_numpy(), dtype=np.float64)
-
-
-def _flatten(column: pa.ChunkedArray) -> pa.Array:
-    chunks = [chunk.flatten() for chunk in column.chunks]
-    return pa.concat_arrays(chunks) if chunks else pa.array([], pa.float64())

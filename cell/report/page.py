@@ -111,7 +111,11 @@ def report(run: Run) -> str:
 
 def _figures(run: Run) -> dict[str, Any]:
     """Pictures and figures (SVG) of the run; empty where the record has nothing to draw."""
-    outlines, outlook, has_ticks = silhouettes(run), Outlook.of(run.events()), run.ticks.t.size > 0
+    outlines, outlook, has_ticks = (
+        silhouettes(run),
+        Outlook.from_events(run.events()),
+        run.ticks.t.size > 0,
+    )
     return {
         "pictures": key_pictures(run, outlines),
         "outlook": outlook_figure(run, outlook) if len(outlook.t) > 1 else "",

@@ -77,15 +77,13 @@ class Bending:
     """Bending length [m] of a strip from all photographs, with the fit of each photograph.
 
     `fits` are with the best rest-curvature prior, `straight` with a straight strip; bending lengths
-    [m] pooled over all photographs and for each overhang. `gain` is the log evidence of the prior
-    over a straight strip.
+    [m] pooled over all photographs and for each overhang.
     """
 
     fits: Fits
     straight: Fits
     bending_length: Pooled
     by_overhang: tuple[tuple[float, Pooled], ...]
-    gain: float
 
     @property
     def prior(self) -> RestCurvaturePrior:
@@ -116,7 +114,6 @@ def measure_bending(photographs: Sequence[Photograph]) -> Bending:
         straight=straight,
         bending_length=pool_lengths(fits),
         by_overhang=tuple((overhang, pool_lengths(list(group))) for overhang, group in groups),
-        gain=evidence(fits) - evidence(straight),
     )
 
 

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from datetime import date
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,18 +17,6 @@ from drivers.strip.file import StripFile
 from drivers.yaml_text import dump_yaml, edit_yaml, parse_yaml
 
 MEASUREMENT_FILE = "measurement.json"
-
-
-def with_measured(
-    content: Mapping[str, Any], key: str, value: float, source: str, note: str
-) -> dict[str, Any]:
-    """Content of a strip file with `key` measured; its old value goes into the provenance."""
-    kept = [dict(each) for each in content.get("provenance") or ()]
-    for entry in kept:
-        if entry.get("key") == key:
-            entry["note"] = f"until then {content[key]:g}; {entry.get('note', '')}".strip("; ")
-    measured = {"key": key, "source": source, "note": note}
-    return {**content, key: value, "provenance": [measured, *kept]}
 
 
 def create(path: Path, content: Mapping[str, Any]) -> None:
@@ -115,11 +104,20 @@ def put_into(path: Path, measurement: Measurement, today: date) -> None:
         f"95 % between {pooled.low:.4g} and {pooled.high:.4g} m; "
         f"born {measurement.bending.prior.kind.value}; some yarn friction is in it"
     )
+    entry = {"key": "bending_length", "source": source, "note": note}
+    change_file(path, partial(_with_measured, path, measurement.value, entry))
 
-    def change(text: str) -> str:
-        content = parse_yaml(text, str(path))
-        content = with_measured(content, "bending_length", measurement.value, source, note)
-        parse(content, StripFile, str(path))
-        return edit_yaml(text, content)
 
-    change_file(path, change)
+def _with_measured(path: Path, value: float, entry: Mapping[str, str], text: str) -> str:
+    """Text of a strip file with the `value` of the key of a provenance `entry`, and that entry.
+
+    The old value goes into the note of its own entry.
+    """
+    content, key = parse_yaml(text, str(path)), entry["key"]
+    kept = [dict(each) for each in content.get("provenance") or ()]
+    for old in kept:
+        if old.get("key") == key:
+            old["note"] = f"until then {content[key]:g}; {old.get('note', '')}".strip("; ")
+    content = {**content, key: value, "provenance": [dict(entry), *kept]}
+    parse(content, StripFile, str(path))
+    return edit_yaml(text, content)

@@ -60,7 +60,7 @@ def test_points_on_a_line_determine_no_map() -> None:
 
 def test_singular_matrix_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="singular"):
-        Homography.of(np.ones((3, 3)))
+        Homography.from_matrix(np.ones((3, 3)))
 
 
 def test_camera_centre_follows_from_lens_and_map() -> None:

@@ -36,7 +36,7 @@ LENS = true_lens()
 def _homography() -> Homography:
     grid = np.array([(x, z) for x in np.linspace(0, 0.6, 5) for z in np.linspace(0, 0.3, 4)])
     matrix, _ = cv2.findHomography(LENS.undistort(OPTICS.plane(grid)), grid, 0)
-    return Homography.of(matrix)
+    return Homography.from_matrix(matrix)
 
 
 def _frame(shift: tuple[float, float] = (0.0, 0.0), seed: int = 0) -> Frame:
@@ -85,8 +85,8 @@ def test_hand_that_is_not_seen_again_is_refused() -> None:
 
 
 def test_desk_at_the_border_or_without_an_edge_is_no_landmark() -> None:
-    lower = np.array([[1, 0, 0], [0, 1, -90], [0, 0, 1]])  # by 90 px
-    at_border = np.roll(_frame().image, 90, axis=0), Homography.of(_homography().matrix @ lower)
+    lower = _homography().matrix @ [[1, 0, 0], [0, 1, -90], [0, 0, 1]]  # by 90 px
+    at_border = np.roll(_frame().image, 90, axis=0), Homography.from_matrix(lower)
     for image, map_ in (at_border, (np.full_like(at_border[0], 90), _homography())):
         found = take_landmarks(Frame(0.0, 0.0, "test", 0, image), SETTINGS.pose, LENS, map_)
         assert [mark.kind for mark in found.marks] == ["tip"]

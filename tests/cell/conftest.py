@@ -67,7 +67,7 @@ def straight_camera(**facts: object) -> Calibration:
     matrix = np.array([[1250.0, 0, 640], [0, 1250.0, 400], [0, 0, 1]])
     known = {"residual_mm": 0.31, "date": "2026-01-01", "camera": "made"} | facts
     lens = Lens(1280, 720, matrix, np.zeros(5))
-    return make_calibration(lens, Homography.of(np.linalg.inv(to_image)), **known)
+    return make_calibration(lens, Homography.from_matrix(np.linalg.inv(to_image)), **known)
 
 
 def profile(x: float, z: float, travel: float) -> Array:

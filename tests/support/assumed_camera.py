@@ -35,5 +35,5 @@ def _assumed(camera: V4l2Settings) -> Calibration:
     upright = np.array([[metre, 0, -0.1], [0, -metre, 0.4], [0, 0, 1]])
     today = datetime.now(UTC).isoformat(timespec="seconds")
     return make_calibration(
-        lens, Homography.of(upright), residual_mm=0.3, date=today, camera=camera.identity
+        lens, Homography.from_matrix(upright), residual_mm=0.3, date=today, camera=camera.identity
     )

@@ -12,7 +12,7 @@ from drivers.types import Array, frozen
 MATRIX = frozen([[3413.0, 0, 645.0], [0, 3413.0, 355.0], [0, 0, 1]])
 LENS = Lens(1280, 720, MATRIX, frozen([-0.18, 0.1, 0.0, 0.0, 0.0]))
 AWAY = np.array([[1700.0, 0, 100], [0, -1700.0, 600], [0, 0, 1]])
-MAP = Homography.of(np.linalg.inv(AWAY))
+MAP = Homography.from_matrix(np.linalg.inv(AWAY))
 
 
 def projected(

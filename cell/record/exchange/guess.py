@@ -46,11 +46,11 @@ TURNED = 1.0  # rad that the gripper turns at least in the lift of a strip that 
 BY_NAME, BY_CLOCK = "its name", "the clock of the gripper"  # reasons that leave no doubt
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Guess:
-    """What a `column` of numbers (n,) holds, as a mapping states it, and what tells; None is open.
+    """Guess at unit and zero of a foreign `column` with `values` (n,), and the `reason` for it.
 
-    The `offset` is in SI units.
+    A `unit` or `offset` [SI] of None is open: it cannot be told.
     """
 
     column: str
@@ -101,13 +101,10 @@ def guess_mapping(places: Sequence[Path], strip: StripFile | None) -> str:
             "in rows whose times increase; name its columns so, or write the mapping"
         )
     file = max(series, key=lambda name: len(clocks[name]))
-    ticks = {quantity: paths[file][quantity] for quantity in TYPICAL if quantity in paths[file]}
-    _guess_ticks(ticks, strip)
-    sections: dict[str, tuple[str, Guesses]] = {"ticks": (file, ticks)}
+    gripper = _guess_gripper(paths[file], strip)
+    sections: dict[str, tuple[str, Guesses]] = {"ticks": (file, gripper)}
     for file in [name for name in paths if name not in series][:1]:
-        points = {name: paths[file][name] for name in [*"tixz"] if name in paths[file]}
-        _guess_profile(points, ticks)
-        sections["profile"] = file, points
+        sections["profile"] = file, _guess_points(paths[file], gripper)
     return "\n".join(_lines(sections, strip, tables.keys()))
 
 
@@ -148,54 +145,67 @@ def _words(name: str) -> list[str]:
 def _quantity(words: Sequence[str]) -> str:
     """Quantity that a column holds by the `words` of its name; empty where they do not say."""
     held = next((key for key, known in WORDS.items() if {*words} & {*known.split()}), "")
-    if held != "f_":
-        return held
-    return next((f"f_{axis}" for axis in "xz" if {*words} & {axis, f"f{axis}"}), "")
+    axis = next((axis for axis in "xz" if {*words} & {axis, f"f{axis}"}), "")
+    return held if held != "f_" else axis and f"f_{axis}"
 
 
-def _guess_unit(guess: Guess, quantity: str, size: float, typical: float) -> None:
-    """Take the unit by its name, or by the `size` as written where `typical` [SI] is."""
-    known = units_of(quantity)
+def _guess_gripper(columns: Guesses, strip: StripFile | None) -> Guesses:
+    """Guesses of the gripper's columns, with units and zeros by how a fold of `strip` goes.
+
+    The strip lies flat or hangs at first, which the pitch tells, and is lifted.
+    """
+    length, hangs, found = STRIP if strip is None else strip.length, False, dict[str, Guess]()
+    for quantity in [name for name in TYPICAL if name in columns]:
+        typical = TYPICAL[quantity] * (length if quantity in "xz" else 1.0)
+        guess = _with_unit(columns[quantity], quantity, typical)
+        if guess.unit is not None and quantity in {"pitch", "x", "z"}:
+            if quantity == "pitch":
+                hangs = abs(_largest_move(guess.si())) < TURNED
+            guess = _with_zero(guess, quantity, strip, hangs=hangs)
+        found[quantity] = guess
+    return found
+
+
+def _with_unit(guess: Guess, quantity: str, typical: float) -> Guess:
+    """The guess with a unit by the column's name, or else by the `typical` [SI] size of a fold's.
+
+    That is the step of the clock, the path of a place from its start, or the largest value.
+    """
+    known, values = units_of(quantity), guess.values
+    if quantity == "t":
+        size = float(np.median(np.diff(values)))
+    else:
+        size = float(np.nanmax(np.abs(values - (values[0] if quantity in "xz" else 0.0))))
     hints = [u for word in _words(guess.column) if (u := UNITS.get(word, "")) in known]
     off = {unit: abs(np.log(max(size * known[unit], 1e-12) / typical)) for unit in known}
     unit = min(hints or known, key=off.__getitem__)
     fits = off[unit] < np.log(MISTAKEN) * (2 if known is TIMES else 1)
-    guess.unit, guess.reason = unit if fits else None, BY_NAME if hints else "its range"
+    return replace(guess, unit=unit if fits else None, reason=BY_NAME if hints else "its range")
 
 
-def _guess_ticks(ticks: Guesses, strip: StripFile | None) -> None:
-    """Find units and zeros of the gripper: the strip lies flat or hangs at first, and is lifted."""
-    length, hangs = STRIP if strip is None else strip.length, False
-    for quantity, guess in ticks.items():  # in the order of TYPICAL: the pitch before x and z
-        is_place, values = quantity in "xz", guess.values
-        moves = values - values[0] if is_place else np.diff(values) if quantity == "t" else values
-        size = float(np.median(moves) if quantity == "t" else np.nanmax(np.abs(moves)))
-        _guess_unit(guess, quantity, size, TYPICAL[quantity] * (length if is_place else 1.0))
-        if guess.unit is not None and (is_place or quantity == "pitch"):
-            if quantity == "pitch":
-                hangs = abs(_largest_move(guess.si())) < TURNED
-            _guess_zero(guess, quantity, strip, hangs=hangs)
+def _with_zero(guess: Guess, quantity: str, strip: StripFile | None, *, hangs: bool) -> Guess:
+    """The guess of pitch, x or z with zero and sign, by where a fold begins and where it goes.
 
-
-def _guess_zero(guess: Guess, quantity: str, strip: StripFile | None, *, hangs: bool) -> None:
-    """Find zero and sign of a pose's column, by where a fold begins and where it goes.
-
-    The zero is left where the column begins as it must, and open where it cannot be told.
+    The zero is kept where the column begins as it must, and open where it cannot be told.
     """
     length, si = STRIP if strip is None else strip.length, guess.si()
-    first, upright = float(si[0]), hangs and quantity == "pitch"
-    turned = first < 0 if upright else (_largest_move(si) > 0) == (quantity == "x")
-    begin = length if quantity == "x" else np.pi / 2 if upright else 0.0
-    offset: float | None = round(first + begin if turned else first - begin, 6)
+    first, moves_up = float(si[0]), _largest_move(si) > 0
+    if quantity == "pitch":
+        begin, turned = (np.pi / 2, first < 0) if hangs else (0.0, not moves_up)
+    elif quantity == "z":
+        begin, turned = 0.0, not moves_up
+    else:  # x falls from the strip's length
+        begin, turned = length, moves_up
+    sign = -1.0 if turned else 1.0
+    offset: float | None = round(first - sign * begin, 6)
     if hangs and quantity != "pitch":  # anywhere within reach
-        offset = 0.0 if 0.0 < (-first if turned else first) < length else None
+        offset = 0.0 if 0.0 < sign * first < length else None
     elif quantity == "x" and strip is None:
         offset = None
     if offset is not None and abs(offset) <= (NEAR_TURN if quantity == "pitch" else NEAR):
-        offset = 0.0
-    else:
-        guess.reason += ", zero by the start"
-    guess.offset, guess.reversed = offset, turned
+        return replace(guess, offset=0.0, reversed=turned)
+    reason = f"{guess.reason}, zero by the start"
+    return replace(guess, offset=offset, reversed=turned, reason=reason)
 
 
 def _largest_move(values: Array) -> float:
@@ -203,26 +213,36 @@ def _largest_move(values: Array) -> float:
     return float((values - values[0])[np.argmax(np.abs(values - values[0]))])
 
 
-def _guess_profile(points: dict[str, Guess], ticks: Guesses) -> None:
-    """Set the units of the strip's points with which one of each image lies in the gripper.
+def _guess_points(columns: Guesses, gripper: Guesses) -> Guesses:
+    """Guesses of the strip's points, by the gripper's clock and its grasp of a point in each image.
 
-    Their zeros are the gripper's, or the cell's; units that fit nowhere stay unknown.
+    Their zeros are those of the gripper's columns, or the cell's; a unit that does not fit is open.
     """
-    path = {quantity: ticks[quantity].si() for quantity in "txz"}
-    t, (begin, end), misfit = points["t"], path["t"][[0, -1]], CLOSE
-    near = (u for u in TIMES if begin - 1 <= np.median(t.values) * TIMES[u] <= end + 1)
-    t.unit, t.reason = next(near, None), BY_CLOCK
-    images, moment = np.flatnonzero(np.diff(t.values, prepend=-np.inf)), t.si()
-    plain = {axis: replace(points[axis], reason="what fits the gripper") for axis in "xz"}
-    points |= plain
-    of_gripper = {
-        a: replace(plain[a], offset=ticks[a].offset, reversed=ticks[a].reversed) for a in "xz"
-    }
-    for unit in LENGTHS:
-        for zeros in (of_gripper, plain):
-            tried = {a: replace(zeros[a], unit=unit) for a in "xz"}
-            apart = [tried[a].si() - np.interp(moment, path["t"], path[a]) for a in "xz"]
-            nearest = float(np.median(np.minimum.reduceat(np.hypot(*apart), images)))
-            if nearest < misfit:
-                misfit = nearest
-                points |= tried
+    points = {name: columns[name] for name in [*"tixz"] if name in columns}
+    (begin, end), middle = gripper["t"].si()[[0, -1]], np.median(points["t"].values)
+    near = (u for u, factor in TIMES.items() if begin - 1 <= middle * factor <= end + 1)
+    points["t"] = replace(points["t"], unit=next(near, None), reason=BY_CLOCK)
+    points |= {axis: replace(points[axis], reason="what fits the gripper") for axis in "xz"}
+    choices = [
+        points
+        | {
+            a: replace(points[a], unit=unit, offset=zero[a].offset, reversed=zero[a].reversed)
+            for a in "xz"
+        }
+        for unit in LENGTHS
+        for zero in (gripper, points)
+    ]
+    distances = [_grasp_distance(choice, gripper) for choice in choices]
+    return choices[int(np.argmin(distances))] if min(distances) < CLOSE else points
+
+
+def _grasp_distance(points: Guesses, gripper: Guesses) -> float:
+    """Median over all images of the distance [m] from the gripper to its nearest point.
+
+    Infinite where a unit or zero is open.
+    """
+    t, clock = points["t"], gripper["t"].si()
+    images = np.flatnonzero(np.diff(t.values, prepend=-np.inf))
+    apart = [points[a].si() - np.interp(t.si(), clock, gripper[a].si()) for a in "xz"]
+    median = np.median(np.minimum.reduceat(np.hypot(*apart), images))
+    return float(np.nan_to_num(median, nan=np.inf))

@@ -71,7 +71,7 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
     while frame is not None and frame.stamp < 0:
         yield TickView(frame.stamp + origin, np.nan, 0, "", no_pose, image=frame.image)
         frame = next(frames, None)
-    ticks, outlook = run.ticks, Outlook.of(run.events())
+    ticks, outlook = run.ticks, Outlook.from_events(run.events())
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
     later_frames = frames if frame is None else chain([frame], frames)
     news = zip(

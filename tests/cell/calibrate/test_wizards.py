@@ -200,7 +200,7 @@ def test_fold_with_a_camera_that_moved_since_is_refused_before_the_strip_is_touc
 def test_calibration_is_checked_by_touching_five_points(touched, shift: float, holds: bool) -> None:
     made = touched[0].calibration
     moved = np.array([[1, 0, shift], [0, 1, 0], [0, 0, 1]]) @ made.homography.matrix
-    old = replace(made, homography=Homography.of(moved))
+    old = replace(made, homography=Homography.from_matrix(moved))
     told: list[Progress] = []
     devices = _devices()
     assert devices.aids is not None

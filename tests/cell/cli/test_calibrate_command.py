@@ -25,8 +25,8 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A kept session of twenty-four touches and no steps, through rendered images."""
     folder = tmp_path_factory.mktemp("kept") / "homography"
     facts = {"date": "2026-11-20T03:15:00+00:00", "camera": "kept", "image": (1280, 720)}
-    content = Session(schema=1, kind="homography", lens=CameraFile.of(true_lens(), "kept"), **facts)
-    keep = SessionFolder(folder, content)
+    lens = CameraFile.from_lens(true_lens(), "kept")
+    keep = SessionFolder(folder, Session(schema=1, kind="homography", lens=lens, **facts))
     renderer = Renderer(CameraSettings(), NO_STRIP, 0)
     for number, pose in enumerate(touch_plan(TouchSettings())):
         row = Row(number=number, pose=(pose.x, pose.z, pose.pitch))

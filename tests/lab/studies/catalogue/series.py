@@ -11,7 +11,7 @@ import numpy as np
 
 from cell.config.places import find_configs
 from cell.folding.result import FoldResult
-from cell.learning.experience import Memory, learn_from_ruler
+from cell.learning.experience import Memory, experience_by_ruler
 from cell.record.run import read_run
 from drivers.strip.file import StripFile
 from policies.adaptive.train.shard import true_belief
@@ -106,7 +106,7 @@ def _measure_by_ruler(result: FoldResult, memory: Path) -> None:
     if result.edge_offset is not None and result.edge_offset_true is not None:
         edges = RULER_MARK * round(result.edge_offset_true / RULER_MARK)
         known = Memory(find_configs(None).cell().name, memory, twin=True)
-        learn_from_ruler(Path(result.run), edges, known)
+        known.add(experience_by_ruler(Path(result.run), edges, known))
 
 
 def _growth(found: Mapping[str, object]) -> float | None:
