@@ -5,11 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from cell.benchmark.results import ImageFold, RangeFolds, Results
+from cell.benchmark.results import RangeFolds, Results, displacements
 from cell.benchmark.summary import PAPER_MEANS, PAPER_WORST, REPEATABILITY, numeral
 from cell.report.drawing import GREEN, INK, MUTED, PAPER, RULE, as_svg, canvas
 from cell.report.words import MINUS
-from drivers.types import Array
 from policies.registry import look_of
 from policies.strip_sampling import DAMPING_RATIO, STIFFNESS_RANGE
 
@@ -37,14 +36,20 @@ def dot(policy: str) -> dict[str, Any]:
     }
 
 
-def policy_rows(axes: Any, policies: Sequence[str], foot: float = 0.0) -> None:
-    """Set up a row for each policy, the first on top, in its colour; `foot` free rows below."""
-    axes.set_yticks(range(len(policies)), policies)
-    axes.set_ylim(len(policies) - 0.5 + foot, -0.5)
+def label_rows(axes: Any, names: Sequence[str], foot: float = 0.0) -> None:
+    """Set up a row for each of `names`, the first on top; `foot` free rows below."""
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.5 + foot, -0.5)
+    axes.tick_params(axis="y", labelcolor=INK, labelsize=9)
     axes.grid(visible=False, axis="y")
     axes.spines["left"].set_visible(False)
+
+
+def policy_rows(axes: Any, policies: Sequence[str], foot: float = 0.0) -> None:
+    """Set up a row for each policy, in its colour; `foot` free rows below."""
+    label_rows(axes, policies, foot)
     for label, policy in zip(axes.get_yticklabels(), policies, strict=True):
-        label.set(color=colour(policy), fontsize=9, fontweight="bold")
+        label.set(color=colour(policy), fontweight="bold")
 
 
 def zero(axes: Any) -> None:
@@ -82,7 +87,7 @@ def repeats_figure(results: Results) -> str:
         zero(axes)
         widest = 2 * half
         for row, policy in enumerate(policies):
-            d = _displacements(results.repeats(policy))
+            d = 1e3 * displacements(results.repeats(policy))
             d = d[np.isfinite(d)]
             away = d - d.mean() if d.size else d
             widest = max(widest, float(np.max(np.abs(away), initial=0.0)))
@@ -116,7 +121,7 @@ def range_figure(results: Results) -> str:
 
 def outside(results: Results, policy: str) -> tuple[int, int]:
     """Number of strips outside the simulated range of `policy`, and of all strips."""
-    folds, over = _displacements(results.folds(policy)), results.over_range(policy, "rod")
+    folds, over = 1e3 * displacements(results.folds(policy)), results.over_range(policy, "rod")
     folds = folds[np.isfinite(folds)]
     if over is None or folds.size == 0 or not np.isfinite(over.displacement_grid).any():
         return 0, 0
@@ -125,46 +130,23 @@ def outside(results: Results, policy: str) -> tuple[int, int]:
 
 
 def _draw_strips(axes: Any, results: Results) -> None:
+    """Draw the displacements of each policy in a row for each strip, soft ones on top."""
     strips = _soft_to_stiff(results)
     _draw_paper_numbers(axes)
     zero(axes)
     for row in range(len(strips)):
         axes.axhline(row, color=RULE, lw=0.6, zorder=0)
     for policy in results.asked.policies:
-        _draw_policy_dots(axes, policy, results.folds(policy), strips)
-    _label_strips(axes, strips)
+        folds, mark = results.folds(policy), dot(policy)
+        rows = [strips.index(fold.strip) for fold in folds]
+        front = 6 - 0.2 * mark["ms"]  # smaller markers lie over larger ones
+        d = 1e3 * displacements(folds)
+        axes.plot(d, rows, **mark, label=policy, zorder=front, clip_on=False)
+    label_rows(axes, strips, foot=0.55)  # room for the paper's numbers
     axes.set_xlabel(DISPLACEMENT)
-    axes.legend(
-        loc="lower left",
-        bbox_to_anchor=(0, 1.0),
-        ncols=3,
-        handletextpad=0.2,
-        columnspacing=1.4,
-        borderaxespad=0.2,
-        markerscale=0.9,
-        labelcolor="linecolor",
-    )
-
-
-def _draw_policy_dots(
-    axes: Any, policy: str, folds: tuple[ImageFold, ...], strips: list[str]
-) -> None:
-    """Draw a policy's displacements in the rows of their strips."""
-    found = {fold.strip: fold for fold in folds}
-    rows = [row for row, strip in enumerate(strips) if strip in found]
-    d = _displacements(tuple(found[strips[row]] for row in rows))
-    mark = dot(policy)
-    front = 6 - 0.2 * mark["ms"]  # smaller markers lie over larger ones
-    axes.plot(d, rows, **mark, label=policy, zorder=front, clip_on=False)
-
-
-def _label_strips(axes: Any, strips: list[str]) -> None:
-    """Label a row for each strip, the first on top, with room for the paper's numbers below."""
-    axes.set_yticks(range(len(strips)), strips)
-    axes.set_ylim(len(strips) + 0.05, -0.55)
-    axes.tick_params(axis="y", labelcolor=INK, labelsize=9)
-    axes.grid(visible=False, axis="y")
-    axes.spines["left"].set_visible(False)
+    place = {"loc": "lower left", "bbox_to_anchor": (0, 1.0), "borderaxespad": 0.2, "ncols": 3}
+    look = {"handletextpad": 0.2, "columnspacing": 1.4, "markerscale": 0.9}
+    axes.legend(**place, **look, labelcolor="linecolor")
 
 
 def _draw_paper_numbers(axes: Any) -> None:
@@ -191,7 +173,7 @@ def _draw_policy_range(axes: Any, results: Results, policy: str, row: int) -> No
         axes.barh(row, np.ptp(d), left=d.min(), height=0.56, alpha=0.20, **shade)
         axes.barh(row, high - low, left=low, height=0.56, alpha=0.22, **shade)
         axes.plot([np.median(d)] * 2, [row - 0.28, row + 0.28], color=colour(policy), lw=1.6)
-    seen = _displacements(results.folds(policy))
+    seen = 1e3 * displacements(results.folds(policy))
     mark = {"ms": 4.4, "mfc": PAPER, "mec": INK, "mew": 0.9, "zorder": 4}
     axes.plot(seen, np.full(seen.size, row), "s", gid="through images", **mark)
 
@@ -204,11 +186,6 @@ def _soft_to_stiff(results: Results) -> list[str]:
         for fold in results.folds(policy)
     }
     return sorted(lengths, key=lambda strip: (lengths[strip], strip))
-
-
-def _displacements(folds: tuple[ImageFold, ...]) -> Array:
-    """Measured displacements (n,) [mm], NaN without a touch."""
-    return 1e3 * np.array([fold.displacement for fold in folds], dtype=np.float64)
 
 
 def _height(results: Results) -> float:

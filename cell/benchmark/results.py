@@ -1,5 +1,6 @@
 """Specification of a benchmark, and its results as stored in benchmark.json."""
 
+from collections.abc import Sequence
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -111,6 +112,11 @@ class ImageFold(Settings):
     duration: float
     wall: float
     run: str
+
+
+def displacements(folds: Sequence[ImageFold]) -> Array:
+    """Displacements (n,) [m] that the camera saw in `folds`; NaN without a touch."""
+    return np.array([fold.displacement for fold in folds], dtype=np.float64)
 
 
 class RangeFolds(Settings):

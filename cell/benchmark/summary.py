@@ -5,9 +5,15 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from cell.benchmark.results import EffectFolds, ImageFold, MissingPart, RangeFolds, Results
+from cell.benchmark.results import (
+    EffectFolds,
+    ImageFold,
+    MissingPart,
+    RangeFolds,
+    Results,
+    displacements,
+)
 from cell.report.words import NO_VALUE, millimetres, plural
-from drivers.types import Array
 from policies.rollout import Misses
 
 
@@ -47,14 +53,13 @@ class StripNumbers:
     @classmethod
     def of_folds(cls, folds: tuple[ImageFold, ...], asked: int) -> "StripNumbers":
         """Statistics of `folds`, out of `asked` strips."""
-        touched = [(f, f.displacement) for f in folds if f.displacement is not None]
+        touched = [fold for fold in folds if fold.displacement is not None]
         if not touched:
             return cls(0, asked, NAN, NAN, NAN, NAN, "", NAN)
-        d = np.array([value for _, value in touched])
-        true = [(v, f.displacement_true) for f, v in touched]
-        errors = [abs(v - known) for v, known in true if known is not None]
+        d = displacements(touched)
+        true = np.array([fold.displacement_true for fold in touched], dtype=np.float64)
         worst = int(np.argmax(np.abs(d)))
-        apart = [abs(f.edge_offset_true) for f, _ in touched if f.edge_offset_true is not None]
+        apart = [abs(f.edge_offset_true) for f in touched if f.edge_offset_true is not None]
         return cls(
             folded=len(touched),
             of=asked,
@@ -62,8 +67,8 @@ class StripNumbers:
             low=float(d.min()),
             high=float(d.max()),
             worst=float(abs(d[worst])),
-            worst_strip=touched[worst][0].strip,
-            misread=max(errors, default=NAN),
+            worst_strip=touched[worst].strip,
+            misread=max(np.abs(d - true)[np.isfinite(true)].tolist(), default=NAN),
             offset=float(np.mean(apart)) if apart else NAN,
             worst_offset=max(apart, default=NAN),
         )
@@ -111,12 +116,23 @@ class Row:
 
 def rows(results: Results) -> tuple[Row, ...]:
     """Rows of the summary, one for each policy in the requested order."""
-    return tuple(_row(results, policy) for policy in results.asked.policies)
+    return tuple(
+        Row(
+            policy=policy,
+            strips=StripNumbers.of_folds(results.folds(policy), len(results.asked.strips)),
+            rod=RangeNumbers.of_folds(results.over_range(policy, "rod")),
+            chain=RangeNumbers.of_folds(results.over_range(policy, "chain")),
+            repeats=len(results.repeats(policy)),
+            spread=spread(results.repeats(policy)),
+        )
+        for policy in results.asked.policies
+    )
 
 
 def spread(folds: tuple[ImageFold, ...]) -> float:
     """Largest difference [m] among the displacements of `folds`; NaN of fewer than two."""
-    d: Array = np.array([f.displacement for f in folds if f.displacement is not None])
+    d = displacements(folds)
+    d = d[np.isfinite(d)]
     return float(np.ptp(d)) if d.size > 1 else NAN
 
 
@@ -129,21 +145,8 @@ def misses_text(folds: EffectFolds) -> str:
     return f"{text}, {found.untouched} without a touch" if found.untouched else text
 
 
-def _row(results: Results, policy: str) -> Row:
-    repeats = results.repeats(policy)
-    return Row(
-        policy=policy,
-        strips=StripNumbers.of_folds(results.folds(policy), len(results.asked.strips)),
-        rod=RangeNumbers.of_folds(results.over_range(policy, "rod")),
-        chain=RangeNumbers.of_folds(results.over_range(policy, "chain")),
-        repeats=len(repeats),
-        spread=spread(repeats),
-    )
-
-
 SPREAD_ROUNDING = 5e-5  # m, by which a spread may exceed a limit stated in whole millimetres
 PAPER_POLICIES = ("triangular", "circular", "feedback")
-EXPECTED_SIGNS = {"triangular": ("negative", -1.0), "circular": ("positive", 1.0)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,9 +169,8 @@ def _claims(folds: dict[str, tuple[ImageFold, ...]], results: Results) -> Iterat
     count = len(results.asked.strips)
     if "feedback" in folds:
         yield _limit_claim(folds["feedback"], count, "feedback", PAPER_WORST["feedback"])
-    for policy, (word, sign) in EXPECTED_SIGNS.items():
-        if policy in folds:
-            yield _sign_claim(folds[policy], count, policy, word, sign)
+    for policy in filter(folds.__contains__, PAPER_MEANS):
+        yield _sign_claim(folds[policy], count, policy)
     if folds.keys() >= set(PAPER_POLICIES):
         yield _smallest_mean_claim(folds)
     if "planned" in folds:
@@ -180,42 +182,36 @@ def _claims(folds: dict[str, tuple[ImageFold, ...]], results: Results) -> Iterat
 
 
 def _limit_claim(folds: tuple[ImageFold, ...], count: int, who: str, limit: float) -> Claim:
-    d = np.abs(_displacements(folds))
-    held = len(folds) == count and bool(np.all(d < limit))
+    """Claim that |d| stays under `limit` [m] on each of `count` strips."""
+    d = np.abs(displacements(folds))
+    untouched = count - int(np.isfinite(d).sum())
+    if untouched == count:
+        here = f"no touch on {count} strips"
+    else:
+        worst = int(np.nanargmax(d))
+        here = f"worst {millimetres(float(d[worst]))}, on {folds[worst].strip}"
+        here += f"; {untouched} of {count} strips without a touch" if untouched else ""
     says = f"{who}: under {1e3 * limit:.0f} mm on every strip"
-    return Claim(says, _worst_text(folds, count), held)
+    return Claim(says, here, len(folds) == count and bool(np.all(d < limit)))
 
 
-def _worst_text(folds: tuple[ImageFold, ...], count: int) -> str:
-    d = np.abs(_displacements(folds))
-    touched = np.isfinite(d)
-    if not touched.any():
-        return f"no touch on {count} strips"
-    worst = int(np.nanargmax(d))
-    text = f"worst {millimetres(float(d[worst]))}, on {folds[worst].strip}"
-    missing = count - int(touched.sum())
-    return text + (f"; {missing} of {count} strips without a touch" if missing else "")
-
-
-def _sign_claim(
-    folds: tuple[ImageFold, ...], count: int, policy: str, word: str, sign: float
-) -> Claim:
-    d = _displacements(folds)
-    agreeing = int(np.sum(sign * d > 0))
-    mean = millimetres(float(np.nanmean(d)) if np.isfinite(d).any() else None, signed=True)
-    stated = millimetres(PAPER_MEANS[policy], signed=True)
+def _sign_claim(folds: tuple[ImageFold, ...], count: int, policy: str) -> Claim:
+    """Claim that d has the sign of the paper's mean for `policy` on each of `count` strips."""
+    d, stated = displacements(folds), PAPER_MEANS[policy]
+    word = "positive" if stated > 0 else "negative"
+    agreeing = int(np.sum(stated * d > 0))
+    mean = float(np.nanmean(d)) if np.isfinite(d).any() else None
     return Claim(
-        f"{policy}: {word} on every strip, {stated} in the mean",
-        f"{word} on {agreeing} of {count}, {mean} in the mean",
+        f"{policy}: {word} on every strip, {millimetres(stated, signed=True)} in the mean",
+        f"{word} on {agreeing} of {count}, {millimetres(mean, signed=True)} in the mean",
         agreeing == count,
     )
 
 
 def _smallest_mean_claim(folds: dict[str, tuple[ImageFold, ...]]) -> Claim:
-    means = {
-        p: float(np.mean(np.nan_to_num(np.abs(_displacements(folds[p])), nan=np.inf)))
-        for p in PAPER_POLICIES
-    }
+    """Claim that `feedback` has the smallest mean |d| of the paper's policies."""
+    sizes = {p: np.abs(displacements(folds[p])) for p in PAPER_POLICIES}
+    means = {p: float(np.nan_to_num(size, nan=np.inf).mean()) for p, size in sizes.items()}
     values = ", ".join(f"{p} {millimetres(mean)}" for p, mean in means.items())
     least = min(means.values())
     held = means["feedback"] == least and np.isfinite(least)
@@ -223,18 +219,15 @@ def _smallest_mean_claim(folds: dict[str, tuple[ImageFold, ...]]) -> Claim:
 
 
 def _repeatability_claim(repeats: dict[str, tuple[ImageFold, ...]]) -> Claim:
+    """Claim that repeated folds of one strip differ by at most REPEATABILITY."""
     spreads = {policy: spread(folds) for policy, folds in repeats.items()}
     values = ", ".join(f"{policy} {millimetres(value)}" for policy, value in spreads.items())
     limit = REPEATABILITY
     return Claim(
         f"five folds of one strip differ by at most {1e3 * limit:.0f} mm by each method",
         f"{max(len(f) for f in repeats.values())} folds: {values}",
-        bool(np.all(np.array(list(spreads.values())) <= limit + SPREAD_ROUNDING)),
+        all(value <= limit + SPREAD_ROUNDING for value in spreads.values()),
     )
-
-
-def _displacements(folds: tuple[ImageFold, ...]) -> Array:
-    return np.array([f.displacement for f in folds], dtype=np.float64)
 
 
 def claim_lines(results: Results) -> Iterator[str]:
