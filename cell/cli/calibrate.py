@@ -73,7 +73,7 @@ def twin(
     from cell.orchestrator.operator import Interrupt
 
     with Interrupt() as interrupted:
-        made, path = calibrate_anew(_settings(configs), interrupted)
+        made, path = calibrate_anew(find_configs(configs).cell(), interrupted)
     if out is not None:
         save_calibration(made, out)
     sys.stdout.write(
@@ -108,7 +108,7 @@ def calibrate_camera(
     from cell.calibrate.wizard import ROS, refit_lens
     from cell.calibrate.wizard_panel import wizard_session
 
-    settings = _settings(configs)
+    settings = find_configs(configs).cell()
     if print_to is not None:
         _print_board(settings, print_to)
         return
@@ -160,7 +160,7 @@ def calibrate_homography(
     from cell.calibrate.wizard import read_poses, refit_homography
     from cell.calibrate.wizard_panel import wizard_session
 
-    settings = _settings(configs)
+    settings = find_configs(configs).cell()
     if use:
         writable(configs)
     if again is not None:
@@ -203,7 +203,9 @@ def calibrate_check(
     from cell.calibrate.calibration_in_use import calibration_of
     from cell.calibrate.wizard_panel import print_verdict, terminal_session
 
-    settings, devices = _open_devices(_settings(configs), arm, camera, full_speed=full_speed)
+    settings, devices = _open_devices(
+        find_configs(configs).cell(), arm, camera, full_speed=full_speed
+    )
     with terminal_session() as session:
         calibration = (
             load_calibration(file) if file else calibration_of(settings, session.panel.ask)
@@ -217,11 +219,6 @@ def calibrate_check(
     else:
         print_verdict(verdict.lines())
     sys.exit(0 if verdict.passed else 1)
-
-
-def _settings(configs: Path | None) -> "CellFile":
-    """Settings of the cell from its configuration."""
-    return find_configs(configs).cell()
 
 
 def _ask_length(text: str) -> float:

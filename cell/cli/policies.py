@@ -195,18 +195,13 @@ def serve(
     settings = parse(asked, ServerSettings, "cell twin serve")
     script = () if faults is None else load_faults(faults)
     server = RobotServer(settings, faults=script)
-    _print_address(server.address, lock_step, as_json)
+    clock, place = "lock-step" if lock_step else "wall clock", server.address
+    facts = {"address": place, "arm": 1337, "hand": 1338, "clock": clock}
+    say(facts, f"arm at {place}:1337, hand at {place}:1338, {clock}", as_json=as_json)
+    if not ip_address(place).is_loopback:
+        sys.stderr.write(f"{place} is no loopback address: others on the network can connect\n")
+    sys.stdout.flush()
     try:
         server.serve()
     except KeyboardInterrupt:
         sys.stderr.write("stopped\n")
-
-
-def _print_address(address: str, lock_step: bool, as_json: bool) -> None:
-    """Print where arm and hand are served, with a warning beyond the loopback."""
-    clock = "lock-step" if lock_step else "wall clock"
-    facts = {"address": address, "arm": 1337, "hand": 1338, "clock": clock}
-    say(facts, f"arm at {address}:1337, hand at {address}:1338, {clock}", as_json=as_json)
-    if not ip_address(address).is_loopback:
-        sys.stderr.write(f"{address} is no loopback address: others on the network can connect\n")
-    sys.stdout.flush()

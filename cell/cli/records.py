@@ -55,7 +55,9 @@ def runs(
     with busy("reading the runs"):
         rows = list_runs(folder, where, sort)
     if pruning:
-        age = None if older_than is None else timedelta(days=_require_number(older_than))
+        if older_than is not None and isnan(older_than):
+            raise ConfigurationError("--older-than: is nan; give a number of days")
+        age = None if older_than is None else timedelta(days=older_than)
         rows = to_prune(rows, datetime.now(UTC), keep=keep, older_than=age)
     if html is not None:
         from cell.report.runs_page import write_runs_page
@@ -68,13 +70,6 @@ def runs(
         sys.stderr.write(f"deleted {plural(len(rows), 'run')}, {freed / MEGABYTE:.1f} MB\n")
     elif pruning:
         sys.stderr.write(f"{plural(len(rows), 'run')} may go; nothing was deleted, add --delete\n")
-
-
-def _require_number(stated: float) -> float:
-    """Return the number of days; raises ConfigurationError for NaN."""
-    if isnan(stated):
-        raise ConfigurationError("--older-than: is nan; give a number of days")
-    return stated
 
 
 def _print_rows(rows: "Sequence[RunRow]", *, as_csv: bool, as_json: bool) -> None:

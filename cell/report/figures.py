@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from itertools import groupby
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from cell.record.columns import FARTHEST_HAND, Sights, Ticks
 from cell.record.events import Outlook
-from cell.record.header import AgreementNote, Result
+from cell.record.header import Result
 from cell.record.run import Run
 from cell.report.drawing import BLUE, GREEN, INK, MUTED, ORANGE, PAPER, PURPLE, RULE, as_svg, canvas
 from cell.report.overlay import Silhouette, evenly_chosen, fold_tips
@@ -90,8 +90,10 @@ def signals_figure(run: Run) -> str:
         )
         _draw_lanes(lanes, run.ticks)
         sights = run.sights()
-        _draw_positions(along, run.ticks, sights)
-        _draw_heights(above, run.ticks, sights)
+        _draw_coordinate(along, run.ticks, sights, "x")
+        _draw_coordinate(above, run.ticks, sights, "z")
+        along.set_ylabel("along the strip  [mm]")
+        above.set_ylabel("above the desk  [mm]")
         if run.result is not None and run.result.t_layer_touch is not None:
             for axes in (along, above):
                 axes.axvline(run.result.t_layer_touch, color=ORANGE, lw=1, ls=(0, (3, 2)))
@@ -172,28 +174,17 @@ def _draw_lanes(axes: Any, ticks: Ticks) -> None:
             axes.text(middle, 0, state, ha="center", va="center", fontsize=8, color="#20262d")
 
 
-def _draw_positions(axes: Any, ticks: Ticks, sights: Sights) -> None:
-    """Draw x of gripper, contact and fold tip over time."""
-    seen = np.isfinite(ticks.contact_x)
-    axes.plot(ticks.t, 1e3 * ticks.x, color=INK, label="gripper x")
-    axes.plot(
-        ticks.t[seen], 1e3 * ticks.contact_x[seen], ".", color=BLUE, ms=2.2, label="contact x"
-    )
-    axes.plot(
-        sights.stamp, 1e3 * fold_tips(sights, ticks)[:, 0], color=GREEN, lw=1, label="fold tip x"
-    )
-    axes.set_ylabel("along the strip  [mm]")
-    axes.legend(**LEGEND)
-
-
-def _draw_heights(axes: Any, ticks: Ticks, sights: Sights) -> None:
-    """Draw z of gripper and fold tip, and the gap of the layers, over time."""
-    axes.plot(ticks.t, 1e3 * ticks.z, color=INK, label="gripper z")
-    axes.plot(
-        sights.stamp, 1e3 * fold_tips(sights, ticks)[:, 1], color=GREEN, lw=1, label="fold tip z"
-    )
-    axes.plot(sights.stamp, 1e3 * sights.gap, color=ORANGE, lw=1, label="gap of the layers")
-    axes.set_ylabel("above the desk  [mm]")
+def _draw_coordinate(axes: Any, ticks: Ticks, sights: Sights, axis: Literal["x", "z"]) -> None:
+    """Draw x of gripper, contact and fold tip over time, or z of both and the layers' gap."""
+    axes.plot(ticks.t, 1e3 * getattr(ticks, axis), color=INK, label=f"gripper {axis}")
+    if axis == "x":
+        t, contact = ticks.t, 1e3 * ticks.contact_x
+        seen = np.isfinite(contact)
+        axes.plot(t[seen], contact[seen], ".", color=BLUE, ms=2.2, label="contact x")
+    tips = 1e3 * fold_tips(sights, ticks)[:, "xz".index(axis)]
+    axes.plot(sights.stamp, tips, color=GREEN, lw=1, label=f"fold tip {axis}")
+    if axis == "z":
+        axes.plot(sights.stamp, 1e3 * sights.gap, color=ORANGE, lw=1, label="gap of the layers")
     axes.legend(**LEGEND)
 
 
@@ -213,7 +204,9 @@ def predictions(result: Result | None) -> list[tuple[str, str]]:
     displacement = f"{millimetres(final.displacement, signed=True)} ± {millimetres(final.sigma)}"
     rows = [("displacement", displacement)]
     if result.agreement is not None:
-        rows.append(("strip and model", _agreement_text(result.agreement)))
+        agree = "agree" if result.agreement.like_model else "do not agree"
+        text = f"{agree}, {millimetres(result.agreement.residual)} apart"
+        rows.append(("strip and model", text))
     return rows
 
 
@@ -248,9 +241,3 @@ def _draw_prediction(axes: Any, outlook: Outlook, name: str) -> None:
         largest = float(np.nanmax(ends, initial=0.0)) if np.isfinite(ends).any() else 0.0
         limit = min(HALF_HEIGHT, largest) + MARGIN
         axes.set_ylim(-limit, limit)
-
-
-def _agreement_text(note: AgreementNote) -> str:
-    """Text on the strip's agreement with its model, with the profiles' residual."""
-    verdict = "agree" if note.like_model else "do not agree"
-    return f"{verdict}, {millimetres(note.residual)} apart"

@@ -103,7 +103,7 @@ def report(run: Run) -> str:
         film=film_of(run),
         checks=checks(run),
         events=listed_events(run),
-        files=_files(run),
+        files=[(Link(n, n), what) for n, what in FILES if (run.folder / n).is_file()],
         facts=settings_rows(run),
         **_figures(run),
     )
@@ -161,15 +161,13 @@ def _measured_curves(run: Run) -> dict[str, Any]:
     return {"size": (calibration.lens.width, calibration.lens.height), "curves": curves}
 
 
-def _files(run: Run) -> list[tuple[Link, str]]:
-    """Files of the run with a description of their content."""
-    return [(Link(name, name), what) for name, what in FILES if (run.folder / name).is_file()]
-
-
 def measures(run: Run) -> Rows:
     """Table rows (name, text) of a run's main numbers."""
     rows = Rows() if run.result is None else _result_rows(run.result)
-    return [*rows, ("duration", seconds(_duration(run), 1)), *_timing_rows(run)]
+    lasted = None if run.result is None else run.result.duration
+    if lasted is None and run.ticks.t.size:  # as far as the record goes
+        lasted = float(run.ticks.t[-1])
+    return [*rows, ("duration", seconds(lasted, 1)), *_timing_rows(run)]
 
 
 def _result_rows(result: Result) -> Rows:
@@ -191,23 +189,12 @@ def _result_rows(result: Result) -> Rows:
     return rows
 
 
-def _duration(run: Run) -> float | None:
-    """Duration of the run [s], as stated or as far as its record goes."""
-    if run.result is not None and run.result.duration is not None:
-        return run.result.duration
-    return float(run.ticks.t[-1]) if run.ticks.t.size else None
-
-
 def settings_rows(run: Run) -> Rows:
     """Table rows (key, text) of a run's settings: keys joined by dots, without empty values."""
     content = run.header.model_dump(by_alias=True, exclude_none=True)
     rows = [(key, _text(key, value)) for key, value in flatten(content)]
-    return [(k, text) for k, text in rows if text and not _is_null_correction(k, text)]
-
-
-def _is_null_correction(key: str, text: str) -> bool:
-    """Whether a row states that nothing was corrected by learning."""
-    return key.startswith("learning.") and text in {"0", "None"}
+    unlearned = {"0", "None"}  # values of a fold that nothing was corrected in
+    return [(k, v) for k, v in rows if v and not (k.startswith("learning.") and v in unlearned)]
 
 
 def checks(run: Run) -> list[tuple[str, str, str]]:
@@ -239,9 +226,10 @@ def left_files(run: Run) -> Rows:
     """Table rows (file, content) on the files of a run that died before it wrote its result."""
     notes = run.frame_index()
     kept = sum(note.file is not None for note in notes)
+    lasted = float(np.ptp(run.ticks.t)) if run.ticks.t.size else 0.0
     source = TICK_STREAM if (run.folder / TICK_STREAM).exists() else "ticks.parquet"
     return [
-        (source, f"{run.ticks.t.size} rows, {seconds(_time_span(run.ticks.t))}"),
+        (source, f"{run.ticks.t.size} rows, {seconds(lasted)}"),
         ("profiles", f"of {len(run.profile.curves())} images"),
         ("frames/", f"{len(notes)} images seen, {kept} kept"),
         ("events.jsonl", f"{len(run.events())} events"),
@@ -284,23 +272,18 @@ def _check(item: Mapping[str, Any]) -> tuple[str, str, str]:
 
 def _timing_rows(run: Run) -> Rows:
     """Rows of the images' age and the computing time of the control loop."""
-    age, costs = image_ages(run), run.costs()
-    costs = costs[np.isfinite(costs)]
-    timing = run.header.arm_timing
-    longest = None if timing is None else f"at most {milliseconds(1e-3 * timing.longest_ms)}"
-    named = {"age of the images": age, "computing time of a control cycle": costs}
-    rows = [(name, _median_and_most(times)) for name, times in named.items() if times.size]
-    return [*rows, ("from state to state of the arm", longest)] if longest else rows
-
-
-def _median_and_most(times: Any) -> str:
-    """Text of the median of `times` (n,) [s], and of the largest."""
-    return f"{milliseconds(float(np.median(times)))}, at most {milliseconds(float(times.max()))}"
-
-
-def _time_span(t: Any) -> float:
-    """Time [s] from the first to the last of `t` (n,) [s]."""
-    return float(t[-1] - t[0]) if t.size else 0.0
+    costs, timing = run.costs(), run.header.arm_timing
+    named = {"age of the images": image_ages(run)}
+    named["computing time of a control cycle"] = costs[np.isfinite(costs)]
+    rows = [
+        (name, f"{milliseconds(float(np.median(v)))}, at most {milliseconds(float(v.max()))}")
+        for name, v in named.items()
+        if v.size
+    ]
+    if timing is not None:
+        longest = f"at most {milliseconds(1e-3 * timing.longest_ms)}"
+        rows.append(("from state to state of the arm", longest))
+    return rows
 
 
 def flatten(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -34,19 +34,14 @@ def _sigma_lines(run: Run, *, laid: bool) -> str:
     sigma, source = run.header.sigma.displacement, "stated in run.yaml"
     if laid and run.header.sigma.edge_offset is not None:
         sigma, source = run.header.sigma.edge_offset, "camera"
-    error = _calibration_error(run)
+    calibration, stated = run.calibration(), run.header.calibration
+    error = None if stated is None else stated.error
+    if calibration is not None:
+        error = calibration.residual
     known = "calibration error not recorded"
     if error is not None:
         known = f"± {millimetres(error)} calibration"
     return f"± {millimetres(sigma)} {source}{LINE_BREAK}{known}"
-
-
-def _calibration_error(run: Run) -> float | None:
-    """Error [m] of the run's calibration, or else that in its header."""
-    calibration, stated = run.calibration(), run.header.calibration
-    if calibration is not None:
-        return 1e-3 * calibration.residual_mm
-    return None if stated is None else stated.error
 
 
 def verdict(run: Run) -> str:

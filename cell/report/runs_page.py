@@ -170,21 +170,17 @@ def _shapes(runs: Sequence[Run]) -> str:
         ends = [run.profile.t.max() for run in runs if run.profile.t.size]
         times = np.linspace(0.0, min(ends, default=0.0), SHAPES + 1)[1:]
         for number, run in enumerate(runs):
-            axes.plot(1e3 * run.ticks.x, 1e3 * run.ticks.z, **_path_style(number, run))
+            path, look = (1e3 * run.ticks.x, 1e3 * run.ticks.z), {"color": _colour(number)}
+            axes.plot(*path, **look, lw=1.8, label=_short_name(run))
             curves = run.profile.curves()
             for time in times if curves else ():
                 _, points = min(curves, key=lambda curve: abs(curve[0] - time))
                 near = points[(np.abs(points) < FARTHEST_HAND).all(axis=1)]
                 said = f"{_short_name(run)}, {time:.1f} s"
-                axes.plot(*(1e3 * near).T, color=_colour(number), lw=0.7, gid=said)
+                axes.plot(*(1e3 * near).T, **look, lw=0.7, gid=said)
         axes.set(xlabel="x  [mm]", ylabel="z  [mm]")
         figure.legend(loc="outside lower left", ncols=2)
         return as_svg(figure)
-
-
-def _path_style(number: int, run: Run) -> dict[str, object]:
-    """Style of a run's gripper path in the figure."""
-    return {"color": _colour(number), "lw": 1.8, "label": _short_name(run)}
 
 
 def _colour(number: int) -> str:
