@@ -202,6 +202,7 @@ def print_board(settings: BoardSettings, path: Path) -> str:
 
 
 def _create(path: Path) -> FileIO:
+    """Create the file at `path`; ConfigurationError where something exists there."""
     try:
         return new_file(path)
     except FileExistsError:

@@ -187,6 +187,7 @@ class TouchedPoints:
             self._queue = list(suspects(self._touches, self.lens, self._settings))
 
     def _check_size(self, frame: Frame) -> None:
+        """Raise ConfigurationError for an image of another size than the lens was found with."""
         size = (frame.image.shape[1], frame.image.shape[0])
         if size != (self.lens.width, self.lens.height):
             raise ConfigurationError(

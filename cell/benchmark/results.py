@@ -72,6 +72,7 @@ class BenchmarkSpec(Settings):
 
 
 def _check_names(names: tuple[str, ...], known: tuple[str, ...], option: str) -> tuple[str, ...]:
+    """`names` without repetitions; ConfigurationError, naming the option, for one not `known`."""
     wanted = tuple(dict.fromkeys(names))
     for name in wanted:
         if name not in known:

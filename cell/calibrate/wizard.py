@@ -4,7 +4,7 @@ A session is a folder: what was measured is written at once, it can go on after 
 it can be solved again from its images.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -85,7 +85,8 @@ class Wizard:
         devices, boards, aids = self.devices, self.settings.boards, self.devices.aids
         devices.camera.connect()
         try:
-            source = aids.show_board if aids is not None else _live_images(devices)
+            live = _live_images(devices)
+            source: Source = (lambda _: next(live)) if aids is None else aids.show_board
             first = source(WantedView(0.5, 0.5, boards.sizes[1]))
             if length is None and aids is not None:
                 length = aids.measure_board()
@@ -329,24 +330,19 @@ def _check(interrupted: Interruption) -> None:
         raise Interrupted("the calibration was interrupted")
 
 
-def _live_images(devices: Devices) -> Source:
-    """Source of live images, PERIOD apart, while a person holds the board."""
+def _live_images(devices: Devices) -> Iterator[Frame]:
+    """Yield live images, PERIOD apart, while a person holds the board; Fault if none comes."""
     newest = -1.0
-
-    def look(_: WantedView) -> Frame:
-        nonlocal newest
-        asked = devices.clock.now()
-        while devices.clock.now() < asked + STALL_TIMEOUT:
+    while True:
+        asked, frame = devices.clock.now(), None
+        while frame is None:
+            if devices.clock.now() >= asked + STALL_TIMEOUT:
+                reason = f"no image in {STALL_TIMEOUT:.0f} s; look at the camera's cable"
+                raise Fault("camera_stalled", reason)
             devices.clock.wait_until(devices.clock.now() + PERIOD)
             frame = devices.camera.read(newest, timeout=0.0)
-            if frame is not None:
-                newest = frame.stamp
-                return frame
-        raise Fault(
-            "camera_stalled", f"no image in {STALL_TIMEOUT:.0f} s; look at the camera's cable"
-        )
-
-    return look
+        newest = frame.stamp
+        yield frame
 
 
 class PosesFile(Settings):

@@ -160,7 +160,11 @@ class ProcessPool:
         for running in list(self._running):
             if running.process.pipe in ready:
                 yield from self._receive(running)
-            elif limit is not None and _age(running) > limit:
+            elif (
+                limit is not None
+                and running.started_at is not None
+                and time.monotonic() > running.started_at + limit
+            ):
                 self._remove(running)
                 reason = f"no outcome after {limit:g} s; its process was ended"
                 yield running.key, TimeoutError(reason)
@@ -184,6 +188,7 @@ class ProcessPool:
             process.kill()
 
     def _receive(self, running: _Running) -> Iterator[tuple[Any, Any]]:
+        """Yield the key and result of a call that has ended; nothing for a process now ready."""
         try:
             message = running.process.receive()
         except ChildDied as died:
@@ -205,11 +210,6 @@ class ProcessPool:
         processes = [*self._idle, *(running.process for running in self._running)]
         self._idle, self._running = [], []
         return processes
-
-
-def _age(running: _Running) -> float:
-    """Time [s] that the call has taken; 0 while its process starts."""
-    return 0.0 if running.started_at is None else time.monotonic() - running.started_at
 
 
 @contextmanager

@@ -192,6 +192,7 @@ def _check_finite(values: Array, name: str, origin: str) -> None:
 
 
 def _check_order(t: Array, origin: str, strictly: bool) -> None:
+    """Raise ConfigurationError where times `t` (n,) [s] decrease, or stay if `strictly`."""
     steps = np.diff(t)
     wrong = np.flatnonzero(steps <= 0 if strictly else steps < 0)
     if wrong.size:

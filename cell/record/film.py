@@ -151,6 +151,7 @@ class FilmWriter:
             index_film(self._path)
 
     def _open_stream(self, image: Image) -> Any:
+        """Open the film's stream for images of the size of `image`."""
         options = {"g": str(KEYFRAME_INTERVAL), **QUALITY.get(self._encoder, {})}
         stream = self._container.add_stream(self._encoder, rate=30, options=options)
         stream.height, stream.width = image.shape[:2]

@@ -67,6 +67,7 @@ def new_strip(
 
 
 def _source(text: str) -> tuple[str, str]:
+    """Key and source in `KEY=TEXT`; raises ConfigurationError for other text."""
     key, equals, source = text.partition("=")
     if not equals or key not in SOURCED or not source.strip():
         raise ConfigurationError(

@@ -37,6 +37,7 @@ def fit_figure(fitted: Fit, straight: Fit) -> bytes:
 
 
 def _title(fitted: Fit, straight: Fit) -> str:
+    """Title of the figure: photograph, bending length, and that of a strip born straight."""
     photograph = fitted.photograph
     text = (
         f"{photograph.path.name}, overhang {1e3 * photograph.overhang:.4g} mm: bending length "
@@ -76,6 +77,7 @@ def _zoom_to_ledge(axes: Any, fitted: Fit) -> None:
 
 
 def _draw_residuals(axes: Any, fitted: Fit, straight: Fit) -> None:
+    """Draw the distances of the midline from both fits along the strip."""
     arc = 1e3 * fitted.photograph.arc
     if straight is not fitted:
         axes.plot(arc, 1e3 * straight.misses, color=STRAIGHT_COLOUR, ls="--", label="born straight")

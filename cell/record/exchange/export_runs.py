@@ -39,6 +39,7 @@ def export_runs(folders: Sequence[Path], kind: Format, out: Path) -> tuple[Path,
 
 
 def _write(runs: Sequence[Run], kind: Format, out: Path) -> tuple[Path, ...]:
+    """Write `runs` in the format `kind` into the folder `out`; returns the files or folders."""
     if kind == "mcap":
         from cell.record.exchange.mcap_file import write_mcap
 

@@ -69,46 +69,56 @@ def write_lerobot(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
 
     Raises ConfigurationError where their films have images of several sizes.
     """
-    begin, rows, frames, fps = 0, list[dict[str, Any]](), [], _rate(runs)
+    begin, rows, frames, fps = 0, list[dict[str, Any]](), list[dict[str, Feature]](), _rate(runs)
     tasks = list(dict.fromkeys(TASK.format(run.header.strip) for run in runs))
-    images, shape = list[Mapping[str, Feature]](), tuple[int, ...]()
     for i, run in enumerate(runs):
         count = len(run.ticks.t)
         rows.append(_episode_row(run, i, begin, count))
         counters = _counters(i, begin, count, fps, tasks.index(rows[-1]["tasks"][0]))
         frames.append(_features(run, runs) | counters)
         _write(out / _fill_pattern(DATA, *divmod(i, CHUNK)), _table(frames[-1]))
-        if CAMERA_STAMP in frames[-1]:
-            path = out / _fill_pattern(VIDEO, *divmod(i, CHUNK), CAMERA)
-            size, sample = _write_film(run, path, fps)
-            if images and size != shape:
-                raise ConfigurationError(
-                    f"{run.folder / FILM}: its images have another size than those of "
-                    f"{runs[0].folder}; export these runs apart"
-                )
-            shape = size
-            images.append({CAMERA: sample})
-            film = f"videos/{CAMERA}"
-            ends = {f"{film}/from_timestamp": 0.0, f"{film}/to_timestamp": count / fps}
-            rows[-1] |= _place(film, i) | ends
         begin += count
+    stats, info = _stats(frames), _info(runs, frames[0], begin, len(tasks))
+    if CAMERA_STAMP in frames[0]:
+        info["features"][CAMERA], stats[CAMERA] = _write_films(runs, rows, out, fps)
     episodes = {name: [row[name] for row in rows] for name in rows[0]}
     _write(out / _fill_pattern(EPISODES, 0, 0), pa.table(episodes))
     _write(out / TASKS, _tasks(tasks))
-    stats, info = _stats(frames), _info(runs, frames[0], begin, len(tasks))
-    if images:
-        stats[CAMERA] = {
-            name: values if name == "count" else [[[value]] for value in values]
-            for name, values in _stats(images)[CAMERA].items()
-        }
-        axes = ["height", "width", "channels"]
-        info["features"][CAMERA] = {"dtype": "video", "shape": list(shape), "names": axes}
     replace_file(out / STATS, json.dumps(stats).encode())
     replace_file(out / INFO, json.dumps(info).encode())
     names = mapping_of(runs, _file_and_column)
     names.pop("result", None)  # it comes with the run's documents
     replace_file(out / "meta" / MAPPING, dump_yaml(plain(names)).encode())
     return (out,)
+
+
+def _write_films(
+    runs: Sequence[Run], rows: Sequence[dict[str, Any]], out: Path, fps: int
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Write a film for each run, and its place into its row of meta/episodes.
+
+    Returns the images as a feature of meta/info.json, and statistics of their pixels. Raises
+    ConfigurationError for films with images of several sizes.
+    """
+    samples, film, shape = list[Mapping[str, Feature]](), f"videos/{CAMERA}", tuple[int, ...]()
+    for i, (run, row) in enumerate(zip(runs, rows, strict=True)):
+        path = out / _fill_pattern(VIDEO, *divmod(i, CHUNK), CAMERA)
+        size, sample = _write_film(run, path, fps)
+        if samples and size != shape:
+            raise ConfigurationError(
+                f"{run.folder / FILM}: its images have another size than those of "
+                f"{runs[0].folder}; export these runs apart"
+            )
+        shape = size
+        samples.append({CAMERA: sample})
+        ends = {f"{film}/from_timestamp": 0.0, f"{film}/to_timestamp": row["length"] / fps}
+        row.update(_place(film, i) | ends)
+    stats = {
+        name: values if name == "count" else [[[value]] for value in values]
+        for name, values in _stats(samples)[CAMERA].items()
+    }
+    axes = ["height", "width", "channels"]
+    return {"dtype": "video", "shape": list(shape), "names": axes}, stats
 
 
 def _file_and_column(table: str, column: str) -> tuple[str, str]:
@@ -271,6 +281,7 @@ def _stats(each: Sequence[Mapping[str, Feature]]) -> dict[str, Any]:
 def _info(
     runs: Sequence[Run], features: Mapping[str, Feature], frames: int, tasks: int
 ) -> dict[str, Any]:
+    """Contents of meta/info.json for `runs` with these `features`, numbers of frames and tasks."""
     drivers = runs[0].header.drivers
     return {
         "codebase_version": FORMAT_VERSION,
@@ -358,6 +369,7 @@ class Episode(Source):
         return self._flat() if how.file == EPISODE else self._points()
 
     def _flat(self) -> pa.Table:
+        """Table of the frames, with a column for each component of a vector."""
         columns = dict[str, Any]()
         for name in self.frames.column_names:
             parts = self._components(name)
@@ -369,6 +381,7 @@ class Episode(Source):
         return pa.table(columns)
 
     def _points(self) -> pa.Table:
+        """Table t, i, x, z of the strip's points, without those that no image showed."""
         x, z = (
             np.array([np.asarray(part) for part in self._components(f"observation.profile_{axis}")])
             for axis in "xz"

@@ -237,6 +237,10 @@ def read_columns(
 
 
 def _csv(path: Path, table: Table[Any]) -> pa.Table:
+    """Read the CSV file at `path`; what separates columns and decimals is guessed unless stated.
+
+    Comments are left out, but one before a first row of numbers has the names of the columns.
+    """
     content = read_text(path, LARGEST_TABLE).removeprefix("\ufeff")
     stated = SEPARATOR.match(content)
     rows = COMMENT.sub("", content[stated.end() if stated else 0 :])

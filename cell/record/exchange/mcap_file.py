@@ -69,6 +69,7 @@ def _write(run: Run, path: Path) -> Path:
 
 
 def _write_numbers(writer: "Writer", run: Run) -> None:
+    """Write each table of the run on its own topic, a message a row or a whole profile."""
     for table, columns in run.tables().items():
         numbers: Row = {name: {"type": "number"} for name in columns}
         if table == "profile":

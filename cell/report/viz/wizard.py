@@ -74,6 +74,7 @@ class WizardScreen:
 
 
 def _blueprint() -> Any:
+    """Layout of Rerun's viewer for a calibration: camera, and what is wanted, covered, refused."""
     right = rrb.Vertical(
         rrb.TextDocumentView(origin="/wizard/words", name="what is wanted"),
         rrb.BarChartView(origin="/wizard/coverage", name="covered"),
