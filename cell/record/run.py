@@ -50,7 +50,7 @@ class PartReader:
     `problems` has a line for each part that was left empty.
     """
 
-    lenient: bool
+    lenient: bool = False
     problems: list[str] = field(default_factory=list)
 
     def read(self, part: Callable[[], Part], empty: Part) -> Part:
@@ -92,7 +92,7 @@ class Run:
     ticks: Ticks
     profile: Profile
     result: Result | None
-    reader: PartReader
+    reader: PartReader = field(default_factory=PartReader, compare=False)
     parts: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
     @property
