@@ -44,6 +44,12 @@ def arc_lengths(points: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
+def moving_average(points: Array, window: int) -> Array:
+    """Means (n - window + 1, 2) of each `window` successive ones of `points` (n, 2)."""
+    sums = np.cumsum(np.vstack([np.zeros((1, 2)), points]), axis=0)
+    return np.asarray((sums[window:] - sums[:-window]) / window)
+
+
 def even_points(points: Array, count: int) -> Array:
     """Points (count, 2) at equal arc lengths along the polyline through `points` (n, 2)."""
     travel = arc_lengths(points)

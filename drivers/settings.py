@@ -5,10 +5,11 @@ import operator
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
 from drivers.errors import ConfigurationError, suggestion
@@ -36,6 +37,25 @@ class Settings(BaseModel):
     """Base class of all settings: frozen, unknown keys forbidden, finite numbers only."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class StudyResult(Settings):
+    """Base class of the data files that a study of the laboratory fits and writes.
+
+    `source` says from what, `belongs_to` is the place of the file.
+    """
+
+    schema_: Literal[1] = Field(1, alias="schema")
+    source: str
+    belongs_to: str
+
+    @classmethod
+    @cache
+    def shipped(cls) -> Self:
+        """Content of the file that ships with the package, `FILE` of the class."""
+        return load(cls.FILE, cls)
+
+    FILE: ClassVar[Path]
 
 
 S = TypeVar("S", bound=BaseModel)

@@ -82,7 +82,7 @@ class Misses:
     untouched: int
 
     @classmethod
-    def of(cls, displacement: Array) -> Self:
+    def from_displacements(cls, displacement: Array) -> Self:
         """Statistics of `displacement` (..., n) [m], NaN for folds without a touch."""
         d = np.abs(displacement[np.isfinite(displacement)])
         lost = displacement.size - d.size
@@ -116,8 +116,8 @@ def roll_out(
         rng=rng,
         profile=settings.profile,
     )
-    loop = _Loop(engine, settings, camera)
-    loop.lift(policy.lift(), len(models))
+    loop = _Loop(engine, settings, camera, len(models))
+    loop.lift(policy.lift())
     decisions = round(settings.patience * strip.length / settings.speed * settings.rate)
     for _ in range(decisions):
         decision = policy.decide(loop.camera.observe(loop.time, loop.poses[:, :2]))
@@ -129,27 +129,29 @@ def roll_out(
 class _Loop:
     """Closed loop of grippers and strips: advances their state between decisions."""
 
-    def __init__(self, engine: Stepper, settings: Rollout, camera: SimulatedCamera) -> None:
+    def __init__(
+        self, engine: Stepper, settings: Rollout, camera: SimulatedCamera, count: int
+    ) -> None:
+        """Loop of `count` folds before their lift."""
         self.camera = camera
         self.time = 0.0
-        self.poses: Array = np.zeros((0, 3))
+        self.poses: Array = np.zeros((count, 3))
         self._engine = engine
         self._settings = settings
         self._dt = settings.period / settings.substeps
-        self._velocity: Array = np.zeros((0, 2))
-        self._lifted: NDArray[np.bool_] = np.zeros(0, dtype=bool)
-        self._force: Array = np.zeros((2, 0))  # sums over the whole fold, and from the take-over on
-        self._periods: Array = np.zeros((2, 0))
+        self._velocity: Array = np.zeros((count, 2))
+        self._lifted: NDArray[np.bool_] = np.zeros(count, dtype=bool)
+        # sums over the whole fold, and from the take-over on
+        self._force, self._periods = np.zeros((2, count)), np.zeros((2, count))
         self._trace: list[Array] = []
         self._touch: tuple[Touch | None, ...] = ()
-        self._folding: NDArray[np.bool_] = np.zeros(0, dtype=bool)
+        self._folding: NDArray[np.bool_] = np.zeros(count, dtype=bool)
         self._step_all = engine.advance if isinstance(engine, MultiStepper) else self._step_each
 
-    def lift(self, path: Path, count: int) -> None:
-        """Move `count` grippers along `path` from rest up to the take-over height."""
+    def lift(self, path: Path) -> None:
+        """Move all grippers along `path` from rest up to the take-over height."""
+        count = len(self.poses)
         height = min(TAKEOVER_HEIGHT, LIFT_SHARE * float(path.points[:, 1].max()))
-        self._force, self._periods = np.zeros((2, count)), np.zeros((2, count))
-        self._lifted = np.zeros(count, dtype=bool)
         travel, speed = 0.0, 0.0
         while path.at(travel)[1] < height:
             travels = []

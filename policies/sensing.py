@@ -2,12 +2,11 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from pydantic import Field
 
-from drivers.settings import Settings, load
+from drivers.settings import StudyResult
 from drivers.strip.engine import Observables
 from drivers.types import Array
 from policies.policy import Observation
@@ -66,13 +65,13 @@ EXACT_SENSING = Sensing(
 )
 
 
-class ImageNoise(Settings):
+class ImageNoise(StudyResult):
     """Content of `sensing.yaml`: measured noise and biases of the simulated cell's images.
 
     Fields are as in `Sensing`. Written by `python -m tests.lab study perception`.
     """
 
-    schema_: Literal[1] = Field(1, alias="schema")
+    FILE = Path(__file__).with_suffix(".yaml")
     contact_sigma: float
     contact_bias: float
     tip_sigma: float
@@ -82,8 +81,6 @@ class ImageNoise(Settings):
     profile_bias: float
     wild: float
     strips: int
-    source: str
-    belongs_to: str
 
     def sensing(self) -> Sensing:
         """Noise model with this noise and the delays of a calibrated camera."""
@@ -91,7 +88,7 @@ class ImageNoise(Settings):
         return Sensing(**sizes, delay=(0.02, 0.04), delay_error=0.002)
 
 
-IMAGE_SENSING = load(Path(__file__).with_suffix(".yaml"), ImageNoise).sensing()
+IMAGE_SENSING = ImageNoise.shipped().sensing()
 TRAINING = replace(
     IMAGE_SENSING,
     delay=(0.0, 0.06),

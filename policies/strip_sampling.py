@@ -95,27 +95,20 @@ def strip_under_condition(
     """Draw a strip of `length` [m] with the effect that `condition`, one of CONDITIONS, names."""
     if condition == "nothing":
         return plain_strip(rng, length)
-    if condition == "friction":
-        return plain_strip(rng, length, **{FRICTION_EFFECT: _textile_friction(rng)})
-    return plain_strip(rng, length, **{condition: draw_effect(condition, rng, length)})
+    name = FRICTION_EFFECT if condition == "friction" else condition
+    return plain_strip(rng, length, **{name: draw_effect(name, rng, length)})
 
 
 def random_strip(rng: np.random.Generator, length: float = STRIP_LENGTH) -> StripFile:
     """Draw a strip as operators may bring one: many have yarn friction, some another effect."""
     effects: dict[str, Mapping[str, float]] = {}
     if rng.uniform() < FRICTION_SHARE:
-        effects[FRICTION_EFFECT] = _textile_friction(rng)
+        effects[FRICTION_EFFECT] = draw_effect(FRICTION_EFFECT, rng, length)
     if rng.uniform() < OTHER_SHARE:
         frequencies = np.array([*EFFECTS.values()])
         name = str(rng.choice(list(EFFECTS), p=frequencies / frequencies.sum()))
         effects[name] = draw_effect(name, rng, length)
     return plain_strip(rng, length, **effects)
-
-
-def _textile_friction(rng: np.random.Generator) -> dict[str, float]:
-    """Yarn friction over the range of textiles."""
-    curvature = registry()[FRICTION_EFFECT].textile["yield_curvature"]
-    return draw_friction(rng, curvature.low, curvature.high)
 
 
 def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:

@@ -85,7 +85,10 @@ class RangeNumbers(Misses):
         """Statistics of `folds` over the paper's range."""
         if folds is None:
             return cls(NAN, NAN, NAN, 0, NAN)
-        return cls(**asdict(Misses.of(folds.displacement_grid)), force=float(np.mean(folds.force)))
+        return cls(
+            **asdict(Misses.from_displacements(folds.displacement_grid)),
+            force=float(np.mean(folds.force)),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +141,7 @@ def spread(folds: tuple[ImageFold, ...]) -> float:
 
 def misses_text(folds: EffectFolds) -> str:
     """|d| of `folds` as text [mm]: mean, 95 % and worst, and the number without a touch."""
-    found = Misses.of(np.array(folds.displacement, dtype=np.float64))
+    found = Misses.from_displacements(np.array(folds.displacement, dtype=np.float64))
     if np.isnan(found.mean):
         return NO_VALUE
     text = " / ".join(map(numeral, (found.mean, found.quantile_95, found.worst)))

@@ -24,8 +24,8 @@ from drivers.twin.open import (
     Desk,
     ExternalArm,
     open_desk,
-    strip_weight,
     thickness_between_fingers,
+    weight_on_gripper,
 )
 from drivers.types import Frame, frozen
 
@@ -134,7 +134,7 @@ def _start_robot(settings: CellFile, strip: StripFile, desk: Desk) -> RobotServe
     server = RobotServer(
         mechanics,
         start=frozen(start),
-        push=lambda *_: strip_weight(desk, frame),
+        push=lambda *_: weight_on_gripper(desk, frame),
         between=lambda: thickness_between_fingers(desk, settings.twin.hand),
         solids=floor_of(installation),
     )

@@ -38,7 +38,7 @@ from cell.orchestrator.steps import (
 from cell.orchestrator.wait_until_still import wait_until_still
 from cell.perception.camera_watch import UNWATCHED
 from cell.perception.image_reader import ImageResult, ImageTask, Reader
-from cell.perception.laid_fold import Loop, edge_offset, laid_length, laid_weights
+from cell.perception.laid_fold import LaidWeights, Loop, edge_offset, laid_length
 from cell.perception.length_checks import LengthCheck, compare_grip, held_end_offset
 from cell.perception.preflight import PreflightCheck, camera_check
 from cell.perception.strip_measurement import SeenTouch, StripMeasurement
@@ -199,7 +199,10 @@ def release(context: FoldContext, record: Recorder, _: Snapshot) -> Phase:
     context.released = True
     if loop is not None:
         context.edge_offset = edge_offset(length, thickness, loop)
-        spreads = {"map, twice": 2.0 * context.calibration.residual, "loop": laid_weights().rms}
+        spreads = {
+            "map, twice": 2.0 * context.calibration.residual,
+            "loop": LaidWeights.shipped().rms,
+        }
         context.witnesses.append(LengthCheck("edges", context.edge_offset + pose.x, spreads))
     facts = {} if loop is None else {"loop": loop._asdict()}
     record.event(snapshot.time, "edges_seen", edge_offset=context.edge_offset, **facts)

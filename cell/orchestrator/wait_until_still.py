@@ -8,6 +8,7 @@ from cell.orchestrator.lay import HANGING
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Hold, Snapshot
 from cell.orchestrator.steps import Motion, move, wait_for
+from drivers.geometry import moving_average
 from drivers.types import Array, Pose
 from policies.profile import image_profile
 
@@ -63,6 +64,5 @@ class Swing:
     def _travel(self) -> float:
         """Largest distance [m] of the profile's running mean from its mean over all images."""
         means = np.array([mean for _, mean in self._seen])
-        sums = np.cumsum(np.concatenate([np.zeros((1, 2)), means]), axis=0)
-        smooth = (sums[AVERAGED_IMAGES:] - sums[:-AVERAGED_IMAGES]) / AVERAGED_IMAGES
+        smooth = moving_average(means, AVERAGED_IMAGES)
         return float(np.hypot(*(smooth - means.mean(axis=0)).T).max())

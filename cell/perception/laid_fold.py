@@ -1,16 +1,13 @@
 """Offset between the edges of a laid fold, from the size of its loop in an image."""
 
-from functools import cache
 from pathlib import Path
-from typing import Literal, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
-from pydantic import Field
 
 from cell.perception.strip_measurement import StripMeasurement
-from drivers.settings import Settings, load
+from drivers.settings import StudyResult
 
-WEIGHTS_FILE = Path(__file__).with_suffix(".yaml")
 PROFILE_STRIDE = 8  # points of the profile, some 2 cm
 TOP = 5  # points of the profile whose mean height is the loop's
 
@@ -31,33 +28,25 @@ class Loop(NamedTuple):
         return cls(float(tip_x), float(heights[-TOP:].mean()), tip_x - measurement.contact_x)
 
 
-class LaidWeights(Settings):
+class LaidWeights(StudyResult):
     """Linear model of the strip length [m] that a fold's loop takes up, with the source of its fit.
 
     A constant [m], and per m of its height, its width and the strip's thickness. Written by
     `python -m tests.lab study unknown`, with what it was fitted to.
     """
 
-    schema_: Literal[1] = Field(1, alias="schema")
+    FILE = Path(__file__).with_suffix(".yaml")
     constant: float
     height: float
     width: float
     thickness: float
     rms: float
     folds: int
-    source: str
-    belongs_to: str
 
     def excess_length(self, loop: Loop, thickness: float) -> float:
         """Strip length [m] that a `loop` takes up, for layers of `thickness` [m]."""
         seen = self.constant + self.height * loop.height + self.width * loop.width
         return seen + self.thickness * thickness
-
-
-@cache
-def laid_weights() -> LaidWeights:
-    """Load the model of a fold's loop that ships with the package."""
-    return load(WEIGHTS_FILE, LaidWeights)
 
 
 def laid_length(measurement: StripMeasurement) -> float:
@@ -80,4 +69,4 @@ def edge_offset(length: float, thickness: float, loop: Loop) -> float:
     left leaves 2 mm more for the upper layer. What the loop holds follows from its size as seen,
     whatever made it: stiffness, friction between yarns, or a law that nobody knows.
     """
-    return length - 2.0 * loop.tip_x + laid_weights().excess_length(loop, thickness)
+    return length - 2.0 * loop.tip_x + LaidWeights.shipped().excess_length(loop, thickness)

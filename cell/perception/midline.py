@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from drivers.errors import ConfigurationError
-from drivers.geometry import even_points
+from drivers.geometry import even_points, moving_average
 from drivers.types import Array, Image
 
 WORKING_HEIGHT = 1200  # px; larger pictures are shrunk for tracing, then refined in full size
@@ -118,9 +118,7 @@ def _smooth(points: Array, reach: int) -> Array:
     """Moving average of points (n, 2) over 2 reach + 1 of them; the end points stay."""
     before = 2 * points[0] - points[reach:0:-1]  # the points mirrored at either end
     after = 2 * points[-1] - points[-2 : -reach - 2 : -1]
-    sums = np.cumsum(np.vstack([np.zeros((1, 2)), before, points, after]), axis=0)
-    window = 2 * reach + 1
-    return cast(Array, (sums[window:] - sums[:-window]) / window)
+    return moving_average(np.vstack([before, points, after]), 2 * reach + 1)
 
 
 def _centre(grey: Image, points: Array, width: float) -> Array:

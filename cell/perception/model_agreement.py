@@ -1,16 +1,14 @@
 """Agreement of a strip with its model: fits a simulated rod to profiles measured in images."""
 
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from typing import Literal, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
 from drivers.robust import MAD
-from drivers.settings import Settings, load
+from drivers.settings import StudyResult
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
@@ -84,7 +82,6 @@ class MeasuredFold(NamedTuple):
         return place
 
 
-LIMITS = Path(__file__).with_suffix(".yaml")
 DT = 0.005  # s of a step
 SHAPE_STRIDE = 2  # steps between two shapes
 SEGMENTS = 60  # segments of the rod
@@ -98,25 +95,17 @@ BIAS_SIGMA, STAMP_SIGMA = 0.0005, 0.005  # m, s: sigma of the images' bias and o
 IMAGE_SIGMAS = np.array([BIAS_SIGMA, BIAS_SIGMA, BIAS_SIGMA, STAMP_SIGMA])
 
 
-class AgreementLimits(Settings):
+class AgreementLimits(StudyResult):
     """Largest `residual` [m] and `yield_curvature` [1/m] of a strip that behaves like its model.
 
     Written by `python -m tests.lab study agreement`: a `share` of such folds stays below.
     """
 
-    schema_: Literal[1] = Field(1, alias="schema")
+    FILE = Path(__file__).with_suffix(".yaml")
     residual: float
     yield_curvature: float
     share: float
     folds: int
-    source: str
-    belongs_to: str
-
-
-@cache
-def agreement_limits() -> AgreementLimits:
-    """Load the limits of a strip's agreement with its model that ship with the package."""
-    return load(LIMITS, AgreementLimits)
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +118,7 @@ class Agreement:
     @property
     def like_model(self) -> bool:
         """Whether both values are within the limits, so that the policy's strip model applies."""
-        most = agreement_limits()
+        most = AgreementLimits.shipped()
         return self.residual <= most.residual and self.yield_curvature <= most.yield_curvature
 
     def sentence(self) -> str:
@@ -143,7 +132,7 @@ class Agreement:
 
     def _reason(self) -> str:
         """Text that names the value beyond its limit."""
-        most, off, friction = agreement_limits(), 1e3 * self.residual, self.yield_curvature
+        most, off, friction = AgreementLimits.shipped(), 1e3 * self.residual, self.yield_curvature
         if self.residual > most.residual:
             return f"its profile is {off:.1f} mm off, up to {1e3 * most.residual:.1f} mm are usual"
         return (

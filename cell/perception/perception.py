@@ -118,7 +118,7 @@ class Perception:
 
     def _mask(self, smooth: Image, region: Region) -> Image:
         """Mask (h, w) of the strip, 255 inside, from smoothed matte levels (h, w) of `region`."""
-        zone, high = region.of(self._zone), region.of(self._above_shadow)
+        zone, high = region.crop(self._zone), region.crop(self._above_shadow)
         return silhouette(smooth, self._faint, zone, high, self._sizes.hanging)
 
     def _curve(

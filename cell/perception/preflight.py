@@ -289,5 +289,5 @@ def _matte_of(scene: Segmenter, image: Image) -> Image:
     """Matte levels (h, w) of the full `image` (h, w, 3), where no hand hides the strip."""
     levels = np.full(image.shape[:2], ZERO_LEVEL, np.uint8)
     part, region = scene.levels(image, Region.whole(image), np.full_like(levels, 255))
-    region.of(levels)[:] = part
+    region.crop(levels)[:] = part
     return levels

@@ -90,7 +90,7 @@ class Region:
         """Image point (2,) u, v [px] of the region's first pixel."""
         return np.array([self.left, self.top], dtype=np.float64)
 
-    def of(self, image: NDArray[T]) -> NDArray[T]:
+    def crop(self, image: NDArray[T]) -> NDArray[T]:
         """View of the pixels of `image` (height, width, ...) within the region."""
         return image[self.top : self.bottom, self.left : self.right]
 

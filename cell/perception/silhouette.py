@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cell.perception.kernels import LEVEL_SPAN, ZERO_LEVEL, Offsets, silhouette_of
 from cell.perception.region import Sizes
+from drivers.geometry import moving_average
 from drivers.types import Array, Image
 
 SOLID = 0.35  # share of strip from which a pixel belongs to it, near the desk
@@ -94,7 +95,8 @@ def outer_side(mask: Image, contact: Array, grip: Grip, step: int, sizes: Sizes)
     end = int(np.argmax(cut)) if cut.any() else int(np.argmin(np.hypot(*(ring - grip.point).T)))
     if end < 3 * step:
         return None
-    smooth = _smooth(ring, AVERAGE)
+    wrapped = np.vstack([ring[-AVERAGE:], ring, ring[:AVERAGE]])
+    smooth = moving_average(wrapped, 2 * AVERAGE + 1)
     tangent = np.roll(smooth, -2, axis=0) - np.roll(smooth, 2, axis=0)
     speed = np.hypot(*tangent.T)
     picked = np.arange(0, end + 1, step)
@@ -103,14 +105,6 @@ def outer_side(mask: Image, contact: Array, grip: Grip, step: int, sizes: Sizes)
     normals = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
     missing = 0.0 if cut.any() else float(np.hypot(*(ring[end] - grip.point)))
     return Side(smooth[picked], normals[picked], missing)
-
-
-def _smooth(ring: Array, reach: int) -> Array:
-    """Moving average over 2 reach + 1 points of a closed outline (n, 2)."""
-    wrapped = np.vstack([ring[-reach:], ring, ring[:reach]])
-    sums = np.cumsum(np.vstack([np.zeros((1, 2)), wrapped]), axis=0)
-    window = 2 * reach + 1
-    return np.asarray((sums[window:] - sums[:-window]) / window)
 
 
 def _body(mask: Image, contact: Array, gripper: Array, sizes: Sizes) -> Array | None:

@@ -66,7 +66,7 @@ def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPict
         if calibration is not None and _matches_size(recorded, calibration):
             window = window_on(run.ticks, calibration)
             image = _with_sight(recorded, note, run, calibration)
-            image = window.of(_with_outline(image, note.sequence, outlines))
+            image = window.crop(_with_outline(image, note.sequence, outlines))
         pictures.append(_key_picture(image, WIDTH, _caption(note, run), note))
     return tuple(pictures)
 

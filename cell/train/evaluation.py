@@ -72,7 +72,11 @@ class EffectErrors:
     def facts(self) -> dict[str, float | int]:
         """Bias, mean, 95 % quantile and largest |d| [m], and how many folds did not touch."""
         d = self.displacement
-        return {"strips": len(d), "bias": float(np.nanmean(d)), **miss_numbers(Misses.of(d))}
+        return {
+            "strips": len(d),
+            "bias": float(np.nanmean(d)),
+            **miss_numbers(Misses.from_displacements(d)),
+        }
 
 
 def miss_numbers(misses: Misses) -> dict[str, float | int]:
@@ -98,7 +102,7 @@ def evaluate(
     found = {engine: np.array([rows[engine, row] for row in range(side)]) for engine in ENGINES}
     half = 0.5 * grid(side)[0].length
     return tuple(
-        Evaluation(engine, d, Misses.of(np.where(np.isnan(d), half, d)))
+        Evaluation(engine, d, Misses.from_displacements(np.where(np.isnan(d), half, d)))
         for engine, d in found.items()
     )
 

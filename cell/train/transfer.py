@@ -88,7 +88,7 @@ def transfer(
             f"{folder}: {len(rows)} of {count} folds came to their end, {COMPLETE_SHARE:.0%} are "
             "needed; see the reasons in its journal"
         )
-    bias, quality = fit_transfer(FoldedBatch.of(rows))
+    bias, quality = fit_transfer(FoldedBatch.from_rows(rows))
     origin = {"transfer": bias.facts(), "seed": seed, "code": code(), "left_out": asdict(quality)}
     save_critic(out, critic, facts | {THROUGH_IMAGES: origin})
     return {"checkpoint": str(out), **{key: origin[key] for key in ("transfer", "left_out")}}

@@ -19,16 +19,11 @@ from drivers.types import Array
 
 AXES = 7
 JOINT_SPEED = 0.5  # rad/s
-JOINT_ACCELERATION = 1.5  # rad/s^2
-JOINT_JERK = 50.0  # rad/s^3 at any share of full speed
-HARD_ACCELERATION, HARD_JERK = 8.0, 2000.0  # rad/s^2, rad/s^3 of a stop out of contact
-HARD_GAIN = 30.0  # 1/s, likewise: stable with commands lost for 15 ms
 ROUNDING = 3e-7  # rad: more than the rounding of the state
 ACCELERATION_ROUNDING = 1e-6  # rad/s^2, likewise
 GOAL_TOLERANCE = 5e-5  # rad from the goal, below which the motion has arrived
 REST_RATE = 1e-3  # rad/s at which the robot may be commanded to stand
 APPROACH_GAIN = 3.0  # 1/s, speed over the remaining distance
-RATE_GAIN = 12.0  # 1/s, gain from an error of a joint's rate to its acceleration
 ELBOW_GAIN = 20.0  # 1/s, bandwidth of the elbow's return to its angle
 
 Numbers = list[float]
@@ -88,6 +83,22 @@ class JointSetpoint(NamedTuple):
         return reported._replace(position=position) if rounded else reported
 
 
+class RateLimits(NamedTuple):
+    """Limits of a joint's rate as it changes: acceleration [rad/s^2], jerk [rad/s^3].
+
+    `gain` [1/s] is from an error of the rate to the acceleration.
+    """
+
+    acceleration: float
+    jerk: float
+    gain: float
+
+
+GENTLE = RateLimits(acceleration=1.5, jerk=50.0, gain=12.0)
+HARD = RateLimits(acceleration=8.0, jerk=2000.0, gain=30.0)
+"""For a stop out of contact; its gain is stable with commands lost for 15 ms."""
+
+
 class JointMotion:
     """Generator of joint setpoints (7,) [rad] on the way to a goal, one per tick.
 
@@ -104,8 +115,8 @@ class JointMotion:
         self._input = _planner_input(start, goal, share)
         self._output = ruckig.OutputParameter(AXES)
         self._goal: Numbers | None = goal
-        self._speed, self._acceleration = share * JOINT_SPEED, share * JOINT_ACCELERATION
-        self._jerk, self._rate_gain = JOINT_JERK, RATE_GAIN
+        self._speed = share * JOINT_SPEED
+        self._limits = GENTLE._replace(acceleration=share * GENTLE.acceleration)
         self._time = state.time.to_sec()
         self._here, self._sent = JointSetpoint(start, [0.0] * AXES, [0.0] * AXES), start
         self._planned, self._missed = True, False
@@ -138,13 +149,10 @@ class JointMotion:
         self._here = self._here.followed_by(state, self._sent, ticks)
 
     def brake(self, *, hard: bool = False) -> None:
-        """From now on brake to rest in any posture; if `hard`, at HARD_ACCELERATION."""
-        self._goal, self._acceleration = None, JOINT_ACCELERATION
-        if hard:
-            self._acceleration, self._jerk = HARD_ACCELERATION, HARD_JERK
-            self._rate_gain = HARD_GAIN
-        self._input.max_acceleration = [self._acceleration] * AXES
-        self._input.max_jerk = [self._jerk] * AXES
+        """From now on brake to rest in any posture, within GENTLE or, if `hard`, HARD limits."""
+        self._goal, self._limits = None, HARD if hard else GENTLE
+        self._input.max_acceleration = [self._limits.acceleration] * AXES
+        self._input.max_jerk = [self._limits.jerk] * AXES
         self._input.control_interface = ruckig.ControlInterface.Velocity
         self._input.target_velocity = self._input.target_acceleration = [0.0] * AXES
 
@@ -172,8 +180,8 @@ class JointMotion:
         self, position: float, rate: float, acceleration: float, target_rate: float
     ) -> float:
         """Setpoint [rad] of one joint that approaches `target_rate` [rad/s]."""
-        target = _clip(self._rate_gain * (target_rate - rate), self._acceleration)
-        acceleration += _clip(target - acceleration, self._jerk * TICK)
+        target = _clip(self._limits.gain * (target_rate - rate), self._limits.acceleration)
+        acceleration += _clip(target - acceleration, self._limits.jerk * TICK)
         return position + TICK * (rate + TICK * acceleration)
 
 
@@ -353,8 +361,8 @@ def _planner_input(start: Numbers, goal: Numbers, share: float) -> ruckig.InputP
     planned.current_position, planned.target_position = start, goal
     planned.current_velocity = planned.current_acceleration = [0.0] * AXES
     planned.max_velocity = [share * JOINT_SPEED] * AXES
-    planned.max_acceleration = [share * JOINT_ACCELERATION] * AXES
-    planned.max_jerk = [JOINT_JERK] * AXES
+    planned.max_acceleration = [share * GENTLE.acceleration] * AXES
+    planned.max_jerk = [GENTLE.jerk] * AXES
     return planned
 
 

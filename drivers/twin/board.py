@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from drivers.errors import ConfigurationError
-from drivers.twin.renderer.optics import Optics, Pixels, blur, noisy
+from drivers.twin.renderer.optics import Optics, Pixels, axis_rotations, blur, noisy
 from drivers.twin.renderer.stage import bgr, light
 from drivers.twin.settings import CameraSettings
 from drivers.types import Array, BoardPlacement, Frame, Image
@@ -26,24 +26,16 @@ def board_pose(
 
     The board's frame has its origin at the centre, x to the right, y down, z into the board.
     """
-    optics = Optics.of(settings)
+    optics = Optics.from_settings(settings)
     distance = optics.focal * board.getChessboardSize()[0] * board.getSquareLength()
     distance /= placement.size * settings.width
     at = np.array([placement.x * settings.width, placement.y * settings.height], dtype=np.float32)
     ray = np.array([float(part[0]) for part in optics.rays(at[:1], at[1:])])
+    about_x, about_y, about_z = axis_rotations(placement.tilt, placement.turn, placement.roll)
     pose = np.eye(4)
-    pose[:3, :3] = optics.rotation.T @ _rotation(placement.tilt, placement.turn, placement.roll)
+    pose[:3, :3] = optics.rotation.T @ (about_y.T @ about_x.T @ about_z)
     pose[:3, 3] = optics.centre + ray / float(ray @ optics.rotation[2]) * distance
     return pose
-
-
-def _rotation(tilt: float, turn: float, roll: float) -> Array:
-    """Rotation (3, 3) of a board from facing the camera by the angles of a BoardPlacement [rad]."""
-    ct, st, cy, sy, cr, sr = (f(a) for a in (tilt, turn, roll) for f in (np.cos, np.sin))
-    about_x = np.array([[1, 0, 0], [0, ct, -st], [0, st, ct]]).T
-    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]]).T
-    about_z = np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
-    return np.asarray(about_y @ about_x @ about_z)
 
 
 def board_frame(
@@ -58,7 +50,7 @@ def board_frame(
     Noise depends on `seed` and `sequence`. Raises ConfigurationError for a board that is behind
     the camera.
     """
-    optics = Optics.of(settings)
+    optics = Optics.from_settings(settings)
     image = np.empty((settings.height, settings.width, 3), np.uint8)
     glow = light(settings)[..., None]
     image[:] = bgr(settings.surroundings.backdrop) * glow

@@ -130,7 +130,7 @@ def displaced_optics(
     shift would appear without.
     """
     shift = observation.shift_x, observation.shift_z
-    moved = Optics.of(settings).displace(observation.scale, shift)
+    moved = Optics.from_settings(settings).displace(observation.scale, shift)
     return moved.displace(0.0, (0.0, desk_height))
 
 

@@ -109,7 +109,7 @@ def open_desk(
         staging.view(world),
         clock,
         settings.camera,
-        StripLook.of(plant, look.pattern),
+        StripLook.from_file(plant, look.pattern),
         seed,
         model.observation,
         model.rig.desk_height,
@@ -127,7 +127,7 @@ def thickness_between_fingers(desk: Desk, settings: HandSettings) -> float | Non
     return None
 
 
-def strip_weight(desk: Desk, frame: CellInRobot) -> Array:
+def weight_on_gripper(desk: Desk, frame: CellInRobot) -> Array:
     """Weight (3,) [N] of the lifted strip on the gripper, in the base of a robot in `frame`."""
     return np.asarray(frame.matrix[:3, :3] @ (0.0, 0.0, -desk.world.load), dtype=np.float64)
 

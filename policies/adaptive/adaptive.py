@@ -2,7 +2,6 @@
 
 import math
 from collections import deque
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +10,9 @@ from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 from drivers.types import Array
 from policies.adaptive.bias import Bias
-from policies.adaptive.critic import Critic, Prediction, median_prediction
+from policies.adaptive.critic import Critic, Memory, Prediction, median_prediction
 from policies.adaptive.features import REFERENCE_LENGTH, Features
+from policies.follower import LEAD, LOOK_AHEAD
 from policies.path import Path, vertical_lift
 from policies.policy import Decision, Observation
 from policies.prediction import FoldPrediction
@@ -23,8 +23,6 @@ RECENT_PREDICTIONS = 5  # newest predictions, whose median is reported
 LENGTH_RANGE = (0.45, 0.75)  # m, of strips that the critic was trained on
 SPEED, SPEED_TOLERANCE = 0.1, 0.015  # m/s, of folds that the critic was trained on
 BLIND_RISE = 0.07  # of the length, rise without any prediction: that of the policy `shifted`
-LOOK_AHEAD = 0.01  # m over which a cross-track error is corrected
-LEAD = 0.04  # s of preview: half the time in which a gripper turns a corner
 HIGHEST = 1 / 6  # of the length, largest rise
 LEVELLING_HEIGHT = 0.02  # m of height, under which the gripper goes level
 PAST = -0.15  # x over the length, at which a fold has ended
@@ -57,24 +55,11 @@ class Steering:
         return Decision(direction, speed, np.zeros(len(x)), done)
 
 
-class Fold(NamedTuple):
-    """State of n folds in progress, at the last decision.
-
-    `rise` (n,) [m] of the line z = x + rise along which each gripper descends, `memory` (n, units)
-    summed over `counted` (n,) images, `time` (n,) [s] of the decision.
-    """
-
-    rise: Array
-    memory: Array
-    counted: Array
-    time: Array
-
-
 class Adaptive:
     """Policy that descends along z = x + rise, as the critic predicts zero displacement for it.
 
-    After BLIND_TIME without an image of sufficient confidence, `blind` is set and the rise goes
-    to that of the policy `shifted`.
+    `rise` (n,) [m] are those of the n grippers' lines. After BLIND_TIME without an image of
+    sufficient confidence, `blind` is set and the rise goes to that of the policy `shifted`.
     """
 
     name = "adaptive"
@@ -84,14 +69,10 @@ class Adaptive:
         self.critic = critic
         self.bias = bias or Bias()
         self._seen, self._unseen = 0.0, 0.0
-        self.predicted: Prediction | None = None
         self._recent: deque[Prediction] = deque(maxlen=RECENT_PREDICTIONS)
         self.blind: NDArray[np.bool_] = np.zeros(0, dtype=bool)
-        self._length = REFERENCE_LENGTH
         self._thickness: float | None = None
-        self._steering = Steering(REFERENCE_LENGTH, SPEED, 1)
-        self._features = Features(REFERENCE_LENGTH, 1)
-        self._fold: Fold = _initial_fold(REFERENCE_LENGTH, 1, critic.memory)
+        self._begin(REFERENCE_LENGTH, SPEED, 1)
 
     def correct(self, seen: float, unseen: float) -> None:
         """Correct by biases [m]: `seen`, measured less predicted, `unseen`, true less measured."""
@@ -103,21 +84,22 @@ class Adaptive:
         Raises ConfigurationError for a length or speed that the critic was not trained for.
         """
         _check_range(strip.length, speed)
-        self._length, self.predicted = strip.length, None
         self._recent.clear()
         self._thickness = None if "thickness" in strip.spread else strip.thickness
-        self._steering = Steering(strip.length, speed, count)
-        self._features = Features(strip.length, count)
-        self._fold = _initial_fold(strip.length, count, self.critic.memory)
+        self._begin(strip.length, speed, count)
+
+    def _begin(self, length: float, speed: float, count: int) -> None:
+        """Begin `count` folds of strips of `length` [m] at `speed` [m/s], before any image."""
+        self._length = length
+        self._steering = Steering(length, speed, count)
+        self._features = Features(length, count)
+        self._memory = Memory(count, self.critic.memory)
+        self.rise: Array = np.full(count, BLIND_RISE * length)
+        self._decided: Array = np.full(count, np.nan)  # times (n,) [s] of the last decision
 
     def lift(self) -> Path:
         """Path of the lift: vertical at first, so that the strip is not pushed along the desk."""
         return vertical_lift(self._length)
-
-    @property
-    def rise(self) -> Array:
-        """Rises (n,) [m] of the lines z = x + rise along which the grippers descend."""
-        return self._fold.rise
 
     def prediction(self) -> FoldPrediction | None:
         """Predicted displacement and strip of the batch's first fold; None before a decision."""
@@ -138,21 +120,17 @@ class Adaptive:
         inputs = self._features.inputs(observation, self.rise, self._steering.descending)
         prediction = self._predict(inputs, fresh)
         self.blind = observation.time - self._features.newest > BLIND_TIME
-        self._fold = self._fold._replace(
-            rise=self._smooth_rise(prediction, observation.time), time=observation.time
-        )
+        self.rise = self._smooth_rise(prediction, observation.time)
+        self._decided = observation.time
         return self._steering.decide(observation.x, observation.z, self.rise)
 
     def _predict(self, inputs: Array, fresh: NDArray[np.bool_]) -> Prediction:
         """Prediction from `inputs` (n, COUNT); inputs of `fresh` images (n,) enter the memory."""
         whitened = self.critic.whiten(inputs)
-        memory = self._fold.memory + fresh[:, None] * self.critic.memorise(whitened)
-        counted = self._fold.counted + fresh
-        self._fold = self._fold._replace(memory=memory, counted=counted)
-        mean_memory = memory / np.maximum(counted, 1)[:, None]
-        self.predicted = self.critic.predict(whitened, mean_memory)
-        self._recent.append(self.predicted)
-        return self.predicted
+        memory = self._memory.add(self.critic.memorise(whitened), fresh)
+        prediction = self.critic.predict(whitened, memory)
+        self._recent.append(prediction)
+        return prediction
 
     def _smooth_rise(self, prediction: Prediction, time: Array) -> Array:
         """Rises (n,) [m], low-pass filtered, for which a displacement of 0 is predicted."""
@@ -162,19 +140,9 @@ class Adaptive:
         target = np.where(self.blind, BLIND_RISE * self._length, target)
         target = np.clip(target, 0.0, self._steering.highest)
         # the first decision takes the target without smoothing
-        elapsed = np.clip(np.nan_to_num(time - self._fold.time, nan=math.inf), 0.0, None)
+        elapsed = np.clip(np.nan_to_num(time - self._decided, nan=math.inf), 0.0, None)
         gain = 1.0 - np.exp(-elapsed / SMOOTHING_TIME)
         return np.asarray(self.rise + gain * (target - self.rise))
-
-
-def _initial_fold(length: float, count: int, memory: int) -> Fold:
-    """State of `count` folds before the first decision."""
-    return Fold(
-        rise=np.full(count, BLIND_RISE * length),
-        memory=np.zeros((count, memory)),
-        counted=np.zeros(count),
-        time=np.full(count, np.nan),
-    )
 
 
 def _check_range(length: float, speed: float) -> None:

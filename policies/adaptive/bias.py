@@ -6,43 +6,33 @@ The critic's displacement has a bias, predicted minus true, in folds unlike its 
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from functools import cache
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Self
 
 import numpy as np
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 
-from drivers.settings import Settings, load
+from drivers.settings import StudyResult
 from drivers.types import Array
 from policies.adaptive.critic import Belief
 
-UNTRAINED = Path(__file__).with_name("untrained.yaml")
 REFERENCE_LOG_LENGTH = math.log(0.02)  # ln of m, bending length at which its term is zero
 REFERENCE_THICKNESS = 1e-3  # m, thickness at which its term is zero
 LARGEST_NUMBER = 100.0  # above every plausible coefficient
 
 
-class Untrained(Settings):
+class Untrained(StudyResult):
     """Standard deviation `added` [m] to the critic's for effects that its training lacked.
 
     Examples: another engine, lost images. Written by `python -m tests.lab study unknown`, in whose
     `folds` the shares `within_1` and `within_2` then lie within 1 and 1.96 sigma.
     """
 
-    schema_: Literal[1] = Field(1, alias="schema")
+    FILE = Path(__file__).with_name("untrained.yaml")
     added: float
     within_1: float
     within_2: float
     folds: int
-    source: str
-    belongs_to: str
-
-
-@cache
-def untrained_spread() -> Untrained:
-    """Content of `untrained.yaml`: the standard deviation for effects outside the training."""
-    return load(UNTRAINED, Untrained)
 
 
 @dataclass(frozen=True, slots=True)

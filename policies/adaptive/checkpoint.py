@@ -13,7 +13,7 @@ from drivers.errors import ConfigurationError
 from drivers.files import replace_file, writing
 from drivers.readers import read_bytes
 from drivers.types import Array
-from policies.adaptive.bias import Bias, untrained_spread
+from policies.adaptive.bias import Bias, Untrained
 from policies.adaptive.critic import ARRAY_NAMES, OUTPUTS, Critic
 from policies.adaptive.features import COUNT
 
@@ -52,7 +52,7 @@ def load_bias(path: FilePath | None = None) -> Bias:
         bias = Bias.read(found["transfer"]["bias"])
     except (ValueError, KeyError, TypeError):
         raise _broken(place, f"{THROUGH_IMAGES} holds no transfer") from None
-    return replace(bias, untrained=untrained_spread().added)
+    return replace(bias, untrained=Untrained.shipped().added)
 
 
 def save_critic(path: FilePath, critic: Critic, facts: dict[str, Any]) -> None:

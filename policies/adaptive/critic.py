@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.types import Array
 from policies.prediction import Estimate
@@ -71,6 +72,21 @@ def median_prediction(predictions: Sequence[Prediction]) -> Prediction:
     displacement, slope, sigma = (np.median(each, axis=0) for each in numbers)
     belief = Belief(*(np.median(each, axis=0) for each in zip(*beliefs, strict=True)))
     return Prediction(displacement, slope, sigma, belief)
+
+
+class Memory:
+    """Memory of n folds in progress: the mean of the critic's memory units over their images."""
+
+    def __init__(self, count: int, units: int) -> None:
+        """Empty memory of `count` folds, each of this number of `units`."""
+        self._sums = np.zeros((count, units))
+        self._images = np.zeros((count, 1))
+
+    def add(self, units: Array, seen: NDArray[np.bool_]) -> Array:
+        """Add an image's `units` (n, units) to the folds `seen` (n,); returns the means so far."""
+        self._sums = self._sums + seen[:, None] * units
+        self._images = self._images + seen[:, None]
+        return self._sums / np.maximum(self._images, 1)
 
 
 class Critic:

@@ -44,7 +44,7 @@ def _touched(loose: Loose | None = None, loose_again: Loose | None = None) -> To
 
 
 def test_pointer_is_found_within_a_tenth_of_a_pixel() -> None:
-    optics = Optics.of(CAMERA)
+    optics = Optics.from_settings(CAMERA)
     for k, (x, z) in enumerate([(0.05, 0.02), (0.3, 0.15), (0.58, 0.29)]):
         centre = find_pointer(pointer_frame(_renderer(), Pose(x, z, np.pi / 2), k).image)
         assert centre is not None
@@ -75,7 +75,8 @@ def test_touched_points_give_the_plane_to_a_tenth_of_a_millimetre() -> None:
     assert verdict.residual_mm < 0.1
     assert verdict.homography is not None
     grid = np.array([(x, z) for x in np.linspace(0, 0.6, 9) for z in np.linspace(0, 0.33, 6)])
-    seen = verdict.homography.to_plane(true_lens().undistort(Optics.of(CAMERA).plane(grid)))
+    pixels = true_lens().undistort(Optics.from_settings(CAMERA).plane(grid))
+    seen = verdict.homography.to_plane(pixels)
     assert np.hypot(*(seen - grid).T).max() < 1e-4
 
 

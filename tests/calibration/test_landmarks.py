@@ -28,7 +28,7 @@ from tests.support.twin_calibration import NO_STRIP, true_lens
 
 CAMERA = CameraSettings()
 SETTINGS = LandmarkSettings()
-OPTICS = Optics.of(CAMERA)
+OPTICS = Optics.from_settings(CAMERA)
 LENS = true_lens()
 
 

@@ -39,7 +39,7 @@ NO_STRIP = StripLook((40, 60, 110), 0.001, 0.05)
 @lru_cache
 def true_lens(camera: CameraSettings = CameraSettings()) -> Lens:  # noqa: B008  frozen
     """The lens with which the twin renders, so that a test fails for the plane alone."""
-    optics = Optics.of(camera)
+    optics = Optics.from_settings(camera)
     matrix = [[optics.focal, 0, optics.principal[0]], [0, optics.focal, optics.principal[1]]]
     return Lens(1280, 720, frozen([*matrix, [0, 0, 1]]), frozen([*optics.distortion, 0, 0, 0]))
 

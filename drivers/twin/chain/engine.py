@@ -114,7 +114,7 @@ class ChainStrip:
             share, x, s = layer_touch(tuple(before), tuple(self._gap), strip.touch_gap)
             to_fixed = x - float(self.points[0, 0])
             self.touch = Touch(self._time + share * h, x, strip.length - s, to_fixed)
-            layers = Layers.of(self._joints.angles(self._data.qpos)[:-1])
+            layers = Layers.from_angles(self._joints.angles(self._data.qpos)[:-1])
             self._use_model(compile_chain(self._description, self._links, layers))
             self._pace(h)
             self._foreign.restore_damping(self._model)

@@ -48,7 +48,7 @@ class Layers:
     upper: int
 
     @classmethod
-    def of(cls, angle: Array) -> Self:
+    def from_angles(cls, angle: Array) -> Self:
         """Layers of a fold whose links are at `angle` (n,) [rad] from flat."""
         level = np.cos(angle)
         turned = int(np.argmax(level < 0))

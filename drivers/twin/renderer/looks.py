@@ -113,7 +113,7 @@ class StripLook:
     pattern: Pattern = UNIFORM
 
     @classmethod
-    def of(cls, strip: StripFile, pattern: Pattern = UNIFORM) -> Self:
+    def from_file(cls, strip: StripFile, pattern: Pattern = UNIFORM) -> Self:
         """Appearance that a strip or plant file states, with `pattern` printed on the strip."""
         return cls(strip.colour, strip.thickness, strip.width, pattern)
 

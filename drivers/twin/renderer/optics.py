@@ -35,7 +35,7 @@ class Optics:
     inverse: Array
 
     @classmethod
-    def of(cls, settings: CameraSettings) -> Self:
+    def from_settings(cls, settings: CameraSettings) -> Self:
         """Camera model that `settings` state."""
         height = settings.distance * np.tan(settings.elevation)
         centre = np.array([settings.aim_x, -settings.distance, height])
@@ -44,6 +44,7 @@ class Optics:
         right = np.cross(forward, [0.0, 0.0, 1.0])
         right /= np.linalg.norm(right)
         looking = np.stack([right, np.cross(forward, right), forward])
+        about_x, about_y, about_z = axis_rotations(settings.tilt, settings.yaw, settings.roll)
         diagonal = float(np.hypot(settings.width, settings.height))
         principal = (
             (settings.width - 1) / 2 + settings.principal[0],
@@ -51,7 +52,7 @@ class Optics:
         )
         return cls(
             centre,
-            _mounting(settings.yaw, settings.tilt, settings.roll) @ looking,
+            about_z @ about_x @ about_y @ looking,
             settings.focal,
             principal,
             settings.distortion,
@@ -107,13 +108,14 @@ class Optics:
         return x, y
 
 
-def _mounting(yaw: float, tilt: float, roll: float) -> Array:
-    """Rotation (3, 3) of the camera by its mounting errors [rad]."""
-    cy, sy, ct, st, cr, sr = (f(a) for a in (yaw, tilt, roll) for f in (np.cos, np.sin))
-    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
-    about_x = np.array([[1, 0, 0], [0, ct, -st], [0, st, ct]])
-    about_z = np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
-    return np.asarray(about_z @ about_x @ about_y)
+def axis_rotations(x: float, y: float, z: float) -> tuple[Array, Array, Array]:
+    """Rotation matrices (3, 3) by `x` about the x-axis, `y` about the y-axis, `z` about z [rad]."""
+    cx, sx, cy, sy, cz, sz = (f(a) for a in (x, y, z) for f in (np.cos, np.sin))
+    return (
+        np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]]),
+        np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]]),
+        np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]]),
+    )
 
 
 def _inverse(distortion: tuple[float, float], field: float) -> Array:

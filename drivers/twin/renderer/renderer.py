@@ -94,7 +94,7 @@ class Window:
         """First pixel (u, v) of the window."""
         return self.left, self.top
 
-    def of(self, image: NDArray[T]) -> NDArray[T]:
+    def crop(self, image: NDArray[T]) -> NDArray[T]:
         """View of the window in `image`, of any shape (height, width, ...)."""
         return image[self.top : self.bottom, self.left : self.right]
 
@@ -136,7 +136,7 @@ class Renderer:
         self._settings = settings
         self._surround = surround
         self._look = look
-        self._optics = optics or Optics.of(settings)
+        self._optics = optics or Optics.from_settings(settings)
         rng = np.random.default_rng((seed, 0xC0))
         empty = stage(settings, self._optics, look, rng, surround.things)
         self._sharp, self._light = empty.image, empty.light
@@ -179,7 +179,7 @@ class Renderer:
         )
         if window is None:
             return
-        part = window.of(self._sharp).copy()
+        part = window.crop(self._sharp).copy()
         if curve is not None:
             self._shadow.cast(part, window.origin, shadow_profile(curve))
         draw_hand(part, hand, hand_faces, window.origin, self._gripper)
@@ -188,9 +188,9 @@ class Renderer:
         if scene.pointer:
             draw_pointer(part, scene, self._optics.seen_from(window.origin), self._gripper)
         if curve is not None and self._contact_bias:
-            look = (self._colour * float(np.median(window.of(self._light))), self._look.thickness)
+            look = (self._colour * float(np.median(window.crop(self._light))), self._look.thickness)
             optics = self._optics.seen_from(window.origin)
-            draw_lint(part, window.of(self._sharp), scene, optics, self._contact_bias, look)
+            draw_lint(part, window.crop(self._sharp), scene, optics, self._contact_bias, look)
         window.put(blur(part, self._settings.lens_blur), image)
 
     def _lit(self, image: Image, scene: Scene, hand: Sequence[Outline]) -> Image:

@@ -1,7 +1,7 @@
 """Shards of training data: some hundred simulated folds, with the critic's inputs in each."""
 
 from pathlib import Path as FilePath
-from typing import NamedTuple, Self, TypeVar
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,6 @@ UNSWITCHED = 0.25  # share of the folds with random rises whose rise is never sw
 
 
 Flags = NDArray[np.bool_]
-T = TypeVar("T", bound=np.generic)
 
 
 class NullCritic(Critic):
@@ -82,7 +81,7 @@ class Explorer(Adaptive):
             self.switch = np.full(count, NEVER)
         self._rise_after: Array = np.full(count, np.nan)  # NaN until it is drawn at the switch
         if self._random_rises:
-            self._fold = self._fold._replace(rise=rng.uniform(0.0, highest, count))
+            self.rise = rng.uniform(0.0, highest, count)
             stays = rng.uniform(size=count) < UNSWITCHED
             self.switch = np.where(stays, 0, self.switch)
             self._rise_after = np.where(stays, self.rise, rng.uniform(0.0, highest, count))
@@ -208,15 +207,11 @@ def _pad(shard: Shard, length: int) -> Shard:
     """Copy of `shard` padded to `length` decisions, of which those added are not alive."""
     more = length - shard.moved.shape[1]
 
-    def longer(values: NDArray[T]) -> NDArray[T]:
-        return np.pad(values, [(0, 0), (0, more), *[(0, 0)] * (values.ndim - 2)])
-
-    return shard._replace(
-        inputs=longer(shard.inputs),
-        moved=longer(shard.moved),
-        alive=longer(shard.alive),
-        predicted=longer(shard.predicted),
-    )
+    parts = shard._asdict()
+    for name in ("inputs", "moved", "alive", "predicted"):
+        values = parts[name]
+        parts[name] = np.pad(values, [(0, 0), (0, more), *[(0, 0)] * (values.ndim - 2)])
+    return Shard(**parts)
 
 
 def _fold_strips(

@@ -15,7 +15,7 @@ from drivers.files import writing
 from drivers.types import Array
 from policies.adaptive.adaptive import Adaptive
 from policies.adaptive.checkpoint import load_critic, save_critic
-from policies.adaptive.critic import Critic, Prediction
+from policies.adaptive.critic import Critic, Memory, Prediction
 from policies.adaptive.train.regression import fit
 from policies.adaptive.train.shard import CriticSettings, Shard, concatenate, simulate
 from policies.rollout import Misses
@@ -38,7 +38,7 @@ class CriticTraining:
     def __init__(self, settings: CriticSettings, folder: FilePath) -> None:
         self.settings, self.folder = settings, folder
         self.checkpoint = folder / CHECKPOINT
-        self._critic: Critic | None = None
+        self._critic: Critic | None = None  # of the last round, calibrated by the trial at the end
         self._trial: Trial | None = None
         Journal(folder / SETTINGS, settings)
 
@@ -50,7 +50,7 @@ class CriticTraining:
     @property
     def policy(self) -> Adaptive:
         """Policy `adaptive` with the trained critic; RuntimeError before the training has ended."""
-        if self._critic is None:
+        if self._critic is None or self._trial is None:
             raise RuntimeError("the training has not run to its end")
         return Adaptive(self._critic)
 
@@ -141,7 +141,7 @@ def calibrate_sigmas(critic: Critic, shard: Shard) -> tuple[Critic, Trial]:
     ratios = error_ratios(critic, shard)
     critic = critic.with_stretch(np.array([_stretch(each) for each in ratios]))
     at_touch = error_ratios(critic, shard, last=1)[0]
-    missed = Misses.of(shard.displacement)
+    missed = Misses.from_displacements(shard.displacement)
     return critic, Trial(
         folds=len(shard.displacement),
         untouched=missed.untouched,
@@ -159,14 +159,12 @@ def error_ratios(critic: Critic, shard: Shard, last: int = LAST) -> list[Array]:
     """
     ratios: list[list[Array]] = [[] for _ in range(4)]
     count = len(shard.displacement)
-    memory, counted = np.zeros((count, critic.memory)), np.zeros((count, 1))
+    memory = Memory(count, critic.memory)
     to_touch = shard.alive[:, ::-1].cumsum(axis=1)[:, ::-1]  # decisions from each to the touch
     for k in range(shard.alive.shape[1]):
         alive = shard.alive[:, k]
         whitened = critic.whiten(shard.inputs[:, k].astype(np.float64))
-        memory += alive[:, None] * critic.memorise(whitened)
-        counted += alive[:, None]
-        predicted = critic.predict(whitened, memory / np.maximum(counted, 1))
+        predicted = critic.predict(whitened, memory.add(critic.memorise(whitened), alive))
         near = alive & (to_touch[:, k] <= last) & np.isfinite(shard.displacement)
         for kept, ratio in zip(ratios, _ratios(predicted, shard), strict=True):
             kept.append(ratio[near])

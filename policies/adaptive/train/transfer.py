@@ -32,7 +32,7 @@ class FoldedBatch(NamedTuple):
     thickness: Array
 
     @classmethod
-    def of(cls, rows: Sequence[Mapping[str, float]]) -> Self:
+    def from_rows(cls, rows: Sequence[Mapping[str, float]]) -> Self:
         """Batch of folds from `rows`, mappings with these fields."""
         return cls(*(np.array([row[name] for row in rows], dtype=float) for name in cls._fields))
 

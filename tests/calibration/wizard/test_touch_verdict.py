@@ -13,7 +13,7 @@ from tests.support.board_sessions import LENS
 
 SETTINGS = TouchSettings()
 CAMERA = CameraSettings(principal=(5.5, -4.5))
-OPTICS = Optics.of(CAMERA)
+OPTICS = Optics.from_settings(CAMERA)
 
 
 def _points(noise: float = 0.05, seed: int = 0, settings: TouchSettings = SETTINGS) -> list[Touch]:
@@ -77,10 +77,8 @@ def test_points_on_one_side_are_refused() -> None:
 def test_wrong_lens_shows_in_the_held_out_points() -> None:
     """Through a lens without distortion no plane fits: the worst point tells, not the rms."""
     straight = type(LENS)(LENS.width, LENS.height, LENS.matrix, np.zeros(5))
-    bent = CAMERA.model_copy(update={"distortion": (-0.6, 0.3)})
-    points = [
-        Touch(p.number, p.place, Optics.of(bent).plane(p.place), p.held_out) for p in _points()
-    ]
+    bent = Optics.from_settings(CAMERA.model_copy(update={"distortion": (-0.6, 0.3)}))
+    points = [Touch(p.number, p.place, bent.plane(p.place), p.held_out) for p in _points()]
     verdict = touch_verdict(points, straight, SETTINGS)
     assert not verdict.passed
 

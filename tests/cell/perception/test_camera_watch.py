@@ -29,7 +29,7 @@ WAITING, ABOVE = Pose(0.65, 0.25, 0.0), Pose(0.3, 0.3, np.pi / 2)
 def picture(points: Array, gripper: Pose, seed: int) -> Image:
     arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     scene = Scene(0.0, points, arc, gripper, 0.04, holds_strip=False, strip=True)
-    image = Renderer(CAMERA, StripLook.of(DENIM), seed).render([scene], seed)
+    image = Renderer(CAMERA, StripLook.from_file(DENIM), seed).render([scene], seed)
     image[440:500, 1190:1250] //= 1 + np.indices((60, 60), np.uint8).sum(0)[..., None] // 8 % 2
     return image
 

@@ -11,7 +11,7 @@ from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.batch import fold_all
 from cell.orchestrator.context import FoldContext
-from cell.perception.laid_fold import TOP, Loop, laid_weights
+from cell.perception.laid_fold import TOP, LaidWeights, Loop
 from cell.perception.length_checks import LengthCheck
 from cell.record.run import read_run
 from tests.support.made_folds import ARCH, SEEN, TOUCH
@@ -42,7 +42,7 @@ def ending(seen: float, *more: LengthCheck) -> tuple[str, str, int]:
     settings = find_configs(None).cell().controller
     context = FoldContext(settings, *[SimpleNamespace()] * 4)
     context.seen_touch, context.released, context.edge_offset = TOUCH, True, seen
-    context.witnesses = [LengthCheck("edges", seen, {"loop": laid_weights().rms}), *more]
+    context.witnesses = [LengthCheck("edges", seen, {"loop": LaidWeights.shipped().rms}), *more]
     end = context.completion()
     return end.name, end.reason, end.exit_code
 

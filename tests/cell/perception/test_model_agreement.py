@@ -7,8 +7,8 @@ from cell.perception.model_agreement import (
     BINS,
     FEWEST_IMAGES,
     Agreement,
+    AgreementLimits,
     agreement,
-    agreement_limits,
 )
 from tests.support.made_folds import BELIEF, STRIP, measured
 
@@ -20,7 +20,7 @@ def test_noise_of_the_images_is_no_other_law() -> None:
     assert loud.noise == pytest.approx(0.0013, rel=0.2)
     found = agreement(STRIP, BELIEF, loud)
     assert found is not None
-    assert found.residual < agreement_limits().residual
+    assert found.residual < AgreementLimits.shipped().residual
 
 
 @pytest.mark.parametrize(
@@ -32,7 +32,7 @@ def test_noise_of_the_images_is_no_other_law() -> None:
     ],
 )
 def test_agreement_names_what_is_beyond_its_limit(residual, friction, says: str) -> None:
-    most = agreement_limits()
+    most = AgreementLimits.shipped()
     found = Agreement(most.residual + residual, most.yield_curvature + friction)
     assert found.like_model is not (residual + friction > 0.0)
     assert says in found.sentence()

@@ -99,7 +99,7 @@ def test_thing_of_the_strips_colour_behind_its_way_is_refused_with_its_place() -
 
 def test_pin_of_the_calibration_is_found_in_shadow_and_flicker() -> None:
     renderer = Renderer(CAMERA, NO_STRIP, 0, surround=LOOKS["workshop"])
-    optics = Optics.of(CAMERA)
+    optics = Optics.from_settings(CAMERA)
     for x, z in ((0.1, 0.05), (0.3, 0.2), (0.4, 0.12), (0.55, 0.1)):
         pose = Pose(x, z, np.pi / 2)
         found = find_pointer(pointer_frame(renderer, pose, 0).image)

@@ -62,7 +62,7 @@ def _failed(judged: Preflight) -> list[str]:
 @pytest.mark.parametrize("path", sorted(STRIPS.glob("*.yaml")), ids=lambda path: path.stem)
 def test_every_strip_lying_flat_passes_and_its_colour_is_sampled(path: object) -> None:
     strip = load_strip(path)  # type: ignore[arg-type]
-    picture = _picture(_flat(), StripLook.of(strip))
+    picture = _picture(_flat(), StripLook.from_file(strip))
     judged = _judged(picture, strip)
     assert judged.passed, _failed(judged)
     seen = sample_scene(picture.image, twin_calibration(CAMERA), strip)
@@ -79,7 +79,7 @@ def _wrinkled() -> Array:
     return points
 
 
-LOOK, MAT = StripLook.of(DENIM), StripLook(CAMERA.surroundings.desk, 0.001, 0.05)
+LOOK, MAT = StripLook.from_file(DENIM), StripLook(CAMERA.surroundings.desk, 0.001, 0.05)
 
 
 @pytest.mark.parametrize(

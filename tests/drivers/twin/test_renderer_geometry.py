@@ -15,7 +15,7 @@ from drivers.types import BoardPlacement as Placement
 from tests.support.rendered_cell import empty, midline, scene
 
 CLEAN = CameraSettings(noise=0.0, texture=0.0, shadow=0.0)
-OPTICS = Optics.of(CLEAN)
+OPTICS = Optics.from_settings(CLEAN)
 RED = (220, 40, 40)
 SLIVER = 1e-6  # m of width: the cut edge and nothing behind it
 

@@ -57,7 +57,7 @@ def test_fingers_hold_the_strip_where_there_is_one(error: float, held: bool) -> 
 
 
 def test_camera_moved_since_its_calibration_shows_places_scaled_and_shifted() -> None:
-    calibrated = Optics.of(CameraSettings())
+    calibrated = Optics.from_settings(CameraSettings())
     now = calibrated.displace(0.02, (0.004, -0.003))
     points = np.random.default_rng(1).uniform((0.0, 0.0, 0.0), (0.6, 0.05, 0.3), (50, 3))
     seen = 1.02 * points + (0.004, 0.0, -0.003)

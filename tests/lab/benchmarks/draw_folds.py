@@ -34,7 +34,7 @@ def play(folder: Path, name: str) -> list[Image]:
     stamps = np.array([f.stamp + begin for f in frames])
     window, images = window_on(run.ticks, calibration), []
     for t in np.arange(0.0, stamps[-1] + PERIOD, PERIOD):
-        image = window.of(frames[max(int(np.searchsorted(stamps, t, side="right")) - 1, 0)].image)
+        image = window.crop(frames[max(int(np.searchsorted(stamps, t, side="right")) - 1, 0)].image)
         image = cv2.resize(image, (WIDTH, round(image.shape[0] * WIDTH / image.shape[1])))
         image[:BANNER] //= 4
         d = run.result.displacement if run.result and t >= stamps[-1] else None

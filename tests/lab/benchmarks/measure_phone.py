@@ -76,9 +76,9 @@ class Phone:
             COLOURS, key=lambda c: np.linalg.norm(np.subtract(near, c), axis=1).min()
         )
         self._skin = SKINS[rng.integers(len(SKINS))]
-        self._camera, self._optics, self._rng = camera, Optics.of(camera), rng
+        self._camera, self._optics, self._rng = camera, Optics.from_settings(camera), rng
         look = Look({**hues, "clamp": clamp})
-        self._renderer = Renderer(camera, StripLook.of(strip), 1, surround=look)
+        self._renderer = Renderer(camera, StripLook.from_file(strip), 1, surround=look)
         self._blur, self._noise = rng.uniform(0.8, 1.3), rng.uniform(1.5, 4.0)
         self._balance = (*rng.uniform(0.92, 1.08, 3), 1.0)
         self._floor = -strip.thickness / 2

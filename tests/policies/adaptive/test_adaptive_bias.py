@@ -10,8 +10,8 @@ from drivers.errors import ConfigurationError
 from policies.adaptive.bias import (
     REFERENCE_THICKNESS,
     Bias,
+    Untrained,
     bias_terms,
-    untrained_spread,
 )
 from policies.adaptive.checkpoint import (
     COMMITTED,
@@ -53,7 +53,7 @@ def test_committed_weights_say_how_their_transfer_came_about() -> None:
     assert origin["left_out"]["folds"] >= 48
     assert origin["left_out"]["bias"] < 1e-3
     fitted = Bias.read(origin["transfer"]["bias"])
-    assert load_bias() == replace(fitted, untrained=untrained_spread().added)
+    assert load_bias() == replace(fitted, untrained=Untrained.shipped().added)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from cell.record.run import read_run
 from drivers.strip.file import StripFile
 from drivers.types import Array
-from policies.adaptive.bias import untrained_spread
+from policies.adaptive.bias import Untrained
 from policies.adaptive.train.shard import true_belief
 from policies.adaptive.train.transfer import COVERAGE
 from policies.strip_sampling import EFFECTS, STRIP_LENGTH, draw_effect, draw_friction, plain_strip
@@ -55,7 +55,7 @@ def measure(case: Values) -> Values:
             strip, case["noise"], place, measured=case["known"] != "length alone",
             cell=cell_with_twin(camera={"lost": lost}),
         )  # fmt: skip
-        found = dict(compare(result)) | {"untrained": untrained_spread().added}
+        found = dict(compare(result)) | {"untrained": Untrained.shipped().added}
         found |= _loop_size(Path(result.run), strip.length, result.edge_offset_true)
         found |= _held(Path(result.run), strip)
     length, time, _ = true_belief(strip)

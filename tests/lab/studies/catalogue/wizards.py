@@ -45,7 +45,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
             noise=rng.uniform(1.0, 4.0),
             gain=rng.uniform(0.85, 1.1),
         )
-        seen = Optics.of(camera).plane(_work_area_grid(2))
+        seen = Optics.from_settings(camera).plane(_work_area_grid(2))
         high = (camera.width - EDGE_MARGIN, camera.height - EDGE_MARGIN)
         if ((seen > EDGE_MARGIN) & (seen < high)).all():
             return {"camera": camera.model_dump(mode="json"), "noise": number}
@@ -64,7 +64,7 @@ def measure(case: Values) -> Values:
     if verdict.homography is None:
         return {"median": None, "worst": None, "refused": True, "reasons": reasons}
     grid = _work_area_grid(25)
-    seen = verdict.homography.to_plane(lens.undistort(Optics.of(camera).plane(grid)))
+    seen = verdict.homography.to_plane(lens.undistort(Optics.from_settings(camera).plane(grid)))
     errors = np.hypot(*(seen - grid).T)
     return {
         "median": float(np.median(errors)),

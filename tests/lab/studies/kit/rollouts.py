@@ -31,9 +31,7 @@ class Kept(Adaptive):
     def decide(self, observation: Observation) -> Decision:
         """Decide, and keep observation and prediction."""
         decision = super().decide(observation)
-        judged = self.predicted
-        if judged is None:
-            return decision
+        judged = self._recent[-1]
         d, sigma, belief = judged.displacement[0], judged.sigma[0], judged.belief.first()
         prediction = FoldPrediction(float(d), float(sigma), **belief, blind=False)
         self.seen.append((observation, prediction))

@@ -76,7 +76,8 @@ class FoldCamera:
         self, strip: StripFile, settings: CameraSettings, seed: int = 0, look: Look = PLAIN
     ) -> None:
         self.settings = settings
-        self.renderer = Renderer(settings, StripLook.of(strip, look.pattern), seed, surround=look)
+        fabric = StripLook.from_file(strip, look.pattern)
+        self.renderer = Renderer(settings, fabric, seed, surround=look)
 
     def flat(self, strip: StripFile, sequence: int = 0) -> Frame:
         """Frame of the strip flat and still before the grasp, with the hand where it waits."""
