@@ -119,7 +119,8 @@ def take_landmarks(frame: Frame, pose: Pose, lens: Lens, homography: Homography)
             "choose another pose for it"
         )
     tip = Landmark.cut("tip", grey, left, top, TIP_SIDE)
-    desk = _desk_line(grey, lens, homography)
+    along = np.linspace(*DESK_RANGE, DESK_PATCHES).tolist()
+    desk = filter(None, (_desk_patch(grey, x, lens, homography) for x in along))
     return Landmarks(x=pose.x, z=pose.z, pitch=pose.pitch, marks=(tip, *desk))
 
 
@@ -138,15 +139,11 @@ def camera_shift(
     return CameraShift(x, z, float(np.median(desk)) if desk else float("nan"))
 
 
-def _desk_line(grey: Image, lens: Lens, homography: Homography) -> list[Landmark]:
-    """Patches on the desk's horizontal edge behind the strip; none where its contrast is weak."""
-    places = np.linspace(*DESK_RANGE, DESK_PATCHES)
-    patches = [_desk_patch(grey, float(x), lens, homography) for x in places]
-    return [patch for patch in patches if patch is not None]
-
-
 def _desk_patch(grey: Image, x: float, lens: Lens, homography: Homography) -> Landmark | None:
-    """Patch on the strongest horizontal edge above `x` [m]; None at the border or without one."""
+    """Patch on the desk's horizontal edge behind the strip, above `x` [m] of its near edge.
+
+    None at the border of the image, or where the contrast of its strongest edge is weak.
+    """
     ends = lens.distort(homography.to_image(np.array([(x, z) for z in DESK_HEIGHTS])))
     (u, low), (_, high) = ends
     left, first, last = round(float(u)) - DESK_SIDE // 2, round(float(high)), round(float(low))

@@ -76,8 +76,9 @@ class BoardViews:
                 self._accept(number, frame.image, view)
                 return Result(_row(number, view), taken=True)
             refused = f"the board moved by {moved:.1f} px between two images; hold it still"
-        if refused is not None:
-            self._drop_request()
+        self._tries += refused is not None
+        if self._patience is not None and self._tries >= self._patience and self._wanted:
+            self.skip()
         return Result(_row(number, look.view, refused))
 
     def restore(self, rows: Iterable[tuple[Row, Image]]) -> Row | None:
@@ -188,22 +189,14 @@ class BoardViews:
         self._size = (image.shape[1], image.shape[0])
         self._views[number] = view
         self._last, self._tries = None, 0
-        lens = self._lens = self._fitted_so_far(self._size)
+        lens = guessed_lens(self._size)
+        if len(self._views) >= FEWEST_VIEWS:
+            lens = fit_views(self.views, self._size).lens
+        self._lens = lens
         shown = placement(view, self._settings.outline(), lens)
         width = lens.matrix[0, 0] * self._settings.width / view.depth(lens) / lens.width
         self._met[number] = [wanted for wanted in self._wanted if _matches(wanted, shown, width)]
         self._wanted = [wanted for wanted in self._wanted if wanted not in self._met[number]]
-
-    def _drop_request(self) -> None:
-        self._tries += 1
-        if self._patience is not None and self._tries >= self._patience and self._wanted:
-            self.skip()
-
-    def _fitted_so_far(self, size: tuple[int, int]) -> Lens:
-        """Lens fitted to the views so far; a typical one of fewer than FEWEST_VIEWS."""
-        if len(self._views) < FEWEST_VIEWS:
-            return guessed_lens(size)
-        return fit_views(self.views, size).lens
 
 
 def _row(number: int, view: BoardView | None, refused: str | None = None) -> Row:

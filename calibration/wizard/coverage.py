@@ -180,7 +180,7 @@ def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
 def coverage(views: Sequence[BoardView], lens: Lens, needs: BoardSettings) -> tuple[Gate, ...]:
     """All requirements on coverage, and how far `views` through `lens` meet them."""
     seen = [placement(view, needs.outline(), lens) for view in views]
-    x, y, size = (_range([getattr(p, name) for p in seen]) for name in ("x", "y", "size"))
+    x, y, size = np.ptp([(p.x, p.y, p.size) for p in seen] or [(0.0, 0.0, 0.0)], axis=0).tolist()
     skew, cells = max((p.skew for p in seen), default=0.0), _cell_share(views, lens)
     tilt, turn = [p.tilt for p in seen], [p.turn for p in seen]
     return (
@@ -202,10 +202,6 @@ def _lean_gate(name: str, angles: Sequence[float], needs: BoardSettings) -> Gate
     count = float(sum(angle > needs.tilted for angle in angles))
     advice = f"lean {name} by {degrees(needs.tilted):.0f} deg or more"
     return Gate(name, count, needs.tilted_views, "views", advice)
-
-
-def _range(values: Sequence[float]) -> float:
-    return max(values) - min(values) if values else 0.0
 
 
 def _cell_share(views: Sequence[BoardView], lens: Lens) -> float:

@@ -1,6 +1,5 @@
 """HTML page of a benchmark: the paper's figures of results, beside the numbers of its text."""
 
-import io
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from cell.benchmark.summary import (
     rows,
 )
 from cell.record.documents import plain
+from cell.report.drawing import as_png
 from cell.report.html import Tone, page
 from cell.report.page_verdict import PageVerdict
 from cell.report.words import NO_VALUE, millimetres
@@ -45,10 +45,8 @@ def write_main_picture(results: Results, path: Path) -> None:
     """Draw the displacements on all strips as a PNG file at `path`."""
     from matplotlib import rc_context
 
-    content = io.BytesIO()
     with rc_context({"svg.fonttype": "path"}):
-        main_picture(results).savefig(content, format="png", dpi=DPI, facecolor="white")
-    write_file(path, content.getvalue())
+        write_file(path, as_png(main_picture(results), DPI))
 
 
 def lines(results: Results) -> list[dict[str, Any]]:

@@ -1,7 +1,6 @@
 """Campaigns: parts measured by an engine, here or on other machines, and kept in a journal."""
 
 import os
-import resource
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -57,15 +56,15 @@ def measure(part: Part, folder: Path) -> Record:
     known = journal.get(part.key, part.of)
     if known is not None and known.done:
         return known
-    begun, processor_before, outcome, reason = time.perf_counter(), _processor_time(), None, ""
+    begun, before, outcome, reason = time.perf_counter(), os.times(), None, ""
     try:
         outcome = plain(dict(part.function(*part.arguments)))
     except CellError as error:
         reason = str(error)
     except Exception as error:  # noqa: BLE001  an edge: the other parts go on
         reason = str(Unexpected(error))
-    passed = time.perf_counter() - begun
-    cost = Cost(wall=passed, processor=_processor_time() - processor_before)
+    passed, spent = time.perf_counter() - begun, sum(os.times()[:4]) - sum(before[:4])
+    cost = Cost(wall=passed, processor=spent)  # of this process and of its children that ended
     state: State = "failed" if outcome is None else "measured"
     return _put(part, folder, state, outcome=outcome, reason=reason, cost=cost)
 
@@ -92,12 +91,6 @@ def compile_rod() -> None:
     rod = Rod(20)
     rod.reset([describe(paper_strip(0.1, 0.01))])
     rod.step(np.array([[0.6, 0.0, 0.0]]), 0.005)
-
-
-def _processor_time() -> float:
-    """Processor time [s] of this process and of its children that have ended."""
-    both = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return sum(used.ru_utime + used.ru_stime for used in both)
 
 
 class Engine(Protocol):

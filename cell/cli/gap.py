@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from cell.folding.request import Request
-    from cell.folding.result import FoldResult
     from cell.gap.verdict.accept import AcceptResult
     from cell.gap.verdict.schema import Verdict
 
@@ -113,6 +112,7 @@ def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int
     """Fold the standard runs and print each result; returns the largest exit code of a failure."""
     from cell.arm.run_settings import await_strip
     from cell.folding.batch import Attendance, agreed, fold_all
+    from cell.folding.request import standard_run
 
     requests, code = agreed(requests, ask), 0
     attendance = Attendance(lay_again=lambda: await_strip(ask))
@@ -123,20 +123,13 @@ def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int
         if as_json:
             print_json(result.line())
         else:
-            sys.stdout.write(f"{i}/{len(requests)}  {_run_line(request, result)}\n")
+            (name, reveals), d = standard_run(request), result.displacement
+            gave = result.outcome + ("" if d is None else f", displacement {1e3 * d:.1f} mm")
+            text = f"{name:15s} {gave:32s} shows {reveals}  {result.run}"
+            sys.stdout.write(f"{i}/{len(requests)}  {text}\n")
         sys.stdout.flush()
         code = max(code, 0 if result.went_as_planned else result.exit_code)
     return code
-
-
-def _run_line(request: "Request", result: "FoldResult") -> str:
-    """Text on a standard run: name, outcome, displacement, effects that it reveals, folder."""
-    from cell.folding.request import standard_run
-
-    name, reveals = standard_run(request)
-    d = result.displacement
-    gave = f"{result.outcome}" + ("" if d is None else f", displacement {1e3 * d:.1f} mm")
-    return f"{name:15s} {gave:32s} shows {reveals}  {result.run}"
 
 
 @gap.command()

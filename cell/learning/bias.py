@@ -80,7 +80,11 @@ class _Learner:
             return
         surprise, before = self._surprise(experience), self._previous_fold
         self._previous_fold = (surprise, experience)
-        if before is not None and _shows_change(before[0], surprise):
+        if (
+            before is not None  # two folds in a row deviate to the same side
+            and min(abs(before[0]), abs(surprise)) > CHANGE_SIGMAS
+            and before[0] * surprise > 0
+        ):
             self._start_epoch(*before)
             self._previous_fold = None
         elif abs(surprise) > OUTLIER_SIGMAS:
@@ -158,11 +162,6 @@ class _Learner:
         row = _indicator(unknowns, place)
         solved = np.linalg.solve(precision, np.column_stack([weighted, row]))
         return float(row @ solved[:, 0]), float(row @ solved[:, 1])
-
-
-def _shows_change(first: float, second: float) -> bool:
-    """Whether two deviations in a row [sigmas] are large and to the same side."""
-    return min(abs(second), abs(first)) > CHANGE_SIGMAS and second * first > 0
 
 
 def _indicator(unknowns: Sequence[Unknown], place: dict[Unknown, int]) -> Array:

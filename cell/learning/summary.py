@@ -12,35 +12,20 @@ def summary_rows(
     experiences: Sequence[Experience], settings: LearningSettings
 ) -> list[dict[str, Any]]:
     """Rows, one for each policy, strip and specimen: bias and sigma [m], folds, last change."""
-    subjects = dict.fromkeys((e.policy, e.strip, e.specimen) for e in experiences)
-    return [_row(*subject, experiences, settings) for subject in subjects]
-
-
-def _row(
-    policy: str,
-    strip: str,
-    specimen: str,
-    experiences: Sequence[Experience],
-    settings: LearningSettings,
-) -> dict[str, Any]:
-    """Row of one policy and specimen: its folds, biases and one sigma [m]."""
-    mine = [one for one in experiences if one.policy == policy]
-    found = bias(mine, strip, specimen, settings)
-    folds = [one for one in mine if (one.strip, one.specimen) == (strip, specimen)]
-    return {
-        "policy": policy,
-        "strip": strip,
-        "specimen": specimen,
-        "folds": sum(one.kind == "camera" for one in folds),
-        "bias": found.seen,
-        "sigma": found.sigma,
-        "cell": found.parts[0],
-        "of_strip": found.parts[1],
-        "of_specimen": found.parts[2],
-        "unseen": found.rig,
-        "laid": found.laid,
-        "since": found.since,
-    }
+    rows = []
+    for policy, strip, specimen in dict.fromkeys(
+        (e.policy, e.strip, e.specimen) for e in experiences
+    ):
+        mine = [one for one in experiences if one.policy == policy]
+        found = bias(mine, strip, specimen, settings)
+        folds = [one for one in mine if (one.strip, one.specimen) == (strip, specimen)]
+        row: dict[str, Any] = {"policy": policy, "strip": strip, "specimen": specimen}
+        row |= {"folds": sum(one.kind == "camera" for one in folds)}
+        row |= {"bias": found.seen, "sigma": found.sigma}
+        row |= dict(zip(("cell", "of_strip", "of_specimen"), found.parts, strict=True))
+        row |= {"unseen": found.rig, "laid": found.laid, "since": found.since}
+        rows.append(row)
+    return rows
 
 
 def summary_text(rows: Sequence[dict[str, Any]]) -> str:

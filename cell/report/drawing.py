@@ -89,6 +89,13 @@ def as_svg(figure: Any) -> str:
     return page_svg(text.getvalue()).replace("<svg", f"<svg {readings(figure)} {width}", 1)
 
 
+def as_png(figure: Any, dpi: int) -> bytes:
+    """Render a Matplotlib `figure` as a PNG file on white."""
+    content = io.BytesIO()
+    figure.savefig(content, format="png", dpi=dpi, facecolor="white")
+    return content.getvalue()
+
+
 def page_svg(text: str) -> str:
     """Convert an SVG document to an element that inherits width, fonts and colours of its page."""
     svg = text[text.index("<svg") :].strip()

@@ -57,7 +57,8 @@ def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
     with canvas(8.4, 4.5, layout=None) as figure:
         axes = figure.add_axes((0.066, 0.1, 0.85, 0.885), aspect="equal", anchor="W")
         curves = evenly_chosen(run.profile.curves(), CURVES)
-        first, last = _time_range(run)
+        times = run.profile.t if curves else run.ticks.t
+        first, last = (times.min(), times.max()) if times.size else (0.0, 1.0)
         colours = LinearSegmentedColormap.from_list("time", TIME)
         for t, points in curves:
             shade = colours((t - first) / max(last - first, 1e-9))
@@ -102,12 +103,6 @@ def signals_figure(run: Run) -> str:
         first, last = above.get_xlim()
         edges = f'data-left="{LEFT}" data-right="{RIGHT}" data-first="{first:.4f}"'
         return as_svg(figure).replace("<svg", f'<svg {edges} data-last="{last:.4f}"', 1)
-
-
-def _time_range(run: Run) -> tuple[float, float]:
-    """First and last time [s] of the profiles, else of the ticks."""
-    times = run.profile.t if run.profile.t.size else run.ticks.t
-    return (float(times.min()), float(times.max())) if times.size else (0.0, 1.0)
 
 
 def _draw_outlines(axes: Any, outlines: Sequence[Silhouette]) -> None:

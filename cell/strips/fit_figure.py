@@ -1,11 +1,10 @@
 """Figure of a measurement: photograph, midline and fitted strip, and their residuals."""
 
-import io
 from typing import Any
 
 import cv2
 
-from cell.report.drawing import BLUE, MUTED, ORANGE, canvas
+from cell.report.drawing import BLUE, MUTED, ORANGE, as_png, canvas
 from cell.strips.cantilever_fit import Fit, RestCurvature
 from drivers.strip.cantilever import hinges
 
@@ -18,7 +17,6 @@ SEEN_COLOUR, FITTED_COLOUR, STRAIGHT_COLOUR = "#19c8c8", ORANGE, BLUE
 def fit_figure(fitted: Fit, straight: Fit) -> bytes:
     """Render the photograph with midline and fitted strips, and their residuals, as PNG bytes."""
     with canvas(10.5, 8.0) as figure:
-        figure.set_facecolor("white")
         left, right = figure.subfigures(1, 2, width_ratios=(1.2, 1.0))
         whole, bend = left.subplots(1, 2)
         _draw_photograph(whole, fitted, straight)
@@ -31,9 +29,7 @@ def fit_figure(fitted: Fit, straight: Fit) -> bytes:
             _draw_residuals(upper, fitted, straight)
             _draw_rest_curvature(lower, fitted)
         figure.suptitle(_title(fitted, straight), fontsize=9.5)
-        content = io.BytesIO()
-        figure.savefig(content, format="png", dpi=DPI)
-        return content.getvalue()
+        return as_png(figure, DPI)
 
 
 def _title(fitted: Fit, straight: Fit) -> str:

@@ -186,7 +186,8 @@ def _write_run(
     """Write the tables of `source` as a run, and with `documents` its own YAML files."""
     place = _place(source.name, how, index)
     if isinstance(how, SignalMapping):
-        made = _motion(source, how, place)
+        made: dict[str, Content] = {RUN: {"schema": 1, "mechanism": how.mechanism, **place}}
+        made[SIGNALS] = read_columns(source, how.signals, OF_SIGNALS)
     else:
         made = _fold(source, how, place)
     target.mkdir()
@@ -198,12 +199,6 @@ def _write_run(
     for name in (RUN, RESULT) if documents and RESULT in made else ():
         if name in source.documents:
             replace_file(target / name, source.documents[name])
-
-
-def _motion(source: Source, how: SignalMapping, place: Content) -> dict[str, Content]:
-    """Contents of the files of a mechanism's run."""
-    head = {"schema": 1, "mechanism": how.mechanism, **place}
-    return {RUN: head, SIGNALS: read_columns(source, how.signals, OF_SIGNALS)}
 
 
 def _fold(source: Source, how: MappingFile, place: Content) -> dict[str, Content]:
