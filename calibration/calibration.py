@@ -112,12 +112,8 @@ def make_calibration(lens: Lens, homography: Homography, **facts: Any) -> Calibr
 
 def change_calibration(calibration: Calibration, **facts: Any) -> Calibration:
     """Copy of `calibration` with other `facts`, keywords of `make_calibration`, and a new id."""
-    kept = {name: getattr(calibration, name) for name in KEYWORDS}
-    return make_calibration(
-        facts.pop("lens", calibration.lens),
-        facts.pop("homography", calibration.homography),
-        **kept | facts,
-    )
+    kept = {name: getattr(calibration, name) for name in ("lens", "homography", *KEYWORDS)}
+    return make_calibration(**kept | facts)
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:

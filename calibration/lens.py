@@ -14,7 +14,7 @@ from drivers.errors import ConfigurationError
 from drivers.files import write_file
 from drivers.readers import read_text
 from drivers.settings import Settings, load
-from drivers.types import Array, frozen
+from drivers.types import Array, Image, frozen
 from drivers.yaml_text import dump_yaml
 
 CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-9)
@@ -35,6 +35,10 @@ class Lens:
     height: int
     matrix: Array
     distortion: Array
+
+    def fits(self, image: Image) -> bool:
+        """Whether `image` (h, w, 3) has the size for which the lens is valid."""
+        return image.shape[:2] == (self.height, self.width)
 
     def undistort(self, pixels: Array) -> Array:
         """Ideal pinhole points (n, 2) [px] of image points `pixels` (n, 2)."""

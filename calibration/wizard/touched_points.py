@@ -188,10 +188,10 @@ class TouchedPoints:
 
     def _check_size(self, frame: Frame) -> None:
         """Raise ConfigurationError for an image of another size than the lens was found with."""
-        size = (frame.image.shape[1], frame.image.shape[0])
-        if size != (self.lens.width, self.lens.height):
+        if not self.lens.fits(frame.image):
+            height, width = frame.image.shape[:2]
             raise ConfigurationError(
-                f"touch: the image is {size[0]} x {size[1]} px, the lens was found with "
+                f"touch: the image is {width} x {height} px, the lens was found with "
                 f"{self.lens.width} x {self.lens.height} px; set the camera to that size, "
                 "or run `cell calibrate camera` at this one"
             )

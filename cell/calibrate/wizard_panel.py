@@ -111,20 +111,9 @@ class WizardPanel:
             newest = self._answers[len(self._answers) - kept :]
             recent = [Text(line, style="dim") for line in newest]
             panel = Panel(Group(*head, Text(), body, *recent), title=progress.title)
-            if self._height(panel) < self._console.height:
+            if len(self._console.render_lines(panel, pad=False)) < self._console.height:
                 break
         return panel
-
-    def _height(self, panel: Panel) -> int:
-        return len(self._console.render_lines(panel, pad=False))
-
-
-def verdict_text(lines: Iterable[Line]) -> Text:
-    """Coloured text of a verdict, one line for each of its facts."""
-    text = Text()
-    for line in lines:
-        text.append(f"{MARKS[line.level]} {line.text}\n", style=STYLES[line.level])
-    return text
 
 
 def views_table(progress: Progress) -> Table:
@@ -188,7 +177,8 @@ def points_map(plan: Sequence[PlannedPoint]) -> RenderableType:
 
 def print_verdict(lines: Iterable[Line]) -> None:
     """Print the `lines` of a verdict, in colour where the terminal supports it."""
-    Console(highlight=False, soft_wrap=True).print(verdict_text(lines), end="")
+    parts = [(f"{MARKS[line.level]} {line.text}\n", STYLES[line.level]) for line in lines]
+    Console(highlight=False, soft_wrap=True).print(Text.assemble(*parts), end="")
 
 
 CTRL_D = "\x04"  # Ctrl-D, which a terminal that sends single keys passes on as a character

@@ -125,22 +125,16 @@ def _print_cameras(found: "Iterator[CameraReport | UnusableDevice]", *, as_json:
     for entry in found:
         count += 1
         if as_json:
-            print_json(_camera_facts(entry))
+            facts = asdict(entry)
+            if not isinstance(entry, UnusableDevice):
+                facts["camera"] = _mode_facts(entry)
+            print_json(facts)
         elif isinstance(entry, UnusableDevice):
             sys.stdout.write(f"{entry.problem}\n")
         else:
             sys.stdout.write("\n".join(_camera_lines(entry)) + "\n")
     if not count:
         notice("no camera has a link under /dev/v4l; plug one in")
-
-
-def _camera_facts(entry: "CameraReport | UnusableDevice") -> dict[str, Any]:
-    """JSON object of one camera."""
-    from drivers.camera.camera import UnusableDevice
-
-    if isinstance(entry, UnusableDevice):
-        return asdict(entry)
-    return {**asdict(entry), "camera": _mode_facts(entry)}
 
 
 def _mode_facts(entry: "CameraReport") -> dict[str, Any] | None:

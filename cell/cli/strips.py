@@ -37,18 +37,13 @@ def list_strips(context: typer.Context, configs: Configs = None, as_json: Json =
         except ConfigurationError as error:  # the others are listed all the same
             notice(str(error))
     if as_json:
-        for strip in all_strips:
-            print_json(strip.model_dump(mode="json", by_alias=True))
+        for each in all_strips:
+            print_json(each.model_dump(mode="json", by_alias=True))
         return
     columns = ("strip", "length mm", "width mm", "g/m²", "bending mm", "retardation ms")
-    rows = [(strip.name, *(f"{1e3 * n:.4g}" for n in _numbers(strip))) for strip in all_strips]
+    keys = ("length", "width", "areal_density", "bending_length", "retardation_time")
+    rows = [(s.name, *(f"{1e3 * getattr(s, key):.4g}" for key in keys)) for s in all_strips]
     print_table(columns, rows, f"Strips in {found.folder / 'strips'}")
-
-
-def _numbers(strip: "StripFile") -> tuple[float, ...]:
-    """Numbers of a strip in the table: size, mass per area, bending, retardation."""
-    shape = (strip.length, strip.width, strip.areal_density)
-    return (*shape, strip.bending_length, strip.retardation_time)
 
 
 @strips.command()
@@ -123,14 +118,9 @@ def new(
 
     _check_name(strip)
     path = writable(configs).folder / "strips" / f"{strip}.yaml"
-    stated = {
-        "length": length,
-        "width": width,
-        "areal_density": areal_density,
-        "bending_length": bending_length,
-        "retardation_time": retardation_time,
-        "thickness": thickness,
-    }
+    stated = {"length": length, "width": width, "areal_density": areal_density}
+    stated |= {"bending_length": bending_length, "retardation_time": retardation_time}
+    stated |= {"thickness": thickness}
     new_strip(path, stated, colour, source or [])
     assumed = [key for key, value in stated.items() if value is None]
     sys.stdout.write(f"{path}\n")

@@ -113,15 +113,11 @@ class Memory:
         """Move all experiences, or those of `run`, to a file and return it; None without any."""
         with self._file_lock():
             lines = self._lines()
-            if run is None:
-                chosen = set(lines)
-            else:
+            chosen = set(lines if run is None else ())
+            if run is not None:
                 key, name = run_key(run), run.resolve().name
-                chosen = {
-                    line
-                    for line in lines
-                    if (one := _experience(line)) is not None and _is_of(one, key, name)
-                }
+                read = ((line, _experience(line)) for line in lines)
+                chosen = {line for line, one in read if one and _is_of(one, key, name)}
             if not chosen:
                 return None
             names = (f"{self.path.stem}.forgotten-{number}" for number in count(1))

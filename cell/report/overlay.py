@@ -63,7 +63,7 @@ def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPict
     calibration, pictures = run.calibration(), []
     for note, recorded in _readable(evenly_chosen(run.kept_images(), SHOWN_IMAGES)):
         image = recorded
-        if calibration is not None and _matches_size(recorded, calibration):
+        if calibration is not None and calibration.lens.fits(recorded):
             window = window_on(run.ticks, calibration)
             image = _with_sight(recorded, note, run, calibration)
             image = window.crop(_with_outline(image, note.sequence, outlines))
@@ -105,7 +105,7 @@ def close_ups(run: Run) -> tuple[KeyPicture, ...]:
     pictures = []
     for words, shown in chosen.items():
         for note, image in _readable([shown]):
-            if _matches_size(image, calibration):
+            if calibration.lens.fits(image):
                 part = _laid_part(image, calibration, reach)
                 caption = f"{words}  ·  {seconds(note.stamp)}"
                 pictures.append(_key_picture(part, CLOSE_WIDTH, caption, note))
@@ -127,11 +127,6 @@ def _laid_part(image: Image, calibration: Calibration, reach: float) -> Image:
 def poster(run: Run) -> str:
     """First readable kept image of a run, as JPEG in base64 text; empty without one."""
     return next((jpeg_text(image) for _, image in _readable(run.kept_images())), "")
-
-
-def _matches_size(image: Image, calibration: Calibration) -> bool:
-    """Whether the calibration belongs to images of this size."""
-    return image.shape[:2] == (calibration.lens.height, calibration.lens.width)
 
 
 def window_on(ticks: Ticks, calibration: Calibration) -> Region:

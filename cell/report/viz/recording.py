@@ -160,7 +160,10 @@ class Screen:
 
     def draw(self, item: TickView | LogLine) -> None:
         """Draw a tick, or add a line to the log."""
-        self._set_times(item)
+        self._to.reset_time()
+        self._to.set_time("clock", duration=item.clock)
+        if math.isfinite(item.t):
+            self._to.set_time("t", duration=item.t)
         if isinstance(item, LogLine):
             level = rr.TextLogLevel.ERROR if item.alarm else rr.TextLogLevel.INFO
             self._to.log("log", rr.TextLog(item.text, level=level))
@@ -169,6 +172,7 @@ class Screen:
 
     def _draw_tick(self, tick: TickView) -> None:
         """Draw what is new at a tick: state, image, measurement, prediction, motion."""
+        self._to.set_time("tick", sequence=tick.tick)
         has_begun = math.isfinite(tick.t)
         if tick.state and (tick.state, has_begun) != self._state:
             self._state = (tick.state, has_begun)
@@ -182,7 +186,9 @@ class Screen:
         if not has_begun:
             return
         if tick.measurement is not None:
-            self._draw_measurement(tick, tick.measurement)
+            seen = tick.measurement
+            self._buffer(tick, SEEN_SIGNALS, [seen.contact_x, *seen.tip, seen.gap])
+            self._to.log("strip/measured", _curve(seen.profile, SEEN_RGBA, 2.0))
         if tick.outlook is not None:
             self._buffer(tick, OUTLOOK_SIGNALS, tick.outlook.tolist())
         self._draw_motion(tick)
@@ -242,21 +248,6 @@ class Screen:
             label = name.partition("/")[2].replace("_", " ")
             line = rr.SeriesLines(colors=colour, names=label, widths=1.5)
             self._to.log(f"signals/{name}", line, static=True)
-
-    def _set_times(self, item: TickView | LogLine) -> None:
-        """Set the times at which `item` is drawn."""
-        self._to.reset_time()
-        self._to.set_time("clock", duration=item.clock)
-        if math.isfinite(item.t):
-            self._to.set_time("t", duration=item.t)
-        if isinstance(item, TickView):
-            self._to.set_time("tick", sequence=item.tick)
-
-    def _draw_measurement(self, moment: TickView, measurement: StripMeasurement) -> None:
-        """Draw the measured profile, and buffer contact, fold tip and gap."""
-        values = [measurement.contact_x, *measurement.tip, measurement.gap]
-        self._buffer(moment, SEEN_SIGNALS, values)
-        self._to.log("strip/measured", _curve(measurement.profile, SEEN_RGBA, 2.0))
 
     def _draw_overlay(self, measurement: StripMeasurement, calibration: Calibration) -> None:
         """Draw profile, contact and fold tip over the camera's image."""
