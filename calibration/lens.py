@@ -4,7 +4,7 @@ formats of ROS (camera_info YAML) and OpenCV."""
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 import cv2
 import numpy as np
@@ -197,10 +197,6 @@ class CameraFile(Settings):
         lens = Lens(self.image_width, self.image_height, matrix, frozen(distortion.ravel()))
         return checked_lens(lens, origin)
 
-    def content(self) -> dict[str, Any]:
-        """Content as a plain mapping for YAML or JSON."""
-        return self.model_dump(mode="json")
-
 
 OPENCV = "!!opencv-matrix"  # a tag of OpenCV's files, which no other reader of YAML knows
 NODE_NAMES = ("image_width", "image_height", "camera_matrix", "distortion_coefficients")
@@ -216,8 +212,7 @@ MODEL_KEYS = {
 
 def write_camera_info(lens: Lens, name: str, path: Path) -> None:
     """Write `lens` of the camera `name` to `path` as ROS camera_info; or ConfigurationError."""
-    content = dump_yaml(CameraFile.from_lens(lens, name).content())
-    write_file(path, content)
+    write_file(path, dump_yaml(CameraFile.from_lens(lens, name).model_dump(mode="json")))
 
 
 def write_opencv(lens: Lens, path: Path) -> None:

@@ -72,7 +72,10 @@ class SessionFolder:
         self._count = len([*(folder / IMAGES_FOLDER).glob("*.png")])
         self._watch = watch
         if (folder / SESSION_FILE).exists():
-            _mend_rows(folder / ROWS_FILE)
+            rows = folder / ROWS_FILE
+            text = read_text(rows, LARGEST_LOG) if rows.exists() else ""
+            if text and not text.endswith("\n"):  # more lines follow a truncated one
+                write_file(rows, text[: text.rfind("\n") + 1], MAKE_ROOM)
             return
         with writing(folder):
             (folder / IMAGES_FOLDER).mkdir(parents=True)
@@ -127,15 +130,6 @@ def begin_or_resume(folder: Path, now: Session) -> Session:
                 "back, or begin a new session"
             )
     return begun
-
-
-def _mend_rows(path: Path) -> None:
-    """Remove an incomplete last line from the file of rows, so that more can follow."""
-    if not path.exists():
-        return
-    text = read_text(path, LARGEST_LOG)
-    if not text.endswith("\n"):
-        write_file(path, text[: text.rfind("\n") + 1], MAKE_ROOM)
 
 
 def read_rows(folder: Path) -> Iterator[Row]:

@@ -62,22 +62,25 @@ NOT_IN_SOURCE = "Of the paper, the numbers that its text states are drawn."
 
 def page_of(results: Results) -> str:
     """Self-contained HTML page of `results`."""
-    summary = rows(results)
+    summary, asked = rows(results), results.asked
+    strays = [(p, *outside(results, p)) for p in PAPER_POLICIES if p in asked.policies]
+    made_with = {"speed": f"{results.speed:g} m/s", "seed": str(asked.seed)}
+    made_with |= {"strips": ", ".join(asked.strips)} | results.made_with
     return page(
         "benchmark/benchmark.html",
         TITLE,
         version=results.made_with.get("cell", ""),
         said=verdict_of(results),
         claims=[("held" if c.held else "not held", c.says, c.here) for c in claims(results)],
-        asked=results.asked,
+        asked=asked,
         strips=[(*row.strip_cells(), numeral(row.strips.offset), numeral(row.strips.worst_offset))
                 for row in summary],
         ranges=[row.range_cells() for row in summary],
-        outside=_outside_sentence(results),
+        outside="; ".join(f"{p} {out} of {of}" for p, out, of in strays if of) or NO_VALUE,
         hidden=_hidden_effects(results),
         figures={name: draw(results) for name, draw in FIGURES.items()},
         refused=[(r.part, r.reason) for r in results.results if isinstance(r, MissingPart)],
-        made_with=_made_with(results),
+        made_with=[item for item in made_with.items() if item[0] != "weights"],
     )  # fmt: skip
 
 
@@ -100,12 +103,6 @@ def verdict_of(results: Results) -> PageVerdict:
     return PageVerdict(tone, headline, sentences, millimetres(strips.worst), "worst |d|, feedback")
 
 
-def _outside_sentence(results: Results) -> str:
-    """Sentence on the number of strips outside the simulated range, policy by policy."""
-    strays = [(p, *outside(results, p)) for p in PAPER_POLICIES if p in results.asked.policies]
-    return "; ".join(f"{p} {out} of {of}" for p, out, of in strays if of) or NO_VALUE
-
-
 def _hidden_effects(results: Results) -> dict[str, Any]:
     """Table of misses with effects unknown to the policies: a row an effect, a column a policy."""
     policies = [policy for policy in results.asked.policies if results.hidden_folds(policy)]
@@ -118,13 +115,6 @@ def _hidden_effects(results: Results) -> dict[str, Any]:
         for effect in effects
     ]
     return {"head": ("hidden", *policies), "rows": misses}
-
-
-def _made_with(results: Results) -> list[tuple[str, str]]:
-    asked = results.asked
-    rows = [("speed", f"{results.speed:g} m/s"), ("seed", str(asked.seed))]
-    made = [item for item in results.made_with.items() if item[0] != "weights"]
-    return [*rows, ("strips", ", ".join(asked.strips)), *made]
 
 
 FIGURES = {

@@ -262,8 +262,7 @@ def accept(
     from cell.gap.verdict.accept import accept as put
 
     file = _subject_file(strip, model, configs, subject)
-    cell_file = _cell_file(configs) if model is None else None
-    changed = put(fitted, file, cell_file, law=law, force=force)
+    changed = put(fitted, file, _cell_file(model, configs), law=law, force=force)
     _print_changed("accepted", changed, as_json=as_json)
 
 
@@ -280,8 +279,8 @@ def undo(
     from cell.gap.verdict.accept import undo as take_back
 
     file = _subject_file(strip, model, configs, subject)
-    cell_file = _cell_file(configs) if model is None else None
-    _print_changed("undone", take_back(fitted, file, cell_file), as_json=as_json)
+    changed = take_back(fitted, file, _cell_file(model, configs))
+    _print_changed("undone", changed, as_json=as_json)
 
 
 def _print_changed(what: str, changed: "AcceptResult", *, as_json: bool) -> None:
@@ -293,6 +292,8 @@ def _print_changed(what: str, changed: "AcceptResult", *, as_json: bool) -> None
 @gap.command()
 def advise(fitted: Fitted, as_json: Json = False) -> None:
     """Print the further runs that would best separate the remaining explanations."""
+    from cell.gap.report.sentence import remedy_lines
+    from cell.gap.verdict.accept import RECORD, FitRecord, read_stored
     from cell.gap.verdict.schema import read_verdict
 
     verdict = read_verdict(fitted / "verdict.json")
@@ -301,7 +302,9 @@ def advise(fitted: Fitted, as_json: Json = False) -> None:
         sys.stdout.write(json.dumps(advice) + "\n")
         return
     planned = max((item.expected_sigma for item in verdict.advice), default=0.0)
-    for line in _repeatability(fitted, planned):
+    record = read_stored(fitted / RECORD, FitRecord)
+    spreads = {s.name: (s.value, s.unit) for s in record.scatter}
+    for line in remedy_lines(spreads, record.steadier, planned):
         sys.stdout.write(f"{line}\n")
     if not verdict.advice:
         sys.stdout.write("no experiment is worth more than those that were made\n")
@@ -310,16 +313,6 @@ def advise(fitted: Fitted, as_json: Json = False) -> None:
             f"{item.experiment}: separates {' from '.join(item.separates)} by "
             f"{item.expected_sigma:.1f} sigma in {item.minutes:.1f} minutes\n"
         )
-
-
-def _repeatability(fitted: Path, planned: float) -> Iterator[str]:
-    """Lines on run-to-run spread: whether less of it separates more than `planned` [sigma]."""
-    from cell.gap.report.sentence import remedy_lines
-    from cell.gap.verdict.accept import RECORD, FitRecord, read_stored
-
-    record = read_stored(fitted / RECORD, FitRecord)
-    spreads = {s.name: (s.value, s.unit) for s in record.scatter}
-    yield from remedy_lines(spreads, record.steadier, planned)
 
 
 def _verdict_lines(verdict: "Verdict") -> Iterator[str]:
@@ -398,8 +391,10 @@ def _next_command(verdict: "Verdict", out: Path, option: str, *, law: bool) -> s
     return f"cell fold {option}" if option.startswith("--strip") else "nothing: the model holds"
 
 
-def _cell_file(configs: Path | None) -> Path:
-    """Path of cell.yaml; raises ConfigurationError where it cannot be read."""
+def _cell_file(model: Path | None, configs: Path | None) -> Path | None:
+    """Path of cell.yaml, None with a mechanism's `model`; ConfigurationError if unreadable."""
+    if model is not None:
+        return None
     found = find_configs(configs)
     found.cell()  # refused here, in one line, before anything is written
     return found.folder / "cell.yaml"

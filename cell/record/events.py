@@ -1,9 +1,8 @@
 """Events of a run, among them the start of measured time and the policy's predictions."""
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf, nan
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -16,7 +15,6 @@ from drivers.types import Array
 
 ORIGIN = "origin"  # kind of the event at t = 0 of the run's tables
 LIFT = "lift"  # of that at t = 0 of its streams and images, where that is another moment
-LATEST = 1e9  # s, of an event
 PREDICTED = "foretold"  # kind of the events
 EVERY_FRAME = frozenset({"decision", PREDICTED})  # kinds that are too many for a log
 BELIEFS = ("bending_length", "retardation_time", "yield_curvature")
@@ -40,7 +38,7 @@ def read_events(folder: Path) -> tuple[Event, ...]:
     """Events of the run in `folder` in the order of writing, `t` on the cell's clock."""
     lines = read_json_lines(folder / EVENTS)
     return tuple(
-        Event(_time(line.pop("t", None)), str(line.pop("kind", "")), line) for line in lines
+        Event(_number(line.pop("t", None), 0.0), str(line.pop("kind", "")), line) for line in lines
     )
 
 
@@ -64,13 +62,6 @@ def lift_time(folder: Path) -> float:
     """
     times = {event.kind: event.t for event in reversed(read_events(folder))}
     return times.get(ORIGIN, inf) - times[LIFT] if LIFT in times else 0.0
-
-
-def _time(value: object) -> float:
-    """Time [s] that an event states as `value`; 0 for a value that is no time."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return 0.0
-    return float(value) if isfinite(value) and abs(value) < LATEST else 0.0
 
 
 class Outlook(NamedTuple):
@@ -102,7 +93,8 @@ def row_of(facts: Mapping[str, object]) -> Array:
     return np.array(row)
 
 
-def _number(value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > LARGEST_VALUE:
-        return math.nan
-    return float(value)
+def _number(value: object, otherwise: float = nan) -> float:
+    """`value` where it is a number that is not absurdly large, else `otherwise`."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return otherwise
+    return float(value) if abs(value) <= LARGEST_VALUE else otherwise

@@ -73,28 +73,7 @@ def read_photographs(paths: Sequence[Path], overhangs: Sequence[float]) -> list[
 def read_photograph(path: Path, overhang: float) -> Photograph:
     """Read the picture at `path` of a strip with `overhang` [m]; ConfigurationError if unfit."""
     image = read_picture(path)
-    return _photograph(path, overhang, image, _trace_midline(path, image))
-
-
-def _trace_midline(path: Path, image: Image) -> Midline:
-    """Midline of the strip, traced as bright before dark, then as dark before bright."""
-    reasons = []
-    for seen in (image, cv2.bitwise_not(image)):
-        try:
-            rough = extract_midline(seen, ROUGHLY)
-            if rough.width < THICKEST_SHARE * rough.length:
-                count = int(np.clip(rough.length / (TRACED * rough.width), ROUGHLY, MOST_TRACED))
-                return extract_midline(seen, count)
-            reasons.append("picture: what enters at its left border is too thick for a strip")
-        except ConfigurationError as error:
-            reasons.append(str(error))
-        except ValueError:  # an object that is hardly longer than wide has no line to trace
-            reasons.append("picture: what enters at its left border is no strip")
-    raise ConfigurationError(f"{path}: {reasons[0]}")
-
-
-def _photograph(path: Path, overhang: float, image: Image, midline: Midline) -> Photograph:
-    """The photograph in metres, scaled by its overhang, with errors along the midline."""
+    midline = _trace_midline(path, image)
     traced = midline.points * (1, -1)
     travel = arc_lengths(traced)
     pixel = overhang / travel[-1]
@@ -113,6 +92,23 @@ def _photograph(path: Path, overhang: float, image: Image, midline: Midline) -> 
         width=midline.width * pixel,
         pixel=pixel,
     )
+
+
+def _trace_midline(path: Path, image: Image) -> Midline:
+    """Midline of the strip, traced as bright before dark, then as dark before bright."""
+    reasons = []
+    for seen in (image, cv2.bitwise_not(image)):
+        try:
+            rough = extract_midline(seen, ROUGHLY)
+            if rough.width < THICKEST_SHARE * rough.length:
+                count = int(np.clip(rough.length / (TRACED * rough.width), ROUGHLY, MOST_TRACED))
+                return extract_midline(seen, count)
+            reasons.append("picture: what enters at its left border is too thick for a strip")
+        except ConfigurationError as error:
+            reasons.append(str(error))
+        except ValueError:  # an object that is hardly longer than wide has no line to trace
+            reasons.append("picture: what enters at its left border is no strip")
+    raise ConfigurationError(f"{path}: {reasons[0]}")
 
 
 def _average_points(traced: Array, travel: Array, arc: Array) -> Array:
