@@ -40,7 +40,7 @@ def study(
         ),
     ] = False,
     models: Annotated[
-        Path | None, typer.Option(help="Folder of models that others wrote, for `foreign`.")
+        Path | None, typer.Option(help="Folder of models that others wrote, for `mechanisms`.")
     ] = None,
     again: Annotated[
         bool, typer.Option("--again", help="Measure anew what OUT already holds.")
@@ -55,7 +55,7 @@ def study(
     from tests.lab.studies.catalogue import studies, study_of
 
     if models is not None:
-        os.environ["FOREIGN_MODELS"] = str(models.resolve())  # processes of the study inherit it
+        os.environ["STUDY_MODELS"] = str(models.resolve())  # processes of the study inherit it
     if name is None and not quick:
         _print_studies()
         return

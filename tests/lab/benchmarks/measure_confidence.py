@@ -31,7 +31,7 @@ from tests.lab.studies.catalogue.confidence import (
     names,
     shares,
 )
-from tests.lab.studies.catalogue.foreign import accepted
+from tests.lab.studies.catalogue.mechanisms import accepted
 from tests.lab.studies.study import Case, Outcome
 
 SIGNS = {field.name for field in fields(VerdictEvidence)}

@@ -1,4 +1,4 @@
-"""The studies of mechanisms: what counts as right, and that chains come with the exam."""
+"""The study of mechanisms: what counts as right, and that chains come with the exam."""
 
 from pathlib import Path
 from typing import Any
@@ -7,7 +7,7 @@ import pytest
 
 from cell.gap.verdict.schema import NamedEffect, Verdict
 from tests.lab.exam.mechanisms import LISTS, open_rig
-from tests.lab.studies.catalogue import foreign
+from tests.lab.studies.catalogue import mechanisms
 
 
 def verdict(kind: str, *names: str, ambiguous: Any = ()) -> Verdict:
@@ -29,11 +29,12 @@ def verdict(kind: str, *names: str, ambiguous: Any = ()) -> Verdict:
         ("wrong base", ["wrong_mass"], verdict("named", "link_inertia"), True, False, True),
         ("wrong base", ["wrong_com"], verdict("named", "link_inertia"), False, True, True),
         ("wrong base", ["wrong_com"], verdict("no_gap"), False, False, False),
+        ("wrong base", ["wrong_com"], verdict("no_gap"), True, False, None),
     ],
 )
 def test_a_verdict_is_scored(kind, hidden, found, by_class, false, base) -> None:
     expected = {"by_class": by_class, "false": false, "base": base}
-    assert foreign.score(kind, hidden, found) == expected
+    assert mechanisms.score(kind, hidden, found, shown=base is not None) == expected
 
 
 @pytest.mark.parametrize("name", LISTS["chains"])

@@ -25,7 +25,7 @@ from drivers.fci_server.server import RobotServer, ServerSettings
 from drivers.franka.model import ArmPlant
 from drivers.twin.clock import TwinClock
 from drivers.types import Array, Velocity, frozen
-from tests.lab.studies.catalogue import foreign
+from tests.lab.studies.catalogue import mechanisms
 from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 ARM = CHECKOUT_CONFIGS / "mechanisms" / "arm" / "mechanism.yaml"
@@ -111,7 +111,7 @@ def measure(case: Values) -> Values:
     kind, causes = ("nothing", []) if hidden == "nothing" else ("one effect", [hidden])
     effects = {e.name: {k: [p.value, p.low, p.high] for k, p in e.parameters.items()}
                for e in verdict.effects}  # fmt: skip
-    return {**foreign.score(kind, causes, verdict), "cpu": cpu, "verdict": verdict.verdict,
+    return {**mechanisms.score(kind, causes, verdict), "cpu": cpu, "verdict": verdict.verdict,
             "effects": effects, "ambiguous": verdict.ambiguous, "notes": verdict.notes}  # fmt: skip
 
 

@@ -1,32 +1,145 @@
-"""Study of what `cell gap` says of chains of two to seven joints and of a pendulum on a cart.
+"""Study of what `cell gap` says of mechanisms: those that come with the exam, or others'.
 
-As the study `foreign`, with models that come with the exam.
+Without `--models` they are chains of two to seven joints and a pendulum on a cart. Its folder is
+that of `pip install --no-deps --target FOLDER dm_control gymnasium robosuite airo-models
+example-robot-data`, and `cases` in it are those of `../shared`.
 """
 
-from dataclasses import replace
+import os
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from tests.lab.exam.mechanisms import LISTS
-from tests.lab.studies.catalogue import foreign
-from tests.lab.studies.study import Values
+from cell.gap.fit import fit
+from cell.gap.open_subject import open_subject
+from cell.gap.subject.run_folders import find_runs
+from cell.gap.verdict.schema import Verdict
+from tests.lab.exam.mechanisms import LISTS, make_runs
+from tests.lab.exam.score import signs
+from tests.lab.exam.targets import reliable
+from tests.lab.studies.study import Ledger, Outcome, Quantity, Statistic, Study, Values
+
+KINDS = ("nothing", "one effect", "two effects", "outside", "wrong base")
+FOLDER = "STUDY_MODELS"  # variable of the environment that a study's processes share
+RIGHT = {"wrong_mass": {"link_inertia"}, "wrong_com": {"com_error"}}  # of a wrong base
+WITHHELD = 0.5  # of causes outside the library, those that are withheld from it
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """Draw what is hidden, a fifth of each kind, in one of the chains."""
-    return foreign.draw_in({name: {} for name in LISTS["chains"]}, number, rng)
+    """Draw what is hidden, a fifth of each kind, in one of the models."""
+    models = LISTS["models"] if FOLDER in os.environ else {name: {} for name in LISTS["chains"]}
+    kind = KINDS[number % len(KINDS)]
+    name = str(rng.choice(list(models)))
+    known = models[name]
+    mode = known.get("mode", "prescribed")
+    count = {"nothing": 0, "two effects": 2}.get(kind, 1)
+    library = LISTS["library"][mode] + ["base_compliance"] * ("sways" in known)
+    withheld = kind == "outside" and bool(rng.random() < WITHHELD)
+    others = {"outside": LISTS["outside"][mode], "wrong base": LISTS["wrong"]}
+    causes = library if withheld else others.get(kind, library)
+    hidden = [str(c) for c in rng.choice(causes, count, replace=False)]
+    return {"kind": kind, "model": name, "hidden": hidden, "without": hidden if withheld else [],
+            "size": float(rng.uniform(0.8, 1.6)), "seed": int(rng.integers(2**31))}  # fmt: skip
 
 
 def measure(case: Values) -> Values:
     """Score the verdict on a case; also returns its processor time `cpu` [s]."""
-    return foreign.measure(case)
+    folder = Path(os.environ.get(FOLDER, ""))
+    with TemporaryDirectory() as place:
+        out = Path(place) / "model"
+        file = make_runs(folder, case["model"], case["hidden"], case["size"], case["seed"], out)
+        began = time.process_time()
+        verdict = fit([out / "study-runs"], file, Path(place) / "out", without=case["without"])
+        cpu = time.process_time() - began
+        shown = leaves_more_than_noise(file, out / "study-runs")
+    right = names_that_are_right(case["kind"], case["hidden"])
+    scored = score(case["kind"], case["hidden"], verdict, shown)
+    return {**scored, case["kind"]: scored["by_class"], "cpu": cpu, "verdict": verdict.verdict,
+            "ambiguous": verdict.ambiguous,
+            "stated": [[e.name, e.confidence, e.name in right] for e in verdict.effects],
+            "signs": signs(verdict),
+            "deviates": [d.parameter for d in verdict.deviates],
+            "suspected": [e.name for e in verdict.suspected]}  # fmt: skip
 
 
-STUDY = replace(
-    foreign.STUDY,
+def leaves_more_than_noise(file: Path, runs: Path) -> bool:
+    """Whether the stated model leaves more than the stated noise of some run: a gap can be told."""
+    subject = open_subject(file, find_runs([runs]), 1)
+    left = subject.simulate([subject.stated(run) for run in subject.runs])
+    pairs = zip(subject.runs, left, strict=True)
+    return any(np.nanmean((each.mean / run.samples.noise) ** 2) > 1.0 for run, each in pairs)
+
+
+def names_that_are_right(kind: str, hidden: Sequence[str]) -> set[str]:
+    """Names of effects that are right where these causes are hidden; none for one outside."""
+    return set() if kind == "outside" else {*hidden}.union(*(RIGHT.get(h, ()) for h in hidden))
+
+
+def score(
+    kind: str, hidden: Sequence[str], verdict: Verdict, shown: bool = True
+) -> dict[str, bool | None]:
+    """Whether a verdict on `hidden` causes is right by class, names falsely, and tells a base.
+
+    Right is no gap where nothing is hidden, unexplained where the library has no such cause, and
+    for a wrong base that is `shown` that its gap is told without a cause. None: nothing to tell.
+    """
+    named = {e.name for e in verdict.effects}
+    every = named.union(*verdict.ambiguous)
+    false = bool(named - names_that_are_right(kind, hidden))
+    told = verdict.verdict != "no_gap" or bool(verdict.deviates)
+    by_class = {"nothing": verdict.verdict == "no_gap", "outside": verdict.verdict == "unexplained",
+                "wrong base": (told or not shown) and not false}.get(
+                    kind, set(hidden) <= every and not false)  # fmt: skip
+    if kind == "outside":
+        false = false or verdict.verdict == "ambiguous"
+    base = told if kind == "wrong base" and shown else None
+    return {"by_class": by_class, "false": false, "base": base}
+
+
+def accepted(case: Values, values: Values) -> Values:
+    """Facts on what a verdict on a mechanism accepted, as the study of confidence has them."""
+    hidden = [str(h) for h in np.atleast_1d(case["hidden"]) if h != "nothing"]
+    false, suspected = values.get("false", values.get("wrong")), values["suspected"] or None
+    return {"is_named": values["verdict"] == "named", "is_right": not false, "hidden": hidden,
+            "answer": [] if case["kind"] == "outside" or "wrong_geometry" in hidden else hidden,
+            "suspect_right": suspected and suspected == hidden, "signs": values["signs"],
+            "result": "wrong_name" if false else "right_class", "strength": None,
+            "without": case.get("without", []), "offered": False, "confidence": None,
+            "base": [], "parameters": []}  # fmt: skip
+
+
+def fail(case: Values) -> Values:
+    """Score of a case that ends without a verdict: right in nothing."""
+    told = {"base": False} if case["kind"] == "wrong base" else {}
+    return {"by_class": False, "false": False, case["kind"]: False, **told}
+
+
+def judge(outcomes: Sequence[Outcome]) -> str:
+    """Reliability of stated names, in fifths, which may be 10 points apart from 15 names on."""
+    return reliable([(p, right) for o in outcomes for _, p, right in o.values.get("stated", ())])
+
+
+STUDY = Study(
     name="mechanisms",
-    question="What does `cell gap` say of causes hidden in chains of two to seven joints?",
+    question="What does `cell gap` say of causes hidden in mechanisms?",
     draw=draw,
     measure=measure,
-    ledger=None,
+    by=("kind",),
+    quantities=(
+        Quantity("by_class", Statistic.SHARE, "%", 100.0, label="right by class", digits=0),
+        Quantity("nothing", Statistic.SHARE, "%", 100.0, 97.0, True, "no gap, least 97", 0),
+        Quantity("one effect", Statistic.SHARE, "%", 100.0, 90.0, True, "one, least 90", 0),
+        Quantity("false", Statistic.SHARE, "%", 100.0, 2.0, label="false, most 2", digits=0),
+        Quantity("base", Statistic.SHARE, "%", 100.0, 80.0, True, "base told, least 80", 0),
+        Quantity("cpu", Statistic.MEDIAN, "s", 1.0, 30.0, label="median, most 30", digits=0),
+    ),
+    ledger=Ledger("tests/lab/ledgers/mechanisms.md", judge),
+    failed=fail,
+    usual=100,
+    quick=1,
+    seconds=60.0,
+    limit=1200.0,
 )
