@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe
@@ -113,7 +112,8 @@ def plan(strips: Sequence[StripFile], speed: float, aim: float = 0.0) -> Array:
     fine = (np.round(rough)[:, None] + FINE_STEPS).astype(int)
     fine_misses = displacements(fine) - aim
     refined = _interpolate_zeros(fine, fine_misses)
-    steps = np.where(_brackets_zero(fine_misses), refined, rough)
+    brackets_zero = np.any(fine_misses <= 0, axis=1) & np.any(fine_misses >= 0, axis=1)
+    steps = np.where(brackets_zero, refined, rough)
     return steps * RISE_STEP * strips[0].length
 
 
@@ -182,11 +182,6 @@ def _check_reachable(strip: StripFile, d: Array) -> None:
             f"the smallest |d| is {1e3 * np.nanmin(np.abs(d), initial=np.inf):.0f} mm; use another "
             "policy"
         )
-
-
-def _brackets_zero(d: Array) -> NDArray[np.bool_]:
-    """Mask (n,) of the rows of displacements `d` (n, m) that contain both signs."""
-    return np.asarray(np.any(d <= 0, axis=1) & np.any(d >= 0, axis=1))
 
 
 def _interpolate_zeros(steps: Array, d: Array) -> Array:

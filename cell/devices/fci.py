@@ -1,11 +1,12 @@
 """Devices of a Franka arm, alone or with the twin's strip and camera, which follow its poses."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
 from cell.config.cell import CellFile
 from cell.config.settings import FoldSettings
-from cell.devices.devices import Closable, Devices, DeviceSelection
+from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.fold_path import triangle, whole_path
 from cell.devices.twin import TwinCalibrationAids, TwinPlant, empty_desk, plant_on_desk
 from drivers.arm.arm import FciArm
@@ -29,6 +30,7 @@ from drivers.twin.open import (
 )
 from drivers.types import Frame, frozen
 
+CellClock = TwinClock | RealTimeClock | WallClock
 CATCHING_UP = 0.02  # s per tick for strip and camera to catch up with a robot's time
 
 
@@ -47,26 +49,40 @@ def fci_devices(
     time. Raises ConfigurationError for an effect of the rig that this arm cannot simulate.
     """
     address, lock_step = settings.fci.address, settings.fci.in_lock_step
-    desk, servers = None, list[Closable]()
-    clock: TwinClock | RealTimeClock | WallClock = WallClock()
+    gripping = settings if calibrating else _expect_thickness(settings, strip)
+    if choice.camera_driver(settings).real and address is not None and not lock_step:
+        alone = WallClock()
+        return _robot_devices(settings, alone, *fci_arm(gripping, alone, address))
+    world = TwinClock()
+    clock = world if lock_step else RealTimeClock(world, CATCHING_UP)
     plant, lying, rig = plant_on_desk(settings, strip, choice)
-    if not choice.camera_driver(settings).real or address is None or lock_step:
-        world = TwinClock()
-        clock = world if lock_step else RealTimeClock(world, CATCHING_UP)
-        twin, rig = (empty_desk(settings), {}) if calibrating else (settings.twin, rig)
-        desk = open_desk(world, twin, lying, rig, choice.seed, choice.index)
-        if desk.model.rig.delay != 0:
-            raise ConfigurationError(
-                "effects: control_delay cannot be simulated with arm fci; use arm twin"
-            )
-        if address is None:
-            server = _start_robot(settings, strip, desk)
-            address = server.address
-            servers.append(server)
-    arm, hand = fci_arm(
-        settings if calibrating else _expect_thickness(settings, strip), clock, address
+    twin, rig = (empty_desk(settings), {}) if calibrating else (settings.twin, rig)
+    desk = open_desk(world, twin, lying, rig, choice.seed, choice.index)
+    if desk.model.rig.delay != 0:
+        raise ConfigurationError(
+            "effects: control_delay cannot be simulated with arm fci; use arm twin"
+        )
+    servers = [] if address is not None else [_start_robot(settings, strip, desk)]
+    arm, hand = fci_arm(gripping, clock, address or servers[0].address)
+    ExternalArm(desk, settings.twin.hand, arm.catch_up, hand)
+    return replace(
+        _robot_devices(settings, clock, arm, hand, servers),
+        camera=desk.camera if lock_step else PacedCamera(desk.camera),
+        camera_identity=settings.twin.camera.identity,
+        aids=TwinCalibrationAids(desk, settings, choice.seed) if calibrating else None,
+        plant=TwinPlant(desk, plant),
     )
-    devices = Devices(
+
+
+def _robot_devices(
+    settings: CellFile,
+    clock: CellClock,
+    arm: FciArm,
+    hand: FciHand,
+    servers: Sequence[RobotServer] = (),
+) -> Devices:
+    """Devices of a robot without a camera; `servers` that emulate it are closed with them."""
+    return Devices(
         clock=clock,
         arm=arm,
         hand=hand,
@@ -77,23 +93,11 @@ def fci_devices(
         others=(*servers, hand),
         arm_timing=lambda: arm.timing,
         arm_joints=lambda: arm.joints,
-        real_time=not lock_step,
-    )
-    if desk is None:
-        return devices
-    ExternalArm(desk, settings.twin.hand, arm.catch_up, hand)
-    return replace(
-        devices,
-        camera=desk.camera if lock_step else PacedCamera(desk.camera),
-        camera_identity=settings.twin.camera.identity,
-        aids=TwinCalibrationAids(desk, settings, choice.seed) if calibrating else None,
-        plant=TwinPlant(desk, plant),
+        real_time=not isinstance(clock, TwinClock),
     )
 
 
-def fci_arm(
-    settings: CellFile, clock: TwinClock | RealTimeClock | WallClock, address: str
-) -> tuple[FciArm, FciHand]:
+def fci_arm(settings: CellFile, clock: CellClock, address: str) -> tuple[FciArm, FciHand]:
     """Arm and hand at `address`; `clock` is the twin's where the cell drives the robot's time."""
     installation = settings.fci.limit(settings.installation)
     realtime = "ignore" if settings.fci.in_lock_step else settings.fci.realtime

@@ -8,7 +8,6 @@ import cv2
 from cell.config.cell import CellFile
 from cell.devices.devices import Devices
 from drivers.camera.camera import CameraReport, V4l2Camera
-from drivers.camera.controls import CameraControl
 from drivers.camera.formats import Mode
 from drivers.camera.frame import CameraFrame, Counts
 from drivers.camera.session import Setup
@@ -16,13 +15,12 @@ from drivers.camera.settings import V4l2Settings
 from drivers.clock import WallClock
 from drivers.errors import CellError, ConfigurationError
 from drivers.files import write_file
-from drivers.protocols import Clock
 from drivers.twin.clock import RealTimeClock, TwinClock
 
 BEST_MODE = 1280, 720, 30.0  # px, px, Hz; larger modes are not proposed
 RATE_MARGIN = 0.5  # Hz by which a camera's rate may miss a round number
 PREFERRED = ("YUYV", "GREY", "RGGB", "GRBG", "BA81", "GBRG", "MJPG")  # the less work the better
-WORTH_LOCKING = (
+WORTH_LOCKING = (  # controls that change what is measured
     "exposure_time_absolute",
     "gain",
     "white_balance_temperature",
@@ -48,7 +46,9 @@ def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
 
     The camera does not see the twin's world, so the truth is not used for scoring.
     """
-    chosen, clock = camera_settings(settings), _real_time_clock(devices.clock)
+    chosen, clock = camera_settings(settings), devices.clock
+    if isinstance(clock, TwinClock):  # the camera's own thread runs by the wall clock
+        clock = RealTimeClock(clock)
     camera = V4l2Camera(chosen, clock)
     return replace(
         devices,
@@ -60,11 +60,6 @@ def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
         camera_locks=lambda: chosen.controls if camera.setup is None else camera.setup.locks,
         real_time=True,
     )
-
-
-def _real_time_clock(clock: Clock) -> Clock:
-    """Clock that keeps step with the wall clock, as the camera's own thread needs it."""
-    return RealTimeClock(clock) if isinstance(clock, TwinClock) else clock
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +83,8 @@ def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
         return None
     mode = max(modes, key=_suitability)
     rates = [rate for rate in mode.rates if rate <= BEST_MODE[2] + RATE_MARGIN] or list(mode.rates)
-    locks = {c.name: c.value for c in camera.controls if _is_locked(c)}
+    known = {c.name: c.value for c in camera.controls if c.value is not None}
+    locks = {name: value for name, value in known.items() if name in WORTH_LOCKING}
     content = {
         "device": camera.device,
         "format": mode.format,
@@ -140,8 +136,3 @@ def _suitability(mode: Mode) -> tuple[bool, bool, int, int]:
     fast = max(mode.rates, default=rate) >= rate - RATE_MARGIN
     area = mode.width * mode.height
     return fast, fits, area if fits else -area, -PREFERRED.index(mode.format)
-
-
-def _is_locked(control: CameraControl) -> bool:
-    """Whether the value of `control` changes what is measured, so that it is locked."""
-    return control.name in WORTH_LOCKING and control.value is not None

@@ -20,7 +20,7 @@ from cell.folding.fold_trace import FoldTrace
 from cell.folding.realtime import realtime_thread
 from cell.folding.request import Request, memory_of
 from cell.folding.result import FoldResult
-from cell.learning.correction import experience_of, subject_of
+from cell.learning.correction import Correction, experience_of, subject_of
 from cell.learning.experience import run_key
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
@@ -74,24 +74,34 @@ def fold(
         limits = request.choice.motion_limits(settings)
         expected = check_feasible(settings, strip, policy, calibration, limits, desk)
         begun = time.perf_counter()
-        header = run_header(request, settings, calibration, devices.camera.rate)
-        header |= {} if correction is None else {"learning": correction.facts()}
-        keep, film = request.record.frames or settings.record.frames, request.record.film
-        patient = devices.plant is not None
-        writer = RunWriter.create(request.runs, header, keep, patient=patient, film=film)
+        writer = _new_run(request, calibration, devices, correction)
         subject = StripInputs(calibration, settings.perception, strip)
         with writer.under_way(), _reader(subject, real_time=devices.real_time) as reader:
             context = FoldContext(
-                settings.controller, strip, policy, calibration, reader, desk=desk
-            )
-            context.expected = expected
-            context.place = 0.0 if correction is None else correction.place
+                settings.controller, strip, policy, calibration, reader, expected=expected,
+                place=0.0 if correction is None else correction.place, desk=desk,
+            )  # fmt: skip
             outcome, truth = _record_fold(request, context, devices, writer, observers, interrupted)
         if correction is not None and request.learning.learns:
             _learn(request, outcome, writer.folder)
-        wall = time.perf_counter() - begun
-        warning = _warning(outcome, context.warning)
-        return FoldResult.of(request, outcome, writer.folder, calibration.id, truth, wall, warning)
+        return replace(
+            FoldResult.from_outcome(request, outcome, truth),
+            run=str(writer.folder),
+            calibration=calibration.id,
+            wall=time.perf_counter() - begun,
+            warning=_warning(outcome, context.warning),
+        )
+
+
+def _new_run(
+    request: Request, calibration: Calibration, devices: Devices, correction: Correction | None
+) -> RunWriter:
+    """Create the folder of a run by `request`, with its header; returns its writer."""
+    settings, record = request.settings, request.record
+    header = run_header(request, settings, calibration, devices.camera.rate)
+    header |= {} if correction is None else {"learning": correction.facts()}
+    keep, patient = record.frames or settings.record.frames, devices.plant is not None
+    return RunWriter.create(request.runs, header, keep, patient=patient, film=record.film)
 
 
 @contextmanager

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
-from pathlib import Path
 from typing import Any, Self
 
 from cell.config.unmeasured_strip import UNKNOWN_NAME as UNKNOWN
@@ -62,20 +61,11 @@ class FoldResult:
         return cls(*known, stopped.name, stopped.reason, stopped.exit_code)
 
     @classmethod
-    def of(
-        cls,
-        request: Request,
-        outcome: Outcome,
-        folder: Path,
-        calibration: str,
-        truth: Mapping[str, Any],
-        wall: float,
-        warning: str | None,
-    ) -> Self:
-        """Result of the fold recorded in `folder`: its `outcome`, and the twin's `truth`."""
+    def from_outcome(cls, request: Request, outcome: Outcome, truth: Mapping[str, Any]) -> Self:
+        """Result of a fold of `request` by its `outcome` and the twin's `truth`, without a run."""
         touch = outcome.touch
         return cls(
-            run=str(folder),
+            run="",
             strip=request.strip.name,
             policy=request.policy,
             seed=request.choice.seed,
@@ -87,11 +77,8 @@ class FoldResult:
             edge_offset=outcome.edge_offset,
             edge_offset_true=truth.get("edge_offset"),
             duration=outcome.duration,
-            wall=wall,
-            calibration=calibration,
             exit_code=outcome.exit_code,
             predicted=None if outcome.predicted is None else outcome.predicted.sentence(),
-            warning=warning,
             like_model=None if outcome.agreement is None else outcome.agreement.like_model,
             correction=request.learning.correction.sentence(),
             witnesses=outcome.witnesses,

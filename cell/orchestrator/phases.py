@@ -41,7 +41,7 @@ from cell.perception.image_reader import ImageResult, ImageTask, Reader
 from cell.perception.laid_fold import LaidWeights, Loop, edge_offset, laid_length
 from cell.perception.length_checks import LengthCheck, compare_grip, held_end_offset
 from cell.perception.preflight import PreflightCheck, camera_check
-from cell.perception.strip_measurement import SeenTouch, StripMeasurement
+from cell.perception.strip_measurement import StripMeasurement
 from drivers.errors import Fault, PreflightRefused
 from drivers.types import Frame, Pose, Velocity
 from policies.follower import Follower
@@ -174,8 +174,10 @@ def continue_to_lay(_context: FoldContext, record: Recorder, begin: Snapshot) ->
 
 
 def lay(context: FoldContext, record: Recorder, begin: Snapshot) -> Phase:
-    """Lower the grasped edge to the desk beyond the taut layer's end, push it to its place."""
-    touch, settings = _seen_touch(context), context.settings.fold
+    """Lower the grasped edge past the taut end, push it to its place; Fault without a touch."""
+    touch, settings = context.seen_touch, context.settings.fold
+    if touch is None:
+        raise Fault("illegal_event", "LAY was entered without a touch")
     rest = max(context.strip.thickness, touch.distance) + CLEARANCE
     end = edge_place(touch, context.place)
     path = lay_path(touch, begin.arm.pose, rest, end, settings)
@@ -298,10 +300,3 @@ def _camera_checks(
     yield from move(start)
     shift = camera_shift(frame, landmarks, calibration.lens, calibration.homography)
     return (camera_check(shift, context.settings.landmarks),)
-
-
-def _seen_touch(context: FoldContext) -> SeenTouch:
-    """Measured touch of the layers; raises Fault where there is none."""
-    if context.seen_touch is None:
-        raise Fault("illegal_event", "LAY was entered without a touch")
-    return context.seen_touch

@@ -90,30 +90,24 @@ class LayerTouch:
         if closing is None:
             return None
         time, speed = closing
-        after = t >= time
-        if after.sum() < RECENT_FALLS:
-            return None
-        speed_after = -float(np.polyfit(t[after], gap[after], 1)[0])
-        if speed_after > self._settings.touch_stop * speed:
+        if not _falls_slower(t, gap, time, self._settings.touch_stop * speed):
             return None
         apart = abs(_end_of_fall(t, gap, time, speed) - time) / self._settings.touch_agreement
         if apart > LARGEST_RATIO:
             return None
-        # both lengths err alike where the fold's place is misread: their difference is filtered
-        falls = self._falls
-        places = _without_spikes([fall.x for fall in falls])
-        differences = _without_spikes([fall.to_grasped - fall.x for fall in falls])
-        x = float(np.interp(time, t, places))
-        displacement = float(np.interp(time, t, differences))
-        seen = SeenTouch(
-            time=time,
-            x=x,
-            to_grasped=x + displacement,
-            to_fixed=x,
-            confidence=float(np.exp(-apart)),
-            distance=distance,
-        )
+        x, displacement = self._place_at(time, t)
+        confidence = float(np.exp(-apart))
+        seen = SeenTouch(time, x, x + displacement, x, confidence, distance)
         return seen if self._is_a_fold(seen) else None
+
+    def _place_at(self, time: float, t: Array) -> tuple[float, float]:
+        """Place x [m] of the fold, and displacement [m] there, at `time` among `t` (n,) [s].
+
+        Both lengths err alike where the place is misread: their difference is filtered.
+        """
+        places = _without_spikes([fall.x for fall in self._falls])
+        differences = _without_spikes([fall.to_grasped - fall.x for fall in self._falls])
+        return float(np.interp(time, t, places)), float(np.interp(time, t, differences))
 
     def _is_a_fold(self, touch: SeenTouch) -> bool:
         """Whether both lengths are plausible: a fold near the strip's end is a misreading."""
@@ -157,6 +151,14 @@ def _closing_time(t: Array, gap: Array, level: float, end: float) -> tuple[float
         return None
     latest = float(t[j + 1]) + max(float(gap[j + 1]) - end, 0.0) / speed
     return min(float(t[j]) + (float(gap[j]) - end) / speed, latest), speed
+
+
+def _falls_slower(t: Array, gap: Array, time: float, speed: float) -> bool:
+    """Whether the gap (n,) closes at `speed` [m/s] at most from `time` [s] on; False for few."""
+    after = t >= time
+    if after.sum() < RECENT_FALLS:
+        return False
+    return not -float(np.polyfit(t[after], gap[after], 1)[0]) > speed
 
 
 def _end_of_fall(t: Array, gap: Array, time: float, speed: float) -> float:

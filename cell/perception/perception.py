@@ -136,7 +136,8 @@ class Perception:
             self._calibration, self._strip.thickness, self._strip.width, region.origin, self._sizes
         )
         points, visible = midline_points(levels, side, geometry, self._settings.spacing)
-        lifted = points[_first_lifted(points, contact.x) :]
+        past = np.flatnonzero(points[:, 0] >= contact.x)
+        lifted = points[past[0] if len(past) else 0 :]
         if len(lifted) < FEWEST_POINTS:
             return UNSEEN
         even = resample(lifted, self._settings.profile_points)
@@ -173,8 +174,3 @@ class Perception:
         approach = (after - point) / np.hypot(*(after - point))
         clearance = self._settings.gripper_clearance / self._sizes.scale
         return start, Grip(point, approach, clearance, self._sizes.aside)
-
-
-def _first_lifted(points: Array, contact_x: float) -> int:
-    """Index of the first point past the contact, counted along the curve."""
-    return int(np.argmax(points[:, 0] >= contact_x)) if len(points) else 0

@@ -249,11 +249,7 @@ class Preflight:
 def inspect(
     frame: Frame, calibration: Calibration, settings: PerceptionSettings, strip: StripFile
 ) -> Preflight:
-    """Check the image `frame` of a strip that lies flat on the desk, not yet grasped.
-
-    The background is learnt pixel by pixel, and the strip's colours one by one: twice, since where
-    it rests follows from the first.
-    """
+    """Check the image `frame` of a strip that lies flat on the desk, not yet grasped."""
     image = frame.image
     refused = [
         check
@@ -262,14 +258,7 @@ def inspect(
     ]
     if refused:
         return Preflight(tuple(refused), None)
-    rise, noise = 0.0, sensor_noise(image)
-    for margin in MARGINS:
-        place = resting_place(calibration, strip, rise, margin)
-        inner = inner_pixels(image, calibration, strip, rise)
-        scene = learn_segmenter(image, noise, inner, calibration, strip, place)
-        levels = smooth_matte(_matte_of(scene, image))
-        lying = underside(levels, calibration, strip)
-        rise = float(np.median(lying.z[lying.present])) if lying.present.any() else rise
+    scene, levels, lying, rise = _learn_scene(image, calibration, strip)
     seen = sample_scene(image, calibration, strip)
     distinct = (
         _check_exposure(seen),
@@ -283,6 +272,25 @@ def inspect(
     appearance = Appearance(scene, frozen(resting_line(lying)))
     rest = _check_rest(lying, appearance, settings, strip, calibration.residual)
     return Preflight((*distinct, lies, *rest), appearance)
+
+
+def _learn_scene(
+    image: Image, calibration: Calibration, strip: StripFile
+) -> tuple[Segmenter, Image, Underside, float]:
+    """Segmenter learnt from `image` (h, w, 3), smoothed matte (h, w), strip found, its rise [m].
+
+    The background is learnt pixel by pixel, and the strip's colours one by one: twice, since where
+    it rests follows from the first.
+    """
+    rise, noise = 0.0, sensor_noise(image)
+    for margin in MARGINS:
+        place = resting_place(calibration, strip, rise, margin)
+        inner = inner_pixels(image, calibration, strip, rise)
+        scene = learn_segmenter(image, noise, inner, calibration, strip, place)
+        levels = smooth_matte(_matte_of(scene, image))
+        lying = underside(levels, calibration, strip)
+        rise = float(np.median(lying.z[lying.present])) if lying.present.any() else rise
+    return scene, levels, lying, rise
 
 
 def _matte_of(scene: Segmenter, image: Image) -> Image:

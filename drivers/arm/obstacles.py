@@ -152,14 +152,11 @@ def _objection(points: Sequence[Array], solids: Solids) -> str:
         legs.append(np.linspace(a, b, count))
     path = np.concatenate(legs)
     gaps = np.column_stack([self_clearance(path), solids.clearance(path)])
-    for name, gap in zip(("itself", *(box.name for box in solids.boxes)), gaps.T, strict=True):
+    names = ("itself", *(f"the {box.name}" for box in solids.boxes))
+    for name, gap in zip(names, gaps.T, strict=True):
         if not _keeps_clear(gap):
-            return f"the arm would come to {1e3 * gap.min():.0f} mm from {_with_article(name)}"
+            return f"the arm would come to {1e3 * gap.min():.0f} mm from {name}"
     return ""
-
-
-def _with_article(name: str) -> str:
-    return name if name == "itself" else f"the {name}"
 
 
 def _keeps_clear(gap: Array) -> bool:

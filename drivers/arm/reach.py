@@ -98,18 +98,14 @@ def plan_reach(
         return Reach(False, HOME, 0.0, 1, 0, (first,))
     candidates.sort(key=lambda reach: (reach.allowed, reach.followed, reach.margin), reverse=True)
     braked = list[Reach]()
-    for candidate in candidates:
-        if not candidate.allowed:
-            break  # the candidates with problems come last
+    for candidate in filter(lambda reach: reach.allowed, candidates):
         guard = ReachGuard(planes[candidate.turned], installation.limits, candidate.start.tolist())
         stop = _first_braking(guard, poses, times)
         if stop is None:
             return candidate
         after_lift = stop.pitch > HANGING
         braked.append(candidate if after_lift else replace(candidate, problems=(stop,)))
-    if not braked:
-        return candidates[0]
-    return max(braked, key=lambda reach: (reach.allowed, reach.margin))
+    return max(braked, key=lambda reach: (reach.allowed, reach.margin), default=candidates[0])
 
 
 def _postures(

@@ -62,11 +62,6 @@ class Dynamics:
         """Elastic deflection (7,) [rad] of the links from their motors, which are in `posture`."""
         return np.asarray(np.multiply(self._plant.compliance, self.torque(posture)))
 
-    @property
-    def bends(self) -> bool:
-        """Whether any joint is elastic, so that its link deflects from its motor."""
-        return any(self._plant.compliance)
-
     def _payload_torque(self, velocity: Array, acceleration: Array) -> Array:
         """Torques (7,) [N m] of the payload: J' m (J ddq + dJ dq - g) of a point."""
         model, data = self._model, self._data

@@ -104,9 +104,8 @@ class RobotServer:
     ) -> None:
         settings = settings or ServerSettings()
         self.robot = resting_robot(start, None, push)
-        robot = self.robot
-        _give_mechanics(robot, settings)
-        robot.body = BodyCheck(solids)
+        self.robot.body = BodyCheck(solids)
+        _give_mechanics(self.robot, settings)
         self.hand = Hand(between)
         self._poll = select.epoll()
         self._lock_step = settings.lock_step
@@ -344,7 +343,7 @@ def _give_mechanics(robot: Robot, settings: ServerSettings) -> None:
     if plant is not None:
         robot.dynamics = Dynamics(plant)
         delay += plant.delay
-        sag = robot.dynamics.sag if robot.dynamics.bends else None
+        sag = robot.dynamics.sag if any(plant.compliance) else None  # of an elastic joint
     if delay or settings.lag or sag is not None:
         tool = robot.configuration.tool
         robot.trailing = LaggingArm(robot.posture, tool, delay, settings.lag, sag)
