@@ -22,11 +22,6 @@ def numeral(value: float, *, signed: bool = False) -> str:
     return millimetres(value, signed).removesuffix(" mm")
 
 
-def newtons(value: float) -> str:
-    """Format a force [N] with two decimals and without a unit."""
-    return f"{value:.2f}" if abs(value) < float("inf") else NO_VALUE
-
-
 Table = tuple[Sequence[str], Sequence[Sequence[str]], str]
 PAPER_MEANS = {"triangular": -0.0368, "circular": 0.0627}  # m, over ten materials
 PAPER_WORST = {"feedback": 0.020}  # m, on every material
@@ -113,7 +108,11 @@ class Row:
         """Cells of the table of the paper's range: |d| in the rod and on the chain, the pull."""
         rod, chain = self.rod, self.chain
         numbers = [numeral(value) for value in (rod.mean, rod.quantile_95, rod.worst)]
-        other = numeral(chain.mean), numeral(chain.worst), newtons(rod.force)
+        other = (
+            numeral(chain.mean),
+            numeral(chain.worst),
+            NO_VALUE if np.isnan(rod.force) else f"{rod.force:.2f}",
+        )
         return self.policy, *numbers, str(rod.untouched), *other
 
 

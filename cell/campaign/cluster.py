@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 from cell.campaign.journal import Journal, Record
 from cell.campaign.processes import ProcessPool
-from cell.campaign.run import Part, compile_rod, measure_in, set_aside
+from cell.campaign.run import Part, compile_rod, measure_in, store_record
 from cell.campaign.versions import versions
 from cell.extras import require_library
 from drivers.errors import ConfigurationError, WorkersLost
@@ -185,7 +185,8 @@ def _store_record(
         killed[part.key] += 1
         if killed[part.key] < TRIES:
             return None
-        return set_aside(part, "many workers died while they had it", folder)
+        reason = "many workers died while they had it"
+        return store_record(part, folder, "set_aside", reason=reason)
     except (CancelledError, TimeoutError, OSError):
         return None
     finally:

@@ -66,16 +66,14 @@ def measure(part: Part, folder: Path) -> Record:
     passed, spent = time.perf_counter() - begun, sum(os.times()[:4]) - sum(before[:4])
     cost = Cost(wall=passed, processor=spent)  # of this process and of its children that ended
     state: State = "failed" if outcome is None else "measured"
-    return _put(part, folder, state, outcome=outcome, reason=reason, cost=cost)
+    return store_record(part, folder, state, outcome=outcome, reason=reason, cost=cost)
 
 
-def set_aside(part: Part, reason: str, folder: Path) -> Record:
-    """Store and return a record for `part` that gave none itself, with the `reason`."""
-    return _put(part, folder, "set_aside", reason=reason)
+def store_record(part: Part, folder: Path, state: State, **facts: Any) -> Record:
+    """Store and return the record of `part` with these `facts`, and where it was made.
 
-
-def _put(part: Part, folder: Path, state: State, **facts: Any) -> Record:
-    """Store and return the record of `part` with these `facts`, and where it was made."""
+    One in the `state` set_aside, with a `reason`, is of a part that gave no record itself.
+    """
     where: dict[str, Any] = {"versions": versions(), "host": os.uname().nodename}
     record = Record(schema=1, key=part.key, of=part.of, state=state, **facts, **where)
     Journal(folder).put(record)
@@ -145,9 +143,9 @@ def measure_in(
                     waiting.append(part)
                 else:
                     reason = f"its process died {TRIES} times: {result}"
-                    yield set_aside(part, reason, folder)
+                    yield store_record(part, folder, "set_aside", reason=reason)
             elif isinstance(result, TimeoutError):
-                yield set_aside(part, str(result), folder)
+                yield store_record(part, folder, "set_aside", reason=str(result))
             else:
                 yield result
 

@@ -2,7 +2,7 @@
 
 import sys
 from math import radians
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
@@ -43,12 +43,11 @@ def home(
     found = find_configs(configs)
     settings, choice = _agree_to_motion(found.cell(), arm, full_speed, recover=recover)
     lying = found.strip(strip)
-    if _at_address(settings, choice):
-        joints = manual_motion.home_joints(settings, lying)
-        _go(settings, joints, full_speed=full_speed, recover=recover, reset_tool=reset_tool)
-        _print_result("the arm is home", settings, choice)
-        return
-    _move(settings, choice, manual_motion.to_pose(manual_motion.home_pose(settings, lying)))
+    if not _at_address(settings, choice):
+        _move(settings, choice, manual_motion.to_pose(manual_motion.home_pose(settings, lying)))
+    joints = manual_motion.home_joints(settings, lying)
+    _go(settings, joints, full_speed=full_speed, recover=recover, reset_tool=reset_tool)
+    _print_result("the arm is home", settings, choice)
 
 
 def park(
@@ -64,11 +63,10 @@ def park(
 
     found = find_configs(configs).cell()
     settings, choice = _agree_to_motion(found, arm, full_speed, recover=recover)
-    if _at_address(settings, choice):
-        _go(settings, HOME.tolist(), full_speed=full_speed, recover=recover)
-        _print_result("the arm is parked", settings, choice)
-        return
-    _move(settings, choice, manual_motion.to_pose(manual_motion.home_pose(settings, NO_STRIP)))
+    if not _at_address(settings, choice):
+        _move(settings, choice, manual_motion.to_pose(manual_motion.home_pose(settings, NO_STRIP)))
+    _go(settings, HOME.tolist(), full_speed=full_speed, recover=recover)
+    _print_result("the arm is parked", settings, choice)
 
 
 def jog(
@@ -161,7 +159,7 @@ def _move(
     choice: "DeviceSelection",
     motion: "Callable[[Snapshot], Motion]",
     done: str = "",
-) -> None:
+) -> NoReturn:
     """Carry out one `motion`, print what is `done` or where it ended, and exit with its code."""
     from cell.arm.manual_motion import move_manually
 

@@ -1,9 +1,10 @@
 """Commands `cell train` and `cell benchmark` of policies, and `cell twin serve` of the arm."""
 
 import sys
+from collections.abc import Mapping
 from ipaddress import ip_address
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -11,6 +12,9 @@ from cell.cli.options import Cluster, Configs, Json, engine, resumable
 from cell.cli.output import print_json, print_table, say
 from cell.config.places import find_configs
 from drivers.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from cell.train.run import Trained
 
 PART_TIMEOUT = 7200.0  # s of a part of the benchmark
 Learned = Literal["feedback", "adaptive"]
@@ -55,7 +59,6 @@ def train(
     from cell.campaign.processes import cores
     from cell.campaign.progress import Meter
     from cell.extras import require_library
-    from cell.train.evaluation import tables
     from cell.train.transfer import TIME_LIMIT, transfer
 
     adaptive = policy == "adaptive"
@@ -83,6 +86,13 @@ def train(
     if as_json:
         print_json((trained.line() if trained else {"schema": 1}) | corrected)
         return
+    _print_training(policy, trained, corrected)
+
+
+def _print_training(policy: str, trained: "Trained | None", corrected: Mapping[str, Any]) -> None:
+    """Print the evaluation of the `trained` weights, if any, and of their correction, if any."""
+    from cell.train.evaluation import tables
+
     for table in () if trained is None else tables(trained.evaluations, trained.effects):
         print_table(*table)
     if corrected:

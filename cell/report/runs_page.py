@@ -112,24 +112,27 @@ def _verdict(
     names = [_short_name(run) for run in runs]
     measured = [row.displacement if row.edge_offset is None else row.edge_offset for row in rows]
     true = [truth.get("edge_offset", truth.get("displacement")) for truth in truths]
-    ranked, ranked_true = _ranked(names, measured), _ranked(names, true)
+    ranked = sorted(
+        (abs(v), name) for name, v in zip(names, measured, strict=True) if v is not None
+    )
     if not ranked:
         return PageVerdict("fair", "No run has a displacement", ())
-    sentences = [f"By the camera: {', '.join(ranked)}."]
-    if ranked_true:
-        sentences.append(f"In truth, which the twin knows: {', '.join(ranked_true)}.")
+    sentences = [f"By the camera: {_ranked(names, measured)}."]
+    if ranked_true := _ranked(names, true):
+        sentences.append(f"In truth, which the twin knows: {ranked_true}.")
     if differing:
         sentences.append(f"They differ in {', '.join(differing)}.")
-    ends = [line.partition(": ")[::2] for line in ranked]
-    best = [name for name, offset in ends if offset.lstrip("+−") == ends[0][1].lstrip("+−")]
+    least = millimetres(ranked[0][0])
+    best = [name for size, name in ranked[:NAMED] if millimetres(size) == least]
     lies = "lies nearest" if len(best) == 1 else "lie equally near"
     return PageVerdict("good", f"{' and '.join(best)} {lies}", tuple(sentences))
 
 
-def _ranked(names: Sequence[str], offsets: Sequence[float | None]) -> list[str]:
-    """Names of runs with their offsets [m], the smallest NAMED; those without one are left out."""
+def _ranked(names: Sequence[str], offsets: Sequence[float | None]) -> str:
+    """Text of the runs with the NAMED smallest offsets [m]; those without one are left out."""
     known = [(abs(v), name, v) for name, v in zip(names, offsets, strict=True) if v is not None]
-    return [f"{name}: {millimetres(v, signed=True)}" for _, name, v in sorted(known)[:NAMED]]
+    nearest = (f"{name}: {millimetres(v, signed=True)}" for _, name, v in sorted(known)[:NAMED])
+    return ", ".join(nearest)
 
 
 def _numbers(row: RunRow, truth: Mapping[str, Any], place: Path) -> tuple[str | Link, ...]:
