@@ -40,11 +40,6 @@ def test_id_is_of_the_content_but_not_of_the_date(calibration: Calibration) -> N
     assert change_calibration(calibration, latency=0.03).id != calibration.id
 
 
-def test_missing_calibration_says_what_to_do(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="there is no calibration; run `cell calibrate`"):
-        load_calibration(tmp_path / "calibration.yaml")
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -40,22 +40,21 @@ def test_outliers_do_not_move_the_map() -> None:
     assert np.abs(homography.to_plane(_seen(POINTS)) - POINTS).max() < 1e-6
 
 
-def test_fewer_than_twelve_points_are_refused() -> None:
-    with pytest.raises(ConfigurationError, match="11 touched points, at least 12"):
-        fit_homography(_seen(POINTS)[:11], POINTS[:11])
+NOISE = np.random.default_rng(1).uniform(-60, 60, (len(POINTS), 2))  # px
+LINE = np.column_stack([np.linspace(0, 0.6, 20), np.full(20, 0.1)])
 
 
-def test_points_that_mostly_disagree_are_refused() -> None:
-    rng = np.random.default_rng(1)
-    pixels = _seen(POINTS) + rng.uniform(-60, 60, (len(POINTS), 2))
-    with pytest.raises(ConfigurationError, match="touched points"):
-        fit_homography(pixels, POINTS)
-
-
-def test_points_on_a_line_determine_no_map() -> None:
-    line = np.column_stack([np.linspace(0, 0.6, 20), np.full(20, 0.1)])
-    with pytest.raises(ConfigurationError, match="the touched points determine no map"):
-        fit_homography(_seen(line), line)
+@pytest.mark.parametrize(
+    ("pixels", "points", "message"),
+    [
+        (_seen(POINTS)[:11], POINTS[:11], "11 touched points, at least 12"),
+        (_seen(POINTS) + NOISE, POINTS, "touched points"),
+        (_seen(LINE), LINE, "the touched points determine no map"),
+    ],
+)
+def test_points_that_are_few_or_disagree_are_refused(pixels, points, message) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        fit_homography(pixels, points)
 
 
 def test_singular_matrix_is_refused() -> None:
