@@ -129,7 +129,10 @@ def find_board(
     """Detect `board` in `image` (h, w, 3): its corners, if any, and number and size of markers."""
     corners, ids, outlines, marks = detector.detectBoard(image)
     markers = 0 if marks is None else len(marks)
-    side = _mean_side(outlines) if markers else 0.0
+    side = 0.0
+    if markers:
+        outline = np.asarray(outlines, dtype=np.float64).reshape(-1, 4, 2)
+        side = float(np.linalg.norm(outline - np.roll(outline, 1, axis=1), axis=2).mean())
     if ids is None or board.checkCharucoCornersCollinear(ids):  # no homography from those
         return BoardDetection(None, markers, side)
     on_board, in_image = board.matchImagePoints(corners, ids)
@@ -139,13 +142,6 @@ def find_board(
         np.asarray(in_image, dtype=np.float64).reshape(-1, 2),
     )
     return BoardDetection(view, markers, side)
-
-
-def _mean_side(outlines: object) -> float:
-    """Mean side [px] of marker outlines, each (4, 2)."""
-    corners = np.asarray(outlines, dtype=np.float64).reshape(-1, 4, 2)
-    sides = corners - np.roll(corners, 1, axis=1)
-    return float(np.hypot(sides[..., 0], sides[..., 1]).mean())
 
 
 PAPERS = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "A2": (594.0, 420.0), "A1": (841.0, 594.0)}

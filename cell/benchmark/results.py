@@ -1,7 +1,7 @@
 """Specification of a benchmark, and its results as stored in benchmark.json."""
 
 from collections.abc import Sequence
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, TypeVar
 
 import numpy as np
 from pydantic import Field
@@ -157,6 +157,7 @@ class MissingPart(Settings):
     reason: str
 
 
+PolicyResult = TypeVar("PolicyResult", ImageFold, RangeFolds, EffectFolds)
 Result = ImageFold | RangeFolds | EffectFolds | MissingPart
 AnyResult = Annotated[Result, Field(discriminator="kind")]
 
@@ -172,23 +173,23 @@ class Results(Settings):
 
     def folds(self, policy: str) -> tuple[ImageFold, ...]:
         """First fold of each strip by `policy`, in the requested order."""
-        found = {f.strip: f for f in self._image_folds(policy) if f.seed == self.asked.seed}
+        found = {f.strip: f for f in self._of(ImageFold, policy) if f.seed == self.asked.seed}
         return tuple(found[strip] for strip in self.asked.strips if strip in found)
 
     def repeats(self, policy: str) -> tuple[ImageFold, ...]:
         """All folds of the repeated strip by `policy`."""
-        folds = [f for f in self._image_folds(policy) if f.strip == self.asked.repeated]
+        folds = [f for f in self._of(ImageFold, policy) if f.strip == self.asked.repeated]
         return tuple(sorted(folds, key=lambda fold: fold.seed))
 
     def over_range(self, policy: str, engine: str) -> RangeFolds | None:
         """Folds of `policy` over the paper's stiffness and damping; None if not measured."""
-        found = [r for r in self.results if isinstance(r, RangeFolds)]
-        return next((r for r in found if (r.policy, r.engine) == (policy, engine)), None)
+        found = self._of(RangeFolds, policy)
+        return next((folds for folds in found if folds.engine == engine), None)
 
     def hidden_folds(self, policy: str) -> tuple[EffectFolds, ...]:
         """Folds of `policy` on strips with hidden effects, in the order of measurement."""
-        found = [r for r in self.results if isinstance(r, EffectFolds)]
-        return tuple(r for r in found if r.policy == policy)
+        return tuple(self._of(EffectFolds, policy))
 
-    def _image_folds(self, policy: str) -> list[ImageFold]:
-        return [r for r in self.results if isinstance(r, ImageFold) and r.policy == policy]
+    def _of(self, kind: type[PolicyResult], policy: str) -> list[PolicyResult]:
+        """Results of this `kind` by `policy`."""
+        return [r for r in self.results if isinstance(r, kind) and r.policy == policy]

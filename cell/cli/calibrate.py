@@ -23,7 +23,6 @@ from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from calibration.calibration import Calibration
-    from calibration.lens import Lens
     from calibration.wizard.lens_verdict import LensVerdict
     from calibration.wizard.touch_verdict import MapVerdict
     from cell.config.cell import CellFile
@@ -157,7 +156,8 @@ def calibrate_homography(
     as_json: Json = False,
 ) -> None:
     """Find the camera's map to the strip's plane, and its latency, by touches of the gripper."""
-    from cell.calibrate.wizard import read_poses, refit_homography
+    from calibration.lens import read_lens
+    from cell.calibrate.wizard import newest_lens, read_poses, refit_homography, session_lens
     from cell.calibrate.wizard_panel import wizard_session
 
     settings = find_configs(configs).cell()
@@ -169,7 +169,10 @@ def calibrate_homography(
     else:
         folder = _session_folder(out, resume, settings.name, "homography")
         settings, devices = _open_devices(settings, arm, camera, full_speed=full_speed)
-        seen_through = _find_lens(lens, resume, devices.camera_identity)
+        if resume is not None:
+            seen_through = session_lens(resume)
+        else:
+            seen_through = read_lens(lens or newest_lens(SESSIONS, devices.camera_identity))
         plan = None if poses is None else read_poses(poses)
         with wizard_session(folder, "homography", viz) as session:
             wizard = session.wizard(settings, devices, interactive=interactive)
@@ -261,16 +264,6 @@ def _open_devices(
     checks = motion_checks(settings, choice, camera=True)
     settings, choice = agree_to_slow_motion(settings, choice, ask, checks, full_speed=full_speed)
     return settings, open_cell(settings, NO_STRIP, choice, calibrating=True)
-
-
-def _find_lens(file: Path | None, resume: Path | None, camera: str) -> "Lens":
-    """Lens of the session to `resume`, of the `file`, or else the newest of this camera."""
-    from calibration.lens import read_lens
-    from cell.calibrate.wizard import newest_lens, session_lens
-
-    if resume is not None:
-        return session_lens(resume)
-    return read_lens(file or newest_lens(SESSIONS, camera))
 
 
 def _use_calibration(configs: Path | None, made: "Calibration", place: Path | None) -> Path:

@@ -19,20 +19,6 @@ from drivers.yaml_text import dump_yaml, edit_yaml, parse_yaml
 MEASUREMENT_FILE = "measurement.json"
 
 
-def create(path: Path, content: Mapping[str, Any]) -> None:
-    """Check `content` and write it to a new strip file at `path`; raises ConfigurationError."""
-    parse(content, StripFile, str(path))
-
-    def make(_: str) -> str:
-        if path.exists():
-            raise ConfigurationError(
-                f"{path}: is there already; choose another name or edit the file"
-            )
-        return dump_yaml(content)
-
-    change_file(path, make)
-
-
 SOURCED = ("areal_density", "bending_length", "retardation_time", "thickness")
 ASSUMED_VALUES = {
     "areal_density": 0.2,  # kg/m^2, a shirting
@@ -63,7 +49,15 @@ def new_strip(
         {"key": key, "source": noted.get(key, "assumed" if stated[key] is None else "measured")}
         for key in SOURCED
     ]
-    create(path, content)
+    parse(content, StripFile, str(path))
+    change_file(path, partial(_text_of_new, path, content))
+
+
+def _text_of_new(path: Path, content: Mapping[str, Any], _: str) -> str:
+    """Text of a new strip file; ConfigurationError where there is one at `path` already."""
+    if path.exists():
+        raise ConfigurationError(f"{path}: is there already; choose another name or edit the file")
+    return dump_yaml(content)
 
 
 def _source(text: str) -> tuple[str, str]:

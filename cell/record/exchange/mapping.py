@@ -347,7 +347,11 @@ def mapping_of(runs: Sequence[Run], name: Naming) -> dict[str, Any]:
         "begin": 0.0,
         "contact_height": header.contact_height,
         "sigma": header.sigma.model_dump(exclude_unset=True),
-        "runs": {run.name: _place(run, i) for i, run in enumerate(runs)},
+        "runs": {
+            run.name: {"index": i}
+            | run.header.model_dump(include={"index", "condition"}, exclude_none=True)
+            for i, run in enumerate(runs)
+        },
     }
     if all(run.header.by_cell for run in runs):
         content["seen_by"] = "cell"
@@ -361,9 +365,3 @@ def mapping_of(runs: Sequence[Run], name: Naming) -> dict[str, Any]:
             }
             content[table] = {"file": file, "columns": columns}
     return content
-
-
-def _place(run: Run, place: int) -> dict[str, object]:
-    index = place if run.header.index is None else run.header.index
-    condition = run.header.condition
-    return {"index": index} | ({} if condition is None else {"condition": condition})

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from calibration.calibration import load_calibration
 from cell.orchestrator.snapshot import Snapshot
@@ -19,9 +18,6 @@ from drivers.errors import CellError
 from drivers.strip.file import StripFile
 from drivers.types import Image
 from policies.prediction import FoldPrediction
-
-if TYPE_CHECKING:
-    from cell.report.viz.recording import Screen
 
 WAITING, IMAGES_WAITING = 1024, 16  # with 2.8 MB an image, at most 45 MB wait
 IMAGE_PERIOD = 0.1  # s
@@ -134,7 +130,10 @@ class Viz:
             with open_recording(folder, live=True, viewer=viewer) as recording:
                 screen = Screen(recording, calibration, strip)
                 while self._waiting or not self._over.is_set():
-                    self._draw(screen)
+                    self._news.wait()
+                    self._news.clear()
+                    while self._waiting:
+                        screen.draw(self._waiting.popleft())
                 screen.finish()
                 if (folder / RESULT).is_file():
                     screen.log_verdict(read_broken_run(folder))
@@ -142,12 +141,6 @@ class Viz:
         except (CellError, OSError, RuntimeError, ValueError) as error:
             self.failure = f"the view is not recorded any more: {error}"
             self._waiting.clear()
-
-    def _draw(self, screen: "Screen") -> None:
-        self._news.wait()
-        self._news.clear()
-        while self._waiting:
-            screen.draw(self._waiting.popleft())
 
 
 @contextmanager
