@@ -21,9 +21,9 @@ from cell.perception.scene import Appearance
 from cell.perception.settings import PerceptionSettings
 from cell.perception.strip_measurement import SeenTouch
 from cell.record.documents import write_document
-from cell.record.files import CALIBRATION, OVERLAY, RESULT, RUN
+from cell.record.files import CALIBRATION, OVERLAY, RESULT, RUN, TICKS
 from cell.record.film import Film, FilmWriter
-from cell.record.tables import SIGHT_ROWS, Tables, place_contacts, profile_table, write_tables
+from cell.record.tables import SIGHT_ROWS, place_contacts, sight_tables, write_tables
 from cell.record.writer import sight_row
 from cell.report.overlay import draw_sight
 from drivers.errors import ConfigurationError
@@ -210,8 +210,7 @@ def _write(
     stamps, contacts = np.asarray(sights["stamp"]), np.asarray(sights["contact_x"])
     contact_x, contact_t = place_contacts(t, stamps, contacts)
     ticks = {"t": t, "x": x, "z": z, "pitch": pitch, "contact_x": contact_x, "contact_t": contact_t}
-    kept = sights.drop_columns(["profile_x", "profile_z"])
-    write_tables(folder, Tables(pa.table(ticks), profile_table(sights), kept))
+    write_tables(folder, sight_tables(sights) | {TICKS: pa.table(ticks)})
     save_calibration(calibration, folder / CALIBRATION)
     result: dict[str, object] = {"schema": 1, "outcome": "path_done"}
     if touch is not None:

@@ -27,7 +27,10 @@ class Correctable(Protocol):
     """Protocol of a policy that steers by a model, whose aim can be corrected."""
 
     def correct(self, seen: float, unseen: float) -> None:
-        """Correct the aim, from the next `reset` on, by `seen` [m] in images, `unseen` in truth."""
+        """Aim the opposite of a bias from the next `reset` on.
+
+        It is the sum of what the camera shows, `seen`, and what it does not, `unseen`, both [m].
+        """
 
 
 @dataclass(frozen=True, slots=True)

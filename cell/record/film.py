@@ -44,7 +44,6 @@ class Film:
         """Yield the images (h, w, 3) of the film with stamps [s], 0 for the first image.
 
         They begin with one at or shortly before `after` [s], in a film whose own stamps begin at 0.
-
         Raises ConfigurationError for a file that is missing or no film.
         """
         import av

@@ -146,7 +146,7 @@ class Run:
         if path.exists():
             return Sights.parse(read_parquet(path), str(path))
         if (self.folder / SIGHT_STREAM).exists():
-            return Sights.parse(assemble(self.folder).sights, str(self.folder / SIGHT_STREAM))
+            return Sights.parse(assemble(self.folder)[SIGHTS], str(self.folder / SIGHT_STREAM))
         return Sights.none()
 
     def measurements(self) -> list[StripMeasurement]:
@@ -284,7 +284,7 @@ def _read_table(
         if not (reader.lenient and stream.is_file()):
             raise
         reader.problems.append(f"{error}; read from {TICK_STREAM} instead")
-    return getattr(streams(), path.stem), str(stream)
+    return streams()[name], str(stream)
 
 
 def _tables_from_streams(folder: Path, header: Header) -> Tables:

@@ -149,13 +149,8 @@ def _complete_batches(reader: Any) -> Iterator[Any]:
         yield batch
 
 
-@dataclass(frozen=True, slots=True)
-class Tables:
-    """Tables of a run: `ticks`, `profile` (points of midlines), `sights` (a row per image)."""
-
-    ticks: pa.Table
-    profile: pa.Table
-    sights: pa.Table
+Tables = dict[str, pa.Table]
+"""Tables of a run by their files: sights (a row per image), profile (points of midlines), ticks."""
 
 
 def assemble(folder: Path) -> Tables:
@@ -168,11 +163,7 @@ def assemble(folder: Path) -> Tables:
     sights = _from_time(begin, read_stream(folder / SIGHT_STREAM, SIGHT_ROWS), "stamp")
     _check_profiles(sights, folder / SIGHT_STREAM)
     with np.errstate(all="ignore"):  # readers of the tables refuse values that are not finite
-        return Tables(
-            ticks=tick_table(ticks, sights),
-            profile=profile_table(sights),
-            sights=sights.drop_columns(["profile_x", "profile_z"]),
-        )
+        return sight_tables(sights) | {TICKS: tick_table(ticks, sights)}
 
 
 def _check_profiles(sights: pa.Table, path: Path) -> None:
@@ -238,17 +229,16 @@ def place_rows(t: Array, stamps: Array) -> NDArray[np.intp]:
     return np.asarray(np.where(nearer, after - 1, after), dtype=np.intp)
 
 
-def profile_table(sights: pa.Table) -> pa.Table:
-    """Table of midline points t, i, x, z of all images, in the order of their stamps."""
+def sight_tables(sights: pa.Table) -> Tables:
+    """Tables of the stream of sights: a row per image, and points t, i, x, z of its midlines."""
     counts = pc.list_value_length(sights["profile_x"]).to_numpy()
-    return pa.table(
-        {
-            "t": pa.array(np.repeat(_numbers(sights, "stamp"), counts), pa.float64()),
-            "i": pa.array([i for count in counts for i in range(count)], pa.int64()),
-            "x": sights["profile_x"].combine_chunks().flatten(),
-            "z": sights["profile_z"].combine_chunks().flatten(),
-        }
-    )
+    points = {
+        "t": pa.array(np.repeat(_numbers(sights, "stamp"), counts), pa.float64()),
+        "i": pa.array([i for count in counts for i in range(count)], pa.int64()),
+        "x": sights["profile_x"].combine_chunks().flatten(),
+        "z": sights["profile_z"].combine_chunks().flatten(),
+    }
+    return {SIGHTS: sights.drop_columns(["profile_x", "profile_z"]), PROFILE: pa.table(points)}
 
 
 def joint_table(rows: Array, origin: float) -> pa.Table:
@@ -270,10 +260,9 @@ def write_parquet(path: Path, table: pa.Table) -> None:
 
 
 def write_tables(folder: Path, tables: Tables) -> None:
-    """Write ticks.parquet, profile.parquet and sights.parquet into `folder`."""
-    write_parquet(folder / SIGHTS, tables.sights)
-    write_parquet(folder / PROFILE, tables.profile)
-    write_parquet(folder / TICKS, tables.ticks)
+    """Write the `tables` of a run into its `folder`."""
+    for name, table in tables.items():
+        write_parquet(folder / name, table)
 
 
 def _numbers(table: pa.Table, column: str) -> Array:

@@ -216,7 +216,7 @@ def _caption(note: FrameNote, run: Run) -> str:
 
 
 def silhouettes(run: Run) -> tuple[Silhouette, ...]:
-    """Outlines of the strip in kept images of LAY and RELEASE, in order of time.
+    """Outlines of the strip in the kept images that show it laid and released, in order of time.
 
     Empty where the picture before the grasp, calibration, strip or ticks are not in the record.
     """
