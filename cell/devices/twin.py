@@ -81,13 +81,10 @@ def twin_devices(
     Without a plant file the twin equals the controller's model of strip and rig.
     """
     plant, lying, rig = plant_on_desk(settings, strip, choice)
+    desk, index = settings.twin, choice.index
     if calibrating:
-        desk, place = empty_desk(settings), settings.installation
-        twin = open_twin(desk, lying, {}, choice.seed, installation=place)
-    else:
-        twin = open_twin(
-            settings.twin, lying, rig, choice.seed, choice.index, settings.installation, staging
-        )
+        desk, rig, index = empty_desk(settings), {}, 0
+    twin = open_twin(desk, lying, rig, choice.seed, index, settings.installation, staging)
     return Devices(
         clock=twin.clock,
         arm=twin.arm,

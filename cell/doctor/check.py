@@ -4,6 +4,8 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any
 
+DETAIL = " " * 14  # before each line of a check's details
+
 
 class State(StrEnum):
     """State of one of the doctor's checks; a single FAIL keeps a robot from moving."""
@@ -31,9 +33,6 @@ class Check:
     def text(self, number: int) -> str:
         """Text of the check for the operator, with a remedy where there is one."""
         head = f"{number:2d}  {self.state:8s}{self.name}: {self.found}"
-        return "\n".join([head, *(f"              {each}" for each in self._details())])
-
-    def _details(self) -> list[str]:
         if self.state in (State.PASS, State.SKIPPED):
-            return []
-        return [f"why: {self.why}", f"do:  {self.remedy}"]
+            return head
+        return f"{head}\n{DETAIL}why: {self.why}\n{DETAIL}do:  {self.remedy}"

@@ -24,11 +24,6 @@ from drivers.errors import CellError, Fault, PreflightRefused, Unexpected
 POLL_INTERVAL = 0.1  # s between looks at the keyboard
 
 
-def _no_observers(_strip: str) -> AbstractContextManager[tuple[Observer, ...]]:
-    """Context without observers of the fold."""
-    return nullcontext(())
-
-
 def _nobody_lays() -> None:
     """Raise PreflightRefused, as nobody is there to lay the strip again."""
     raise PreflightRefused("nobody lays the strip again for the next fold of a real robot")
@@ -47,7 +42,9 @@ class Attendance:
     interrupt: Callable[[], AbstractContextManager[Callable[[], bool]]] = Interrupt
     report: Callable[[str], None] = lambda _: None
     lay_again: Callable[[], None] = _nobody_lays
-    observe: Callable[[str], AbstractContextManager[tuple[Observer, ...]]] = _no_observers
+    observe: Callable[[str], AbstractContextManager[tuple[Observer, ...]]] = lambda _: nullcontext(
+        ()
+    )
     tell: Callable[[FoldResult], None] = lambda _: None
 
 

@@ -78,16 +78,15 @@ def _views_until_still(
         if frame.stamp > last_seen + PATIENCE:
             break
         before = small
-    if not views:
-        raise ConfigurationError(
-            f"{film}: the printed board is not seen in the first {PATIENCE:g} s, at least "
-            f"{boards.corners} of its corners must be; stand it upright in the plane of the "
-            "strip's edge, in full view, in light that does not mirror in it"
-        )
-    raise ConfigurationError(
-        f"{film}: the scene is never still within {PATIENCE:g} s after the board is last seen; "
-        "take it away, wait a second there with the clip held still, then fold"
+    reason = (
+        f"the scene is never still within {PATIENCE:g} s after the board is last seen; take it "
+        "away, wait a second there with the clip held still, then fold"
+        if views
+        else f"the printed board is not seen in the first {PATIENCE:g} s, at least "
+        f"{boards.corners} of its corners must be; stand it upright in the plane of the strip's "
+        "edge, in full view, in light that does not mirror in it"
     )
+    raise ConfigurationError(f"{film}: {reason}")
 
 
 def _calibrate_by_board(

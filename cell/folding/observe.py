@@ -85,12 +85,7 @@ def observe(
     frames = _frames(film, calibration, begin)
     first = next(frames)
     appearance = _appearance(first, film, calibration, settings, strip)
-    clip = Clip.learn(first.image, calibration, strip) if by_board else None
-    if by_board and clip is None:
-        raise ConfigurationError(
-            f"{film}: no clip is seen at the strip's end; hold the end by a flat clip of one "
-            "colour, unlike strip, desk and hand, that shows more length than height"
-        )
+    clip = _clip(first, film, calibration, strip) if by_board else None
     follow = HeldEnd(calibration, settings, strip, appearance, clip)
     with new_folder(folder) as made:
         with FilmWriter(made / OVERLAY) as overlay:
@@ -142,6 +137,17 @@ def _appearance(
     failed = next((check for check in checked.checks if not check.passed), None)
     problem = "no strip is seen" if failed is None else f"{failed.reason}; {failed.remedy}"
     raise ConfigurationError(f"{film}: its first image must show the strip lying flat: {problem}")
+
+
+def _clip(first: Frame, film: Path, calibration: Calibration, strip: StripFile) -> Clip:
+    """Clip at the strip's end in the `first` image; raises ConfigurationError without one."""
+    clip = Clip.learn(first.image, calibration, strip)
+    if clip is None:
+        raise ConfigurationError(
+            f"{film}: no clip is seen at the strip's end; hold the end by a flat clip of one "
+            "colour, unlike strip, desk and hand, that shows more length than height"
+        )
+    return clip
 
 
 def _read(

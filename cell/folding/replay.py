@@ -75,6 +75,7 @@ class _Decision:
 
     @classmethod
     def read(cls, event: Event, run: Run) -> Self:
+        """Decision in `event` of `run`; ConfigurationError where the record was changed."""
         try:
             facts = {field.name: event.facts[field.name] for field in fields(cls)}
             numbers = {name: float(facts[name]) for name in ("time", "x", "z", "direction")}

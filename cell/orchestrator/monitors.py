@@ -108,6 +108,7 @@ def _reader_dead(snapshot: Snapshot, _: Rules) -> str | None:
 
 
 def _reading_overdue(snapshot: Snapshot, rules: Rules) -> str | None:
+    """Reason to stop where measuring one image takes longer than is allowed."""
     since, limits = snapshot.view.reading_since, rules.limits
     if since is None or snapshot.time - since <= limits.reading:
         return None
@@ -118,6 +119,7 @@ def _reading_overdue(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _low_confidence(snapshot: Snapshot, rules: Rules) -> str | None:
+    """Reason to stop where images were doubtful for longer than is allowed."""
     limits, view = rules.limits, snapshot.view
     if view.doubtful_since is None or snapshot.time - view.doubtful_since <= limits.doubt:
         return None
@@ -129,6 +131,7 @@ def _low_confidence(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _too_thick(snapshot: Snapshot, _: Rules) -> str | None:
+    """Reason to stop where the layers rest apart from each other."""
     resting = snapshot.view.resting
     if not resting > 0:
         return None
@@ -139,6 +142,7 @@ def _too_thick(snapshot: Snapshot, _: Rules) -> str | None:
 
 
 def _camera_moved(snapshot: Snapshot, rules: Rules) -> str | None:
+    """Reason to stop where several images in a row show the scene shifted."""
     view, limit = snapshot.view, rules.limits.camera_shift
     if view.moved < MOVED_IMAGES:
         return None
@@ -149,6 +153,7 @@ def _camera_moved(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _check_speed(snapshot: Snapshot, rules: Rules) -> str | None:
+    """Reason to stop where the gripper moves or turns faster than is allowed."""
     limits, moving = rules.limits, snapshot.arm.velocity
     allowed = limits.speed * limits.overspeed
     # here and in `_tracking` `not a <= b` instead of `a > b`: NaN must stop the arm, too
@@ -180,6 +185,7 @@ def _tracking_error(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _outside_workspace(snapshot: Snapshot, rules: Rules) -> str | None:
+    """Reason to stop where the gripper is beyond the workspace and its border."""
     pose, border = snapshot.arm.pose, rules.limits.border
     (x_low, x_high), (z_low, z_high) = rules.workspace.x, rules.workspace.z
     inside_x = x_low - border <= pose.x <= x_high + border

@@ -68,17 +68,17 @@ def still_picture(*, settle: bool = True) -> "Generator[Command, Snapshot, Still
 
 def open_hand() -> Motion:
     """Open the fingers and wait until they rest."""
-    yield OpenHand()
-    return (yield from _fingers_rest())
+    return _move_fingers(OpenHand())
 
 
 def close_hand() -> Motion:
     """Close the fingers and wait until they rest."""
-    yield CloseHand()
-    return (yield from _fingers_rest())
+    return _move_fingers(CloseHand())
 
 
-def _fingers_rest() -> Motion:
+def _move_fingers(command: OpenHand | CloseHand) -> Motion:
+    """Give the hand its `command` and wait until the fingers rest."""
+    yield command
     yield Hold()
     return (yield from wait_for(lambda now: not now.hand.moving))
 

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.robust import MAD
 from drivers.settings import StudyResult
@@ -52,7 +51,8 @@ class MeasuredFold(NamedTuple):
         A linear motion is removed before the median, which would otherwise rest on the few images
         in the bin's middle.
         """
-        place = self._bins()
+        share = (self.stamp - self.stamp[0]) / max(self.stamp[-1] - self.stamp[0], 1e-9)
+        place = np.minimum((BINS * share).astype(np.intp), BINS - 1)
         found = np.full((BINS, POINTS, 2), np.nan)
         for i in range(BINS):
             rows, t = curves[place == i], self.stamp[place == i]
@@ -74,12 +74,6 @@ class MeasuredFold(NamedTuple):
     def spacing(self) -> float:
         """Time [s] between neighbouring bins of the profiles."""
         return float(self.stamp[-1] - self.stamp[0]) / BINS
-
-    def _bins(self) -> NDArray[np.intp]:
-        """Number (k,) of the time bin to which each profile belongs."""
-        share = (self.stamp - self.stamp[0]) / max(self.stamp[-1] - self.stamp[0], 1e-9)
-        place: NDArray[np.intp] = np.minimum((BINS * share).astype(np.intp), BINS - 1)
-        return place
 
 
 DT = 0.005  # s of a step
@@ -144,14 +138,11 @@ def agreement(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -
     """Fit a rod like `strip` to a measured `fold`, from the policy's `predicted` parameters.
 
     The parameters stay near their predicted intervals; a constant bias of the images and an error
-    of their stamps are fitted too. None where too little was measured, or where the rod cannot
-    follow.
+    of their stamps are fitted too, by Gauss-Newton. None where too little was measured, or where
+    the rod cannot follow.
     """
-    return _fit_strip(strip, predicted, fold) if fold.usable else None
-
-
-def _fit_strip(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -> Agreement | None:
-    """Gauss-Newton fit of the rod's three parameters to the binned profiles of `fold`."""
+    if not fold.usable:
+        return None
     measured = fold.bin_curves(fold.profile)
     known = predicted.bending_length, predicted.retardation_time, predicted.yield_curvature
     prior = _unknowns(*(estimate.value for estimate in known))
@@ -160,9 +151,10 @@ def _fit_strip(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) 
     at, residual = prior, np.nan
     for _ in range(PASSES):
         steps = at + np.diag(GRADIENT_STEPS)  # (3, 3): each parameter changed by its step
-        curves = simulate_profiles([_model(strip, each) for each in (at, *steps)], fold)
-        if curves is None:
+        simulated = [_simulate_profile(_model(strip, each), fold) for each in (at, *steps)]
+        if any(curve is None for curve in simulated):
             return None
+        curves = np.array(simulated)
         design, off = _design(curves, fold.spacing), measured - curves[0]
         valid = np.isfinite(off).all(axis=(1, 2)) & np.isfinite(design).all(axis=(1, 2, 3))
         if not valid.any():
@@ -172,12 +164,6 @@ def _fit_strip(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) 
         at = at + np.clip(change, -3.0 * sigma, 3.0 * sigma)
         at[2] = max(at[2], 0.0)  # friction is not negative
     return Agreement(residual, YIELD_UNIT * float(np.expm1(at[2])))
-
-
-def simulate_profiles(models: list[StripModel], fold: MeasuredFold) -> Array | None:
-    """Binned profiles (n, BINS, POINTS, 2) [m] of `models` on the path of `fold`; None if lost."""
-    curves = [_simulate_profile(model, fold) for model in models]
-    return None if any(curve is None for curve in curves) else np.array(curves)
 
 
 def _simulate_profile(model: StripModel, fold: MeasuredFold) -> Array | None:

@@ -114,6 +114,7 @@ def _reply(link: socket.socket) -> bytes:
 
 
 def _read_exactly(link: socket.socket, count: int) -> bytes:
+    """Next `count` bytes from `link`; ConnectionResetError where it closes before."""
     content = b""
     while len(content) < count:
         more = link.recv(count - len(content))

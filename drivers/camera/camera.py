@@ -90,6 +90,7 @@ class NewestFrame:
         return self._newest is not None and self._newest.stamp > after
 
     def _run(self, session: Session) -> None:
+        """Main function of the thread: serve sessions, from `session` on, until closed."""
         self._current = session
         try:
             while not self._closing:

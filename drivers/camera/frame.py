@@ -59,7 +59,9 @@ class Sequence:
         It is more where frames are missing, and less where the counter repeats or goes back; such
         a frame is numbered as the next one.
         """
-        step = 1 if self._counter is None else signed_difference(counter - self._counter)
+        step = 1
+        if self._counter is not None:  # its difference, wrapped into -2^31 to 2^31 - 1
+            step = (counter - self._counter + BITS // 2) % BITS - BITS // 2
         self._counter = counter
         self.number += max(step, 1)
         return step
@@ -68,11 +70,6 @@ class Sequence:
         """Continue after about `missing` lost frames with a kernel counter that starts anew."""
         self.number += missing
         self._counter = None
-
-
-def signed_difference(difference: int) -> int:
-    """Difference of two 32-bit counters, wrapped into -2^31 to 2^31 - 1."""
-    return (difference + BITS // 2) % BITS - BITS // 2
 
 
 @dataclass(frozen=True, slots=True)

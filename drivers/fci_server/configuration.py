@@ -92,6 +92,7 @@ def rigid(matrix: Array) -> bool:
 
 
 def _collision(old: Configuration, numbers: Array) -> Configuration | None:
+    """Copy of `old` with the thresholds in `numbers` (52,); None for unordered ones."""
     joints, tool = numbers[:28].reshape(4, 7), numbers[28:].reshape(4, 6)
     pairs = [frozen(rows) for rows in (joints[:2], joints[2:], tool[:2], tool[2:])]
     if any((pair < 0).any() or (pair[0] > pair[1]).any() for pair in pairs):
@@ -120,6 +121,7 @@ def _frame(name: str, old: Configuration, numbers: Array) -> Configuration | Non
 
 
 def _load(old: Configuration, numbers: Array) -> Configuration | None:
+    """Copy of `old` with mass, centre and inertia in `numbers` (13,); None if impossible."""
     mass, centre, inertia = float(numbers[0]), numbers[1:4], numbers[4:].reshape(3, 3)
     if not 0 <= mass <= LARGEST_LOAD or np.abs(inertia - inertia.T).max() > RIGID_TOLERANCE:
         return None

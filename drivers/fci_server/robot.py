@@ -81,7 +81,7 @@ Push = Callable[[Array, float], Array]
 
 
 @dataclass(slots=True)
-class Motion:
+class ActiveMotion:
     """Motion in progress of the emulated robot; its last reply carries `command_id`."""
 
     command_id: int
@@ -115,7 +115,7 @@ class Robot:
     mode: Mode = Mode.IDLE
     errors: frozenset[Reflex] = frozenset()
     reasons: frozenset[Reflex] = frozenset()
-    motion: Motion | None = None
+    motion: ActiveMotion | None = None
     contact: Contact = NO_CONTACT
     pushed: Array = field(default_factory=lambda: np.zeros(3))  # N, by the fault script
     time: int = 0
@@ -133,11 +133,6 @@ class Robot:
         """Posture of the arm itself, which may lag its setpoint."""
         return self.posture if self.trailing is None else self.trailing.posture
 
-    def trail(self) -> None:
-        """Advance an arm that lags its setpoint by one tick; no effect without a lag."""
-        if self.trailing is not None:
-            self.trailing.tick(self.posture.q)
-
     def move(self, request: MoveRequest, command_id: int) -> MoveStatus:
         """Start the requested motion; returns MOTION_STARTED or the reason for a refusal."""
         if self.mode is not Mode.IDLE or self.motion is not None or not self.posture.at_rest:
@@ -150,7 +145,7 @@ class Robot:
         cartesian = generator in (Generator.CARTESIAN_POSE, Generator.CARTESIAN_VELOCITY)
         if cartesian and manipulability(self.posture.jacobian) < SINGULAR:
             return MoveStatus.SINGULAR_START
-        self.motion = Motion(command_id, generator, controller)
+        self.motion = ActiveMotion(command_id, generator, controller)
         self.mode, self.reasons = Mode.MOVE, frozenset()
         return MoveStatus.MOTION_STARTED
 

@@ -190,6 +190,7 @@ class RobotServer:
             raise
 
     def _disconnect(self) -> None:
+        """Close both ports and all sockets of the server; allowed twice."""
         if self._bell.fileno() >= 0:
             self._arm.close()
             self._hand_port.close()
@@ -290,7 +291,8 @@ class RobotServer:
         robot = self.robot
         self._apply_due_faults()
         robot.time += 1
-        robot.trail()
+        if robot.trailing is not None:
+            robot.trailing.tick(robot.posture.q)
         self.hand.advance()
         ended = self._hand_port.answer()
         if ended or (robot.time - self._motion_begin) % HAND_PERIOD == 0:

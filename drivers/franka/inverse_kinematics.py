@@ -198,6 +198,7 @@ def _step(jac: Array, error: Array, pull: Array, size: float) -> Array:
 
 
 def _failure_reason(pose: Array, tool: Array, best: Attempt | None) -> str:
+    """Reason, for the operator, why no search reached `pose` (4, 4); `best` came nearest."""
     if best is None:
         return "no posture was tried"
     flange = pose @ np.linalg.inv(tool)

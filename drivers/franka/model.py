@@ -158,6 +158,7 @@ def _urdf_link(number: int) -> str:
 
 
 def _urdf_joint(index: int) -> str:
+    """URDF of the joint between link `index`, from 0, and the next one, with its limits."""
     a, _, alpha = PARAMETERS[index]
     across, along = offset_in_frame(index)
     span = (

@@ -21,7 +21,7 @@ AS_CALIBRATED = Observation()
 SLOW_PERIOD = 0.1  # s, image period above which drawing and reading fit into one tick
 
 
-View = Callable[[float], Scene]
+ScenesOverTime = Callable[[float], Scene]
 """Function from a time [s of the run] to the scene of the cell that a camera sees then."""
 
 
@@ -39,7 +39,7 @@ class TwinCamera:
 
     def __init__(
         self,
-        view: View,
+        view: ScenesOverTime,
         clock: Clock,
         settings: CameraSettings,
         look: StripLook,

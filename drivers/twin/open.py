@@ -13,7 +13,7 @@ from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.model import Effects, StripModel
 from drivers.twin.arm_and_hand import TwinArm, TwinHand
-from drivers.twin.camera import TwinCamera, View
+from drivers.twin.camera import ScenesOverTime, TwinCamera
 from drivers.twin.chain.engine import Chain
 from drivers.twin.clock import Rank, TwinClock
 from drivers.twin.renderer.looks import LOOKS, StripLook
@@ -37,7 +37,7 @@ class PlantOptions:
     """
 
     engine: Callable[[int], Plant] = Chain
-    view: Callable[[World], View] = attrgetter("scene")
+    view: Callable[[World], ScenesOverTime] = attrgetter("scene")
 
 
 DEFAULT_PLANT = PlantOptions()

@@ -4,7 +4,7 @@ import hashlib
 from math import radians
 from typing import Annotated, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from drivers.franka.model import ArmPlant
 from drivers.settings import Settings
@@ -75,6 +75,7 @@ class CameraSettings(Settings):
 
     @model_validator(mode="after")
     def _arrives_after_exposure(self) -> Self:
+        """Refuse a delay that ends before the exposure, and one longer than a frame."""
         if self.transport_delay < self.exposure / 2:
             raise ValueError(
                 f"transport_delay {self.transport_delay} s ends before the exposure does; "
@@ -155,19 +156,17 @@ class TwinSettings(Settings):
     """
 
     # The plain look is left out of files: nothing that is kept of a cell changes by its name.
-    look: str = Field(DEFAULT_LOOK, exclude_if=lambda name: name == DEFAULT_LOOK)
+    look: Annotated[str, AfterValidator(check_look)] = Field(
+        DEFAULT_LOOK, exclude_if=lambda name: name == DEFAULT_LOOK
+    )
     arm: ArmSettings = ArmSettings()
     hand: HandSettings = HandSettings()
     world: WorldSettings = WorldSettings()
     camera: CameraSettings = CameraSettings()
 
-    @field_validator("look")
-    @classmethod
-    def _there_is_such_a_look(cls, name: str) -> str:
-        return check_look(name)
-
     @model_validator(mode="after")
     def _exposure_is_simulated_when_it_arrives(self) -> Self:
+        """Refuse frames that arrive before the world of their exposure is simulated."""
         earliest = self.camera.exposure / 2 + self.world.step
         if self.camera.transport_delay < earliest:
             raise ValueError(

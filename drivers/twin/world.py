@@ -282,6 +282,7 @@ class World:
         return Pose(x, z, pitch)
 
     def _scene(self, time: float, hand: Pose) -> Scene:
+        """State of the world at `time` [s] with the hand at its true pose `hand`, as rendered."""
         return Scene(
             stamp=time,
             points=self._points,

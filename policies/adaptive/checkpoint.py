@@ -66,6 +66,7 @@ def save_critic(path: FilePath, critic: Critic, facts: dict[str, Any]) -> None:
 
 
 def _read_arrays(path: FilePath) -> dict[str, Any]:
+    """Arrays in the file at `path`, by name; ConfigurationError where it holds none."""
     try:
         content = read_bytes(path, LARGEST_FILE)
     except ConfigurationError as error:
@@ -78,6 +79,7 @@ def _read_arrays(path: FilePath) -> dict[str, Any]:
 
 
 def _read_facts(arrays: dict[str, Any], path: FilePath) -> dict[str, Any]:
+    """Origin in the `arrays` of the checkpoint at `path`; ConfigurationError for others."""
     try:
         about = json.loads(str(arrays[ABOUT]))
     except (KeyError, json.JSONDecodeError):

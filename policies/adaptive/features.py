@@ -39,7 +39,7 @@ class Trend(NamedTuple):
     spread: Array
 
 
-class Window:
+class RecentImages:
     """Buffer of the measurements in the newest FRAME_COUNT images of each of n strips."""
 
     def __init__(self, count: int, channels: int) -> None:
@@ -93,7 +93,7 @@ class Features:
 
     def __init__(self, length: float, count: int) -> None:
         self._length = length
-        self._window = Window(count, CHANNELS)
+        self._window = RecentImages(count, CHANNELS)
 
     @property
     def newest(self) -> Array:

@@ -160,6 +160,7 @@ class Search:
         return True
 
     def _save_checkpoint(self) -> None:
+        """Write the checkpoint of the best weights so far, and what they were trained on."""
         generations = self._optimiser.generation
         training = Training(
             seed=self.settings.seed,

@@ -214,6 +214,7 @@ class Chain:
         return np.stack([strip.arc for strip in self._strips])
 
     def _observe(self) -> Observables:
+        """Observables of all strips in their present shapes."""
         heights = [model.observation.contact_height for model in self._models]
         pairs = list(zip(self._strips, heights, strict=True))
         return Observables(

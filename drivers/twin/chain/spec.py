@@ -127,6 +127,7 @@ def compile_chain(model: StripModel, links: int, layers: Layers | None = None) -
 
 
 def _set_options(spec: mujoco.MjSpec, gravity: tuple[float, float]) -> None:
+    """Set integrator, solver and step, and `gravity` (g_x, g_z) [m/s^2]."""
     off = mujoco.mjtDisableBit
     spec.compiler.degree = False
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
@@ -138,6 +139,7 @@ def _set_options(spec: mujoco.MjSpec, gravity: tuple[float, float]) -> None:
 
 
 def _add_desk(spec: mujoco.MjSpec, depth: float) -> None:
+    """Add the desk, a plane `depth` [m] below z = 0, which only the strip touches."""
     spec.worldbody.add_geom(
         name="desk",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
@@ -217,6 +219,7 @@ def _add_grip(spec: mujoco.MjSpec, links: int, length: float) -> None:
 
 
 def _add_force_sensor(spec: mujoco.MjSpec) -> None:
+    """Add the sensor of the force with which the fixed edge is held."""
     spec.body("node0").add_site(name="fixed_edge")
     spec.add_sensor(
         name="holding",

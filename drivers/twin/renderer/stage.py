@@ -188,6 +188,7 @@ def _mask(outline: Array, size: tuple[int, ...]) -> NDArray[np.uint8]:
 
 
 def _line(cable: Cable, optics: Optics, size: tuple[int, ...]) -> NDArray[np.uint8]:
+    """Mask (height, width), 255 inside, of a `cable` in an image of `size` (height, width)."""
     knots = np.array(cable.points)
     at = np.linspace(0, len(knots) - 1, CABLE_PIECES * (len(knots) - 1) + 1)
     smooth = np.stack([_bend(at, knots[:, c]) for c in range(3)], axis=-1)

@@ -139,6 +139,7 @@ def biases(count: int) -> Tensor:
 
 
 def _tensors(shard: Shard, mean: Array, whiten: Array) -> list[Tensor]:
+    """Whitened inputs of `shard`, then the targets and masks of its folds, for `_loss`."""
     whitened = (shard.inputs - mean.astype(np.float32)) @ whiten.astype(np.float32)
     whitened = whitened.clip(-INPUT_LIMIT, INPUT_LIMIT)
     known = np.isfinite(shard.displacement)

@@ -177,23 +177,18 @@ def simulate(settings: CriticSettings, turn: int, number: int, critic: Critic | 
     Strips that need the rod's optional terms fold in a separate batch. Linear algebra runs in one
     thread, as its rounding depends on the number of threads.
     """
-    with threadpool_limits(1, user_api="blas"):
-        return _simulate(settings, turn, number, critic)
-
-
-def _simulate(settings: CriticSettings, turn: int, number: int, critic: Critic | None) -> Shard:
-    """Draw strips of one length and fold them in two batches: without and with further terms."""
     rng = np.random.default_rng([settings.seed, turn, number])
     draw = random_strip if settings.friction else plain_strip
     length = STRIP_LENGTH if number % 2 == 0 else float(rng.uniform(*LENGTH_RANGE))
-    strips = [draw(rng, length) for _ in range(settings.folds)]
-    rich = np.array([needs_terms(describe(strip)) for strip in strips])
-    parts = [
-        _fold_strips(settings, [strips[i] for i in np.flatnonzero(kind)], turn, critic, rng)
-        for kind in (~rich, rich)
-        if kind.any()
-    ]
-    return concatenate(parts)
+    with threadpool_limits(1, user_api="blas"):
+        strips = [draw(rng, length) for _ in range(settings.folds)]
+        rich = np.array([needs_terms(describe(strip)) for strip in strips])
+        parts = [
+            _fold_strips(settings, [strips[i] for i in np.flatnonzero(kind)], turn, critic, rng)
+            for kind in (~rich, rich)
+            if kind.any()
+        ]
+        return concatenate(parts)
 
 
 def concatenate(shards: list[Shard]) -> Shard:

@@ -88,6 +88,7 @@ class CriticTraining:
             yield jobs[job]
 
     def _fit(self, turn: int) -> Critic:
+        """Critic of round `turn`: the one in the folder, else fitted to all shards so far."""
         path = self.folder / f"critic-{turn}.npz"
         if path.exists():
             return load_critic(path)
@@ -116,6 +117,7 @@ class CriticTraining:
             return None
 
     def _load(self, turn: int, number: int) -> Shard:
+        """Stored shard `number` of round `turn`; ConfigurationError where it is broken."""
         shard = self._read(turn, number)
         if shard is None:
             raise ConfigurationError(

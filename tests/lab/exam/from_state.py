@@ -23,7 +23,7 @@ from drivers.strip.engine import Observables
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import GripperPath
-from drivers.twin.camera import View
+from drivers.twin.camera import ScenesOverTime
 from drivers.twin.chain.engine import Chain
 from drivers.twin.scene import Scene
 from drivers.types import Array, frozen
@@ -158,7 +158,7 @@ class Specimen:
 class LaggedView:
     """Scene source for a camera whose image stamps differ, by `causes`, from the true time."""
 
-    def __init__(self, view: View, causes: Sequence[Cause]) -> None:
+    def __init__(self, view: ScenesOverTime, causes: Sequence[Cause]) -> None:
         self._view, self._causes = view, tuple(causes)
         self._grasped: float | None = None
 
