@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from pydantic_core import to_jsonable_python
 from cell.record.files import NOTES
 from cell.record.header import Recorded
 from drivers.files import change_file, replace_file
-from drivers.settings import parse
+from drivers.settings import load, parse
 from drivers.yaml_text import dump_yaml, parse_yaml
 
 
@@ -54,15 +55,15 @@ def annotate(
     Returns the tags, separated by spaces. Raises ConfigurationError, and changes nothing, where
     the notes cannot be read or written.
     """
-    path, tags = run / NOTES, ""
+    path = run / NOTES
+    change_file(path, partial(_annotated, path, {*add}, {*remove}, text))
+    return load(path, Notes).tags
 
-    def change(old: str) -> str:
-        nonlocal tags
-        content = parse_yaml(old, str(path)) if old else {}
-        notes = parse(content, Notes, str(path))
-        tags = " ".join(sorted({*notes.tags.split(), *add} - set(remove)))
-        note = notes.note if text is None else text
-        return dump_yaml({"schema": 1, **content, "tags": tags, "note": note})
 
-    change_file(path, change)
-    return tags
+def _annotated(path: Path, add: set[str], remove: set[str], note: str | None, text: str) -> str:
+    """The `text` of the notes at `path` with tags added and removed, and another `note` if any."""
+    content = parse_yaml(text, str(path)) if text else {}
+    notes = parse(content, Notes, str(path))
+    tags = " ".join(sorted({*notes.tags.split(), *add} - remove))
+    kept = notes.note if note is None else note
+    return dump_yaml({"schema": 1, **content, "tags": tags, "note": kept})

@@ -156,20 +156,11 @@ class Run:
             return [
                 StripMeasurement(t, 0, nan, 0.0, p, 1.0, (nan, nan), nan, nan) for t, p in curves
             ]
-        points_at = dict(curves)
+        points_at, unseen = dict(curves), np.empty((0, 2))
+        columns = (getattr(sights, name).tolist() for name in Sights.__slots__)
         return [
-            StripMeasurement(
-                stamp=float(stamp),
-                sequence=int(sights.sequence[i]),
-                contact_x=float(sights.contact_x[i]),
-                contact_confidence=float(sights.contact_confidence[i]),
-                profile=points_at.get(float(stamp), np.empty((0, 2))),
-                profile_confidence=float(sights.profile_confidence[i]),
-                tip=(float(sights.tip_x[i]), float(sights.tip_z[i])),
-                gap=float(sights.gap[i]),
-                gap_x=float(sights.gap_x[i]),
-            )
-            for i, stamp in enumerate(sights.stamp)
+            StripMeasurement(t, int(n), x, x_sure, points_at.get(t, unseen), sure, (u, w), gap, at)
+            for t, n, x, x_sure, sure, u, w, gap, at in zip(*columns, strict=True)
         ]
 
     @_cached_part(frozen([]))

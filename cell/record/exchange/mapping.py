@@ -293,14 +293,7 @@ def _values(
             f"mapping: {name}: unit {column.unit!r} is not known{suggestion(column.unit, known)}; "
             f"allowed: {', '.join(known)}"
         )
-    names = content.column_names
-    if names.count(column.column) != 1:
-        there = "stands there twice" if column.column in names else "is not there"
-        raise ConfigurationError(
-            f"{path}: column {column.column!r} for {name} {there}"
-            f"{suggestion(column.column, names)}; columns: {', '.join(names)}"
-        )
-    raw = content[column.column]
+    raw = _column_named(content, column.column, f"{path}: column {column.column!r} for {name}")
     if known is TIMES and (seconds := seconds_of(raw)) is not None:
         return seconds
     if (numbers := numbers_of(raw)) is None:
@@ -315,6 +308,17 @@ def _values(
     factor = known.get(column.unit, 1.0) * column.factor
     sign = -1.0 if column.reversed else 1.0
     return frozen(sign * (numbers * factor - column.offset))
+
+
+def _column_named(content: pa.Table, name: str, origin: str) -> pa.ChunkedArray:
+    """The one column called `name`; ConfigurationError, with its `origin`, for none or two."""
+    names = content.column_names
+    if names.count(name) != 1:
+        there = "stands there twice" if name in names else "is not there"
+        raise ConfigurationError(
+            f"{origin} {there}{suggestion(name, names)}; columns: {', '.join(names)}"
+        )
+    return content[name]
 
 
 def numbers_of(raw: pa.ChunkedArray) -> Array | None:
