@@ -8,7 +8,6 @@ import numpy as np
 from drivers.errors import Fault
 from drivers.protocols import Camera, Clock
 from drivers.strip.model import Observation
-from drivers.twin.renderer.looks import PLAIN, Look, StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
@@ -17,7 +16,6 @@ from drivers.types import Frame
 
 SOURCE = "twin camera"
 CLOCK_DIGITS = 9  # digits of a second that the clock knows
-AS_CALIBRATED = Observation()
 SLOW_PERIOD = 0.1  # s, image period above which drawing and reading fit into one tick
 
 
@@ -29,12 +27,8 @@ class TwinCamera:
     """Simulated camera, which renders the scenes of its `view`.
 
     Frame k is exposed about k / rate, its stamp, and delivered `transport_delay` later, but for a
-    share `lost` of the frames. Only frames that are read are rendered. `observation` holds changes
-    since the calibration that are hidden from the controller: the camera is moved, so that points
-    appear scaled and shifted; lint or glare covers the point where the strip leaves the desk;
-    frames show the world `camera_latency` [s] before their stamps, and a negative latency delays
-    them. The desk is `desk_height` [m] higher than at the calibration. Scenes are over the true
-    desk. `surround` is the look of the cell about the strip.
+    share `lost` of the frames, chosen by `seed`. Only frames that are read are rendered. They show
+    the world `latency` [s] before their stamps, and a negative latency delays them.
     """
 
     def __init__(
@@ -42,19 +36,16 @@ class TwinCamera:
         view: ScenesOverTime,
         clock: Clock,
         settings: CameraSettings,
-        look: StripLook,
+        renderer: Renderer,
         seed: int,
-        observation: Observation = AS_CALIBRATED,
-        desk_height: float = 0.0,
-        surround: Look = PLAIN,
+        latency: float = 0.0,
     ) -> None:
+        """Camera of `settings` whose images `renderer` draws of the scenes of `view`."""
         self._view = view
         self._clock = clock
         self._settings = settings
-        optics = displaced_optics(settings, observation, desk_height)
-        bias = observation.contact_bias
-        self._renderer = Renderer(settings, look, seed, optics, bias, surround)
-        self._latency = observation.camera_latency
+        self._renderer = renderer
+        self._latency = latency
         self._seed = seed
         self._delay = settings.transport_delay + max(0.0, -self._latency)
         self._newest: Frame | None = None
@@ -126,8 +117,9 @@ def displaced_optics(
 ) -> Optics:
     """Camera model of `settings`, displaced by the calibration errors in `observation`.
 
-    A point p (2,) x, z [m] of the strip's plane appears where (1 + scale) (p + (0, desk_height)) +
-    shift would appear without.
+    These are hidden from the controller, as is a desk that is `desk_height` [m] higher than at the
+    calibration. A point p (2,) x, z [m] of the strip's plane appears where (1 + scale) (p + (0,
+    desk_height)) + shift would appear without.
     """
     shift = observation.shift_x, observation.shift_z
     moved = Optics.from_settings(settings).displace(observation.scale, shift)

@@ -13,10 +13,11 @@ from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.model import Effects, StripModel
 from drivers.twin.arm_and_hand import TwinArm, TwinHand
-from drivers.twin.camera import ScenesOverTime, TwinCamera
+from drivers.twin.camera import ScenesOverTime, TwinCamera, displaced_optics
 from drivers.twin.chain.engine import Chain
 from drivers.twin.clock import Rank, TwinClock
 from drivers.twin.renderer.looks import LOOKS, StripLook
+from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Truth
 from drivers.twin.settings import HandSettings, TwinSettings
 from drivers.twin.world import Fingers, Plant, World
@@ -104,17 +105,12 @@ def open_desk(
     home = Pose(model.stated_length, settings.arm.home_height, 0.0)
     plant_engine = staging.engine(settings.world.links)
     world = World(model, plant_engine, settings.world, home, settings.hand.opening)
-    look = LOOKS[settings.look]
-    camera = TwinCamera(
-        staging.view(world),
-        clock,
-        settings.camera,
-        StripLook.from_file(plant, look.pattern),
-        seed,
-        model.observation,
-        model.rig.desk_height,
-        look,
-    )
+    look, seen = LOOKS[settings.look], model.observation
+    fabric = StripLook.from_file(plant, look.pattern)
+    optics = displaced_optics(settings.camera, seen, model.rig.desk_height)
+    renderer = Renderer(settings.camera, fabric, seed, optics, seen.contact_bias, look)
+    view = staging.view(world)
+    camera = TwinCamera(view, clock, settings.camera, renderer, seed, seen.camera_latency)
     clock.every(settings.world.step, world.advance, Rank.WORLD)
     return Desk(clock, world, camera, model, home)
 

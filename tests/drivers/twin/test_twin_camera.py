@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from drivers.errors import Fault
-from drivers.strip.model import Observation
 from drivers.twin.camera import PacedCamera, TwinCamera
 from drivers.twin.renderer.looks import StripLook
+from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
 from drivers.types import Frame
@@ -54,7 +54,7 @@ def world() -> RecordedWorld:
 
 
 def connected(world: RecordedWorld, clock: FixedClock, latency: float = 0.0) -> TwinCamera:
-    camera = TwinCamera(world.scene, clock, SETTINGS, LOOK, 1, Observation(camera_latency=latency))
+    camera = TwinCamera(world.scene, clock, SETTINGS, Renderer(SETTINGS, LOOK, 1), 1, latency)
     camera.connect()
     return camera
 
@@ -80,7 +80,7 @@ def test_stamps_are_multiples_of_the_period_however_late_one_reads(world, clock)
 
 def test_half_of_the_frames_never_arrive_and_those_that_do_are_whole(world, clock) -> None:
     settings = SETTINGS.model_copy(update={"lost": 0.5})
-    poor = TwinCamera(world.scene, clock, settings, LOOK, 1)
+    poor = TwinCamera(world.scene, clock, settings, Renderer(settings, LOOK, 1), 1)
     poor.connect()
     got = []
     for turn in range(60):
