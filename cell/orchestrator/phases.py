@@ -255,7 +255,7 @@ _PHASES: dict[type[Context], dict[State, Callable[[Any, Recorder, Snapshot], Pha
 
 
 def phases_of(context: Context) -> dict[State, PhaseFactory]:
-    """Phases of the run with this `context`, by state."""
+    """Phases of the run with this `context`, generators of commands, by state."""
     return {state: partial(phase, context) for state, phase in _PHASES[type(context)].items()}
 
 

@@ -43,7 +43,7 @@ class ArmHistory:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What the camera has shown so far in a run; times in seconds of the cell's clock.
+    """Newest image and measurement of a run; times in seconds of the cell's clock.
 
     `frame` is the newest image and `fresh` whether it arrived on this tick; `identical` counts the
     successive images that equal it byte for byte although the gripper moved. `measurement` is the
@@ -71,7 +71,7 @@ class View:
 
 
 class Vision:
-    """Takes the newest image on each tick, and has strips measured in it in measuring states."""
+    """Takes the newest image on each tick, and has the strip measured in it during a fold."""
 
     def __init__(self, camera: Camera, limits: MonitorLimits) -> None:
         """Read from `camera`; `limits` are those of confidence, camera shift and image age."""

@@ -44,7 +44,7 @@ FORCE_CAP, MOMENT_CAP, TORQUE_CAP = 100.0, 100.0, 87.0  # N, N m, N m: most that
 
 @dataclass(frozen=True, slots=True)
 class GoTo:
-    """Request to a robot's process for a motion to `joints`, with the arguments of `go_to`."""
+    """Request for a motion to `joints` (7,) [rad] at a `share` of full speed, as by `go_to`."""
 
     joints: list[float]
     share: float

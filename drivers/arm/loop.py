@@ -54,13 +54,13 @@ class Close:
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """Answer of the loop's process at its end, once the arm rests; `timing` is its histogram."""
+    """Last answer of the loop's process, once the arm rests; `timing` is that of its ticks."""
 
     timing: dict[str, Any]
 
 
 class ServoLoop:
-    """Loop of one motion of the arm in the strip's plane, as the cell commands it, until `end`.
+    """Control loop, at 1 kHz, of one motion of the arm in the strip's plane, until `end`.
 
     `step` answers the robot's current state with a setpoint and waits for the next state, on the
     robot's clock or, in lock-step, on the cell's.

@@ -185,7 +185,7 @@ class Rig:
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """Errors of camera and force sensor, measured minus true, as `observation` applies them.
+    """Errors of camera and force sensor, measured minus true: places, delays and forces.
 
     `contact_height` [m] is the height that defines desk_contact. Images show the world
     `camera_latency` [s] before their stamps. Places in them are 1 + `scale` times true, offset by

@@ -36,7 +36,7 @@ class Optics:
 
     @classmethod
     def from_settings(cls, settings: CameraSettings) -> Self:
-        """Camera model that `settings` state."""
+        """Pinhole camera in the place and with the lens and mounting errors of `settings`."""
         height = settings.distance * np.tan(settings.elevation)
         centre = np.array([settings.aim_x, -settings.distance, height])
         aim = np.array([settings.aim_x, 0.0, settings.aim_z]) - centre

@@ -87,7 +87,7 @@ class Explorer(Adaptive):
             self._rise_after = np.where(stays, self.rise, rng.uniform(0.0, highest, count))
 
     def decide(self, observation: Observation) -> Decision:
-        """Command for each gripper, as of `Adaptive`; counts the decision."""
+        """Command each gripper along its line of descent, and count the decision."""
         decision = super().decide(observation)
         self._count += 1
         return decision
@@ -247,9 +247,9 @@ def _shard_of(explorer: Explorer, folds: Folds, strips: list[StripFile], *, tria
 
 
 def true_belief(strip: StripFile) -> tuple[float, float, float]:
-    """True values of what the critic estimates of `strip`: means of its `Belief`.
+    """True ln bending length [m], ln retardation time [s] and friction of `strip`.
 
-    ln bending length [m], ln retardation time [s], ln(1 + yield curvature / YIELD_UNIT).
+    These are what the critic estimates; friction is ln(1 + yield curvature / YIELD_UNIT).
     """
     curvature = strip.effects.get("bending_hysteresis", {}).get("yield_curvature", 0.0)
     logs = np.log([strip.bending_length, strip.retardation_time, 1.0 + curvature / YIELD_UNIT])
