@@ -167,8 +167,7 @@ def _report_calibration(path: Path, *, as_json: bool) -> None:
 
     if path.suffix not in (".yaml", ".yml"):
         raise ConfigurationError(
-            f"{path}: is neither a run's folder nor the YAML file of a calibration; `cell runs` "
-            "lists the runs"
+            f"{path}: is neither a run's folder nor a calibration's YAML file; see `cell runs`"
         )
     page = write_calibration_report(path)
     say({"calibration": path, "report": page}, str(page), as_json=as_json)

@@ -40,7 +40,7 @@ def check_run(folder: Path) -> None:
     if is_run(folder):
         return
     if not folder.exists():
-        raise ConfigurationError(f"{folder}: is not there; `cell runs` lists the runs")
+        raise ConfigurationError(f"{folder}: is not there; see `cell runs`, or give its path")
     if not folder.is_dir():
         its = f", {folder.parent}" if is_run(folder.parent) else ""
         raise ConfigurationError(f"{folder}: is a file, a run is a folder; give the folder{its}")

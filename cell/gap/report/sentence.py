@@ -174,8 +174,9 @@ def _parameter_values(parameters: dict[str, ValueWithUnit]) -> str:
 
 
 def undetectable_effects(findings: Findings) -> list[str]:
-    """Names of effects that these runs would show at no possible size."""
-    return sorted(name for name, size in findings.screen.detectable.items() if size is None)
+    """Names of effects, beside those accepted, that these runs would show at no possible size."""
+    limits = findings.screen.detectable | {e.name: 0.0 for e in findings.accepted.model.effects}
+    return sorted(name for name, size in limits.items() if size is None)
 
 
 def detection_limit(findings: Findings, name: str, value: float) -> str:
