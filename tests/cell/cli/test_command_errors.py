@@ -153,7 +153,7 @@ def test_words_that_lead_nowhere_are_refused_and_nothing_is_made(
 def test_packaged_configuration_is_not_changed_and_no_arm_moves_for_it(
     monkeypatch, capsys, configs
 ) -> None:
-    monkeypatch.setattr("cell.config.places.PACKAGED", configs)
+    monkeypatch.setattr("cell.cli.options.PACKAGED", configs)
     monkeypatch.setattr(
         "cell.cli.calibrate._open_devices", lambda *_: pytest.fail("a device was opened")
     )
