@@ -31,7 +31,7 @@ SOFT = 8e-5
 def record(folder: Path, plant: ArmPlant, phase: float) -> RunFolder:
     """A run of an arm that swings all its joints, as a fold keeps it."""
     dynamics = Dynamics(plant)
-    sag = dynamics.sag if dynamics.bends else None
+    sag = dynamics.sag if any(plant.compliance) else None
     t = 1e-3 * np.arange(TICKS)
     swing = 0.25 * np.sin(np.outer(t, np.linspace(1.5, 4.0, 7)) + phase)
     begin = np.minimum(t / 0.5, 1.0)
