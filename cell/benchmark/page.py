@@ -89,7 +89,8 @@ def verdict_of(results: Results) -> PageVerdict:
     limit = f"{1e3 * PAPER_WORST['feedback']:.0f} mm"
     row = next((row for row in rows(results) if row.policy == "feedback"), None)
     if row is None or row.strips.folded == 0:
-        return PageVerdict("fair", "Feedback was not folded", ("Its claim was not tried.",))
+        said = "It is made of the policy `feedback`, which folded no strip here."
+        return PageVerdict("fair", "The paper's claim was not tried", (said,))
     main = claims(results)[0]
     strips = row.strips
     headline = f"Under {limit} on every strip: {'held' if main.held else 'not held'}"

@@ -119,7 +119,7 @@ def _summary(folder: Path) -> str:
 def export_runs(
     runs: Annotated[
         list[str],
-        typer.Argument(metavar="RUN", help="Run folders; for mjcf and newton names of strips."),
+        typer.Argument(metavar="RUN", help="Runs, or folders of runs; for mjcf and newton strips."),
     ],
     out: Annotated[Path, typer.Option(help="New folder for the files.")],
     kind: Annotated[

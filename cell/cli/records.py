@@ -105,15 +105,13 @@ def _print_table(rows: "Sequence[RunRow]") -> None:
         (r.short, r.strip, r.policy, r.outcome, *((r.tags,) if tagged else ()), *_numbers(r))
         for r in rows
     ]
-    print_table((*columns, "d mm", "edge mm", "s", "MB"), shown, text=len(columns))
+    print_table((*columns, "d mm", "edge mm", "MB"), shown, text=len(columns))
 
 
 def _numbers(row: "RunRow") -> tuple[str, ...]:
-    """Table cells of a run: displacement, offset, duration, size."""
-    lengths = (row.displacement, row.edge_offset)
-    shown = ["" if length is None else f"{1e3 * length:+.1f}" for length in lengths]
-    lasted = "" if row.duration is None else f"{row.duration:.1f}"
-    return (*shown, lasted, f"{row.size / MEGABYTE:.1f}")
+    """Table cells of a run: displacement, offset, size."""
+    shown = ("" if d is None else f"{1e3 * d:+.1f}" for d in (row.displacement, row.edge_offset))
+    return (*shown, f"{row.size / MEGABYTE:.1f}")
 
 
 def report(

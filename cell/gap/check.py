@@ -39,7 +39,7 @@ INPUT_FILES = ("run.yaml", "result.yaml", *TABLES)
 PROBE_SIGMA = 3.0  # that the largest probe of an effect must show, beyond what the base absorbs
 WEAK = 0.5  # of the prior spread of a value: runs that leave more do not determine it
 LARGEST_CORRELATION = 0.995  # of two responses: beyond it runs cannot separate the effects
-IDENTIFIABLE = "identifiable"
+IDENTIFIABLE = "not identifiable"
 Level = Literal["bad", "fair", "good"]
 HEADLINES: dict[Level, str] = {
     "good": "These runs can be fitted",
@@ -335,7 +335,7 @@ def check_page(found: Check, subject: str) -> str:
         name=subject,
         said=PageVerdict(found.level, HEADLINES[found.level], (_summary(found),)),
         groups=[
-            (title, [(f.what, f.run or "all", f.words, f.remedy) for f in some])
+            (title, [(f.run or "all", f"{f.what}: {f.words}", f.remedy) for f in some])
             for title, some in groups.items()
         ],
     )

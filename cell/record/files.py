@@ -26,9 +26,14 @@ def is_run(folder: Path) -> bool:
     return os.path.isfile(folder / RUN)  # noqa: PTH113  which raises nothing
 
 
+def runs_in(folder: Path) -> list[Path]:
+    """Run folders at or in `folder`, by name; none where it holds no run or is not there."""
+    return [folder] if is_run(folder) else sorted(path for path in folder.glob("*") if is_run(path))
+
+
 def check_empty(folder: Path) -> None:
     """Raise ConfigurationError for a folder with runs: a new series must begin at run 0."""
-    if folder.is_dir() and any(is_run(inner) for inner in folder.iterdir()):
+    if runs_in(folder):
         raise ConfigurationError(
             f"--runs: {folder} holds runs already; name a new folder, so that the standard runs "
             "stay together"
@@ -44,8 +49,7 @@ def check_run(folder: Path) -> None:
     if not folder.is_dir():
         its = f", {folder.parent}" if is_run(folder.parent) else ""
         raise ConfigurationError(f"{folder}: is a file, a run is a folder; give the folder{its}")
-    inner = sorted(path.parent for path in folder.glob(f"*/{RUN}"))
-    found = f"; name one of those in it, as {inner[-1]}" if inner else ""
+    found = "".join(f"; name one of those in it, as {inner}" for inner in runs_in(folder)[-1:])
     raise ConfigurationError(f"{folder}: is not a run: it holds no {RUN}{found}")
 
 

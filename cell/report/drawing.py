@@ -23,11 +23,11 @@ import numpy as np
 from cell.report.words import MINUS
 
 INK, MUTED, RULE, PAPER = "#1b1f24", "#6b7280", "#e3e5e8", "#fffffe"
-BLUE, ORANGE, GREEN, PURPLE = "#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0"
+BLUE, ORANGE, GREEN, PURPLE, RED = "#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0", "#c2352b"
 METADATA = ("Creator", "Date", "Format", "Type")
 VARIABLES = {
     INK: "--ink", MUTED: "--muted", RULE: "--rule", PAPER: "--paper",
-    BLUE: "--blue", ORANGE: "--orange", GREEN: "--green", PURPLE: "--purple",
+    BLUE: "--blue", ORANGE: "--orange", GREEN: "--green", PURPLE: "--purple", RED: "--bad",
 }  # fmt: skip
 """Colours that a page has for the light and for the dark."""
 STYLE: dict[str, Any] = {

@@ -1,6 +1,7 @@
 """HTML pages on several runs: their list with thumbnails, and the comparison of some."""
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ from drivers.readers import read_picture
 PICTURED = 300  # newest runs with a thumbnail; more would make the page heavy
 THUMBNAIL_WIDTH = 128  # px
 COLUMN_HEADINGS = ("run", "edges mm", "d mm", "outcome", "policy", "strip", "s", "note")
-COLOURS = ("#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0", "#b4382c", "#4a9aa8", "#8c7a2b", "#c05a94")
+COLOURS = ("#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0", "#c2352b", "#4a9aa8", "#8c7a2b", "#c05a94")
 MOST_RUNS = 40  # runs in one comparison; more lines cannot be distinguished
 MOST_FILMS, MOST_COLUMNS = 4, 4  # runs of which films play side by side, and with a column each
 NAMED = 4  # of the best runs in the verdict
@@ -160,7 +161,7 @@ def _differences(runs: Sequence[Run], truths: Sequence[Mapping[str, Any]]) -> li
         texts = {key: str(value) for key, value in flatten(known)}
         settings.append(dict(settings_rows(run)) | texts)
     keys = dict.fromkeys(key for each in settings for key in each if key not in PER_RUN_KEYS)
-    rows = [(key, *(each.get(key, NO_VALUE) for each in settings)) for key in keys]
+    rows = [(re.sub(r"[._]", " ", key), *(s.get(key, NO_VALUE) for s in settings)) for key in keys]
     heading = ("setting", *(_short_name(run) for run in runs))
     return [heading, *(row for row in rows if len(set(row[1:])) > 1)]
 
@@ -173,8 +174,8 @@ def _shapes(runs: Sequence[Run]) -> str:
         ends = [run.profile.t.max() for run in runs if run.profile.t.size]
         times = np.linspace(0.0, min(ends, default=0.0), SHAPES + 1)[1:]
         for number, run in enumerate(runs):
-            path, look = (1e3 * run.ticks.x, 1e3 * run.ticks.z), {"color": _colour(number)}
-            axes.plot(*path, **look, lw=1.8, label=_short_name(run))
+            look = {"color": COLOURS[number % len(COLOURS)]}
+            axes.plot(1e3 * run.ticks.x, 1e3 * run.ticks.z, **look, lw=1.8, label=_short_name(run))
             curves = run.profile.curves()
             for time in times if curves else ():
                 _, points = min(curves, key=lambda curve: abs(curve[0] - time))
@@ -184,10 +185,6 @@ def _shapes(runs: Sequence[Run]) -> str:
         axes.set(xlabel="x  [mm]", ylabel="z  [mm]")
         figure.legend(loc="outside lower left", ncols=2)
         return as_svg(figure)
-
-
-def _colour(number: int) -> str:
-    return COLOURS[number % len(COLOURS)]
 
 
 def _short_name(run: Run) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.record.files import JOINTS, PROFILE, RUN, SIGNALS, TICKS
+from cell.record.files import JOINTS, PROFILE, RUN, SIGNALS, TICKS, runs_in
 from drivers.errors import ConfigurationError
 from drivers.readers import read_parquet
 from drivers.types import Array
@@ -37,19 +37,12 @@ def _unique(paths: Sequence[Path]) -> list[Path]:
     """Distinct run folders at or in `paths`; ConfigurationError for fewer than two."""
     found: list[Path] = []
     for path in paths:
-        if (path / RUN).is_file():
-            found.append(path)
-            continue
-        if not path.is_dir():
-            what = "is a file" if path.exists() else "no such folder"
-            raise ConfigurationError(f"{path}: {what}; give run folders, or a folder of them")
-        _check_heads([path, *path.iterdir()])
-        inner = sorted(p for p in path.iterdir() if (p / RUN).is_file())
+        _check_heads([path, *path.glob("*")])
+        inner = runs_in(path)
         if not inner:
-            raise ConfigurationError(
-                f"{path}: holds no run; a run folder holds a {RUN}: give run folders, or a "
-                "folder of them"
-            )
+            what = f"holds no run, a run folder holds a {RUN}" if path.is_dir() else "is a file"
+            what = what if path.exists() else "no such folder"
+            raise ConfigurationError(f"{path}: {what}; give run folders, or a folder of them")
         found += inner
     unique = list(dict.fromkeys(p.resolve() for p in found))
     if len(unique) < 2:

@@ -157,12 +157,13 @@ class Verdict(Entry):
         """What is missing, and bars of the held-out gap before and after, for a notebook."""
         names = ", ".join(f"{e.name} (probability {e.confidence:.2f})" for e in self.effects)
         rows = "".join(
-            f"<tr><td>{escape(key)}</td>{_meter(was, now)}{_meter(now, was)}</tr>"
+            f"<tr><td>{escape(key.replace('_', ' '))}</td>{_meter(was, now)}{_meter(now, was)}"
+            f"<td>{self.gap.floor.get(key, 0.0):.3g}</td></tr>"
             for key, was in self.gap.before.items()
             for now in (self.gap.after[key],)
         )
         said = escape(": ".join(filter(None, (self.verdict.replace("_", " "), names))))
-        head = "<tr><th>rms</th><th>before</th><th>after</th></tr>"
+        head = "<tr><th>rms</th><th>before</th><th>after</th><th>noise</th></tr>"
         return f"{said}<table>{head}{rows}</table>"
 
     def to_json(self) -> str:

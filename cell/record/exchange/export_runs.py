@@ -10,6 +10,7 @@ import pyarrow.csv as pc
 from cell.extras import require_library
 from cell.record.documents import write_document
 from cell.record.exchange.mapping import MAPPING, mapping_of
+from cell.record.files import runs_in
 from cell.record.run import Run, read_run
 from drivers.errors import ConfigurationError
 from drivers.files import check_free, new_folder, replace_file
@@ -18,7 +19,7 @@ Format = Literal["csv", "lerobot", "mcap"]
 
 
 def export_runs(folders: Sequence[Path], kind: Format, out: Path) -> tuple[Path, ...]:
-    """Write the runs in `folders` into the new folder `out`; returns the files or folders.
+    """Write the runs at or in `folders` into the new folder `out`; returns files or folders.
 
     All is written, or nothing. Raises ConfigurationError for runs that cannot be read or do not go
     together, an `out` that is there already, or a library that is missing.
@@ -26,7 +27,7 @@ def export_runs(folders: Sequence[Path], kind: Format, out: Path) -> tuple[Path,
     check_free(out)
     if kind == "mcap":
         require_library("mcap")
-    runs = [read_run(folder) for folder in folders]
+    runs = [read_run(run) for folder in folders for run in runs_in(folder) or [folder]]
     for run in runs:
         if not len(run.ticks.t):
             raise ConfigurationError(f"{run.folder}: holds no row; leave it out")

@@ -98,7 +98,7 @@ def guess_mapping(places: Sequence[Path], strip: StripFile | None) -> str:
     if not series:
         raise ConfigurationError(
             f"{source.path}: no table holds time, x and z of the gripper by names such as t, x, z "
-            "in rows whose times increase; name its columns so, or write the mapping"
+            "in rows whose times increase; name them so, or map them as runbooks/own-runs.md does"
         )
     file = max(series, key=lambda name: len(clocks[name]))
     gripper = _guess_gripper(paths[file], strip)

@@ -70,9 +70,9 @@ def import_runs(
                     f"{source.path}: is the second run named {run.name}; rename one"
                 )
             made.append(run)
-            with writing(out):
-                _write_run(source, how, index, run, documents=stated is None)
             try:
+                with writing(out):
+                    _write_run(source, how, index, run, documents=stated is None)
                 check(run)
             except ConfigurationError as error:
                 text = _with_source_path(str(error), source, how, run)

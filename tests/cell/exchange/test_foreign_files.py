@@ -155,16 +155,14 @@ def test_comments_separators_and_times_of_a_table_are_read(tmp_path, head, row) 
     [
         ({"x": {"reversed": True}}, "; reversed: false for x in the mapping would mend it"),
         ({"x": {"offset": 1.2}}, "; reversed: true for x in the mapping would mend it"),
-        (
-            {"x": {"unit": "cm"}, "z": {"unit": "mm"}},
-            "; unit: m for x in the mapping would mend it",
-        ),
+        ({"x": {"unit": "cm"}, "z": {"unit": "mm"}}, "unit: m for x in the mapping would mend it"),
         ({"z": {"offset": 0.05}}, "z = 0"),
+        ({"z": {"factor": 9.0}}, "give them in m; unit: cm for z in the mapping would mend it"),
     ],
 )
-def test_a_start_off_its_place_is_refused_with_its_mending(tmp_path, change, mending) -> None:
+def test_a_path_off_the_strip_is_refused_with_its_mending(tmp_path, change, mending) -> None:
     mapping = how(tmp_path, "tip.csv", "txz", **change)
-    with pytest.raises(ConfigurationError, match="a flat start at x") as error:
+    with pytest.raises(ConfigurationError, match=r"flat start|half the points") as error:
         cell.import_runs([plain(tmp_path / "a")], tmp_path / "runs", mapping)
     assert str(error.value).endswith(mending)
 

@@ -34,7 +34,8 @@ def phases(run: MeasuredRun, t: Array) -> Words:
     """Phase of the fold (n,), such as `lift` or `carry`, at each of the times `t` (n,) [s]."""
     speed, back = _averaged_motion(run, t)
     usual = float(np.median(_moving_speeds(run)))
-    lifted = run.t[np.argmax(run.poses[:, 1] >= TAKEOVER_HEIGHT)] if _is_rising(run) else run.end
+    risen = run.poses[:, 1] >= TAKEOVER_HEIGHT
+    lifted = run.t[np.argmax(risen)] if risen.any() and not run.hanging else run.end
     words = np.full(len(t), "carry", dtype="U8")
     words[back > RETURN_SPEED * usual] = "return"
     words[speed < HOLD_SPEED * usual] = "hold"
@@ -48,11 +49,6 @@ def zones(s: Array, length: float) -> Words:
     """Third of a strip of `length` [m], as words (n,), in which arc lengths `s` (n,) [m] lie."""
     third = np.clip((3.0 * s / length).astype(np.int64), 0, 2)
     return np.array(ZONES)[third]
-
-
-def _is_rising(run: MeasuredRun) -> bool:
-    """Whether the run starts flat and its gripper rises to TAKEOVER_HEIGHT."""
-    return bool((run.poses[:, 1] >= TAKEOVER_HEIGHT).any()) and not run.hanging
 
 
 def _averaged_motion(run: MeasuredRun, t: Array) -> tuple[Array, Array]:

@@ -36,7 +36,7 @@ START_TOLERANCE = 0.03  # m from where a run must start
 HANGING_TOLERANCE = 0.3  # rad of pitch from upright at a hanging start
 IMAGE_TIME_MARGIN = 1.0  # s, no image is so long before the first or after the last row
 TOUCH_TIME_MARGIN = 1.0  # s after the last row in which a touch may still be stated
-LONGEST_LAYER = 1.2  # of the strip's length, beyond which l1 or l2 is in another unit
+FARTHEST = 1.2  # of the strip's length, beyond which a length on it is in another unit
 TOUCH_ROUNDING = 1e-3  # m by which displacement and l1 - l2 may differ as they are rounded
 DISPLACEMENT_SIGMAS = 5  # standard deviations by which they may differ besides
 
@@ -204,6 +204,7 @@ def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measur
     usable = len(recorded.ticks.t) >= LEAST
     if usable:
         _check_start(folder, recorded, strip)
+        _check_reach(folder, recorded, strip)
     run = _measured_run(name, recorded, touch, strip) if usable else _short_run(name, recorded)
     return recorded.header, replace(run, notes=_notes(name, recorded, usable=usable))
 
@@ -338,6 +339,17 @@ def _check_start(folder: Path, run: Recorded, strip: StripFile) -> None:
         )
 
 
+def _check_reach(folder: Path, run: Recorded, strip: StripFile) -> None:
+    """Refuse a gripper or a midline of which half the points lie out of the strip's reach."""
+    for file, points in ((TICKS, run.ticks), (PROFILE, run.profile)):
+        middle = float(np.median(np.hypot(points.x, points.z))) if points.x.size else 0.0
+        if middle > FARTHEST * strip.length:
+            raise ConfigurationError(
+                f"{folder / file}: x, z: half the points lie {middle:.3g} m or more from the fixed "
+                f"edge, the strip is {strip.length:g} m long; give them in m"
+            )
+
+
 def _touch(folder: Path, run: Recorded, strip: StripFile) -> Touch | None:
     """Measured layer_touch of a run, if any, checked for consistency with itself and the strip."""
     result = run.result
@@ -349,7 +361,7 @@ def _touch(folder: Path, run: Recorded, strip: StripFile) -> Touch | None:
         return None
     origin, (time, displacement, l1, l2) = folder / RESULT, numbers
     for key, value in (("l1", l1), ("l2", l2)):
-        if not 0.0 < value < LONGEST_LAYER * strip.length:
+        if not 0.0 < value < FARTHEST * strip.length:
             raise ConfigurationError(
                 f"{origin}: {key}: is {value:g}, must lie within the strip's {strip.length:g} m; "
                 "give it in m"

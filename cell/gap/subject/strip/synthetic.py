@@ -277,7 +277,8 @@ def _ticks(
     """Table of ticks up to `end` [s], with contacts at the `stamps` (k,) [s] of the images."""
     t = fold.path.t[fold.path.t <= end]
     poses = fold.path.poses[: len(t)]
-    true = np.array([_contact(fold, stamp) for stamp in stamps])
+    height = fold.model.observation.contact_height
+    true = np.array([desk_contact(_shape(fold, stamp), height) for stamp in stamps])
     seen = np.asarray(measured_contact(fold.model.observation, true))
     measured = seen + rng.normal(0.0, by.contact_x, len(stamps))
     contact_x, contact_t = place_contacts(t, stamps, measured)
@@ -294,11 +295,6 @@ def _forces(fold: Fold, t: Array, noise: float, rng: np.random.Generator) -> dic
     force = reported_force(fold.model.observation, t, fold.motion.t, mean)
     noisy = force + rng.spawn(1)[0].normal(0.0, noise, force.shape)  # leaves the run's draws alone
     return {"f_x": noisy[:, 0], "f_z": noisy[:, 1]}
-
-
-def _contact(fold: Fold, stamp: float) -> float:
-    """Position [m] of the desk contact that an image with `stamp` [s] shows."""
-    return desk_contact(_shape(fold, stamp), fold.model.observation.contact_height)
 
 
 def _profile(stamps: Array, curves: Sequence[Array]) -> pa.Table:
