@@ -59,6 +59,7 @@ class MotionProfile:
         self._elapsed = 0
         self._target: Numbers | None = None
         self._blocked: frozenset[int] = frozenset()
+        self._goal: Numbers | None = None  # of a move, once it is reached, too
         self._next_move: Numbers | None = None
         self._position: Numbers = [start.x, start.z, start.pitch]
         self._velocity: Numbers = _STILL
@@ -105,10 +106,8 @@ class MotionProfile:
         """
         self._workspace.check(pose)
         self._begin()
-        goal = [pose.x, pose.z, pose.pitch]
-        if not self._move(goal):
-            self._follow(_STILL)
-            self._next_move = goal
+        self._goal = [pose.x, pose.z, pose.pitch]
+        self._move(self._goal)
 
     def stop(self) -> None:
         """Brake to rest as fast as the limits allow."""
@@ -121,14 +120,12 @@ class MotionProfile:
         self._position = [pose.x, pose.z, pose.pitch]
         self._velocity = [velocity.vx, velocity.vz, velocity.pitch_rate]
         self._acceleration = [acceleration.vx, acceleration.vz, acceleration.pitch_rate]
-        goal = list(self._request.target_position)
-        if self._target is not None:
-            self._follow(self._target, self._blocked, gently=True)
-        elif self._is_at(goal):
+        if self._goal is None or self._next_move is not None:
+            self._follow(self._target or _STILL, self._blocked, gently=True)
+        elif self._is_at(self._goal):
             self._follow(_STILL, gently=True)
-        elif not self._move(goal, gently=True):
-            self._follow(_STILL)
-            self._next_move = goal
+        else:
+            self._move(self._goal, gently=True)
 
     def _is_at(self, goal: Numbers) -> bool:
         """Whether the setpoint is within ARRIVED of `goal` and its remaining motion as small."""
@@ -162,7 +159,7 @@ class MotionProfile:
         """Discard what the last command left: its age, its expiry and its goal."""
         self.expired = False
         self._age = 0
-        self._next_move = None
+        self._goal = self._next_move = None
 
     def _arrive(self) -> None:
         """Set the setpoint to the end of the plan exactly, and start a move that waited for it."""
@@ -197,8 +194,8 @@ class MotionProfile:
         self._calculate(request, self._plan, self._state)
         self._elapsed = 0
 
-    def _move(self, goal: Numbers, *, gently: bool = False) -> bool:
-        """Plan a move to rest at `goal` (3,), softly if `gently`; False if it leaves the space."""
+    def _move(self, goal: Numbers, *, gently: bool = False) -> None:
+        """Plan a move to rest at `goal` (3,), softly if `gently`; brake first if it would leave."""
         request = self._request
         request.control_interface = ruckig.ControlInterface.Position
         request.per_dof_synchronization = None
@@ -218,7 +215,9 @@ class MotionProfile:
             ]
         self._calculate(request, self._plan, self._state)
         self._elapsed = 0
-        return not self._leaving(self._plan)
+        if self._leaving(self._plan):
+            self._follow(_STILL)
+            self._next_move = goal
 
     def _keep_inside(self, state: State) -> State:
         """`state`, or instead one that brakes the axes which could not stop inside after it."""

@@ -84,7 +84,7 @@ class LossyRobot:
         self.robot = resting_robot(np.array(joints))
         self.lost, self.ended = 0, False
         self._rng = np.random.default_rng(seed)
-        self._worst, self._share = worst, share
+        self._worst, self.share = worst, share
         self._in_a_row = 0
         self._heard, self._answered = False, True
 
@@ -117,12 +117,12 @@ class LossyRobot:
     def _command(self, joints: np.ndarray, last: bool) -> None:
         """Hear it or lose it, and lose the ticks after it or not."""
         self._answered = True
-        if self._rng.random() >= self._share:
+        if self._rng.random() >= self.share:
             self._heard = True
             self.robot.step(joint_command(self.robot.time, joints, last))
             self.robot.time += 1
             self._in_a_row = 0
-            lost = self._some() if self._rng.random() < self._share else 0
+            lost = self._some() if self._rng.random() < self.share else 0
         else:
             lost = self._some()
         for _ in range(min(lost, MOST_MISSED_TICKS - 1 - self._in_a_row)):
