@@ -11,11 +11,10 @@ from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.force import DriftMonitor, ForceGuard
 from drivers.arm.joint_log import JointLog, Timing
 from drivers.arm.joint_motion import CartesianMotion, largest_difference
-from drivers.arm.mailbox import CommandKind, LoopCommand, Mailbox, Report
+from drivers.arm.mailbox import CommandInbox, CommandKind, LoopCommand, Mailbox, Report
 from drivers.arm.plane import LEANING, OUT_OF_PLANE, FadingOffset, StripPlane
 from drivers.arm.process import RobotAccess, TerminationFlag, connection, send
 from drivers.arm.reach import REACTION, ReachGuard
-from drivers.arm.settings import FciSettings
 from drivers.clock import WallClock
 from drivers.errors import Fault
 from drivers.franka.kinematics import HOME
@@ -63,54 +62,42 @@ class ServoLoop:
     """Control loop, at 1 kHz, of one motion of the arm in the strip's plane, until `end`.
 
     `step` answers the robot's current state with a setpoint and waits for the next state, on the
-    robot's clock or, in lock-step, on the cell's.
+    robot's clock or, in lock-step, on the cell's. `ticks` counts the steps, `joints` logs them, and
+    `success` is the robot's share of commands received in time.
     """
 
     def __init__(
         self,
         robot: CartesianMotion,
-        settings: FciSettings,
-        installation: Installation,
+        access: RobotAccess,
         commands: Mailbox[LoopCommand],
         reports: Mailbox[Report],
         now: Callable[[], float],
-        *,
-        guard: ForceGuard | None = None,
-        joints: JointLog | None = None,
+        touch: ForceGuard,
     ) -> None:
-        self._robot = robot
-        self._settings = settings
-        self._installation = installation
-        self._commands = commands
-        self._reports = reports
-        self._now = now
-        self._lock_step = settings.in_lock_step
-        self._joints = joints
-        self._touch = guard or ForceGuard(settings.guard, settings.guard_torque)
-        self._drift = DriftMonitor(self._touch, settings.drift, TICK)
-        self._taken = commands.read().number
-        self._beat, self._heard_at = 0, 0.0  # last heartbeat of the cell, and its robot time [s]
-        self._new = False  # whether a command has arrived since the last check ahead
-        self._reason: ArmFault | None = None
-        self.ticks = 0
-        self.success = 0.0
-        self._offset = FadingOffset()
-        self._path: deque[tuple[float, float, float, float]] = deque(maxlen=VELOCITY_STATES + 1)
+        """Start the motion at the arm's present pose; ArmFault for a hand out of the plane.
 
-    def begin(self) -> None:
-        """Start the motion at the arm's present pose; ArmFault for a hand out of the plane."""
-        self._motion = self._robot.start_poses()
-        state = self._robot.read(self._motion)
-        pose = state.O_T_EE_c
-        self._plane = plane_of(self._installation, pose)
-        self._plane.take_over(pose)
-        limits, workspace = self._installation.limits, self._installation.workspace
-        start = Pose(*self._plane.to_cell(pose))
-        self._profile = MotionProfile(limits, workspace, start)
-        self._guard = ReachGuard(self._plane, limits, state.q)
-        self._state = state = self._wait_until_followed(state)  # missed commands count from here
-        self._time = state.seconds
-        self._publish(state)
+        `now` gives the time [s] at which a state has arrived; `touch` limits the external force.
+        """
+        settings, installation = access.settings, access.installation
+        self._robot, self._settings, self._lock_step = robot, settings, settings.in_lock_step
+        self._inbox, self._reports, self._now = CommandInbox(commands), reports, now
+        self._touch, self._drift = touch, DriftMonitor(touch, settings.drift, TICK)
+        self._ending = False
+        self._is_commanded = False  # since the last check of the motion ahead
+        self._reason: ArmFault | None = None
+        self.ticks, self.success, self.joints = 0, 0.0, JointLog()
+        self._measured: deque[tuple[float, float, float, float]] = deque(maxlen=VELOCITY_STATES + 1)
+        self._motion = robot.start_poses()
+        state = robot.read(self._motion)
+        self._plane = plane_of(installation, state.O_T_EE_c).with_offset_of(state.O_T_EE_c)
+        start = Pose(*self._plane.to_cell(state.O_T_EE_c))
+        self._profile = MotionProfile(installation.limits, installation.workspace, start)
+        self._offset = FadingOffset()
+        self._reach = ReachGuard(self._plane, installation.limits, state.q)
+        self._state = self._wait_until_followed(state)  # missed commands count from here
+        self._time = self._state.seconds
+        self._publish(self._state)
 
     def _wait_until_followed(self, state: Any) -> Any:
         """Repeat the present pose until the robot follows commands, and return its state then."""
@@ -127,7 +114,7 @@ class ServoLoop:
         On the robot's clock a state is checked after the setpoint that answers it was sent, while
         the next state is awaited; in lock-step the newest state is checked.
         """
-        self._take_command(self._commands.read())
+        self._take_command()
         x, z, pitch = self._profile.tick()
         sent = self._plane.command(x, z, pitch, self._offset.tick())
         self._robot.write_pose(self._motion, sent)
@@ -143,12 +130,12 @@ class ServoLoop:
         """Report the robot's state, and brake where the state or the motion ahead demands it."""
         self._publish(state)
         self._check_force(state)
-        if self._new or self.ticks % TICKS_BETWEEN_CHECKS == 0:
+        if self._is_commanded or self.ticks % TICKS_BETWEEN_CHECKS == 0:
             self._check_ahead()
 
     def end(self) -> None:
         """Brake to rest and end the motion; later commands are ignored."""
-        self._taken = -1
+        self._ending = True
         self._profile.stop()
         while self._profile.moving or not at_rest(self._state):
             self.step()
@@ -159,15 +146,13 @@ class ServoLoop:
         """Reason why the arm braked finally, once it is at rest; None while it may continue."""
         return None if self._profile.moving else self._reason
 
-    def _take_command(self, command: LoopCommand) -> None:
-        """Apply a new `command`, unless the arm brakes for good; brake once heartbeats stop."""
-        if self._taken < 0 or self._reason is not None:
+    def _take_command(self) -> None:
+        """Apply a new command, unless the arm brakes for good; brake once heartbeats stop."""
+        if self._ending or self._reason is not None:
             return
-        if command.beat != self._beat:
-            self._beat, self._heard_at = command.beat, self._time
-        silence = self._time - self._heard_at if self._beat else 0.0
-        if command.number != self._taken:
-            self._taken = command.number
+        command = self._inbox.take(self._time)
+        silence = self._inbox.silence(self._time)
+        if command is not None:
             self._apply(command)
         elif silence > self._settings.silence and self._profile.moving:
             self._brake_for_good(
@@ -176,7 +161,7 @@ class ServoLoop:
 
     def _apply(self, command: LoopCommand) -> None:
         """Give the motion profile the velocity, pose or stop of `command`; ArmFault if refused."""
-        self._new = True
+        self._is_commanded = True
         values = command.x, command.z, command.pitch
         try:
             match command.kind:
@@ -215,16 +200,16 @@ class ServoLoop:
         change = [0.5 * TICK * part for part in state.O_ddP_EE_c]
         twist = [part + more for part, more in zip(state.O_dP_EE_c, change, strict=True)]
         motion = self._plane.split_motion(state.O_T_EE_c, twist, state.O_ddP_EE_c)
-        pose, velocity = Pose(*motion.pose), Velocity(*motion.velocity)
-        self._profile.resume(pose, velocity, Velocity(*motion.acceleration), lost)
-        self._offset.begin(motion.aside, motion.aside_velocity, motion.aside_acceleration)
+        place, rate, rate_change = motion.inside
+        self._profile.resume(Pose(*place), Velocity(*rate), Velocity(*rate_change), lost)
+        self._offset.begin(motion.aside)
 
     def _check_ahead(self) -> None:
         """Brake where the motion ahead leads to a pose that the arm could not follow."""
-        self._new = False
+        self._is_commanded = False
         if not self._profile.moving:
             return
-        reason = self._guard.objection(self._profile.predict(REACTION))
+        reason = self._reach.objection(self._profile.predict(REACTION))
         if reason:
             pose = self._profile.pose
             self._brake_for_good(Cause.REACH, f"{reason} beyond x {pose.x:.3f} m, z {pose.z:.3f} m")
@@ -238,22 +223,19 @@ class ServoLoop:
     def _publish(self, state: Any) -> None:
         """Write the report of `state`; brake where its pose is not finite or off the plane."""
         self.success = state.control_command_success_rate
-        here = self._checked_pose(state.O_T_EE)
-        self._path.append((*here, state.seconds))
-        if self._joints is not None:
-            self._joints.add(self.ticks * TICK if self._lock_step else self._now(), state)
-        velocity, pose = self._measured_velocity(), self._profile.pose
+        here, arrival = self._checked_pose(state.O_T_EE), self._now()
+        self._measured.append((*here, state.seconds))
+        self.joints.add(self.ticks * TICK if self._lock_step else arrival, state)
+        velocity, pose = self._mean_velocity(), self._profile.pose
         calm = hypot(velocity[0], velocity[1]) < CALM[0] and abs(velocity[2]) < CALM[1]
         self._reports.write(
             Report(
                 self.ticks,
-                self._taken,
-                self._now(),
+                -1 if self._ending else self._inbox.number,
+                arrival,
                 *here,
                 *velocity,
-                pose.x,
-                pose.z,
-                pose.pitch,
+                *(pose.x, pose.z, pose.pitch),
                 *self._plane.force(self._touch.beyond_tare(state)),
                 self.success,
                 self._profile.moving or not calm,
@@ -269,7 +251,7 @@ class ServoLoop:
         here = self._plane.to_cell(pose)
         if not isfinite(sum(here)):
             self._brake_for_good(Cause.NOT_FINITE, "the robot reported a pose that is not a number")
-            here = self._path[-1][:3] if self._path else here
+            here = self._measured[-1][:3] if self._measured else here
         beside = self._plane.place(pose)[1]
         if abs(beside) > BESIDE:
             self._brake_for_good(
@@ -277,9 +259,9 @@ class ServoLoop:
             )
         return here
 
-    def _measured_velocity(self) -> tuple[float, float, float]:
+    def _mean_velocity(self) -> tuple[float, float, float]:
         """Velocity [m/s, m/s, rad/s] over the last VELOCITY_STATES states; 0 before the second."""
-        (*first, start), (*last, now) = self._path[0], self._path[-1]
+        (*first, start), (*last, now) = self._measured[0], self._measured[-1]
         if now <= start:
             return 0.0, 0.0, 0.0
         x, z, pitch = ((b - a) / (now - start) for a, b in zip(first, last, strict=True))
@@ -332,51 +314,31 @@ def run_loop(
 ) -> None:
     """Run a robot's loop until the cell at the other end of `pipe` ends, or the robot stops.
 
-    At the end it sends timing and joints, stamped by the monotonic clock from its `origin` [s].
+    At the end it sends timing and joints, stamped by the monotonic clock from its `origin` [s], or
+    else the ArmFault that ended the motion.
     """
     warm_up(access.installation)
+    lock_step, timing = access.settings.in_lock_step, Timing()
     with connection(pipe, access) as robot:
-        _run_loop(pipe, access, robot, WallClock(origin), commands, reports)
-
-
-def _run_loop(
-    pipe: Connection,
-    access: RobotAccess,
-    robot: Any,
-    clock: WallClock,
-    commands: Mailbox[LoopCommand],
-    reports: Mailbox[Report],
-) -> None:
-    """Run the loop with the connected `robot`, then send timing and joints through `pipe`."""
-    robot.require_ready()
-    robot.require_tool()
-    robot.configure(access.settings.collision)
-    joints, timing = JointLog(), Timing()
-    loop = ServoLoop(
-        CartesianMotion(robot, own_clock=not access.settings.in_lock_step),
-        access.settings,
-        access.installation,
-        commands,
-        reports,
-        clock.now,
-        guard=robot.guard(),
-        joints=joints,
-    )
-    termination = TerminationFlag()
-    loop.begin()
-    send(pipe, Ready())
-    if access.settings.in_lock_step:
-        _run_in_lock_step(loop, pipe, termination)
-    else:
-        while loop.halted is None and not pipe.poll() and not termination.is_set:
-            loop.step()
-            timing.update(clock.now(), loop.success)
-    loop.end()
-    if loop.halted is not None:
-        raise loop.halted
-    termination.check()
-    send(pipe, Ended(timing.content()))
-    send(pipe, joints.content())
+        robot.require_ready()
+        robot.require_tool()
+        robot.configure(access.settings.collision)
+        clock, termination = WallClock(origin), TerminationFlag()
+        motion = CartesianMotion(robot, own_clock=not lock_step)
+        loop = ServoLoop(motion, access, commands, reports, clock.now, robot.guard())
+        send(pipe, Ready())
+        if lock_step:
+            _run_in_lock_step(loop, pipe, termination)
+        else:
+            while loop.halted is None and not pipe.poll() and not termination.is_set:
+                loop.step()
+                timing.update(clock.now(), loop.success)
+        loop.end()
+        if loop.halted is not None:
+            raise loop.halted
+        termination.check()
+        send(pipe, Ended(timing.content()))
+        send(pipe, loop.joints.content())
 
 
 def _run_in_lock_step(loop: ServoLoop, pipe: Connection, termination: TerminationFlag) -> None:

@@ -107,3 +107,29 @@ class Mailbox(SharedMemory, Generic[V]):
             if self._count[0] == before:
                 return self._kind._make(self._struct.unpack_from(content))
         raise Fault("arm_memory", "the arm's process writes faster than it can be read")
+
+
+class CommandInbox:
+    """Commands of the cell as its loop takes them, each once, and how long the cell was silent.
+
+    `number` is that of the last command taken.
+    """
+
+    def __init__(self, commands: Mailbox[LoopCommand]) -> None:
+        self._commands = commands
+        self.number = commands.read().number
+        self._beat, self._heard_at = 0, 0.0  # last heartbeat of the cell, and its robot time [s]
+
+    def take(self, time: float) -> LoopCommand | None:
+        """Newest command by robot `time` [s]; None where it was taken before."""
+        command = self._commands.read()
+        if command.beat != self._beat:
+            self._beat, self._heard_at = command.beat, time
+        if command.number == self.number:
+            return None
+        self.number = command.number
+        return command
+
+    def silence(self, time: float) -> float:
+        """Time [s] until robot `time` [s] without a heartbeat of the cell; 0 before the first."""
+        return time - self._heard_at if self._beat else 0.0

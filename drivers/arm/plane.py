@@ -1,7 +1,7 @@
 """Conversion between gripper poses in the strip's plane and hand poses in the robot's base."""
 
-from dataclasses import dataclass
 from math import atan2, cos, pi, sin
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,32 +18,38 @@ FADE_TICKS = 100  # ticks until a hand that drifted is back in the plane
 NO_OFFSET = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class PlaneMotion:
+class Coordinates(NamedTuple):
+    """Three coordinates at one moment, with their first and second derivatives [1/s, 1/s^2]."""
+
+    value: Triple
+    rate: Triple
+    change: Triple
+
+
+class SplitMotion(NamedTuple):
     """Motion of the hand split into the part in the strip's plane and the part off the plane.
 
-    `pose` is x, z [m], pitch [rad]; `aside` is the offset across the plane [m] and the lean about
-    x and z [rad]; both with first and second derivatives.
+    `inside` is x, z [m], pitch [rad]; `aside` is the offset across the plane [m] and the lean about
+    x and z [rad].
     """
 
-    pose: Triple
-    velocity: Triple
-    acceleration: Triple
-    aside: Numbers
-    aside_velocity: Numbers
-    aside_acceleration: Numbers
+    inside: Coordinates
+    aside: Coordinates
 
 
 class StripPlane:
     """Transform between gripper poses in the cell frame and hand poses in the robot's base.
 
     The hand's approach axis lies in the plane: at pitch pi/2 it points down. `turned` rotates the
-    hand by half a turn about that axis, an equivalent grasp that uses other wrist angles. All poses
-    have the small offset from the plane that the hand had at `take_over`.
+    hand by half a turn about that axis, an equivalent grasp that uses other wrist angles.
     """
 
-    def __init__(self, cell_in_robot: CellInRobot, *, turned: bool = False) -> None:
+    def __init__(
+        self, cell_in_robot: CellInRobot, *, turned: bool = False, rest: Array | None = None
+    ) -> None:
+        """Give all poses the small offset `rest` (4, 4) from the plane, by default none."""
         frame = cell_in_robot.matrix
+        self._cell_in_robot = cell_in_robot
         sign = -1.0 if turned else 1.0
         self._rows: list[Numbers] = np.linalg.inv(frame)[:3].tolist()
         self._along: Numbers = frame[:3, 0].tolist()
@@ -53,14 +59,12 @@ class StripPlane:
         self._axes: Array = frame[:3, :3].T.copy()
         self._sign = sign
         self.turned = turned
-        self._rest: Array | None = None
-        self._back: Array | None = None  # its inverse
+        self._rest = np.eye(4) if rest is None else rest
+        self._back = np.asarray(np.linalg.inv(self._rest), dtype=np.float64)
 
-    def take_over(self, pose: Numbers) -> None:
-        """Give all poses the hand's offset from the plane at its present `pose` (16,)."""
-        rest = np.linalg.solve(self.matrix(*self.to_cell(pose)), matrix(pose))
-        self._rest = np.asarray(rest, dtype=np.float64)
-        self._back = np.asarray(np.linalg.inv(rest), dtype=np.float64)
+    def with_offset_of(self, pose: Numbers) -> "StripPlane":
+        """Copy whose poses all have the offset from the plane of the hand at `pose` (16,)."""
+        return StripPlane(self._cell_in_robot, turned=self.turned, rest=self._offset(pose))
 
     def command(self, x: float, z: float, pitch: float, aside: Triple = NO_OFFSET) -> Numbers:
         """Hand pose in the base, a column-major 4x4 matrix (16,), for x, z [m], pitch [rad].
@@ -70,42 +74,31 @@ class StripPlane:
         pose = self.matrix(x, z, pitch)
         if any(aside):
             pose[:3, 3] += aside[0] * self._axes[1]
-            pose[:3, :3] = (
-                rotation(aside[1] * self._axes[0] + aside[2] * self._axes[2]) @ (pose[:3, :3])
-            )
-        if self._rest is not None:
-            pose = pose @ self._rest
-        numbers: Numbers = pose.T.ravel().tolist()
+            lean = rotation(aside[1] * self._axes[0] + aside[2] * self._axes[2])
+            pose[:3, :3] = lean @ pose[:3, :3]
+        numbers: Numbers = (pose @ self._rest).T.ravel().tolist()
         return numbers
 
-    def split_motion(self, pose: Numbers, twist: Numbers, change: Numbers) -> PlaneMotion:
+    def split_motion(self, pose: Numbers, twist: Numbers, change: Numbers) -> SplitMotion:
         """Split a motion of the hand in the base: `pose` (16,), `twist` and its `change` (6,)."""
         hand = matrix(pose)
-        inside = hand if self._back is None else hand @ self._back
-        spin, spin_change = _cross_matrix(twist[3:]), _cross_matrix(change[3:])
-        lever = inside[:3, 3] - hand[:3, 3]
-        linear = np.array(twist[:3]) + spin @ lever
-        linear_change = np.array(change[:3]) + spin_change @ lever + spin @ (spin @ lever)
-        columns: Numbers = inside.T.ravel().tolist()
-        x, z, pitch = self.to_cell(columns)
-        lean = rotation_vector(inside[:3, :3] @ self.matrix(x, z, pitch)[:3, :3].T)
+        gripper = hand @ self._back
+        linear, linear_change = _of_point(gripper[:3, 3] - hand[:3, 3], twist, change)
+        rate, rate_aside = self._split_rates(linear, twist[3:])
+        rate_change, aside_change = self._split_rates(linear_change, change[3:])
+        columns: Numbers = gripper.T.ravel().tolist()
+        place = self.to_cell(columns)
+        lean = rotation_vector(gripper[:3, :3] @ self.matrix(*place)[:3, :3].T)
         lean_x, _, lean_z = (self._axes @ lean).tolist()
-        pose_aside = [self.place(columns)[1], lean_x, lean_z]
-        velocity, velocity_aside = self._split_rates(linear, twist[3:])
-        acceleration, acceleration_aside = self._split_rates(linear_change, change[3:])
-        _correct_for_pitch(
-            pose_aside, velocity_aside, acceleration_aside, velocity[2], acceleration[2]
-        )
-        return PlaneMotion(
-            (x, z, pitch), velocity, acceleration,
-            pose_aside, velocity_aside, acceleration_aside,
-        )  # fmt: skip
+        aside = Coordinates((self.place(columns)[1], lean_x, lean_z), rate_aside, aside_change)
+        inside = Coordinates(place, rate, rate_change)
+        return SplitMotion(inside, _in_pitching_axes(aside, rate[2], rate_change[2]))
 
-    def _split_rates(self, linear: Array, angular: Numbers) -> tuple[Triple, Numbers]:
+    def _split_rates(self, linear: Array, angular: Numbers) -> tuple[Triple, Triple]:
         """Split a twist into rates of x, z, pitch and rates off the plane: offset, two angles."""
         along, across, up = (self._axes @ linear).tolist()
         lean, turn, yaw = (self._axes @ np.array(angular)).tolist()
-        return (along, up, -turn), [across, lean, yaw]
+        return (along, up, -turn), (across, lean, yaw)
 
     def matrix(self, x: float, z: float, pitch: float) -> Array:
         """Hand pose (4, 4) in the robot's base, exactly in the plane, for x, z [m], pitch [rad]."""
@@ -117,13 +110,13 @@ class StripPlane:
         ]
         return np.array([*pose, (0.0, 0.0, 0.0, 1.0)])
 
-    def to_cell(self, pose: Numbers) -> tuple[float, float, float]:
+    def to_cell(self, pose: Numbers) -> Triple:
         """x, z [m] and pitch [rad] in the cell of a hand pose in the base, column-major (16,)."""
         x, _, z = self.place(pose)
         along, up = (_dot(row, pose[8:11]) for row in (self._rows[0], self._rows[2]))
         return x, z, _pitch_of_axis(along, up)
 
-    def place(self, pose: Numbers) -> tuple[float, float, float]:
+    def place(self, pose: Numbers) -> Triple:
         """x, y, z [m] in the cell of a hand pose in the base, column-major (16,)."""
         point = pose[12:15]
         x, y, z = (_dot(row, point) + row[3] for row in self._rows)
@@ -131,9 +124,14 @@ class StripPlane:
 
     def aside(self, pose: Numbers) -> tuple[float, float]:
         """Distance [m] and angle [rad] of a hand pose (16,) from its projection into the plane."""
-        off = np.linalg.solve(self.matrix(*self.to_cell(pose)), matrix(pose))
+        off = self._offset(pose)
         angle = float(np.arccos(np.clip((np.trace(off[:3, :3]) - 1) / 2, -1.0, 1.0)))
         return float(np.linalg.norm(off[:3, 3])), angle
+
+    def _offset(self, pose: Numbers) -> Array:
+        """Hand pose (16,) relative to its projection into the plane, (4, 4)."""
+        off = np.linalg.solve(self.matrix(*self.to_cell(pose)), matrix(pose))
+        return np.asarray(off, dtype=np.float64)
 
     def force(self, wrench: Numbers) -> tuple[float, float]:
         """f_x, f_z [N] in the cell frame of a `wrench` (6,) [N, N m] in the robot's base."""
@@ -148,17 +146,14 @@ class FadingOffset:
     """
 
     def __init__(self) -> None:
-        self._place: Numbers = list(NO_OFFSET)
-        self._rate: Numbers = list(NO_OFFSET)
-        self._change: Numbers = list(NO_OFFSET)
+        self._start = Coordinates(NO_OFFSET, NO_OFFSET, NO_OFFSET)
         self._age = FADE_TICKS
 
-    def begin(self, place: Numbers, rate: Numbers, change: Numbers) -> None:
-        """Fade from `place` (3,) [m, rad, rad] with its derivatives `rate` and `change` (3,)."""
-        self._place, self._rate, self._change = place, rate, change
-        self._age = 0
+    def begin(self, start: Coordinates) -> None:
+        """Fade from the offset and angles of `start` [m, rad, rad]."""
+        self._start, self._age = start, 0
 
-    def tick(self) -> tuple[float, float, float]:
+    def tick(self) -> Triple:
         """Advance by one tick; returns offset and angles (3,) [m, rad, rad] at its end."""
         if self._age >= FADE_TICKS:
             return NO_OFFSET
@@ -172,22 +167,26 @@ class FadingOffset:
         )
         offset, about_x, about_z = (
             sum(w * part for w, part in zip(weights, parts, strict=True))
-            for parts in zip(self._place, self._rate, self._change, strict=True)
+            for parts in zip(*self._start, strict=True)
         )
         return offset, about_x, about_z
 
 
-def _correct_for_pitch(
-    place: Numbers, rate: Numbers, change: Numbers, pitch_rate: float, pitch_change: float
-) -> None:
-    """Convert the derivatives of the two lean angles to axes that pitch with the hand.
+def _of_point(lever: Array, twist: Numbers, change: Numbers) -> tuple[Array, Array]:
+    """Velocity and acceleration (3,) of a point at `lever` (3,) [m] from that of a twist (6,)."""
+    spin, spin_change = _cross_matrix(twist[3:]), _cross_matrix(change[3:])
+    velocity = np.array(twist[:3]) + spin @ lever
+    return velocity, np.array(change[:3]) + spin_change @ lever + spin @ (spin @ lever)
 
-    Corrects `rate` and `change` in place, to first order in the angles `place`.
-    """
-    rate[1] -= place[2] * pitch_rate
-    rate[2] += place[1] * pitch_rate
-    change[1] -= rate[2] * pitch_rate + place[2] * pitch_change
-    change[2] += rate[1] * pitch_rate + place[1] * pitch_change
+
+def _in_pitching_axes(aside: Coordinates, pitch_rate: float, pitch_change: float) -> Coordinates:
+    """Motion off the plane with lean angles about axes that pitch with the hand, to first order."""
+    (_, lean_x, lean_z), (across, rate_x, rate_z), (across_change, change_x, change_z) = aside
+    rate_x -= lean_z * pitch_rate
+    rate_z += lean_x * pitch_rate
+    change_x -= rate_z * pitch_rate + lean_z * pitch_change
+    change_z += rate_x * pitch_rate + lean_x * pitch_change
+    return Coordinates(aside.value, (across, rate_x, rate_z), (across_change, change_x, change_z))
 
 
 def _pitch_of_axis(along: float, up: float) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from drivers.arm.force import ForceGuard
 from drivers.arm.joint_motion import CartesianMotion
 from drivers.arm.loop import ServoLoop
 from drivers.arm.mailbox import CommandKind, LoopCommand, Mailbox, Report
@@ -58,7 +59,7 @@ class FakeRobot:
             seconds=1e-3 * self.clock,
             O_dP_EE_c=self.twist,
             O_ddP_EE_c=self.twist_change,
-            q=self.joints,
+            **dict.fromkeys(("q", "q_d", "dq", "tau_J"), self.joints),
             O_T_EE=self.pose,
             O_T_EE_c=self.pose,
             O_F_ext_hat_K=self.force,
@@ -110,7 +111,7 @@ class LossyRobot:
             ddq_d=rounded(posture.joints.acceleration),
             O_T_EE=rounded(posture.reached.T.ravel()),
             O_F_ext_hat_K=[0.0] * 6,
-            tau_ext_hat_filtered=[0.0] * 7,
+            **dict.fromkeys(("dq", "tau_J", "tau_ext_hat_filtered"), [0.0] * 7),
             control_command_success_rate=float(self._heard),
         )
 
@@ -172,11 +173,10 @@ class Driven:
 def begun(robot: Any = None, *, lock_step: bool = True, guard=None) -> Driven:
     """A loop at its start over `robot`, by default one that does what it is told."""
     robot = FakeRobot() if robot is None else robot
-    orders, reports = Mailbox(LoopCommand), Mailbox(Report)
+    boxes = Mailbox(LoopCommand), Mailbox(Report)
     settings = FciSettings(address="127.0.0.1", lock_step=lock_step)
-    loop = ServoLoop(robot, settings, INSTALLATION, orders, reports, lambda: 0.0, guard=guard)
-    loop.begin()
-    return Driven(robot, loop, orders, reports)
+    access, guard = RobotAccess("", settings, INSTALLATION), guard or ForceGuard(settings.guard)
+    return Driven(robot, ServoLoop(robot, access, *boxes, lambda: 0.0, guard), *boxes)
 
 
 def begun_losing(robot: "LossyRobot", *, own_clock: bool = False) -> Driven:

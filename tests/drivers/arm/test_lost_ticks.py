@@ -9,7 +9,7 @@ from drivers.arm.failure import ArmFault
 from drivers.arm.force import ForceGuard
 from drivers.arm.joint_motion import CartesianMotion, follow_joints
 from drivers.arm.mailbox import CommandKind
-from drivers.arm.plane import FADE_TICKS, FadingOffset, StripPlane
+from drivers.arm.plane import FADE_TICKS, Coordinates, FadingOffset, StripPlane
 from drivers.franka.kinematics import HOME
 from drivers.motion import TICK
 from tests.drivers.arm.rig import JOINTS, PLANE, START, LossyRobot, begun, begun_losing, columns
@@ -158,7 +158,7 @@ def test_contact_on_the_way_home_ends_in_a_quick_stop_that_the_cell_commands(
 def test_offset_continues_what_it_found_and_comes_to_rest_in_the_plane() -> None:
     offset = FadingOffset()
     assert offset.tick() == (0.0, 0.0, 0.0)
-    offset.begin([1e-5, 0.0, 0.0], [2e-4, 0.0, 0.0], [0.03, 0.0, 0.0])
+    offset.begin(Coordinates((1e-5, 0.0, 0.0), (2e-4, 0.0, 0.0), (0.03, 0.0, 0.0)))
     way = [1e-5, *(offset.tick()[0] for _ in range(FADE_TICKS + 3))]
     velocity = np.diff(way) / TICK
     acceleration = np.diff(velocity) / TICK
