@@ -11,14 +11,13 @@ from cell.gap.diagnosis.lack_of_fit import Bin, ResidualTest
 from cell.gap.diagnosis.next_experiment import advise, repeatability_gains
 from cell.gap.fitting.base_fit import refine, refit_base, refit_fine, strains, weak_directions
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
-from cell.gap.fitting.gauss_newton import Estimate, final_fit
+from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.reml import (
     Spread,
     estimate_spreads,
     reml_spreads,
-    with_own_scatter,
     with_scatter,
     with_spreads,
 )
@@ -175,13 +174,13 @@ class Investigation:
         close = rivals(accepted, fits, sets) if best.model.effects else []
         alike = join_overlapping([*classes(accepted, close), *refuted_values(best, self.subject)])
         scatter = estimate_spreads(self.simulate, best, self.fitted)
-        sized = final_fit(with_own_scatter(self.simulate, best, scatter, self.fitted))
+        start = with_scatter(best, scatter, self.fitted)
         return ModelTests(
             misfit=residual_test.misfit(),
             repeats=residual_test.repeats,
             rivals=tuple(close),
             classes=tuple(map(tuple, alike)),
-            sized=run_one(self.simulate, sized),
+            sized=run_one(self.simulate, refit(start.model, start.evidence, start.point)),
             scatter=scatter,
             places=self._matching_places(accepted, fits),
         )

@@ -1,9 +1,9 @@
 """Robust Gauss-Newton fit of a model to runs, with Jacobians by finite differences.
 
 Shared parameters and each run's own unknowns are estimated jointly. Simulations are expensive and
-responses nearly linear, so that a Jacobian is kept while it predicts the decrease well. Close to a
-bifurcation a small step makes samples jump, and a one-sided secant across the jump is no slope: it
-would stop the fit and make its intervals too narrow. So the final fit uses two-sided slopes.
+responses nearly linear, so that a Jacobian is kept while it predicts the decrease well. The error
+of a simulation must be small beside what one finite-difference step changes: a secant across
+a jump is no slope, and counts as information that is none.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cell.gap.fitting import robust
 from cell.gap.fitting.model import Evidence, Model, Point, request, requests, response, whiten
 from cell.gap.fitting.normal_equations import NormalEquations, Unknowns
-from cell.gap.fitting.tasks import Task, side_by_side
+from cell.gap.fitting.tasks import Task
 from cell.gap.subject.subject import Parameter, Request, Residuals, Run
 from drivers.types import Array
 
@@ -43,39 +43,6 @@ def linearise(model: Model, evidence: Evidence, point: Point) -> Task[Linearised
         at_point, *stepped = run_answers[run.replicate :]
         jacobians.append(secant_jacobian(at_point, stepped, scale, run_steps))
     return raw, tuple(jacobians)
-
-
-def linearise_both_ways(model: Model, evidence: Evidence, point: Point) -> Task[Linearised]:
-    """Residuals and whitened Jacobian (n, shared + local) of each run, by steps to both sides."""
-    raw, right, left = yield from both_sides(model, evidence, point)
-    return raw, tuple(map(minmod, right, left))
-
-
-def both_sides(
-    model: Model, evidence: Evidence, point: Point
-) -> Task[tuple[Sequence[Residuals], tuple[Array, ...], tuple[Array, ...]]]:
-    """Residuals, and the Jacobians (n, shared + local) of each run by steps up and by steps down.
-
-    Where a bound forbids one side, both are steps to the other. A task that yields requests.
-    """
-    effects = [replace(e, parameters=_mirror(e.parameters)) for e in model.effects]
-    other = replace(model, base=_mirror(model.base), effects=tuple(effects))
-    runs = [replace(run, local=_mirror(run.local)) for run in evidence.runs]
-    mirrored = replace(evidence, runs=tuple(runs))
-    sides = [linearise(model, evidence, point), linearise(other, mirrored, point)]
-    (raw, right), (_, left) = yield from side_by_side(sides)
-    return raw, right, left
-
-
-def minmod(a: Array, b: Array) -> Array:
-    """The smaller in size of two slopes (n, k) where their signs agree, zero elsewhere."""
-    # slope limiter: Roe 1986, Annual Review of Fluid Mechanics 18, 337
-    return np.asarray(0.5 * (np.sign(a) + np.sign(b)) * np.minimum(np.abs(a), np.abs(b)))
-
-
-def _mirror(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
-    """Parameters whose finite-difference steps have the opposite sign."""
-    return tuple(replace(p, step=-p.step) for p in parameters)
 
 
 def secant_jacobian(
@@ -127,9 +94,8 @@ def _step_one(values: Array, i: int, h: float) -> Array:
 
 MOST_STEPS = 20  # of a fit
 # Shares of the decrease that a step predicted, set by hand. In TRUSTED a Jacobian is kept; in
-# MENDABLE Broyden's update corrects it, once. Less than STALLED with fresh Jacobians, twice, ends
-# the fit: the objective is not smooth.
-TRUSTED, MENDABLE, STALLED = (0.7, 1.4), (0.3, 2.5), 0.1
+# MENDABLE Broyden's update corrects it, once.
+TRUSTED, MENDABLE = (0.7, 1.4), (0.3, 2.5)
 PARABOLA = (1.0, 0.5, 0.25, 0.1, 0.02)  # shares of a step too long that are tried; set by hand
 DAMPING = 1e-3  # of the bend of that parabola, relative to the curvature; set by hand
 
@@ -267,21 +233,18 @@ def refit(
     jacobians: tuple[Array, ...] | None = None,
     enough: float = FINAL_GAIN,
     steps: int = MOST_STEPS,
-    *,
-    both_ways: bool = False,
 ) -> Task[Estimate]:
     """Fit `model` to the runs of `evidence`, from the values `start`; a task that yields requests.
 
     `jacobians` (n, shared + local) by run of a fit nearby spare the first secants; the fit ends
-    when a further step promises less than `enough` nats, or after so many `steps`. With `both_ways`
-    slopes are limited by secants to both sides, for twice the simulations.
+    when a further step promises less than `enough` nats, or gains less with a new Jacobian, or
+    after so many `steps`.
     """
-    slopes = linearise_both_ways if both_ways else linearise
     unknowns = Unknowns.of(model, evidence)
     point = unknowns.point(np.concatenate([start.shared, *start.local]))
-    fresh, mended, stalled = jacobians is None, False, 0
+    fresh, mended = jacobians is None, False
     if jacobians is None:
-        raw, jacobians = yield from slopes(model, evidence, point)
+        raw, jacobians = yield from linearise(model, evidence, point)
     else:
         raw = yield requests(model, evidence.runs, point)
     fit = Estimate.at(model, evidence, point, raw, jacobians)
@@ -294,18 +257,16 @@ def refit(
         trial = yield from _line_search(fit, equations.curvature, step)
         gain = fit.objective - trial.objective_at(fit.scale)
         share = gain / promised
-        if gain <= 0.0 and fresh:
-            break
-        stalled = stalled + 1 if fresh and share < STALLED else 0
         trusted = TRUSTED[0] < share < TRUSTED[1]
         mended = not trusted and not mended and MENDABLE[0] < share < MENDABLE[1]
+        ended = fresh and gain < enough
         fresh = not trusted and not mended
         jacobians = _broyden_update(fit, trial, equations.curvature) if mended else fit.jacobians
         fit = replace(trial if gain > 0.0 else fit, jacobians=jacobians)
-        if stalled > 1:
+        if ended:
             break
         if fresh:
-            raw, jacobians = yield from slopes(model, evidence, fit.point)
+            raw, jacobians = yield from linearise(model, evidence, fit.point)
             fit = Estimate.at(model, evidence, fit.point, raw, jacobians)
     return fit
 
@@ -372,36 +333,3 @@ def _evaluate(fit: Estimate, points: Sequence[Array]) -> Task[list[Estimate]]:
         Estimate.at(model, evidence, p, raw, fit.jacobians)
         for p, raw in zip(inside, by_point, strict=True)
     ]
-
-
-def final_fit(estimate: Estimate) -> Task[Estimate]:
-    """Refit `estimate` with two-sided slopes, in which samples that jump have less weight."""
-    start = yield from _with_slope_errors(estimate)
-    refitted = yield from refit(
-        start.model, start.evidence, start.point, start.jacobians, both_ways=True
-    )
-    if np.array_equal(refitted.shared, start.shared):
-        return start
-    return (yield from _with_slope_errors(refitted))
-
-
-def _with_slope_errors(estimate: Estimate) -> Task[Estimate]:
-    """Copy of `estimate` with two-sided slopes, whose error counts as noise of the samples.
-
-    It is the mean square of what the linear model gets wrong of a step to either side. Samples that
-    jump together err together, and count as one: by Kish's effective size (1965, Survey Sampling)
-    of the error of a step in a run. Statistical linear regression: Lefebvre, Bruyninckx and De
-    Schutter 2002, IEEE Transactions on Automatic Control 47, 1406.
-    """
-    model, known, point = estimate.model, estimate.evidence, estimate.point
-    raw, right, left = yield from both_sides(model, known, point)
-    scales, slopes = [], []
-    for run, scale, a, b in zip(known.runs, known.scales, right, left, strict=True):
-        step = np.array([p.step for p in (*model.parameters, *run.local)])
-        slope = minmod(a, b)
-        error = 0.5 * ((a - slope) ** 2 + (b - slope) ** 2) * step**2
-        effective_size = error.sum(axis=0) ** 2 / np.maximum((error**2).sum(axis=0), 1e-300)
-        wider = np.sqrt(1.0 + error @ effective_size)
-        scales.append(scale * wider)
-        slopes.append(slope / wider[:, None])
-    return Estimate.at(model, replace(known, scales=tuple(scales)), point, raw, tuple(slopes))

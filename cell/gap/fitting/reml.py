@@ -25,7 +25,7 @@ from scipy import optimize
 from scipy.linalg import cho_solve
 
 from cell.gap.fitting import normal_equations, robust
-from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, linearise, refit
+from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, refit
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.tasks import Simulate, run_one
 from cell.gap.subject.subject import Parameter
@@ -262,20 +262,6 @@ def clearly_differ(before: Mapping[str, float], now: Mapping[str, float]) -> boo
     )
 
 
-def with_own_scatter(
-    simulate: Simulate, estimate: Estimate, spreads: Sequence[Spread], complete: Evidence
-) -> Estimate:
-    """Refit `estimate` with the run-to-run `spreads`; unchanged where they hardly differ.
-
-    `complete` are the runs with every random unknown.
-    """
-    current = {p.name: p.spread for run in estimate.evidence.runs for p in run.local if p.random}
-    if not clearly_differ(current, {s.name: s.value for s in spreads}):
-        return estimate
-    start = with_scatter(estimate, spreads, complete)
-    return run_one(simulate, refit(start.model, start.evidence, start.point))
-
-
 def with_spreads(evidence: Evidence, spreads: Sequence[Spread]) -> Evidence:
     """Copy of `evidence` whose random unknowns have `spreads` as priors; other ones are removed."""
     spread_of = {s.name: s.value for s in spreads}
@@ -309,8 +295,7 @@ def estimate_spreads(
     if not any(p.random for run in complete.runs for p in run.local):
         return ()
     extended = _with_unknowns(estimate, complete)
-    _, jacobians = run_one(simulate, linearise(extended.model, extended.evidence, extended.point))
-    refitted = refit(extended.model, extended.evidence, extended.point, jacobians, ROUGH_GAIN)
+    refitted = refit(extended.model, extended.evidence, extended.point, enough=ROUGH_GAIN)
     return reml_spreads(run_one(simulate, refitted))
 
 

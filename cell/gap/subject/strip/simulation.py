@@ -36,7 +36,7 @@ class Resolution:
     tolerance: float
 
 
-COARSE, MEDIUM = Resolution(100, 0.01, 1e-3), Resolution(100, 0.005, 1e-3)
+COARSE, MEDIUM = Resolution(100, 0.01, 1e-4), Resolution(100, 0.005, 1e-4)
 """Of fits: the medium one for folds in which the fine rod differs much from the coarse one."""
 FINE, FINER = Resolution(200, 0.0025, 1e-4), Resolution(200, 0.00125, 1e-4)
 """Of corrections: the finer one where the fine rod differs much from that of the fit."""
