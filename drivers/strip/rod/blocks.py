@@ -117,5 +117,5 @@ def step_along(
                 record(batch, b, shapes[(k + 1) // every - 1])
             observe(batch, b, observed, k, time, pace.h)
             store_poses(batch, b, poses[k])
-            now = Pace(pace.h, pace.next_omega, pace.next_omega, pace.tolerance)
+            now = Pace(pace.h, pace.next_omega, pace.next_omega)
     return before - living_lanes(batch, 0, blocks)

@@ -15,7 +15,6 @@ from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import compact, end_strips, fixed_edges, flat_batch, living, midlines
 from drivers.strip.rod.blocks import step_along
 from drivers.strip.rod.lumping import check
-from drivers.strip.rod.newton import TURN_TOLERANCE
 from drivers.strip.rod.static import FINE_STEPS, fit_length, lift_path, settle
 from drivers.strip.rod.time_step import Pace
 from drivers.types import Array
@@ -43,26 +42,18 @@ class Trace(NamedTuple):
 class Rod:
     """Strip engine of implicit planar elastic rods of `segments` segments, in one batch.
 
-    Newton's method ends when segments turn by less than `tolerance` [rad], root mean square: ten
-    times the default moves nodes by some micrometres and takes two thirds of the time. Strips
-    occupy the lanes of SIMD vectors, and each moves bit for bit as it would in a batch of one. A
-    strip that touched, was retired or failed keeps its shape and soon costs nothing; `touch` holds
-    each strip's first touch of its layers or None. Where Newton's method fails, the engine raises
-    SimulationNotConverged or SimulationNotFinite; unless `strict`, the strip ends and `failed`
-    marks it.
+    Strips occupy the lanes of SIMD vectors, and each moves bit for bit as it would in a batch of
+    one. A strip that touched, was retired or failed keeps its shape and soon costs nothing; `touch`
+    holds each strip's first touch of its layers or None. Where Newton's method fails, the engine
+    raises SimulationNotConverged or SimulationNotFinite; unless `strict`, the strip ends and
+    `failed` marks it.
     """
 
-    def __init__(
-        self,
-        segments: int = 100,
-        *,
-        strict: bool = True,
-        tolerance: float = TURN_TOLERANCE,
-    ) -> None:
+    def __init__(self, segments: int = 100, *, strict: bool = True) -> None:
         if segments < FEWEST_SEGMENTS:
             raise ValueError(f"segments {segments}; allowed: {FEWEST_SEGMENTS} or more")
         self._segments = segments
-        self._strict, self._tolerance = strict, tolerance
+        self._strict = strict
 
     def reset(self, models: Sequence[StripModel], start: Array | None = None) -> None:
         """Lay the strips flat and at rest, gripped at (stated length, 0) with pitch 0, at time 0.
@@ -156,7 +147,7 @@ class Rod:
         observed = np.empty((len(poses), *self._observed.shape))
         observed[:] = self._observed
         omega = min(dt / self._last, LARGEST_RATIO)
-        pace = Pace(dt, omega, 1.0, self._tolerance)
+        pace = Pace(dt, omega, 1.0)
         ended = step_along(self._batch, poses, observed, shapes, every, self._time, pace)
         self._time += len(poses) * dt
         self._last = dt

@@ -14,7 +14,7 @@ from drivers.strip.rod.lanes import any_lane, below, fma, load, select, splat, s
 from drivers.strip.rod.terms import air_drag, settling_turn, update_stuck
 
 ITERATIONS = 10
-TURN_TOLERANCE = 1e-4  # rad, default for the root mean square of the last turns of the segments
+TURN_TOLERANCE = 1e-4  # rad, root mean square of the last turns of the segments
 LARGEST_TURN = 1.0  # rad^2, square of a turn in one correction, more than a step of a fold needs
 SINK = 2e-5  # m over which the desk takes up the weight
 PIVOT_COLUMN, SIDE_COLUMN = 0, 6
@@ -185,10 +185,11 @@ def apply_correction(block: Any, gate: Any) -> Any:
 
 
 @kernel
-def solve(block: Any, rate: Any, alive: Any, tolerance: Any) -> Any:
+def solve(block: Any, rate: Any, alive: Any) -> Any:
     """Iterate Newton's method on the active lanes; returns the lanes that failed to converge.
 
-    It ends when segments turn by less than `tolerance` [rad], root mean square. A lane with a
+    It ends when segments turn by less than TURN_TOLERANCE, root mean square: by ten times that, a
+    motion jumps as its model varies, and no finite difference of it is a slope. A lane with a
     segment that turns by more than LARGEST_TURN in one correction failed: Newton's method could
     then converge to a kinked equilibrium that does not continue the motion.
     """
@@ -201,7 +202,7 @@ def solve(block: Any, rate: Any, alive: Any, tolerance: Any) -> Any:
         turned, wildest = apply_correction(block, unsolved)
         sane = below(turned, LARGEST_TURN) * below(wildest, LARGEST_TURN)
         failed = select(unsolved * (1.0 - sane), unsolved, failed)
-        unsolved = unsolved * sane * (1.0 - below(turned, tolerance * tolerance))
+        unsolved = unsolved * sane * (1.0 - below(turned, TURN_TOLERANCE * TURN_TOLERANCE))
         if not any_lane(unsolved):
             break
     return select(unsolved, unsolved, failed)

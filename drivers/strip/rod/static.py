@@ -11,7 +11,6 @@ from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import end_strips, flat_batch
 from drivers.strip.rod.blocks import step_along
 from drivers.strip.rod.layout import Batch
-from drivers.strip.rod.newton import TURN_TOLERANCE
 from drivers.strip.rod.time_step import Pace
 from drivers.types import Array
 
@@ -79,7 +78,7 @@ def settle(batch: Batch, path: Array) -> None:
 def _follow_damped(batch: Batch, poses: Array, dt: float) -> None:
     """Step along `poses` (k, n, 3) by backward Euler; raises where a strip fails or touches."""
     observed = np.zeros((len(poses), len(batch.held), at.OBSERVABLE_COUNT))
-    pace = Pace(dt, 0.0, 0.0, TURN_TOLERANCE)
+    pace = Pace(dt, 0.0, 0.0)
     step_along(batch, poses, observed, np.empty((0, 0, 0, 2)), 1, 0.0, pace)
     failed, touched = (
         np.isfinite(batch.monitor[:, field]) for field in (at.FAILURE_TIME, at.TOUCH_TIME)

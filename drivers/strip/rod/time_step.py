@@ -39,7 +39,7 @@ class Grips(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """Size `h` [s] of a step, its BDF2 step ratios, and the `tolerance` [rad] of Newton's method.
+    """Size `h` [s] of a step, and its BDF2 step ratios.
 
     `omega` is the ratio of the step to the last one, `next_omega` that of equal steps after it: 1,
     or 0 for backward Euler.
@@ -48,7 +48,6 @@ class Pace(NamedTuple):
     h: float
     omega: float
     next_omega: float
-    tolerance: float
 
 
 @kernel
@@ -138,14 +137,14 @@ def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
 
 
 @kernel
-def implicit_step(block: Any, h: float, omega: float, alive: Any, tolerance: float) -> Any:
+def implicit_step(block: Any, h: float, omega: float, alive: Any) -> Any:
     """Advance the active lanes by one implicit step; returns the lanes that failed to converge."""
     rate = (1.0 + 2.0 * omega) / ((1.0 + omega) * h)
     predict_motion(block, h, omega, alive)
     predict_strain(block, omega)
     if block.terms is not None:
         predict_terms(block, rate, weights(omega))
-    unsolved = solve(block, rate, alive, tolerance)
+    unsolved = solve(block, rate, alive)
     finish_step(block, rate, alive - unsolved)
     if block.last < block.state.shape[0] - 2:
         grip_force(block, h, rate, alive - unsolved)
@@ -207,7 +206,7 @@ def step_in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> A
     for part in range(parts):
         place_grips(block, grips, (part + 1) / parts)
         omega = pace.next_omega if part > 0 else 0.0
-        going = going - implicit_step(block, pace.h / parts, omega, going, pace.tolerance)
+        going = going - implicit_step(block, pace.h / parts, omega, going)
         if not any_lane(going):
             break
     return gate - going
@@ -221,7 +220,7 @@ def step(block: Any, grips: Any, pace: Any) -> Any:
     left unchanged.
     """
     place_grips(block, grips, 1.0)
-    gate = implicit_step(block, pace.h, pace.omega, load(grips.alive, 0, 0), pace.tolerance)
+    gate = implicit_step(block, pace.h, pace.omega, load(grips.alive, 0, 0))
     if not any_lane(gate):
         return gate
     rewind(block, gate)

@@ -29,16 +29,15 @@ REMEMBERED = 96 * 2**20  # bytes of the cache: few motions are asked for again, 
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
-    """Resolution of the rod: `segments`, time step `dt` [s], and `tolerance` [rad] of a step."""
+    """Resolution of the rod: `segments`, and time step `dt` [s]."""
 
     segments: int
     dt: float
-    tolerance: float
 
 
-COARSE, MEDIUM = Resolution(100, 0.01, 1e-4), Resolution(100, 0.005, 1e-4)
+COARSE, MEDIUM = Resolution(100, 0.01), Resolution(100, 0.005)
 """Of fits: the medium one for folds in which the fine rod differs much from the coarse one."""
-FINE, FINER = Resolution(200, 0.0025, 1e-4), Resolution(200, 0.00125, 1e-4)
+FINE, FINER = Resolution(200, 0.0025), Resolution(200, 0.00125)
 """Of corrections: the finer one where the fine rod differs much from that of the fit."""
 
 
@@ -93,7 +92,7 @@ class Job:
     @property
     def key(self) -> bytes:
         """Digest of all that the simulated motion depends on."""
-        return self.digest + struct.pack("<idd", *astuple(self.resolution))
+        return self.digest + struct.pack("<id", *astuple(self.resolution))
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +179,7 @@ class Simulation:
         Raises what the rod raises for a start that a strip cannot have.
         """
         resolution = jobs[0].resolution
-        rod = Rod(resolution.segments, strict=False, tolerance=resolution.tolerance)
+        rod = Rod(resolution.segments, strict=False)
         motions = simulate_all(
             rod, [job.model for job in jobs], [job.path for job in jobs], dt=resolution.dt,
             every=max(1, round(SHAPE_PERIOD / resolution.dt)), precision=np.float32,
