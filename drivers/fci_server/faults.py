@@ -1,6 +1,6 @@
-"""Scheduled faults of the emulated robot, as a fault script states them, and their execution."""
+"""Faults of the emulated robot and its connection: as a script states them, and their execution."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable
 from math import inf, isfinite
 from pathlib import Path
 from typing import Annotated, Literal
@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import AfterValidator, Field
 
+from drivers.fci_server.arm_and_hand_ports import ArmPort
 from drivers.fci_server.robot import Robot
 from drivers.fci_server.wire import Reflex
 from drivers.settings import Settings, load
@@ -100,51 +101,61 @@ def load_faults(path: Path) -> tuple[Fault, ...]:
 
 
 class Disturbance:
-    """Faults of a script that are still to come, and end times of faults in effect."""
+    """Faults of a script that are still to come, and end times of faults in effect.
 
-    def __init__(self, script: Iterable[Fault]) -> None:
+    They strike `robot`, or the connection to its client at `port`; `freeze` pauses both for some
+    time [s].
+    """
+
+    def __init__(
+        self, script: Iterable[Fault], robot: Robot, port: ArmPort, freeze: Callable[[float], None]
+    ) -> None:
         self._waiting = sorted(script, key=lambda fault: fault.at)
+        self._robot, self._port, self._freeze = robot, port, freeze
         self._push_ends = inf
         self._nan_ends = 0.0
         self._release = inf
 
-    def is_nan(self, time: int) -> bool:
-        """Whether the measured part of the state at robot `time` [ms] is to be NaN."""
-        return time < self._nan_ends
+    @property
+    def is_nan(self) -> bool:
+        """Whether the measured part of the robot's present state is to be NaN."""
+        return self._robot.time < self._nan_ends
 
     def add(self, fault: Fault) -> None:
         """Schedule one more fault, which is due at once where its tick has passed."""
         self._waiting = sorted([*self._waiting, fault], key=lambda waiting: waiting.at)
 
-    def strike(self, robot: Robot) -> Iterator[Fault]:
-        """Apply the due faults to `robot`; yields the faults that the server must carry out."""
-        self._end_faults(robot)
-        while self._waiting and self._waiting[0].at <= robot.ticks:
-            fault = self._waiting.pop(0)
-            if not self._apply(robot, fault):
-                yield fault
+    def strike(self) -> None:
+        """Apply the faults that are due by now, and end those whose time is over."""
+        self._end_faults()
+        while self._waiting and self._waiting[0].at <= self._robot.ticks:
+            self._apply(self._waiting.pop(0))
 
-    def _apply(self, robot: Robot, fault: Fault) -> bool:
-        """Apply a fault of the robot itself; False for any other."""
-        if isinstance(fault, ReflexFault):
-            robot.reflex(Reflex[fault.error.upper()])
-        elif isinstance(fault, UserStopFault):
-            robot.press_user_stop()
-            self._release = robot.time + 1000 * fault.duration
-        elif isinstance(fault, NanFault):
-            self._nan_ends = robot.time + 1 + fault.ticks
-        elif isinstance(fault, ContactFault):
-            robot.pushed = np.array(fault.force)
-            self._push_ends = robot.time + 1000 * fault.duration
-        else:
-            return False
-        return True
+    def _apply(self, fault: Fault) -> None:
+        robot = self._robot
+        match fault:
+            case ReflexFault():
+                robot.reflex(Reflex[fault.error.upper()])
+            case UserStopFault():
+                robot.press_user_stop()
+                self._release = robot.time + 1000 * fault.duration
+            case NanFault():
+                self._nan_ends = robot.time + 1 + fault.ticks
+            case ContactFault():
+                robot.pushed = np.array(fault.force)
+                self._push_ends = robot.time + 1000 * fault.duration
+            case DropFault():
+                self._port.drop()
+            case VersionFault():
+                self._port.version = fault.version
+            case FreezeFault():
+                self._freeze(fault.duration)
 
-    def _end_faults(self, robot: Robot) -> None:
+    def _end_faults(self) -> None:
         """Release the user stop and take the force away where their time is over."""
-        if robot.time >= self._release:
-            robot.release_user_stop()
+        if self._robot.time >= self._release:
+            self._robot.release_user_stop()
             self._release = inf
-        if robot.time >= self._push_ends:
-            robot.pushed = np.zeros(3)
+        if self._robot.time >= self._push_ends:
+            self._robot.pushed = np.zeros(3)
             self._push_ends = inf

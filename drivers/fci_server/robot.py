@@ -28,6 +28,7 @@ from drivers.fci_server.wire import (
     RobotCommand,
     Status,
 )
+from drivers.franka.collision import Solids
 from drivers.franka.inverse_kinematics import manipulability
 from drivers.franka.kinematics import HOME
 from drivers.types import Array
@@ -237,6 +238,12 @@ class Robot:
         if missed > MOST_MISSED_TICKS and self.motion is not None:
             self.reflex(Reflex.COMMUNICATION_CONSTRAINTS_VIOLATION)
 
+    def advance(self) -> None:
+        """Advance the robot's time by a tick, and an arm that lags its setpoint."""
+        self.time += 1
+        if self.trailing is not None:
+            self.trailing.tick(self.posture.q)
+
     def rest(self) -> None:
         """Pass one tick without a motion: brake a moving arm, end and reply once it is at rest."""
         if not self.moving:
@@ -278,12 +285,18 @@ class Robot:
 
 
 def resting_robot(
-    start: Array | None = None, box: Box | None = None, push: Push | None = None
+    start: Array | None = None,
+    box: Box | None = None,
+    push: Push | None = None,
+    solids: Solids | None = None,
 ) -> Robot:
-    """Emulated robot at rest with joints `start` (7,) [rad], by default in its home posture."""
+    """Emulated robot at rest with joints `start` (7,) [rad], by default in its home posture.
+
+    Its tool may move in `box`, its body between `solids`; `push` gives the force on its tool.
+    """
     configuration = Configuration()
     posture = Posture.resting(np.array(HOME if start is None else start), configuration.tool)
-    return Robot(posture, box or Box(), push, configuration=configuration)
+    return Robot(posture, box or Box(), push, BodyCheck(solids), configuration=configuration)
 
 
 def _valid(request: MoveRequest) -> bool:

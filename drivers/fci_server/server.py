@@ -4,7 +4,7 @@ import select
 import socket
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from ipaddress import IPv4Address
 from threading import Thread
@@ -15,9 +15,8 @@ from pydantic import AfterValidator, Field
 from drivers.errors import ConfigurationError
 from drivers.fci_server.arm_and_hand_ports import ArmPort, HandPort
 from drivers.fci_server.dynamics import Dynamics, LaggingArm
-from drivers.fci_server.faults import Disturbance, DropFault, Fault, FreezeFault, VersionFault
+from drivers.fci_server.faults import Disturbance, Fault
 from drivers.fci_server.hand import Between, Hand
-from drivers.fci_server.limits import BodyCheck
 from drivers.fci_server.robot import Push, Robot, resting_robot
 from drivers.fci_server.wire import RobotCommand
 from drivers.franka.collision import Solids
@@ -87,9 +86,9 @@ class RobotServer:
     """Server of an emulated robot, whose arm and hand serve one client each at `address`.
 
     `start` (7,) [rad] are the initial joints, `solids` obstacles of the arm, `push` the force on
-    its tool, `between` the thickness of the object in the hand, `faults` scheduled faults;
-    `on_command` is called with every executed command. Listens from its construction on; serves
-    in a thread between `start` and `close`, or inside a `with`, or in the caller's by `serve`.
+    its tool, `between` the thickness of the object in the hand, `faults` scheduled faults. Listens
+    from its construction on; serves in a thread between `start` and `close`, or inside a `with`, or
+    in the caller's by `serve`.
     """
 
     def __init__(
@@ -100,22 +99,18 @@ class RobotServer:
         between: Between = lambda: None,
         faults: Iterable[Fault] = (),
         solids: Solids | None = None,
-        on_command: Callable[[RobotCommand], None] | None = None,
     ) -> None:
         settings = settings or ServerSettings()
-        self.robot = resting_robot(start, None, push)
-        self.robot.body = BodyCheck(solids)
+        self.robot, self.hand = resting_robot(start, None, push, solids), Hand(between)
         _give_mechanics(self.robot, settings)
-        self.hand = Hand(between)
-        self._poll = select.epoll()
         self._lock_step = settings.lock_step
-        self._disturbance = Disturbance(faults)
-        self._on_command = on_command
+        self._poll = select.epoll()
         try:
             self.address, self._arm, self._hand_port = self._bind(settings.address)
         except ConfigurationError:
             self._poll.close()
             raise
+        self._disturbance = Disturbance(faults, self.robot, self._arm, self._freeze)
         self._waker, self._bell = socket.socketpair()
         self._bell.setblocking(False)
         self._poll.register(self._waker, select.EPOLLIN)
@@ -209,7 +204,7 @@ class RobotServer:
         if self._client_is_clock:
             self._wait_for_command()
         elif self._idle():
-            self._apply_due_faults()
+            self._disturbance.strike()
             self._poll_sockets(None)
             self._pace.restart()
         else:
@@ -249,7 +244,7 @@ class RobotServer:
         if command is not None and not self._heard:
             self._heard = True
             self._in_time.append(True)
-            self._obey(command)
+            self.robot.step(command)
         if self._pace.remaining() <= 0:
             self._pass_period()
             self._pace.begin_next()
@@ -277,22 +272,16 @@ class RobotServer:
         self._advance()
 
     def _follow(self, command: RobotCommand) -> None:
+        """Execute `command` and advance robot time by the tick that it is for."""
         self._in_time.append(True)
-        self._obey(command)
-        self._advance()
-
-    def _obey(self, command: RobotCommand) -> None:
-        if self._on_command is not None:
-            self._on_command(command)
         self.robot.step(command)
+        self._advance()
 
     def _advance(self) -> None:
         """Advance robot time by 1 ms: apply faults, step arm and hand, send states."""
         robot = self.robot
-        self._apply_due_faults()
-        robot.time += 1
-        if robot.trailing is not None:
-            robot.trailing.tick(robot.posture.q)
+        self._disturbance.strike()
+        robot.advance()
         self.hand.advance()
         ended = self._hand_port.answer()
         if ended or (robot.time - self._motion_begin) % HAND_PERIOD == 0:
@@ -300,23 +289,14 @@ class RobotServer:
         if robot.motion is None:
             self._in_time.clear()
         rate = sum(self._in_time) / len(self._in_time) if self._in_time else 0.0
-        self._arm.publish(rate, self._disturbance.is_nan(robot.time))
+        self._arm.publish(rate, self._disturbance.is_nan)
 
-    def _apply_due_faults(self) -> None:
-        for fault in self._disturbance.strike(self.robot):
-            self._apply_fault(fault)
-
-    def _apply_fault(self, fault: Fault) -> None:
-        """Carry out a `fault` of the connection: drop it, change the version, or pause."""
-        if isinstance(fault, DropFault):
-            self._arm.drop()
-        elif isinstance(fault, VersionFault):
-            self._arm.version = fault.version
-        elif isinstance(fault, FreezeFault):
-            pause = select.poll()  # which `close` and `inject` cut short
-            pause.register(self._waker, select.POLLIN)
-            pause.poll(1000 * fault.duration)
-            self._pace.restart()
+    def _freeze(self, duration: float) -> None:
+        """Neither send nor answer for `duration` [s]; `close` and `inject` cut it short."""
+        pause = select.poll()
+        pause.register(self._waker, select.POLLIN)
+        pause.poll(1000 * duration)
+        self._pace.restart()
 
     def _poll_sockets(self, seconds: float | None) -> set[int]:
         """Wait for `seconds` at most, then serve TCP; returns the readable file descriptors.

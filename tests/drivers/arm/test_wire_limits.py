@@ -48,10 +48,10 @@ class Told:
         joints = start_joints(INSTALLATION, CELL.fold, 0.6, 0.15)
         self.poses: list[np.ndarray] = []
         self.clock = TwinClock()
-        self.server = RobotServer(
-            start=frozen(joints), on_command=lambda command: self.poses.append(forward(command.q))
-        ).start()
-        self.arm, _ = fci_arm(CELL, self.clock, self.server.address)
+        self.server = RobotServer(start=frozen(joints))
+        follow, poses = self.server._follow, self.poses
+        self.server._follow = lambda told: (poses.append(forward(told.q)), follow(told))
+        self.arm, _ = fci_arm(CELL, self.clock, self.server.start().address)
         self.arm.connect()
 
     def obey(self, orders) -> None:
