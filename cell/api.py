@@ -24,7 +24,7 @@ from cell.folding.request import Recording, Request
 from cell.folding.result import FoldResult
 from cell.gap.check import Check
 from cell.gap.check import check as check_runs
-from cell.gap.fit import fit, quiet
+from cell.gap.fit import FitOptions, fit, quiet
 from cell.gap.report.overlay import write_overlay
 from cell.gap.subject.strip.runs import check_fold
 from cell.gap.verdict.accept import AcceptResult
@@ -166,7 +166,8 @@ def fit_gap(
     """
     file = _subject_file(strip or "" if model is None else model, configs)
     folders = [Path(run) for run in runs]
-    return fit(folders, file, Path(out), hold_out, progress, jobs, write_overlay, without)
+    options = FitOptions(hold_out, without, jobs=jobs)
+    return fit(folders, file, Path(out), options, progress, write_overlay)
 
 
 def check(

@@ -21,6 +21,11 @@ class Pose:
     z: float
     pitch: float
 
+    @classmethod
+    def from_array(cls, values: Array) -> Self:
+        """Pose of the x, z [m] and pitch [rad] in `values` (3,)."""
+        return cls(*values.tolist())
+
     def as_array(self) -> Array:
         """Array (3,) of x, z [m] and pitch [rad]."""
         return np.array([self.x, self.z, self.pitch])

@@ -190,16 +190,15 @@ def fit(
 ) -> None:
     """Name the effects that a model lacks in measured runs; says so where runs cannot decide."""
     file = _subject_file(strip, model, configs, subject)
+    from cell.gap.fit import FitOptions
     from cell.gap.fit import fit as judge
     from cell.gap.open_subject import option_for
     from cell.gap.report.overlay import write_overlay
     from cell.gap.verdict.accept import LAW_PATCH
 
+    options = FitOptions(hold_out or (), without or (), unchecked, _threads(jobs))
     with _progress(quiet=as_json) as shown:
-        verdict = judge(
-            runs, file, out, hold_out or (), shown, _threads(jobs), write_overlay, without or (),
-            unchecked=unchecked,
-        )  # fmt: skip
+        verdict = judge(runs, file, out, options, shown, write_overlay)
     if as_json:
         sys.stdout.write(verdict.to_json())
         return

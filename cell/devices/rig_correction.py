@@ -15,8 +15,8 @@ from drivers.strip.file import StripFile
 from drivers.strip.model import Observation, Rig, StripModel
 from drivers.strip.observation import (
     LIFT_TRAVEL,
+    GrowingOffsets,
     reported_poses,
-    share_away,
     true_points,
     true_poses,
 )
@@ -75,8 +75,7 @@ class CorrectedArm:
     def __init__(self, arm: Arm, hand: Hand, rig: Rig) -> None:
         self._arm, self._hand, self._rig = arm, hand, rig
         self._reports: deque[ArmState] = deque(maxlen=MEMORY)
-        self._start: Array | None = None
-        self._share = 0.0
+        self._offsets = GrowingOffsets(rig)
         self._reported = np.zeros(3)
 
     def connect(self) -> None:
@@ -87,21 +86,22 @@ class CorrectedArm:
         """Newest measured state of the arm, with the gripper's true pose."""
         measured = self._arm.state()
         self._reports.append(measured)
-        reported = self._at_stamp(measured)
-        if self._start is None and self._hand.state().grasped:
-            self._start = reported
-        self._update_share(reported)
+        self._reported = reported = self._at_stamp(measured)
+        if self._offsets.start is None and self._hand.state().grasped:
+            self._offsets.start = reported
+        pose = self._offsets.advance(reported)
         drift = self._offset_velocity(measured.velocity)
         return replace(
             measured,
-            pose=self._true_pose(reported),
+            pose=Pose.from_array(pose),
             velocity=_sum(measured.velocity, drift),
-            commanded=self._true_pose(measured.commanded.as_array()),
+            commanded=Pose.from_array(self._offsets.true(measured.commanded.as_array())),
         )
 
     def move_to(self, pose: Pose) -> None:
         """Begin a motion of the gripper to rest at the true `pose`."""
-        self._arm.move_to(_pose(reported_poses(self._rig, pose.as_array(), self._share)))
+        reported = reported_poses(self._rig, pose.as_array(), self._offsets.share)
+        self._arm.move_to(Pose.from_array(reported))
 
     def set_velocity(self, velocity: Velocity) -> None:
         """Follow the true `velocity` of the gripper from now on."""
@@ -132,27 +132,14 @@ class CorrectedArm:
         poses = np.array([report.pose.as_array() for report in self._reports])
         return np.array([np.interp(measured.stamp + ahead, stamps, column) for column in poses.T])
 
-    def _update_share(self, reported: Array) -> None:
-        """Update how far the rig's offsets have grown since the hand held the strip."""
-        if self._start is not None:
-            self._share = max(self._share, float(share_away(reported, self._start)))
-        self._reported = reported
-
     def _offset_velocity(self, rate: Velocity) -> Array:
         """Velocity (3,) of the rig's offsets while they grow as the arm moves at `rate`."""
-        if self._start is None or not 0 < self._share < 1:
+        if self._offsets.start is None or not 0 < self._offsets.share < 1:
             return np.zeros(3)
-        way = (self._reported - self._start)[:2]
+        way = (self._reported - self._offsets.start)[:2]
         outward = float(way @ (rate.vx, rate.vz)) / max(float(np.hypot(*way)), 1e-9)
         full = true_poses(self._rig, np.zeros(3), 1.0)
         return np.asarray(full * max(outward, 0.0) / LIFT_TRAVEL)
-
-    def _true_pose(self, reported: Array) -> Pose:
-        return _pose(true_poses(self._rig, reported, self._share))
-
-
-def _pose(values: Array) -> Pose:
-    return Pose(*values.tolist())
 
 
 def _sum(velocity: Velocity, more: Array) -> Velocity:

@@ -1,11 +1,12 @@
 """Implements `cell gap fit`: from measured runs and a subject's file to verdict and patches."""
 
 import hashlib
+import itertools
 import json
 import os
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
@@ -18,6 +19,7 @@ from cell.gap.open_subject import open_subject
 from cell.gap.report.page import write_report
 from cell.gap.selection import hold_out as hold
 from cell.gap.subject.run_folders import RunFolder, copy_note, find_runs, without_copies
+from cell.gap.subject.subject import Subject
 from cell.gap.verdict.accept import (
     ACCEPTED,
     BASE_PATCH,
@@ -49,52 +51,67 @@ def quiet(stage: str, share: float) -> None:
     """Progress callback that prints nothing."""
 
 
+@dataclass(frozen=True, slots=True)
+class FitOptions:
+    """Options of a fit: names of runs to `hold_out`, and of effects that the library is `without`.
+
+    `unchecked` recordings are fitted even where `cell gap check` refuses them; `jobs` simulations
+    run at once.
+    """
+
+    hold_out: Sequence[str] = ()
+    without: Sequence[str] = ()
+    unchecked: bool = False
+    jobs: int = 1
+
+
 def fit(
     runs: Sequence[Path],
     file: Path,
     out: Path,
-    hold_out: Sequence[str] = (),
+    options: FitOptions = FitOptions(),
     progress: Progress = quiet,
-    jobs: int = 1,
     overlay: Overlay | None = None,
-    without: Sequence[str] = (),
-    unchecked: bool = False,
 ) -> Verdict:
     """Fit the runs of the subject in `file`; returns the verdict, which it writes into `out`.
 
-    Effects `without` are withheld from the library; `unchecked` recordings are taken as they are.
     An interrupted fit resumes when it is called again with the same inputs. Raises
     ConfigurationError, and leaves no verdict, for bad input.
     """
     began = time.monotonic()
     _clear(out)
-    found_runs = find_runs(runs)
-    hold.check([run.name for run in found_runs], hold_out)
-    found_runs, copies = without_copies(found_runs)
-    hold_out = [copies.get(name, name) for name in hold_out]
-    if not unchecked:
-        refuse(found_runs)
-    subject = open_subject(file, found_runs, jobs, without)
-    key = _key(file, found_runs, [*hold_out, *without])
+    found = find_runs(runs)
+    hold.check([run.name for run in found], options.hold_out)
+    distinct, copies = without_copies(found)
+    if not options.unchecked:
+        refuse(distinct)
+    subject = open_subject(file, distinct, options.jobs, options.without)
+    named = [copies.get(name, name) for name in options.hold_out]
+    key = _key(file, distinct, [*named, *options.without])
     with writing(f"--out {out}", "give a folder that can be written"):
         out.mkdir(parents=True, exist_ok=True)
     simulate = SimulationCache(subject.simulate, out / ".rounds" / key)
     with threadpool_limits(1, "blas"):  # matrices are small: threads only wait for each other
-        held = hold.held_out(subject, simulate, hold_out)
-        found = investigate(subject, held, simulate, progress)
-    verdict = compose(found, time.monotonic() - began, simulate.total)
-    deviates = deviations(subject.scope.base, verdict.base)
-    notes = [*verdict.notes, *map(copy_note, copies, copies.values()), *subject.notes]
-    notes += subject.consequences(*verdict.values_with(verdict.effects))
-    verdict = verdict.model_copy(update={"notes": notes, "deviates": deviates})
+        held = hold.held_out(subject, simulate, named)
+        findings = investigate(subject, held, simulate, progress)
+    verdict = compose(findings, time.monotonic() - began, simulate.total)
+    verdict = _with_remarks(verdict, subject, itertools.starmap(copy_note, copies.items()))
     progress("write", 0.97)
-    _write(found, verdict, file, out)
+    _write(findings, verdict, file, out)
     if overlay is not None:
-        overlay(found, verdict, out / "overlay.rrd")
+        overlay(findings, verdict, out / "overlay.rrd")
     write_file(out / "verdict.json", verdict.to_json())
     simulate.erase()
     progress("done", 1.0)
     return verdict
+
+
+def _with_remarks(verdict: Verdict, subject: Subject, copies: Iterable[str]) -> Verdict:
+    """`verdict` with remarks on `copies` and `subject`, and values that deviate from its file."""
+    consequences = subject.consequences(*verdict.values_with(verdict.effects))
+    notes = [*verdict.notes, *copies, *subject.notes, *consequences]
+    deviates = deviations(subject.scope.base, verdict.base)
+    return verdict.model_copy(update={"notes": notes, "deviates": deviates})
 
 
 def _write(findings: Findings, verdict: Verdict, file: Path, out: Path) -> None:

@@ -1,7 +1,8 @@
 """Finds what the model of a subject lacks, stage by stage, from its measured runs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy import special
@@ -50,46 +51,40 @@ def investigate(
     subject: Subject, held_out: Sequence[str], simulate: Simulate, progress: Progress, seed: int = 0
 ) -> Findings:
     """Find which effects the model of `subject` lacks, and test them on the runs `held_out`."""
-    fitted = evidence([run for run in subject.runs if run.name not in held_out])
-    investigation = Investigation(subject, simulate, fitted, np.random.default_rng(seed))
-    progress("refit the base", 0.02)
-    base_fit = investigation.fit_base()
-    progress("screen the candidates", 0.12)
-    screen = investigation.screen(base_fit)
-    fits = Fits((base_fit.base,), screen.library)
-    searches = ((ForwardSelection.refit_singles, 0.4), (ForwardSelection.refit_further, 0.75))
-    for refit_more, share in searches:
-        best_before = fits.best
-        search = Search(simulate, subject.scope.candidates, screen.probed)
-        fits = refit_more(ForwardSelection(search, progress, base_fit, screen), fits)
-        if fits.best is best_before:
-            continue
-        revised = revised_base(simulate, fits, base_fit.scatter, fitted)
-        if revised is not None:
-            progress("refit the base beside the best", share)
-            base_fit = investigation.judge_base(*revised)
-            screen = investigation.score_candidates(base_fit, screen.probed)
-            fits = refit_on_base(search, fits, base_fit.base, base_fit.scatter, fitted)
-            fits = replace(fits, library=screen.library)
+    fitted, unseen = (
+        evidence([run for run in subject.runs if (run.name in held_out) is held])
+        for held in (False, True)
+    )
+    stages = Investigation(subject, simulate, progress, fitted, np.random.default_rng(seed))
+    search = stages.begin()
+    search = stages.extend(search, ForwardSelection.refit_singles, 0.4)
+    search = stages.extend(search, ForwardSelection.refit_further, 0.75)
     progress("judge", 0.8)
+    base_fit, fits = search.base_fit, search.fits
     sets = posterior(fits, fits.likelihood)
-    accepted, fits = investigation.choose(fits, sets)
-    tests = investigation.test_model(accepted, fits, sets)
+    accepted, fits = stages.choose(fits, sets)
+    tests = stages.test_model(accepted, fits, sets)
     progress("show on held-out runs", 0.9)
-    unseen = evidence([run for run in subject.runs if run.name in held_out])
     unseen = with_spreads(unseen, base_fit.scatter)
-    held_out_fits = investigation.refit_held_out(base_fit.base, accepted, unseen)
+    shown = stages.refit_held_out(base_fit.base, accepted, unseen)
     progress("advise", 0.95)
     is_gap = bool(accepted.model.effects) or base_fit.gap
-    advice = investigation.advise(screen, accepted, fits, tests) if is_gap else Advice()
+    advice = stages.advise(search.screen, accepted, fits, tests) if is_gap else Advice()
     findings = Findings(
-        subject, tuple(held_out), base_fit, screen, accepted, fits, sets, tests, held_out_fits,
-        advice,
+        subject, tuple(held_out), base_fit, search.screen, accepted, fits, sets, tests,
+        shown, advice,
     )  # fmt: skip
     if decide(findings) != "unexplained":
         return findings
-    law = offered_law(subject, simulate, fits, held_out_fits.before, investigation.rng)
-    return replace(findings, law=law)
+    return replace(findings, law=offered_law(subject, simulate, fits, shown.before, stages.rng))
+
+
+class Models(NamedTuple):
+    """Models found so far: the base, the screen of effects about it, and `fits` with effects."""
+
+    base_fit: BaseFit
+    screen: Screen
+    fits: Fits
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,14 +93,41 @@ class Investigation:
 
     subject: Subject
     simulate: Simulate
+    progress: Progress
     fitted: Evidence
     rng: np.random.Generator
 
-    def fit_base(self) -> BaseFit:
-        """Fit the base parameters and run-to-run spreads, and test the residuals that are left."""
+    def begin(self) -> Models:
+        """Fit the base, and screen all effects of the library about it."""
+        self.progress("refit the base", 0.02)
         rough = refit_base(self.simulate, Model(self.subject.scope.base), self.fitted)
         scatter = reml_spreads(rough)
-        return self.judge_base(with_scatter(rough, scatter, self.fitted), scatter)
+        base_fit = self.judge_base(with_scatter(rough, scatter, self.fitted), scatter)
+        self.progress("screen the candidates", 0.12)
+        probes = [run_probes(base_fit.base.estimate, c) for c in self.subject.scope.candidates]
+        screen = self.score_candidates(base_fit, run_all(self.simulate, probes))
+        return Models(base_fit, screen, Fits((base_fit.base,), screen.library))
+
+    def extend(
+        self, known: Models, refit: Callable[[ForwardSelection, Fits], Fits], share: float
+    ) -> Models:
+        """Fit more models by `refit`; where one leads the base, revise the base and fit them again.
+
+        `share` of the whole is done by then.
+        """
+        search = Search(self.simulate, self.subject.scope.candidates, known.screen.probed)
+        selection = ForwardSelection(search, self.progress, known.base_fit, known.screen)
+        fits = refit(selection, known.fits)
+        revised = None
+        if fits.best is not known.fits.best:
+            revised = revised_base(self.simulate, fits, known.base_fit.scatter, self.fitted)
+        if revised is None:
+            return known._replace(fits=fits)
+        self.progress("refit the base beside the best", share)
+        base_fit = self.judge_base(*revised)
+        screen = self.score_candidates(base_fit, known.screen.probed)
+        fits = refit_on_base(search, fits, base_fit.base, base_fit.scatter, self.fitted)
+        return Models(base_fit, screen, replace(fits, library=screen.library))
 
     def judge_base(self, rough: Estimate, scatter: Sequence[Spread]) -> BaseFit:
         """Refit the base finely from the estimate `rough`, and test its residuals against noise."""
@@ -120,11 +142,6 @@ class Investigation:
             scatter=tuple(scatter),
             strained=self.subject.scope.believed and _is_strained(base),
         )
-
-    def screen(self, fitted: BaseFit) -> Screen:
-        """Simulate probes of each candidate effect about the fitted base; predict their gains."""
-        tasks = [run_probes(fitted.base.estimate, c) for c in self.subject.scope.candidates]
-        return self.score_candidates(fitted, run_all(self.simulate, tasks))
 
     def score_candidates(self, fitted: BaseFit, probed: Sequence[ProbeResponses]) -> Screen:
         """Predict what each of the `probed` candidate effects gains, by the linear screen.

@@ -26,7 +26,7 @@ from cell.gap.fit import fit
 from cell.gap.fitting.base_fit import refit_base
 from cell.gap.fitting.model import Model, evidence
 from cell.gap.fitting.reml import reml_spreads
-from cell.gap.subject.run_folders import find_runs, without_copies
+from cell.gap.subject.run_folders import RunFolder, find_runs, without_copies
 from cell.gap.subject.strip.measurement_errors import KNOWN_EFFECTS
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
 from cell.gap.subject.strip.subject import StripSubject
@@ -89,31 +89,37 @@ def rehearsal_plan(
         if held.inputs != inputs:
             raise ConfigurationError(f"--out: {folder} holds another rehearsal; name a new folder")
         return held
+    made = _new_plan(inputs, file, folders, excess, empty, jobs)
+    with writing(f"--out: {folder}"):
+        folder.mkdir(parents=True, exist_ok=True)
+        replace_file(stored, made.model_dump_json(indent=1).encode())
+    return made
+
+
+def _new_plan(
+    inputs: str, file: Path, folders: Sequence[RunFolder], excess: float, empty: int, jobs: int
+) -> Plan:
+    """Plan of a rehearsal, as `rehearsal_plan` states, by a refit of the strip to its runs."""
     strip = load_strip(file)
     measured = read_runs(folders, strip)
     subject = StripSubject(strip, measured, jobs)
-    model, known_runs = Model(subject.scope.base), evidence(subject.runs)
-    base = refit_base(subject.simulate, model, known_runs)
-    values = {p.name: float(v) for p, v in zip(model.base, base.shared, strict=True)}
+    base = refit_base(subject.simulate, Model(subject.scope.base), evidence(subject.runs))
+    values = {p.name: float(v) for p, v in zip(subject.scope.base, base.shared, strict=True)}
     usable = [run for run in measured if run.usable]
     copies, unseen = copies_with_each_effect(as_fitted(strip, values), usable, excess)
-    copies += [
+    blank = [
         HiddenCopy(key=f"{NO_EFFECT}-{i}", effect=NO_EFFECT, values={}, seed=i)
         for i in range(empty)
     ]
-    made = Plan(
+    return Plan(
         inputs=inputs,
         file=str(file.resolve()),
         runs=tuple(str(run.path) for run in folders),
         base=values,
         scatter={s.name: s.value for s in reml_spreads(base)},
-        copies=tuple(copies),
+        copies=(*copies, *blank),
         unseen=tuple(unseen),
     )
-    with writing(f"--out: {folder}"):
-        folder.mkdir(parents=True, exist_ok=True)
-        replace_file(stored, made.model_dump_json(indent=1).encode())
-    return made
 
 
 def as_fitted(strip: StripFile, values: Mapping[str, float]) -> StripFile:

@@ -30,13 +30,8 @@ def true_path(rig: Rig, t: Array, poses: Array, *, hanging: bool = False) -> tup
     """
     if rig == AS_REPORTED:
         return t, poses
-    share = np.ones(len(poses)) if hanging else _growth(poses)
-    return t - rig.delay, true_poses(rig, poses, share)
-
-
-def _growth(poses: Array) -> Array:
-    """Fraction (m,) of the rig's offsets that acts along reported `poses` (m, 3); never falls."""
-    return np.maximum.accumulate(share_away(poses, poses[0]))
+    growth = np.maximum.accumulate(share_away(poses, poses[0]))
+    return t - rig.delay, true_poses(rig, poses, np.ones(len(poses)) if hanging else growth)
 
 
 def share_away(poses: Array, start: Array) -> Array:
@@ -51,6 +46,29 @@ def share_away(poses: Array, start: Array) -> Array:
 def true_poses(rig: Rig, reported: Array, share: Array | float) -> Array:
     """True gripper poses (..., 3): `reported` (..., 3) plus `share` (...) of the rig's offsets."""
     return np.asarray(reported + _offset(rig) * np.asarray(share)[..., None])
+
+
+class GrowingOffsets:
+    """Offsets of a `rig` that grow with the distance of a gripper from its grasp.
+
+    `start` (3,) is the reported pose of the grasp, None before it; `share` (0 to 1) is the fraction
+    of the offsets that acts.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+        self.start: Array | None = None
+        self.share = 0.0
+
+    def advance(self, reported: Array) -> Array:
+        """True pose (3,) of a gripper that has moved to the pose `reported` (3,)."""
+        if self.start is not None:
+            self.share = max(self.share, float(share_away(reported, self.start)))
+        return self.true(reported)
+
+    def true(self, reported: Array) -> Array:
+        """True pose (3,) of a gripper at the pose `reported` (3,), with the offsets so far."""
+        return true_poses(self._rig, reported, self.share)
 
 
 def reported_poses(rig: Rig, true: Array, share: Array | float) -> Array:

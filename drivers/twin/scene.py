@@ -65,14 +65,12 @@ def interpolate(earlier: Scene, later: Scene, stamp: float) -> Scene:
     """Scene at `stamp` [s], linear between two scenes; the grasp is that of `earlier`."""
     share = (stamp - earlier.stamp) / (later.stamp - earlier.stamp)
     here, there = earlier.gripper.as_array(), later.gripper.as_array()
-    x, z, pitch = (here + share * (there - here)).tolist()
     points = earlier.points
     if points is not later.points:
         points = frozen(points + share * (later.points - points))
+    gripper = Pose.from_array(here + share * (there - here))
     width = earlier.finger_width + share * (later.finger_width - earlier.finger_width)
-    return replace(
-        earlier, stamp=stamp, points=points, gripper=Pose(x, z, pitch), finger_width=width
-    )
+    return replace(earlier, stamp=stamp, points=points, gripper=gripper, finger_width=width)
 
 
 @dataclass(frozen=True, slots=True)

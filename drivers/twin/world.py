@@ -11,8 +11,8 @@ import numpy as np
 from drivers.errors import Fault
 from drivers.strip.engine import Observables, Stepper, Touch
 from drivers.strip.file import GRAVITY
-from drivers.strip.model import Rig, StripModel
-from drivers.strip.observation import share_away, true_poses
+from drivers.strip.model import StripModel
+from drivers.strip.observation import GrowingOffsets
 from drivers.twin.clock import NANOSECONDS, nanoseconds
 from drivers.twin.scene import History, Scene, Truth
 from drivers.twin.settings import WorldSettings
@@ -64,36 +64,6 @@ class Grasp:
         )
 
 
-class RigOffsets:
-    """Converter of reported gripper poses to true poses over the true desk.
-
-    The offsets of `rig` grow as in `drivers.strip.observation`: from zero at the grasp.
-    """
-
-    def __init__(self, rig: Rig) -> None:
-        self._rig = rig
-        self._start: Pose | None = None
-        self._share = 0.0
-
-    def grasp(self, reported: Pose) -> None:
-        """Let the offsets grow with the distance from the pose `reported`, that of the grasp."""
-        self._start = reported
-
-    def advance(self, reported: Pose) -> Pose:
-        """True pose of a gripper that has moved to the pose `reported`."""
-        if self._start is not None:
-            share = share_away(reported.as_array(), self._start.as_array())
-            self._share = max(self._share, float(share))
-        return self.true(reported)
-
-    def true(self, reported: Pose) -> Pose:
-        """True pose of a gripper at the pose `reported`, with the offsets grown so far."""
-        if self._share == 0:
-            return reported
-        x, z, pitch = true_poses(self._rig, reported.as_array(), self._share).tolist()
-        return Pose(x, z, pitch)
-
-
 class Plant(Stepper, Protocol):
     """Protocol of a strip engine whose strip can also be released."""
 
@@ -131,7 +101,7 @@ class World:
         self._path: deque[tuple[float, Callable[[], Pose]]] = deque([(0.0, lambda: start)])
         self._fingers = Fingers(opening, opening, start=0.0, speed=1.0)
         self._pointer = False
-        self._offsets = RigOffsets(model.rig)
+        self._offsets = GrowingOffsets(model.rig)
         self._grasp: Grasp | None = None
         self._grasped_at: float | None = None
         plant.reset([model])
@@ -149,7 +119,7 @@ class World:
     @property
     def gripper(self) -> Pose:
         """Newest true pose of the gripper."""
-        return self._offsets.true(self._path[-1][1]())
+        return Pose.from_array(self._offsets.true(self._path[-1][1]().as_array()))
 
     def add_pose(self, stamp: float, compute: Callable[[], Pose]) -> None:
         """Add the pose that the arm reports at `stamp` [s]; ignored if `stamp` is not newer.
@@ -165,7 +135,8 @@ class World:
         end = nanoseconds(min(time, self._path[-1][0]))
         while nanoseconds((self._steps + 1) * self._settings.step) <= end:
             self._steps += 1
-            hand = self._offsets.advance(self._hand_at(self.time))
+            reported = self._hand_at(self.time).as_array()
+            hand = Pose.from_array(self._offsets.advance(reported))
             if self._grasped_at is not None:
                 self._step_strip(hand)
             self._history.add(self._scene(self.time, hand))
@@ -200,7 +171,7 @@ class World:
             )
         stated = Pose(self.model.stated_length, 0.0, 0.0)
         self._grasp = Grasp.between(self.gripper, stated)
-        self._offsets.grasp(self.gripper)
+        self._offsets.start = self.gripper.as_array()
         self._points = frozen(self._plant.shapes()[0])
         self._grasped_at = self.time
 
@@ -278,8 +249,7 @@ class World:
             return earlier()
         after, later = path[1]
         share = (time - before) / (after - before)
-        x, z, pitch = (earlier().as_array() * (1 - share) + later().as_array() * share).tolist()
-        return Pose(x, z, pitch)
+        return Pose.from_array(earlier().as_array() * (1 - share) + later().as_array() * share)
 
     def _scene(self, time: float, hand: Pose) -> Scene:
         """State of the world at `time` [s] with the hand at its true pose `hand`, as rendered."""

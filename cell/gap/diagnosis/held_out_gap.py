@@ -71,10 +71,9 @@ def _display_gaps(
 
 def run_squares(estimate: Estimate) -> Array:
     """Mean square whitened residual (R,) of each run, with equal weight for each channel."""
-    squares = []
-    for run, r in zip(estimate.evidence.runs, estimate.residuals, strict=True):
-        squares.append(np.mean(list(_mean_by_word(run.samples.channel, r**2).values())))
-    return np.array(squares)
+    pairs = zip(estimate.evidence.runs, estimate.residuals, strict=True)
+    channels = [_mean_by_word(run.samples.channel, r**2) for run, r in pairs]
+    return np.array([np.mean(list(squares.values())) for squares in channels])
 
 
 def excess(squares: Array) -> Array:

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from cell.gap.diagnosis import held_out_gap
-from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.report import figures
 from cell.gap.report.figures import replay
 from cell.gap.report.sentence import (
@@ -39,7 +38,6 @@ from drivers.errors import CellError
 from drivers.files import write_file
 from drivers.settings import parse
 from drivers.strip.file import StripFile
-from drivers.types import Array
 from policies.planned import fold_by_plan
 
 LISTED_EXPERIMENTS = 5  # runs of which the page advises
@@ -141,8 +139,8 @@ def held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     }
     sides = [gap.before, gap.floor] if after is None else [gap.before, gap.after, gap.floor]
     names = conditions(before.evidence.runs)
-    was = _excess_by_run(before)
-    now = None if after is None else _excess_by_run(after)
+    was = held_out_gap.excess(held_out_gap.run_squares(before)[:, None])
+    now = None if after is None else held_out_gap.excess(held_out_gap.run_squares(after)[:, None])
     typical = int(np.argsort(was)[len(was) // 2])
     return {
         "typical": names[typical],
@@ -158,11 +156,6 @@ def held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
         "leaves": bool(was.any() or (now is not None and now.any())),
         "bars": figures.run_bars(names, was, now) if len(names) > 1 else "",
     }
-
-
-def _excess_by_run(fit: Estimate) -> Array:
-    """Excess gap (R,) [noise] of each run."""
-    return np.asarray(np.sqrt(np.maximum(held_out_gap.run_squares(fit) - 1.0, 0.0)))
 
 
 def conditions(runs: Sequence[Run]) -> list[str]:

@@ -59,7 +59,7 @@ def test_a_fit_refuses_a_stuck_reading_unless_asked(runs: Path, tmp_path: Path) 
     edit_column(ticks, "x", lambda x: np.concatenate([x[:120], np.full(80, x[120]), x[200:]]))
     edit_column(ticks, "x_cmd", lambda x: np.linspace(0.6, 0.0, len(x)))
     with pytest.raises(ConfigurationError, match=r"00-normal: stuck reading: .*; mend the reading"):
-        fit([runs], STRIP, tmp_path / "out", jobs=1)
+        fit([runs], STRIP, tmp_path / "out")
     assert not (tmp_path / "out" / "verdict.json").exists()
     found = CliRunner().invoke(
         app, ["gap", "check", str(runs), "--strip", str(STRIP), "--out", str(tmp_path), "--json"]

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from cell.cli.gap import _verdict_lines
-from cell.gap.fit import fit
+from cell.gap.fit import FitOptions, fit
 from cell.gap.report.sentence import headline
 from cell.gap.subject.strip.scope import scope
 from cell.gap.subject.subject import Parameter
@@ -112,7 +112,7 @@ def test_runs_of_another_strip_are_a_finding_and_its_patch_is_accepted(tmp_path:
     written(tmp_path / "runs", folds(names, bending_length=0.0289))
     file = tmp_path / "denim.yaml"
     file.write_bytes(STRIP.read_bytes())
-    verdict = fit([tmp_path / "runs"], file, tmp_path / "out", jobs=2)
+    verdict = fit([tmp_path / "runs"], file, tmp_path / "out", FitOptions(jobs=2))
     assert [d.parameter for d in verdict.deviates] == ["bending_length"]
     assert verdict.verdict == "no_gap"
     keys = {"profile_mm", "contact_x_mm", "displacement_mm", "touch_ms", "excess"}
@@ -121,5 +121,5 @@ def test_runs_of_another_strip_are_a_finding_and_its_patch_is_accepted(tmp_path:
     assert "Not as the file states" in (tmp_path / "out" / "report.html").read_text()
     accept(tmp_path / "out", file)
     assert load_strip(file).bending_length == pytest.approx(0.0289, rel=0.02)
-    again = fit([tmp_path / "runs"], file, tmp_path / "again", jobs=2)
+    again = fit([tmp_path / "runs"], file, tmp_path / "again", FitOptions(jobs=2))
     assert not again.deviates

@@ -123,10 +123,9 @@ def test_velocity_is_measured_by_the_robot_s_time_not_by_counting_states() -> No
     robot, plane = setup.robot, StripPlane(PLANE)
     for skipped in (0, 3, 0, 5, 0, 0, 2, 0, 9):
         robot.clock += skipped
-        robot.pose = columns(plane.matrix(START[0] - 0.1 * TICK * robot.clock, *START[1:]))
-        setup.loop._publish(robot.read(None))
-        robot.pose = columns(plane.matrix(START[0] - 0.1 * TICK * robot.clock, *START[1:]))
-        setup.loop._publish(robot.read(None))
+        for _ in range(2):
+            robot.pose = columns(plane.matrix(START[0] - 0.1 * TICK * robot.clock, *START[1:]))
+            setup.loop._publish(robot.read(None))
     assert setup.reports.read().vx == pytest.approx(-0.1, rel=0.2)
 
 

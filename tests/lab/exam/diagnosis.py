@@ -111,7 +111,7 @@ def main() -> None:
         notes["scatter"] = {s.name: s.value for s in found.model_tests.scatter}
 
     try:
-        fit([Path("runs")], Path("strip.yaml"), Path("out"), jobs=1, overlay=note)
+        fit([Path("runs")], Path("strip.yaml"), Path("out"), overlay=note)
     except CellError as error:
         sys.stderr.write(f"{error}\n")
         sys.exit(error.exit_code)

@@ -1,20 +1,15 @@
 """Errors of measuring a strip: those that differ from run to run, and those that runs share."""
 
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from cell.gap.subject.subject import Samples, ScatterSource, Words
-from drivers.settings import Settings, load
+from drivers.settings import StudyResult
 from drivers.strip.model import StripModel
 from drivers.types import Array, frozen
 
-BIAS_FILE = Path(__file__).with_name("bias.yaml")
-DAMPING_FILE = BIAS_FILE.with_name("damping.yaml")
 PATH_HALVES = ("before", "past")
 
 
@@ -80,14 +75,15 @@ SLACK_EFFECTS = tuple(effect for effect in RUN_EFFECTS if effect.name == "slack"
 """What is allowed for where no runs can say more: planned runs, and sizes of hidden effects."""
 
 
-class CameraBias(Settings):
+class CameraBias(StudyResult):
     """Standard deviations [m, s] of perception's mean error over half a run, by quantity.
 
     Written by `python -m tests.lab study perception`. `edge` is how far out the near edge is seen,
     which moves the whole profile; the other errors are independent, that of the profile adds to it.
     """
 
-    schema_: Literal[1] = Field(1, alias="schema")
+    FILE = Path(__file__).with_name("bias.yaml")
+
     edge: float
     profile: float
     contact_x: float
@@ -95,33 +91,18 @@ class CameraBias(Settings):
     touch_x: float
     displacement: float
     strips: int
-    source: str
-    belongs_to: str
 
 
-class ModelError(Settings):
+class ModelError(StudyResult):
     """Relative standard deviation of fitted `damping` between simulation engines.
 
     Written by `python -m tests.lab study damping`.
     """
 
-    schema_: Literal[1] = Field(1, alias="schema")
+    FILE = Path(__file__).with_name("damping.yaml")
+
     damping: float
     strips: int
-    source: str
-    belongs_to: str
-
-
-@cache
-def bias() -> CameraBias:
-    """Load the standard deviations of the systematic errors of strip measurements in images."""
-    return load(BIAS_FILE, CameraBias)
-
-
-@cache
-def model_error() -> ModelError:
-    """Load the relative standard deviation of fitted damping between simulation engines."""
-    return load(DAMPING_FILE, ModelError)
 
 
 def path_half(x: float, length: float) -> str:
@@ -135,7 +116,7 @@ def common_errors(samples: Samples, halves: Words) -> dict[str, Array]:
     `halves` (n,) is `before` or `past`, as the gripper is before or past the middle: past it, a
     lifted strip shows its near edge on the other side.
     """
-    sizes, profile = bias(), samples.quantity == "profile"
+    sizes, profile = CameraBias.shipped(), samples.quantity == "profile"
     found = {"near edge": frozen(sizes.edge * profile * np.where(halves == "past", 1.0, -1.0))}
     for quantity in ("profile", "contact_x", "touch_time", "touch_x", "displacement"):
         measured = samples.quantity == quantity

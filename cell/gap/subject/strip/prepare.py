@@ -10,9 +10,9 @@ from cell.gap.subject.strip.fold_residuals import FoldResiduals
 from cell.gap.subject.strip.layout import Floors, layout
 from cell.gap.subject.strip.measurement_errors import (
     RUN_EFFECTS,
+    ModelError,
     RunEffect,
     common_errors,
-    model_error,
     path_half,
 )
 from cell.gap.subject.strip.runs import MeasuredRun
@@ -210,7 +210,7 @@ def _common_errors(
     """
     errors = {}
     if "damping" in linearisation.slopes:
-        errors["damping"] = frozen(model_error().damping * linearisation.slopes["damping"])
+        errors["damping"] = frozen(ModelError.shipped().damping * linearisation.slopes["damping"])
     if run.plane_error is not None:
         x = np.interp(samples.t, run.t, run.poses[:, 0])
         halves = np.array([path_half(position, linearisation.length) for position in x])

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from cell.config.places import CHECKOUT_CONFIGS
-from cell.gap.fit import fit
+from cell.gap.fit import FitOptions, fit
 from cell.gap.subject.mechanism.mechanism_file import PendulumFile
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.subject import Request, Residuals
@@ -94,7 +94,7 @@ def test_verdict_file_is_the_contract_and_holds_only_numbers(rubbing: Path) -> N
 
 @pytest.mark.slow
 def test_same_verdict_whatever_the_number_of_jobs(rubbing: Path, tmp_path: Path) -> None:
-    two = fit([rubbing / "runs"], rubbing / "pendulum.yaml", tmp_path / "out", jobs=2)
+    two = fit([rubbing / "runs"], rubbing / "pendulum.yaml", tmp_path / "out", FitOptions(jobs=2))
     one = read_verdict(rubbing / "out" / "verdict.json")
     texts = [v.model_copy(update={"runtime": 0.0}).to_json() for v in (one, two)]
     assert texts[0] == texts[1]

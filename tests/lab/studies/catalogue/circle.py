@@ -64,7 +64,7 @@ class Circle:
         for _ in self._fold_each(standard_requests(self._request("", "standard", first))):
             pass
         file = self.configs / "strips" / f"{self.strip}.yaml"
-        verdict = fit([self.work / "standard"], file, self.work / "fit", jobs=1)
+        verdict = fit([self.work / "standard"], file, self.work / "fit")
         if verdict.verdict == "named":
             accept(self.work / "fit", file, self.configs / "cell.yaml")
         return [effect.name for effect in verdict.effects]

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import optimize
 
 from cell.config.places import find_configs
-from cell.gap.fit import fit
+from cell.gap.fit import FitOptions, fit
 from cell.gap.rehearse import table
 from cell.gap.verdict.accept import RECORD
 from cell.gap.verdict.confidence import Calibration, VerdictEvidence, Weight, calibration
@@ -64,7 +64,7 @@ def measure(case: Values) -> Values:
         place = Path(name)
         make_runs(hidden, place / "runs")
         strip = configs.strip_path(hidden.strip)
-        verdict = fit([place / "runs"], strip, place / "out", jobs=1, without=without)
+        verdict = fit([place / "runs"], strip, place / "out", FitOptions(without=without))
         law = json.loads((place / "out" / RECORD).read_text(encoding="utf-8"))["law"]
     scored = score(verdict, hidden, configs.strip(hidden.strip))
     named = scored.verdict == "named"

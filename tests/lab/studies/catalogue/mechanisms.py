@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cell.gap.fit import fit
+from cell.gap.fit import FitOptions, fit
 from cell.gap.open_subject import open_subject
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.verdict.schema import Verdict
@@ -52,7 +52,8 @@ def measure(case: Values) -> Values:
         out = Path(place) / "model"
         file = make_runs(folder, case["model"], case["hidden"], case["size"], case["seed"], out)
         began = time.process_time()
-        verdict = fit([out / "study-runs"], file, Path(place) / "out", without=case["without"])
+        options = FitOptions(without=case["without"])
+        verdict = fit([out / "study-runs"], file, Path(place) / "out", options)
         cpu = time.process_time() - began
         shown = leaves_more_than_noise(file, out / "study-runs")
     right = names_that_are_right(case["kind"], case["hidden"])
