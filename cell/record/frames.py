@@ -27,10 +27,10 @@ QUEUE = 32  # images of 2.8 MB: at most 90 MB wait for the disk
 
 @dataclass(frozen=True, slots=True)
 class FrameNote:
-    """Index entry of a measured image: times [s], sha256 of its pixels, its file if stored.
+    """Index entry of a measured image: times [s]; its file and the sha256 of its pixels if stored.
 
-    `sha256` is empty for an image that was dropped because the disk was too slow. `film` is its
-    number in the film of the run, None for one that is not in it.
+    `sha256` is empty for an image that was not stored. `film` is its number in the film of the run,
+    None for one that is not in it.
     """
 
     sequence: int
@@ -75,7 +75,7 @@ class KeyFrames:
     dropped.
     """
 
-    def __init__(self, spread: int = 8, marked: int = 8, stride: int = 8) -> None:
+    def __init__(self, spread: int = 8, marked: int = 8, stride: int = 32) -> None:
         self._limit = spread
         self._marks_left = marked
         self._stride = stride
@@ -100,10 +100,14 @@ class KeyFrames:
 
 
 def read_index(folder: Path) -> tuple[FrameNote, ...]:
-    """Read the index entries of the images in `folder`; ConfigurationError for a broken line."""
+    """Read the index entries of the images in `folder`, of two of one image the later.
+
+    Raises ConfigurationError for a broken line.
+    """
     try:
         lift = lift_time(folder)
-        return tuple(_read_note(folder, line, lift) for line in read_json_lines(folder / INDEX))
+        notes = [_read_note(folder, line, lift) for line in read_json_lines(folder / INDEX)]
+        return tuple({note.sequence: note for note in notes}.values())
     except (KeyError, TypeError, ValueError, OverflowError):
         raise ConfigurationError(
             f"{folder / INDEX}: a line lacks its sequence, stamp or arrival; "
@@ -151,7 +155,7 @@ class FrameWriter:
         self._given_up = False
         self._folder, self._keep, self._patient = folder, keep, patient
         self._choice = KeyFrames()
-        self._last: Frame | None = None
+        self._last: tuple[Frame, int | None] | None = None  # if not stored; its place in the film
         self._waiting: queue.Queue[tuple[Frame, bool] | None] = queue.Queue(QUEUE)
         (folder / FOLDER).mkdir()
         self._index = new_file(folder / INDEX)
@@ -163,7 +167,7 @@ class FrameWriter:
         try:
             self._waiting.put((frame, mark), block=self._patient)
         except queue.Full:
-            self._note(frame, sha256=None)
+            self._note(frame)
 
     def close(self) -> None:
         """Wait until all images are written; allowed twice. The last one is a key frame."""
@@ -190,7 +194,7 @@ class FrameWriter:
         while (item := self._waiting.get()) is not None:
             self._attempt(self._record, *item)
         if self._keep == "key" and self._last is not None:
-            self._attempt(self._store, self._last)
+            self._attempt(self._store, *self._last)
 
     def _attempt(self, write: Callable[..., None], *arguments: Any) -> None:
         """Call `write`, unless an earlier one failed; its error is kept for `take_failure`."""
@@ -202,23 +206,25 @@ class FrameWriter:
             self._failure, self._given_up = error, True
 
     def _record(self, frame: Frame, mark: bool) -> None:
-        """Film `frame`, enter it into the index, and store it if it is selected."""
+        """Film `frame`, store it if it is selected, and enter it into the index."""
         place = self._film.put(frame.stamp, frame.image) if self._film else None
-        self._note(frame, sha256=digest(frame.image), film=place)
-        self._last = frame
         keep, given_up = self._keep == "all", list[int]()
         if self._keep == "key":
             keep, given_up = self._choice.choose(frame.sequence, mark)
         for sequence in given_up:
             frame_file(self._folder, sequence).unlink(missing_ok=True)
         if keep:
-            self._store(frame)
+            self._store(frame, place)
+        else:
+            self._note(frame, film=place)
+        self._last = None if keep else (frame, place)
 
-    def _store(self, frame: Frame) -> None:
-        path = frame_file(self._folder, frame.sequence)
-        replace_file(path, encode(frame.image))
+    def _store(self, frame: Frame, film: int | None) -> None:
+        """Store `frame`, and enter it into the index with its hash."""
+        replace_file(frame_file(self._folder, frame.sequence), encode(frame.image))
+        self._note(frame, sha256=digest(frame.image), film=film)
 
-    def _note(self, frame: Frame, sha256: str | None, film: int | None = None) -> None:
+    def _note(self, frame: Frame, sha256: str | None = None, film: int | None = None) -> None:
         note = {"sequence": frame.sequence, "stamp": frame.stamp, "arrival": frame.arrival}
         place = {} if film is None else {"film": film}
         line = json_line({**note, "source": frame.source, "sha256": sha256, **place})

@@ -96,7 +96,7 @@ def test_encoder_that_lags_loses_images_of_the_film_and_of_nothing_else(tmp_path
     monkeypatch.setattr("cell.record.film.FilmProcess", FilmWriter)
     run = filmed(tmp_path, patient=False, count=QUEUE + 12)
     notes = run.frame_index()
-    assert all(note.sha256 for note in notes)
+    assert len(notes) == QUEUE + 12
     kept = [note for note in notes if note.film is not None]
     assert [note.film for note in kept] == list(range(len(kept)))
     assert len(kept) <= QUEUE + 2
