@@ -1,5 +1,6 @@
 """Entry point of `python -m cell` and of the command `cell`; an error is printed in one line."""
 
+import gc
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -8,11 +9,14 @@ from drivers.errors import CellError, ConfigurationError
 if TYPE_CHECKING:
     from typer import Typer
 
+YOUNG_OBJECTS = 50_000  # between collections: fewer, and libraries' objects are searched in vain
+
 
 def main(app: "Typer | None" = None) -> None:
     """Run the command line `app`; an error is printed in one line and sets the exit code."""
     from cell.cli.output import guard_streams, why_lost
 
+    gc.set_threshold(YOUNG_OBJECTS)
     out = guard_streams()
     code = _run(app)
     sys.stdout.flush()
