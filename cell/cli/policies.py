@@ -14,38 +14,48 @@ from cell.config.places import find_configs
 from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from cell.benchmark.results import Results
     from cell.train.run import Trained
 
 PART_TIMEOUT = 7200.0  # s of a part of the benchmark
-Learned = Literal["feedback", "adaptive"]
+
+TrainedPolicy = Literal["feedback", "adaptive"]
+TrainingFolder = Annotated[
+    Path | None, typer.Option(help="Folder of the training [default: runs/training/seed-SEED].")
+]
+Candidates = Annotated[int, typer.Option(min=4, help="Candidates a generation.")]
+StripsASide = Annotated[
+    int, typer.Option(min=1, help="Strips a side of the paper's range that each folds.")
+]
+TrainingJobs = Annotated[
+    int | None, typer.Option(min=1, help="Processes side by side [default: all cores].")
+]
+TrainingCluster = Annotated[
+    str | None, typer.Option(help="Fold on the Dask cluster at this address instead.")
+]
+GridSide = Annotated[
+    int, typer.Option(min=2, help="Strips a side of the grid of the final evaluation.")
+]
+FoldsThroughImages = Annotated[
+    int, typer.Option(min=24, help="Folds through images that end the training of `adaptive`.")
+]
+TrainedWeights = Annotated[
+    Path | None, typer.Option(help="Trained weights of `adaptive`: only its folds are made.")
+]
 
 
 def train(
-    policy: Annotated[Learned, typer.Option(help="Which policy to train.")] = "feedback",
-    out: Annotated[
-        Path | None, typer.Option(help="Folder of the training [default: runs/training/seed-SEED].")
-    ] = None,
+    policy: Annotated[TrainedPolicy, typer.Option(help="Which policy to train.")] = "feedback",
+    out: TrainingFolder = None,
     seed: Annotated[int, typer.Option(min=0, help="Same seed and settings, same weights.")] = 0,
     generations: Annotated[int, typer.Option(min=1, help="Generations of CMA-ES.")] = 300,
-    population: Annotated[int, typer.Option(min=4, help="Candidates a generation.")] = 48,
-    strips: Annotated[
-        int, typer.Option(min=1, help="Strips a side of the paper's range that each folds.")
-    ] = 4,
-    jobs: Annotated[
-        int | None, typer.Option(min=1, help="Processes side by side [default: all cores].")
-    ] = None,
-    cluster: Annotated[
-        str | None, typer.Option(help="Fold on the Dask cluster at this address instead.")
-    ] = None,
-    grid: Annotated[
-        int, typer.Option(min=2, help="Strips a side of the grid of the final evaluation.")
-    ] = 12,
-    folds: Annotated[
-        int, typer.Option(min=24, help="Folds through images that end the training of `adaptive`.")
-    ] = 96,
-    checkpoint: Annotated[
-        Path | None, typer.Option(help="Trained weights of `adaptive`: only its folds are made.")
-    ] = None,
+    population: Candidates = 48,
+    strips: StripsASide = 4,
+    jobs: TrainingJobs = None,
+    cluster: TrainingCluster = None,
+    grid: GridSide = 12,
+    folds: FoldsThroughImages = 96,
+    checkpoint: TrainedWeights = None,
     as_json: Json = False,
 ) -> None:
     """Train a policy in the rod simulation; evaluate it in the rod and the chain simulation.
@@ -54,39 +64,43 @@ def train(
     and ends with folds of the chain through images, which correct what it learned in the rod. After
     an interruption run the command again to resume; the weights are the same.
     """
+    _check_training(policy, checkpoint)
     from rich.console import Console
 
     from cell.campaign.processes import cores
     from cell.campaign.progress import Meter
-    from cell.extras import require_library
-    from cell.train.transfer import TIME_LIMIT, transfer
-
-    adaptive = policy == "adaptive"
-    if checkpoint is not None and not adaptive:
-        raise ConfigurationError("--checkpoint: is for --policy adaptive; leave it out")
-    if checkpoint is None:
-        require_library("torch" if adaptive else "cmaes")
     from cell.train.run import train as train_in
+    from cell.train.transfer import TIME_LIMIT, transfer
     from policies.adaptive.train.shard import CriticSettings
     from policies.train.objective import TrainingSettings
 
     size = {"generations": generations, "population": population, "strips": strips}
+    adaptive = policy == "adaptive"
     settings = CriticSettings(seed=seed) if adaptive else TrainingSettings(seed=seed, **size)
     folder = out or Path("runs/training") / (f"adaptive-{seed}" if adaptive else f"seed-{seed}")
-    by = engine(jobs or (1 if cluster else cores()), cluster, TIME_LIMIT)
-    console, trained = Console(stderr=True), None
-    corrected: dict[str, Any] = {}
+    workers = engine(jobs or (1 if cluster else cores()), cluster, TIME_LIMIT)
+    console, trained, corrected = Console(stderr=True), None, dict[str, Any]()
     with resumable(folder):
         if checkpoint is None:
-            trained = train_in(settings, folder, by, grid, console)
+            trained = train_in(settings, folder, workers, grid, console)
             checkpoint = trained.checkpoint
         if adaptive:
             with Meter(console) as meter:
-                corrected = transfer(checkpoint, folder, seed, folds, by, meter)
+                corrected = transfer(checkpoint, folder, seed, folds, workers, meter)
     if as_json:
         print_json((trained.line() if trained else {"schema": 1}) | corrected)
-        return
-    _print_training(policy, trained, corrected)
+    else:
+        _print_training(policy, trained, corrected)
+
+
+def _check_training(policy: TrainedPolicy, checkpoint: Path | None) -> None:
+    """Raise ConfigurationError for a `checkpoint` of another policy, or a missing library."""
+    from cell.extras import require_library
+
+    if checkpoint is None:
+        require_library("torch" if policy == "adaptive" else "cmaes")
+    elif policy != "adaptive":
+        raise ConfigurationError("--checkpoint: is for --policy adaptive; leave it out")
 
 
 def _print_training(policy: str, trained: "Trained | None", corrected: Mapping[str, Any]) -> None:
@@ -108,31 +122,32 @@ def _print_training(policy: str, trained: "Trained | None", corrected: Mapping[s
         )
 
 
+PolicyNames = Annotated[str | None, typer.Option(help="Policies, with commas [default: all].")]
+StripNames = Annotated[str | None, typer.Option(help="Strips, with commas [default: all].")]
+Repeats = Annotated[
+    int | None, typer.Option(min=1, help="Folds of one strip by each policy [default: 5].")
+]
+FoldsFolder = Annotated[
+    Path | None, typer.Option(help="Folder in which folds are recorded [default: OUT/runs].")
+]
+Quick = Annotated[bool, typer.Option("--quick", help="Three strips, two repeats, coarse grids.")]
+Again = Annotated[bool, typer.Option("--again", help="Measure anew what OUT already holds.")]
+Picture = Annotated[Path | None, typer.Option(help="Write the main picture there too, as PNG.")]
+
+
 def benchmark(
-    policies: Annotated[str | None, typer.Option(help="Policies, with commas [default: all].")] = (
-        None
-    ),
-    strips: Annotated[str | None, typer.Option(help="Strips, with commas [default: all].")] = None,
-    repeat: Annotated[
-        int | None, typer.Option(min=1, help="Folds of one strip by each policy [default: 5].")
-    ] = None,
+    policies: PolicyNames = None,
+    strips: StripNames = None,
+    repeat: Repeats = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the noise; repeats use the next.")] = 0,
     jobs: Annotated[int, typer.Option(min=1, help="Parts measured side by side.")] = 1,
     cluster: Cluster = None,
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/benchmark"),
-    runs: Annotated[
-        Path | None, typer.Option(help="Folder in which folds are recorded [default: OUT/runs].")
-    ] = None,
+    runs: FoldsFolder = None,
     configs: Configs = None,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="Three strips, two repeats, coarse grids.")
-    ] = False,
-    again: Annotated[
-        bool, typer.Option("--again", help="Measure anew what OUT already holds.")
-    ] = False,
-    picture: Annotated[
-        Path | None, typer.Option(help="Write the main picture there too, as PNG.")
-    ] = None,
+    quick: Quick = False,
+    again: Again = False,
+    picture: Picture = None,
     as_json: Json = False,
 ) -> None:
     """Fold all strips by all policies, and compare the results with the paper's numbers.
@@ -141,22 +156,30 @@ def benchmark(
     """
     from rich.console import Console
 
-    from cell.benchmark.page import lines, write_main_picture, write_results
+    from cell.benchmark.page import write_main_picture, write_results
     from cell.benchmark.results import BenchmarkSpec, split
     from cell.benchmark.run import benchmark as measure
     from cell.benchmark.run import summarise
-    from cell.benchmark.summary import claim_lines, tables
     from cell.campaign.progress import Meter
 
     found = find_configs(configs)
     spec = BenchmarkSpec.build(found, split(policies), split(strips), repeat, seed, quick=quick)
-    by = engine(jobs, cluster, PART_TIMEOUT)
-    place = runs or out / "runs"
+    workers = engine(jobs, cluster, PART_TIMEOUT)
     with resumable(out), Meter(Console(stderr=True), summarise) as meter:
-        results = measure(spec, found, out, place, engine=by, again=again, meter=meter)
+        results = measure(
+            spec, found, out, runs or out / "runs", engine=workers, again=again, meter=meter
+        )
     page = write_results(results, out)
     if picture is not None:
         write_main_picture(results, picture)
+    _print_benchmark(results, page, as_json=as_json)
+
+
+def _print_benchmark(results: "Results", page: Path, *, as_json: bool) -> None:
+    """Print the results as lines of JSON, or as tables, claims and the path of the `page`."""
+    from cell.benchmark.page import lines
+    from cell.benchmark.summary import claim_lines, tables
+
     if as_json:
         for line in lines(results):
             print_json(line)
@@ -201,15 +224,14 @@ def serve(
     from drivers.fci_server.server import RobotServer, ServerSettings
     from drivers.settings import parse
 
-    asked = {"lock_step": lock_step} | ({} if address is None else {"address": address})
-    settings = parse(asked, ServerSettings, "cell twin serve")
-    script = () if faults is None else load_faults(faults)
-    server = RobotServer(settings, faults=script)
-    clock, place = "lock-step" if lock_step else "wall clock", server.address
-    facts = {"address": place, "arm": 1337, "hand": 1338, "clock": clock}
-    say(facts, f"arm at {place}:1337, hand at {place}:1338, {clock}", as_json=as_json)
-    if not ip_address(place).is_loopback:
-        sys.stderr.write(f"{place} is no loopback address: others on the network can connect\n")
+    given = {"lock_step": lock_step} | ({} if address is None else {"address": address})
+    settings = parse(given, ServerSettings, "cell twin serve")
+    server = RobotServer(settings, faults=() if faults is None else load_faults(faults))
+    host, clock = server.address, "lock-step" if lock_step else "wall clock"
+    facts = {"address": host, "arm": 1337, "hand": 1338, "clock": clock}
+    say(facts, f"arm at {host}:1337, hand at {host}:1338, {clock}", as_json=as_json)
+    if not ip_address(host).is_loopback:
+        sys.stderr.write(f"{host} is no loopback address: others on the network can connect\n")
     sys.stdout.flush()
     try:
         server.serve()

@@ -1,6 +1,7 @@
 """Runs a training in one folder: starts or resumes it, then evaluates its weights."""
 
 import json
+from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -69,28 +70,37 @@ def train(
                 meter.begin(training.total, training.known)
                 for done, text in enumerate(training.run(executor), training.known + 1):
                     meter.step(done, text)
-            effects: tuple[EffectErrors, ...] = ()
-            if isinstance(settings, TrainingSettings):
-                rollout, seed = settings.rollout, [settings.seed, 3]
-            else:
-                rollout = Rollout(speed=settings.speed, sensing=IMAGE_SENSING)
-                seed = [settings.seed]
-                with Meter(console) as meter:
-                    effects = evaluate_effects(
-                        training.policy, rollout, settings.segments, executor, meter
-                    )
-            finer = replace(rollout, substeps=SUBSTEPS)
-            with Meter(console) as meter:
-                found = evaluate(training.policy, finer, seed, side, executor, meter)
-        trained = Trained(training.checkpoint, settings, found, training.trial, effects)
+            trained = _evaluate(training, settings, side, executor, console)
         content = json.dumps(trained.line(), indent=1) + "\n"
         write_file(folder / EVALUATION, content, "make room and run the command again")
         return trained
 
 
+def _evaluate(
+    training: "Search | CriticTraining",
+    settings: TrainingSettings | CriticSettings,
+    side: int,
+    executor: Executor,
+    console: Console,
+) -> Trained:
+    """Fold strips that the `training` never folded, a grid of `side` x `side` and by effect."""
+    policy, effects = training.policy, tuple[EffectErrors, ...]()
+    if isinstance(settings, TrainingSettings):
+        rollout, seed = settings.rollout, [settings.seed, 3]
+    else:
+        rollout, seed = Rollout(speed=settings.speed, sensing=IMAGE_SENSING), [settings.seed]
+        with Meter(console) as meter:
+            effects = evaluate_effects(policy, rollout, settings.segments, executor, meter)
+    finer = replace(rollout, substeps=SUBSTEPS)
+    with Meter(console) as meter:
+        found = evaluate(policy, finer, seed, side, executor, meter)
+    return Trained(training.checkpoint, settings, found, training.trial, effects)
+
+
 def _open_training(
     settings: TrainingSettings | CriticSettings, folder: Path
 ) -> "Search | CriticTraining":
+    """Open the training of these `settings` in `folder`, new or to be resumed."""
     if isinstance(settings, TrainingSettings):
         from policies.train.search import Search
 
