@@ -129,10 +129,10 @@ def check_verdict(
     touches: Sequence[Touch], calibration: Calibration, settings: TouchSettings
 ) -> CheckVerdict:
     """Verdict on `calibration` from new `touches`, to which it was not fitted."""
-    off = [calibration.to_plane(touched.pixel[None])[0] - touched.place for touched in touches]
+    off = [calibration.to_plane(touch.pixel[None])[0] - touch.place for touch in touches]
     off_mm = 1e3 * np.reshape(off, (-1, 2))
     values = np.hypot(*off_mm.T)
-    errors = {touched.number: float(each) for touched, each in zip(touches, values, strict=True)}
+    errors = {touch.number: float(error) for touch, error in zip(touches, values, strict=True)}
     median = float(np.median(values)) if len(values) else NAN
     worst = float(values.max()) if len(values) else NAN
     if len(values) < FEWEST_POINTS:
@@ -153,14 +153,34 @@ def check_verdict(
 class MapVerdict:
     """Verdict on map and latency together, and the `calibration` made of them.
 
-    `calibration` is None where it was not accepted. `speed` [m/s] is that of a fold, to state the
-    effect of the latency.
+    `speed` [m/s] is that of a fold, to state the effect of the latency. `calibration` is None
+    unless it is accepted.
     """
 
     touches: TouchVerdict
     latency: LatencyVerdict
-    calibration: Calibration | None
     speed: float
+    calibration: Calibration | None = None
+
+    def accept(self, lens: Lens, *, anyway: bool = False, **facts: Any) -> "MapVerdict":
+        """Copy with a calibration of map and `lens`, unless there are reasons to refuse it.
+
+        `facts` are further values of `make_calibration`. Reasons for refusal are overridden by
+        `anyway`, but no calibration is made without a map.
+        """
+        if self.touches.homography is None or (self.reasons and not anyway):
+            return self
+        latency = self.latency.latency
+        made = make_calibration(
+            lens,
+            self.touches.homography,
+            residual_mm=self.touches.residual_mm,
+            latency=0.0 if isnan(latency) else latency,
+            date=datetime.now(UTC).isoformat(timespec="seconds"),
+            accepted_anyway=self.reasons,
+            **facts,
+        )
+        return replace(self, calibration=made)
 
     @property
     def passed(self) -> bool:
@@ -191,37 +211,6 @@ class MapVerdict:
             "latency": None if isnan(late) else late,
             "reasons": list(self.reasons),
         }
-
-
-def judge_map(
-    lens: Lens,
-    touches: TouchVerdict,
-    latency: LatencyVerdict,
-    camera: str,
-    speed: float,
-    *,
-    accept_anyway: bool = False,
-    **facts: Any,
-) -> MapVerdict:
-    """Verdict on a map and a latency, with a calibration of `camera` where it is accepted.
-
-    `facts` are further values of `make_calibration`, `speed` [m/s] is that of a fold. Reasons for
-    refusal are overridden by `accept_anyway`, but no calibration is made without a map.
-    """
-    verdict = MapVerdict(touches, latency, None, speed)
-    if touches.homography is None or (verdict.reasons and not accept_anyway):
-        return verdict
-    made = make_calibration(
-        lens,
-        touches.homography,
-        residual_mm=touches.residual_mm,
-        latency=0.0 if isnan(latency.latency) else latency.latency,
-        date=datetime.now(UTC).isoformat(timespec="seconds"),
-        camera=camera,
-        accepted_anyway=verdict.reasons,
-        **facts,
-    )
-    return replace(verdict, calibration=made)
 
 
 def _common_shift(off: Array, settings: TouchSettings) -> tuple[str, ...]:

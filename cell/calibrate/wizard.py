@@ -35,7 +35,7 @@ from calibration.wizard.session import (
     write_image,
     write_yaml,
 )
-from calibration.wizard.touch_verdict import CheckVerdict, MapVerdict, check_verdict, judge_map
+from calibration.wizard.touch_verdict import CheckVerdict, MapVerdict, check_verdict
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import check_plan
 from cell.config.cell import CellFile
@@ -131,13 +131,10 @@ class Wizard:
             settings.controller, points, self.operator, keep, remembers=True
         )
         run_calibration(devices, context, self.interrupted)
-        verdict = judge_map(
+        verdict = MapVerdict(context.touches, context.latency, settings.fold.speed).accept(
             lens,
-            context.touches,
-            context.latency,
-            keep.session.camera,
-            settings.fold.speed,
-            accept_anyway=accept_anyway,
+            anyway=accept_anyway,
+            camera=keep.session.camera,
             locks=devices.camera_locks(),  # as read back
             landmarks=context.landmarks,
         )
@@ -220,13 +217,10 @@ def refit_homography(
     if len(arm) > 0 and touches.homography is not None:
         latency = latency_verdict(arm, seen, lens, touches.homography, session.latency)
     path = folder / LANDMARKS_FILE
-    verdict = judge_map(
+    verdict = MapVerdict(touches, latency, speed).accept(
         lens,
-        touches,
-        latency,
-        session.camera,
-        speed,
-        accept_anyway=accept_anyway,
+        anyway=accept_anyway,
+        camera=session.camera,
         locks=session.locks,
         landmarks=load(path, Landmarks) if path.exists() else None,
     )
@@ -265,8 +259,8 @@ def calibrate_twin(settings: CellFile, interrupted: Interruption) -> Calibration
     operator = TwinOperator(devices.aids, Unattended())
     context = CalibrationContext(settings.controller, points, operator)
     run_calibration(devices, context, interrupted)
-    camera, speed = devices.camera_identity, settings.fold.speed
-    verdict = judge_map(lens, context.touches, context.latency, camera, speed)
+    verdict = MapVerdict(context.touches, context.latency, settings.fold.speed)
+    verdict = verdict.accept(lens, camera=devices.camera_identity)
     if verdict.calibration is None:
         raise CellError("homography failed: " + "; ".join(verdict.reasons))
     return verdict.calibration

@@ -14,6 +14,7 @@ from cell.cli.options import (
     Json,
     VizOption,
     ask,
+    length_option,
     length_parser,
     writable,
 )
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from cell.config.cell import CellFile
     from cell.devices.devices import Devices
 
-MEASURED_LENGTH = length_parser("--measured", "mm", least=1e-3)
+SHORTEST_BOARD = 1e-3  # m
 SESSIONS = Path("calibrations")
 FIRST_LINE = "Calibrate the camera: `camera` its lens, `homography` its place; `check` touches it."
 
@@ -53,6 +54,29 @@ Without = Annotated[
 ]
 Interactive = Annotated[
     bool, typer.Option("--interactive", help="Ask before each step on the twin too.")
+]
+PrintTo = Annotated[
+    Path | None, typer.Option("--print", help="Only write the board as a PDF of true size.")
+]
+BoardLength = Annotated[
+    float | None,
+    length_option(
+        "--measured",
+        "Length of all columns of squares by a ruler, as 252.0mm [mm].",
+        "mm",
+        SHORTEST_BOARD,
+    ),
+]
+LensFile = Annotated[
+    Path | None,
+    typer.Option(help="Lens file of ROS or OpenCV [default: the newest in calibrations/]."),
+]
+Poses = Annotated[
+    Path | None, typer.Option(help="Touch the poses of this file, an edited poses.yaml.")
+]
+AcceptAnyway = Annotated[
+    bool,
+    typer.Option("--accept-anyway", help="Take a refused calibration; every run then says so."),
 ]
 
 calibrate = typer.Typer(help=FIRST_LINE)
@@ -82,17 +106,8 @@ def twin(
 
 @calibrate.command(name="camera")
 def calibrate_camera(
-    print_to: Annotated[
-        Path | None, typer.Option("--print", help="Only write the board as a PDF of true size.")
-    ] = None,
-    measured: Annotated[
-        float | None,
-        typer.Option(
-            parser=MEASURED_LENGTH,
-            metavar="LENGTH",
-            help="Length of all columns of squares by a ruler, as 252.0mm [mm].",
-        ),
-    ] = None,
+    print_to: PrintTo = None,
+    measured: BoardLength = None,
     camera: Camera = None,
     out: Out = None,
     again: From = None,
@@ -117,8 +132,7 @@ def calibrate_camera(
         folder = _session_folder(out, resume, settings.name, "camera")
         settings, devices = _open_devices(settings, "twin", camera)  # no arm is needed
         if measured is None and devices.aids is None and resume is None:
-            words = f"length of {settings.boards.columns} squares by a ruler [mm]"
-            measured = typer.prompt(words, value_proc=_ask_length)
+            measured = _ask_length(settings.boards.columns)
         with wizard_session(folder, "camera", viz) as session:
             wizard = session.wizard(settings, devices, interactive=interactive)
             verdict = wizard.calibrate_lens(folder, measured)
@@ -131,17 +145,9 @@ def calibrate_camera(
 
 @calibrate.command(name="homography")
 def calibrate_homography(
-    lens: Annotated[
-        Path | None,
-        typer.Option(help="Lens file of ROS or OpenCV [default: the newest in calibrations/]."),
-    ] = None,
-    poses: Annotated[
-        Path | None, typer.Option(help="Touch the poses of this file, an edited poses.yaml.")
-    ] = None,
-    accept_anyway: Annotated[
-        bool,
-        typer.Option("--accept-anyway", help="Take a refused calibration; every run then says so."),
-    ] = False,
+    lens: LensFile = None,
+    poses: Poses = None,
+    accept_anyway: AcceptAnyway = False,
     arm: Arm = None,
     full_speed: FullSpeed = False,
     camera: Camera = None,
@@ -170,14 +176,14 @@ def calibrate_homography(
         folder = _session_folder(out, resume, settings.name, "homography")
         settings, devices = _open_devices(settings, arm, camera, full_speed=full_speed)
         if resume is not None:
-            seen_through = session_lens(resume)
+            camera_lens = session_lens(resume)
         else:
-            seen_through = read_lens(lens or newest_lens(SESSIONS, devices.camera_identity))
+            camera_lens = read_lens(lens or newest_lens(SESSIONS, devices.camera_identity))
         plan = None if poses is None else read_poses(poses)
         with wizard_session(folder, "homography", viz) as session:
             wizard = session.wizard(settings, devices, interactive=interactive)
             verdict = wizard.calibrate_homography(
-                seen_through, folder, plan, accept_anyway=accept_anyway
+                camera_lens, folder, plan, accept_anyway=accept_anyway
             )
             session.record(verdict.lines())
     made = verdict.calibration
@@ -224,12 +230,17 @@ def calibrate_check(
     sys.exit(0 if verdict.passed else 1)
 
 
-def _ask_length(text: str) -> float:
-    """Read the length [m] typed at a prompt; BadParameter for other text, so that it asks again."""
-    try:
-        return MEASURED_LENGTH(text)
-    except ConfigurationError as error:
-        raise typer.BadParameter(str(error)) from None
+def _ask_length(columns: int) -> float:
+    """Ask the operator for the length [m] of `columns` squares, again until it is a length."""
+
+    def parse(text: str) -> float:
+        try:
+            return length_parser("--measured", "mm", SHORTEST_BOARD)(text)
+        except ConfigurationError as error:
+            raise typer.BadParameter(str(error)) from None
+
+    words = f"length of {columns} squares by a ruler [mm]"
+    return float(typer.prompt(words, value_proc=parse))
 
 
 def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str) -> Path:

@@ -34,9 +34,10 @@ def length_parser(option: str, bare: str = "m", least: float = -inf) -> "Callabl
     return parse
 
 
-def length_option(option: str, says: str, bare: str = "m") -> Any:
-    """Option that takes a length with a unit, in metres for the command."""
-    return typer.Option(option, parser=length_parser(option, bare), metavar="LENGTH", help=says)
+def length_option(option: str, says: str, bare: str = "m", least: float = -inf) -> Any:
+    """Option that takes a length of `least` [m] or more with a unit, in metres for the command."""
+    parser = length_parser(option, bare, least)
+    return typer.Option(option, parser=parser, metavar="LENGTH", help=says)
 
 
 def policy_names() -> list[str]:
