@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from cell.orchestrator.run import Observer
     from cell.orchestrator.snapshot import Snapshot
 
-TICKS_BETWEEN_LOOKS = 10  # ticks between two looks
+TICKS_BETWEEN_LOOKS = 10
 LARGEST_OFFSET = 0.1  # m, of edges that a fold can be asked to reach
 
 Film = Literal["libx264", "none"]
@@ -118,10 +118,7 @@ def fold(
     """Fold a strip in half, record the run, and print how well its edges are aligned."""
     check_names(configs, strip, policy)
     name = _strip_name(strip, length, thickness)
-    from cell.config.length import metres
-
-    close = None if until is None else metres("--until", until, LARGEST_OFFSET)
-    _check_until(close, learning, rehearse=rehearse)
+    close_edges = _close_edges(until, learning, rehearse=rehearse)
     _check_files(plant or [], checkpoint, None if dry_run or rehearse else runs)
     from cell.devices.devices import DeviceSelection
     from cell.folding.request import Learning, Recording, Request, repetitions, with_correction
@@ -141,7 +138,7 @@ def fold(
         record=Recording(frames, None if encoder == "none" else encoder, not no_truth, viz),
         learning=Learning(specimen),
     )
-    base = with_correction(base, learning or (None if close is None else "on"))
+    base = with_correction(base, learning or (None if until is None else "on"))
     requests = repetitions(base, [load_plant(path) for path in plant or []], repeat)
     _check_requests(requests)
     if dry_run:
@@ -149,7 +146,7 @@ def fold(
     elif rehearse:
         sys.exit(_rehearse(base, as_json=as_json))
     else:
-        sys.exit(_fold_all(requests, jobs, close, as_json=as_json))
+        sys.exit(_fold_all(requests, jobs, close_edges, as_json=as_json))
 
 
 def _check_files(plants: "Sequence[Path]", checkpoint: Path | None, runs: Path | None) -> None:
@@ -171,12 +168,18 @@ def _check_requests(requests: "Sequence[Request]") -> None:
         notice(doubt)
 
 
-def _check_until(close: float | None, learning: object, *, rehearse: bool) -> None:
-    """Refuse options that contradict `--until`, which folds and learns."""
-    if close is not None and rehearse:
+def _close_edges(until: str | None, learning: str | None, *, rehearse: bool) -> float | None:
+    """Offset [m] of edges that `--until` states, None without; refuses options against it."""
+    if until is None:
+        return None
+    from cell.config.length import metres
+
+    close = metres("--until", until, LARGEST_OFFSET)
+    if rehearse:
         raise ConfigurationError("--until: folds on the desk; leave it or --rehearse out")
-    if close is not None and learning not in {None, "on", "auto"}:
+    if learning not in {None, "on", "auto"}:
         raise ConfigurationError("--until: corrects each fold by those before; use --learning on")
+    return close
 
 
 def _strip_name(strip: str, length: float | None, thickness: float | None) -> str:
@@ -212,12 +215,12 @@ def _fold_all(
 
     requests = agreed(requests, ask)
     robot, code = emulation(requests[0].cell, requests[0].choice), 0
-    if robot and as_json:
-        notice(robot)
     attendance = Attendance(report=notice, lay_again=lambda: await_strip(ask))
     if not as_json:
         tell = partial(_print_result, robot=robot)
         attendance = replace(attendance, observe=_progress, tell=tell)
+    elif robot:
+        notice(robot)
     try:
         results = fold_all(requests, jobs, until, attendance)
         for request, made in zip(requests, results, strict=False):  # an interrupt ends the folds
@@ -227,9 +230,9 @@ def _fold_all(
             elif result is not made:
                 _print_result(result, robot)
             code = max(code, result.exit_code)
+            if until is not None and result.ends(until):
+                return result.exit_code
             if until is not None:
-                if result.ends(until):
-                    return result.exit_code
                 following = with_correction(request, "on").learning.correction.total
                 notice(f"the next fold would aim {-1e3 * following:+.1f} mm")
     except CellError as error:

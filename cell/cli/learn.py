@@ -20,20 +20,21 @@ WORDS = ("show", "list", "forget", "off", "on")
 LONGEST_EDGES = 0.1  # m, of an offset by a ruler
 
 
+What = Annotated[
+    str,
+    typer.Argument(
+        metavar="WHAT", help="show, list, forget, off, on, or a run that was measured by a ruler."
+    ),
+]
+ForgottenRun = Annotated[
+    Path | None,
+    typer.Argument(metavar="RUN", help="With forget: the one run to forget, as `list` names it."),
+]
+
+
 def learn(
-    what: Annotated[
-        str,
-        typer.Argument(
-            metavar="WHAT",
-            help="show, list, forget, off, on, or a run that was measured by a ruler.",
-        ),
-    ] = "show",
-    run: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="RUN", help="With forget: the one run to forget, as `list` names it."
-        ),
-    ] = None,
+    what: What = "show",
+    run: ForgottenRun = None,
     edges: Annotated[
         str | None, typer.Option(help="Offset of the run's laid edges by a ruler, as 3.5mm.")
     ] = None,
@@ -47,19 +48,11 @@ def learn(
     as_json: Json = False,
 ) -> None:
     """Show or change what the cell has learned from folds, or enter a ruler's measurement."""
+    _check_arguments(what, run, edges)
     from cell.learning.experience import Memory
 
     settings = find_configs(configs).cell()
     memory = Memory(settings.name, twin=twin)
-    if what not in WORDS and edges is None:
-        raise ConfigurationError(
-            f"{what!r}{suggestion(what, WORDS)} is neither show, list, forget, off nor on; a run "
-            "goes with --edges, the offset of its laid edges by a ruler, as `--edges 3.5mm`"
-        )
-    if what in WORDS and edges is not None:
-        raise ConfigurationError("--edges: goes with a run, as `cell learn runs/RUN --edges 3.5mm`")
-    if run is not None and what != "forget":
-        raise ConfigurationError(f"{run}: goes with forget alone, as `cell learn forget {run}`")
     if edges is not None:
         _learn_from_ruler(settings, Path(what), edges, sure=sure)
     elif what == "forget":
@@ -71,6 +64,19 @@ def learn(
     else:
         memory.switch(on=what == "on")
         sys.stdout.write(f"{settings.name}: learning is {what}\n")
+
+
+def _check_arguments(what: str, run: Path | None, edges: str | None) -> None:
+    """Raise ConfigurationError for arguments of `cell learn` that contradict each other."""
+    if what not in WORDS and edges is None:
+        raise ConfigurationError(
+            f"{what!r}{suggestion(what, WORDS)} is neither show, list, forget, off nor on; a run "
+            "goes with --edges, the offset of its laid edges by a ruler, as `--edges 3.5mm`"
+        )
+    if what in WORDS and edges is not None:
+        raise ConfigurationError("--edges: goes with a run, as `cell learn runs/RUN --edges 3.5mm`")
+    if run is not None and what != "forget":
+        raise ConfigurationError(f"{run}: goes with forget alone, as `cell learn forget {run}`")
 
 
 def _memory_of(settings: "CellFile", run: Path) -> "Memory":

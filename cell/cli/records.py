@@ -55,10 +55,7 @@ def runs(
     with busy("reading the runs"):
         rows = list_runs(folder, where, sort)
     if pruning:
-        if older_than is not None and isnan(older_than):
-            raise ConfigurationError("--older-than: is nan; give a number of days")
-        age = None if older_than is None else timedelta(days=older_than)
-        rows = to_prune(rows, datetime.now(UTC), keep=keep, older_than=age)
+        rows = to_prune(rows, datetime.now(UTC), keep=keep, older_than=_age(older_than))
     if html is not None:
         from cell.report.runs_page import write_runs_page
 
@@ -70,6 +67,13 @@ def runs(
         sys.stderr.write(f"deleted {plural(len(rows), 'run')}, {freed / MEGABYTE:.1f} MB\n")
     elif pruning:
         sys.stderr.write(f"{plural(len(rows), 'run')} may go; nothing was deleted, add --delete\n")
+
+
+def _age(days: float | None) -> timedelta | None:
+    """Age that --older-than states in `days`, None without; ConfigurationError for nan."""
+    if days is not None and isnan(days):
+        raise ConfigurationError("--older-than: is nan; give a number of days")
+    return None if days is None else timedelta(days=days)
 
 
 def _print_rows(rows: "Sequence[RunRow]", *, as_csv: bool, as_json: bool) -> None:
@@ -99,19 +103,22 @@ def _row_facts(row: "RunRow") -> dict[str, Any]:
 
 def _print_table(rows: "Sequence[RunRow]") -> None:
     """Print the runs as a table; tags have a column where any run has one."""
-    tagged = any(row.tags for row in rows)
-    columns = ("run", "strip", "policy", "outcome", *(("tags",) if tagged else ()))
+    words = (
+        "short",
+        "strip",
+        "policy",
+        "outcome",
+        *(("tags",) if any(r.tags for r in rows) else ()),
+    )
     shown = [
-        (r.short, r.strip, r.policy, r.outcome, *((r.tags,) if tagged else ()), *_numbers(r))
-        for r in rows
+        (
+            *(getattr(row, word) for word in words),
+            *("" if d is None else f"{1e3 * d:+.1f}" for d in (row.displacement, row.edge_offset)),
+            f"{row.size / MEGABYTE:.1f}",
+        )
+        for row in rows
     ]
-    print_table((*columns, "d mm", "edge mm", "MB"), shown, text=len(columns))
-
-
-def _numbers(row: "RunRow") -> tuple[str, ...]:
-    """Table cells of a run: displacement, offset, size."""
-    shown = ("" if d is None else f"{1e3 * d:+.1f}" for d in (row.displacement, row.edge_offset))
-    return (*shown, f"{row.size / MEGABYTE:.1f}")
+    print_table(("run", *words[1:], "d mm", "edge mm", "MB"), shown, text=len(words))
 
 
 def report(
@@ -134,19 +141,26 @@ def report(
     For the file of a calibration, write its page beside it.
     """
     if len(runs) > 1:
-        from cell.report.runs_page import write_comparison
-
-        with busy("comparing the runs"):
-            page = write_comparison(runs, out or runs[0].resolve().parent / "compare.html")
-        text = f"{len(runs)} runs compared\n  {page}"
-        say({"runs": runs, "report": page}, text, as_json=as_json)
-        return
-    if out is not None:
+        _report_comparison(runs, out, as_json=as_json)
+    elif out is not None:
         raise ConfigurationError("--out: goes with several runs; one has its page in its folder")
-    folder = runs[0]
-    if folder.is_file() and (folder.name == CALIBRATION or not is_run(folder.parent)):
-        _report_calibration(folder, as_json=as_json)
-        return
+    elif runs[0].is_file() and (runs[0].name == CALIBRATION or not is_run(runs[0].parent)):
+        _report_calibration(runs[0], as_json=as_json)
+    else:
+        _report_run(runs[0], as_json=as_json)
+
+
+def _report_comparison(runs: Sequence[Path], out: Path | None, *, as_json: bool) -> None:
+    """Write the page that compares `runs` to `out`, by default beside them, and print its path."""
+    from cell.report.runs_page import write_comparison
+
+    with busy("comparing the runs"):
+        page = write_comparison(runs, out or runs[0].resolve().parent / "compare.html")
+    say({"runs": runs, "report": page}, f"{len(runs)} runs compared\n  {page}", as_json=as_json)
+
+
+def _report_run(folder: Path, *, as_json: bool) -> None:
+    """Write the page of the run in `folder`, and print its verdict and path."""
     from cell.record.run import read_broken_run
     from cell.report.page import write_page
     from cell.report.page_verdict import verdict
