@@ -30,7 +30,6 @@ ARM_REACH = 0.78  # m from its base, reach of a Panda's hand that points down ov
 PATH_ERROR = 0.005  # m, error of the simulated path
 # relative, where no spread is stated
 UNKNOWN_SPREADS = {"bending_length": 0.1, "retardation_time": 0.5}
-APPROACH_POINTS, RETREAT_POINTS = 3, 3  # of the gripper's path, before and after the fold
 
 
 def check_feasible(
@@ -49,13 +48,12 @@ def check_feasible(
     body.
     """
     folds = _simulate(settings, strip, policy)
-    path = gripper_path(settings, strip, policy, folds)
-    grasp, end = APPROACH_POINTS - 1, -RETREAT_POINTS
-    carry = path[grasp:end]
+    carry = _carry(settings, strip, policy, folds)
+    path = _gripper_path(settings, strip, carry)
 
     def carry_at(speed: float) -> Array:
         slower = at_speed(settings, speed)
-        return gripper_path(slower, strip, policy, _simulate(slower, strip, policy))[grasp:end]
+        return _carry(slower, strip, policy, _simulate(slower, strip, policy))
 
     problems = [
         *(check.sentence() for check in check_scope(strip) if not check.passed),
@@ -118,20 +116,27 @@ def _desk_collisions(
         yield f"desk: {fault}"
 
 
-def gripper_path(
-    settings: CellSettings, strip: StripFile, policy: Policy, folds: Folds | None
-) -> Array:
-    """Gripper positions (n, 2) [m] of a whole fold: approach, simulated fold, retreat.
+def _carry(settings: CellSettings, strip: StripFile, policy: Policy, folds: Folds | None) -> Array:
+    """Gripper positions (n, 2) [m] of the first of `folds`, from the strip's edge on the desk on.
 
-    The fold is the first of `folds`; where the simulation failed (None), the lift takes its place.
+    Where the simulation failed (None), the policy's lift takes its place.
     """
-    beyond, aside = strip.length + settings.fold.approach, settings.fold.approach
-    before = [(beyond, settings.fold.clear_height), (beyond, 0.0), (strip.length, 0.0)]
-    after = [(0.0, 0.0), (-aside, 0.0), (-aside, 2 * aside)]
     if folds is None:
         policy.reset(strip, settings.fold.speed, 1)
-    fold = policy.lift().points if folds is None else folds.trace[:, 0]
-    return np.vstack([before, fold, after])
+    return from_edge(strip, policy.lift().points if folds is None else folds.trace[:, 0])
+
+
+def from_edge(strip: StripFile, fold: Array) -> Array:
+    """Gripper positions (n + 1, 2) [m] from the edge of `strip` on the desk through a `fold`."""
+    return np.vstack([(strip.length, 0.0), fold])
+
+
+def _gripper_path(settings: CellSettings, strip: StripFile, carry: Array) -> Array:
+    """Gripper positions (n, 2) [m] of a whole fold: approach, `carry` (k, 2), retreat."""
+    beyond, aside = strip.length + settings.fold.approach, settings.fold.approach
+    before = [(beyond, settings.fold.clear_height), (beyond, 0.0)]
+    after = [(0.0, 0.0), (-aside, 0.0), (-aside, 2 * aside)]
+    return np.vstack([before, carry, after])
 
 
 def _simulate(settings: CellSettings, strip: StripFile, policy: Policy) -> Folds | None:

@@ -25,6 +25,10 @@ PATIENCE = 4.0  # s within which the board must appear, and the scene be still a
 SAME_PLACE = 1.0  # px by which a standing board may seem to move
 FEWEST_STANDING, FEWEST_TILTED = 4, 2  # views of the board
 STILL_LEVEL, STILL_SHARE = 14, 0.002  # grey levels, and share of pixels that may differ by more
+NEVER_STILL = (
+    f"the scene is never still within {PATIENCE:g} s after the board is last seen; take it away, "
+    "wait a second there with the clip held still, then fold"
+)
 SMALL = (480, 270)  # px at which images are compared
 FIXED = cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_ZERO_TANGENT_DIST
 FIXED |= cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3  # few views of a phone's lens do not tell these
@@ -59,34 +63,38 @@ def _views_until_still(
     """Views of the board, and the first image after the board in which nothing moves."""
     board = boards.board()
     detector = cv2.aruco.CharucoDetector(board)
-    views: list[BoardView] = []
-    last_seen, before, searched = 0.0, None, -PERIOD
+    views, before, board_gone, due = list[BoardView](), None, 0.0, 0.0
     for frame in frames:
-        if frame.stamp < searched + PERIOD:
+        if frame.stamp < due:
             continue
-        searched = frame.stamp
+        due = frame.stamp + PERIOD
         seen = find_board(frame.image, detector, board)
         if seen.view is not None and seen.corners >= boards.corners:
             views.append(seen.view)
         small = cv2.resize(frame.image, SMALL, interpolation=cv2.INTER_AREA)
         if seen.markers:
-            last_seen = frame.stamp
-        elif views and before is not None:
-            moved = cv2.absdiff(small, before).max(axis=2) > STILL_LEVEL
-            if moved.mean() < STILL_SHARE:
-                return views, frame
-        if frame.stamp > last_seen + PATIENCE:
+            board_gone = frame.stamp
+        elif views and before is not None and _is_still(before, small):
+            return views, frame
+        if frame.stamp > board_gone + PATIENCE:
             break
         before = small
-    reason = (
-        f"the scene is never still within {PATIENCE:g} s after the board is last seen; take it "
-        "away, wait a second there with the clip held still, then fold"
-        if views
-        else f"the printed board is not seen in the first {PATIENCE:g} s, at least "
-        f"{boards.corners} of its corners must be; stand it upright in the plane of the strip's "
-        "edge, in full view, in light that does not mirror in it"
+    raise ConfigurationError(f"{film}: {NEVER_STILL if views else _no_board(boards.corners)}")
+
+
+def _is_still(before: Image, after: Image) -> bool:
+    """Whether two images (h, w, 3) in succession show the same scene but for noise."""
+    changed = cv2.absdiff(after, before).max(axis=2) > STILL_LEVEL
+    return bool(changed.mean() < STILL_SHARE)
+
+
+def _no_board(corners: int) -> str:
+    """Reason and remedy where no image shows `corners` corners of the board."""
+    return (
+        f"the printed board is not seen in the first {PATIENCE:g} s, at least {corners} of its "
+        "corners must be; stand it upright in the plane of the strip's edge, in full view, in "
+        "light that does not mirror in it"
     )
-    raise ConfigurationError(f"{film}: {reason}")
 
 
 def _calibrate_by_board(
@@ -122,28 +130,28 @@ def _aligned(film: Path, image: Image, calibration: Calibration, strip: StripFil
 
     Clamp and clip hide about as much of one end as of the other: the middle is kept.
     """
-    low, high, colour = _find_strip(film, image, calibration, strip)
+    left, right, colour = _find_strip(film, image, calibration, strip)
     for _ in range(ROUNDS):
-        seen = float(np.hypot(*(high - low)))
-        calibration = _with_axis(calibration, low, high, seen)
-        low, high = _find_ends(image, calibration, seen, strip, colour)
-    seen = float(np.hypot(*(high - low)))
-    if not abs(seen / strip.length - 1) <= PRINTED:
+        length = float(np.hypot(*(right - left)))
+        calibration = _with_axis(calibration, left, right, length)
+        left, right = _find_ends(image, calibration, length, strip, colour)
+    length = float(np.hypot(*(right - left)))
+    if not abs(length / strip.length - 1) <= PRINTED:
         raise ConfigurationError(
-            f"{film}: the strip is {1e3 * seen:.0f} mm long by the board, its file says "
+            f"{film}: the strip is {1e3 * length:.0f} mm long by the board, its file says "
             f"{1e3 * strip.length:.0f} mm, allowed within {1e2 * PRINTED:g} %; print the board "
             "at 100 %, stand it in the plane of the strip's edge, and measure the strip from "
             "its clamp to its clip, both of which need colours of their own"
         )
-    return _with_axis(calibration, low, high, strip.length)
+    return _with_axis(calibration, left, right, strip.length)
 
 
-def _with_axis(calibration: Calibration, low: Array, high: Array, length: float) -> Calibration:
-    """Calibration whose x axis runs from `low` to `high` (2,) [m], their middle at `length` / 2."""
-    along = (high - low) / np.hypot(*(high - low))
+def _with_axis(calibration: Calibration, left: Array, right: Array, length: float) -> Calibration:
+    """Calibration whose x axis runs from `left` to `right` (2,) [m], the middle at `length` / 2."""
+    along = (right - left) / np.hypot(*(right - left))
     turn = np.array([(along[0], along[1]), (-along[1], along[0])])
     move = np.eye(3)
-    move[:2, :2], move[:2, 2] = turn, (length / 2, 0.0) - turn @ (low + high) / 2
+    move[:2, :2], move[:2, 2] = turn, (length / 2, 0.0) - turn @ (left + right) / 2
     homography = Homography.from_matrix(move @ calibration.homography.matrix)
     return change_calibration(calibration, homography=homography)
 
@@ -155,20 +163,20 @@ def _find_strip(
     height, width = image.shape[:2]
     rim = calibration.to_plane(np.array([(0, 0), (1, 0), (0, 1), (1, 1)]) * (width - 1, height - 1))
     x, z = (np.arange(*ends, RASTER) for ends in zip(rim.min(axis=0), rim.max(axis=0), strict=True))
-    seen = sample_plane(image, calibration, np.stack(np.meshgrid(x, z), axis=-1))
-    away = colour_distances(seen.reshape(-1, 3), np.array([strip.colour[::-1]], dtype=np.float64))
+    plane = sample_plane(image, calibration, np.stack(np.meshgrid(x, z), axis=-1))
+    away = colour_distances(plane.reshape(-1, 3), np.array([strip.colour[::-1]], dtype=np.float64))
     for limit in LIMITS:
-        mask = (away < limit).reshape(seen.shape[:2]).astype(np.uint8)
+        mask = (away < limit).reshape(plane.shape[:2]).astype(np.uint8)
         mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 9)))
-        _, labels, found, _ = cv2.connectedComponentsWithStats(mask)
-        width, height = found[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].T
-        lengths = np.where(height < SLIM * width, np.hypot(width, height) * RASTER, 0.0)
+        _, labels, pieces, _ = cv2.connectedComponentsWithStats(mask)
+        wide, high = pieces[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].T
+        lengths = np.where(high < SLIM * wide, np.hypot(wide, high) * RASTER, 0.0)
         best = int(np.argmin(np.abs(lengths - strip.length)))
         if abs(lengths[best] / strip.length - 1) < ALIKE:
             v, u = np.nonzero(labels == best)
             line = np.polynomial.Polynomial.fit(x[u], z[v], 1)
-            low, high = (np.array([end, line(end)]) for end in (x[u.min()], x[u.max()]))
-            return low, high, np.median(seen[v, u], axis=0)
+            left, right = (np.array([end, line(end)]) for end in (x[u.min()], x[u.max()]))
+            return left, right, np.median(plane[v, u], axis=0)
     raise ConfigurationError(
         f"{film}: no strip of {1e3 * strip.length:.0f} mm and of the colour {list(strip.colour)} "
         f"lies in the plane of the board, the nearest piece is {1e3 * lengths[best]:.0f} mm; lay "

@@ -14,7 +14,7 @@ from cell.arm.run_settings import at_speed
 from cell.calibrate.calibration_in_use import check_current
 from cell.config.cell import CellFile
 from cell.devices.open import real_camera
-from cell.folding.feasibility import corner_strips, path_problems, simulate
+from cell.folding.feasibility import corner_strips, from_edge, path_problems, simulate
 from cell.folding.request import Request
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe
@@ -112,13 +112,12 @@ def _check_path(folds: Folds, request: Request) -> None:
     """Raise ConfigurationError where the arm of `request` cannot follow all of its `folds`."""
     settings, strip = request.cell, request.strip
 
-    def carry(of: Folds) -> Array:
-        return np.vstack([(strip.length, 0.0), of.trace[:, 0]])
-
     def carry_at(speed: float) -> Array:
-        return carry(simulate_policy(request, at_speed(settings, speed), [strip]))
+        slower = simulate_policy(request, at_speed(settings, speed), [strip])
+        return from_edge(strip, slower.trace[:, 0])
 
     limits, places = request.choice.motion_limits(settings), folds.trace.reshape(-1, 2)
-    problems = list(path_problems(places, carry(folds), settings, limits, carry_at))
+    carry = from_edge(strip, folds.trace[:, 0])
+    problems = list(path_problems(places, carry, settings, limits, carry_at))
     if problems:
         raise ConfigurationError("\n".join(problems))

@@ -174,40 +174,44 @@ def _check_place(seen: Underside, strip: StripFile, *, clear: bool) -> Preflight
     )
 
 
-def _check_rest(
-    seen: Underside,
-    appearance: Appearance,
-    settings: PerceptionSettings,
-    strip: StripFile,
-    residual: float,
-) -> tuple[PreflightCheck, ...]:
-    """Check whether the strip lies flat, in the calibrated plane, with the stated length."""
-    x, z = seen.x[seen.present], seen.z[seen.present]
-    bump = float(np.abs(z - appearance.rest_height(x)).max())
-    high = float(np.abs(appearance.rest_height(x)).max())
-    flat = PreflightCheck(
+def _check_flat(seen: Underside, appearance: Appearance, allowed: float) -> PreflightCheck:
+    """Check whether the strip's edge leaves its smooth line by at most `allowed` [m]."""
+    bump = float(np.abs(seen.z - appearance.rest_height(seen.x))[seen.present].max())
+    return PreflightCheck(
         "flat and straight",
-        bump <= settings.flatness,
-        f"its edge leaves a smooth line by {1e3 * bump:.1f} mm, "
-        f"allowed {1e3 * settings.flatness:.1f} mm",
+        bump <= allowed,
+        f"its edge leaves a smooth line by {1e3 * bump:.1f} mm, allowed {1e3 * allowed:.1f} mm",
         "smooth the strip out, lay it straight along the line",
     )
-    level = PreflightCheck(
+
+
+def _check_level(seen: Underside, appearance: Appearance, allowed: float) -> PreflightCheck:
+    """Check whether the strip's edge lies at most `allowed` [m] off the desk's plane z = 0."""
+    off = float(np.abs(appearance.rest_height(seen.x[seen.present])).max())
+    return PreflightCheck(
         "on the desk plane",
-        high <= settings.level,
-        f"its edge lies {1e3 * high:.1f} mm off z = 0, allowed {1e3 * settings.level:.1f} mm",
+        off <= allowed,
+        f"its edge lies {1e3 * off:.1f} mm off z = 0, allowed {1e3 * allowed:.1f} mm",
         "lay the near edge on the marked line; if it is, calibrate the camera again",
     )
+
+
+def _check_length(
+    seen: Underside, strip: StripFile, allowed: float, residual: float
+) -> PreflightCheck:
+    """Check whether the free edge lies within `allowed` [m] of the strip's stated length.
+
+    `residual` [m] is the error of the calibration's map.
+    """
     error = seen.end - strip.length
-    length = PreflightCheck(
+    return PreflightCheck(
         "length",
-        abs(error) <= settings.length_tolerance,
+        abs(error) <= allowed,
         f"its free edge is at x = {1e3 * seen.end:.0f} mm, stated length "
-        f"{1e3 * strip.length:.0f} mm, allowed within {1e3 * settings.length_tolerance:.0f} mm",
+        f"{1e3 * strip.length:.0f} mm, allowed within {1e3 * allowed:.0f} mm",
         "push the fixed edge to x = 0, or state the strip's own length",
         LengthCheck("free_edge", error, {"map": residual, "laid by hand": BY_HAND}),
     )
-    return flat, level, length
 
 
 def _densest_pixel(alike: Floats) -> Array:
@@ -251,13 +255,10 @@ def inspect(
 ) -> Preflight:
     """Check the image `frame` of a strip that lies flat on the desk, not yet grasped."""
     image = frame.image
-    refused = [
-        check
-        for check in (_check_size(image, calibration), *check_scope(strip))
-        if not check.passed
-    ]
+    required = (_check_size(image, calibration), *check_scope(strip))
+    refused = tuple(check for check in required if not check.passed)
     if refused:
-        return Preflight(tuple(refused), None)
+        return Preflight(refused, None)
     scene, levels, lying, rise = _learn_scene(image, calibration, strip)
     seen = sample_scene(image, calibration, strip)
     distinct = (
@@ -270,8 +271,12 @@ def inspect(
     if not lies.passed:
         return Preflight((*distinct, lies), None)
     appearance = Appearance(scene, frozen(resting_line(lying)))
-    rest = _check_rest(lying, appearance, settings, strip, calibration.residual)
-    return Preflight((*distinct, lies, *rest), appearance)
+    rests = (
+        _check_flat(lying, appearance, settings.flatness),
+        _check_level(lying, appearance, settings.level),
+        _check_length(lying, strip, settings.length_tolerance, calibration.residual),
+    )
+    return Preflight((*distinct, lies, *rests), appearance)
 
 
 def _learn_scene(
