@@ -39,11 +39,7 @@ class BoardViews:
     subject = "board"
 
     def __init__(
-        self,
-        settings: BoardSettings,
-        *,
-        patient: bool = False,
-        size: tuple[int, int] | None = None,
+        self, settings: BoardSettings, *, patient: bool = False, size: tuple[int, int] | None = None
     ) -> None:
         self._settings = settings
         self._board = settings.board()

@@ -14,13 +14,7 @@ from calibration.homography import Homography
 from calibration.lens import Lens
 from calibration.wizard.latency import LatencyVerdict
 from calibration.wizard.progress import ENLARGED
-from calibration.wizard.touches import (
-    Touch,
-    TouchFit,
-    TouchSettings,
-    camera_move,
-    fit_touches,
-)
+from calibration.wizard.touches import Touch, TouchFit, TouchSettings, camera_move, fit_touches
 from calibration.wizard.verdict import Level, Line, Verdict, grade_line, reasons
 from drivers.errors import ConfigurationError
 from drivers.types import Array

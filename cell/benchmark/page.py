@@ -14,14 +14,7 @@ from cell.benchmark.figures import (
     strips_figure,
 )
 from cell.benchmark.results import MissingPart, Results
-from cell.benchmark.summary import (
-    PAPER_POLICIES,
-    PAPER_WORST,
-    claims,
-    misses_text,
-    numeral,
-    rows,
-)
+from cell.benchmark.summary import PAPER_POLICIES, PAPER_WORST, claims, misses_text, numeral, rows
 from cell.record.documents import plain
 from cell.report.drawing import as_png
 from cell.report.html import Tone, page

@@ -7,13 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import policies
-from cell.benchmark.results import (
-    BenchmarkSpec,
-    EffectFolds,
-    ImageFold,
-    RangeFolds,
-    finite_or_none,
-)
+from cell.benchmark.results import BenchmarkSpec, EffectFolds, ImageFold, RangeFolds, finite_or_none
 from cell.calibrate.calibration_in_use import calibration_of
 from cell.campaign.journal import digest
 from cell.campaign.run import Part

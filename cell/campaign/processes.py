@@ -119,11 +119,7 @@ class ProcessPool:
     """
 
     def __init__(
-        self,
-        size: int,
-        prepare: Callable[[], None] | None = None,
-        *,
-        dies_with_parent: bool = True,
+        self, size: int, prepare: Callable[[], None] | None = None, *, dies_with_parent: bool = True
     ) -> None:
         self._size, self._start = size, (prepare, dies_with_parent)
         self._idle: list[Child] = []

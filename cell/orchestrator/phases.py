@@ -11,14 +11,7 @@ import numpy as np
 from calibration.landmarks import camera_shift
 from cell.orchestrator.calibration_phase import begin_calibration, calibrate
 from cell.orchestrator.context import CalibrationContext, Context, FoldContext, ManualContext
-from cell.orchestrator.lay import (
-    CLEARANCE,
-    HANGING,
-    TURN_GAIN,
-    edge_place,
-    follow_lay,
-    lay_path,
-)
+from cell.orchestrator.lay import CLEARANCE, HANGING, TURN_GAIN, edge_place, follow_lay, lay_path
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
 from cell.orchestrator.states import Event, State

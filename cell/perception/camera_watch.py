@@ -86,12 +86,7 @@ class CameraWatch:
     calibration: Calibration
 
     @classmethod
-    def choose(
-        cls,
-        appearance: Appearance,
-        calibration: Calibration,
-        strip: StripFile,
-    ) -> Self:
+    def choose(cls, appearance: Appearance, calibration: Calibration, strip: StripFile) -> Self:
         """Choose the best located patches, off the strip's zone and below the waiting hand."""
         grey = grey_of(appearance.scene.background.image)
         sigma = _place_deviation(grey, appearance.scene.sensor)

@@ -50,12 +50,7 @@ def moments_of(run: Run) -> Iterator[TickView | LogLine]:
     """Yield ticks and log lines of a run in the order of time."""
     origin = run.origin()
     words: Iterator[TickView | LogLine] = (
-        LogLine(
-            event.t + origin,
-            log_text(event.kind, event.facts),
-            event.kind == "fault",
-            event.t,
-        )
+        LogLine(event.t + origin, log_text(event.kind, event.facts), event.kind == "fault", event.t)
         for event in sorted(run.events(), key=lambda event: event.t)
         if event.kind not in EVERY_FRAME
     )
