@@ -108,12 +108,9 @@ class Row:
         """Cells of the table of the paper's range: |d| in the rod and on the chain, the pull."""
         rod, chain = self.rod, self.chain
         numbers = [numeral(value) for value in (rod.mean, rod.quantile_95, rod.worst)]
-        other = (
-            numeral(chain.mean),
-            numeral(chain.worst),
-            NO_VALUE if np.isnan(rod.force) else f"{rod.force:.2f}",
-        )
-        return self.policy, *numbers, str(rod.untouched), *other
+        pull = NO_VALUE if np.isnan(rod.force) else f"{rod.force:.2f}"
+        on_chain = numeral(chain.mean), numeral(chain.worst)
+        return self.policy, *numbers, str(rod.untouched), *on_chain, pull
 
 
 def rows(results: Results) -> tuple[Row, ...]:

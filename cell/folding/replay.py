@@ -143,7 +143,8 @@ def _other_decisions(
     run: Run, settings: CellFile, strip: StripFile, decided: list[_Decision], measured: Measured
 ) -> Iterator[str]:
     """Decide again on the recorded measurements; yields decisions that differ from the record."""
-    policy = make_policy(str(_header_value(run, "policy")), _checkpoint(run))
+    weights = None if run.header.checkpoint is None else run.folder / CHECKPOINT
+    policy = make_policy(str(_header_value(run, "policy")), weights)
     correction_of(run.header.learning).apply(policy)
     policy.reset(strip, settings.fold.speed, 1)
     for then in decided:
@@ -157,13 +158,6 @@ def _other_decisions(
         now = float(decision.direction[0])
         if not abs(now - then.direction) <= POSE_ROUNDING or bool(decision.done[0]) != then.done:
             yield f"image {then.sequence}: direction was {then.direction:.6f}, is {now:.6f} rad"
-
-
-def _checkpoint(run: Run) -> Path | None:
-    """Checkpoint of this run; None where it used the committed weights."""
-    if run.header.checkpoint is None:
-        return None
-    return run.folder / CHECKPOINT
 
 
 def _header_entry(run: Run, key: str, model: type[Any]) -> Any:

@@ -3,7 +3,7 @@
 import base64
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cache, partial, wraps
+from functools import cached_property, partial, wraps
 from html import escape
 from math import nan
 from pathlib import Path
@@ -253,41 +253,50 @@ def _read(folder: Path, *, lenient: bool) -> Run:
     check_run(folder)
     header, reader = load(folder / RUN, Header), PartReader(lenient)
     result = reader.read(lambda: read_result(folder), None)
-    streams = cache(lambda: _tables_from_streams(folder, header))
-    table = partial(_read_table, folder, streams, reader, result is not None and not lenient)
-    ticks = reader.read(lambda: Ticks.parse(*table(TICKS)), Ticks.none())
-    profile = reader.read(lambda: Profile.parse(*table(PROFILE)), Profile.none())
+    tables = _RunTables(folder, header, reader, complete=result is not None and not lenient)
+    ticks = reader.read(lambda: Ticks.parse(*tables.read(TICKS)), Ticks.none())
+    profile = reader.read(lambda: Profile.parse(*tables.read(PROFILE)), Profile.none())
     return Run(folder, header, ticks, profile, result, reader)
 
 
-def _read_table(
-    folder: Path, streams: Callable[[], Tables], reader: PartReader, must_exist: bool, name: str
-) -> tuple[pa.Table, str]:
-    """The table in the Parquet file `name` of a run, and the path of its source for errors.
+class _RunTables:
+    """Tables of the run in `folder`, read from their files, or made from the streams of a run.
 
-    One that is missing, unless it `must_exist`, or is broken in a lenient run is made of `streams`.
+    Of a `complete` run every file must exist.
     """
-    path, stream = folder / name, folder / TICK_STREAM
-    try:
-        if path.exists() or must_exist:
-            return read_parquet(path), str(path)
-    except ConfigurationError as error:
-        if not (reader.lenient and stream.is_file()):
-            raise
-        reader.problems.append(f"{error}; read from {TICK_STREAM} instead")
-    return streams()[name], str(stream)
 
+    def __init__(self, folder: Path, header: Header, reader: PartReader, *, complete: bool) -> None:
+        self._folder, self._header, self._reader = folder, header, reader
+        self._complete = complete
 
-def _tables_from_streams(folder: Path, header: Header) -> Tables:
-    """Make the tables of an interrupted run from its streams.
+    def read(self, name: str) -> tuple[pa.Table, str]:
+        """Table in the Parquet file `name`, and the path of its source for errors.
 
-    A run of the cell may have died before its streams were begun. Raises ConfigurationError for any
-    other run without tables.
-    """
-    begun = any((folder / name).exists() for name in (TICK_STREAM, EVENTS))
-    if not begun and header.config is None:
-        missing = TICKS if not (folder / TICKS).exists() else PROFILE
-        raise ConfigurationError(
-            f"{folder}: {missing}: is missing, and there is no {TICK_STREAM} to make it from"
-        )
-    return assemble(folder)
+        One that is missing from an incomplete run, or broken in a lenient one, is made from the
+        streams.
+        """
+        path, stream = self._folder / name, self._folder / TICK_STREAM
+        try:
+            if path.exists() or self._complete:
+                return read_parquet(path), str(path)
+        except ConfigurationError as error:
+            if not (self._reader.lenient and stream.is_file()):
+                raise
+            self._reader.problems.append(f"{error}; read from {TICK_STREAM} instead")
+        return self._streams[name], str(stream)
+
+    @cached_property
+    def _streams(self) -> Tables:
+        """Tables made from the streams of an interrupted run.
+
+        A run of the cell may have died before its streams were begun. Raises ConfigurationError for
+        any other run without tables.
+        """
+        folder = self._folder
+        begun = any((folder / name).exists() for name in (TICK_STREAM, EVENTS))
+        if not begun and self._header.config is None:
+            missing = TICKS if not (folder / TICKS).exists() else PROFILE
+            raise ConfigurationError(
+                f"{folder}: {missing}: is missing, and there is no {TICK_STREAM} to make it from"
+            )
+        return assemble(folder)
