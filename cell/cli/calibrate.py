@@ -33,7 +33,6 @@ SHORTEST_BOARD = 1e-3  # m
 SESSIONS = Path("calibrations")
 FIRST_LINE = "Calibrate the camera: `camera` its lens, `homography` its place; `check` touches it."
 
-
 Out = Annotated[
     Path | None,
     typer.Option(help="Folder of this session, new [default: calibrations/TIME-CELL-KIND]."),

@@ -353,7 +353,6 @@ def _subject_file(
         return _strip_file(strip, configs)
     if model is not None:
         return model
-
     return _relative(find_configs(configs).mechanism_path(str(subject)))
 
 

@@ -23,7 +23,6 @@ TrainedPolicy = Literal["feedback", "adaptive"]
 TrainingFolder = Annotated[
     Path | None, typer.Option(help="Folder of the training [default: runs/training/seed-SEED].")
 ]
-Candidates = Annotated[int, typer.Option(min=4, help="Candidates a generation.")]
 StripsASide = Annotated[
     int, typer.Option(min=1, help="Strips a side of the paper's range that each folds.")
 ]
@@ -49,7 +48,7 @@ def train(
     out: TrainingFolder = None,
     seed: Annotated[int, typer.Option(min=0, help="Same seed and settings, same weights.")] = 0,
     generations: Annotated[int, typer.Option(min=1, help="Generations of CMA-ES.")] = 300,
-    population: Candidates = 48,
+    population: Annotated[int, typer.Option(min=4, help="Candidates a generation.")] = 48,
     strips: StripsASide = 4,
     jobs: TrainingJobs = None,
     cluster: TrainingCluster = None,

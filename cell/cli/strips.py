@@ -29,7 +29,6 @@ def list_strips(context: typer.Context, configs: Configs = None, as_json: Json =
     """List the strips that this cell knows; further commands measure one or make a new one."""
     if context.invoked_subcommand is not None:
         return
-
     found, all_strips = find_configs(configs), list["StripFile"]()
     for name in found.strip_names():
         try:

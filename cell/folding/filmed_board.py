@@ -29,6 +29,11 @@ NEVER_STILL = (
     f"the scene is never still within {PATIENCE:g} s after the board is last seen; take it away, "
     "wait a second there with the clip held still, then fold"
 )
+NO_BOARD = (
+    f"the printed board is not seen in the first {PATIENCE:g} s, at least {{}} of its corners must "
+    "be; stand it upright in the plane of the strip's edge, in full view, in light that does not "
+    "mirror in it"
+)
 SMALL = (480, 270)  # px at which images are compared
 FIXED = cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_ZERO_TANGENT_DIST
 FIXED |= cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3  # few views of a phone's lens do not tell these
@@ -79,22 +84,13 @@ def _views_until_still(
         if frame.stamp > board_gone + PATIENCE:
             break
         before = small
-    raise ConfigurationError(f"{film}: {NEVER_STILL if views else _no_board(boards.corners)}")
+    raise ConfigurationError(f"{film}: {NEVER_STILL if views else NO_BOARD.format(boards.corners)}")
 
 
 def _is_still(before: Image, after: Image) -> bool:
     """Whether two images (h, w, 3) in succession show the same scene but for noise."""
     changed = cv2.absdiff(after, before).max(axis=2) > STILL_LEVEL
     return bool(changed.mean() < STILL_SHARE)
-
-
-def _no_board(corners: int) -> str:
-    """Reason and remedy where no image shows `corners` corners of the board."""
-    return (
-        f"the printed board is not seen in the first {PATIENCE:g} s, at least {corners} of its "
-        "corners must be; stand it upright in the plane of the strip's edge, in full view, in "
-        "light that does not mirror in it"
-    )
 
 
 def _calibrate_by_board(

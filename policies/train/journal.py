@@ -19,7 +19,7 @@ LARGEST_JOURNAL = 512 * MEGABYTE  # of hundreds of thousands of generations
 OTHER_FOLDER = "name another output folder"
 
 
-class Journal:
+class TrainingJournal:
     """Journal of a training: file of JSON lines, first its `settings`, then lines with `keys`.
 
     A larger number of `generations` than before extends a training, and the first line records it.
@@ -59,9 +59,7 @@ class Journal:
         mappings = all(isinstance(line, dict) for line in lines)
         if not mappings or not all(line.keys() >= self._keys for line in lines[1:]):
             raise self._not_a_journal()
-        if (
-            not lines and text and not text.startswith("{")
-        ):  # a kill cuts off the settings' line at most
+        if not lines and text and not text.startswith("{"):  # a kill cuts off one line at most
             raise self._not_a_journal()
         return lines
 

@@ -22,7 +22,7 @@ from policies.feedback import (
     Training,
     save_checkpoint,
 )
-from policies.train.journal import Journal, Line
+from policies.train.journal import Line, TrainingJournal
 from policies.train.objective import TrainingSettings, evaluate, validate
 
 JOURNAL, CHECKPOINT = "feedback.jsonl", "feedback.json"
@@ -66,7 +66,7 @@ class Search:
         self.checkpoint = folder / CHECKPOINT
         self.weights: Array = initial_weights(np.random.default_rng(settings.seed))
         self.validated = np.inf
-        self._journal = Journal(folder / JOURNAL, settings, REPLAYED)
+        self._journal = TrainingJournal(folder / JOURNAL, settings, REPLAYED)
         self._blas = ThreadpoolController()
         self._last_validation = ""
         self._optimiser = CMA(

@@ -9,7 +9,7 @@ import pytest
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 from policies.rollout import Folds
-from policies.train.journal import Journal
+from policies.train.journal import TrainingJournal
 from policies.train.objective import (
     Scores,
     TrainingSettings,
@@ -60,10 +60,8 @@ def test_run_killed_twice_ends_with_the_weights_of_one_left_alone(tmp_path: Path
     train(tmp_path / "killed", 5)
     again = train(tmp_path / "killed", 99)
     np.testing.assert_array_equal(alone.weights, again.weights)
-    lines = [
-        len(Journal(tmp_path / n / "feedback.jsonl", SETTINGS).lines) for n in ("alone", "killed")
-    ]
-    assert lines == [12, 12]
+    paths = [tmp_path / name / "feedback.jsonl" for name in ("alone", "killed")]
+    assert [len(TrainingJournal(path, SETTINGS).lines) for path in paths] == [12, 12]
 
 
 def test_journal_of_other_settings_is_refused_and_says_which(tmp_path: Path) -> None:

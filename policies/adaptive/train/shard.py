@@ -201,7 +201,6 @@ def concatenate(shards: list[Shard]) -> Shard:
 def _pad(shard: Shard, length: int) -> Shard:
     """Copy of `shard` padded to `length` decisions, of which those added are not alive."""
     more = length - shard.moved.shape[1]
-
     parts = shard._asdict()
     for name in ("inputs", "moved", "alive", "predicted"):
         values = parts[name]

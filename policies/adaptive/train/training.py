@@ -19,7 +19,7 @@ from policies.adaptive.critic import Critic, Memory, Prediction
 from policies.adaptive.train.regression import fit
 from policies.adaptive.train.shard import CriticSettings, Shard, concatenate, simulate
 from policies.rollout import Misses
-from policies.train.journal import Journal
+from policies.train.journal import TrainingJournal
 
 SETTINGS, CHECKPOINT = "adaptive.json", "adaptive.npz"
 LAST = 16  # kept decisions before the touch, about a second, on which sigmas are set
@@ -40,7 +40,7 @@ class CriticTraining:
         self.checkpoint = folder / CHECKPOINT
         self._critic: Critic | None = None  # of the last round, calibrated by the trial at the end
         self._trial: Trial | None = None
-        Journal(folder / SETTINGS, settings)
+        TrainingJournal(folder / SETTINGS, settings)
 
     @property
     def total(self) -> int:
