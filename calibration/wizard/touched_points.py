@@ -19,6 +19,8 @@ from calibration.wizard.touches import (
 from drivers.errors import ConfigurationError
 from drivers.types import Array, Frame, Image, Pose
 
+NOT_STILL = "between two images; wait until it is still"
+
 
 class TouchedPoints:
     """Collection of touched points, by ask and tell.
@@ -205,12 +207,10 @@ class TouchedPoints:
         last_centre, last_place = self._last
         arm_moved = np.hypot(*(place - last_place))
         if arm_moved > self._settings.arm_still:
-            reason = f"the arm moved by {1e3 * arm_moved:.1f} mm between two images"
-            return f"{reason}; wait until it is still"
+            return f"the arm moved by {1e3 * arm_moved:.1f} mm {NOT_STILL}"
         moved = np.hypot(*(centre - last_centre))
         if moved > self._settings.still:
-            reason = f"the pointer moved by {moved:.1f} px between two images"
-            return f"{reason}; wait until it is still"
+            return f"the pointer moved by {moved:.1f} px {NOT_STILL}"
         return None
 
     def _touched(self, row: Row, centre: Array) -> Touch:

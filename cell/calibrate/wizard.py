@@ -19,7 +19,7 @@ from calibration.wizard.board_views import BoardViews
 from calibration.wizard.coverage import WantedView
 from calibration.wizard.latency import NOT_MEASURED, latency_verdict
 from calibration.wizard.lens_verdict import LensVerdict
-from calibration.wizard.progress import Mark, Observer, draw_picture, ignore
+from calibration.wizard.progress import Observer, draw_picture, ignore
 from calibration.wizard.session import (
     PICTURE_FILE,
     SESSION_FILE,
@@ -98,7 +98,8 @@ class Wizard:
             devices.camera.close()
         verdict = views.verdict(keep.session.length)
         _keep_lens(folder, verdict, devices.camera_identity)
-        _draw(folder, keep.newest or first, views.marks, verdict.title)
+        picture = draw_picture((keep.newest or first).image, views.marks, verdict.title)
+        write_image(folder / PICTURE_FILE, picture)
         return verdict
 
     def calibrate_homography(
@@ -142,7 +143,8 @@ class Wizard:
         if context.landmarks is not None:
             write_yaml(folder / LANDMARKS_FILE, context.landmarks.model_dump(mode="json"))
         if keep.newest is not None:
-            _draw(folder, keep.newest, points.marks(verdict.touches), verdict.touches.title)
+            marks, title = points.marks(verdict.touches), verdict.touches.title
+            write_image(folder / PICTURE_FILE, draw_picture(keep.newest.image, marks, title))
         return verdict
 
     def check(self, calibration: Calibration) -> CheckVerdict:
@@ -395,8 +397,3 @@ def _keep_map(folder: Path, verdict: MapVerdict) -> None:
     write_yaml(folder / VERDICT_FILE, content)
     if verdict.calibration is not None:
         save_calibration(verdict.calibration, folder / CALIBRATION_FILE)
-
-
-def _draw(folder: Path, frame: Frame, marks: Sequence[Mark], title: Sequence[str]) -> None:
-    """Write the picture of a session: its newest `frame` with all `marks` and a `title`."""
-    write_image(folder / PICTURE_FILE, draw_picture(frame.image, marks, title))

@@ -63,18 +63,23 @@ def train(
     and ends with folds of the chain through images, which correct what it learned in the rod. After
     an interruption run the command again to resume; the weights are the same.
     """
-    _check_training(policy, checkpoint)
+    adaptive = policy == "adaptive"
+    if checkpoint is not None and not adaptive:
+        raise ConfigurationError("--checkpoint: is for --policy adaptive; leave it out")
     from rich.console import Console
 
     from cell.campaign.processes import cores
     from cell.campaign.progress import Meter
+    from cell.extras import require_library
+
+    if checkpoint is None:
+        require_library("torch" if adaptive else "cmaes")
     from cell.train.run import train as train_in
     from cell.train.transfer import TIME_LIMIT, transfer
     from policies.adaptive.train.shard import CriticSettings
     from policies.train.objective import TrainingSettings
 
     size = {"generations": generations, "population": population, "strips": strips}
-    adaptive = policy == "adaptive"
     settings = CriticSettings(seed=seed) if adaptive else TrainingSettings(seed=seed, **size)
     folder = out or Path("runs/training") / (f"adaptive-{seed}" if adaptive else f"seed-{seed}")
     workers = engine(jobs or (1 if cluster else cores()), cluster, TIME_LIMIT)
@@ -90,16 +95,6 @@ def train(
         print_json((trained.line() if trained else {"schema": 1}) | corrected)
     else:
         _print_training(policy, trained, corrected)
-
-
-def _check_training(policy: TrainedPolicy, checkpoint: Path | None) -> None:
-    """Raise ConfigurationError for a `checkpoint` of another policy, or a missing library."""
-    from cell.extras import require_library
-
-    if checkpoint is None:
-        require_library("torch" if policy == "adaptive" else "cmaes")
-    elif policy != "adaptive":
-        raise ConfigurationError("--checkpoint: is for --policy adaptive; leave it out")
 
 
 def _print_training(policy: str, trained: "Trained | None", corrected: Mapping[str, Any]) -> None:
