@@ -117,8 +117,7 @@ def _list(memory: "Memory", *, as_json: bool) -> None:
     from cell.learning.summary import experience_lines
 
     if as_json:
-        for one in memory.experiences():
-            print_json(asdict(one))
+        print_json(*map(asdict, memory.experiences()))
         return
     sys.stdout.write(experience_lines(memory.experiences()))
 
@@ -129,8 +128,7 @@ def _show(memory: "Memory", settings: "CellFile", *, as_json: bool) -> None:
 
     rows = summary_rows(memory.experiences(), settings.learning)
     if as_json:
-        for row in rows:
-            print_json(row)
+        print_json(*rows)
         return
     state = "off" if memory.is_off else settings.learning.use
     sys.stdout.write(f"{settings.name}: learning is {state}\n")

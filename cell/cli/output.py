@@ -79,11 +79,11 @@ def why_lost(outlet: Outlet | None) -> str:
     return outlet.failure.strerror or "no reason given"
 
 
-def print_json(facts: Mapping[str, Any]) -> None:
-    """Print `facts` as one line of JSON, with null for a number that is not finite."""
+def print_json(*objects: Mapping[str, Any]) -> None:
+    """Print each of `objects` as one line of JSON, with null for a number that is not finite."""
     from cell.record.documents import plain
 
-    sys.stdout.write(json.dumps(plain(facts)) + "\n")
+    sys.stdout.writelines(json.dumps(plain(facts)) + "\n" for facts in objects)
 
 
 def say(facts: Mapping[str, Any], text: str, *, as_json: bool) -> None:

@@ -175,8 +175,7 @@ def _print_benchmark(results: "Results", page: Path, *, as_json: bool) -> None:
     from cell.benchmark.summary import claim_lines, tables
 
     if as_json:
-        for line in lines(results):
-            print_json(line)
+        print_json(*lines(results))
         return
     for table in tables(results):
         print_table(*table)

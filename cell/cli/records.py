@@ -85,8 +85,7 @@ def _print_rows(rows: "Sequence[RunRow]", *, as_csv: bool, as_json: bool) -> Non
         writer.writerow(COLUMNS)
         writer.writerows(map(values_of, rows))
     elif as_json:
-        for row in rows:
-            print_json(_row_facts(row))
+        print_json(*map(_row_facts, rows))
     else:
         _print_table(rows)
 

@@ -36,8 +36,7 @@ def list_strips(context: typer.Context, configs: Configs = None, as_json: Json =
         except ConfigurationError as error:  # the others are listed all the same
             notice(str(error))
     if as_json:
-        for each in all_strips:
-            print_json(each.model_dump(mode="json", by_alias=True))
+        print_json(*(each.model_dump(mode="json", by_alias=True) for each in all_strips))
         return
     columns = ("strip", "length mm", "width mm", "g/m²", "bending mm", "retardation ms")
     keys = ("length", "width", "areal_density", "bending_length", "retardation_time")
