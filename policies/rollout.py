@@ -83,7 +83,10 @@ class Misses:
 
     @classmethod
     def from_displacements(cls, displacement: Array) -> Self:
-        """Statistics of `displacement` (..., n) [m], NaN for folds without a touch."""
+        """Mean, 95 % quantile and maximum of |d| over `displacement` d (..., n) [m].
+
+        Folds without a touch, NaN, are left out and counted.
+        """
         d = np.abs(displacement[np.isfinite(displacement)])
         lost = displacement.size - d.size
         if d.size == 0:

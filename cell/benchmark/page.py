@@ -78,7 +78,7 @@ def page_of(results: Results) -> str:
 
 
 def verdict_of(results: Results) -> PageVerdict:
-    """Sentence on the paper's main claim: feedback under 20 mm on every strip, from images."""
+    """Verdict on the paper's main claim, that feedback folds every strip to under PAPER_WORST."""
     limit = f"{1e3 * PAPER_WORST['feedback']:.0f} mm"
     row = next((row for row in rows(results) if row.policy == "feedback"), None)
     if row is None or row.strips.folded == 0:

@@ -198,12 +198,12 @@ def _store_record(
     return record
 
 
-def remote(part: Part, folder: str, there: Mapping[str, str], limit: float | None) -> str:
+def remote(part: Part, folder: str, expected: Mapping[str, str], limit: float | None) -> str:
     """Measure `part` on a worker, in a process beside it; returns the record as JSON.
 
     Raises ConfigurationError where this worker has other versions than the client.
     """
-    difference = _different_versions(there, versions())
+    difference = _different_versions(expected, versions())
     if difference:
         raise ConfigurationError(f"--cluster: a worker {difference}; install the same there")
     place = Path(folder) if Path(folder).is_dir() else _local_folder()
@@ -242,11 +242,14 @@ def _check(client: "Client", address: str, patience: float) -> None:
             )
 
 
-def _different_versions(here: Mapping[str, str], there: object) -> str:
-    """Text on the versions in `there` that differ from `here`; empty where none does."""
-    if not isinstance(there, Mapping):
-        return f"cannot run the cell ({there})"
-    other = [f"{n} {there.get(n)}, here {here[n]}" for n in here if there.get(n) != here[n]]
+def _different_versions(expected: Mapping[str, str], found: object) -> str:
+    """What a worker that `found` these versions has other than `expected`; empty if nothing.
+
+    A predicate, such as "has numpy 2.0, here 2.1".
+    """
+    if not isinstance(found, Mapping):
+        return f"cannot run the cell ({found})"
+    other = [f"{n} {found.get(n)}, here {v}" for n, v in expected.items() if found.get(n) != v]
     return f"has {', '.join(other)}" if other else ""
 
 

@@ -22,9 +22,10 @@ def unmeasured_name(length: float, thickness: float | None) -> str:
 
 
 def unmeasured_strip(known: str) -> StripFile:
-    """Strip whose length, and thickness [m] after a colon, `known` states; the rest is assumed.
+    """Strip of which only length, and perhaps thickness [m], are `known`: "0.6" or "0.6:0.001".
 
-    Assumed values are in the middle of the paper's range. Raises ConfigurationError for other text.
+    The rest is assumed, in the middle of the paper's range. Raises ConfigurationError for other
+    text.
     """
     length, _, thickness = known.partition(":")
     (c_low, c_high), (t_low, t_high) = BENDING_LENGTH, RETARDATION_TIME

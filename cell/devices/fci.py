@@ -153,7 +153,7 @@ def _start_robot(settings: CellFile, strip: StripFile, desk: Desk) -> RobotServe
 def _expect_thickness(settings: CellFile, strip: StripFile) -> CellFile:
     """The cell's settings with a hand that takes an object as thick as `strip` for grasped."""
     low, high = strip.spread.get("thickness", (strip.thickness, strip.thickness))
-    hand = settings.fci.hand.around(low, high)
+    hand = settings.fci.hand.for_thickness(low, high)
     return settings.model_copy(update={"fci": settings.fci.model_copy(update={"hand": hand})})
 
 

@@ -9,7 +9,7 @@ from scipy import special
 
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.diagnosis.lack_of_fit import Bin, ResidualTest
-from cell.gap.diagnosis.next_experiment import advise, repeatability_gains
+from cell.gap.diagnosis.next_experiment import advise, separation_by_steadier_runs
 from cell.gap.fitting.base_fit import refine, refit_base, refit_fine, strains, weak_directions
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import Estimate, refit
@@ -130,7 +130,10 @@ class Investigation:
         return Models(base_fit, screen, replace(fits, library=screen.library))
 
     def judge_base(self, rough: Estimate, scatter: Sequence[Spread]) -> BaseFit:
-        """Refit the base finely from the estimate `rough`, and test its residuals against noise."""
+        """Refit the model without effects by the fine simulation, from its coarse fit `rough`.
+
+        Its residuals are tested against noise, repeats and priors; `scatter` is passed on.
+        """
         base = refit_fine(self.subject, self.simulate, rough)
         test = ResidualTest.of(base, self.rng)
         return BaseFit(
@@ -242,13 +245,13 @@ class Investigation:
         second = _alternative(screened, accepted, fits, tests)
         if second is None:
             return Advice()
-        more = run_one(self.simulate, repeatability_gains(first, second, likelihood))
+        steadier = run_one(self.simulate, separation_by_steadier_runs(first, second, likelihood))
         experiments = [
             replace(e, run=with_spreads(evidence([e.run]), tests.scatter).runs[0])
             for e in self.subject.experiments()
         ]
         planned = run_one(self.simulate, advise(first, second, experiments, likelihood))
-        return Advice(tuple(planned), more)
+        return Advice(tuple(planned), steadier)
 
 
 def _is_strained(base: Estimate) -> bool:

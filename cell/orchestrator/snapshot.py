@@ -35,7 +35,7 @@ class MoveTo:
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """Command to the arm: follow `velocity` until the next tick."""
+    """Command to the arm: follow `velocity` [m/s, rad/s] until the next tick."""
 
     velocity: Velocity
 

@@ -132,11 +132,16 @@ def _read_note(folder: Path, line: dict[str, Any], lift: float) -> FrameNote:
         stamp, arrival = stamp - lift, arrival - lift
     if sequence < 0 or not (isfinite(stamp) and isfinite(arrival)):
         raise ValueError("an image has no number or no time")
-    path = frame_file(folder, sequence)
-    file, film = path if path.is_file() else None, line.get("film")
-    source, sha256 = str(line.get("source", "")), str(line.get("sha256") or "")
-    known = sequence, stamp, arrival, source, sha256
-    return FrameNote(*known, file, None if film is None else int(film))
+    file, film = frame_file(folder, sequence), line.get("film")
+    return FrameNote(
+        sequence=sequence,
+        stamp=stamp,
+        arrival=arrival,
+        source=str(line.get("source", "")),
+        sha256=str(line.get("sha256") or ""),
+        file=file if file.is_file() else None,
+        film=None if film is None else int(film),
+    )
 
 
 class FrameWriter:

@@ -1,5 +1,6 @@
 """Checks of a robot before the cell moves it: interface version, joint limits, tool."""
 
+import re
 import socket
 import struct
 from collections.abc import Iterator
@@ -25,6 +26,7 @@ HEADER = struct.Struct("<III")  # command, command id, size with header
 CONNECT_MESSAGE = struct.Struct("<IIIHH")  # header, version, UDP port of the client
 CONNECT_REPLY = struct.Struct("<BH")  # status, version of the robot
 SUCCESS = 0  # status of a reply, its first byte
+ARM_JOINT = re.compile(r"(?!.*finger)(?:\w+_)?joint([1-7])")  # name in a description
 SLACK = 1e-3  # rad, rad/s, rad/s^2 by which a limit may be narrower than the cell's
 
 # Attribute of the description, the value that the cell assumes (7,), and +1 where the robot's must
@@ -67,15 +69,19 @@ def read_description(address: str) -> str | None:
 def require_limits(description: str) -> None:
     """Raise ArmFault where a joint limit in a URDF `description` is narrower than the cell's.
 
-    Both values are named. The format is that of franka_description.
+    Both values are named. Joints are named as in franka_description: `fr3_joint1` to `fr3_joint7`.
     """
     if "<!" in description.replace("<!--", ""):
-        raise ArmFault(Cause.MODEL, "the robot's description declares entities")
+        raise ArmFault(Cause.MODEL, "the robot's description holds a declaration")
     try:
         root = ElementTree.fromstring(description)  # noqa: S314  no entities: refused above
     except ElementTree.ParseError as error:
         raise ArmFault(Cause.MODEL, f"the robot's description is no XML: {error}") from None
-    joints = {joint.get("name", "").rpartition("joint")[2]: joint for joint in root.iter("joint")}
+    joints = {
+        name[1]: joint
+        for joint in root.findall("joint")
+        if (name := ARM_JOINT.fullmatch(joint.get("name", "")))
+    }
     narrower = list(_narrower_limits(joints))
     if narrower:
         raise ArmFault(Cause.MODEL, "; ".join(narrower))

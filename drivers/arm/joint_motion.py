@@ -149,7 +149,7 @@ class JointMotion:
         self._here = self._here.followed_by(state, self._sent, ticks)
 
     def brake(self, *, hard: bool = False) -> None:
-        """From now on brake to rest in any posture, within GENTLE or, if `hard`, HARD limits."""
+        """From now on brake to rest, wherever that is, within GENTLE or, if `hard`, HARD limits."""
         self._goal, self._limits = None, HARD if hard else GENTLE
         self._input.max_acceleration = [self._limits.acceleration] * AXES
         self._input.max_jerk = [self._limits.jerk] * AXES

@@ -9,7 +9,8 @@ from drivers.settings import Settings
 
 RealTime = Literal["enforce", "priority", "ignore"]
 Force = Annotated[float, Field(gt=0, le=100)]
-PRESSED, LAYERS, LOOSE = 0.5, 2.0, 0.001  # share of a thickness, layers of a hem, m
+PRESSED = 0.5  # of a thickness that calipers measured: the fingers press harder
+HEM_LAYERS, LOOSENESS = 2.0, 0.001  # of a hem; m by which a fabric is thicker than measured
 Length = Annotated[float, Field(ge=-0.5, le=0.5)]
 
 
@@ -50,13 +51,10 @@ class HandLimits(Settings):
     thinnest: float = Field(0.0001, ge=0.0001, le=0.01)
     thickest: float = Field(0.006, ge=0.0005, le=0.02)
 
-    def around(self, low: float, high: float) -> "HandLimits":
-        """Copy of these limits for a fabric measured to be from `low` to `high` [m] thick.
-
-        The fingers press harder than calipers; a hem has two layers.
-        """
-        thinnest = max(self.thinnest, PRESSED * low)
-        thickest = max(min(self.thickest, LAYERS * high + LOOSE), thinnest)
+    def for_thickness(self, low: float, high: float) -> "HandLimits":
+        """Limits within these for a fabric measured to be from `low` to `high` [m] thick."""
+        thickest = min(self.thickest, HEM_LAYERS * high + LOOSENESS)
+        thinnest = min(max(self.thinnest, PRESSED * low), thickest)
         return self.model_copy(update={"thinnest": thinnest, "thickest": thickest})
 
 

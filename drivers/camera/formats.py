@@ -120,11 +120,8 @@ class Picture:
         """
         if self.format != "MJPG":
             return content.size >= self.line * self.height
-        end = content.size - int(np.argmax(content[::-1] != 0))
-        return (
-            content[:2].tobytes() == JPEG_BEGIN
-            and content[max(end - 2, 0) : end].tobytes() == JPEG_END
-        )
+        picture = content.tobytes().rstrip(b"\0")  # some cameras fill their buffer with zeros
+        return picture.startswith(JPEG_BEGIN) and picture.endswith(JPEG_END)
 
     def decode(self, content: Image) -> Image | None:
         """BGR image (height, width, 3) from the bytes `content` (n,); None if incomplete."""

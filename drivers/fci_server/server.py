@@ -64,10 +64,10 @@ class Pace:
         return self._deadline - time.monotonic()
 
     def begin_next(self) -> None:
-        """Start the next period now.
+        """Start the next period on schedule.
 
-        Where this machine was late, the robot's time falls behind the wall clock, so that the
-        client always has a full period to answer a state, as with a real robot.
+        Of a delay of this machine at most LONGEST_CATCH_UP is caught up; by the rest the robot's
+        time falls behind the wall clock, so that the client keeps most of a period to answer.
         """
         now = time.monotonic()
         self._deadline = max(self._deadline, now - LONGEST_CATCH_UP) + TICK

@@ -91,7 +91,7 @@ def nearest_node(curve: Any, low: int, high: int, x: float, z: float) -> Any:
 
 @kernel
 def nearest_among(curve: Any, nodes: Any, x: float, z: float) -> Any:
-    """Index, among `nodes`, of the node of `curve` nearest to point x, z."""
+    """Index, among the indices `nodes`, of the node of `curve` (n, 2) nearest to point x, z."""
     best, least = 0, math.inf
     for q in nodes:
         square = (curve[q, 0] - x) ** 2 + (curve[q, 1] - z) ** 2

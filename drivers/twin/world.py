@@ -196,11 +196,11 @@ class World:
 
     @property
     def grip_force(self) -> tuple[float, float]:
-        """Force (f_x, f_z) [N] of the strip on the gripper."""
+        """Force [N] of the strip on the gripper along the cell's x and z; 0 without a strip."""
         if not self.holds_strip or not self._record:
             return 0.0, 0.0
-        x, z = self._record[-1].observed.grip_force[0].tolist()
-        return x, z
+        f_x, f_z = self._record[-1].observed.grip_force[0].tolist()
+        return f_x, f_z
 
     def truth(self) -> Truth:
         """True states of strip and gripper at each step since the grasp."""

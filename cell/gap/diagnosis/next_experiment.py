@@ -79,13 +79,14 @@ def _unabsorbed_square(response: Array, jacobian: Array, prior: Array) -> float:
     return float(response @ response) - float(back @ inverse @ back)
 
 
-def repeatability_gains(
+def separation_by_steadier_runs(
     first: Estimate, second: tuple[Model, Array], likelihood: LikelihoodScale
 ) -> Task[dict[str, float]]:
-    """Gains in separation [sigma] of two models by halving each run-to-run spread, by its name.
+    """Separation [sigma] of two models that halving a run-to-run spread would add, by its name.
 
-    `second` is a model with its shared values (P,). What the first explanation's unknowns may
-    absorb, each within its spread, is projected out. A task that yields requests.
+    It adds in quadrature, as that of a further experiment does (RatedExperiment). `second` is a
+    model with its shared values (P,). What the first explanation's unknowns may absorb, each within
+    its spread, is projected out. A task that yields requests.
     """
     runs, unknowns = first.evidence.runs, first.unknowns
     names = dict.fromkeys(p.name for p in unknowns.parameters if p.random)
@@ -95,12 +96,11 @@ def repeatability_gains(
     other = yield requests(model, runs, Point(shared, first.point.local))
     parts = zip(other, first.raw, first.evidence.scales, strict=True)
     difference = np.concatenate([response(*each) for each in parts])
-    jacobian, known = first.stacked_jacobian, unknowns.precision
-    now = _unabsorbed_square(difference, jacobian, np.diag(known))
-    found = {}
+    jacobian, precision = first.stacked_jacobian, unknowns.precision
+    today = _unabsorbed_square(difference, jacobian, np.diag(precision))
+    added = {}
     for name in names:
-        halved = [REMEDY_SHARE**-2 if p.name == name else 1.0 for p in unknowns.parameters]
-        then = _unabsorbed_square(difference, jacobian, np.diag(np.array(halved) * known))
-        more = max(0.0, then - now)
-        found[name] = likelihood.standardise(more**0.5)
-    return dict(sorted(found.items(), key=lambda each: -each[1]))
+        factor = [REMEDY_SHARE**-2 if p.name == name else 1.0 for p in unknowns.parameters]
+        steadier = _unabsorbed_square(difference, jacobian, np.diag(np.array(factor) * precision))
+        added[name] = likelihood.standardise(max(0.0, steadier - today) ** 0.5)
+    return dict(sorted(added.items(), key=lambda each: -each[1]))

@@ -205,19 +205,19 @@ def capitalised(text: str) -> str:
 def scatter_rows(findings: Findings) -> list[tuple[str, ...]] | None:
     """Table rows on quantities that differ from run to run; None if none may.
 
-    What differs, its spread with interval, the gain in separation if it were halved, its remedy.
+    What differs, its spread with interval, the separation that halving it adds, its remedy.
     """
     if not any(p.random for run in findings.subject.runs for p in run.local):
         return None
     known = {e.name: e for e in findings.subject.scope.scatter}
-    more = {name: f"{s:.1f} sigma more" for name, s in findings.advice.steadier.items()}
+    worth = {name: f"as a motion of {s:.1f} sigma" for name, s in findings.advice.steadier.items()}
     rows: list[tuple[str, ...]] = []
     for s in findings.model_tests.scatter:
         factor, shown = SPREAD_UNITS.get(s.unit, (1.0, s.unit))
         value, low, high = (number_text(factor * v, 2) for v in (s.value, s.low, s.high))
         of = known[s.name]
         rows.append((of.sentence, f"{value} {shown}", f"{low} to {high} {shown}",
-                     more.get(s.name, ""), of.remedy))  # fmt: skip
+                     worth.get(s.name, ""), of.remedy))  # fmt: skip
     return rows
 
 
@@ -226,8 +226,8 @@ def remedy_lines(
 ) -> Iterator[str]:
     """Lines on run-to-run spreads, and whether halving one would help more than a new motion.
 
-    `spreads` are standard deviations with their units; with half of one, the runs would separate
-    two explanations by `steadier` [sigma] more, by name; the best motion separates by `planned`.
+    `spreads` are standard deviations with their units; half of one would help the runs to separate
+    two explanations as a motion that does so by `steadier` [sigma]; the best one does by `planned`.
     """
     known = {e.name: e for e in KNOWN_EFFECTS}
     for name in filter(known.get, spreads):
@@ -236,12 +236,12 @@ def remedy_lines(
         line = (
             f"{effect.sentence} differs by {number_text(factor * value, 2)} {shown} from run to run"
         )
-        more = steadier.get(name, 0.0)
-        if more < SMALLEST_GAIN:
+        worth = steadier.get(name, 0.0)
+        if worth < SMALLEST_GAIN:
             yield f"{line}: halving it would not separate the explanations better"
         else:
-            than = "more" if more > planned else "less"
+            than = "more" if worth > planned else "less"
             yield (
-                f"{line}: halving it would separate them by {more:.1f} sigma more, {than} than any "
-                f"motion ({planned:.1f}): {effect.remedy}, or each motion made four times"
+                f"{line}: halving it would help as a motion of {worth:.1f} sigma, {than} than any "
+                f"planned ({planned:.1f}): {effect.remedy}, or each motion made four times"
             )

@@ -303,8 +303,8 @@ class Subject(ABC):
 
     `name` is its own, `runs` are in the order in which they were taken, `notes` are remarks for the
     operator on them. `scope` holds base parameters, candidate effects, quantities and descriptive
-    terms. `option` names its file on the command line, `kind` the subjects on which its confidence
-    was measured.
+    terms. `option` names its file on the command line; probabilities of verdicts are calibrated on
+    subjects of the same `kind`.
     """
 
     name: str

@@ -103,7 +103,7 @@ class HeldOutFits:
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """Advice: `experiments`, best first, and the gain [sigma] of quantities made `steadier`."""
+    """Advice: `experiments`, best first; separation [sigma] by quantities made `steadier`."""
 
     experiments: tuple[RatedExperiment, ...] = ()
     steadier: Mapping[str, float] = field(default_factory=dict)

@@ -98,7 +98,11 @@ class Explorer(Adaptive):
         return super()._predict(inputs, fresh)
 
     def _smooth_rise(self, prediction: Prediction, time: Array) -> Array:
-        """Rises (n,) [m]: the critic's before each fold's switch, the drawn ones after it."""
+        """Rises (n,) [m] of the lines z = x + rise along which the grippers of n folds descend.
+
+        Before a fold's switch it is the critic's or a random one; then it is perturbed once and
+        held. Those of every INPUT_STRIDE-th call are recorded.
+        """
         before = self.rise if self._random_rises else super()._smooth_rise(prediction, time)
         switched = self._count / INPUT_STRIDE >= self.switch
         just_switched = np.isnan(self._rise_after) & switched

@@ -15,7 +15,7 @@ from drivers.fci_server.server import RobotServer
 from drivers.franka.hand_protocol import HEADER, HandCommand
 from drivers.types import HandState
 
-DENIM = HandLimits().around(0.0008, 0.001)
+DENIM = HandLimits().for_thickness(0.0008, 0.001)
 SLOW = DENIM.model_copy(update={"speed": 0.0001})  # minutes to close
 
 
@@ -69,7 +69,7 @@ def test_hand_that_is_not_homed_grasps_nothing() -> None:
 def test_fabric_is_held_by_its_width_whether_the_hand_says_so_or_not(
     thickness: float, felt: float
 ) -> None:
-    limits = HandLimits().around(thickness, thickness)
+    limits = HandLimits().for_thickness(thickness, thickness)
     with driven(thickness, limits, felt=felt) as (server, hand, _):
         hand.grasp()
         assert not hand.state().grasped
@@ -137,10 +137,10 @@ def test_no_call_waits_for_the_fingers() -> None:
 
 
 def test_window_follows_the_calipers() -> None:
-    window = HandLimits().around(0.0008, 0.001)
+    window = HandLimits().for_thickness(0.0008, 0.001)
     assert (window.thinnest, window.thickest) == pytest.approx((0.0004, 0.003))
-    assert HandLimits().around(0.0002, 0.0002).thinnest == pytest.approx(0.0001)
-    assert HandLimits(thickest=0.002).around(0.001, 0.002).thickest == pytest.approx(0.002)
+    assert HandLimits().for_thickness(0.0002, 0.0002).thinnest == pytest.approx(0.0001)
+    assert HandLimits(thickest=0.002).for_thickness(0.001, 0.002).thickest == pytest.approx(0.002)
 
 
 def test_silent_hand_grows_old_though_it_last_said_that_it_holds() -> None:

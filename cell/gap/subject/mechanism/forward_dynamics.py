@@ -278,7 +278,10 @@ def _has_soft_gears(case: Case) -> bool:
 
 
 class SplitModel:
-    """Model whose joints are split into motor and link; `motor` (joints,) are states of motors."""
+    """MuJoCo model in which each joint is a motor and a link with a flexible joint between them.
+
+    `motor` (joints,) are the indices of the motors' degrees of freedom.
+    """
 
     def __init__(self, mechanism: Mechanism, name: str) -> None:
         self._mechanism = mechanism

@@ -22,6 +22,7 @@ from drivers.strip.engine import StripMotion, Touch
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 from drivers.strip.observation import (
+    image_stamp,
     imaged_time,
     mean_force,
     measured_contact,
@@ -236,13 +237,14 @@ def _touch(fold: Fold, by: Instruments, rng: np.random.Generator) -> Touch | Non
     touch = fold.motion.touch
     if touch is None:
         return None
-    grip = np.array([np.interp(touch.time, fold.motion.t, c) for c in fold.motion.poses.T])
-    stamp = measured_touch(fold.model, touch, grip, grip).time
-    reported = np.array([np.interp(stamp, fold.path.t, c) for c in fold.path.poses.T])
-    seen = measured_touch(fold.model, touch, grip, reported)
+    stamp = image_stamp(fold.model.observation, touch.time)
+    grip = [np.interp(touch.time, fold.motion.t, c) for c in fold.motion.poses.T]
+    reported = [np.interp(stamp, fold.path.t, c) for c in fold.path.poses.T]
+    seen = measured_touch(fold.model, touch, np.array(grip), np.array(reported))
     # equal errors of l1 and l2 whose difference, the displacement, has its stated noise
     l1, l2 = rng.normal([seen.to_grasped, seen.to_fixed], by.displacement / np.sqrt(2))
-    return Touch(seen.time + rng.normal(0.0, by.touch_time), float(l2), float(l1), float(l2))
+    time = seen.time + rng.normal(0.0, by.touch_time)
+    return Touch(time=time, x=float(l2), to_grasped=float(l1), to_fixed=float(l2))
 
 
 def _shape(fold: Fold, stamp: float) -> Array:

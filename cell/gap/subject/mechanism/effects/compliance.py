@@ -54,10 +54,12 @@ def _sway_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _sway_path(mechanism: Mechanism, values: Array, t: Array, q: Array, v: Array) -> Array:
-    """Torques (m, joints) of a base that the motion q, v (m, joints) over t (m,) [s] shakes.
+    """Joint torques (m, joints) [N m or N] on a mechanism whose elastic base sways.
 
-    By momenta P(q) v of all bodies along and about its axes, and moments w of their weight, its
-    place y obeys y'' / f^2 + 2 d y' / f + y = -c ((P v)' - w); joints bear P^T y'' - (dw/dq)^T y.
+    The motion is q, v (m, joints) over t (m,) [s]; `values` are six compliances c along [m/N] and
+    about [rad/(N m)] the base's axes, natural frequency f [rad/s] and damping ratio d. By momenta
+    P(q) v of all bodies along and about these axes, and moments w of their weight, its place y
+    obeys y'' / f^2 + 2 d y' / f + y = -c ((P v)' - w); joints bear P^T y'' - (dw/dq)^T y.
     """
     *compliances, frequency, damping = np.append(values, DAMPING)[:8]
     torque = np.zeros_like(q)
