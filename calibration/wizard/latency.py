@@ -57,9 +57,9 @@ class LatencyVerdict(Verdict):
         if self.reasons:
             return self.bad_lines()
         late = round(1e3 * self.latency, 1) + 0.0  # never minus nothing
-        text = f"images show the world {late:+.1f} ms before their stamps, halves "
-        text += f"agree within {1e3 * self.apart:.1f} ms; taken back: at {speed:.2f} m/s this "
-        text += f"would be {1e3 * abs(self.latency) * speed:.1f} mm"
+        text = f"images are stamped {late:.1f} ms late, known within {1e3 * self.apart:.1f} ms; "
+        text += "the cell corrects it, which spares an error of "
+        text += f"{1e3 * abs(self.latency) * speed:.1f} mm at {speed:.2f} m/s"
         return [grade_line(1e3 * self.apart, *APART_GRADES, text)]
 
 

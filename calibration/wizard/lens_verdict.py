@@ -132,12 +132,6 @@ class LensVerdict(Verdict):
             "reasons": list(self.reasons),
         }
 
-    @property
-    def title(self) -> tuple[str, ...]:
-        """Lines over the session's picture: number of views, and their worst error."""
-        worst = max(self.per_view.values(), default=0)
-        return (f"{len(self.per_view)} views; corners off by up to {worst:.2f} px",)
-
 
 def lens_verdict(
     views: Mapping[int, BoardView],

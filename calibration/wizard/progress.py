@@ -1,6 +1,6 @@
 """Messages of the calibration wizard to its observers, and marks that are drawn into images."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
@@ -74,7 +74,6 @@ COLOURS_BGR = {
     MarkKind.HELD_OUT: (255, 170, 40),
     MarkKind.WILD: (60, 60, 235),
 }
-WHITE_BGR = (255, 255, 255)
 LINE_TYPE = cv2.LINE_AA
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 
@@ -130,13 +129,11 @@ def ignore(_: Progress) -> None:
     """Observer that ignores all progress."""
 
 
-def draw_picture(image: Image, marks: Iterable[Mark], lines: Sequence[str]) -> Image:
-    """Darkened copy of `image` (h, w, 3) with `marks`, errors ENLARGED times, and title `lines`."""
+def draw_picture(image: Image, marks: Iterable[Mark]) -> Image:
+    """Darkened copy of `image` (h, w, 3) with `marks`, their errors ENLARGED times."""
     drawn = np.asarray(image * 0.55, dtype=np.uint8)
     for mark in marks:
         _draw_mark(drawn, mark)
-    for k, line in enumerate(lines):
-        cv2.putText(drawn, line, (18, 30 + 26 * k), FONT, 0.62, WHITE_BGR, 1, LINE_TYPE)
     return drawn
 
 

@@ -13,7 +13,6 @@ from calibration.calibration import Calibration, make_calibration
 from calibration.homography import Homography
 from calibration.lens import Lens
 from calibration.wizard.latency import LatencyVerdict
-from calibration.wizard.progress import ENLARGED
 from calibration.wizard.touches import Touch, TouchFit, TouchSettings, camera_move, fit_touches
 from calibration.wizard.verdict import Level, Line, Verdict, grade_line, reasons
 from drivers.errors import ConfigurationError
@@ -72,15 +71,6 @@ class TouchVerdict(Verdict):
         lines += [Line(Level.FAIR, f"{text}; touched again, where it agrees") for text in replaced]
         lines += [Line(Level.FAIR, f"{text}; left out") for text in left_out]
         return [*lines, *self.bad_lines()]
-
-    @property
-    def title(self) -> tuple[str, ...]:
-        """Lines over the session's picture: legend, and errors at held-out points."""
-        return (
-            f"green: fitted, blue: held out, red: wild; errors drawn {ENLARGED:.0f} times",
-            f"held out: {self.residual_mm:.2f} mm rms, {self.worst_mm:.2f} mm at worst; "
-            f"halves agree within {self.halves_mm:.2f} mm",
-        )
 
 
 NOT_TOUCHED = TouchVerdict(reasons=("no points were touched",))

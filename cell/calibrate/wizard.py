@@ -98,7 +98,7 @@ class Wizard:
             devices.camera.close()
         verdict = views.verdict(keep.session.length)
         _keep_lens(folder, verdict, devices.camera_identity)
-        picture = draw_picture((keep.newest or first).image, views.marks, verdict.title)
+        picture = draw_picture((keep.newest or first).image, views.marks)
         write_image(folder / PICTURE_FILE, picture)
         return verdict
 
@@ -143,8 +143,8 @@ class Wizard:
         if context.landmarks is not None:
             write_yaml(folder / LANDMARKS_FILE, context.landmarks.model_dump(mode="json"))
         if keep.newest is not None:
-            marks, title = points.marks(verdict.touches), verdict.touches.title
-            write_image(folder / PICTURE_FILE, draw_picture(keep.newest.image, marks, title))
+            picture = draw_picture(keep.newest.image, points.marks(verdict.touches))
+            write_image(folder / PICTURE_FILE, picture)
         return verdict
 
     def check(self, calibration: Calibration) -> CheckVerdict:

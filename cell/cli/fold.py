@@ -254,7 +254,7 @@ def _print_result(result: "FoldResult", robot: str) -> None:
     if not result.run:
         notice(result.reason)
         return
-    lines = (result.sentence(), robot, f"record: {result.run}")
+    lines = (str(result), robot, f"record: {result.run}")
     sys.stdout.write("\n  ".join(filter(None, lines)) + "\n")
     sys.stdout.flush()
 
@@ -281,7 +281,7 @@ def _predict(request: "Request", *, as_json: bool) -> None:
         from cell.folding.prediction import predict
 
         prediction = predict(request)
-    say(prediction.line(), prediction.text(), as_json=as_json)
+    say(prediction.line(), str(prediction), as_json=as_json)
 
 
 class _ProgressLine:

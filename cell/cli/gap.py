@@ -234,8 +234,7 @@ def check(
     if as_json:
         sys.stdout.write(found.to_json())
     else:
-        lines = [f"  {f.level}  {f.run or 'all'}: {f.what}: {f.words}" for f in found.findings]
-        sys.stdout.write("\n".join([found.level, *lines, f"  {out / 'check.html'}"]) + "\n")
+        sys.stdout.write(f"{found}\n  {out / 'check.html'}\n")
     sys.exit(ConfigurationError.exit_code if found.level == "bad" else 0)
 
 

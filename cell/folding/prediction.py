@@ -50,7 +50,7 @@ class Prediction:
             **({} if self.arm is None else {"arm": self.arm.line()}),
         }
 
-    def text(self) -> str:
+    def __str__(self) -> str:
         """Text of the prediction for the operator."""
         x_min, x_max, z_min, z_max = (1e3 * value for value in self.reach)
         d, ends = self.displacement, ""
@@ -64,6 +64,8 @@ class Prediction:
             f"{z_max:.0f} mm: inside its limits; nothing was moved"
             + ("" if self.arm is None else f"\n  {self.arm.text()}")
         )
+
+    __repr__ = __str__
 
 
 def predict(request: Request) -> Prediction:

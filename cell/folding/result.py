@@ -113,7 +113,7 @@ class FoldResult:
         values["witnesses"] = [witness.facts() for witness in self.witnesses]
         return values
 
-    def sentence(self) -> str:
+    def __str__(self) -> str:
         """Text of the fold's result for the operator."""
         if self.displacement is None:
             warning = "" if self.warning is None else f"\n  {self.warning}"
@@ -138,6 +138,8 @@ class FoldResult:
         if self.exit_code != 0 and self.reason not in (self.warning or ""):
             text += f"\n  {self.reason}"
         return text
+
+    __repr__ = __str__
 
 
 def _true_words(true: float | None) -> str:

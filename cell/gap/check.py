@@ -214,6 +214,13 @@ class Check(Entry):
         levels = {f.level for f in self.findings}
         return "bad" if "bad" in levels else "fair" if "fair" in levels else "good"
 
+    def __str__(self) -> str:
+        """Level, and a line for each finding."""
+        lines = (f"\n  {f.level}  {f.run or 'all'}: {f.what}: {f.words}" for f in self.findings)
+        return f"{self.level}{''.join(lines)}"
+
+    __repr__ = __str__
+
     def to_json(self) -> str:
         """JSON text of check.json."""
         return self.model_dump_json(by_alias=True, indent=1) + "\n"

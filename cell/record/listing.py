@@ -71,6 +71,12 @@ class RunRow:
             return self.name
         return f"{self.name[-4:]}  {self.began:%Y-%m-%d %H:%M}"
 
+    def __repr__(self) -> str:
+        """Name, strip, policy, outcome and offsets [mm] in a line."""
+        lengths = {"displacement": self.displacement, "edges": self.edge_offset}
+        shown = (f"{name} {1e3 * v:+.1f} mm" for name, v in lengths.items() if v is not None)
+        return ", ".join((f"{self.short}  {self.strip} {self.policy}", self.outcome, *shown))
+
 
 COLUMNS = ("run", *(field.name for field in fields(RunRow)[1:]))  # the folder by its name
 

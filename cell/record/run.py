@@ -32,11 +32,11 @@ from cell.record.files import (
 )
 from cell.record.frames import FrameNote, read_frame, read_index
 from cell.record.header import Header, Result
-from cell.record.tables import TICK_ROWS, Tables, assemble, read_stream
+from cell.record.tables import Tables, assemble
 from drivers.errors import ConfigurationError
 from drivers.readers import read_parquet
 from drivers.settings import load
-from drivers.types import Array, Frame, frozen
+from drivers.types import Array, Frame
 
 MOTION = ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "f_x", "f_z")  # what an arm measures
 TOUCH = ("t_layer_touch", "l1", "l2", "displacement")  # of a result
@@ -100,12 +100,16 @@ class Run:
         """Name of the run's folder."""
         return self.folder.name
 
+    def __repr__(self) -> str:
+        """Name of the run, and how it ended."""
+        outcome = "no result" if self.result is None else self.result.outcome
+        return f"{self.name}: {outcome.replace('_', ' ')}"
+
     def _repr_html_(self) -> str:
         """Film of the run, or else its last kept image, for a notebook."""
         kept = [note.file for note in self.kept_images()[::-1] if note.file]
         shown = next(filter(Path.is_file, (self.folder / FILM, *kept)), None)
-        outcome = "no result" if self.result is None else self.result.outcome
-        said = escape(f"{self.name}: {outcome.replace('_', ' ')}")
+        said = escape(repr(self))
         if shown is None:
             return said
         content = base64.b64encode(shown.read_bytes()).decode()
@@ -162,15 +166,6 @@ class Run:
             StripMeasurement(t, int(n), x, x_sure, points_at.get(t, unseen), sure, (u, w), gap, at)
             for t, n, x, x_sure, sure, u, w, gap, at in zip(*columns, strict=True)
         ]
-
-    @_cached_part(frozen([]))
-    def costs(self) -> Array:
-        """Computing time (n,) [s] of each control cycle; empty where not recorded."""
-        path = self.folder / TICK_STREAM
-        if not path.exists():
-            return frozen([])
-        table = read_stream(path, TICK_ROWS)
-        return frozen(table["cost"].to_numpy() if "cost" in table.column_names else [])
 
     @_cached_part(None)
     def calibration(self) -> Calibration | None:

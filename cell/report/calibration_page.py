@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 
 from calibration.calibration import Calibration, load_calibration
-from calibration.wizard.session import PICTURE_FILE, VERDICT_FILE
+from calibration.wizard.progress import ENLARGED
+from calibration.wizard.session import PICTURE_FILE, POSES_FILE, VERDICT_FILE
 from cell.record.files import CALIBRATION, REPORT
 from cell.report.html import jpeg_text, page
 from cell.report.overlay import KeyPicture
@@ -21,7 +22,12 @@ from drivers.types import Array, Image
 GOOD_RESIDUAL = 1.0
 GRID_X, GRID_Z = np.arange(-0.1, 1.01, 0.1), np.arange(0.0, 0.51, 0.05)  # m
 LINE_POINTS = 60  # points of a line, which a lens bends
-WHITE, LABEL_OFFSET = (255, 255, 255), (4, -4)  # BGR; px
+WHITE = (255, 255, 255)  # BGR
+BESIDE_X, BESIDE_Z = (4, -4), (-56, -4)  # px from a line's start to its label
+LEGEND = (
+    "green: fitted; blue: kept back, to judge by; red cross: does not fit the others; arrows are "
+    f"errors, {ENLARGED:.0f} times as long"
+)
 FRACTION = 4  # bits of a pixel to which lines are drawn
 PICTURE_WIDTH = 1280  # px
 SCALE_STEP = 1e-3  # m, over which the scale of the image is taken
@@ -85,7 +91,8 @@ def _pictures(folder: Path, calibration: Calibration | None) -> list[KeyPicture]
     if calibration is not None:
         _draw_plane(image, calibration)
     where = str(path.relative_to(folder))
-    return [KeyPicture(jpeg_text(image, PICTURE_WIDTH), f"what the camera saw: {where}", where)]
+    caption = LEGEND if (folder / POSES_FILE).is_file() else f"what the camera saw: {where}"
+    return [KeyPicture(jpeg_text(image, PICTURE_WIDTH), caption, where)]
 
 
 def _page(title: str, calibration: Calibration | None, folder: Path, **parts: Any) -> str:
@@ -111,7 +118,7 @@ def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
         ("image", f"{lens.width} × {lens.height} px"),
         ("one pixel along the strip, at x 300, z 100 mm", millimetres(SCALE_STEP / along)),
         ("one pixel above the desk, there", millimetres(SCALE_STEP / above)),
-        ("images are older than their stamps by", milliseconds(calibration.latency)),
+        ("images are stamped late by", milliseconds(calibration.latency)),
         ("contact is seen too far by", millimetres(calibration.contact_bias, signed=True)),
         ("landmarks that reveal a moved camera", str(patches)),
     ]
@@ -122,9 +129,10 @@ def _draw_plane(image: Image, calibration: Calibration) -> None:
     for line in (*(_steps(x, GRID_Z) for x in GRID_X), *(_steps(GRID_X, z) for z in GRID_Z)):
         pixels = np.rint(2**FRACTION * calibration.to_image(line)).astype(np.int32)
         cv2.polylines(image, [pixels], False, WHITE, 1, cv2.LINE_AA, FRACTION)
-    for text, x, z in (*((f"x {1e3 * x:.0f}", x, 0.0) for x in GRID_X),
-                       *((f"z {1e3 * z:.0f}", 0.0, z) for z in GRID_Z[1:])):  # fmt: skip
-        place = np.rint(calibration.to_image(np.array([[x, z]]))[0]).astype(int) + LABEL_OFFSET
+    labels = [(f"x {1e3 * x:.0f}", x, 0.0, BESIDE_X) for x in GRID_X]
+    labels += [(f"z {1e3 * z:.0f}", 0.0, z, BESIDE_Z) for z in GRID_Z[1:]]
+    for text, x, z, beside in labels:
+        place = np.rint(calibration.to_image(np.array([[x, z]]))[0]).astype(int) + beside
         cv2.putText(image, text, place.tolist(), cv2.FONT_HERSHEY_SIMPLEX, 0.5, WHITE, 1)
 
 

@@ -271,15 +271,11 @@ def _check(item: Mapping[str, Any]) -> tuple[str, str, str]:
 
 
 def _timing_rows(run: Run) -> Rows:
-    """Rows of the images' age and the computing time of the control loop."""
-    costs, timing = run.costs(), run.header.arm_timing
-    named = {"age of the images": image_ages(run)}
-    named["computing time of a control cycle"] = costs[np.isfinite(costs)]
-    rows = [
-        (name, f"{milliseconds(float(np.median(v)))}, at most {milliseconds(float(v.max()))}")
-        for name, v in named.items()
-        if v.size
-    ]
+    """Rows of the images' age, and of the longest time between states of a real arm."""
+    rows, ages, timing = [], image_ages(run), run.header.arm_timing
+    if ages.size:
+        middle, largest = milliseconds(float(np.median(ages))), milliseconds(float(ages.max()))
+        rows.append(("age of the images when used", f"{middle} in the middle, at most {largest}"))
     if timing is not None:
         longest = f"at most {milliseconds(1e-3 * timing.longest_ms)}"
         rows.append(("from state to state of the arm", longest))

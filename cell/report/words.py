@@ -44,8 +44,7 @@ def milliseconds(value: float | None) -> str:
     """Text of a time `value` [s] in milliseconds."""
     if value is None or not math.isfinite(value):
         return NO_VALUE
-    digits = ".0f" if abs(value) >= 0.1 else ".3g"
-    return f"{1e3 * value:{digits}} ms".replace("-", MINUS)
+    return f"{round(1e3 * value, 1) + 0.0:.1f} ms".replace("-", MINUS)  # never minus nothing
 
 
 def event_title(kind: str) -> str:

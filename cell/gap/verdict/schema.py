@@ -153,18 +153,23 @@ class Verdict(Entry):
         base = {name: v.value for name, v in self.base.items()}
         return base, {e.name: {k: v.value for k, v in e.parameters.items()} for e in effects}
 
+    def __str__(self) -> str:
+        """Verdict in words, and the effects that it names with their probability."""
+        names = ", ".join(f"{e.name} (probability {e.confidence:.2f})" for e in self.effects)
+        return ": ".join(filter(None, (self.verdict.replace("_", " "), names)))
+
+    __repr__ = __str__
+
     def _repr_html_(self) -> str:
         """What is missing, and bars of the held-out gap before and after, for a notebook."""
-        names = ", ".join(f"{e.name} (probability {e.confidence:.2f})" for e in self.effects)
         rows = "".join(
             f"<tr><td>{escape(key.replace('_', ' '))}</td>{_meter(was, now)}{_meter(now, was)}"
             f"<td>{self.gap.floor.get(key, 0.0):.3g}</td></tr>"
             for key, was in self.gap.before.items()
             for now in (self.gap.after[key],)
         )
-        said = escape(": ".join(filter(None, (self.verdict.replace("_", " "), names))))
         head = "<tr><th>rms</th><th>before</th><th>after</th><th>noise</th></tr>"
-        return f"{said}<table>{head}{rows}</table>"
+        return f"{escape(str(self))}<table>{head}{rows}</table>"
 
     def to_json(self) -> str:
         """JSON text of verdict.json; `deviates` and `suspected` are left out where empty."""

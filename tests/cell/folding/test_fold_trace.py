@@ -86,12 +86,10 @@ def test_fold_of_another_law_is_flagged_in_event_result_and_final_line() -> None
     note = Result.model_validate(result_content(outcome)).agreement
     assert not note.like_model
     assert note.residual == pytest.approx(outcome.agreement.residual)
-    assert "does not behave like the model" in finished(outcome).sentence().splitlines()[-1]
+    assert "does not behave like the model" in str(finished(outcome)).splitlines()[-1]
 
 
 def test_strip_that_lies_folded_is_not_called_unfolded() -> None:
-    said = replace(DONE, outcome=UNLIKE_REASON, exit_code=1, displacement=0.0).sentence()
+    said = str(replace(DONE, outcome=UNLIKE_REASON, exit_code=1, displacement=0.0))
     assert said.startswith("denim: folded (unlike_model), displacement +0.0 mm; laid down")
-    assert (
-        "not folded (edges_apart)" in replace(DONE, outcome="edges_apart", exit_code=1).sentence()
-    )
+    assert "not folded (edges_apart)" in str(replace(DONE, outcome="edges_apart", exit_code=1))

@@ -60,7 +60,6 @@ def test_run_written_by_hand_is_read(laboratory):
     assert not run.died
     assert run.events() == ()
     assert run.sights().stamp.size == 0
-    assert run.costs().size == 0
     assert list(run.frames()) == []
     assert run.calibration() is None
     assert read_truth(laboratory) is None
