@@ -132,6 +132,10 @@ def _problem(origin: str, model: type[BaseModel], item: dict[str, Any]) -> str:
         return f"{origin}: {key}: is missing; add it"
     if item["type"] in OUT_OF_RANGE:
         return f"{origin}: {key}: {_out_of_range(item, _field_at(model, item['loc']))}"
+    if item["input"] is None:
+        field = _field_at(model, item["loc"])
+        missing = "its value" if field is None else field.description or "its value"
+        return f"{origin}: {key}: is null, not yet filled in; write {missing}"
     reason = str(item["msg"]).removeprefix("Value error, ")
     return f"{origin}: {key}: {reason[:1].lower()}{reason[1:]} (found {item['input']!r:.60})"
 

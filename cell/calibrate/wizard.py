@@ -22,6 +22,7 @@ from calibration.wizard.lens_verdict import LensVerdict
 from calibration.wizard.progress import Observer, draw_picture, ignore
 from calibration.wizard.session import (
     PICTURE_FILE,
+    POSES_FILE,
     SESSION_FILE,
     VERDICT_FILE,
     Kind,
@@ -53,7 +54,7 @@ from drivers.types import Frame, Pose
 PERIOD = 0.1  # s between processed images
 STALL_TIMEOUT = 2.0  # s without an image after which the camera counts as stalled
 ROS, OPENCV = "camera_info.yaml", "opencv.yaml"
-CALIBRATION_FILE, POSES_FILE, LANDMARKS_FILE = "calibration.yaml", "poses.yaml", "landmarks.yaml"
+CALIBRATION_FILE, LANDMARKS_FILE = "calibration.yaml", "landmarks.yaml"
 
 POINTER = frozenset({Ask.POINTER_IN, Ask.POINTER_OUT})
 

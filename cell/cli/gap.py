@@ -194,6 +194,7 @@ def fit(
     from cell.gap.fit import fit as judge
     from cell.gap.open_subject import option_for
     from cell.gap.report.overlay import write_overlay
+    from cell.gap.report.sentence import deviation_text
     from cell.gap.verdict.accept import LAW_PATCH
 
     options = FitOptions(hold_out or (), without or (), unchecked, _threads(jobs))
@@ -205,7 +206,8 @@ def fit(
     files = [f"  {out / name}" for name in ("report.html", "overlay.rrd")]
     law = (out / LAW_PATCH).is_file()
     following = f"next: {_next_command(verdict, out, option_for(file), law=law)}"
-    sys.stdout.write("\n".join([*_verdict_lines(verdict), *files, following]) + "\n")
+    deviations = [deviation_text(verdict.deviates)] if verdict.deviates else []
+    sys.stdout.write("\n".join([*deviations, str(verdict), *files, following]) + "\n")
 
 
 @gap.command()
@@ -311,32 +313,6 @@ def advise(fitted: Fitted, as_json: Json = False) -> None:
             f"{item.experiment}: separates {' from '.join(item.separates)} by "
             f"{item.expected_sigma:.1f} sigma in {item.minutes:.1f} minutes\n"
         )
-
-
-def _verdict_lines(verdict: "Verdict") -> Iterator[str]:
-    """Yield the verdict in a few lines, deviations from the file first."""
-    from cell.gap.report.sentence import deviation_text
-
-    if verdict.deviates:
-        yield deviation_text(verdict.deviates)
-    yield verdict.verdict.replace("_", " ")
-    for effect in verdict.effects:
-        values = ", ".join(
-            f"{name} {p.value:.4g} {p.unit} ({p.low:.4g} to {p.high:.4g})"
-            for name, p in effect.parameters.items()
-        )
-        yield f"  {effect.name}: {values}; right with probability {effect.confidence:.2f}"
-    for names in verdict.ambiguous:
-        yield f"  alike in these runs: {', '.join(names)}"
-    if verdict.unexplained is not None:
-        yield f"  unexplained: {verdict.unexplained.description}"
-    if verdict.effects and verdict.gap.before["excess"]:
-        beside = ", with one of each that are alike" if verdict.ambiguous else ""
-        yield f"  the gap on held-out runs shrinks by {100 * verdict.gap.shrink:.0f} %{beside}"
-    elif verdict.effects:
-        yield "  the held-out runs showed no gap: it sits in the runs that were fitted"
-    for note in verdict.notes:
-        yield f"  note: {note}"
 
 
 def _subject_file(

@@ -7,6 +7,9 @@ from pydantic import ConfigDict, Field, model_validator
 from drivers.settings import Metres, Settings, Unit
 
 Positive = Annotated[float, Field(gt=0)]
+Accuracy = Annotated[
+    Metres, Field(gt=0, description="its accuracy, one sigma in m: 0.0001 where it is 0.1 mm")
+]
 Number = Annotated[float, Field(ge=-1e9, le=1e9)]  # in any unit, mistaken ones included
 
 
@@ -49,10 +52,10 @@ class Sigma(Part):
     What is not stated was not measured: rows of it, if there are any, carry no weight.
     """
 
-    contact_x: Metres = Field(UNMEASURED, gt=0)
-    profile: Metres = Field(UNMEASURED, gt=0)
-    gripper: Metres = Field(gt=0)
-    displacement: Metres = Field(UNMEASURED, gt=0)
+    contact_x: Accuracy = UNMEASURED
+    profile: Accuracy = UNMEASURED
+    gripper: Accuracy
+    displacement: Accuracy = UNMEASURED
     touch_time: Positive | None = None
     edge_offset: Positive | None = None
     force: Positive | None = None

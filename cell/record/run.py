@@ -231,7 +231,7 @@ def read_broken_run(folder: Path) -> Run:
     A broken table is made again from the streams, if they are intact.
     """
     run = _read(folder, lenient=True)
-    for read in (run.events, run.sights, run.costs, run.calibration, run.frame_index):
+    for read in (run.events, run.sights, run.calibration, run.frame_index):
         read()
     run.problems[:] = dict.fromkeys(run.problems)
     return run

@@ -39,6 +39,7 @@ from cell.report.page_verdict import verdict_of
 from cell.report.words import MINUS, NO_VALUE, event_title, millimetres, milliseconds, seconds
 from drivers.errors import ConfigurationError
 from drivers.files import write_file
+from drivers.strip.effects import registry
 
 FILES = (
     (RECORDING, "the fold in Rerun: rerun run.rrd"),
@@ -192,7 +193,7 @@ def _result_rows(result: Result) -> Rows:
 def settings_rows(run: Run) -> Rows:
     """Table rows (key, text) of a run's settings: keys joined by dots, without empty values."""
     content = run.header.model_dump(by_alias=True, exclude_none=True)
-    rows = [(key, _text(key, value)) for key, value in flatten(content)]
+    rows = [(key, setting_text(key, value)) for key, value in flatten(content)]
     unlearned = {"0", "None"}  # values of a fold that nothing was corrected in
     return [(k, v) for k, v in rows if v and not (k.startswith("learning.") and v in unlearned)]
 
@@ -293,9 +294,12 @@ def flatten(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str,
             yield f"{prefix}{key}", value
 
 
-def _text(key: str, value: Any) -> str:
-    """Text of the setting `key`: lengths in mm, long lists by their length."""
-    name = key.rpartition(".")[2]
+def setting_text(key: str, value: Any) -> str:
+    """Text of the setting `key`: lengths in mm, effects with their unit, long lists by length."""
+    *_, group, effect, name = ("", "", *key.split("."))
+    if group == "effects" and effect in registry():
+        units = {p.name: p.unit for p in registry()[effect].parameters if p.unit != "1"}
+        return f"{value:g} {units.get(name, '')}".strip()
     if key.startswith("sigma.") and name not in SIGNAL_UNITS and isinstance(value, float):
         return millimetres(value)
     if isinstance(value, list | tuple):

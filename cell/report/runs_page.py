@@ -15,7 +15,7 @@ from cell.record.listing import RunRow, read_row
 from cell.record.run import Run, read_broken_run
 from cell.report.drawing import MUTED, as_svg, canvas
 from cell.report.html import Link, jpeg_text, page
-from cell.report.page import film_of, flatten, settings_rows, truth_of
+from cell.report.page import film_of, flatten, setting_text, settings_rows, truth_of
 from cell.report.page_verdict import PageVerdict
 from cell.report.words import NO_VALUE, millimetres, plural, seconds
 from drivers.errors import ConfigurationError
@@ -158,10 +158,13 @@ def _differences(runs: Sequence[Run], truths: Sequence[Mapping[str, Any]]) -> li
     settings = []
     for run, truth in zip(runs, truths, strict=True):
         known = {"cell": run.header.config or {}, "plant": truth.get("plant", {})}
-        texts = {key: str(value) for key, value in flatten(known)}
+        texts = {key: setting_text(key, value) for key, value in flatten(known)}
         settings.append(dict(settings_rows(run)) | texts)
     keys = dict.fromkeys(key for each in settings for key in each if key not in PER_RUN_KEYS)
-    rows = [(re.sub(r"[._]", " ", key), *(s.get(key, NO_VALUE) for s in settings)) for key in keys]
+    rows = [
+        (re.sub(r"\beffects\.|[._]", " ", key), *(s.get(key, NO_VALUE) for s in settings))
+        for key in keys
+    ]
     heading = ("setting", *(_short_name(run) for run in runs))
     return [heading, *(row for row in rows if len(set(row[1:])) > 1)]
 

@@ -1,6 +1,6 @@
 """Schema of verdict.json, as other programs read it (contract of `cell gap fit`)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Annotated, Literal
@@ -37,6 +37,11 @@ class ValueWithUnit(Interval):
     """Estimate with its 95 % interval and its unit."""
 
     unit: str
+
+    def __str__(self) -> str:
+        """Value with unit, if it has one, and interval."""
+        ends = ("any" if end is None else f"{end:.4g}" for end in (self.low, self.high))
+        return f"{f'{self.value:.4g} {self.unit}'.removesuffix(' 1')} ({' to '.join(ends)})"
 
 
 class Deviation(ValueWithUnit):
@@ -154,11 +159,27 @@ class Verdict(Entry):
         return base, {e.name: {k: v.value for k, v in e.parameters.items()} for e in effects}
 
     def __str__(self) -> str:
-        """Verdict in words, and the effects that it names with their probability."""
-        names = ", ".join(f"{e.name} (probability {e.confidence:.2f})" for e in self.effects)
-        return ": ".join(filter(None, (self.verdict.replace("_", " "), names)))
+        """Verdict and its effects in SI units, and how the gap shrinks, in a few lines."""
+        return "\n  ".join(self._lines())
 
     __repr__ = __str__
+
+    def _lines(self) -> Iterator[str]:
+        yield self.verdict.replace("_", " ")
+        for effect in self.effects:
+            values = ", ".join(f"{name} {value}" for name, value in effect.parameters.items())
+            yield f"{effect.name}: {values}; right with probability {effect.confidence:.2f}"
+        for names in self.ambiguous:
+            yield f"alike in these runs: {', '.join(names)}"
+        if self.unexplained is not None:
+            yield f"unexplained: {self.unexplained.description}"
+        if self.effects and self.gap.before["excess"]:
+            beside = ", with one of each that are alike" if self.ambiguous else ""
+            yield f"the gap on held-out runs shrinks by {100 * self.gap.shrink:.0f} %{beside}"
+        elif self.effects:
+            yield "the held-out runs showed no gap: it sits in the runs that were fitted"
+        for note in self.notes:
+            yield f"note: {note}"
 
     def _repr_html_(self) -> str:
         """What is missing, and bars of the held-out gap before and after, for a notebook."""
@@ -169,7 +190,7 @@ class Verdict(Entry):
             for now in (self.gap.after[key],)
         )
         head = "<tr><th>rms</th><th>before</th><th>after</th><th>noise</th></tr>"
-        return f"{escape(str(self))}<table>{head}{rows}</table>"
+        return f"<pre>{escape(str(self))}</pre><table>{head}{rows}</table>"
 
     def to_json(self) -> str:
         """JSON text of verdict.json; `deviates` and `suspected` are left out where empty."""

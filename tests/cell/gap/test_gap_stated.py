@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from cell.cli.gap import _verdict_lines
 from cell.gap.fit import FitOptions, fit
-from cell.gap.report.sentence import headline
+from cell.gap.report.sentence import deviation_text, headline
 from cell.gap.subject.strip.scope import scope
 from cell.gap.subject.subject import Parameter
 from cell.gap.verdict.accept import BASE_PATCH, PATCH, accept, undo
@@ -77,10 +76,10 @@ FAR = deviations([LENGTH], found(0.0287, 0.0289, 0.0291))
 
 
 def test_what_deviates_is_said_before_the_verdict() -> None:
-    lines = list(_verdict_lines(verdict_of(deviates=FAR, notes=["03: died after 2.1 s"])))
-    assert lines[0].startswith("not as the file states: bending length 28.9")
-    assert "the file states 17" in lines[0]
-    assert lines[1:] == ["no gap", "  note: 03: died after 2.1 s"]
+    assert deviation_text(FAR).startswith("not as the file states: bending length 28.9")
+    assert "the file states 17" in deviation_text(FAR)
+    said = str(verdict_of(deviates=FAR, notes=["03: died after 2.1 s"]))
+    assert said == "no gap\n  note: 03: died after 2.1 s"
     assert headline(verdict_of(deviates=FAR)).startswith("Not as the file states: bending length")
     assert json.loads(verdict_of(deviates=FAR).to_json())["deviates"][0]["value"] == 0.0289
 
