@@ -116,8 +116,8 @@ class FoldResult:
     def __str__(self) -> str:
         """Text of the fold's result for the operator."""
         if self.displacement is None:
-            warning = "" if self.warning is None else f"\n  {self.warning}"
-            return f"{self.strip}: {self.outcome}: {self.reason}{warning}"
+            said = [f"{self.strip}: {self.outcome}: {self.reason}", self.warning]
+            return "\n  ".join(filter(None, said))
         folded = "folded" if self.exit_code == 0 or self.outcome in LAID else "not folded"
         folded += "" if self.exit_code == 0 else f" ({self.outcome})"
         text = f"{self.strip}: {folded}, displacement {1e3 * self.displacement:+.1f} mm"
@@ -126,18 +126,13 @@ class FoldResult:
             text += f"; laid down, the edges lie {1e3 * self.edge_offset:+.1f} mm apart"
         elif self.edge_offset_true is not None:
             text += "; the edges are not seen"
-        text += _true_words(self.edge_offset_true)
-        if self.predicted is not None:
-            text += f"\n  {self.predicted}"
-            if self.strip == UNKNOWN:
-                text += f"\n  strip file with what was learned: {self.run}/{LEARNED}"
-        if self.correction is not None:
-            text += f"\n  {self.correction}"
-        if self.warning is not None:
-            text += f"\n  {self.warning}"
+        said = [text + _true_words(self.edge_offset_true), self.predicted]
+        if self.predicted is not None and self.strip == UNKNOWN:
+            said.append(f"strip file with what was learned: {self.run}/{LEARNED}")
+        said += [self.correction, self.warning]
         if self.exit_code != 0 and self.reason not in (self.warning or ""):
-            text += f"\n  {self.reason}"
-        return text
+            said.append(self.reason)
+        return "\n  ".join(filter(None, said))
 
     __repr__ = __str__
 

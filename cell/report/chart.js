@@ -50,7 +50,7 @@
 
   // Boxes of `panels` one below the other in a drawing `wide`, and its height; null where names
   // beside the panels leave too little of it.
-  const stacked = (panels, wide, { width, height }) => {
+  const stacked = (svg, panels, wide, { width, height }) => {
     const tops = d3.groups(d3.sort(panels, ({ box }) => box[1]), ({ box }) => Math.round(box[1]));
     const rows = tops.map(([, row]) => d3.sort(row, ({ box }) => box[0]));
     const bottom = (row) => d3.max(row, ({ box }) => box[3]);
@@ -58,7 +58,8 @@
       const row = rows.find((r) => r.includes(p)), before = row[row.indexOf(p) - 1];
       return p.box[0] - (before ? before.box[2] : 0);
     });
-    const right = width - d3.max(panels, ({ box }) => box[2]);
+    const drawn = panels.map(({ id }) => svg.querySelector(`[id="${id}"]`).getBBox());
+    const right = Math.min(width, d3.max(drawn, (b) => b.x + b.width)) - d3.max(panels, ({ box }) => box[2]);
     const span = wide - left - right, found = new Map();
     if (span < 0.45 * wide) return null;
     let y = 0;
@@ -82,7 +83,7 @@
   const narrow = (svg, panels) => {
     const room = svg.parentElement.clientWidth, wide = room / TEXT, view = svg.viewBox.baseVal;
     const known = svg.querySelectorAll("[id^=axes-]").length === panels.length;
-    const place = known && room < NARROW && wide < view.width && stacked(panels, wide, view);
+    const place = known && room < NARROW && wide < view.width && stacked(svg, panels, wide, view);
     if (!place) return;
     const all = [...svg.querySelectorAll("clipPath rect")];
     for (const [panel, to] of place.boxes) {

@@ -71,7 +71,7 @@ def test_what_cannot_be_told_is_open_and_refused_by_its_name(tmp_path: Path) -> 
     place = tables(tmp_path / "a", "t,x [m],z", [T, 1e3 * X, Z + 0.1], ",")
     text, said = proposed(place)
     for key in ("strip", "sigma.gripper", "ticks.columns.x.unit", "profile.columns.x.unit"):
-        assert f"proposal.yaml: {key}: input should be" in said
+        assert f"proposal.yaml: {key}: is null" in said
     told = 'z: {column: "z", unit: "m", offset: 0.1}  # likely, by its range, zero by the start'
     assert told in text
     again = CliRunner().invoke(app, ["import", "--guess", str(place), "--out", str(place)])
