@@ -6,6 +6,7 @@ what names a moment or a place (run folders, wall time) is left out.
 """
 
 import argparse
+import csv
 import hashlib
 import json
 import os
@@ -33,7 +34,8 @@ FOLD = ("fold", "--strip", "denim", "--plant", "configs/plants/denim.yaml", "--s
 MEASURED = ("ticks", "sights", "profile", "joints")
 MOMENTS = re.compile(r"\d{8}T\d{6}Z?(-[\w-]+?-[0-9a-f]{4})?|\d{4}-\d\d-\d\d[T ][\d:.+]+Z?")
 SPEEDS = re.compile(r"[\d.]+(&nbsp;| )ms|median [\d.]+, most [\d.]+|\d+(\.\d+)? s of computing")
-PASSING = {"runtime", "simulations", "wall", "versions", "started", "age_days"}
+SIZES = re.compile(r"(?m) +[\d.]+$")  # MB of a run in a list
+PASSING = {"runtime", "simulations", "wall", "versions", "started", "age_days", "size"}
 Digests = Iterator[tuple[str, str]]
 
 
@@ -99,19 +101,15 @@ def pages(folder: Path) -> Digests:
     """Lists of runs and a comparison of two folds."""
     first = _folded(folder, *FOLD, "--policy", "triangular", "--frames", "none")
     second = _folded(folder, *FOLD, "--policy", "circular", "--frames", "none")
+    listed = ("runs", "--runs", str(folder / "runs"))
+    table = list(csv.DictReader(_cell(folder, *listed, "--csv").splitlines()))
+    yield "runs csv", _document(table, folder)
     for name, arguments in {
-        "runs": ("runs", "--runs", str(folder / "runs")),
-        "runs csv": ("runs", "--runs", str(folder / "runs"), "--csv"),
-        "runs far off": (
-            "runs",
-            "--runs",
-            str(folder / "runs"),
-            "--where",
-            "abs(displacement) > 0.01",
-        ),
+        "runs": listed,
+        "runs far off": (*listed, "--where", "abs(displacement) > 0.01"),
         "strips": ("strips",),
     }.items():
-        yield name, _text(_cell(folder, *arguments), folder)
+        yield name, _text(SIZES.sub("", _cell(folder, *arguments)), folder)
     compared = folder / "compared.html"
     _cell(folder, "report", str(first), str(second), "--out", str(compared))
     yield "compare", _page(compared, folder)
@@ -161,7 +159,9 @@ def _cell(folder: Path, *arguments: str) -> str:
 
 def _folded(folder: Path, *arguments: str) -> Path:
     said = _cell(folder, *arguments, "--runs", str(folder / "runs"), "--json")
-    return Path(json.loads(said)["run"])
+    run = Path(json.loads(said)["run"])  # named by a moment and by chance
+    number = len(list(run.parent.iterdir()))
+    return run.rename(run.with_name(f"20260101T000000Z-denim-fold-{number:04x}"))
 
 
 def _run(run: Path) -> Digests:
