@@ -6,6 +6,7 @@ Libraries are imported where they are used, for commands that do not need them.
 import json
 import os
 import stat
+from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -61,12 +62,16 @@ def read_bytes(path: Path, most: int) -> bytes:
     return content
 
 
-def read_text(path: Path, most: int = LARGEST_TEXT) -> str:
-    """Content of the file at `path` as UTF-8 text; ConfigurationError where it cannot be read."""
-    try:
-        return read_bytes(path, most).decode("utf-8")
-    except UnicodeDecodeError:
-        raise ConfigurationError(f"{path}: is not UTF-8 text; save it as UTF-8") from None
+def read_text(path: Path, most: int = LARGEST_TEXT, other: str = "utf-8") -> str:
+    """Content of the file at `path` as text in UTF-8, or in the `other` encoding if it is none.
+
+    Raises ConfigurationError where it cannot be read.
+    """
+    content = read_bytes(path, most)
+    for encoding in ("utf-8", other):
+        with suppress(UnicodeDecodeError):
+            return content.decode(encoding)
+    raise ConfigurationError(f"{path}: is not UTF-8 text; save it as UTF-8")
 
 
 def read_yaml(path: Path) -> dict[str, Any]:

@@ -1,14 +1,13 @@
 """Commands `cell import` and `cell export` of runs, and `cell observe` of films."""
 
 import sys
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from cell.cli.options import Configs, Json, Strip, check_names, run_folder
-from cell.cli.output import busy, print_json
+from cell.cli.output import busy, notice, print_json
 from cell.config.places import Configs as Found
 from cell.config.places import find_configs
 from cell.report.words import plural
@@ -96,7 +95,13 @@ def _convert(
         return convert(places, mapping, out, check_of(model), SignalMapping)
     from cell.gap.subject.strip.runs import check_fold
 
-    return convert(places, mapping, out, partial(check_fold, found.strip_names(), found.strip))
+    remarks, known = list[str](), found.strip_names()
+    made = convert(
+        places, mapping, out, lambda run: remarks.extend(check_fold(known, found.strip, run))
+    )
+    for remark in remarks:
+        notice(remark)
+    return made
 
 
 def _summary(folder: Path) -> str:

@@ -102,22 +102,13 @@ def _row_facts(row: "RunRow") -> dict[str, Any]:
 
 def _print_table(rows: "Sequence[RunRow]") -> None:
     """Print the runs as a table; tags have a column where any run has one."""
-    words = (
-        "short",
-        "strip",
-        "policy",
-        "outcome",
-        *(("tags",) if any(r.tags for r in rows) else ()),
-    )
-    shown = [
-        (
-            *(getattr(row, word) for word in words),
-            *("" if d is None else f"{1e3 * d:+.1f}" for d in (row.displacement, row.edge_offset)),
-            f"{row.size / MEGABYTE:.1f}",
-        )
-        for row in rows
-    ]
-    print_table(("run", *words[1:], "d mm", "edge mm", "MB"), shown, text=len(words))
+    tagged = any(row.tags for row in rows)
+    columns = ("run", "strip", "policy", "outcome", *(("tags",) if tagged else ()))
+    shown = []
+    for r in rows:
+        words = (r.short, r.strip, r.policy, r.outcome, *((r.tags,) if tagged else ()))
+        shown.append((*words, *r.offsets, f"{r.size / MEGABYTE:.1f}"))
+    print_table((*columns, "d mm", "edge mm", "MB"), shown, text=len(columns))
 
 
 def report(

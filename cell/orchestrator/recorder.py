@@ -26,8 +26,8 @@ class Recorder:
     def begin(self, clock: float) -> None:
         """Start measured time at the clock time `clock` [s]; a second call restarts it."""
 
-    def tick(self, snapshot: Snapshot, cost: float) -> None:
-        """Record a control cycle: its `snapshot`, and the time `cost` [s] to compute it."""
+    def tick(self, snapshot: Snapshot) -> None:
+        """Record the `snapshot` of a control cycle."""
 
     def sight(self, measurement: StripMeasurement) -> None:
         """Record the measurement of the strip in one image."""
@@ -79,11 +79,11 @@ class FileRecorder(Recorder):
         self._origin = clock
         self._writer.event(clock, ORIGIN)
 
-    def tick(self, snapshot: Snapshot, cost: float) -> None:
+    def tick(self, snapshot: Snapshot) -> None:
         """Record a control cycle; none before the lift."""
         if self._lift is None:
             return
-        row = Tick.from_state(snapshot.arm, snapshot.state, cost)
+        row = Tick.from_state(snapshot.arm, snapshot.state)
         self._writer.tick(replace(row, t=row.t - self._lift))
 
     def sight(self, measurement: StripMeasurement) -> None:

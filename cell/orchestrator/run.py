@@ -2,7 +2,6 @@
 
 import signal
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -112,7 +111,6 @@ class Run:
     def _cycle(self, due: float) -> None:
         """One cycle of the control loop: sense, decide, check, send, record."""
         self._devices.clock.wait_until(due)
-        begun = time.perf_counter()
         snapshot = self._sense()
         command = self._decide(snapshot)
         if command is not None:
@@ -124,7 +122,7 @@ class Run:
             self._safe_stop.apply(snapshot.hand)
         else:
             self._rests = True
-        self._recorder.tick(snapshot, time.perf_counter() - begun)
+        self._recorder.tick(snapshot)
         self._notify(lambda observer: observer.handle_tick(snapshot))
 
     def _decide(self, snapshot: Snapshot) -> Command | None:
@@ -149,7 +147,7 @@ class Run:
             self._snapshot = snapshot = replace(
                 self._snapshot, time=arm.arrival, state=self._machine.state, arm=arm, view=view
             )
-            run_suppressed(lambda: self._recorder.tick(snapshot, float("nan")))
+            run_suppressed(lambda: self._recorder.tick(snapshot))
             self._notify(lambda observer: observer.handle_tick(snapshot))
         self._rests = self._safe_stop.has_ended(arm)
         if self._rests and not self._machine.over:

@@ -71,11 +71,16 @@ class RunRow:
             return self.name
         return f"{self.name[-4:]}  {self.began:%Y-%m-%d %H:%M}"
 
+    @property
+    def offsets(self) -> tuple[str, ...]:
+        """Displacement and offset of the edges [mm] as text; empty where unknown."""
+        lengths = self.displacement, self.edge_offset
+        return tuple("" if v is None else f"{1e3 * v:+.1f}" for v in lengths)
+
     def __repr__(self) -> str:
-        """Name, strip, policy, outcome and offsets [mm] in a line."""
-        lengths = {"displacement": self.displacement, "edges": self.edge_offset}
-        shown = (f"{name} {1e3 * v:+.1f} mm" for name, v in lengths.items() if v is not None)
-        return ", ".join((f"{self.short}  {self.strip} {self.policy}", self.outcome, *shown))
+        """Name, strip, policy, outcome, displacement and offset of the edges in a line."""
+        d, edges = (f"{offset or '?'} mm" for offset in self.offsets)
+        return f"{self.short}  {self.strip} {self.policy}: {self.outcome}, d {d}, edges {edges}"
 
 
 COLUMNS = ("run", *(field.name for field in fields(RunRow)[1:]))  # the folder by its name

@@ -27,14 +27,12 @@ from drivers.types import ArmState, Array
 TIME_ROUNDING = 1e-9  # s
 END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 LARGEST_STREAM = 128 * MEGABYTE  # a fold of two minutes writes ten
-LATER_COLUMNS = frozenset({"cost"})  # which records from before lack
 NUMBER = pa.float64()
 POINTS_TYPE = pa.list_(pa.float64())
 
 PLACED = ("contact_x", "contact_t")  # columns of ticks that come from the images
 TICK_ROWS = pa.schema(
-    [(name, NUMBER) for name in quantities(Ticks) if name not in PLACED]
-    + [("cost", NUMBER), ("state", pa.string())]
+    [(name, NUMBER) for name in quantities(Ticks) if name not in PLACED] + [("state", pa.string())]
 )
 SIGHT_ROWS = pa.schema(
     [(name, pa.int64() if name == "sequence" else NUMBER) for name in quantities(Sights)]
@@ -48,7 +46,7 @@ class Tick:
     """Row of ticks.parquet: pose, command, force and state of the cell in one control cycle.
 
     Measured `x`, `z` [m] and `pitch` [rad] at `t` [s], commanded `x_cmd`, `z_cmd` [m], force `f_x`,
-    `f_z` [N] on the gripper, and `cost`, the computing time [s]; NaN where not measured.
+    `f_z` [N] on the gripper; NaN where not measured.
     """
 
     t: float
@@ -60,14 +58,13 @@ class Tick:
     state: str
     f_x: float = NOT_MEASURED
     f_z: float = NOT_MEASURED
-    cost: float = NOT_MEASURED
 
     @classmethod
-    def from_state(cls, arm: ArmState, state: str, cost: float = NOT_MEASURED) -> Self:
+    def from_state(cls, arm: ArmState, state: str) -> Self:
         """Row of a measured arm state; `t` [s] is when the joints were read."""
         pose, commanded = arm.pose, arm.commanded
         measured = arm.stamp, pose.x, pose.z, pose.pitch
-        return cls(*measured, commanded.x, commanded.z, state, *arm.force, cost)
+        return cls(*measured, commanded.x, commanded.z, state, *arm.force)
 
 
 class StreamFile:
@@ -129,9 +126,7 @@ def _check_columns(path: Path, found: pa.Schema, wanted: pa.Schema) -> None:
             f"{path}: the names of its columns are no text; it was changed after the run"
         ) from None
     for field in wanted:
-        if field.name not in LATER_COLUMNS and (
-            names.count(field.name) != 1 or found.field(field.name).type != field.type
-        ):
+        if names.count(field.name) != 1 or found.field(field.name).type != field.type:
             raise ConfigurationError(
                 f"{path}: {field.name}: the column is missing or not {field.type}; "
                 "it was changed after the run"
@@ -191,8 +186,7 @@ def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
     """Table of ticks, with each desk contact in the row nearest to its image's stamp.
 
     A row whose stamp did not advance contains no new measurement and is left out, and so are one
-    of an arm that reported no number, which no reader takes, and columns of computing time, which
-    differ from run to run.
+    of an arm that reported no number, which no reader takes.
     """
     t = _numbers(ticks, "t")
     latest = np.maximum.accumulate(np.concatenate([[-np.inf], t]))[:-1]  # stamp before each row

@@ -1,12 +1,10 @@
 """Matplotlib figures as SVG with the page's colours and fonts, and data for the page's script.
 
 The figure stays the one drawing: Matplotlib's SVG, useful without a script, with text as text and
-colours by CSS. D3 takes it over in the browser (`chart.js`), shows values, zooms and hides curves,
-and reads values off the paths themselves, so no second copy of the data travels. Why D3 7.9, one
-file of 281 kB inlined once: Vega-Lite renders a static SVG only through a wheel of 84 MB, 0.68 s of
-processor for the first chart and 0.13 s for each more (Matplotlib draws one in 0.1 to 0.17 s), and
-its script has 898 kB; Plotly (1,120 kB), ECharts (715 kB) and uPlot (51 kB) show nothing without a
-script, and uPlot's text is drawn on a canvas.
+colours by CSS. D3 (281 kB, inlined once) takes it over in the browser (`chart.js`), which reads
+values off the paths, so that no second copy of the data travels. Vega-Lite (898 kB), Plotly (1,120
+kB), ECharts (715 kB), Observable Plot (209 kB beside D3) and uPlot (51 kB) show nothing without a
+script; mpld3 (48 kB beside D3) draws Matplotlib's figures without offsets, dark or narrow pages.
 """
 
 import io

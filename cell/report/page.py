@@ -19,7 +19,6 @@ from cell.record.files import (
     RECORDING,
     REPORT,
     RUN,
-    TICK_STREAM,
     TICKS,
     is_under_way,
 )
@@ -98,7 +97,6 @@ def report(run: Run) -> str:
         close_ups=close_ups(run) if said.figure else (),
         spoilt=spoilt,
         advice=advice(run) if died else [],
-        left_files=left_files(run) if died else [],
         measures=measures(run),
         predictions=predictions(run.result),
         film=film_of(run),
@@ -221,20 +219,6 @@ def listed_events(run: Run) -> list[tuple[str, str, str]]:
     ]
     often = [(kind, n) for kind, n in counts.items() if n > FREQUENT]
     return [*rows, *((NO_VALUE, event_title(kind), f"{n} times") for kind, n in sorted(often))]
-
-
-def left_files(run: Run) -> Rows:
-    """Table rows (file, content) on the files of a run that died before it wrote its result."""
-    notes = run.frame_index()
-    kept = sum(note.file is not None for note in notes)
-    lasted = float(np.ptp(run.ticks.t)) if run.ticks.t.size else 0.0
-    source = TICK_STREAM if (run.folder / TICK_STREAM).exists() else "ticks.parquet"
-    return [
-        (source, f"{run.ticks.t.size} rows, {seconds(lasted)}"),
-        ("profiles", f"of {len(run.profile.curves())} images"),
-        ("frames/", f"{len(notes)} images seen, {kept} kept"),
-        ("events.jsonl", f"{len(run.events())} events"),
-    ]
 
 
 def advice(run: Run) -> list[str]:

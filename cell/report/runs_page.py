@@ -54,11 +54,11 @@ def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
 
 def _cells(row: RunRow, place: Path) -> tuple[str | Link, ...]:
     """Table cells of a run in the list."""
-    lengths = ("" if v is None else f"{1e3 * v:+.1f}" for v in (row.edge_offset, row.displacement))
     lasted = "" if row.duration is None else f"{row.duration:.1f}"
     outcome = row.outcome.replace("_", " ")
     said = " · ".join(filter(None, (row.tags, row.note)))
-    return (_link(row, place, row.short), *lengths, outcome, row.policy, row.strip, lasted, said)
+    cells = (*row.offsets[::-1], outcome, row.policy, row.strip, lasted, said)
+    return (_link(row, place, row.short), *cells)
 
 
 def _thumbnail(row: RunRow) -> str:

@@ -122,9 +122,7 @@ class MadeFold:
             self._state = state
         x, z, pitch = self._path.poses(travel)
         shake = self._rng.normal(0, 1e-4, 2)
-        self.writer.tick(
-            Tick(t, x + shake[0], z + shake[1], float(pitch), x, z, state, cost=3e-4 + 1e-5 * t)
-        )
+        self.writer.tick(Tick(t, x + shake[0], z + shake[1], float(pitch), x, z, state))
 
     def image(self, t: float) -> None:
         x, z = self._path.at(min(t * SPEED, 0.752))

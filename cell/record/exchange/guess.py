@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 
 from cell.record.columns import LENGTHS, TIMES
 from cell.record.exchange.import_runs import sources_in
 from cell.record.exchange.mapping import (
     FACTORS,
-    Source,
     Table,
     numbers_of,
     seconds_of,
@@ -91,14 +91,18 @@ def guess_mapping(places: Sequence[Path], strip: StripFile | None) -> str:
     holds the gripper's path over time.
     """
     source = next(each for place in places for each in sources_in(place))
-    tables = {file: _columns(source, file) for file in source.names}
+    read = {f: source.table(Table[str](file=f, columns={})) for f in source.names}
+    tables = {file: _columns(content) for file, content in read.items()}
     paths = {file: table for file, table in tables.items() if {"t", "x", "z"} <= table.keys()}
     clocks = {file: table["t"].values for file, table in paths.items()}
     series = [file for file, t in clocks.items() if len(t) > 1 and (np.diff(t) > 0).all()]
     if not series:
+        there = (name for table in read.values() for name in table.column_names)
         raise ConfigurationError(
             f"{source.path}: no table holds time, x and z of the gripper by names such as t, x, z "
-            "in rows whose times increase; name them so, or map them as runbooks/own-runs.md does"
+            f"in rows whose times increase, of {', '.join(dict.fromkeys(there))}; rename them, or "
+            "write a mapping with a line for each, as `x: {column: ITS NAME, unit: mm}`: see "
+            "runbooks/own-runs.md"
         )
     file = max(series, key=lambda name: len(clocks[name]))
     gripper = _guess_gripper(paths[file], strip)
@@ -126,9 +130,9 @@ def _lines(
     yield from (f"# not taken: {', '.join(rest) or 'no table'}", "")
 
 
-def _columns(source: Source, file: str) -> dict[str, Guess]:
-    """Columns of numbers of the table `file` that their names say; times in words are seconds."""
-    content, found = source.table(Table[str](file=file, columns={})), dict[str, Guess]()
+def _columns(content: pa.Table) -> dict[str, Guess]:
+    """Columns of numbers of a table that their names say; times in words are seconds."""
+    found = dict[str, Guess]()
     names = [name for name in content.column_names if content.column_names.count(name) == 1]
     for name in sorted(names, key=lambda n: (not SECOND.isdisjoint(_words(n)), len(_words(n)))):
         values = numbers_of(content[name])

@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -113,24 +114,23 @@ def _suggest_change(
 ) -> str:
     """Text of a change of the mapping, another axis or unit, with which the run can be read.
 
-    Empty where no such change of the gripper's columns helps.
+    Empty where no such change of the gripper's columns, the midline's, or both helps.
     """
     if isinstance(how, SignalMapping):
         return ""
     changes: list[dict[str, Any]] = [{"reversed": True}, {"reversed": False}]
-    for change in (*changes, *({"unit": unit} for unit in LENGTHS)):
-        for names in (("x",), ("z",), ("x", "z")):
-            columns = {
-                name: column.model_copy(update=change if name in names else {})
-                for name, column in how.ticks.columns.items()
-            }
-            ticks = how.ticks.model_copy(update={"columns": columns})
-            with suppress(ConfigurationError), TemporaryDirectory(dir=scratch) as tried:
-                run = Path(tried) / source.name
-                _write_run(source, how.model_copy(update={"ticks": ticks}), 0, run, documents=False)
-                check(run)
-                stated = dump_yaml(change).strip()
-                return f"; {stated} for {' and '.join(names)} in the mapping would mend it"
+    changes += [{"unit": unit} for unit in LENGTHS]
+    tables = (("ticks",), ("profile",), ("ticks", "profile"))
+    for change, changed, names in product(changes, tables, (("x",), ("z",), ("x", "z"))):
+        with suppress(ConfigurationError), TemporaryDirectory(dir=scratch) as tried:
+            content = how.model_dump(by_alias=True, exclude_unset=True, exclude_none=True)
+            for table, name in product(changed, names):
+                content.get(table, {}).get("columns", {}).get(name, {}).update(change)
+            run = Path(tried) / source.name
+            _write_run(source, MappingFile.model_validate(content), 0, run, documents=False)
+            check(run)
+            stated = f"{dump_yaml(change).strip()} for {' and '.join(names)}"
+            return f"; {stated} of {' and '.join(changed)} in the mapping would mend it"
     return ""
 
 

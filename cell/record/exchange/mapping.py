@@ -241,7 +241,9 @@ def _csv(path: Path, table: Table[Any]) -> pa.Table:
 
     Comments are left out, but one before a first row of numbers has the names of the columns.
     """
-    content = read_text(path, LARGEST_TABLE).removeprefix("\ufeff")
+    content = read_text(path, LARGEST_TABLE, "cp1252").removeprefix("\ufeff")  # or as of Windows
+    if "\0" in content:
+        raise ConfigurationError(f"{path}: is not UTF-8 text; save it as CSV in UTF-8")
     stated = SEPARATOR.match(content)
     rows = COMMENT.sub("", content[stated.end() if stated else 0 :])
     head = rows.partition("\n")[0]

@@ -9,16 +9,11 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from calibration.wizard.progress import MarkKind, Progress
+from calibration.wizard.progress import COLOURS_BGR, Progress
 from cell.report.viz.recording import bare_recording, jpeg
 from cell.report.viz.saving import send_blueprint
 
 WIZARD_RECORDING = "wizard.rrd"
-COLOURS_RGBA = {
-    MarkKind.FITTED: 0x6ED25AFF,
-    MarkKind.HELD_OUT: 0x2882FFFF,
-    MarkKind.WILD: 0xEB3C3CFF,
-}
 WANTED_RGBA = 0xFFAA32FF
 
 
@@ -60,7 +55,7 @@ class WizardScreen:
             self._to.log("camera/image/wanted", strips)
         if step.marks:
             pixels = np.array([mark.pixel for mark in step.marks])
-            colours = np.array([COLOURS_RGBA[mark.kind] for mark in step.marks], dtype=np.uint32)
+            colours = np.array([COLOURS_BGR[mark.kind][::-1] for mark in step.marks], np.uint8)
             names = [mark.label for mark in step.marks if mark.label]
             points = rr.Points2D(pixels, colors=colours, labels=names or None, radii=4)
             self._to.log("camera/image/marks", points)

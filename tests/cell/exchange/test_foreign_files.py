@@ -30,12 +30,13 @@ MICROMETRES = {"x": {"unit": "um"}, "z": {"unit": "um", "reversed": True}}
 
 
 def how(place: Path, file: str, names: tuple[str, ...], **change: Any) -> Path:
-    """A mapping for t, x and z by their `names`, and a `change` of all lengths."""
+    """A mapping for t, x and z by their `names`, of gripper and midline, with a `change`."""
     columns: dict[str, Any] = {"t": {"column": names[0], "unit": "s"}}
     columns |= {k: {"column": n, "unit": "m"} for k, n in zip("xz", names[1:], strict=True)}
     for name, keys in change.items():
         columns[name] |= keys
-    return in_metres(place, ticks={"file": file, "columns": columns}, result=None)
+    table = {"file": file, "columns": columns}
+    return in_metres(place, ticks=table, profile=table, result=None)
 
 
 def off(files: list[Path], mapping: Path, out: Path) -> float:
@@ -141,30 +142,32 @@ def test_paths_and_names_of_a_data_set_are_those_that_it_states(tmp_path: Path) 
     [
         ("sep=;\nt;x;z", "{:.3f};{:f};{:f}"),
         ("# two lines\n# t,x,z", "{:.3f},{:f},{:f}"),
+        ("t;x;z;Höhe", "{:.3f};{:f};{:f};1"),
         ("t,x,z,a|b", "2026-01-31T12:00:{:06.3f}Z,{:f},{:f},1"),
         ("% log\nt,x,z\n# in metres", "2026-01-31 12:00:{:06.3f},{:f},{:f}"),
     ],
 )
 def test_comments_separators_and_times_of_a_table_are_read(tmp_path, head, row) -> None:
-    folder = plain(tmp_path / "a", head, [row.format(*each) for each in zip(T, X, Z, strict=True)])
+    rows = [row.format(*each) for each in zip(T, X, Z, strict=True)]
+    folder = plain(tmp_path / "a", head, rows, encoding="cp1252")
     assert off([folder], in_metres(tmp_path), tmp_path / "runs") < 1e-6
 
 
 @pytest.mark.parametrize(
     ("change", "mending"),
     [
-        ({"x": {"reversed": True}}, "; reversed: false for x in the mapping would mend it"),
-        ({"x": {"offset": 1.2}}, "; reversed: true for x in the mapping would mend it"),
-        ({"x": {"unit": "cm"}, "z": {"unit": "mm"}}, "unit: m for x in the mapping would mend it"),
+        ({"x": {"reversed": True}}, "; reversed: false for x of ticks"),
+        ({"x": {"offset": 1.2}}, "; reversed: true for x of ticks"),
+        ({"x": {"unit": "cm"}, "z": {"unit": "mm"}}, "; unit: m for x of ticks and profile"),
         ({"z": {"offset": 0.05}}, "z = 0"),
-        ({"z": {"factor": 9.0}}, "give them in m; unit: cm for z in the mapping would mend it"),
+        ({"z": {"factor": 9.0}}, "m; unit: cm for z of ticks and profile"),
     ],
 )
 def test_a_path_off_the_strip_is_refused_with_its_mending(tmp_path, change, mending) -> None:
     mapping = how(tmp_path, "tip.csv", "txz", **change)
     with pytest.raises(ConfigurationError, match=r"flat start|half the points") as error:
         cell.import_runs([plain(tmp_path / "a")], tmp_path / "runs", mapping)
-    assert str(error.value).endswith(mending)
+    assert str(error.value).removesuffix(" in the mapping would mend it").endswith(mending)
 
 
 def test_a_film_of_a_phone_held_the_other_way_stands_upright(tmp_path: Path) -> None:

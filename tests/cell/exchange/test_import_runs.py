@@ -52,11 +52,13 @@ def test_a_unit_of_another_quantity_is_refused(tmp_path: Path) -> None:
 
 def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
     folder, how = foreign(tmp_path / "a"), mapping(tmp_path)
+    how.write_text(how.read_text().replace("offset: 1.2", "offset: 1.1875"))
     words = ["import", str(folder), "--mapping", str(how), "--out", str(tmp_path / "runs")]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output
     assert "a: 2.99 s; 72 images, touch at 2.80 s" in done.stdout
     assert "next: cell gap fit" in done.stdout
+    assert "a: starts 12.5 mm from the strip's free edge" in done.stderr
     again = CliRunner().invoke(app, words)
     assert "is there already" in str(again.exception)
 
@@ -67,7 +69,6 @@ def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
         ("tt,x,z", None, {}, "column 't' for t is not there (did you mean 'tt'?)"),
         ("t,x,z", [], {}, "holds 0 rows of numbers, must hold two at least"),
         ("t,x,z", ["0,NA,0", "1,off,0"], {}, "holds string ('off' in row 2), must hold numbers"),
-        ("t,x,z,Höhe", ["0,0.6,0,0"], {"encoding": "latin-1"}, "is not UTF-8 text; save it"),
         ("t,x,z", ["0,0.6,0"], {"encoding": "utf-16"}, "is not UTF-8 text; save it"),
         ("t,x,z", ["0,0.6,0", "10,0.6,0"], {}, "t: rows are 10 s apart, must be at most 0.2 s"),
         ("t,x,z", ["0,0.6,0", "0.01,nan,0"], {}, "x: row 1 is nan, must be a finite number; leave"),

@@ -33,10 +33,12 @@ LEAST = 30  # rows of a usable run
 FEWEST_RUNS = 2  # that can be fitted and checked
 LONGEST_PERIOD = 0.02  # s between rows, slower than any servo; the contract asks for 0.01
 START_TOLERANCE = 0.03  # m from where a run must start
+START_NOTED = 0.006  # m, beyond which a start is remarked on, as preflight allows a strip's length
 HANGING_TOLERANCE = 0.3  # rad of pitch from upright at a hanging start
 IMAGE_TIME_MARGIN = 1.0  # s, no image is so long before the first or after the last row
 TOUCH_TIME_MARGIN = 1.0  # s after the last row in which a touch may still be stated
 FARTHEST = 1.2  # of the strip's length, beyond which a length on it is in another unit
+NEAREST = 0.1  # of it, within which half of a midline is in another unit
 TOUCH_ROUNDING = 1e-3  # m by which displacement and l1 - l2 may differ as they are rounded
 DISPLACEMENT_SIGMAS = 5  # standard deviations by which they may differ besides
 
@@ -206,17 +208,18 @@ def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measur
         _check_start(folder, recorded, strip)
         _check_reach(folder, recorded, strip)
     run = _measured_run(name, recorded, touch, strip) if usable else _short_run(name, recorded)
-    return recorded.header, replace(run, notes=_notes(name, recorded, usable=usable))
+    return recorded.header, replace(run, notes=_notes(name, recorded, strip, usable=usable))
 
 
-def check_fold(known: Collection[str], load: Callable[[str], StripFile], folder: Path) -> None:
-    """Raise ConfigurationError where the run in `folder` contradicts its strip, if it is `known`.
+def check_fold(
+    known: Collection[str], load: Callable[[str], StripFile], folder: Path
+) -> tuple[str, ...]:
+    """Remarks on the run in `folder`; ConfigurationError where it contradicts its strip.
 
-    `load` reads a strip by its name.
+    `load` reads a strip by its name, if it is `known`.
     """
     strip = read_run(folder).header.strip
-    if strip in known:
-        read_fold(folder, folder.name, load(strip))
+    return read_fold(folder, folder.name, load(strip))[1].notes if strip in known else ()
 
 
 def _with_pitch(run: Recorded) -> Recorded:
@@ -274,12 +277,18 @@ def _short_run(name: str, run: Recorded) -> MeasuredRun:
     )  # fmt: skip
 
 
-def _notes(name: str, run: Recorded, *, usable: bool) -> tuple[str, ...]:
-    """Remarks for the operator on a run that is short or did not end in a touch."""
+def _notes(name: str, run: Recorded, strip: StripFile, *, usable: bool) -> tuple[str, ...]:
+    """Remarks for the operator on a run that is short, starts apart, or ended without a touch."""
     if not usable:
         return (f"{name}: has {len(run.ticks.t)} rows only and is left out",)
     if run.result is None:
         return (f"{name}: died after {run.ticks.t[-1]:.1f} s and is used as far as it goes",)
+    off = float(np.hypot(run.ticks.x[0] - strip.length, run.ticks.z[0]))
+    if run.header.start == "flat" and off > START_NOTED:
+        return (
+            f"{name}: starts {1e3 * off:.1f} mm from the strip's free edge on the desk, x "
+            f"{1e3 * strip.length:g}, z 0 mm; are `start` and, in a mapping, `offset` right?",
+        )
     if run.result.outcome not in TOUCHED | {"path_done"}:
         return (f"{name}: ended with {run.result.outcome} and is used as far as it goes",)
     return ()
@@ -340,13 +349,17 @@ def _check_start(folder: Path, run: Recorded, strip: StripFile) -> None:
 
 
 def _check_reach(folder: Path, run: Recorded, strip: StripFile) -> None:
-    """Refuse a gripper or a midline of which half the points lie out of the strip's reach."""
-    for file, points in ((TICKS, run.ticks), (PROFILE, run.profile)):
-        middle = float(np.median(np.hypot(points.x, points.z))) if points.x.size else 0.0
-        if middle > FARTHEST * strip.length:
+    """Refuse a gripper or a midline of which half the points lie out of the strip's reach.
+
+    That is too far from the fixed edge, or for a midline too near: it leads up to the gripper.
+    """
+    for file, points, nearest in ((TICKS, run.ticks, 0.0), (PROFILE, run.profile, NEAREST)):
+        middle = float(np.median(np.hypot(points.x, points.z))) if points.x.size else strip.length
+        if not nearest * strip.length <= middle <= FARTHEST * strip.length:
+            side = "more" if middle > strip.length else "less"
             raise ConfigurationError(
-                f"{folder / file}: x, z: half the points lie {middle:.3g} m or more from the fixed "
-                f"edge, the strip is {strip.length:g} m long; give them in m"
+                f"{folder / file}: x, z: half the points lie {middle:.3g} m or {side} from the "
+                f"fixed edge, the strip is {strip.length:g} m long; give them in m"
             )
 
 
