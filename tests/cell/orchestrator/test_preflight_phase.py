@@ -75,6 +75,6 @@ def test_warning_is_a_line_of_its_own_whatever_came_of_the_fold(displacement) ->
         "", "denim", "adaptive", 0, "unlike_model", "it is stiff", 1, displacement,
         warning="it is stiff\n  the camera is not watched",
     )  # fmt: skip
-    lines = result.sentence().splitlines()
+    lines = str(result).splitlines()
     assert lines[-1] == "  the camera is not watched"
     assert sum("it is stiff" in line for line in lines) == (2 if displacement is None else 1)
