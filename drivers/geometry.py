@@ -45,13 +45,13 @@ def arc_lengths(points: Array) -> Array:
 
 
 def moving_average(points: Array, window: int) -> Array:
-    """Means (n - window + 1, 2) of each `window` successive ones of `points` (n, 2)."""
+    """Means (n - window + 1, 2) [m] of every `window` successive ones of `points` (n, 2) [m]."""
     sums = np.cumsum(np.vstack([np.zeros((1, 2)), points]), axis=0)
     return np.asarray((sums[window:] - sums[:-window]) / window)
 
 
 def even_points(points: Array, count: int) -> Array:
-    """Points (count, 2) at equal arc lengths along the polyline through `points` (n, 2)."""
+    """Points (count, 2) [m] at equal arc lengths along the polyline through `points` (n, 2) [m]."""
     travel = arc_lengths(points)
     at = np.linspace(0.0, travel[-1], count)
     return np.stack([np.interp(at, travel, points[:, c]) for c in range(2)], axis=1)

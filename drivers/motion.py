@@ -257,7 +257,7 @@ class MotionProfile:
 
 
 def settling(distance: float, speed: float, most: float) -> float:
-    """Acceleration, at most `most`, for an axis to stop `distance` away in about SETTLE.
+    """Acceleration [m/s^2 or rad/s^2], at most `most`, to stop `distance` away in about SETTLE.
 
     `distance` in m or rad, `speed` per s, `most` per s^2. Corrections in the shortest time would
     oscillate about the goal where ticks are lost, as a lost tick continues the acceleration.
@@ -288,7 +288,7 @@ def _limit(request: Any, limits: MotionLimits, change: Numbers) -> None:
 
 
 def _share(limits: Numbers, change: Numbers) -> Numbers:
-    """`limits` (3,) lowered in proportion to `change` (3,), so that all axes end together."""
+    """Limits (3,) of the axes, lowered in proportion to `change` (3,): all axes end together."""
     sizes = [abs(c) if abs(c) > SMALLEST_CHANGE else 0.0 for c in change]
     if not any(sizes):
         return limits

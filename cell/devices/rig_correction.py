@@ -49,7 +49,7 @@ def corrected_calibration(
 
 
 def _true_points_matrix(model: StripModel) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """The transform `true_points` as a matrix (3, 3) on homogeneous coordinates."""
+    """Matrix (3, 3) that takes measured to true points x, z [m], in homogeneous coordinates."""
     origin, x, z = true_points(model, np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]))
     return np.array([[*(x - origin), 0.0], [*(z - origin), 0.0], [*origin, 1.0]]).T
 
@@ -116,7 +116,7 @@ class CorrectedArm:
         self._arm.close()
 
     def _at_stamp(self, measured: ArmState) -> Array:
-        """Reported pose at the stamp of `measured` (3,), compensated for the report's delay.
+        """Reported pose (3,) [m, m, rad] at the stamp of `measured`, less the delay of reports.
 
         What the arm reports at t was true at t - delay. The future is extrapolated at the measured
         velocity.
@@ -133,7 +133,7 @@ class CorrectedArm:
         return np.array([np.interp(measured.stamp + ahead, stamps, column) for column in poses.T])
 
     def _offset_velocity(self, rate: Velocity) -> Array:
-        """Velocity (3,) of the rig's offsets while they grow as the arm moves at `rate`."""
+        """Velocity (3,) [m/s, m/s, rad/s] of the rig's offsets as the arm moves at `rate`."""
         if self._offsets.start is None or not 0 < self._offsets.share < 1:
             return np.zeros(3)
         way = (self._reported - self._offsets.start)[:2]

@@ -103,11 +103,11 @@ class GapModel:
         return cls(plant, measured_along(by_name, plant, sigma, 0))
 
     def excess(self, hidden: Sequence[NamedValues]) -> Array:
-        """Excess residual (k,), in units of noise, that each of k sets of hidden effects leaves."""
+        """Excess residual (k,) [noise] that each of k sets of hidden effects leaves by a refit."""
         return np.array([self.excess_of(response) for response in self.responses(hidden)])
 
     def responses(self, hidden: Sequence[NamedValues]) -> list[Array]:
-        """Whitened responses (N,) to each set of `hidden` effects, less what a refit absorbs."""
+        """Responses (N,) [noise] to each set of `hidden` effects, less what a refit absorbs."""
         estimate = self._estimate
         base, local = estimate.shared, estimate.point.local
         requests = [
@@ -119,13 +119,13 @@ class GapModel:
         return [self._left_by_base(results[k * count :][:count]) for k in range(len(hidden))]
 
     def _left_by_base(self, results: Sequence[Residuals]) -> Array:
-        """Whitened response (N,) of all runs, less the part that a refit of the base removes."""
+        """Response (N,) [noise] of all runs, less the part that a refit of the base removes."""
         runs = zip(results, self._estimate.raw, self._estimate.evidence.scales, strict=True)
         moved = [response(result, base, scale) for result, base, scale in runs]
         return self._about.unabsorbed(np.concatenate(moved))
 
     def excess_of(self, response: Array) -> float:
-        """Excess residual, in units of noise, of a whitened response (N,) with the runs' noise."""
+        """Excess residual [noise] of runs that differ from their model by a `response` (N,)."""
         evidence = self._estimate.evidence
         by_run = self._estimate.by_run(response)
         noisy = [

@@ -52,7 +52,7 @@ def pool(values: Sequence[float], sigmas: Sequence[float]) -> Pooled:
 
 
 def _excess_squares(y: Array, variance: Array, scatter: float) -> float:
-    """Generalised sum of squares over its expectation, less one, for a given `scatter`."""
+    """Weighted sum of squares of `y` (n,) about its mean, less its expectation, at a `scatter`."""
     weight = 1 / (variance + scatter)
     mean = (weight * y).sum() / weight.sum()
     return float((weight * (y - mean) ** 2).sum() - (len(y) - 1))

@@ -132,7 +132,7 @@ class Problem:
         return np.concatenate([misses, values * self._weights])
 
     def jacobian(self, values: Array) -> Array:
-        """Derivatives (2 n + p, p) of the residuals at `values` (p,)."""
+        """Derivatives (2 n + p, p) [sigma] of the residuals by the unknowns, at `values` (p,)."""
         return np.concatenate([-self.trial(values).slopes, np.diag(self._weights)])
 
     def loss(self, squares: Array) -> Array:
@@ -172,7 +172,7 @@ class _Along:
         self._swing = self._before * (-straight[1], straight[0])
 
     def at(self, nodes: Array) -> Array:
-        """Interpolate values at the nodes (nodes, ...) to the arc lengths: (n, ...)."""
+        """Values (n, ...) at the arc lengths, interpolated between those at the nodes (m, ...)."""
         share = self._share.reshape(-1, *[1] * (nodes.ndim - 1))
         return np.asarray((1 - share) * nodes[self._index] + share * nodes[self._index + 1])
 
@@ -182,7 +182,7 @@ class _Along:
 
 
 def _local_frames(photograph: Photograph) -> Array:
-    """Normals and tangents (2, n, 2) of the midline, each divided by its sigma.
+    """Unit normals and tangents (2, n, 2) of the midline, each divided by its sigma [1/m].
 
     Along the midline all points shift together, by the uncertainty of its tip.
     """

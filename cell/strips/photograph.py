@@ -112,7 +112,7 @@ def _trace_midline(path: Path, image: Image) -> Midline:
 
 
 def _average_points(traced: Array, travel: Array, arc: Array) -> Array:
-    """Means (n, 2) of the traced points between the middles of the arc lengths `arc` (n,)."""
+    """Means (n, 2) [px] of traced points between the middles of the arc lengths `arc` (n,) [px]."""
     reach = 0.5 * (arc[1] - arc[0])
     edges = np.clip(np.stack([arc - reach, arc + reach]), 0.0, travel[-1])
     steps = np.diff(travel)[:, None] * 0.5 * (traced[1:] + traced[:-1])
@@ -124,7 +124,7 @@ def _average_points(traced: Array, travel: Array, arc: Array) -> Array:
 
 
 def roughness(points: Array) -> float:
-    """Robust deviation of midline points (n, 2) from a parabola through their neighbours."""
+    """Robust deviation [px] of midline points (n, 2) [px] from a parabola by their neighbours."""
     window, inner = 2 * SMOOTHING_POINTS + 1, slice(SMOOTHING_POINTS, -SMOOTHING_POINTS)
     miss = (points - savgol_filter(points, window, 2, axis=0))[inner]
     along = np.gradient(points, axis=0)[inner]

@@ -323,12 +323,12 @@ class CartesianMotion:
 
 
 def largest_difference(these: Numbers, those: Numbers) -> float:
-    """Largest absolute difference between entries at the same place of two lists of numbers."""
+    """Largest |a - b| over the entries a, b at the same place of two lists of one length."""
     return max(abs(a - b) for a, b in zip(these, those, strict=True))
 
 
 def _past_poses(here: JointSetpoint) -> list[Array]:
-    """Poses (4, 4) of the hand now, one tick ago and two ticks ago."""
+    """Hand poses (4, 4) [m] in the base now, one tick ago and two ticks ago."""
     position, rate, acceleration = (np.array(part) for part in here)
     before = position - TICK * rate
     joints = (position, before, before - TICK * (rate - TICK * acceleration))
@@ -367,5 +367,5 @@ def _planner_input(start: Numbers, goal: Numbers, share: float) -> ruckig.InputP
 
 
 def _clip(value: float, most: float) -> float:
-    """Nearest number to `value` whose size is at most `most`."""
+    """`value` bounded to the range from -`most` to `most`."""
     return min(max(value, -most), most)

@@ -78,7 +78,7 @@ def hand_pose(access: RobotAccess) -> list[float]:
 
 
 def _run_in_process(access: RobotAccess, request: GoTo | None) -> list[float]:
-    """Run `carry_out` in a process and return its answer; the robot brakes if the cell dies."""
+    """Run `carry_out` in a child process; returns its answer, a pose (16,) or joints (7,) [rad]."""
     child = Child(carry_out, access, request)
     try:
         answer: list[float] = receive(child, REQUEST_TIMEOUT)

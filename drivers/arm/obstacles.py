@@ -120,7 +120,7 @@ def clear_path(start: Array, goal: Array, solids: Solids) -> list[Array]:
 
 
 def _detours(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:
-    """Yield detours as lists of joint waypoints (7,) between start and goal, shortest first."""
+    """Yield detours between start and goal, shortest first, as joint waypoints (7,) [rad]."""
     ascents = [_joints_above(start, up, rise) for rise in RISES]
     descents = [_joints_above(goal, up, rise)[::-1] for rise in RISES]
     yield from ascents

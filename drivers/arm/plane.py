@@ -95,7 +95,7 @@ class StripPlane:
         return SplitMotion(inside, _in_pitching_axes(aside, rate[2], rate_change[2]))
 
     def _split_rates(self, linear: Array, angular: Numbers) -> tuple[Triple, Triple]:
-        """Split a twist into rates of x, z, pitch and rates off the plane: offset, two angles."""
+        """Split a twist [m/s, rad/s] into rates of x, z, pitch, and of offset and angles aside."""
         along, across, up = (self._axes @ linear).tolist()
         lean, turn, yaw = (self._axes @ np.array(angular)).tolist()
         return (along, up, -turn), (across, lean, yaw)
@@ -129,7 +129,7 @@ class StripPlane:
         return float(np.linalg.norm(off[:3, 3])), angle
 
     def _offset(self, pose: Numbers) -> Array:
-        """Hand pose (16,) relative to its projection into the plane, (4, 4)."""
+        """Pose (4, 4) [m] of a hand at `pose` (16,) relative to its projection into the plane."""
         off = np.linalg.solve(self.matrix(*self.to_cell(pose)), matrix(pose))
         return np.asarray(off, dtype=np.float64)
 
@@ -206,5 +206,5 @@ def _dot(a: Numbers, b: Numbers) -> float:
 
 
 def matrix(columns: Numbers) -> Array:
-    """Pose (4, 4) from its 16 numbers in column-major order."""
+    """Pose (4, 4) [m] from its 16 numbers in column-major order."""
     return np.array(columns).reshape(4, 4).T

@@ -272,7 +272,7 @@ class ReachGuard:
 
 
 def _twists(plane: StripPlane) -> Array:
-    """Hand twist (6) and elbow rate (1) in the base, (7, 3), per unit velocity of x, z, pitch."""
+    """Hand twist and elbow rate in the base, (7, 3) [m, rad], per unit velocity of x, z, pitch."""
     here, small = plane.matrix(0.0, 0.0, 0.0), 1e-6
     x, z = (plane.matrix(*at)[:3, 3] - here[:3, 3] for at in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
     turn = (plane.matrix(0.0, 0.0, small)[:3, :3] @ here[:3, :3].T) / small  # per rad of pitch

@@ -58,7 +58,7 @@ class Configuration:
 
     @property
     def tool(self) -> Array:
-        """Pose (4, 4) of the end effector in the flange's frame."""
+        """Pose (4, 4) [m] of the end effector in the flange's frame."""
         return frozen(self.flange_to_nominal @ self.nominal_to_tool)
 
 

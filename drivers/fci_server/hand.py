@@ -149,5 +149,5 @@ def _valid(request: HandRequest) -> bool:
 
 
 def _values(request: HandRequest) -> tuple[float, ...]:
-    """Numbers in a request's payload, in the order of the hand's protocol."""
+    """Numbers of a hand's `request` in its command's order: widths [m], speed [m/s], force [N]."""
     return PAYLOAD[request.command].unpack(request.payload)

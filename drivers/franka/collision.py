@@ -32,7 +32,7 @@ FIRST_MOVABLE_LINK = 2
 
 
 def _spheres() -> tuple[Array, Array, Array]:
-    """Centres (m, 3) in their link's frame, radii (m,) and links (m,) of all spheres."""
+    """Centres (m, 3) [m] in their link's frame, radii (m,) [m] and links (m,) of all spheres."""
     rows = []
     for link, first, last, radius in CAPSULES:
         begin, end = np.array(first), np.array(last)

@@ -31,7 +31,7 @@ _COS_ALPHA, _SIN_ALPHA = np.cos(PARAMETERS[:, 2]), np.sin(PARAMETERS[:, 2])
 
 
 def _fixed_parts() -> tuple[Array, Array, Array]:
-    """A, B, C (7, 4, 4) of the joints' transforms cos(q) A + sin(q) B + C."""
+    """Matrices A, B, C (7, 4, 4) [m] of the joints' transforms cos(q) A + sin(q) B + C."""
     cosine, sine, fixed = np.zeros((3, 7, 4, 4))
     cosine[:, 0, 0] = 1
     cosine[:, 1, 1] = _COS_ALPHA
@@ -75,7 +75,7 @@ def forward(q: Array, tool: Array = FLANGE_TO_TIP) -> Array:
 
 
 def jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> Array:
-    """Jacobian (..., 6, 7) of the tool in the base at joints (..., 7), linear rows first."""
+    """Tool Jacobian (..., 6, 7) [m/rad, then 1] in the base at joints (..., 7) [rad]."""
     return pose_and_jacobian(q, tool)[1]
 
 
@@ -94,7 +94,7 @@ def pose_and_jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> tuple[Array, Arr
 
 
 def from_last_joint(tool: Array) -> Array:
-    """Pose (4, 4) in the last joint's frame of a `tool` (4, 4) given in the flange's frame."""
+    """Pose (4, 4) [m] in the last joint's frame of a `tool` (4, 4) given in the flange's frame."""
     pose = np.array(tool, dtype=np.float64)
     pose[2, 3] += FLANGE
     return pose

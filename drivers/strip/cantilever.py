@@ -54,7 +54,7 @@ class HangingStrip:
         return self._motion(solveh_banded(self.stiffness, load)[:, None])[..., 0]
 
     def moved_by_rest_curvature(self, fields: Array) -> Array:
-        """Derivatives (n + 1, 2, m) of the strip's points by amounts of rest curvature.
+        """Derivatives (n + 1, 2, m) [m] of the strip's points by amounts of rest curvature.
 
         `fields` (n, m) are m distributions of it over the `hinges`.
         """
@@ -157,7 +157,7 @@ def _start_angles(arc: Array, overhang: float, bending_length: float) -> Array:
 def _derivatives(
     angles: Array, rest_turns: Array, spans: Array, pull: Array, clamp_angle: float
 ) -> tuple[Array, Array]:
-    """First derivative (n,) and upper band (2, n) of the second derivative of the energy."""
+    """Gradient (n,) and Hessian's upper band (2, n) of the energy over EI [1/m] by the angles."""
     moment = (np.diff(angles, prepend=clamp_angle) - rest_turns) / spans
     gradient = moment + pull * np.cos(angles)
     gradient[:-1] -= moment[1:]

@@ -35,7 +35,7 @@ def true_path(rig: Rig, t: Array, poses: Array, *, hanging: bool = False) -> tup
 
 
 def share_away(poses: Array, start: Array) -> Array:
-    """Fraction (...,) of the rig's offsets that acts at reported `poses` (..., 3).
+    """Fraction (...,), 0 to 1, of the rig's offsets that acts at reported `poses` (..., 3).
 
     It grows with the distance from `start` (3,), the pose of the grasp.
     """
@@ -44,7 +44,7 @@ def share_away(poses: Array, start: Array) -> Array:
 
 
 def true_poses(rig: Rig, reported: Array, share: Array | float) -> Array:
-    """True gripper poses (..., 3): `reported` (..., 3) plus `share` (...) of the rig's offsets."""
+    """True gripper poses (..., 3) [m, m, rad]: `reported` (..., 3) plus `share` of the offsets."""
     return np.asarray(reported + _offset(rig) * np.asarray(share)[..., None])
 
 
@@ -61,18 +61,18 @@ class GrowingOffsets:
         self.share = 0.0
 
     def advance(self, reported: Array) -> Array:
-        """True pose (3,) of a gripper that has moved to the pose `reported` (3,)."""
+        """True pose (3,) [m, m, rad] of a gripper that has moved to the pose `reported` (3,)."""
         if self.start is not None:
             self.share = max(self.share, float(share_away(reported, self.start)))
         return self.true(reported)
 
     def true(self, reported: Array) -> Array:
-        """True pose (3,) of a gripper at the pose `reported` (3,), with the offsets so far."""
+        """True pose (3,) [m, m, rad] of a gripper at `reported` (3,), with the offsets so far."""
         return true_poses(self._rig, reported, self.share)
 
 
 def reported_poses(rig: Rig, true: Array, share: Array | float) -> Array:
-    """Reported gripper poses (..., 3): `true` (..., 3) less `share` (...) of the rig's offsets."""
+    """Reported gripper poses (..., 3) [m, m, rad]: `true` (..., 3) less `share` of the offsets."""
     return np.asarray(true - _offset(rig) * np.asarray(share)[..., None])
 
 

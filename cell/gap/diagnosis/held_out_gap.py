@@ -77,17 +77,17 @@ def run_squares(estimate: Estimate) -> Array:
 
 
 def excess(squares: Array) -> Array:
-    """Excess residual sqrt(max(mean - 1, 0)) (...), in noise, of mean squares (..., R) by run."""
+    """Excess residual (...) [noise], sqrt(max(mean - 1, 0)) of `squares` (..., R) of R runs."""
     return np.asarray(np.sqrt(np.maximum(squares.mean(axis=-1) - 1.0, 0.0)))
 
 
 def excess_of(estimate: Estimate) -> float:
-    """Excess residual of a fit in units of noise: sqrt(max(mean square - 1, 0)) over runs."""
+    """Excess residual [noise] of a fit over all its runs: sqrt(max(mean square - 1, 0))."""
     return float(excess(run_squares(estimate)))
 
 
 def bounded_excess(estimate: Estimate) -> float:
-    """Excess residual of a fit in units of noise, outliers clipped at the fit's own dispersion."""
+    """Excess residual [noise] of a fit over its runs, outliers clipped at its own dispersion."""
     scale = robust.scale(estimate.stacked_residuals)
     clipped = tuple(robust.bound(r, scale) for r in estimate.residuals)
     return excess_of(replace(estimate, residuals=clipped))
@@ -123,6 +123,6 @@ def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrin
 
 
 def _share_closed(before: Array, after: Array) -> Array:
-    """Share (...) of the excess residual removed, of mean squares (..., R); zero without excess."""
+    """Share (...) of the excess residual removed from `before` (..., R) to `after`; or 0."""
     gap = excess(before)
     return np.where(gap > 0.0, 1.0 - excess(after) / np.where(gap > 0.0, gap, 1.0), 0.0)

@@ -107,7 +107,7 @@ def pure_error(estimate: Estimate, residuals: Sequence[Array], spent: int = 0) -
 
 
 def _relative_index(runs: Sequence[Run]) -> Array:
-    """Index (R,) of each run, less the mean index of the runs of its condition."""
+    """Index (R,) of each run in the order of measuring, less the mean of its repeats' indices."""
     index = np.array([run.index for run in runs], dtype=float)
     condition = np.array([run.condition for run in runs])
     return np.asarray(index - np.array([index[condition == own].mean() for own in condition]))
@@ -236,7 +236,7 @@ class ResidualTest:
 
 
 def draw_residuals(estimate: Estimate, rng: np.random.Generator) -> Array:
-    """Random whitened residuals (N, DRAWS) as a fit of the true model would leave them.
+    """Random whitened residuals (N, DRAWS) [noise] as a fit of the true model would leave them.
 
     Noise and run-to-run scatter, less what the fit absorbs of them: parametric bootstrap of the
     linearised model (Davison and Hinkley 1997, section 6.3).

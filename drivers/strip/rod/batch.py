@@ -93,7 +93,7 @@ def _for_each(models: Sequence[StripModel], compute: Callable[[StripModel], Arra
 
 
 def _by_strip(batch: Batch, slots: NDArray[T]) -> NDArray[T]:
-    """Reorder the values `slots` (slots, ...) of the batch's lanes to those of strips (n, ...)."""
+    """Values (n, ...) in the order of the strips, from those of the batch's lanes (slots, ...)."""
     ordered = np.empty_like(slots)
     ordered[batch.strips.ravel()] = slots
     return ordered[: len(batch.arc)]

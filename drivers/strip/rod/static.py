@@ -22,7 +22,7 @@ STILLING = tuple(PERIOD * 2**i for i in range(10))  # s, steps in which a strip 
 
 
 def lift_path(batch: Batch, start: Array) -> Array:
-    """Gripper poses (k, n, 3) from flat strips to grippers at `start` (n, 3): up, then inwards.
+    """Gripper poses (k, n, 3) [m, m, rad] from flat strips to `start` (n, 3): up, then inwards.
 
     The height grows with the root of the inward distance, so that the edge stays within the strip's
     reach.

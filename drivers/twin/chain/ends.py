@@ -37,7 +37,7 @@ class Grip:
         return type(self)(pose, (pose - self.pose) / h)
 
     def target(self, before: Self, h: float) -> Array:
-        """Target (3,) of the weld with which the chain's tip is at this grip after a step of `h`.
+        """Weld target (3,) [m, m, rad] that puts the chain's tip at this grip after a step `h` [s].
 
         The weld obeys a + b v + k r = 0, with acceleration a, rate v and violation r (tip minus
         target) at the step's end; a tip on its commanded motion has r = -(a + b v) / k.
@@ -47,7 +47,7 @@ class Grip:
 
 
 def approach_poses(model: StripModel) -> Array:
-    """Gripper poses (k, 3) that move the free edge from where it lies to its stated length.
+    """Gripper poses (k, 3) [m, m, rad] that bring a lying free edge to the stated length.
 
     A strip that is too long is brought there in an arc, which leaves its slack as a wave; one that
     is too short is pulled taut. Empty for a strip of exactly the stated length.

@@ -136,7 +136,7 @@ class ChainStrip:
             raise SimulationNotFinite("chain", self._time + h)
 
     def _within_reach(self, target: Array) -> Array:
-        """Weld target `target` (3,), at most as far from the fixed edge as a taut strip and PULL.
+        """Weld `target` (3,) [m, m, rad], drawn in to where a taut strip reaches and PULL beyond.
 
         A weld with a larger violation pulls so hard that the solver loses the weight in rounding.
         """

@@ -123,7 +123,7 @@ def places(length: float, links: int) -> Array:
 
 
 def _lag(strip: Mechanics) -> Array:
-    """Integrand (CELLS,) of the damping of unlike pieces: D = K^2 int(viscosity / EI^2) ds."""
+    """viscosity / EI^2 (CELLS,) [s/(N m^2)], whose integral times K^2 is the damping of a hinge."""
     return strip.viscosity / strip.rigidity**2
 
 

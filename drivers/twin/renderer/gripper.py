@@ -99,7 +99,7 @@ def _disc(image: Image, centre: Array, radius: float, optics: Optics, colour: Ar
 def extent(
     faces: Sequence[tuple[Array, Array]], scene: Scene, optics: Optics
 ) -> tuple[Array, Array]:
-    """Pixels u and v (k,) of points that bound the hand's `faces` and the pin that it holds."""
+    """Columns and rows (k,) [px] of points that bound the hand's `faces` and the pin it holds."""
     sides = [corners for face in faces for corners in face]
     if scene.pointer:
         centre = np.array([scene.gripper.x, scene.gripper.z])

@@ -52,7 +52,7 @@ class FoldResiduals:
         return Residuals(mean, square)
 
     def _profile_averages(self, model: StripModel, motion: SimulatedMotion) -> tuple[Array, Array]:
-        """Mean and mean square (k,) of signed distances of measured points from the midline."""
+        """Mean [m] and mean square [m^2] (k,) of measured points' distances from the midline."""
         part, times = self.layout.profile, imaged_time(model.observation, self.run.images.stamps)
         index = motion.index_at(np.asarray(times))
         return average(self.distances(model, motion, part.order, index), part)
@@ -74,7 +74,7 @@ class FoldResiduals:
         return found
 
     def _contact_averages(self, model: StripModel, motion: SimulatedMotion) -> tuple[Array, Array]:
-        """Mean and mean square (k,) of contact residuals, NaN where the contacts are different.
+        """Mean [m] and mean square [m^2] (k,) of contact residuals, NaN for two contacts.
 
         A strip with a hump, as over a crease, leaves the desk there and at the fold; which of them
         an image shows depends on the hump's height. So a contact far from the simulated one is
@@ -99,7 +99,7 @@ class FoldResiduals:
     def _force_averages(
         self, model: StripModel, motion: SimulatedMotion, axis: int
     ) -> tuple[Array, Array]:
-        """Mean and mean square (k,) of residuals of the force along one axis."""
+        """Mean [N] and mean square [N^2] (k,) of residuals of the force along one axis."""
         part = self.layout.force[axis]
         if not len(part):
             return np.empty(0), np.empty(0)
@@ -108,7 +108,7 @@ class FoldResiduals:
         return average(np.asarray((self.run.force[part.order] - simulated)[:, axis]), part)
 
     def _touch_residuals(self, model: StripModel, motion: SimulatedMotion) -> tuple[Array, Array]:
-        """Residuals of the touch's values and their squares (3,), NaN where none is simulated.
+        """Residuals (3,) [s, m, m] of the touch and their squares, NaN where none is simulated.
 
         Both are empty (0,) where the run measured no touch.
         """
@@ -138,7 +138,7 @@ def _touch_values(touch: Touch) -> Array:
 
 
 def average(values: Array, part: Part) -> tuple[Array, Array]:
-    """Mean and mean square (k,) of the readings `values` (n,) of each sample, outliers clipped."""
+    """Mean and mean square (k,), in SI, of the readings (n,) of each sample, outliers clipped."""
     mean, square = np.empty(len(part)), np.empty(len(part))
     if len(part):
         group_means(np.ascontiguousarray(values), part.edges, part.sigma, mean, square)

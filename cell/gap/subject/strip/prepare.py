@@ -176,7 +176,7 @@ def _grid_errors(
     simulate: Simulation,
     finer: Sequence[Resolution] = (FINE, FINER),
 ) -> list[Array]:
-    """`residuals` of a fold's own rod less those of a `finer` one, per sample (n,).
+    """`residuals` of a fold's own rod less those of a `finer` one, per sample (n,) [SI].
 
     Where that is much, the next resolution decides: an end that slips, or a strip that is pushed,
     may take another way at a single one.
@@ -204,7 +204,7 @@ def _rms(values: Array) -> float:
 def _common_errors(
     run: MeasuredRun, samples: Samples, linearisation: Linearisation
 ) -> dict[str, Array]:
-    """Residuals (n,) per standard deviation of each error that all runs share, by name.
+    """Residuals (n,) [SI] per standard deviation of each error that all runs share, by name.
 
     They are those of the model in damping, and of perception where a camera saw the run.
     """

@@ -103,7 +103,7 @@ def inlier_mask(curve: Array, sigma: float) -> NDArray[np.bool_]:
 
 
 def running_median(curve: Array) -> Array:
-    """Running median (n, 2) of a curve over MEDIAN_WINDOW points, extended linearly at its ends."""
+    """Running median (n, 2) [m] of a curve over MEDIAN_WINDOW points, linear beyond its ends."""
     half = MEDIAN_WINDOW // 2
     inner = np.median(sliding_window_view(curve, MEDIAN_WINDOW, axis=0), axis=-1)
     reach = min(half, len(inner) - 1)

@@ -91,7 +91,7 @@ class Instruments:
     force: float | None = None
 
     def sigma(self) -> dict[str, float]:
-        """Standard deviation of each channel's noise, by its key in run.yaml."""
+        """Standard deviation of each channel's noise [m, s, N], by its key in run.yaml."""
         keys = ("contact_x", "profile", "gripper", "displacement", "touch_time")
         force = {} if self.force is None else {"force": self.force}
         return {key: getattr(self, key) for key in keys} | force
@@ -258,7 +258,7 @@ def _shape(fold: Fold, stamp: float) -> Array:
 
 
 def _curve(fold: Fold, stamp: float, by: Instruments, rng: np.random.Generator) -> Array:
-    """Measured points (n, 2) of the visible midline, from the desk contact to the fingers."""
+    """Measured points (n, 2) [m] of the visible midline, from the desk contact to the fingers."""
     shape = _shape(fold, stamp)
     lifted = np.flatnonzero(shape[:, 1] > fold.model.observation.contact_height)
     begin = fold.arc[lifted[0]] if len(lifted) else fold.arc[-1]
