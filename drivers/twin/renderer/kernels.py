@@ -1,5 +1,7 @@
 """Compiled loops of the renderer: projection of a midline, sampling of its surface, splatting."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,20 +14,20 @@ FULL = 0.96  # coverage from which a pixel counts as filled, as samples leave ga
 PLANE_SEQUENCE = (0.7548776662466927, 0.5698402909980532)  # a plane sequence of low discrepancy
 
 
-@entry
-def project_plane_points(
-    points: Array,
-    y: float,
-    centre: Array,
-    m: Array,
-    focal: float,
-    principal: tuple[float, float],
-    distortion: tuple[float, float],
-) -> Array:
-    """Pixels (n, 2) of `points` (n, 2) of x, z [m] in the plane at `y` [m].
+class Pinhole(NamedTuple):
+    """Camera at `centre` (3,) [m] with its `rotation` (3, 3); other fields are as in `Optics`."""
 
-    The camera at `centre` (3,) has the rotation `m` (3, 3); other arguments are as in `Optics`.
-    """
+    centre: Array
+    rotation: Array
+    focal: float
+    principal: tuple[float, float]
+    distortion: tuple[float, float]
+
+
+@entry
+def project_plane_points(points: Array, y: float, camera: Pinhole) -> Array:
+    """Pixels (n, 2) [px] of `points` (n, 2) of x, z [m] in the plane at `y` [m]."""
+    centre, m, focal, principal, distortion = camera
     (u, v), (k1, k2) = principal, distortion
     pixels = np.empty((len(points), 2))
     for i in range(len(points)):
@@ -72,33 +74,40 @@ def bin_maxima(bins: Indices, values: Array, count: int) -> Array:
     return maxima
 
 
+class Rows(NamedTuple):
+    """Rows of material points, one across a strip's surface at each of m samples of its curve.
+
+    The `counts` (m,) points of a row lie evenly from `start` (m, 2) [px] on over `across` (m, 2),
+    at arc length `s` (m,) [m]; each has an `area` (m,) [px^2] and the brightness `shade` (m,). Over
+    the exposure they move by `motion` (m, 2) [px], empty at rest.
+    """
+
+    start: Array
+    across: Array
+    motion: Array
+    counts: Indices
+    area: Array
+    shade: Array
+    s: Array
+
+
 @entry
-def sample_surface(
-    start: Array,
-    across: Array,
-    motion: Array,
-    rows: Indices,
-    area: Array,
-    shade: Array,
-    s: Array,
-    weave: Array,
-    grid: tuple[float, float],
-) -> Array:
+def sample_surface(rows: Rows, weave: Array, grid: tuple[float, float]) -> Array:
     """Material points (6, n): u and v [px], area [px^2], brightness, arc length and depth [m].
 
-    Sample i of a curve, at arc length `s[i]`, has `rows[i]` points of `area[i]`, evenly from
-    `start` (m, 2) on over `across` (m, 2). Their brightness is `shade` times the `weave`, whose
-    rows and columns are powers of two. `grid` is the number of those per metre, and the width [m]
-    that `across` stands for; 0 for an edge, to either side of `start`. Points move by `motion`
-    (m, 2), empty at rest: neighbours are shown at different instants, which together blur.
+    Their brightness is that of their row times the `weave`, whose rows and columns are powers of
+    two. `grid` is the number of those per metre, and the width [m] that `rows.across` stands for; 0
+    for an edge, to either side of `rows.start`. Neighbours are shown at different instants of the
+    exposure, which together blur.
     """
-    points = np.empty((6, rows.sum()))
+    start, across, motion, counts, area, shade, s = rows
+    points = np.empty((6, counts.sum()))
     cells, width = grid
     n = 0
-    for i in range(len(rows)):
+    for i in range(len(counts)):
         along = int(s[i] * cells) & (len(weave) - 1)
-        for row in range(rows[i]):
-            depth = (2 * row + 1) / rows[i] - 1 if width == 0 else (row + 0.5) * (1 / rows[i])
+        for row in range(counts[i]):
+            depth = (2 * row + 1) / counts[i] - 1 if width == 0 else (row + 0.5) * (1 / counts[i])
             y = depth * width
             u, v = start[i, 0] + depth * across[i, 0], start[i, 1] + depth * across[i, 1]
             if len(motion):
@@ -112,39 +121,54 @@ def sample_surface(
     return points
 
 
+class Sums(NamedTuple):
+    """Sums over the material in pixels of a window, for the pixels that any material reaches.
+
+    `values` (n, channels) are coverage, brightness and tints times brightness, numbered from 1;
+    `pixels` (n,) their flat pixel indices, `places` (rows, columns) the number of each pixel's sum,
+    0 for none.
+    """
+
+    values: Array
+    pixels: Indices
+    places: NDArray[np.int32]
+
+
+@kernel
+def _share(area: float, a: float, b: float, corner: tuple[int, int]) -> float:
+    """Part of `area` in the pixel at `corner` (down, right) of four, `a` right and `b` down in."""
+    share = area * a
+    if corner[1] == 0:
+        share = area - share
+    return share * b if corner[0] == 1 else share - share * b
+
+
 @kernel
 def _gather(
-    sums: Array,
-    numbered: tuple[NDArray[np.int32], Indices, int],
+    sums: Sums,
+    taken: int,
     points: Array,
     tint: Array,
     origin: tuple[int, int],
-    low: int,
-    right: int,
+    corner: tuple[int, int],
 ) -> int:
-    """Add the share of each point in one of the four pixels around it to `sums` (n, channels).
+    """Add to `sums` the share of each point in the pixel at one `corner` of the four around it.
 
-    `low` and `right`, 0 or 1, choose the pixel. Pixels get sums when first needed, numbered from 1:
-    `numbered` holds the number of each pixel (rows, columns) from `origin` on, 0 without a sum, the
-    flat pixel index of each sum (n,), and the number of sums in use, of which the new is returned.
+    The first pixel of the window is `origin` (u, v). Returns how many sums are `taken` by then.
     """
-    places, pixels, taken = numbered
-    (u0, v0), (rows, columns) = origin, places.shape
+    rows, columns = sums.places.shape
     for k in range(points.shape[1]):
-        u, v = points[0, k] - u0, points[1, k] - v0
+        u, v = points[0, k] - origin[0], points[1, k] - origin[1]
         j, i = int(u), int(v)
         if u < 0 or v < 0 or j >= columns - 1 or i >= rows - 1:
             continue
-        a, b = u - j, v - i
-        share = points[2, k] * a
-        if right == 0:
-            share = points[2, k] - share
-        share = share * b if low == 1 else share - share * b
+        share = _share(points[2, k], u - j, v - i, corner)
         glow = share * points[3, k]
-        if places[i + low, j + right] == 0:
+        i, j = i + corner[0], j + corner[1]
+        if sums.places[i, j] == 0:
             taken += 1
-            places[i + low, j + right], pixels[taken] = taken, (i + low) * columns + j + right
-        pixel = sums[places[i + low, j + right]]
+            sums.places[i, j], sums.pixels[taken] = taken, i * columns + j
+        pixel = sums.values[sums.places[i, j]]
         pixel[0] += share
         pixel[1] += glow
         for c in range(tint.shape[1]):
@@ -167,21 +191,20 @@ def splat(
     moment; the sum in a pixel is its coverage. The ink is `colour` (3,) BGR, or the mean of `tint`
     (n, 3) by brightness where that is not empty, under the `light` of the frame.
     """
-    columns = image.shape[1]
-    most = 4 * points.shape[1] + 1
-    sums, pixels, taken = np.zeros((most, 2 + tint.shape[1])), np.empty(most, np.int64), 0
-    places = np.zeros(image.shape[:2], np.int32)
+    most, columns, taken = 4 * points.shape[1] + 1, image.shape[1], 0
+    values, places = np.zeros((most, 2 + tint.shape[1])), np.zeros(image.shape[:2], np.int32)
+    sums = Sums(values, np.empty(most, np.int64), places)
     for low in range(2):
         for right in range(2):
-            taken = _gather(sums, (places, pixels, taken), points, tint, origin, low, right)
+            taken = _gather(sums, taken, points, tint, origin, (low, right))
     for n in range(1, taken + 1):
-        coverage, glow = sums[n, 0], sums[n, 1]
+        coverage, glow = values[n, 0], values[n, 1]
         if coverage == 0:
             continue
-        v, u = pixels[n] // columns, pixels[n] % columns
+        v, u = sums.pixels[n] // columns, sums.pixels[n] % columns
         alpha = min(coverage / FULL, 1.0)
         ink = glow / max(coverage, 1e-12) * light[origin[1] + v, origin[0] + u] * alpha
         for c in range(3):
-            mixed = colour[c] if tint.shape[1] == 0 else sums[n, 2 + c] / max(glow, 1e-12)
+            mixed = colour[c] if tint.shape[1] == 0 else values[n, 2 + c] / max(glow, 1e-12)
             level = image[v, u, c] * (1 - alpha) + ink * mixed + 0.5
             image[v, u, c] = np.uint8(min(level, 255.0))

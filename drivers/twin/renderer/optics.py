@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.twin.renderer.kernels import project_plane_points
+from drivers.twin.renderer.kernels import Pinhole, project_plane_points
 from drivers.twin.settings import CameraSettings
 from drivers.types import Array, Image
 
@@ -80,8 +80,8 @@ class Optics:
     def plane(self, points: Array, y: float = 0.0) -> Array:
         """Pixels (..., 2) of `points` (..., 2) of x, z [m] in the plane at `y` [m]."""
         flat = np.array(points, dtype=np.float64).reshape(-1, 2)
-        camera = self.centre, self.rotation, self.focal, self.principal, self.distortion
-        return project_plane_points(flat, y, *camera).reshape(points.shape)
+        camera = Pinhole(self.centre, self.rotation, self.focal, self.principal, self.distortion)
+        return project_plane_points(flat, y, camera).reshape(points.shape)
 
     def seen_from(self, origin: tuple[int, int]) -> Self:
         """Copy of the camera whose pixels are counted from `origin` (u, v)."""

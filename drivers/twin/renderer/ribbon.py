@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.twin.renderer.kernels import interpolate, sample_surface
+from drivers.twin.renderer.kernels import Rows, interpolate, sample_surface
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.scene import Scene
@@ -166,9 +166,8 @@ def sample_face(
     rows = np.ceil(area / length / DEPTH_PITCH).astype(np.int64)
     near, shade = _surface(curve, picture, optics, look), _lit(curve, optics)
     each = area * (1 / np.maximum(rows, 1))
-    grid, motion = (1 / GRAIN, look.width), picture.motion
-    points = sample_surface(near, across, motion, rows, each, shade, curve.s, material.face, grid)
-    return _cloud(points, look)
+    surface = Rows(near, across, picture.motion, rows, each, shade, curve.s)
+    return _cloud(sample_surface(surface, material.face, (1 / GRAIN, look.width)), look)
 
 
 def sample_edge(curve: Curve, picture: Projection, look: StripLook, material: Weave) -> Cloud:
@@ -176,9 +175,8 @@ def sample_edge(curve: Curve, picture: Projection, look: StripLook, material: We
     thickness = 2 * float(np.hypot(*picture.half.T).max())
     rows = np.full(len(curve.s), max(int(np.ceil(thickness / PITCH)), 2))
     each, shade = _area(picture.along, 2 * picture.half) / rows, np.full(len(curve.s), CUT)
-    start, across, motion, grid = picture.near, picture.half, picture.motion, (1 / GRAIN, 0.0)
-    points = sample_surface(start, across, motion, rows, each, shade, curve.s, material.cut, grid)
-    return _cloud(points, look)
+    surface = Rows(picture.near, picture.half, picture.motion, rows, each, shade, curve.s)
+    return _cloud(sample_surface(surface, material.cut, (1 / GRAIN, 0.0)), look)
 
 
 def _cloud(points: Array, look: StripLook) -> Cloud:
