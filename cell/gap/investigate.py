@@ -41,7 +41,7 @@ from cell.gap.selection.screening import (
 )
 from cell.gap.selection.search import Search
 from cell.gap.subject.subject import Subject
-from cell.gap.verdict.decision import decide, refuted_values
+from cell.gap.verdict.decision import decide, doubtful_values
 from cell.gap.verdict.findings import Advice, BaseFit, Findings, HeldOutFits, ModelTests, Screen
 from cell.gap.verdict.offered_law import offered_law
 from drivers.types import Array
@@ -192,7 +192,9 @@ class Investigation:
         best = accepted.estimate
         residual_test = ResidualTest.of(best, self.rng)
         close = rivals(accepted, fits, sets) if best.model.effects else []
-        alike = join_overlapping([*classes(accepted, close), *refuted_values(best, self.subject)])
+        alike = join_overlapping(
+            [*classes(accepted, close), *doubtful_values(accepted, fits, self.subject)]
+        )
         scatter = estimate_spreads(self.simulate, best, self.fitted)
         start = with_scatter(best, scatter, self.fitted)
         return ModelTests(

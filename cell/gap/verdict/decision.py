@@ -11,7 +11,7 @@
 The probability that a name is right is a calibrated function of them. An effect is named where that
 is LEAST or more, and unseen runs are predicted better, none of them clearly worse. What is named
 need not account for all: what is left is described beside it. An effect whose own response is that
-of a strained base is in one class with a wrong file.
+of a strained base, or that predicts runs no better than one, is in one class with a wrong file.
 """
 
 import math
@@ -23,8 +23,9 @@ import numpy as np
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting import robust
 from cell.gap.fitting.base_fit import strains
+from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.selection.likelihood import ALPHA, MIN_GAIN
+from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, gain
 from cell.gap.subject.subject import Candidate, Subject
 from cell.gap.verdict.confidence import LEAST, VerdictEvidence, calibration
 from cell.gap.verdict.findings import Findings
@@ -150,25 +151,32 @@ def _gains(findings: Findings) -> tuple[list[float], list[float]]:
     return by_run, list(by_quantity.values())
 
 
-def refuted_values(fit: Estimate, subject: Subject) -> list[list[str]]:
-    """Groups of an effect of `fit` and base values of the file, one of which may be wrong.
+def doubtful_values(accepted: CrossValidatedFit, fits: Fits, subject: Subject) -> list[list[str]]:
+    """Groups of an `accepted` effect and base values of the file, one of which may be wrong.
 
-    Beside the effect those values lie STRAINED standard deviations off or more, and what that
-    changes is what the effect changes.
+    Either those values lie STRAINED standard deviations off or more without the effect, and runs
+    left out are then predicted as well; or they do beside it, and what that changes is what the
+    effect changes.
     """
-    strained_names = [name for name, strain in strains(fit).items() if abs(strain) > STRAINED]
-    if not strained_names or not subject.scope.believed:
+    if not subject.scope.believed:
         return []
-    moved = fit.shared - np.array([p.start for p in fit.model.parameters])
-    responses = fit.stacked_jacobian[:, : len(moved)] * moved
-    base, by_effect = fit.model.split(responses.T)
-    is_strained = [p.name in strained_names for p in fit.model.base]
-    strained = base[is_strained].sum(axis=0)
-    return [
-        [name, *strained_names]
-        for name, rows in by_effect.items()
-        if abs(_cosine(rows.sum(axis=0), strained)) > ALIKE
-    ]
+    refuted, found = _strained(accepted.estimate), list[list[str]]()
+    moved = accepted.estimate.shared - np.array([p.start for p in accepted.model.parameters])
+    responses = accepted.estimate.stacked_jacobian[:, : len(moved)] * moved
+    base, by_effect = accepted.model.split(responses.T)
+    strained = base[[p.name in refuted for p in accepted.model.base]].sum(axis=0)
+    for name, rows in by_effect.items():
+        if abs(_cosine(rows.sum(axis=0), strained)) > ALIKE:
+            found.append([name, *refuted])
+        without = fits.of(accepted.model.names - {name})
+        if without and gain(accepted, without, fits.likelihood) < MIN_GAIN:
+            found.append([name, *_strained(without.estimate)])
+    return [group for group in found if len(group) > 1]
+
+
+def _strained(fit: Estimate) -> list[str]:
+    """Names of the base values of `fit` that lie STRAINED standard deviations off or more."""
+    return [name for name, strain in strains(fit).items() if abs(strain) > STRAINED]
 
 
 def _cosine(a: Array, b: Array) -> float:

@@ -100,8 +100,9 @@ def _shift(rig: Rig, size: float, rng: np.random.Generator, field: str) -> None:
 
 
 def _bend(rig: Rig, size: float, rng: np.random.Generator) -> None:
-    """Foreign cause: a joint whose axis is skewed."""
-    turn, quat = np.zeros(4), rig.model.body_quat[rig.model.jnt_bodyid[rng.choice(rig.driven)]]
+    """Foreign cause: a joint whose axis is skewed; the first one's would tilt the base."""
+    joint = rng.choice(rig.driven[1:] or range(1, rig.model.njnt))
+    turn, quat = np.zeros(4), rig.model.body_quat[rig.model.jnt_bodyid[joint]]
     mujoco.mju_axisAngle2Quat(turn, rng.dirichlet(np.ones(3)) ** 0.5, BENT * size)
     mujoco.mju_mulQuat(quat, quat.copy(), turn)
 
@@ -364,5 +365,4 @@ def _measured(columns: Columns, rig: Rig, rng: np.random.Generator) -> Columns:
     for i, (weight, gear) in enumerate(zip(rig.weight, rig.gear, strict=True)):
         noise = rng.normal(0.0, 0.25 * TORQUE * weight, n)
         found[f"t{i + 1}"] = (columns[f"t{i + 1}"] + noise) / gear
-    commands = range(m.nu) if forward else ()
-    return {**found, **{m.actuator(i).name: columns[f"u{i}"] for i in commands}}
+    return {**found, **{m.actuator(i).name: columns[f"u{i}"] for i in range(m.nu * forward)}}

@@ -31,14 +31,6 @@ def transmissions(model: Any, data: Any) -> Array:
     return dense
 
 
-def _with_equalities_alone(model: Any) -> Any:
-    """Copy of `model` in which only equalities add rows to the Jacobian of constraints."""
-    found, off = copy.copy(model), mujoco.mjtDisableBit
-    found.opt.disableflags = int(off.mjDSBL_CONTACT | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_LIMIT)
-    found.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    return found
-
-
 class ClosedLoops:
     """Closed loops of a model: some joints are `independent`, equalities determine the others.
 
@@ -48,9 +40,16 @@ class ClosedLoops:
     """
 
     def __init__(self, model: Any, inputs: Sequence[int], origin: str) -> None:
-        self._model = _with_equalities_alone(model)
+        self._model, off = copy.copy(model), mujoco.mjtDisableBit
+        # only equalities add rows to the Jacobian of constraints
+        self._model.opt.disableflags = int(
+            off.mjDSBL_CONTACT | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_LIMIT
+        )
+        self._model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         self._data = mujoco.MjData(self._model)
-        count = self._count_degrees_of_freedom()
+        perturbed = np.random.default_rng(0).normal(model.qpos0, PERTURBATION)
+        jacobian, _ = self._jacobian(perturbed)
+        count = int(model.nv - np.linalg.matrix_rank(jacobian, RANK_TOLERANCE))
         driven = np.asarray(transmissions(self._model, self._data).any(axis=0))
         # where all joints are measured, those with a motor lead
         leading = [j for j in inputs if driven[j]] if len(inputs) == model.nv else list(inputs)
@@ -62,12 +61,6 @@ class ClosedLoops:
             )
         self.independent = np.array(leading)
         self._dependent = np.setdiff1d(np.arange(model.nv), self.independent)
-
-    def _count_degrees_of_freedom(self) -> int:
-        """Degrees of freedom that the loops leave near the stated pose."""
-        perturbed = np.random.default_rng(0).normal(self._model.qpos0, PERTURBATION)
-        jacobian, _ = self._jacobian(perturbed)
-        return int(self._model.nv - np.linalg.matrix_rank(jacobian, RANK_TOLERANCE))
 
     def _jacobian(self, q: Array) -> tuple[Array, Array]:
         """Jacobian (rows, n) and gaps (rows,) of the equalities at positions `q` (n,)."""

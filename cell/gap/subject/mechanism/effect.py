@@ -1,17 +1,16 @@
 """Effects of a mechanism: how each changes the model, a command, a reading or a torque."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
-from cell.gap.subject.mechanism.model import Fields, Mechanism
+from cell.gap.subject.mechanism.model import FORWARD, PRESCRIBED, Fields, Mechanism
 from cell.gap.subject.subject import Candidate, Parameter
 from drivers.types import Array
 
 Of = Literal["model", "rig"]
-MODES = ("forward", "prescribed", "planar")
 UNTRUE, EXACT = 0.2, 0.02  # relative errors of laws of friction and springs, and of all others
 SIZES_PER_SPREAD = 25.0  # typical sizes of a parameter in its prior spread
 STEPS_PER_SIZE = 1000.0  # steps of finite differences in a typical size
@@ -42,11 +41,10 @@ class Effect:
     one key, joint by joint, then the next key; `shape` are shapes of the law. `law` is a compiled
     torque `(q, v, load, p, at) -> N m` of one joint with its own values from `p[at]` on, `keys` of
     them, on a joint that smooths signs over `p[3]`; `edit` changes fields of the model, and stands
-    for the law in a simulation where it is `native`; `path` is a torque (m, joints) that depends on
+    for the law where the mode has laws as `fields`; `path` is a torque (m, joints) that depends on
     the motion so far; `read` changes what lies between world and record. An MJCF can say what
     `edit` does. The effect is a candidate where it is `possible`, in `modes` of simulation; it is
     screened at `probes`, in typical sizes, for each of a `grid` of values of its last parameter.
-    `holds` is the largest torque by which a law holds a joint that stands, of the law's arguments.
     `error_of` is a field of the base that the effect is an error of: where the file says how well
     that field is known, the effect is no candidate. `of_drives`: the law acts at joints that a
     motor drives alone, and its parameters are theirs.
@@ -64,25 +62,23 @@ class Effect:
     edit: Callable[[Mechanism, Array, Fields], None] | None = None
     read: Callable[[Mechanism, Array, Readings], None] | None = None
     path: Callable[[Mechanism, Array, Array, Array, Array], Array] | None = None
-    native: Callable[[Mechanism], bool] = lambda _: True
     possible: Callable[[Mechanism], bool] = lambda _: True
-    modes: Sequence[str] = ("forward", "prescribed")
+    modes: Collection[str] = (FORWARD.name, PRESCRIBED.name)
     probes: Sequence[float] = (0.03, 0.3, 3.0)
     grid: Sequence[float] = ()
     error_of: str = ""
-    holds: Callable[..., Array] | None = None
     of_drives: bool = False
 
     def applies(self, mechanism: Mechanism) -> bool:
         """Whether the effect can occur in `mechanism`, in its mode of simulation."""
-        fits = mechanism.mode in self.modes and self.possible(mechanism)
+        fits = mechanism.mode.name in self.modes and self.possible(mechanism)
         return fits and bool(self.parameters(mechanism))
 
     def edits(self, mechanism: Mechanism) -> bool:
         """Whether edited fields of the model of `mechanism` express the whole effect."""
         if self.edit is None or self.read is not None:
             return False
-        return self.law is None or (mechanism.mode == "forward" and self.native(mechanism))
+        return self.law is None or mechanism.mode.fields
 
     def candidate(self, mechanism: Mechanism) -> Candidate:
         """Candidate effect of `mechanism`, screened one parameter at a time from small to large."""
@@ -94,14 +90,17 @@ class Effect:
             tuple(_probe(np.append(null[:-1], last), i, sizes[i] * factor) for i in amounts)
             for last in self.grid or null[-1:] for factor in self.probes
         )  # fmt: skip
-        of = "strip" if mechanism.mode == "planar" else self.of  # as verdicts on pendulums state it
         error = UNTRUE if self.law is not None and self.of == "model" else EXACT
-        return Candidate(self.name, self.sentence, of, parameters, groups, self.revealed_by,
-                         error, self.shape(mechanism))  # fmt: skip
+        return Candidate(self.name, self.sentence, mechanism.mode.of or self.of, parameters, groups,
+                         self.revealed_by, error, self._shapes(mechanism))  # fmt: skip
 
     def with_shape(self, mechanism: Mechanism) -> tuple[Parameter, ...]:
         """Parameters of the effect in `mechanism`, followed by those that shape its law."""
-        return (*self.parameters(mechanism), *self.shape(mechanism))
+        return (*self.parameters(mechanism), *self._shapes(mechanism))
+
+    def _shapes(self, mechanism: Mechanism) -> tuple[Parameter, ...]:
+        """Shapes of the law, where the mode has them fitted."""
+        return self.shape(mechanism) if mechanism.mode.shapes else ()
 
     def table(self, mechanism: Mechanism, values: Array) -> Array:
         """Table (keys, joints) of the first `values` (k,), with start values of the others."""
@@ -128,14 +127,12 @@ def per_joint(
     shape: bool = False, high: float = 250.0,
 ) -> tuple[Parameter, ...]:  # fmt: skip
     """Parameters `key_JOINT` of all joints, of typical `size` (joints,); of slides in N and m."""
-    found = []
-    for joint, s in zip(mechanism.joints, size, strict=True):
-        low = -high * s if signed else 0.0
-        own_unit = unit if joint.hinge else unit.replace("N m", "N").replace("rad", "m")
-        found.append(Parameter(f"{key}_{joint.name}", own_unit, 0.0, low, high * s,
-                               step=s / STEPS_PER_SIZE, spread=SIZES_PER_SPREAD * s,
-                               shape=shape))  # fmt: skip
-    return tuple(found)
+    slides = unit.replace("N m", "N").replace("rad", "m")
+    return tuple(
+        replace(single_parameter(f"{key}_{joint.name}", unit if joint.hinge else slides, s,
+                                 signed=signed, high=high)[0], shape=shape)
+        for joint, s in zip(mechanism.joints, size, strict=True)
+    )  # fmt: skip
 
 
 def single_parameter(
@@ -162,14 +159,6 @@ def put_by_encoder(key: str) -> Callable[[Mechanism, Array, Readings], None]:
         getattr(readings, key).update(zip(mechanism.encoders, map(float, values), strict=True))
 
     return read
-
-
-def has_gears(mechanism: Mechanism) -> bool:
-    """Whether elasticity or play between motors and links can be simulated in `mechanism`."""
-    one_each = int(mechanism.model.body_jntnum.max()) == 1
-    if mechanism.mode == "prescribed":
-        return not mechanism.model.neq
-    return bool(mechanism.actuators and one_each)
 
 
 def add_to(field: str) -> Callable[[Mechanism, Array, Fields], None]:

@@ -32,7 +32,7 @@ STIFFEST = 1e6  # N m/rad per kg m^2 of a joint's inertia, of a gear that does n
 LEAST_COMPLIANCE = 1e-12  # rad/(N m), against division by zero
 THIRD = 1.0 / 3.0  # of its noise, by which halving the time step may move a signal
 BODY = ("body_mass", "body_ipos", "body_iquat", "body_inertia")
-DOF = ("dof_damping", "dof_dampingpoly", "dof_armature", "dof_frictionloss")
+DOF = ("dof_damping", "dof_dampingpoly", "dof_armature", "dof_frictionloss", "dof_solimp")
 ACTUATOR = ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange")
 CONST = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature", "qpos_spring")
 
@@ -84,197 +84,6 @@ def commands_of(recording: Recording, inputs: Sequence[str], actuators: Sequence
             known = np.isfinite(column)
             u[:, i] = np.interp(recording.t, recording.t[known], column[known])[row]
     return Commands(frozen(t), frozen(u))
-
-
-class ForwardDynamics(MechanismSubject):
-    """Predicts a mechanism's signals by a simulation that the recorded commands drive."""
-
-    def __init__(self, opened: MechanismData, jobs: int = 1, without: Sequence[str] = ()) -> None:
-        super().__init__(opened, jobs, without)
-        self._laws = self._compiled_effects()
-        self._settle = round((opened.file.start.settle or 0.0) / self._mechanism.step)
-        self._split_model: SplitModel | None = None
-        self.runs = tuple(map(self._run, opened.recordings))
-
-    def _compiled_effects(self) -> frozenset[str]:
-        """Effects and terms whose laws a simulation must add to MuJoCo's own forces."""
-        m = self._mechanism
-        names = [c.name for c in (*self._candidates(), *describing_terms(m))]
-        known = map(effect_of, (*names, *self.opened.file.effects))
-        return frozenset(e.name for e in known if e.law is not None and not e.edits(m))
-
-    def _split(self) -> "SplitModel":
-        """New model of the mechanism in which gears or mounts are flexible."""
-        return SplitModel(self._mechanism, self.name)
-
-    def _check_step(self, residuals: Array, origin: str) -> None:
-        """Refuse a time step whose half moves the first run by over a third of its noise."""
-        m = self._mechanism
-        model = copy.copy(m.model)
-        model.opt.timestep = 0.5 * m.step
-        halved = replace(m, step=0.5 * m.step, model=model)
-        first = replace(self.opened, mechanism=halved, recordings=self.opened.recordings[:1])
-        finer = ForwardDynamics(first)._stated_residuals()
-        run = self.runs[0]
-        change = float(np.nanmax(np.abs(residuals - finer) / run.samples.reading))
-        if change > THIRD:
-            raise ConfigurationError(
-                f"{origin}: step: half of it moves run {run.name} by {change:.2g} of its noise, at "
-                f"most {THIRD:.2f} is allowed; make it smaller"
-            )
-
-    def not_honoured(self) -> Iterator[str]:
-        """Parts of the model that torques along a simulation would lack, by name."""
-        model = self._mechanism.model
-        plain = (model.actuator_dyntype == 0) & (model.actuator_gaintype == 0)
-        plain &= model.actuator_biastype <= int(mujoco.mjtBias.mjBIAS_AFFINE)
-        plain &= model.actuator_delay == 0.0
-        for sensor in self._mechanism.torques:
-            if not plain[sensor.actuator]:
-                name = model.actuator(sensor.actuator).name
-                yield f"torque {sensor.name} of {name}: its filter, delay, or law of force"
-
-    def _content(self, recording: Recording, cut: Cut, width: float) -> Content:  # noqa: ARG002
-        """Content of a run that is simulated forward: its commands, and its start."""
-        file = self.opened.file
-        commands = commands_of(recording, tuple(file.inputs), self._mechanism.actuators, file.hold)
-        return Content(cut, recording.load, commands=commands,
-                       start=start_of(self.opened, recording))  # fmt: skip
-
-    def predict(self, cases: Sequence[Case]) -> list[Array | None]:
-        """Signals (signals, k) of each simulated case; None where its simulation diverges."""
-        by_motion: dict[Hashable, list[int]] = {}
-        for i in sorted(range(len(cases)), key=lambda i: float(cases[i].content.cut.t[-1])):
-            by_motion.setdefault(cases[i].motion, []).append(i)
-        groups = list(by_motion.values())
-        found: dict[int, Array] = {}
-        for begin in range(0, len(groups), TOGETHER):
-            found |= self._predict_together(cases, groups[begin : begin + TOGETHER])
-        return [found.get(i) for i in range(len(cases))]
-
-    def _predict_together(self, cases: Sequence[Case],
-                          groups: Sequence[Sequence[int]]) -> dict[int, Array]:  # fmt: skip
-        """Signals (signals, k) by number of case, for `groups` of cases that move alike."""
-        simulated, control, batch = self._simulate([cases[i] for i, *_ in groups])
-        found = {}
-        for row, (group, states) in enumerate(zip(groups, simulated, strict=True)):
-            for i in group if np.abs(states).max() < POSITION_LIMIT else ():
-                t = np.maximum(cases[i].content.cut.t - cases[i].readings.delay, 0.0)
-                q, v = interpolate(states, t, self._mechanism.step)
-                found[i] = self._read(cases[i], t, q, v, control[row], batch, row)
-        return found
-
-    def _simulate(self, cases: Sequence[Case]) -> tuple[Array, Array, Batch]:
-        """States (n, steps + 1, 2, joints) of n cases, their commands, and the batch of models."""
-        step = self._mechanism.step
-        span = max(float(c.content.cut.t[-1]) for c in cases)
-        steps = int(np.ceil(span / step)) + 2
-        control = np.array([self._control(c, steps) for c in cases])
-        batch = Batch(self._mechanism.model, len(cases), self._jobs)
-        for i, case in enumerate(cases):
-            case.edit(BatchFields(batch.expand, i))
-        if any(batch.expanded(name) is not None for name in CONST):
-            batch.set_const()
-        states = self._roll_out(batch, cases, control)
-        if any(_has_soft_gears(c) for c in cases):
-            self._add_soft_gears(cases, control, states)
-        return states, control, batch
-
-    def _control(self, case: Case, steps: int) -> Array:
-        """Commands (settle + steps, actuators) of a case, the first one held while it settles."""
-        found: Array = case.content.commands.at_steps(
-            self._mechanism.step, steps, case.readings.command
-        )
-        return np.concatenate([np.repeat(found[:1], self._settle, axis=0), found])
-
-    def _roll_out(
-        self, batch: Batch, cases: Sequence[Case], control: Array, embed: Array | None = None
-    ) -> Array:
-        """States (n, steps + 1, 2, joints) of the joints, or of those that `embed` numbers."""
-        q = np.array([c.start[0] for c in cases])
-        v = np.array([c.start[1] for c in cases])
-        into = np.arange(q.shape[1]) if embed is None else embed
-        batch.bind("qpos")[:, into], batch.bind("qvel")[:, into] = q, v
-        with torques().install(self._laws):
-            try:
-                out = batch.rollout(control.shape[1], control, record=("qpos", "qvel"))
-            except SimulationError:
-                return np.full(
-                    (len(cases), control.shape[1] - self._settle + 1, 2, q.shape[1]), np.inf
-                )
-        states = np.stack([out["qpos"][..., into], out["qvel"][..., into]], axis=2)
-        states = np.concatenate([np.stack([q, v], axis=1)[:, None], states], axis=1)
-        states[batch.warning.reshape(len(cases), -1).any(axis=1)] = np.inf
-        return states[:, self._settle :]
-
-    def _add_soft_gears(self, cases: Sequence[Case], control: Array, states: Array) -> None:
-        """Add to `states` what elasticity or play changes: a split model less its rigid twin."""
-        rows = [i for i, c in enumerate(cases) if _has_soft_gears(c)]
-        some, u = [cases[i] for i in rows], control[rows]
-        if self._split_model is None:
-            self._split_model = self._split()
-        found = []
-        for rigid, embed in ((False, self._split_model.motor), (True, None)):
-            models = [self._split_model.model(case, rigid=rigid) for case in some]
-            batch = Batch(models[0], len(some), self._jobs)
-            batch.set_models(models)
-            found.append(self._roll_out(batch, some, u, embed))
-        soft, rigid_twin = found
-        states[rows] += soft - rigid_twin
-
-    def _read(self, case: Case, t: Array, q: Array, v: Array, control: Array, batch: Batch,
-              row: int) -> Array:  # fmt: skip
-        """Sensor readings (signals, k) at times t (k,) [s], from states q, v (joints, k) then."""
-        signals, errors = self.opened.signals, case.readings
-        rows = np.empty((len(signals), len(t)))
-        sensors: dict[str, Array] = {}
-        if any(s.kind in ("site", "sensor") for s in signals):
-            sensors = self._read_sensors(batch.get_model(row), q, v)
-        for k, signal in enumerate(signals):
-            if signal.kind == "torque":
-                rows[k] = self._torque(signal, batch, row, q, v, control, t)
-            elif signal.kind in ("site", "sensor"):
-                rows[k] = sensors[signal.name]
-            else:
-                rows[k] = signal.weights @ (q if signal.kind == "position" else v)
-            if scale := errors.scale.get(signal.name):
-                rows[k] *= 1.0 + scale
-            if bias := errors.bias.get(signal.name):
-                rows[k] += bias
-        return rows
-
-    def _torque(self, signal: Signal, batch: Batch, row: int, q: Array, v: Array, control: Array,
-                t: Array) -> Array:  # fmt: skip
-        """Motor torque (k,) from states; MuJoCo records that of an inner stage."""
-        actuator, joint, model = signal.actuator, signal.joint, self._mechanism.model
-        edited = [batch.expanded(name) for name in ACTUATOR]  # a copy of the model would take long
-        gain, bias, limits = (
-            getattr(model, name)[actuator] if field is None else field[row, actuator]
-            for name, field in zip(ACTUATOR, edited, strict=True)
-        )
-        gear = model.actuator_gear[actuator, 0]
-        step = np.minimum((t / self._mechanism.step).astype(int), len(control) - 1 - self._settle)
-        u = control[self._settle + step, actuator]
-        if model.actuator_ctrllimited[actuator]:
-            u = np.clip(u, *model.actuator_ctrlrange[actuator])
-        force = gain[0] * u + bias[0] + bias[1] * gear * q[joint] + bias[2] * gear * v[joint]
-        return np.asarray(np.clip(force, *limits) * gear / signal.gear)
-
-    def _read_sensors(self, model: Any, q: Array, v: Array) -> dict[str, Array]:
-        """Readings (k,) of sites and sensors at states q, v (joints, k), by name of signal."""
-        data, rows = mujoco.MjData(model), []
-        for positions, rates in zip(q.T, v.T, strict=True):
-            data.qpos[:], data.qvel[:] = positions, rates
-            mujoco.mj_forward(model, data)
-            rows.append(np.concatenate([data.site_xpos.ravel(), data.sensordata]))
-        whole = np.array(rows).T
-        return {s.name: whole[s.joint] for s in self.opened.signals if s.kind in ("site", "sensor")}
-
-
-def _has_soft_gears(case: Case) -> bool:
-    """Whether a case has elasticity or play between motors and links."""
-    gears = (case.readings.elastic, case.readings.gap)
-    return any(values is not None and bool(np.any(values)) for values in gears)
 
 
 class SplitModel:
@@ -376,3 +185,190 @@ class SplitModel:
 def _body_names(model: Any) -> list[str]:
     """Names of all bodies in order; a body without a name is called by its number."""
     return [model.body(i).name or f"body{FLEX}_{i}" for i in range(model.nbody)]
+
+
+class ForwardDynamics(MechanismSubject):
+    """Predicts a mechanism's signals by a simulation that the recorded commands drive."""
+
+    split: type[SplitModel] = SplitModel  # in which gears or mounts are flexible
+
+    def __init__(self, opened: MechanismData, jobs: int = 1, without: Sequence[str] = ()) -> None:
+        super().__init__(opened, jobs, without)
+        m = self._mechanism
+        names = [c.name for c in (*self._candidates(), *describing_terms(m))]
+        known = map(effect_of, (*names, *opened.file.effects))
+        # effects and terms whose laws a simulation adds to MuJoCo's own forces
+        self._laws = frozenset(e.name for e in known if e.law is not None and not e.edits(m))
+        self._settle = round((opened.file.start.settle or 0.0) / self._mechanism.step)
+        self._split_model: SplitModel | None = None
+        self.runs = tuple(map(self._run, opened.recordings))
+
+    def check(self, origin: str) -> None:
+        """Refuse also a time step whose half moves the first run by over a third of its noise."""
+        super().check(origin)
+        m = self._mechanism
+        model = copy.copy(m.model)
+        model.opt.timestep = 0.5 * m.step
+        halved = replace(m, step=0.5 * m.step, model=model)
+        first = replace(self.opened, mechanism=halved, recordings=self.opened.recordings[:1])
+        finer = ForwardDynamics(first)._stated_residuals()
+        run = self.runs[0]
+        change = float(np.nanmax(np.abs(self._stated_residuals() - finer) / run.samples.reading))
+        if change > THIRD:
+            raise ConfigurationError(
+                f"{origin}: step: half of it moves run {run.name} by {change:.2g} of its noise, at "
+                f"most {THIRD:.2f} is allowed; make it smaller"
+            )
+
+    def not_honoured(self) -> Iterator[str]:
+        """Parts of the model that torques along a simulation would lack, by name."""
+        model = self._mechanism.model
+        plain = (model.actuator_dyntype == 0) & (model.actuator_gaintype == 0)
+        plain &= model.actuator_biastype <= int(mujoco.mjtBias.mjBIAS_AFFINE)
+        plain &= model.actuator_delay == 0.0
+        for sensor in self._mechanism.torques:
+            if not plain[sensor.actuator]:
+                name = model.actuator(sensor.actuator).name
+                yield f"torque {sensor.name} of {name}: its filter, delay, or law of force"
+
+    def _content(self, recording: Recording, cut: Cut, width: float) -> Content:  # noqa: ARG002
+        """Content of a run that is simulated forward: its commands, and its start."""
+        file = self.opened.file
+        commands = commands_of(recording, tuple(file.inputs), self._mechanism.actuators, file.hold)
+        return Content(cut, recording.load, commands=commands,
+                       start=start_of(self.opened, recording))  # fmt: skip
+
+    def predict(self, cases: Sequence[Case]) -> list[Array | None]:
+        """Signals (signals, k) of each simulated case; None where its simulation diverges."""
+        by_motion: dict[Hashable, list[int]] = {}
+        for i in sorted(range(len(cases)), key=lambda i: float(cases[i].content.cut.t[-1])):
+            by_motion.setdefault(cases[i].motion, []).append(i)
+        groups = list(by_motion.values())
+        found: dict[int, Array] = {}
+        for begin in range(0, len(groups), TOGETHER):
+            found |= self._predict_together(cases, groups[begin : begin + TOGETHER])
+        return [found.get(i) for i in range(len(cases))]
+
+    def _predict_together(self, cases: Sequence[Case],
+                          groups: Sequence[Sequence[int]]) -> dict[int, Array]:  # fmt: skip
+        """Signals (signals, k) by number of case, for `groups` of cases that move alike."""
+        simulated, control, batch = self._simulate([cases[i] for i, *_ in groups])
+        found = {}
+        for row, (group, states) in enumerate(zip(groups, simulated, strict=True)):
+            for i in group if np.abs(states).max() < POSITION_LIMIT else ():
+                t = np.maximum(cases[i].content.cut.t - cases[i].readings.delay, 0.0)
+                q, v = interpolate(states, t, self._mechanism.step)
+                found[i] = self._read(cases[i], t, q, v, control[row], batch, row)
+        return found
+
+    def _simulate(self, cases: Sequence[Case]) -> tuple[Array, Array, Batch]:
+        """States (n, steps + 1, 2, joints) of n cases, their commands, and the batch of models."""
+        step = self._mechanism.step
+        span = max(float(c.content.cut.t[-1]) for c in cases)
+        steps = int(np.ceil(span / step)) + 2
+        control = np.array([self._control(c, steps) for c in cases])
+        batch = Batch(self._mechanism.model, len(cases), self._jobs)
+        for i, case in enumerate(cases):
+            case.edit(BatchFields(batch.expand, i))
+        if any(batch.expanded(name) is not None for name in CONST):
+            batch.set_const()
+        states = self._roll_out(batch, cases, control)
+        if any(_has_soft_gears(c) for c in cases):
+            self._add_soft_gears(cases, control, states)
+        return states, control, batch
+
+    def _control(self, case: Case, steps: int) -> Array:
+        """Commands (settle + steps, actuators) of a case, the first one held while it settles."""
+        found: Array = case.content.commands.at_steps(
+            self._mechanism.step, steps, case.readings.command
+        )
+        return np.concatenate([np.repeat(found[:1], self._settle, axis=0), found])
+
+    def _roll_out(
+        self, batch: Batch, cases: Sequence[Case], control: Array, embed: Array | None = None
+    ) -> Array:
+        """States (n, steps + 1, 2, joints) of the joints, or of those that `embed` numbers."""
+        q = np.array([c.start[0] for c in cases])
+        v = np.array([c.start[1] for c in cases])
+        into = np.arange(q.shape[1]) if embed is None else embed
+        batch.bind("qpos")[:, into], batch.bind("qvel")[:, into] = q, v
+        with torques().install(self._laws):
+            try:
+                out = batch.rollout(control.shape[1], control, record=("qpos", "qvel"))
+            except SimulationError:
+                return np.full(
+                    (len(cases), control.shape[1] - self._settle + 1, 2, q.shape[1]), np.inf
+                )
+        states = np.stack([out["qpos"][..., into], out["qvel"][..., into]], axis=2)
+        states = np.concatenate([np.stack([q, v], axis=1)[:, None], states], axis=1)
+        states[batch.warning.reshape(len(cases), -1).any(axis=1)] = np.inf
+        return states[:, self._settle :]
+
+    def _add_soft_gears(self, cases: Sequence[Case], control: Array, states: Array) -> None:
+        """Add to `states` what elasticity or play changes: a split model less its rigid twin."""
+        rows = [i for i, c in enumerate(cases) if _has_soft_gears(c)]
+        some, u = [cases[i] for i in rows], control[rows]
+        if self._split_model is None:
+            self._split_model = self.split(self._mechanism, self.name)
+        found = []
+        for rigid, embed in ((False, self._split_model.motor), (True, None)):
+            models = [self._split_model.model(case, rigid=rigid) for case in some]
+            batch = Batch(models[0], len(some), self._jobs)
+            batch.set_models(models)
+            found.append(self._roll_out(batch, some, u, embed))
+        soft, rigid_twin = found
+        states[rows] += soft - rigid_twin
+
+    def _read(self, case: Case, t: Array, q: Array, v: Array, control: Array, batch: Batch,
+              row: int) -> Array:  # fmt: skip
+        """Sensor readings (signals, k) at times t (k,) [s], from states q, v (joints, k) then."""
+        signals, errors = self.opened.signals, case.readings
+        rows = np.empty((len(signals), len(t)))
+        sensors: dict[str, Array] = {}
+        if any(s.kind in ("site", "sensor") for s in signals):
+            sensors = self._read_sensors(batch.get_model(row), q, v)
+        for k, signal in enumerate(signals):
+            if signal.kind == "torque":
+                rows[k] = self._torque(signal, batch, row, q, v, control, t)
+            elif signal.kind in ("site", "sensor"):
+                rows[k] = sensors[signal.name]
+            else:
+                rows[k] = signal.weights @ (q if signal.kind == "position" else v)
+            if scale := errors.scale.get(signal.name):
+                rows[k] *= 1.0 + scale
+            if bias := errors.bias.get(signal.name):
+                rows[k] += bias
+        return rows
+
+    def _torque(self, signal: Signal, batch: Batch, row: int, q: Array, v: Array, control: Array,
+                t: Array) -> Array:  # fmt: skip
+        """Motor torque (k,) from states; MuJoCo records that of an inner stage."""
+        actuator, joint, model = signal.actuator, signal.joint, self._mechanism.model
+        edited = [batch.expanded(name) for name in ACTUATOR]  # a copy of the model would take long
+        gain, bias, limits = (
+            getattr(model, name)[actuator] if field is None else field[row, actuator]
+            for name, field in zip(ACTUATOR, edited, strict=True)
+        )
+        gear = model.actuator_gear[actuator, 0]
+        step = np.minimum((t / self._mechanism.step).astype(int), len(control) - 1 - self._settle)
+        u = control[self._settle + step, actuator]
+        if model.actuator_ctrllimited[actuator]:
+            u = np.clip(u, *model.actuator_ctrlrange[actuator])
+        force = gain[0] * u + bias[0] + bias[1] * gear * q[joint] + bias[2] * gear * v[joint]
+        return np.asarray(np.clip(force, *limits) * gear / signal.gear)
+
+    def _read_sensors(self, model: Any, q: Array, v: Array) -> dict[str, Array]:
+        """Readings (k,) of sites and sensors at states q, v (joints, k), by name of signal."""
+        data, rows = mujoco.MjData(model), []
+        for positions, rates in zip(q.T, v.T, strict=True):
+            data.qpos[:], data.qvel[:] = positions, rates
+            mujoco.mj_forward(model, data)
+            rows.append(np.concatenate([data.site_xpos.ravel(), data.sensordata]))
+        whole = np.array(rows).T
+        return {s.name: whole[s.joint] for s in self.opened.signals if s.kind in ("site", "sensor")}
+
+
+def _has_soft_gears(case: Case) -> bool:
+    """Whether a case has elasticity or play between motors and links."""
+    gears = (case.readings.elastic, case.readings.gap)
+    return any(values is not None and bool(np.any(values)) for values in gears)

@@ -4,7 +4,6 @@ import copy
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +14,9 @@ from numba import types
 from numpy.typing import NDArray
 
 from cell.gap.subject.mechanism.closed_loops import ClosedLoops, transmissions
-from cell.gap.subject.mechanism.effect import Effect, Readings
-from cell.gap.subject.mechanism.effects import registry, torques
+from cell.gap.subject.mechanism.effect import Readings
+from cell.gap.subject.mechanism.effects import torques
+from cell.gap.subject.mechanism.effects.friction import DRY_FRICTION, dry_law, dry_limit
 from cell.gap.subject.mechanism.model import Mechanism, ModelFields
 from cell.gap.subject.mechanism.motion import (
     Motion,
@@ -59,9 +59,17 @@ class InverseDynamics(MechanismSubject):
         self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self._model.jnt_actgravcomp[:] = 0  # what motors are relieved of, they do not give
         inputs = opened.file.inputs
-        given = [i for i, j in enumerate(self._mechanism.joints) if inputs.get(j.name)]
+        given = [
+            i for i, j in enumerate(self._mechanism.joints) if inputs.get(j.name) == "position"
+        ]
         model, origin = self._mechanism.model, str(opened.path)
         self._loop = ClosedLoops(model, given, origin) if model.neq else None
+        if self._loop is None and len(given) < model.njnt:
+            missing = next(j.name for i, j in enumerate(self._mechanism.joints) if i not in given)
+            raise ConfigurationError(
+                f"{origin}: inputs.{missing}: is missing; in mode prescribed every joint's motion "
+                "is given: add it as position"
+            )
         independent = given if self._loop is None else self._loop.independent
         self._joints = [self._mechanism.joints[i].name for i in independent]
         self._cutoff = cutoff_of(opened.recordings, self._joints, opened.pace)
@@ -77,19 +85,15 @@ class InverseDynamics(MechanismSubject):
             yield DELAYED
         gap = 0.0
         if self._loop is not None and len(given) == model.nv:
-            gap = self._loop_gap(self._loop)
+            names = [j.name for j in self._mechanism.joints]
+            rows = [np.column_stack([r.columns[n] for n in names]) for r in self.opened.recordings]
+            known = [q[np.isfinite(q).all(axis=1)][::CHECK_EVERY] for q in rows]
+            gap = max((self._loop.gap(q) for q in known if len(q)), default=0.0)
         if gap >= LOOP_TOLERANCE:
             yield (
                 f"the loop does not close by {1e3 * gap:.2g} mm or mrad at the measured joints: an "
                 "encoder's zero or the geometry is off; driven joints alone are used"
             )
-
-    def _loop_gap(self, loop: ClosedLoops) -> float:
-        """Largest gap [m or rad] of any run by which all measured joints leave `loop` open."""
-        names = [j.name for j in self._mechanism.joints]
-        rows = [np.column_stack([r.columns[n] for n in names]) for r in self.opened.recordings]
-        known = [q[np.isfinite(q).all(axis=1)][::CHECK_EVERY] for q in rows]
-        return max((loop.gap(q) for q in known if len(q)), default=0.0)
 
     def not_honoured(self) -> Iterator[str]:
         """Parts of the model that inverse dynamics would leave out of torques, by name."""
@@ -216,20 +220,19 @@ class InverseDynamics(MechanismSubject):
         limit, and no law of the rate says how much that is (Karnopp 1985, J. Dyn. Sys. Meas.
         Control 107).
         """
+        at = torques().at[DRY_FRICTION.name]
         for sensor, reading in zip(self._mechanism.torques, measured, strict=False):
             j = sensor.joint
             rate, p = v[:, j], user[j]
             standing = np.exp(-((rate / (STANDS * self._mechanism.joints[j].rate)) ** 2))
-            for effect in _friction_effects():
-                at = torques().at[effect.name]
-                if effect.law is None or effect.holds is None or not p[at : at + effect.keys].any():
-                    continue
-                sliding = effect.law(q[:, j], rate, inverse[:, j], p, at)
-                limit = effect.holds(q[:, j], rate, inverse[:, j], p, at)
-                required = sensors.joint_torque(sensor, inverse - applied)
-                given = sensors.torque_per_reading(sensor) * reading
-                static = np.clip(required + sliding - given, -limit, limit)
-                applied[:, j] += standing * (static - sliding)
+            if not p[at : at + DRY_FRICTION.keys].any():
+                continue
+            sliding = dry_law(q[:, j], rate, inverse[:, j], p, at)
+            limit = dry_limit(q[:, j], rate, inverse[:, j], p, at)
+            required = sensors.joint_torque(sensor, inverse - applied)
+            given = sensors.torque_per_reading(sensor) * reading
+            static = np.clip(required + sliding - given, -limit, limit)
+            applied[:, j] += standing * (static - sliding)
 
     def _tracking(self, motion: Motion, case: Case, deflection: Array) -> Array:
         """Measured minus commanded positions (trackings, m), by delay and `deflection` of gears."""
@@ -320,12 +323,6 @@ def _tendon_lengths(model: Any, q: Array) -> Array:
         mujoco.mj_fwdPosition(model, data)
         row[:] = data.ten_length
     return lengths
-
-
-@cache
-def _friction_effects() -> tuple[Effect, ...]:
-    """Effects of the library whose torque can hold a standing joint."""
-    return tuple(e for e in registry().values() if e.holds is not None)
 
 
 def _inverse_function() -> Any:

@@ -24,6 +24,17 @@ Positive = Annotated[float, Field(gt=0)]
 BodyField = Literal["mass", "com", "inertia", "damping", "armature", "stiffness", "gain"]
 OWNERS = {"mass": "body", "com": "body", "inertia": "body", "damping": "joint", "armature": "joint",
           "stiffness": "joint", "gain": "actuator"}  # fmt: skip
+# by mode: a kind of signal, an input or a key that a file must have or must not, and why
+RULES = {
+    "prescribed": ((True, "torque", "mode prescribed compares torques; no signal is: torque"),
+                   (True, "inputs: position",
+                    "mode prescribed needs inputs: {JOINT: position}, the given motion")),
+    "forward": ((False, "cell", "cell: the cell's own arm is compared in mode prescribed"),
+                (False, "tracking",
+                 "is: tracking is for mode prescribed; forward compares positions"),
+                (False, "inputs: position",
+                 "inputs: position is for mode prescribed; forward takes ctrl, torque")),
+}  # fmt: skip
 
 
 class SignalSpec(Settings):
@@ -116,17 +127,11 @@ class MechanismFile(Settings):
     @model_validator(mode="after")
     def _mode(self) -> Self:
         """Refuse signals and inputs that do not belong to the mode."""
-        torques = [s for s in self.signals.values() if s.is_ == "torque"]
-        if self.mode == "prescribed" and not torques:
-            raise ValueError("mode prescribed compares torques; no signal is: torque")
-        if self.mode == "prescribed" and not any(k == "position" for k in self.inputs.values()):
-            raise ValueError("mode prescribed needs inputs: {JOINT: position}, the given motion")
-        if self.mode == "forward" and self.cell:
-            raise ValueError("cell: the cell's own arm is compared in mode prescribed")
-        if self.mode == "forward" and any(s.is_ == "tracking" for s in self.signals.values()):
-            raise ValueError("is: tracking is for mode prescribed; forward compares positions")
-        if self.mode == "forward" and "position" in self.inputs.values():
-            raise ValueError("inputs: position is for mode prescribed; forward takes ctrl, torque")
+        found = {*(s.is_ for s in self.signals.values()), *["cell"] * self.cell}
+        found |= {f"inputs: {kind}" for kind in self.inputs.values()}
+        for needed, what, reason in RULES[self.mode]:
+            if (what in found) != needed:
+                raise ValueError(reason)
         return self
 
 

@@ -1,8 +1,8 @@
 """Compiled model of a mechanism: its joints with typical sizes, and its editable fields."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import mujoco
 import numpy as np
@@ -12,11 +12,67 @@ from cell.gap.subject.mechanism.recordings import Signal
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 
-LIGHT = 1e-3  # kg m^2 below which MuJoCo's own dry friction is too weak
 POSES = 24  # at which weights and inertias are taken
 LEAST_TORQUE = 1e-9  # N m, typical torque of a joint that neither weight nor motion loads
 LEAST_WEIGHT = 1e-12  # N m, weight by which a joint without gravity would swing
 OPTION = "opt."  # prefix of the names of fields that are options of a model
+SMOOTH = 0.02  # rad/s over which compiled dry friction changes sign in a simulation
+SMOOTHED = 0.02  # of a joint's typical rate: the same along measured motion
+Names = Sequence[str]
+
+
+@dataclass(frozen=True, slots=True)
+class Mode:
+    """How runs are compared with a model, and what follows for signals and effects.
+
+    Signals of the kinds `compared` are, others are given. `loads` of gears are known along a given
+    motion alone. An integrated model has laws as its `fields` where these can express them;
+    `shapes` of laws may be fitted. Effects belong to what `of` says, or each to what it says.
+    `drag` is the unit and size of the air's. `smoothing` gives rates (joints,) over which dry
+    friction changes sign, by typical ones; `encoders` those that may be wrong, of a model, its
+    joints and its compared positions. `splits`: whether elasticity or play can lie between motor
+    and link.
+    """
+
+    name: str
+    compared: Collection[str]
+    smoothing: Callable[[Array], Array]
+    encoders: Callable[[Any, Names, Names], Names]
+    splits: Callable[[Any], bool]
+    loads: bool = False
+    fields: bool = False
+    shapes: bool = True
+    drag: tuple[str, float] = ("1", 0.02)
+    of: Literal["strip"] | None = None
+
+
+FORWARD = Mode(
+    name="forward",
+    compared=("position", "velocity", "torque", "site", "sensor"),
+    smoothing=lambda rates: 0.0 * rates + SMOOTH,
+    encoders=lambda _model, _joints, positions: positions,
+    splits=lambda model: bool(model.nu) and int(model.body_jntnum.max()) == 1,
+    fields=True,
+)
+PRESCRIBED = Mode(
+    name="prescribed",
+    compared=("torque", "tracking"),
+    smoothing=lambda rates: SMOOTHED * rates,
+    # biases of encoders would have to move whole loops
+    encoders=lambda model, joints, _positions: () if model.neq else joints,
+    splits=lambda model: not model.neq,
+    loads=True,
+)
+PLANAR = replace(
+    FORWARD,
+    name="planar",
+    encoders=lambda _model, _joints, positions: positions[1:],  # the first one's is a tilted base
+    fields=False,
+    shapes=False,
+    drag=("kg/m^2", 0.01),
+    of="strip",  # as verdicts on pendulums state it
+)
+MODES: Mapping[str, Mode] = {mode.name: mode for mode in (FORWARD, PRESCRIBED, PLANAR)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,21 +94,18 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class Mechanism:
-    """Compiled MuJoCo model with its joints, compared signals, and `mode` of simulation.
+    """Compiled MuJoCo model with its joints, compared signals, and `mode` of comparison.
 
-    `mode` is `forward`, `prescribed`, or that of pendulums, `planar`. Where trackings are compared,
-    positions are those of links, and motors follow commands. `native`: MuJoCo's own dry friction is
-    used, no law.
+    Where trackings are compared, positions are those of links, and motors follow commands.
     """
 
-    mode: str
+    mode: Mode
     step: float
     source: Source
     model: Any
     joints: tuple[Joint, ...]
     signals: tuple[Signal, ...]
-    encoders: tuple[str, ...]
-    native: bool
+    encoders: Sequence[str]
 
     @property
     def torques(self) -> tuple[Signal, ...]:

@@ -12,7 +12,6 @@ import numpy as np
 
 from cell.gap.subject.mechanism.effects import effect_of, ordered_values
 from cell.gap.subject.mechanism.model import Mechanism, ModelFields
-from cell.gap.subject.mechanism.model_source import Source
 from cell.gap.subject.mechanism.read_mechanism import LIMITLESS, MechanismData
 from cell.gap.subject.subject import NamedValues
 from drivers.types import Array
@@ -38,7 +37,8 @@ def accepted_content(
         notes.append({"key": name, "source": source, "note": f"{was}, is {value:.9g}"})
     for name, values in effects.items():
         notes.append({"key": f"effects.{name}", "source": source, "note": "was absent"})
-        known[name] = _named_values(name, opened.mechanism, values)
+        (first, *_) = effect_of(name).parameters(opened.mechanism)  # a law's one value is `amount`
+        known[name] = {first.name if key == "amount" else key: v for key, v in values.items()}
     return {**content, "effects": known, "provenance": notes}
 
 
@@ -50,12 +50,6 @@ def expressed_by_mjcf(
     expressed = {name for name in effects if effect_of(name).edits(opened.mechanism)}
     left = {name: v for name, v in content["effects"].items() if name not in expressed}
     return {**content, "model": str(model), "effects": left}
-
-
-def _named_values(name: str, mechanism: Mechanism, values: Mapping[str, float]) -> dict[str, float]:
-    """Values by name of the effect's parameter; a law's single value may come as `amount`."""
-    (first, *_) = effect_of(name).parameters(mechanism)
-    return {first.name if key == "amount" else key: value for key, value in values.items()}
 
 
 def accepted_xml(opened: MechanismData, base: Mapping[str, float], effects: NamedValues) -> str:
@@ -70,7 +64,9 @@ def accepted_xml(opened: MechanismData, base: Mapping[str, float], effects: Name
         if effect.edits(m) and effect.edit is not None:
             effect.edit(m, ordered_values(effect, m, values), fields)
     fields.finish()
-    root = _mjcf_root(m.source)
+    root = ET.fromstring(m.source.text)  # noqa: S314  checked when it was read
+    if root.tag != "mujoco" or m.source.motors:  # else as its owner wrote it
+        root = ET.fromstring(m.source.spec().to_xml())  # noqa: S314
     _write_bodies(root, m, edited)
     _write_joints(root, m, edited)
     _write_actuators(root, m, edited)
@@ -78,14 +74,6 @@ def accepted_xml(opened: MechanismData, base: Mapping[str, float], effects: Name
     _write_pairs(root, m, edited)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
-
-
-def _mjcf_root(source: Source) -> ET.Element:
-    """Root element of the model as MJCF: as its owner wrote it, or converted, with its motors."""
-    root = ET.fromstring(source.text)  # noqa: S314  checked when it was read
-    if root.tag == "mujoco" and not source.motors:
-        return root
-    return ET.fromstring(source.spec().to_xml())  # noqa: S314
 
 
 def _text(values: Sequence[float] | Array) -> str:
@@ -132,6 +120,8 @@ def _write_joints(root: ET.Element, m: Mechanism, edited: Any) -> None:
                               ("frictionloss", "dof_frictionloss", dof)):  # fmt: skip
             if _has_changed(m, edited, at, (name,)):
                 element.set(key, _text([getattr(edited, name)[at]]))
+        if _has_changed(m, edited, dof, ("dof_frictionloss",)):
+            element.set("solimpfriction", _text(edited.dof_solimp[dof]))
         if _has_changed(m, edited, joint.qpos, ("qpos_spring",)):
             rest = float(edited.qpos_spring[joint.qpos])
             turn = 1.0 if radian or not joint.hinge else 180.0 / math.pi

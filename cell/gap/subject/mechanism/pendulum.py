@@ -2,7 +2,7 @@
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from cell.gap.subject.mechanism.forward_dynamics import (
     SplitModel,
 )
 from cell.gap.subject.mechanism.mechanism_file import MechanismFile, PendulumFile
-from cell.gap.subject.mechanism.model import Mechanism, joints_of
+from cell.gap.subject.mechanism.model import PLANAR, Mechanism, joints_of
 from cell.gap.subject.mechanism.model_source import Source, compile_model
 from cell.gap.subject.mechanism.patch import accepted_content
 from cell.gap.subject.mechanism.read_mechanism import (
@@ -61,31 +61,6 @@ class PendulumData(MechanismData):
     pendulum: PendulumFile
 
 
-class Pendulum(ForwardDynamics):
-    """Measured swings of a chain of hinges, simulated as a mechanism."""
-
-    opened: PendulumData
-    believed = False
-
-    def _split(self) -> "SplitModel":
-        return PivotModel(self._mechanism, self.name)
-
-    def patch(
-        self, base: Mapping[str, float], effects: NamedValues, source: str
-    ) -> tuple[dict[str, object], dict[str, object] | None]:
-        """Content of the pendulum's file with refitted base and named effects."""
-        content = self.opened.pendulum.model_dump(mode="json", by_alias=True)
-        for name, value in base.items():
-            if "." not in name:
-                key, number = name.rsplit("_", 1)
-                content["links"][int(number) - 1][key] = value
-        return accepted_content(self.opened, content, base, effects, source), None
-
-    def model_text(self, base: Mapping[str, float], effects: NamedValues) -> str | None:  # noqa: ARG002
-        """None: the pendulum's file describes the chain itself."""
-        return None
-
-
 class PivotModel(SplitModel):
     """Model of a chain of hinges whose pivot slides sideways on a spring."""
 
@@ -106,6 +81,29 @@ class PivotModel(SplitModel):
         found.jnt_stiffness[self._flex] = stiffness
         found.dof_damping[self._flex] = 2.0 * DAMPED * np.sqrt(stiffness * mass)
         self._set_law_parameters(found, edited)
+
+
+class Pendulum(ForwardDynamics):
+    """Measured swings of a chain of hinges, simulated as a mechanism."""
+
+    opened: PendulumData
+    believed = False
+    split = PivotModel
+
+    def patch(
+        self, base: Mapping[str, float], effects: NamedValues, source: str
+    ) -> tuple[dict[str, object], dict[str, object] | None]:
+        """Content of the pendulum's file with refitted base and named effects."""
+        content = self.opened.pendulum.model_dump(mode="json", by_alias=True)
+        for name, value in base.items():
+            if "." not in name:
+                key, number = name.rsplit("_", 1)
+                content["links"][int(number) - 1][key] = value
+        return accepted_content(self.opened, content, base, effects, source), None
+
+    def model_text(self, base: Mapping[str, float], effects: NamedValues) -> str | None:  # noqa: ARG002
+        """None: the pendulum's file describes the chain itself."""
+        return None
 
 
 def open_swings(path: Path, folders: Sequence[RunFolder]) -> PendulumData:
@@ -138,9 +136,7 @@ def open_recordings(path: Path, pendulum: PendulumFile, found: Sequence[Recordin
     signals = tuple(Signal(name, "position", 0.0, zone_of(i, n), i, sums[i], FORWARD_FLOOR, "angle")
                     for i, name in enumerate(names))  # fmt: skip
     joints = joints_of(model, dict.fromkeys(names, (fast, 0.0)), {})
-    made = mechanism_of(described, source, model, joints, signals)
-    # a bias of the first encoder is a tilted base
-    mechanism = replace(made, mode="planar", encoders=tuple(names[1:]), native=False)
+    mechanism = mechanism_of(PLANAR, described.step, source, model, joints, signals)
     check_effects(pendulum.effects, mechanism, str(path))
     return PendulumData(described, path, mechanism, tuple(_base(pendulum, mechanism)),
                         tuple(found), 0.5 * fast, pendulum)  # fmt: skip

@@ -16,10 +16,11 @@ from cell.gap.subject.mechanism.mechanism_file import (
     UncertainSpec,
 )
 from cell.gap.subject.mechanism.model import (
-    LIGHT,
+    MODES,
     Fields,
     Joint,
     Mechanism,
+    Mode,
     actuator_on,
     check_joints,
     joints_of,
@@ -49,10 +50,10 @@ SMALLEST = 1e-9  # size of a number, in SI, to which a spread in percent refers 
 HIGHEST, FARTHEST, LOWEST = 5.0, 20.0, 0.2
 STEP = 1e-3  # of the spread, of finite differences
 PARALLEL = 1e-9  # by which the cosine of axes that count as parallel may be below 1
-SMOOTH = 0.02  # rad/s over which compiled dry friction changes sign in a simulation
-SMOOTHED = 0.02  # of a joint's typical rate: the same along measured motion
 FLOOR = 0.02  # of a torque's standard deviation: modelling error of rigid bodies
 FORWARD_FLOOR = 5e-5  # rad or m, error of integration
+SOFT = (0.9, 0.95, 0.001, 0.5, 2.0)  # MuJoCo's impedance of dry friction, which lets joints creep
+FIRM = 0.9999  # impedance of dry friction that holds a joint, where the model states none
 LIMITLESS = 1e12  # N m or N, force range of an actuator that states none
 LEAST = 8  # readings of which the rate at the start is taken
 RATE_READINGS = 300  # of a recording, from which typical rates are taken
@@ -244,14 +245,6 @@ def _check_names(file: MechanismFile, model: Any, origin: str) -> None:
     """Refuse signals and inputs that name nothing in the model, or the wrong kind."""
     for name, spec in file.signals.items():
         _signal(name, spec, model, origin)
-    if file.mode == "prescribed" and not model.neq:  # the joints of loops lead one another
-        joints = [model.joint(i).name for i in range(model.njnt)]
-        missing = next((j for j in joints if file.inputs.get(j) != "position"), None)
-        if missing is not None:
-            raise ConfigurationError(
-                f"{origin}: inputs.{missing}: is missing; in mode prescribed every joint's motion "
-                "is given: add it as position"
-            )
     for name, is_ in file.inputs.items():
         number_of(
             model, "joint" if is_ == "position" else "actuator", name, origin, f"inputs.{name}"
@@ -265,15 +258,13 @@ def open_all(path: Path, folders: Sequence[RunFolder]) -> MechanismData:
     check_indices([f.path for f in folders], [r.index for r in read])
     recordings = sorted(read, key=lambda r: r.index or 0)
     in_order = sorted(file.signals.items(), key=lambda item: item[1].is_ == "tracking")
-    signals = tuple(
-        _with_noise(_signal(name, spec, model, str(path)), spec, recordings, str(path))
-        for name, spec in in_order
-        if file.mode != "prescribed" or spec.is_ in ("torque", "tracking")  # others are given
-    )
+    mode, found = MODES[file.mode], [_signal(*each, model, str(path)) for each in in_order]
+    signals = tuple(_with_noise(s, file.signals[s.name], recordings, str(path))
+                    for s in found if s.kind in mode.compared)  # fmt: skip
     moving = [n for n, kind in file.inputs.items() if kind == "position"]
     moving += [n for n, s in file.signals.items() if s.is_ not in ("torque", "tracking")]
     joints = _measured_joints(file, model, recordings, signals)
-    mechanism = mechanism_of(file, source, model, joints, signals)
+    mechanism = mechanism_of(mode, file.step, source, model, joints, signals)
     check_effects(file.effects, mechanism, str(path))
     base = base_of(file, mechanism, str(path))
     return MechanismData(
@@ -376,20 +367,16 @@ def _sum_of_joints(model: Any, number: int) -> Array:
     return row
 
 
-def mechanism_of(file: MechanismFile, source: Source, model: Any, joints: tuple[Joint, ...],
+def mechanism_of(mode: Mode, step: float, source: Source, model: Any, joints: tuple[Joint, ...],
                  signals: tuple[Signal, ...]) -> Mechanism:  # fmt: skip
     """Mechanism of a compiled `model`, whose solver options it sets, with its `joints`."""
     _set_options(model)
-    rates = np.array([j.rate for j in joints])
-    prescribed = file.mode == "prescribed"
-    smooth = SMOOTHED * rates if prescribed else np.full(len(joints), SMOOTH)
+    smooth = mode.smoothing(np.array([j.rate for j in joints]))
     model.jnt_user[:, :HEAD] = [[len(joints), j.qpos, j.dof, rate]
                                 for j, rate in zip(joints, smooth, strict=True)]  # fmt: skip
-    encoders = tuple(s.name for s in signals if s.kind == "position")
-    if prescribed:  # biases of encoders would have to move whole loops
-        encoders = () if model.neq else tuple(j.name for j in joints)
-    native = bool(min(j.inertia for j in joints) >= LIGHT)
-    return Mechanism(file.mode, file.step, source, model, joints, signals, encoders, native)
+    positions = [s.name for s in signals if s.kind == "position"]
+    encoders = mode.encoders(model, [j.name for j in joints], positions)
+    return Mechanism(mode, step, source, model, joints, signals, encoders)
 
 
 def _set_options(model: Any) -> None:
@@ -397,6 +384,7 @@ def _set_options(model: Any) -> None:
     free = model.actuator_forcelimited == 0
     model.actuator_forcerange[free] = (-LIMITLESS, LIMITLESS)
     model.actuator_forcelimited[:] = 1
+    model.dof_solimp[(model.dof_solimp == SOFT).all(axis=1), :2] = FIRM
     if model.npair == 0:
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     # a chain is one island, which is not worth a search at each stage of each step

@@ -294,7 +294,6 @@ class MechanismSubject(Subject):
                 "explodes; make step smaller, or mend masses, inertias and gains"
             )
         self._check_sides(residuals, origin)
-        self._check_step(residuals, origin)
 
     def _stated_residuals(self) -> Array:
         """Mean residuals (samples,) of the first run by the stated model."""
@@ -321,9 +320,6 @@ class MechanismSubject(Subject):
                     f"the {side}, close to the gear ratio {gear:g}: it was probably measured at "
                     f"the {right}; state side: {right}"
                 )
-
-    def _check_step(self, residuals: Array, origin: str) -> None:
-        """Refuse a step on which the `residuals` (samples,) of the first run depend."""
 
 
 def content_of(run: Run) -> Content:

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import MODES, Effect, per_joint
+from cell.gap.subject.mechanism.effect import Effect, per_joint
 from cell.gap.subject.mechanism.effects import bodies, compliance, drives, friction
 from cell.gap.subject.mechanism.effects.drives import bias_law
-from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.mechanism.model import MODES, PRESCRIBED, Mechanism
 from cell.gap.subject.mechanism.passive import Torques
 from cell.gap.subject.subject import Candidate, NamedValues, Parameter
 from drivers.errors import ConfigurationError
@@ -44,7 +44,8 @@ def _load_dry(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 
 def _term(name: str, sentence: str, law: Callable[..., Array],
-          size: Callable[[Mechanism], Array], modes: tuple[str, ...]) -> Effect:  # fmt: skip
+          size: Callable[[Mechanism], Array],
+          modes: Collection[str] = MODES) -> Effect:  # fmt: skip
     """Term of one parameter per joint, of a hundredth of `size` in typical torque."""
     return Effect(f"term_{name}", sentence, "model", "a description",
                   lambda m: per_joint(m, "torque", "N m", 0.01 * size(m), signed=True), "",
@@ -52,12 +53,12 @@ def _term(name: str, sentence: str, law: Callable[..., Array],
 
 
 TERMS = (
-    _term("constant", "a steady torque", bias_law, lambda m: m.torque, MODES),
-    _term("cubic", "rate^3", _cubic, lambda m: m.torque / m.rate**3, MODES),
-    _term("cubic_spring", "angle^3", _cubic_spring, lambda m: m.torque, MODES),
-    _term("bent_viscous", "|angle| rate", _bent_viscous, lambda m: m.torque / m.rate, MODES),
+    _term("constant", "a steady torque", bias_law, lambda m: m.torque),
+    _term("cubic", "rate^3", _cubic, lambda m: m.torque / m.rate**3),
+    _term("cubic_spring", "angle^3", _cubic_spring, lambda m: m.torque),
+    _term("bent_viscous", "|angle| rate", _bent_viscous, lambda m: m.torque / m.rate),
     _term("load_dry", "|load| sign(rate)", _load_dry, lambda m: m.torque / m.torque,
-          ("prescribed",)),
+          (PRESCRIBED.name,)),
 )  # fmt: skip
 """Generic joint torques that describe unexplained residuals and are never named as causes."""
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import MODES, Effect, add_to, per_joint, single_parameter
-from cell.gap.subject.mechanism.model import Fields, Mechanism, add_point, tip
+from cell.gap.subject.mechanism.effect import Effect, add_to, per_joint, single_parameter
+from cell.gap.subject.mechanism.model import MODES, PLANAR, Fields, Mechanism, add_point, tip
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
@@ -25,11 +25,6 @@ def _edit_inertia(mechanism: Mechanism, values: Array, fields: Fields) -> None:
         fields["body_inertia"][i] *= 1.0 + error
 
 
-def _payload_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    last = mechanism.last_body
-    return single_parameter("mass", "kg", 0.01 * float(mechanism.model.body_mass[last]))
-
-
 def _com_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Offsets of the last body's centre of mass along its axes [m]."""
     size = 0.01 * max(float(np.abs(mechanism.model.body_ipos).max()), 0.01)
@@ -38,12 +33,6 @@ def _com_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 def _edit_com(mechanism: Mechanism, values: Array, fields: Fields) -> None:
     fields["body_ipos"][mechanism.last_body] += values
-
-
-def _drag_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """A share of air's density, or the drag per length and squared speed of a pendulum's rods."""
-    swings = mechanism.mode == "planar"
-    return single_parameter("coefficient", *(("kg/m^2", 0.01) if swings else ("1", 0.02)))
 
 
 def _edit_drag(mechanism: Mechanism, values: Array, fields: Fields) -> None:
@@ -73,7 +62,7 @@ PAYLOAD = Effect(
     sentence="the last body carries a mass that the model lacks",
     of="model",
     source="point mass at the farthest site or geom of the last body",
-    parameters=_payload_parameters,
+    parameters=lambda m: single_parameter("mass", "kg", 0.01 * m.model.body_mass[m.last_body]),
     edit=lambda m, values, fields: add_point(fields, m.last_body, values[0], tip(m, m.last_body)),
     revealed_by="the same motion at several speeds",
 )
@@ -92,7 +81,7 @@ AIR_DRAG = Effect(
     sentence="the air brakes the bodies with the square of their speed",
     of="model",
     source="MuJoCo, fluid forces: ellipsoid model on geoms, or boxes of equal inertia",
-    parameters=_drag_parameters,
+    parameters=lambda m: single_parameter("coefficient", *m.mode.drag),
     edit=_edit_drag,
     modes=MODES,
     revealed_by="large and fast motion against small",
@@ -115,7 +104,7 @@ FRAME_TILT = replace(
     source="rotation of gravity in the plane of motion",
     parameters=lambda _: single_parameter("angle", "rad", 0.002, signed=True, high=100.0),
     edit=lambda _, values, fields: _lean(fields, 0.0, -float(values[0])),
-    modes=("planar",),
+    modes=(PLANAR.name,),
     revealed_by="let it hang still and read the angle",
 )
 LINK_INERTIA = Effect(

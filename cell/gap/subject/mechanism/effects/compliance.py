@@ -9,20 +9,14 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.signal import cont2discrete, lfilter
 
-from cell.gap.subject.mechanism.effect import Effect, has_gears, per_joint, single_parameter
-from cell.gap.subject.mechanism.model import Fields, Mechanism
+from cell.gap.subject.mechanism.effect import Effect, per_joint, single_parameter
+from cell.gap.subject.mechanism.model import PLANAR, PRESCRIBED, Fields, Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
 # rad/s at which bases sway: of the prior's compliance, and of probes; damping ratio
 SWAY, SWAYS, DAMPING = 30.0, (12.0, 19.0, 30.0, 48.0, 77.0, 123.0), 0.05
 MOTIONS = 64  # of which momenta are cached
-
-
-def _elasticity_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Compliances of gears: a typical one makes the link resonate at 300 times the rate."""
-    rate = 30.0 * mechanism.rate
-    return per_joint(mechanism, "compliance", "rad/(N m)", 0.01 / (mechanism.inertia * rate**2))
 
 
 def _spring_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
@@ -103,18 +97,20 @@ JOINT_ELASTICITY = Effect(
     sentence="gears twist: links spring on their motors",
     of="model",
     source="Spong 1987, J. Dyn. Sys. Meas. Control 109",
-    parameters=_elasticity_parameters,
-    possible=has_gears,
+    # a typical one makes the link resonate at 300 times the rate
+    parameters=lambda m: per_joint(m, "compliance", "rad/(N m)",
+                                   0.01 / (m.inertia * (30.0 * m.rate) ** 2)),
+    possible=lambda m: m.mode.splits(m.model),
     read=lambda _, values, readings: setattr(readings, "elastic", values),
     revealed_by="fast starts and stops: the link rings on",
-)
+)  # fmt: skip
 BACKLASH = Effect(
     name="backlash",
     sentence="gears have play",
     of="model",
     source="Nordin and Gutman 2002, Automatica 38",
     parameters=lambda m: per_joint(m, "gap", "rad", 0.001 * np.ones(len(m.joints)), high=100.0),
-    possible=has_gears,
+    possible=lambda m: m.mode.splits(m.model),
     read=lambda _, values, readings: setattr(readings, "gap", values),
     revealed_by="slow motion there and back through the load's turning point",
 )
@@ -135,8 +131,7 @@ WIRE_SPRING = replace(
     CABLE_SPRING,
     name="wire_spring",
     sentence="wires or cables pull the hinges back like springs",
-    shape=lambda _: (),
-    modes=("planar",),
+    modes=(PLANAR.name,),
     revealed_by="a slow swing: its period shortens",
 )
 PIVOT_COMPLIANCE = Effect(
@@ -146,7 +141,7 @@ PIVOT_COMPLIANCE = Effect(
     source="a stiff spring without mass: it follows the chain's pull at once",
     parameters=lambda _: single_parameter("compliance", "m/N", 1e-5, high=100.0),
     read=lambda _, values, readings: setattr(readings, "elastic", values),
-    modes=("planar",),
+    modes=(PLANAR.name,),
     revealed_by="press the frame while it swings",
 )
 BASE_COMPLIANCE = Effect(
@@ -159,7 +154,7 @@ BASE_COMPLIANCE = Effect(
         Parameter("damping", "1", DAMPING, 1e-3, 1.0, step=1e-4, spread=0.1, shape=True),
     ),
     path=_sway_path,
-    modes=("prescribed",),
+    modes=(PRESCRIBED.name,),
     probes=(5.0,),
     grid=SWAYS,
     revealed_by="fast starts and stops, then with the base clamped to the floor",

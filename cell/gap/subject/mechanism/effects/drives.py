@@ -5,14 +5,13 @@ from typing import Any
 import numpy as np
 
 from cell.gap.subject.mechanism.effect import (
-    MODES,
     Effect,
     per_encoder,
     per_joint,
     put_by_encoder,
     single_parameter,
 )
-from cell.gap.subject.mechanism.model import Fields, Mechanism, scale_gain
+from cell.gap.subject.mechanism.model import FORWARD, MODES, Fields, Mechanism, scale_gain
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
@@ -30,17 +29,9 @@ def bias_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
     return p[at] + 0.0 * q
 
 
-def _ripple_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    orders = [Parameter(f"order_{j.name}", "1", ORDER, 1.0, 200.0, step=0.01, spread=ORDER,
-                        shape=True) for j in mechanism.driven.joints]  # fmt: skip
-    size = 0.04 * np.ones(len(orders))
-    phases = per_joint(mechanism.driven, "phase", "rad", size, signed=True, shape=True, high=100.0)
-    return (*orders, *phases)
-
-
 def _ripple_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque A sin(order q + phase) of cogging."""
-    return p[at] * np.sin(p[at + 1] * q + p[at + 2])
+    """Torque a sin(order q) + b cos(order q) of cogging."""
+    return p[at] * np.sin(p[at + 2] * q) + p[at + 1] * np.cos(p[at + 2] * q)
 
 
 def _saturation_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
@@ -90,13 +81,20 @@ TORQUE_RIPPLE = Effect(
     sentence="a drive's torque ripples with its angle",
     of="model",
     source="cogging: Holtz and Springob 1996, IEEE Trans. Ind. Electron. 43",
-    parameters=lambda m: per_joint(m.driven, "amplitude", "N m", 0.01 * m.driven.torque),
-    shape=_ripple_shape,
+    # of a sine and a cosine: a torque is not linear in a phase
+    parameters=lambda m: tuple(
+        p for key in ("sine", "cosine")
+        for p in per_joint(m.driven, key, "N m", 0.01 * m.driven.torque, signed=True)
+    ),
+    shape=lambda m: tuple(
+        Parameter(f"order_{j.name}", "1", ORDER, 1.0, 200.0, step=0.01, spread=ORDER, shape=True)
+        for j in m.driven.joints
+    ),
     keys=3,
     law=_ripple_law,
     of_drives=True,
     revealed_by="slow turns at a constant rate",
-)
+)  # fmt: skip
 SATURATION = Effect(
     name="saturation",
     sentence="a drive gives no more than a largest torque",
@@ -105,7 +103,7 @@ SATURATION = Effect(
     parameters=_saturation_parameters,
     edit=_edit_saturation,
     revealed_by="fast starts and stops",
-    modes=("forward",),
+    modes=(FORWARD.name,),
     probes=(12.5, 25.0, 50.0),
 )
 CONTROL_DELAY = Effect(
@@ -114,7 +112,7 @@ CONTROL_DELAY = Effect(
     of="rig",
     source="transport delay",
     parameters=lambda m: single_parameter("time", "s", 0.1 * m.step),
-    possible=lambda m: bool(m.trackings or (m.mode == "forward" and m.actuators)),
+    possible=lambda m: bool(m.trackings or (m.mode.fields and m.actuators)),
     read=lambda _, values, readings: setattr(readings, "command", float(values[0])),
     revealed_by="fast starts and stops",
 )

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import MODES, Effect, add_to, per_joint, single_parameter
-from cell.gap.subject.mechanism.model import Fields, Mechanism
+from cell.gap.subject.mechanism.effect import Effect, add_to, per_joint, single_parameter
+from cell.gap.subject.mechanism.model import FORWARD, MODES, PRESCRIBED, Fields, Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.strip.rod.compiled import entry
 from drivers.types import Array
@@ -20,7 +20,7 @@ YIELD = 0.02
 def _dry_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Friction torque of each joint, and its share per load where the load of gears is known."""
     torques = per_joint(mechanism, "torque", "N m", 0.01 * mechanism.torque)
-    return torques + (_loads(mechanism) if mechanism.mode == "prescribed" else ())
+    return torques + (_loads(mechanism) if mechanism.mode.loads else ())
 
 
 def _loads(mechanism: Mechanism) -> tuple[Parameter, ...]:
@@ -30,9 +30,7 @@ def _loads(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _dry_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Shape of each joint's law: load, asymmetry, Stribeck peak; none for a pendulum."""
-    if mechanism.mode == "planar":
-        return ()
+    """Shape of each joint's law: load, asymmetry, Stribeck peak."""
     ones = np.ones(len(mechanism.joints))
     rates = [
         Parameter(f"stribeck_velocity_{j.name}", "rad/s" if j.hinge else "m/s",
@@ -40,15 +38,15 @@ def _dry_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
         for j, v in zip(mechanism.joints, STRIBECK * mechanism.rate, strict=True)
     ]  # fmt: skip
     return (
-        *(_loads(mechanism) if mechanism.mode == "forward" else ()),
+        *(() if mechanism.mode.loads else _loads(mechanism)),
         *per_joint(mechanism, "asymmetry", "1", 0.02 * ones, signed=True, shape=True, high=45.0),
         *per_joint(mechanism, "stribeck_torque", "N m", 0.01 * mechanism.torque, shape=True),
         *rates,
     )
 
 
-def _dry_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque -(c + k |load| + s exp(-(v / v_s)^2)) tanh(v / v_0), weighted by asymmetry."""
+def dry_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    """Torque (m,) [N m] -(c + k |load| + s exp(-(v / v_s)^2)) tanh(v / v_0), by asymmetry."""
     size = p[at] + p[at + 1] * abs(load)
     if p[at + 3] != 0.0:
         size += p[at + 3] * np.exp(-((v / p[at + 4]) ** 2))
@@ -56,8 +54,8 @@ def _dry_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
     return -size * (sign + p[at + 2] * abs(sign))
 
 
-def _dry_limit(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Largest torque [N m] by which friction can hold a joint that stands."""
+def dry_limit(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    """Largest torque (m,) [N m] by which friction can hold a joint that stands."""
     peak = p[at + 3] * np.exp(-((v / p[at + 4]) ** 2)) if p[at + 3] else 0.0
     return p[at] + p[at + 1] * abs(load) + peak
 
@@ -108,10 +106,8 @@ DRY_FRICTION = Effect(
     parameters=_dry_parameters,
     shape=_dry_shape,
     keys=5,
-    law=_dry_law,
+    law=dry_law,
     edit=add_to("dof_frictionloss"),
-    holds=_dry_limit,
-    native=lambda m: m.native,
     modes=MODES,
     revealed_by="slow motion there and back: the torque jumps with the sign of the rate",
 )
@@ -135,7 +131,7 @@ PRESLIDING = Effect(
     parameters=lambda m: per_joint(m, "stiffness", "N m/rad", 0.1 * m.torque, high=1000.0),
     shape=_presliding_shape,
     path=_presliding_path,
-    modes=("prescribed",),
+    modes=(PRESCRIBED.name,),
     revealed_by="small motion there and back",
 )
 CONTACT_FRICTION = Effect(
@@ -147,6 +143,6 @@ CONTACT_FRICTION = Effect(
     possible=lambda m: bool(m.model.npair),
     edit=_edit_pairs,
     revealed_by="slide slowly along the contact",
-    modes=("forward",),
+    modes=(FORWARD.name,),
 )
 EFFECTS = (DRY_FRICTION, QUADRATIC_DAMPING, PRESLIDING, CONTACT_FRICTION)
