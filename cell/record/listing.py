@@ -79,8 +79,10 @@ class RunRow:
 
     def __repr__(self) -> str:
         """Name, strip, policy, outcome, displacement and offset of the edges in a line."""
-        d, edges = (f"{offset or '?'} mm" for offset in self.offsets)
-        return f"{self.short}  {self.strip} {self.policy}: {self.outcome}, d {d}, edges {edges}"
+        d, edges = self.offsets
+        lengths = (d and f"d {d} mm", edges and f"edges {edges} mm")
+        said = filter(None, (self.strip, self.policy, self.outcome, *lengths))
+        return f"<{self.short}: {', '.join(said)}>"
 
 
 COLUMNS = ("run", *(field.name for field in fields(RunRow)[1:]))  # the folder by its name

@@ -30,7 +30,7 @@ WORDS = {  # of a column's name, by what it holds; the first say that it is none
     "": "v vel velocity speed acc torque std error raw cmd command target desired action rotation",
     "pitch": "pitch angle tilt winkel neigung",
     "f_": "f force kraft fx fz",
-    "x": "x along horizontal",
+    "x": "x along horizontal weg längs laengs",
     "z": "z y height up vertical hoehe höhe",
     "t": "t time stamp timestamp zeit clock elapsed sec seconds",
     "i": "i point",
