@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
+from math import inf
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -21,6 +22,7 @@ from drivers.types import Frame, Image
 TIME_BASE = Fraction(1, 90_000)  # s, the time base of films that are written
 Encoder = Literal["libx264"]  # of a fold's film; SVT-AV1 hangs in one of some hundred
 ENCODER = "libx264"  # which every player knows
+PERIOD = 0.02  # s, the least between images of a run's film: an eye sees no more
 KEYFRAME_INTERVAL = 60  # images between two from which decoding can start
 QUALITY = {
     "libx264": {"crf": "28", "preset": "ultrafast", "bf": "0", "tune": "zerolatency"},
@@ -178,7 +180,7 @@ def index_film(path: Path) -> None:
 
 
 class FilmEncoder:
-    """Encodes a run's images to the film at `path`; an image without room is left out.
+    """Encodes a run's images to the film at `path`, one in PERIOD, none that finds no room.
 
     The encoder has a process of its own, beside a control loop on the wall clock: a thread that
     lost its core while it held the interpreter would hold up the loop. Where the clock is virtual,
@@ -188,7 +190,7 @@ class FilmEncoder:
 
     def __init__(self, path: Path, encoder: str, patient: bool) -> None:
         self.failure = ""
-        self._patient, self._count = patient, 0
+        self._patient, self._count, self._next = patient, 0, -inf
         self._begun = threading.Event()
         self._waiting: queue.Queue[tuple[float, Image] | None] = queue.Queue(QUEUE)
         self._thread = threading.Thread(
@@ -199,14 +201,14 @@ class FilmEncoder:
 
     def put(self, stamp: float, image: Image) -> int | None:
         """Add `image` (h, w, 3) at `stamp` [s]; returns its number, None where it is left out."""
-        if self.failure:
+        if self.failure or stamp < self._next:
             return None
         try:
             self._waiting.put((stamp, image), self._patient, ENCODER_TIMEOUT)
         except queue.Full:
             self.failure = f"{BREAKS_OFF}: {HANGS}" if self._patient else ""
             return None
-        self._count += 1
+        self._count, self._next = self._count + 1, stamp + PERIOD
         return self._count - 1
 
     def close(self) -> None:

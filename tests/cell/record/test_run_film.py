@@ -29,7 +29,7 @@ def image(sequence: int) -> np.ndarray:
 
 def frame(sequence: int) -> Frame:
     """A camera that takes its images at uneven times, the first before the lift."""
-    stamp = 0.03 * sequence + 0.01 * (sequence % 3) - 0.2
+    stamp = 0.06 * sequence + 0.01 * (sequence % 3) - 0.2
     return Frame(stamp, stamp + 0.02, "made", sequence, image(sequence))
 
 
