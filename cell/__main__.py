@@ -1,6 +1,8 @@
 """Entry point of `python -m cell` and of the command `cell`; an error is printed in one line."""
 
+import atexit
 import gc
+import os
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +12,17 @@ if TYPE_CHECKING:
     from typer import Typer
 
 YOUNG_OBJECTS = 50_000  # between collections: fewer, and libraries' objects are searched in vain
+
+
+def command() -> None:
+    """Run the command line as a process, whose end frees all objects at once and not one by one."""
+    codes = list[int]()
+    atexit.register(lambda: codes and os._exit(codes[0]))  # registered first, it is called last
+    try:
+        main()
+    except SystemExit as end:
+        codes += [end.code] if isinstance(end.code, int) else []
+        raise
 
 
 def main(app: "Typer | None" = None) -> None:
@@ -90,4 +103,4 @@ def _print_error_line(error: CellError) -> int:
 
 
 if __name__ == "__main__":
-    main()
+    command()

@@ -23,6 +23,7 @@ from drivers.types import Frame, Image
 FOLDER, INDEX = "frames", "frames/index.jsonl"
 LARGEST_SIDE = 4096  # px of a side
 QUEUE = 32  # images of 2.8 MB: at most 90 MB wait for the disk
+STRIDE, MOST_SPREAD, MOST_MARKED = 64, 32, 8  # images from one key image to the next, and of each
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,34 +70,19 @@ def encode(image: Image) -> bytes:
 
 
 class KeyFrames:
-    """Selects about ten images of a run of unknown length: marked ones, others evenly spread.
+    """Selects about ten images of a fold: marked ones, and one in STRIDE while few are kept."""
 
-    It starts with every `stride`-th image; whenever they become too many, every second one is
-    dropped.
-    """
-
-    def __init__(self, spread: int = 8, marked: int = 8, stride: int = 32) -> None:
-        self._limit = spread
-        self._marks_left = marked
-        self._stride = stride
-        self._spread: list[tuple[int, int]] = []  # number in the run, and sequence number
+    def __init__(self) -> None:
+        self._marks_left = MOST_MARKED
         self._count = 0
 
-    def choose(self, sequence: int, mark: bool) -> tuple[bool, list[int]]:
-        """Whether to store the next image, and numbers of stored ones to delete now."""
+    def choose(self, mark: bool) -> bool:
+        """Whether to store the next image, which may be a marked one."""
         number, self._count = self._count, self._count + 1
         if mark and self._marks_left > 0:
             self._marks_left -= 1
-            return True, []
-        if number % self._stride:
-            return False, []
-        self._spread.append((number, sequence))
-        if len(self._spread) <= self._limit:
-            return True, []
-        self._stride *= 2
-        surplus = [kept for place, kept in self._spread if place % self._stride]
-        self._spread = [each for each in self._spread if each[0] % self._stride == 0]
-        return sequence not in surplus, [kept for kept in surplus if kept != sequence]
+            return True
+        return number % STRIDE == 0 and number < MOST_SPREAD * STRIDE
 
 
 def read_index(folder: Path) -> tuple[FrameNote, ...]:
@@ -213,12 +199,7 @@ class FrameWriter:
     def _record(self, frame: Frame, mark: bool) -> None:
         """Film `frame`, store it if it is selected, and enter it into the index."""
         place = self._film.put(frame.stamp, frame.image) if self._film else None
-        keep, given_up = self._keep == "all", list[int]()
-        if self._keep == "key":
-            keep, given_up = self._choice.choose(frame.sequence, mark)
-        for sequence in given_up:
-            frame_file(self._folder, sequence).unlink(missing_ok=True)
-        if keep:
+        if keep := self._keep == "all" or (self._keep == "key" and self._choice.choose(mark)):
             self._store(frame, place)
         else:
             self._note(frame, film=place)

@@ -132,7 +132,7 @@ def test_verdict_stands_on_top_with_sign_error_and_truth(page):
 
 
 def test_page_shows_pictures_figures_events_and_facts(page):
-    assert page.count("data:image/jpeg") == 8  # two are on top, large
+    assert page.count("data:image/jpeg") == 7  # two are on top, large
     assert page.count("<svg") == 2
     text = words(page)
     for claim in ("FOLD, after made", "contact 450 mm", "seed 7", "drivers.arm twin", "l1"):
