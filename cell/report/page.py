@@ -260,7 +260,7 @@ def _timing_rows(run: Run) -> Rows:
     rows, ages, timing = [], image_ages(run), run.header.arm_timing
     if ages.size:
         middle, largest = milliseconds(float(np.median(ages))), milliseconds(float(ages.max()))
-        rows.append(("age of the images when used", f"{middle} in the middle, at most {largest}"))
+        rows.append(("age of the images when used", f"{middle}, at most {largest}"))
     if timing is not None:
         longest = f"at most {milliseconds(1e-3 * timing.longest_ms)}"
         rows.append(("from state to state of the arm", longest))
@@ -310,5 +310,5 @@ def _value(name: str, value: Any) -> str:
         return text if len(text) <= LONGEST_TEXT else f"{text[: LONGEST_TEXT - 3]}..."
     if name in LENGTH_NAMES:
         return millimetres(value, signed=name in SIGNED)
-    digits = ".3g" if isinstance(value, float) else ""
-    return f"{value:{digits}} {SIGNAL_UNITS.get(name, '')}".strip()
+    unit, digits = SIGNAL_UNITS.get(name, ""), ".3g" if isinstance(value, float) else ""
+    return milliseconds(value) if unit == "s" else f"{value:{digits}} {unit}".strip()
