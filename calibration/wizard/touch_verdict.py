@@ -65,7 +65,7 @@ class TouchVerdict(Verdict):
                 grade_line(self.halves_mm, *HALVES_GRADES,
                        f"two maps from halves of the points agree within {self.halves_mm:.2f} mm"),
                 grade_line(self.displacement_mm, *DISPLACEMENT_GRADES,
-                       f"this moves the displacement by {self.displacement_mm:.2f} mm (rms)"),
+                       f"by this a displacement errs by {self.displacement_mm:.2f} mm (rms)"),
             ]  # fmt: skip
         replaced, left_out = self.wild.values(), self.rejected.values()
         lines += [Line(Level.FAIR, f"{text}; touched again, where it agrees") for text in replaced]

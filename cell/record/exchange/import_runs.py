@@ -171,7 +171,7 @@ def _exported_mapping(source: Source, kind: type[AnyMapping]) -> AnyMapping:
     """The mapping that `cell export` put beside the tables; ConfigurationError without one."""
     content = source.documents.get(MAPPING)
     if content is None:
-        fault = "nothing says which column holds what; write a mapping and give it with --mapping"
+        fault = "nothing says which column holds what; give --mapping: --guess proposes one"
         if is_run(source.path):
             fault = "is a run already; `cell gap fit` takes it as it is"
         raise ConfigurationError(f"{source.path}: {fault}")

@@ -204,6 +204,11 @@ class TableFiles(Source):
                 ".csv, .txt, .tsv or .parquet"
             )
         found = self.place(how)
+        if not found.exists():
+            there = ", ".join(file.name for file in self._files if FILE.fullmatch(file.name))
+            raise ConfigurationError(
+                f"{self.path}: the mapping reads {how.file}, which is not there; tables: {there}"
+            )
         return read_parquet(found) if found.suffix == ".parquet" else _csv(found, how)
 
     def place(self, how: Table[Any]) -> Path:
@@ -214,8 +219,7 @@ class TableFiles(Source):
                 f"{self.path}: {how.file} are {len(found)} files; where each is a run, give the "
                 "files"
             )
-        folder = self.path.parent if self.path.is_file() else self.path
-        return found[0] if found else folder / how.file
+        return found[0] if found else self.path / how.file
 
 
 def read_columns(
