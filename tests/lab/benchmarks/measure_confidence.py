@@ -3,7 +3,8 @@
 python -m tests.lab measure-confidence LEDGER... [--fresh LEDGER]... [--fit FILE]
 
 Prints how many verdicts are right, and three reliability tables: what each verdict stated, what
-this version states of its signs, and what a calibration of all other cases states. With --fresh the
+this version states of its signs, and what a calibration of all other cases states. --kind is strip
+or mechanism, by whose file the signs count. With --fresh the
 counts are of those other ledgers, with a fourth table: what the calibration of the first ones
 states of them. With --fit that calibration is written to FILE, as
 cell/gap/verdict/confidence.yaml holds it.
@@ -41,8 +42,10 @@ Ledgers = Annotated[list[Path], typer.Argument(exists=True, dir_okay=False)]
 Fresh = Annotated[list[Path] | None, typer.Option(exists=True, dir_okay=False)]
 
 
-def main(ledgers: Ledgers, fresh: Fresh = None, fit: Path | None = None) -> int:
-    """Print the tables; 1 where no verdict names."""
+def main(
+    ledgers: Ledgers, fresh: Fresh = None, fit: Path | None = None, kind: str = "strip"
+) -> int:
+    """Print the tables of verdicts on a `kind` of subject; 1 where no verdict names."""
     outcomes = verdicts_in(ledgers)
     found, outside = names(outcomes)
     if not found:
@@ -52,14 +55,14 @@ def main(ledgers: Ledgers, fresh: Fresh = None, fit: Path | None = None) -> int:
         return 1
     known = [o.values for o in outcomes if o.values["is_named"] and o.values["signs"]]
     stated = [(v["confidence"], v["is_right"]) for v in known if v["confidence"] is not None]
-    by = calibration()
+    by = calibration(kind)
     counts = shares(found, outside)
     tables = {
         "Stated then": (stated, None),
         "Stated by this version": ([(by.probability(n.signs), n.right) for n in found], counts),
-        "Left out one by one": (leave_each_out(found, counts), counts),
+        "Left out one by one": (leave_each_out(found, counts, kind), counts),
     }
-    content = dict(calibrate(outcomes))
+    content = dict(calibrate(outcomes, kind))
     if fresh:
         outcomes = verdicts_in(fresh)
         fitted, (others, outside) = Calibration.model_validate(content), names(outcomes)

@@ -39,7 +39,7 @@ def drawn(count: int, seed: int = 0) -> list[Name]:
 
 
 def test_names_are_right_as_often_as_stated() -> None:
-    by = fit_calibration(drawn(2000), np.ones(2000), "drawn")
+    by = fit_calibration(drawn(2000), np.ones(2000), "strip")
     fresh = drawn(2000, seed=1)
     stated = [(by.probability(name.signs), name.right) for name in fresh]
     high = [right for p, right in stated if p > 0.8]

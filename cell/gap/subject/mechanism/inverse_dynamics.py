@@ -162,7 +162,10 @@ class InverseDynamics(MechanismSubject):
     def predict(self, cases: Sequence[Case]) -> list[Array]:
         """Signals (signals, k) of each case at the k times of its readings."""
         with without_clock(), ThreadPoolExecutor(self._jobs) as pool:
-            return list(pool.map(self._signals, cases))
+            found = list(pool.map(self._signals, cases))
+        while len(self._known) > KEPT:  # while no thread adds to them
+            self._known.pop(next(iter(self._known)))
+        return found
 
     def _encoder_error(self, motion: Motion, t: Array) -> Array:
         """Standard deviation (torques, k) of predictions at times t (k,) [s] by encoder noise."""
@@ -248,8 +251,6 @@ class InverseDynamics(MechanismSubject):
         found = self._known.get(key)
         if found is None:
             found = self._known[key] = _inverse_dynamics(model, q, v, a)
-            while len(self._known) > KEPT:
-                self._known.pop(next(iter(self._known)))
         return found
 
 

@@ -17,7 +17,7 @@ from cell.config.places import find_configs
 from cell.gap.fit import FitOptions, fit
 from cell.gap.rehearse import table
 from cell.gap.verdict.accept import RECORD
-from cell.gap.verdict.confidence import Calibration, VerdictEvidence, Weight, calibration
+from cell.gap.verdict.confidence import Calibration, VerdictEvidence, calibration
 from drivers.strip.effects import registry
 from drivers.types import Array
 from tests.lab.exam.case import STRENGTHS, Case
@@ -29,12 +29,8 @@ from tests.lab.studies.study import Fit, Ledger, Outcome, Quantity, Statistic, S
 
 PAIRS = 8  # one case in so many hides two
 LACKING = (1, 3)  # of five cases, those that lack the effect
-SIGN_WEIGHTS = {  # prior weights of the signs, and the values between which they count
-    "log_odds": Weight(weight=3.0, low=0.0, high=200.0, by_order=True),
-    "gain": Weight(weight=1.0, low=0.0, high=200.0, by_order=True),
-    "left": Weight(weight=-2.0, low=0.5, high=2.0),
-    "correlated": Weight(weight=-2.0, low=0.0, high=1.0),
-}
+# prior weights of the signs; the values between which they count stand in the shipped calibration
+PRIORS = {"log_odds": 3.0, "gain": 1.0, "left": -2.0, "correlated": -2.0}
 FIRM = 2.0  # one sigma of what a sign weighs about that, in log-odds
 
 
@@ -113,51 +109,47 @@ def shares(found: Sequence[Name], outside: float) -> Array:
     return np.array([lacking if name.outside else whole for name in found])
 
 
-def fit_calibration(found: Sequence[Name], counts: Array, source: str) -> Calibration:
-    """Fit the most probable weights of signs to these verdicts with weights `counts` (n,).
+def fit_calibration(found: Sequence[Name], counts: Array, kind: str) -> Calibration:
+    """Fit the weights of the signs of a `kind` of subject to verdicts with weights `counts` (n,).
 
     Logistic regression with normal priors of what each sign weighs, for few verdicts are wrong; no
     sign speaks against its sense.
     """
-    rows = [
-        [w.share(getattr(name.signs, sign)) for sign, w in SIGN_WEIGHTS.items()] for name in found
-    ]
-    columns = np.reshape(rows, (len(found), len(SIGN_WEIGHTS)))
+    known = calibration(kind)
+    rows = [[w.share(getattr(n.signs, sign)) for sign, w in known.weights.items()] for n in found]
+    columns = np.reshape(rows, (len(found), len(known.weights)))
     right = np.array([name.right for name in found], dtype=float)
-    prior = np.array([w.weight for w in SIGN_WEIGHTS.values()])
+    prior = np.array([PRIORS[sign] for sign in known.weights])
 
     def loss(x: Array) -> float:
         odds = x[0] + columns @ x[1:]
         nats = counts @ (np.logaddexp(0.0, odds) - right * odds)
         return float(nats + 0.5 * np.sum(((x[1:] - prior) / FIRM) ** 2))
 
-    bounds = [(0.0, None) if w.weight > 0.0 else (None, 0.0) for w in SIGN_WEIGHTS.values()]
+    bounds = [(0.0, None) if w > 0.0 else (None, 0.0) for w in prior]
     start = np.concatenate([[0.0], prior])
     best = optimize.minimize(loss, start, method="L-BFGS-B", bounds=[(None, None), *bounds]).x
     intercept, *weights = best
     fitted = {
         sign: w.model_copy(update={"weight": float(value)})
-        for (sign, w), value in zip(SIGN_WEIGHTS.items(), weights, strict=True)
+        for (sign, w), value in zip(known.weights.items(), weights, strict=True)
     }
-    known = calibration()
-    return known.model_copy(
-        update={"intercept": float(intercept), "weights": fitted, "source": source}
-    )
+    return known.model_copy(update={"intercept": float(intercept), "weights": fitted})
 
 
-def leave_each_out(found: Sequence[Name], counts: Array) -> list[tuple[float, bool]]:
+def leave_each_out(found: Sequence[Name], counts: Array, kind: str) -> list[tuple[float, bool]]:
     """Confidence in each verdict, fitted to other cases of weights (n,), and if it is right."""
     stated = []
     for name in found:
         kept = np.array([other.case != name.case for other in found])
         others = [other for other in found if other.case != name.case]
-        by = fit_calibration(others, counts[kept], "-")
+        by = fit_calibration(others, counts[kept], kind)
         stated.append((by.probability(name.signs), name.right))
     return stated
 
 
-def calibrate(outcomes: Sequence[Outcome]) -> Values:
-    """Fit the calibration to these verdicts; its source states the loss on those left out."""
+def calibrate(outcomes: Sequence[Outcome], kind: str = "strip") -> Values:
+    """Fit a `kind`'s calibration to these verdicts; its source says the loss on those left out."""
     found, outside = names(outcomes)
     counts = shares(found, outside)
     source = (
@@ -166,12 +158,12 @@ def calibrate(outcomes: Sequence[Outcome]) -> Values:
         f"{100 * OUTSIDE_SHARE:.0f} % of all causes were such."
     )
     if found:
-        stated = leave_each_out(found, counts)
+        stated = leave_each_out(found, counts, kind)
         rate = float(np.average([name.right for name in found], weights=counts))
         plain = log_loss([(rate, name.right) for name in found], counts)
         source += f" Left out one by one, log loss {log_loss(stated, counts):.3f} nats, "
         source += f"of one probability for all {plain:.3f}."
-    return fit_calibration(found, counts, source).model_dump()
+    return {**fit_calibration(found, counts, kind).model_dump(), "source": source}
 
 
 def count_verdicts(outcomes: Sequence[Outcome]) -> str:
