@@ -101,7 +101,7 @@ TRAINING = replace(
 
 
 class Images(NamedTuple):
-    """Measurements of n strips: `stamp` (n,), `state` (n, STATE_SIZE), `profile` (n, m, 2)."""
+    """Measured `stamp` (n,) [s], `state` (n, STATE_SIZE) [m], `profile` (n, m, 2) [m] of strips."""
 
     stamp: Array
     state: Array

@@ -117,7 +117,7 @@ class LatencySteps:
 def latency_verdict(
     arm: Array, seen: Array, lens: Lens, homography: Homography, settings: LatencySettings
 ) -> LatencyVerdict:
-    """Measure the camera's latency from those of the arm (n, 3) and of images `seen` (m, 3).
+    """Measure the camera's latency by stamped places of the arm (n, 3), in images `seen` (m, 3).
 
     `arm` holds stamp [s], x, z [m], `seen` stamp [s], u, v [px] of the pointer; `homography` is
     that of the touched points.

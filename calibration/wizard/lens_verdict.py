@@ -184,7 +184,7 @@ def _bow_reasons(found: Bow, settings: BoardSettings) -> tuple[str, ...]:
 
 
 def _lens_reasons(fit: LensFit, split: float, settings: BoardSettings) -> tuple[str, ...]:
-    """Reasons for refusal: defects of the lens itself.
+    """Reasons to refuse a lens: corners, focal length, halves of the views, principal point.
 
     Noise of the corners explains a difference of halves of twice the whole's deviation; one beyond
     that and the tolerance has another cause.

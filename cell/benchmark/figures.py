@@ -20,7 +20,7 @@ DISPLACEMENT = "d = l₁ − l₂  [mm]"
 
 
 def colour(policy: str) -> str:
-    """The colour of `policy`."""
+    """Colour of `policy` in figures, as #rrggbb."""
     return look_of(policy).colour
 
 

@@ -106,7 +106,7 @@ def _grab(settings: "V4l2Settings", path: Path, *, as_json: bool) -> None:
 
 
 def _grab_line(taken: "Grab") -> dict[str, Any]:
-    """JSON object of a taken picture."""
+    """JSON object of a taken picture: format, rates [Hz], age [s], counts, locked controls."""
     return {
         **asdict(taken.setup.picture),
         "measured_rate": taken.rate,

@@ -91,7 +91,7 @@ def _print_rows(rows: "Sequence[RunRow]", *, as_csv: bool, as_json: bool) -> Non
 
 
 def _row_facts(row: "RunRow") -> dict[str, Any]:
-    """JSON object of one run."""
+    """JSON object of a listed run: lengths [m], duration [s], size [bytes], tags if any."""
     keys = ("strip", "policy", "outcome", "displacement", "edge_offset", "duration", "size")
     facts: dict[str, Any] = {"run": str(row.folder), "began": row.began.isoformat()}
     facts |= {key: getattr(row, key) for key in keys}

@@ -50,7 +50,7 @@ class Bias:
 def bias(
     experiences: Sequence[Experience], strip: str, specimen: str, settings: LearningSettings
 ) -> Bias:
-    """Bias of the next fold of `specimen` of `strip`, by `experiences` with one policy."""
+    """Bias [m] of the next fold of `specimen` of `strip`, by `experiences` with one policy."""
     learner = _Learner(settings)
     for experience in experiences:
         learner.learn(experience)
@@ -115,7 +115,7 @@ class _Learner:
         self._rows.append((unknowns, experience.displacement, self._settings.repeat))
 
     def bias(self, strip: str, specimen: str) -> Bias:
-        """Bias of the next fold of `specimen` of fabric `strip`."""
+        """Bias [m] of the next fold of `specimen` of fabric `strip`, by the folds so far."""
         unknowns = self._unknowns_of(strip, specimen)
         mean, variance = self._predict(unknowns)
         rig, _ = self._predict((self._rig,))
@@ -131,7 +131,7 @@ class _Learner:
 
     @property
     def _rig(self) -> Unknown:
-        """Unknown error of the rig since its last change."""
+        """Unknown of the linear model for the rig's error since its last change."""
         return ("rig", len(self._change_runs))
 
     def _unknowns_of(self, strip: str, specimen: str) -> tuple[Unknown, ...]:

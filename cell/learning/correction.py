@@ -35,7 +35,7 @@ class Correctable(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """What a learned bias belongs to: a policy with its weights, a fabric, a specimen."""
+    """Policy with its weights, fabric and specimen to which a learned bias belongs."""
 
     policy: str
     strip: str
@@ -92,7 +92,7 @@ class Correction:
 
 
 def subject_of(policy: str, checkpoint: Path | None, strip: str, specimen: str | None) -> Subject:
-    """What a fold's bias belongs to: policy with weights, fabric, and `specimen`.
+    """Subject of a fold's bias: the policy with its weights, the fabric, the `specimen`.
 
     Without a `specimen`, a fabric with a file counts as one; each fold of another fabric is another
     piece.

@@ -163,7 +163,7 @@ class Run:
         self._phase = None
 
     def _stop(self, stopped: StopReason) -> None:
-        """Brake now; a run that is already over only changes its outcome."""
+        """End the run for the reason `stopped` and brake; one that is over keeps its state."""
         self._safe_stop.apply(None if self._snapshot is None else self._snapshot.hand)
         self._stopped = stopped
         if not self._machine.over:

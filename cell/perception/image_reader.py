@@ -46,7 +46,7 @@ Answer = ImageResult | tuple[PreflightCheck, ...]
 
 @dataclass(frozen=True, slots=True)
 class StripInputs:
-    """Inputs to the measurement of a strip in images, all known before the fold."""
+    """Calibration, settings and strip file by which images of a fold are measured."""
 
     calibration: Calibration
     settings: PerceptionSettings

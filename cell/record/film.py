@@ -140,7 +140,7 @@ class FilmWriter:
         self._container.mux(self._stream.encode(picture))
 
     def __enter__(self) -> Self:
-        """Return this writer."""
+        """Begin the block, after which the film is complete; returns this writer."""
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -272,7 +272,7 @@ class FilmProcess:
         self._await_answer()
 
     def __enter__(self) -> Self:
-        """Return this writer."""
+        """Begin the block, after which the film is complete; returns this writer."""
         return self
 
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:

@@ -80,7 +80,7 @@ class EffectErrors:
 
 
 def miss_numbers(misses: Misses) -> dict[str, float | int]:
-    """Content of `misses` as a record in JSON names it."""
+    """Statistics of |d| [m] in `misses`, by their names in a record in JSON."""
     numbers = asdict(misses)
     return {"p95" if name == "quantile_95" else name: numbers[name] for name in numbers}
 
@@ -121,7 +121,7 @@ def evaluate_effects(
 def _gather(
     executor: Executor, fold: Callable[[Key], Array], keys: Iterable[Key], meter: Meter
 ) -> dict[Key, Array]:
-    """Displacements by `fold(key)` of each of `keys`, computed by `executor`."""
+    """Displacements (n,) [m] that `fold(key)` gives for each of `keys`, by `executor`."""
     waiting = {executor.submit(fold, key): key for key in keys}
     found: dict[Key, Array] = {}
     meter.begin(len(waiting), 0)
