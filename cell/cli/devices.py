@@ -30,13 +30,13 @@ def doctor(
 ) -> None:
     """Check machine, files, robot and camera; prints findings, reasons and remedies."""
     from cell.devices.devices import DeviceSelection
-    from cell.doctor.check import State
+    from cell.doctor.check import Grade
     from cell.doctor.doctor import checks
 
     red = False
     found = checks(find_configs(configs), DeviceSelection(), runs, seconds)
     for number, check in enumerate(while_busy("checking", found), start=1):
-        red = red or check.state is State.FAIL
+        red = red or check.state is Grade.FAIL
         line = json.dumps(check.line(number)) if as_json else check.text(number)
         sys.stdout.write(f"{line}\n")
         sys.stdout.flush()

@@ -7,8 +7,8 @@ from typing import Any
 DETAIL = " " * 14  # before each line of a check's details
 
 
-class State(StrEnum):
-    """State of one of the doctor's checks; a single FAIL keeps a robot from moving."""
+class Grade(StrEnum):
+    """Grade of one of the doctor's checks; a single FAIL keeps a robot from moving."""
 
     PASS = "pass"  # noqa: S105  no password
     WARN = "warn"
@@ -21,7 +21,7 @@ class Check:
     """Result of one of the doctor's checks; `remedy` is empty where there is nothing to do."""
 
     name: str
-    state: State
+    state: Grade
     found: str
     why: str
     remedy: str = ""
@@ -33,6 +33,6 @@ class Check:
     def text(self, number: int) -> str:
         """Text of the check for the operator, with a remedy where there is one."""
         head = f"{number:2d}  {self.state:8s}{self.name}: {self.found}"
-        if self.state in (State.PASS, State.SKIPPED):
+        if self.state in (Grade.PASS, Grade.SKIPPED):
             return head
         return f"{head}\n{DETAIL}why: {self.why}\n{DETAIL}do:  {self.remedy}"

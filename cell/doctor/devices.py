@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from calibration.calibration import load_calibration
 from cell.calibrate.calibration_in_use import age_days, check_current
 from cell.config.cell import CellFile
-from cell.doctor.check import Check, State
+from cell.doctor.check import Check, Grade
 from drivers.camera.camera import report
 from drivers.camera.device import Kernel
 from drivers.child import Child, ChildDied
@@ -32,9 +32,9 @@ def library() -> Check:
     """Check whether pylibfranka, the maker's client of the arm, is installed."""
     why = "the arm speaks a protocol of its own"
     if find_spec("pylibfranka") is not None:
-        return Check("robot library", State.PASS, "pylibfranka is installed", why)
+        return Check("robot library", Grade.PASS, "pylibfranka is installed", why)
     remedy = "pip install 'folding-cell[fci]' on Linux x86_64, Python 3.11 or 3.12"
-    return Check("robot library", State.FAIL, "pylibfranka is missing", why, remedy)
+    return Check("robot library", Grade.FAIL, "pylibfranka is missing", why, remedy)
 
 
 def robot(address: str) -> Check:
@@ -45,9 +45,9 @@ def robot(address: str) -> Check:
     spoken = robot_version(address)
     if spoken is None:
         remedy = "switch the robot on, unlock its brakes, activate FCI in Desk; check fci.address"
-        return Check("robot", State.FAIL, f"no robot answers at {address}", why, remedy)
+        return Check("robot", Grade.FAIL, f"no robot answers at {address}", why, remedy)
     found = f"{address} speaks version {spoken}, the library {LIBRARY_VERSION}"
-    state = State.PASS if spoken == LIBRARY_VERSION else State.FAIL
+    state = Grade.PASS if spoken == LIBRARY_VERSION else Grade.FAIL
     return Check("robot", state, found, why, "install the library that fits the robot's system")
 
 
@@ -57,11 +57,11 @@ def camera(settings: CellFile) -> Check:
     stated = settings.camera
     if stated is None:
         remedy = "run `cell camera` and put what it prints into cell.yaml"
-        return Check("camera", State.FAIL, "cell.yaml states none", why, remedy)
+        return Check("camera", Grade.FAIL, "cell.yaml states none", why, remedy)
     try:
         found = report(Kernel(), stated.device)
     except CellError as error:
-        return Check("camera", State.FAIL, str(error), why, "connect it, close other programs")
+        return Check("camera", Grade.FAIL, str(error), why, "connect it, close other programs")
     values = {control.name: control.value for control in found.controls}
     other = [
         f"{name} is {values.get(name, 'absent')}, configured {wanted}"
@@ -70,9 +70,9 @@ def camera(settings: CellFile) -> Check:
     ]
     if other:
         remedy = "close the program that changes it; a fold sets it again when it connects"
-        return Check("camera", State.WARN, "; ".join(other), why, remedy)
+        return Check("camera", Grade.WARN, "; ".join(other), why, remedy)
     count = len(stated.controls)
-    return Check("camera", State.PASS, f"{stated.device}, {count} controls as configured", why)
+    return Check("camera", Grade.PASS, f"{stated.device}, {count} controls as configured", why)
 
 
 def calibration(settings: CellFile, *, on_twin: bool) -> Check:
@@ -80,20 +80,20 @@ def calibration(settings: CellFile, *, on_twin: bool) -> Check:
     why = "everything that the camera sees is measured by it"
     remedy = "run `cell calibrate camera` and `cell calibrate homography`, name the file"
     if settings.calibration is None:
-        state = State.PASS if on_twin else State.FAIL
+        state = Grade.PASS if on_twin else Grade.FAIL
         found = "the twin makes its own" if on_twin else "cell.yaml names none"
         return Check("calibration", state, found, why, remedy)
     try:
         made, now = load_calibration(Path(settings.calibration)), datetime.now(UTC)
         check_current(made, settings.calibration_days, now, on_twin=on_twin)
     except CellError as error:
-        return Check("calibration", State.FAIL, str(error), why, remedy)
+        return Check("calibration", Grade.FAIL, str(error), why, remedy)
     age = age_days(made, now)
     found = f"{made.id}, {age:.0f} of {settings.calibration_days:.0f} days old"
     if made.accepted_anyway:
-        return Check("calibration", State.WARN, f"{found}, accepted although refused", why, remedy)
+        return Check("calibration", Grade.WARN, f"{found}, accepted although refused", why, remedy)
     old = not on_twin and age > EXPIRING * settings.calibration_days
-    return Check("calibration", State.WARN if old else State.PASS, found, why, remedy)
+    return Check("calibration", Grade.WARN if old else Grade.PASS, found, why, remedy)
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +123,7 @@ def network(address: str, seconds: float) -> Check:
         return judge_link(measure_link(address, seconds))
     except CellError as error:
         remedy = "close other programs that hold the robot; check cable and address"
-        return Check("network", State.FAIL, str(error), NETWORK_WHY, remedy)
+        return Check("network", Grade.FAIL, str(error), NETWORK_WHY, remedy)
 
 
 def judge_link(link: Link) -> Check:
@@ -137,11 +137,11 @@ def judge_link(link: Link) -> Check:
         f"most {link.in_a_row} in a row; 99.9 % within {link.late_ms:.1f} ms, worst "
         f"{link.worst_ms:.1f} ms"
     )
-    state = State.PASS
+    state = Grade.PASS
     if link.lost_share > LOST_SHARE or link.late_ms > LARGEST_DELAY_MS:
-        state = State.WARN
+        state = Grade.WARN
     if link.lost_share > TOO_MANY or link.in_a_row >= IN_A_ROW:
-        state = State.FAIL
+        state = Grade.FAIL
     return Check("network", state, found, NETWORK_WHY, remedy)
 
 

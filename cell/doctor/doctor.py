@@ -8,7 +8,7 @@ from cell.config.places import Configs
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import is_real, real_camera
 from cell.doctor import devices, machine
-from cell.doctor.check import Check, State
+from cell.doctor.check import Check, Grade
 from drivers.errors import CellError, PreflightRefused
 
 ASKED, BRIEF = 60.0, 2.0  # s of the network's test: by the doctor, and before each real session
@@ -26,10 +26,10 @@ def checks(
         for name in names:
             configs.strip(name)
     except CellError as error:
-        yield Check("configuration", State.FAIL, str(error), why, "mend the file that is named")
+        yield Check("configuration", Grade.FAIL, str(error), why, "mend the file that is named")
         return
     found = f"{settings.name}, {len(names)} strips in {configs.folder}"
-    yield Check("configuration", State.PASS, found, why)
+    yield Check("configuration", Grade.PASS, found, why)
     yield from hardware_checks(settings, choice, runs, seconds)
 
 
@@ -44,14 +44,14 @@ def hardware_checks(
     if real_camera(settings, choice):
         yield devices.camera(settings)
     else:
-        yield Check("camera", State.SKIPPED, "the twin's", "there is nothing to connect")
+        yield Check("camera", Grade.SKIPPED, "the twin's", "there is nothing to connect")
 
 
 def _arm(settings: CellFile, choice: DeviceSelection, seconds: float) -> Iterator[Check]:
     """Checks of a real or emulated robot, its kernel settings and network, as far as reachable."""
     address = settings.fci.address
     if not choice.arm_driver(settings).real or address is None:
-        yield Check("robot", State.SKIPPED, "the twin's", "there is nothing to connect")
+        yield Check("robot", Grade.SKIPPED, "the twin's", "there is nothing to connect")
         return
     installed = devices.library()
     yield installed
@@ -59,10 +59,10 @@ def _arm(settings: CellFile, choice: DeviceSelection, seconds: float) -> Iterato
         yield machine.kernel(settings.fci.realtime)
         yield machine.priority(settings.fci.realtime)
         yield machine.throttling()
-    if installed.state is State.PASS:
+    if installed.state is Grade.PASS:
         answering = devices.robot(address)
         yield answering
-        if answering.state is State.PASS:
+        if answering.state is Grade.PASS:
             yield devices.network(address, seconds)
 
 
@@ -84,7 +84,7 @@ def motion_checks(
 
 def refuse_failed(found: Iterable[Check]) -> None:
     """Raise PreflightRefused where one of the checks `found` has failed."""
-    red = [check for check in found if check.state is State.FAIL]
+    red = [check for check in found if check.state is Grade.FAIL]
     if red:
         lines = "\n".join(f"{check.name}: {check.found}; {check.remedy}" for check in red)
         raise PreflightRefused(f"{lines}\nnothing has moved; `cell doctor` says more")

@@ -7,7 +7,7 @@ import shutil
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from cell.doctor.check import Check, State
+from cell.doctor.check import Check, Grade
 from cell.extras import missing_features, pip_line
 
 NEEDED_PACKAGES = ("mujoco", "numpy", "opencv-python-headless", "ruckig", "rerun-sdk")
@@ -29,8 +29,8 @@ def versions() -> Check:
     why = "a cell with other versions computes other numbers"
     if missing:
         remedy = f"pip install {' '.join(missing)}"
-        return Check("versions", State.FAIL, f"missing: {', '.join(missing)}", why, remedy)
-    return Check("versions", State.PASS, ", ".join(found), why)
+        return Check("versions", Grade.FAIL, f"missing: {', '.join(missing)}", why, remedy)
+    return Check("versions", Grade.PASS, ", ".join(found), why)
 
 
 def cores() -> Check:
@@ -41,10 +41,10 @@ def cores() -> Check:
     return Check("cores", _state(count, CORES, PLENTY), f"{count} usable", why, remedy)
 
 
-def _state(amount: float, needed: float, plenty: float) -> State:
+def _state(amount: float, needed: float, plenty: float) -> Grade:
     if amount < needed:
-        return State.FAIL
-    return State.WARN if amount < plenty else State.PASS
+        return Grade.FAIL
+    return Grade.WARN if amount < plenty else Grade.PASS
 
 
 def disk(runs: Path) -> Check:
@@ -53,9 +53,9 @@ def disk(runs: Path) -> Check:
     place = next(p for p in (runs.absolute(), *runs.absolute().parents) if p.exists())
     if not place.is_dir():
         remedy = "give a folder with --runs"
-        return Check("disk", State.FAIL, f"{place} is a file", why, remedy)
+        return Check("disk", Grade.FAIL, f"{place} is a file", why, remedy)
     if not os.access(place, os.W_OK):
-        return Check("disk", State.FAIL, f"{place} cannot be written", why, "mend its permissions")
+        return Check("disk", Grade.FAIL, f"{place} cannot be written", why, "mend its permissions")
     free = shutil.disk_usage(place).free / 1e9
     remedy = f"make room: `cell runs --runs {runs} --keep 100 --delete`"
     return Check(
@@ -70,8 +70,8 @@ def kernel(realtime: str) -> Check:
     why = "the robot wants a command each millisecond; an ordinary kernel may be late by many"
     remedy = "boot a PREEMPT_RT kernel, or set fci.realtime: priority in cell.yaml"
     if real:
-        return Check("kernel", State.PASS, found, why)
-    return Check("kernel", State.FAIL if realtime == "enforce" else State.WARN, found, why, remedy)
+        return Check("kernel", Grade.PASS, found, why)
+    return Check("kernel", Grade.FAIL if realtime == "enforce" else Grade.WARN, found, why, remedy)
 
 
 def priority(realtime: str) -> Check:
@@ -85,8 +85,8 @@ def priority(realtime: str) -> Check:
     why = "without priority another program delays the process that owns the robot's loop"
     remedy = "add `@realtime - rtprio 99` and `@realtime - memlock 102400` to limits.conf, join it"
     if ready:
-        return Check("scheduler", State.PASS, found, why, remedy)
-    state = State.WARN if realtime == "ignore" else State.FAIL
+        return Check("scheduler", Grade.PASS, found, why, remedy)
+    state = Grade.WARN if realtime == "ignore" else Grade.FAIL
     return Check("scheduler", state, found, why, remedy)
 
 
@@ -101,13 +101,13 @@ def throttling() -> Check:
     remedy += "kernel.sched_rt_runtime_us=-1`, from Linux 6.12 on also 0 in debugfs' "
     remedy += "sched/fair_server/cpu*/runtime"
     few = len(os.sched_getaffinity(0)) < PLENTY
-    return Check("throttling", State.WARN if limited and few else State.PASS, found, why, remedy)
+    return Check("throttling", Grade.WARN if limited and few else Grade.PASS, found, why, remedy)
 
 
 def extras() -> Check:
     """Check which optional libraries are missing, and which features need a missing one."""
     lost, why = missing_features(), "only what stands in brackets needs it"
     if not lost:
-        return Check("extras", State.PASS, "all optional libraries are installed", why)
+        return Check("extras", Grade.PASS, "all optional libraries are installed", why)
     found = ", ".join(f"{module} ({use})" for module, use in lost.items())
-    return Check("extras", State.WARN, f"missing: {found}", why, pip_line(lost))
+    return Check("extras", Grade.WARN, f"missing: {found}", why, pip_line(lost))

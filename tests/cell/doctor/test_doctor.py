@@ -13,7 +13,7 @@ from cell.cli.app import app
 from cell.config.places import CHECKOUT_CONFIGS, Configs, find_configs
 from cell.devices.devices import DeviceSelection
 from cell.doctor import devices, machine
-from cell.doctor.check import Check, State
+from cell.doctor.check import Check, Grade
 from cell.doctor.devices import Link, judge_link, link_of, measure_link
 from cell.doctor.doctor import checks, refuse_failed
 from drivers.errors import CellError, PreflightRefused
@@ -38,14 +38,14 @@ def arrivals(lost: range = range(0), late: float = 0.0) -> Link:
 @pytest.mark.parametrize(
     ("link", "state"),
     [
-        (arrivals(), State.PASS),
-        (arrivals(lost=range(1000, 1015)), State.PASS),
-        (arrivals(lost=range(1000, 1020)), State.FAIL),
-        (arrivals(late=3.0), State.WARN),
-        (arrivals(lost=range(400, 2000, 8)), State.FAIL),
+        (arrivals(), Grade.PASS),
+        (arrivals(lost=range(1000, 1015)), Grade.PASS),
+        (arrivals(lost=range(1000, 1020)), Grade.FAIL),
+        (arrivals(late=3.0), Grade.WARN),
+        (arrivals(lost=range(400, 2000, 8)), Grade.FAIL),
     ],
 )
-def test_link_is_judged_by_what_the_robot_asks(link: Link, state: State) -> None:
+def test_link_is_judged_by_what_the_robot_asks(link: Link, state: Grade) -> None:
     check = judge_link(link)
     assert check.state is state
     assert check.remedy
@@ -65,31 +65,31 @@ def test_robot_that_is_not_there_is_one_line() -> None:
         measure_link("127.0.0.99", 1.0)
     assert "\n" not in str(refused.value)
     check = devices.robot("127.0.0.99")
-    assert (check.state, "no robot answers" in check.found) == (State.FAIL, True)
+    assert (check.state, "no robot answers" in check.found) == (Grade.FAIL, True)
 
 
 def test_calibration_that_has_expired_is_red(tmp_path: Path) -> None:
     old = (datetime.now(UTC) - timedelta(days=400)).isoformat()
     settings = CELL.model_copy(update={"calibration": str(kept(tmp_path, date=old))})
-    assert devices.calibration(settings, on_twin=True).state is State.PASS
+    assert devices.calibration(settings, on_twin=True).state is Grade.PASS
     check = devices.calibration(settings, on_twin=False)
-    assert (check.state, "400 days" in check.found) == (State.FAIL, True)
+    assert (check.state, "400 days" in check.found) == (Grade.FAIL, True)
 
 
 def test_disk_without_room_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert machine.disk(tmp_path / "runs").state is not State.FAIL
+    assert machine.disk(tmp_path / "runs").state is not Grade.FAIL
     monkeypatch.setattr(machine, "RUN_GB", 1e9)
-    assert machine.disk(tmp_path / "runs").state is State.FAIL
+    assert machine.disk(tmp_path / "runs").state is Grade.FAIL
 
 
 def test_cell_of_the_twin_needs_no_hardware(tmp_path: Path) -> None:
     found = list(checks(find_configs(None), DeviceSelection(), tmp_path))
-    assert [c.state for c in found if c.name in {"robot", "camera"}] == [State.SKIPPED] * 2
+    assert [c.state for c in found if c.name in {"robot", "camera"}] == [Grade.SKIPPED] * 2
     refuse_failed([check for check in found if check.name != "cores"])
 
 
 def test_red_check_refuses_with_its_remedy() -> None:
-    red = Check("camera", State.FAIL, "is gone", "it sees", "connect it")
+    red = Check("camera", Grade.FAIL, "is gone", "it sees", "connect it")
     with pytest.raises(PreflightRefused, match=r"camera: is gone; connect it"):
         refuse_failed([red])
 
