@@ -54,16 +54,17 @@ def _mjcf(strip: StripFile, unsaid: tuple[str, ...]) -> str:
     body, tendons = Xml.SubElement(root, "worldbody"), Xml.SubElement(root, "tendon")
     place = 0.0
     for i, span in enumerate(lumps.spans.tolist()):
-        names = ("mass", "stiffness", "cubic", "damping", "quadratic", "presliding")
-        of = {name: getattr(lumps, name)[i] / lumps.scale for name in names}
+        hinges, mass = lumps.hinges, f"{lumps.mass[i] / lumps.scale}"
+        names = ("stiffness", "cubic", "damping", "quadratic", "presliding")
+        of = {name: getattr(hinges, name)[i] / lumps.scale for name in names}
         body = Xml.SubElement(body, "body", name=f"link{i}", pos=f"{place} 0 0")
-        hinge = {"name": f"hinge{i}", "axis": "0 -1 0", "springref": f"{lumps.rest[i]}"}
+        hinge = {"name": f"hinge{i}", "axis": "0 -1 0", "springref": f"{hinges.rest[i]}"}
         hinge["stiffness"] = f"{of['stiffness']} 0 {of['cubic']}"
         Xml.SubElement(body, "joint", hinge, damping=f"{of['damping']} {of['quadratic']}")
         box = {"type": "box", "size": f"{span / 2} {strip.width / 2} {strip.thickness / 2}"}
-        Xml.SubElement(body, "geom", box, mass=f"{of['mass']}", pos=f"{span / 2} 0 0", contype="0")
-        if lumps.slip[i] * of["presliding"] > 0:
-            yarn = {"stiffness": f"{of['presliding']}", "springyield": f"{lumps.slip[i]}"}
+        Xml.SubElement(body, "geom", box, mass=mass, pos=f"{span / 2} 0 0", contype="0")
+        if hinges.slip[i] * of["presliding"] > 0:
+            yarn = {"stiffness": f"{of['presliding']}", "springyield": f"{hinges.slip[i]}"}
             yarns = Xml.SubElement(tendons, "fixed", yarn, springlength="0")
             Xml.SubElement(yarns, "joint", joint=f"hinge{i}", coef="1")
         place = span

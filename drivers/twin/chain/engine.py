@@ -149,7 +149,7 @@ class ChainStrip:
         """Set the time step `h` [s] of the model, and the damping that belongs to it."""
         if self._model.opt.timestep != h:
             self._model.opt.timestep = h
-            self._model.dof_damping[self._joints.hinges] = self._lumps.damping_at(h)
+            self._model.dof_damping[self._joints.hinges] = self._lumps.hinges.damping_at(h)
 
     def _use_model(self, model: mujoco.MjModel) -> None:
         """Continue with `model`, in its initial state."""

@@ -21,10 +21,11 @@ class Loads:
 
     def __init__(self, lumps: Lumps, joints: Joints) -> None:
         self._lumps, self._joints = lumps, joints
-        self._has_friction, self._relaxes = bool(lumps.slip.any()), bool(lumps.fading.any())
+        self._has_friction = bool(lumps.hinges.slip.any())
+        self._relaxes = bool(lumps.hinges.fading.any())
         self._has_drag = bool(lumps.drag.any())
-        self._angle = lumps.rest * 0.0
-        self._strain = lumps.rest * 0.0  # of the Maxwell elements [rad]
+        self._angle = lumps.hinges.rest * 0.0
+        self._strain = lumps.hinges.rest * 0.0  # of the Maxwell elements [rad]
         self._elapsed = 0.0
 
     def update(self, data: mujoco.MjData, h: float) -> None:
@@ -42,7 +43,7 @@ class Loads:
         if self._has_friction:
             # The engine takes the yarns' moment where the step would end. That damps like h times
             # their stiffness, even while they slide; its share at the present rate is taken back.
-            moment += h * lumps.presliding * data.qvel[hinges]
+            moment += h * lumps.hinges.presliding * data.qvel[hinges]
         if self._relaxes:
             moment += self._relax(data.qpos[hinges], h)
         return moment
@@ -52,7 +53,7 @@ class Loads:
 
         Their strain obeys dq/dt = dangle/dt - q / time; exact for a uniform rate between calls.
         """
-        lumps = self._lumps
+        lumps = self._lumps.hinges
         periods = self._elapsed / lumps.fading_time
         retained = -np.expm1(-periods) / periods if periods > 0 else 1.0
         self._strain = np.exp(-periods) * self._strain + retained * (angle - self._angle)
@@ -146,7 +147,7 @@ class ExtraForces:
         if self._acts:
             data.qfrc_applied[:] = 0.0
             data.xfrc_applied[:] = 0.0
-            model.dof_damping[self._hinges] = self._lumps.damping_at(h)
+            model.dof_damping[self._hinges] = self._lumps.hinges.damping_at(h)
 
     def add(self, model: mujoco.MjModel, data: mujoco.MjData, time: float, h: float) -> None:
         """Add all extra forces to the step of `h` [s] that begins at `time` [s]."""
@@ -187,7 +188,7 @@ def resistance(parts: Parts, law: MomentLaw) -> ForceFunction:
 
 def fifth_order(parts: Parts) -> ForceFunction:
     """Extra force of the fifth-order term of the elastic bending law."""
-    lumps = parts.lumps
+    lumps = parts.lumps.hinges
 
     def law(angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG001
         bent = angle - lumps.rest
@@ -198,7 +199,7 @@ def fifth_order(parts: Parts) -> ForceFunction:
 
 def gradual_friction(parts: Parts) -> ForceFunction:
     """Extra force of the yarns' friction without a yield point, by Dahl's law."""
-    lumps = parts.lumps
+    lumps = parts.lumps.hinges
     return resistance(parts, DahlFriction(lumps.gradual_limit, lumps.gradual, exponent=1.0))
 
 

@@ -16,32 +16,20 @@ RIGID = 3e3  # axial stiffness over weight from which a strip counts as inextens
 
 
 @dataclass(frozen=True, slots=True)
-class Lumps:
-    """Coefficients of a strip on the n links and n + 1 hinges of a chain, in a scaled unit of mass.
+class HingeLumps:
+    """Coefficients of bending of a strip on the n + 1 hinges of a chain, all (n + 1,).
 
-    Dynamics do not change when masses, stiffnesses and forces share a factor; solver tolerances
-    do. So every strip is built as heavy as the paper's: `scale` is that factor.
+    A hinge stands for `reach` [m] of the strip, between the middles of its two links; the first and
+    the last one for half a link, so that both clamps are of second order in the links' lengths.
 
-    Of the links, all (n,): `mass` [kg] and `drag` [N s^2/m^2], force over the square of the normal
-    speed; `air` says what other speeds count. Of the hinges, all (n + 1,): `stiffness` [N
-    m/rad], `damping` [N m s/rad], `quadratic` [N m s^2/rad^2], `rest` [rad], `cubic` [N
-    m/rad^3], `fifth` [N m/rad^5]; of the element of friction beside them `presliding` [N m/rad]
+    `stiffness` [N m/rad], `damping` [N m s/rad], `quadratic` [N m s^2/rad^2], `rest` [rad], `cubic`
+    [N m/rad^3], `fifth` [N m/rad^5]; of the element of friction beside them `presliding` [N m/rad]
     and `slip` [rad], its deflection when it begins to slide; of friction without a yield point
     `gradual` [N m/rad], its stiffness, and `gradual_limit` [N m], its moment in full sliding;
-    `fading` [N m/rad], what of the stiffness relaxes within `fading_time` [s]. A hinge stands for
-    `reach` (n + 1,) [m] of the strip, between the middles of its two links; the first and the last
-    one for half a link, so that both clamps are of second order in the lengths `spans` (n,) [m] of
-    the links.
-    Of the links, `cling` [N] holds one to another that it touches, `along` [N/m] is the
-    stiffness along itself, `held` the largest that a chain steps.
+    `fading` [N m/rad], what of the stiffness relaxes within `fading_time` [s].
     """
 
-    spans: Array
     reach: Array
-    scale: float
-    mass: Array
-    drag: Array
-    air: Drag
     stiffness: Array
     damping: Array
     quadratic: Array
@@ -54,33 +42,21 @@ class Lumps:
     gradual_limit: Array
     fading: Array
     fading_time: float
-    cling: Array
-    along: Array
-    held: Array
 
     @classmethod
-    def from_model(cls, model: StripModel, links: int) -> Self:
-        """Coefficients of the strip `model` on a chain of `links` links."""
+    def from_model(cls, model: StripModel, nodes: Array, scale: float) -> Self:
+        """Coefficients of `model` at hinges at arc lengths `nodes` (n + 1,) [m], times `scale`."""
         strip, law = model.mechanics, model.mechanics.law
-        nodes = places(strip.length, links)
         middles = np.concatenate([[0.0], 0.5 * (nodes[:-1] + nodes[1:]), [strip.length]])
-        reach, spans = np.diff(middles), np.diff(nodes)
-        mass = strip.total(strip.linear_density, nodes)
-        scale = PAPER_LINEAR_DENSITY * strip.length / float(mass.sum())
+        reach = np.diff(middles)
         bare = strip.series(strip.rigidity, middles) / reach
         share = _share_of_strip(bare, model.boundary.grip_compliance)
         stiffness = bare * share * scale
         spring, growth = stiffness * (1.0 - law.relaxing), law.cubic * share**3 / reach**2
         presliding = stiffness * law.stiffness_ratio
         slip = reach * (law.yield_curvature / law.stiffness_ratio) / share
-        weight = float(mass.sum()) * float(np.hypot(*model.boundary.gravity))
         return cls(
-            spans=spans,
             reach=reach,
-            scale=scale,
-            mass=mass * scale,
-            drag=strip.drag_per_length * spans * scale,
-            air=strip.drag,
             stiffness=stiffness,
             damping=stiffness * share * bare * strip.total(_lag(strip), middles),
             quadratic=stiffness * law.quadratic_damping / reach,
@@ -93,15 +69,7 @@ class Lumps:
             gradual_limit=law.gradual * presliding * slip,
             fading=stiffness * law.relaxing,
             fading_time=law.relaxation_time,
-            cling=strip.adhesion * spans * scale,
-            along=min(RIGID * weight, strip.stretch_stiffness) * scale / spans,
-            held=RIGID * weight * scale / spans,
         )
-
-    @property
-    def stretches(self) -> bool:
-        """Whether the strip is so soft along itself that a chain simulates its stretch."""
-        return bool((self.along < self.held).any())
 
     def damping_at(self, h: float) -> Array:
         """Damping (n + 1,) [N m s/rad] of the hinges to simulate with steps of `h` [s].
@@ -111,6 +79,55 @@ class Lumps:
         accurate in the step.
         """
         return np.maximum(self.damping - h * self.stiffness, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Lumps:
+    """Coefficients of a strip on the n links and the `hinges` of a chain, in a scaled unit of mass.
+
+    Dynamics do not change when masses, stiffnesses and forces share a factor; solver tolerances
+    do. So every strip is built as heavy as the paper's: `scale` is that factor.
+
+    Of the links, all (n,): length `spans` [m], `mass` [kg] and `drag` [N s^2/m^2], force over the
+    square of the normal speed; `air` says what other speeds count. `cling` [N] holds a link to
+    another that it touches, `along` [N/m] is its stiffness along itself, `held` the largest that a
+    chain steps.
+    """
+
+    hinges: HingeLumps
+    scale: float
+    spans: Array
+    mass: Array
+    drag: Array
+    air: Drag
+    cling: Array
+    along: Array
+    held: Array
+
+    @classmethod
+    def from_model(cls, model: StripModel, links: int) -> Self:
+        """Coefficients of the strip `model` on a chain of `links` links."""
+        strip = model.mechanics
+        nodes = places(strip.length, links)
+        spans, mass = np.diff(nodes), strip.total(strip.linear_density, nodes)
+        scale = PAPER_LINEAR_DENSITY * strip.length / float(mass.sum())
+        weight = float(mass.sum()) * float(np.hypot(*model.boundary.gravity))
+        return cls(
+            hinges=HingeLumps.from_model(model, nodes, scale),
+            scale=scale,
+            spans=spans,
+            mass=mass * scale,
+            drag=strip.drag_per_length * spans * scale,
+            air=strip.drag,
+            cling=strip.adhesion * spans * scale,
+            along=min(RIGID * weight, strip.stretch_stiffness) * scale / spans,
+            held=RIGID * weight * scale / spans,
+        )
+
+    @property
+    def stretches(self) -> bool:
+        """Whether the strip is so soft along itself that a chain simulates its stretch."""
+        return bool((self.along < self.held).any())
 
 
 def places(length: float, links: int) -> Array:

@@ -174,16 +174,16 @@ def _add_hinge(spec: mujoco.MjSpec, body: mujoco.MjsBody, lumps: Lumps, node: in
         name=name,
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=[0.0, -1.0, 0.0],
-        stiffness=[lumps.stiffness[node], 0.0, lumps.cubic[node]],
-        damping=[lumps.damping_at(LONGEST_STEP)[node], lumps.quadratic[node], 0.0],
-        springref=lumps.rest[node],
+        stiffness=[lumps.hinges.stiffness[node], 0.0, lumps.hinges.cubic[node]],
+        damping=[lumps.hinges.damping_at(LONGEST_STEP)[node], lumps.hinges.quadratic[node], 0.0],
+        springref=lumps.hinges.rest[node],
     )
-    if lumps.slip[node] > 0 and lumps.presliding[node] > 0:
+    if lumps.hinges.slip[node] > 0 and lumps.hinges.presliding[node] > 0:
         # A joint has one spring; a tendon is the other, with friction.
         yarns = spec.add_tendon(
             name=f"yarns{node}",
-            stiffness=[lumps.presliding[node], 0.0, 0.0],
-            springyield=lumps.slip[node],
+            stiffness=[lumps.hinges.presliding[node], 0.0, 0.0],
+            springyield=lumps.hinges.slip[node],
             springlength=[0.0, 0.0],
         )
         yarns.wrap_joint(name, 1.0)
@@ -196,7 +196,7 @@ def _add_mass(body: mujoco.MjsBody, lumps: Lumps, node: int) -> None:
         inertia = mass * lumps.spans[node] ** 2 / 12
     else:
         mass, centre = TIP_MASS * lumps.mass[-1], 0.0
-        inertia = LONGEST_STEP**2 * lumps.stiffness[-1]
+        inertia = LONGEST_STEP**2 * lumps.hinges.stiffness[-1]
     body.explicitinertial = True
     body.mass = mass
     body.ipos = [centre, 0.0, 0.0]

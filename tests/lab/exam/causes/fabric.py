@@ -30,9 +30,9 @@ class Dahl(Cause):
 
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction:
         """Friction moment of every hinge, zero at the start."""
-        stiffness = parts.lumps.stiffness
+        stiffness = parts.lumps.hinges.stiffness
         element = DahlFriction(
-            stiffness * self.yield_curvature * parts.lumps.reach,
+            stiffness * self.yield_curvature * parts.lumps.hinges.reach,
             self.ratio * stiffness,
             self.exponent,
         )
@@ -59,7 +59,8 @@ class SinhBending(Cause):
         """Moment added to the elastic one at every hinge."""
         hard = self.cubic > 0
         bend = np.sqrt(1.0 / ((6.0 if hard else 3.0) * abs(self.cubic)))
-        return resistance(parts, Excess(parts.lumps.stiffness, bend * parts.lumps.reach, hard=hard))
+        lumps = parts.lumps.hinges
+        return resistance(parts, Excess(lumps.stiffness, bend * lumps.reach, hard=hard))
 
 
 class Excess:
@@ -97,8 +98,8 @@ class LogCreep(Cause):
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction:
         """Moment that every hinge loses by creep."""
         times = np.geomspace(self.quick, self.slow, ELEMENTS)
-        share = self.ratio / ELEMENTS * parts.lumps.stiffness
-        return resistance(parts, Fading(share, parts.lumps.rest, times))
+        share = self.ratio / ELEMENTS * parts.lumps.hinges.stiffness
+        return resistance(parts, Fading(share, parts.lumps.hinges.rest, times))
 
 
 class Fading:
@@ -137,9 +138,9 @@ class PowerDamping(Cause):
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction:
         """Nonlinear damping of every hinge."""
         hinges = parts.joints.hinges
-        span = parts.lumps.reach
+        span = parts.lumps.hinges.reach
         # moment = K span c r^2 (|w| / (span r))^p = [K c r (|w| / (span r))^(p - 1)] w
-        size = parts.lumps.stiffness * self.coefficient * self.rate
+        size = parts.lumps.hinges.stiffness * self.coefficient * self.rate
 
         def act(model: mujoco.MjModel, data: mujoco.MjData, _: float, __: float) -> None:
             part = np.abs(data.qvel[hinges]) / (span * self.rate)
