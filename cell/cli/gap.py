@@ -56,25 +56,28 @@ Jobs = Annotated[
 ]
 Fitted = Annotated[Path, typer.Argument(metavar="DIR", help="The folder that a fit wrote.")]
 
+Plant = Annotated[Path | None, typer.Option(help="Strip file that lies on the twin's desk.")]
+PlanFolder = Annotated[
+    Path | None, typer.Option("--runs", help="New folder of these runs [runs/NAME-plan].")
+]
+NoTruth = Annotated[
+    bool, typer.Option("--no-truth", help="Keep the twin's truth out of the records.")
+]
+DryRun = Annotated[
+    bool, typer.Option("--dry-run", help="Say which runs would be made; move nothing.")
+]
+
 
 @gap.command()
 def plan(
     strip: Strip,
-    plant: Annotated[
-        Path | None, typer.Option(help="Strip file that lies on the twin's desk.")
-    ] = None,
-    runs: Annotated[
-        Path | None, typer.Option("--runs", help="New folder of these runs [runs/NAME-plan].")
-    ] = None,
+    plant: Plant = None,
+    runs: PlanFolder = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of run 0; run i uses seed + i.")] = 0,
     jobs: Annotated[int, typer.Option(min=1, help="Runs side by side.")] = 1,
     configs: Configs = None,
-    no_truth: Annotated[
-        bool, typer.Option("--no-truth", help="Keep the twin's truth out of the records.")
-    ] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Say which runs would be made; move nothing.")
-    ] = False,
+    no_truth: NoTruth = False,
+    dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
     """Fold the standard runs, by which `cell gap fit` identifies what a strip's model lacks."""
@@ -88,7 +91,7 @@ def plan(
     if plant is not None:
         check_readable(plant)
     from cell.devices.devices import DeviceSelection
-    from cell.folding.request import Recording, Request, standard_requests, standard_run
+    from cell.folding.request import Recording, Request, standard_requests
     from drivers.strip.describe import load_plant
 
     found, desk = find_configs(configs), None if plant is None else load_plant(plant)
@@ -96,9 +99,7 @@ def plan(
     base = Request(found.cell(), found.strip(strip), "", folder, choice, record=record)
     requests = standard_requests(base)
     if dry_run:
-        for i, request in enumerate(requests):
-            name, reveals = standard_run(request)
-            sys.stdout.write(f"{i:2d}  {name:15s} {request.speed:.2f} m/s  shows {reveals}\n")
+        _print_plan(requests)
         return
     code = _fold_all(requests, jobs, as_json=as_json)
     if not as_json:
@@ -106,6 +107,15 @@ def plan(
         file = _strip_file(strip, configs)
         sys.stdout.write(f"next: cell gap fit {folder} --strip {file} --out {fitted}\n")
     sys.exit(code)
+
+
+def _print_plan(requests: "Sequence[Request]") -> None:
+    """Print name, speed [m/s] and revealed effects of the standard runs that would be made."""
+    from cell.folding.request import standard_run
+
+    for i, request in enumerate(requests):
+        name, reveals = standard_run(request)
+        sys.stdout.write(f"{i:2d}  {name:15s} {request.speed:.2f} m/s  shows {reveals}\n")
 
 
 def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int:
