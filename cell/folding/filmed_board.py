@@ -14,7 +14,8 @@ from calibration.board import BoardSettings, BoardView, find_board
 from calibration.calibration import Calibration, change_calibration, make_calibration
 from calibration.homography import Homography, fit_homography
 from calibration.lens import fit_lens
-from cell.perception.resting_strip import face_height, sample_plane
+from cell.perception.held_end import FINE, colour_edge, find_end
+from cell.perception.resting_strip import sample_plane
 from cell.perception.scene import colour_distances
 from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
@@ -43,10 +44,10 @@ ALIKE = 0.1  # share of the stated length by which a piece of its colour may dif
 SLIM = 0.2  # of its length, apparent height of a strip at most
 PLANE_ERROR = 0.001  # m, rms of curves in a plane by a board (python -m tests.lab measure-phone)
 PRINTED = 0.02  # allowed relative difference of the strip's length by the board
-ROUNDS, ROWS = 3, 5  # iterations of finding the ends and correcting the map; image rows sampled
-PROBE, FINE = 0.008, 0.00025  # m: search range about the lower border, and its sampling
+ROUNDS = 3  # iterations of finding the ends and correcting the map
+PROBE = 0.008  # m, search range about the lower border
+NEAR_END = 0.35  # share of the length beside an end in which its border counts: lenses bend it
 WITHIN, BEYOND = 0.06, 0.04  # m: search range about an end, inwards and outwards
-SURE, UNLIKE = 0.004, 4.0  # m of foreign colour that end the strip; colour distance of it [sigma]
 
 
 def calibrate_film(
@@ -185,45 +186,20 @@ def _find_ends(
 ) -> tuple[Array, Array]:
     """Both ends (2,) [m] of the resting midline, where a strip of a `colour` (3,) lies nearly.
 
-    `length` [m] is how long it appears. Its lower border is sampled, then rows over it to its ends:
-    what holds them hides the more of the strip's face, the further back it is.
+    `length` [m] is how long it appears. Its lower border is sampled, then its ends are searched.
     """
     x = np.linspace(0.06, 0.94, 120) * length
     down = np.arange(PROBE, -PROBE, -FINE)
     points = np.stack(np.broadcast_arrays(x[:, None], down), axis=-1)
     rows = sample_plane(image, calibration, points)
-    edges = np.array([_colour_edge(row, colour) for row in rows])
-    slope, start = theilslopes(PROBE - FINE * edges, x)[:2]
-    top = strip.thickness + face_height(calibration, strip) / 2
-    heights, view = np.linspace(strip.thickness / 2, top, ROWS), calibration.viewpoint
-    back = np.maximum(heights - strip.thickness, 0.0) / view.z
+    low = PROBE - FINE * np.array([colour_edge(row, colour) for row in rows])
     ends = []
     for end, outward in ((0.0, -1.0), (length, 1.0)):
+        seen = np.isfinite(low) & (np.abs(x - end) < NEAR_END * length)
+        slope, start = theilslopes(low[seen], x[seen])[:2] if seen.any() else (0.0, 0.0)
         along = end + outward * np.arange(-WITHIN, BEYOND, FINE)
-        points = np.stack(
-            np.broadcast_arrays(along, start + slope * along + heights[:, None]), axis=-1
-        )
-        rows = sample_plane(image, calibration, points)
-        starts = np.median(rows[:, : rows.shape[1] // 4], axis=1)
-        edges = np.array([_colour_edge(*pair) for pair in zip(rows, starts, strict=True)])
-        places = end + outward * (FINE * edges - WITHIN)
-        place = float(np.median((places - back * view.x) / (1 - back)))
-        ends.append(np.array([place, start + slope * place + strip.thickness / 2]))
+        line = np.column_stack([along, start + slope * along + strip.thickness / 2])
+        place = find_end(image, calibration, strip, line)
+        x_end = end if np.isnan(place) else along[0] + outward * place
+        ends.append(np.array([x_end, start + slope * x_end + strip.thickness / 2]))
     return ends[0], ends[1]
-
-
-def _colour_edge(row: Array, colour: Array) -> float:
-    """Index of the sample at which `row` (m, 3) turns from `colour` (3,) to another one.
-
-    The other lasts for SURE; the edge lies at half the change. The last sample without an edge.
-    """
-    length = round(SURE / FINE)
-    foreign = colour_distances(row, colour[None])[:, 0] > UNLIKE
-    start = int(np.argmin(foreign))  # a row may begin in a shadow
-    runs = np.flatnonzero(np.convolve(foreign[start:], np.ones(length), "valid") == length)
-    if foreign[start] or len(runs) == 0:
-        return len(row) - 1.0
-    end = start + runs[0] + length
-    change = np.median(row[end - length // 2 : end], axis=0) - colour
-    progress = (row[start:end] - colour) @ change / (change @ change)
-    return start + float(np.max(np.flatnonzero(progress < 0.5), initial=0)) + 0.5

@@ -93,7 +93,8 @@ def observe(
             layers = LayerTouch(settings, strip)
             read, touch = _read(frames, follow, layers, calibration, overlay, progress)
         _check_enough(read, film)
-        _write(made, read, _held_path(read, strip), calibration, touch)
+        lying = strip.length - FLAT_LENGTH
+        _write(made, read, _held_path(read, strip), lying, calibration, touch)
         write_document(made / RUN, _header(cell, strip, calibration, read))
     return FilmMeasurement(folder, begin, len(read), sum(map(_is_confident, read)), touch)
 
@@ -206,14 +207,19 @@ def _write(
     folder: Path,
     read: Sequence[HeldMeasurement],
     path: tuple[Array, ...],
+    lying: float,
     calibration: Calibration,
     touch: SeenTouch | None,
 ) -> None:
-    """Write tables, calibration and result of the run: t = 0 is the film's first image."""
+    """Write tables, calibration and result of the run: t = 0 is the film's first image.
+
+    A contact from x = `lying` [m] on is none: the strip lies flat there, as if not lifted yet.
+    """
     rows = [sight_row(held.measurement) for held in read if _is_confident(held)]
     sights = pa.Table.from_pylist(rows, SIGHT_ROWS)
     t, x, z, pitch = path
     stamps, contacts = np.asarray(sights["stamp"]), np.asarray(sights["contact_x"])
+    contacts = np.where(contacts < lying, contacts, np.nan)  # the clip hides where a flat one ends
     contact_x, contact_t = place_contacts(t, stamps, contacts)
     ticks = {"t": t, "x": x, "z": z, "pitch": pitch, "contact_x": contact_x, "contact_t": contact_t}
     write_tables(folder, sight_tables(sights) | {TICKS: pa.table(ticks)})

@@ -9,7 +9,7 @@ import numpy as np
 
 from calibration.calibration import Calibration
 from cell.perception.perception import Perception
-from cell.perception.resting_strip import sample_rectangle, sample_scene
+from cell.perception.resting_strip import sample_plane, sample_rectangle, sample_scene
 from cell.perception.scene import Appearance, colour_distances
 from cell.perception.settings import PerceptionSettings
 from cell.perception.strip_measurement import StripMeasurement
@@ -32,6 +32,13 @@ FARTHEST = 0.02  # m from the strip's end to the clip's front at most
 WINDOW = 0.08  # m about the end's last place in which the clip is searched
 SMALLEST, LARGEST = 0.3, 3.0  # allowed area of the face over that at rest
 SLENDER = 1.5  # length over height of the visible face, at least, for a known axis
+FINE = 0.00025  # m between samples along a line on which the strip's end is searched
+AROUND = 0.02, 0.03  # m of that line before and after the end of the profile
+ROWS = 5  # of the image in which it is searched
+NAN = float("nan")
+EDGE_ON = 0.002  # m, apparent width of a strip's face up to which it is seen edge on
+FEWEST_POINTS = 3  # of a profile that is extrapolated
+SURE, UNLIKE = 0.004, 4.0  # m of foreign colour that end the strip; colour distance of it [sigma]
 SEARCH_STEPS = (-0.03, -0.015, 0.015, 0.03)  # m about the expected end, where it is not found
 
 
@@ -135,7 +142,8 @@ class HeldEnd:
     ) -> None:
         self._calibration, self._clip = calibration, clip
         self._perception = Perception(calibration, settings, strip, appearance)
-        self._length = strip.length
+        self._strip, self._length = strip, strip.length
+        self._to_mouth = np.zeros(2)  # m, from where the clip's face says that the mouth is
         self._past: list[tuple[float, Pose]] = []
 
     def measure(self, frame: Frame) -> HeldMeasurement:
@@ -143,14 +151,39 @@ class HeldEnd:
         last = self._past[-1][1] if self._past else Pose(self._length, 0.0, 0.0)
         clip = self._clip
         held = None if clip is None else clip.find(frame.image, self._calibration, last)
-        if held is not None:
-            best = HeldMeasurement(self._perception.measure(frame, held), held)
+        if clip is not None and held is not None:
+            best = self._at_mouth(frame, clip, held)
         else:
             best = self._search(frame)
         if best.end is not None:
             self._past = [*self._past[-2:], (frame.stamp, best.end)]
         sure = held is not None or best.measurement.confidence >= PROFILE_CONFIDENCE
         return best if sure else replace(best, end=None)
+
+    def _at_mouth(self, frame: Frame, clip: Clip, face: Pose) -> HeldMeasurement:
+        """Measure up to the mouth of a `clip` whose `face` says roughly where that is.
+
+        The clip's depth moves its face by parallax; the mouth is where the strip's near edge ends.
+        It stays where it was in the face while the strip is seen edge on, and the clip before it.
+        """
+        rough = replace(face, x=face.x + self._to_mouth[0], z=face.z + self._to_mouth[1])
+        measurement = self._perception.measure(frame, rough)
+        if len(measurement.profile) >= FEWEST_POINTS and self._shows_face(rough):
+            distances = np.arange(-AROUND[0], AROUND[1], FINE)
+            line, _ = _extrapolate(measurement.profile, distances)
+            place = find_end(frame.image, self._calibration, self._strip, line.T, clip.colour)
+            mouth = np.array([np.interp(place, distances + AROUND[0], axis) for axis in line])
+            if np.hypot(*(mouth - (face.x, face.z))) < FARTHEST:  # not where it is NaN
+                self._to_mouth = mouth - (face.x, face.z)
+        x, z = (float(value) for value in np.array([face.x, face.z]) + self._to_mouth)
+        held = replace(face, x=x, z=z)
+        return HeldMeasurement(replace(measurement, gripper=(x, z)), held)
+
+    def _shows_face(self, held: Pose) -> bool:
+        """Whether the camera sees a face of the strip that is `held`, not only its near edge."""
+        view = self._calibration.viewpoint
+        over = (view.foot() - (held.x, held.z)) @ (-np.sin(held.pitch), np.cos(held.pitch))
+        return bool(view.sweep(self._strip.width) * abs(over) > EDGE_ON)
 
     def _search(self, frame: Frame) -> HeldMeasurement:
         """Measure from guesses of the held end's pose, until one gives a sure profile."""
@@ -211,15 +244,66 @@ class HeldEnd:
         within = curve[along <= self._length]
         if len(within) < 2:
             return None
-        return _extrapolate(within, self._length - float(along[len(within) - 1]))
+        (x, z), way = _extrapolate(within, self._length - float(along[len(within) - 1]))
+        return Pose(float(x), float(z), float(np.arctan2(way[1], way[0])))
 
 
-def _extrapolate(curve: Array, distance: float) -> Pose:
-    """Pose at `distance` [m] beyond the end of a curve (n, 2) [m], by a parabola of its end."""
+def _extrapolate(curve: Array, distance: float | Array) -> tuple[Array, Array]:
+    """Places (2, ...) and slopes (2, ...) at a `distance` (...) [m] beyond a curve (n, 2) [m].
+
+    By a parabola of its end.
+    """
     along = arc_lengths(curve)
     back = along - along[-1]
     last = back >= max(-END_LENGTH, float(back[0]))
     fit = np.polynomial.polynomial.polyfit(back[last], curve[last], min(2, last.sum() - 1))
     slope = np.polynomial.polynomial.polyder(fit)
-    place, way = (np.asarray(np.polynomial.polynomial.polyval(distance, of)) for of in (fit, slope))
-    return Pose(float(place[0]), float(place[1]), float(np.arctan2(way[1], way[0])))
+    place, way = (np.polynomial.polynomial.polyval(distance, of) for of in (fit, slope))
+    return np.asarray(place), np.asarray(way)
+
+
+def find_end(
+    image: Image,
+    calibration: Calibration,
+    strip: StripFile,
+    line: Array,
+    beyond: Array | None = None,
+) -> float:
+    """Distance [m] along a `line` (n, 2) at which the near edge of `strip` ends; NaN where unseen.
+
+    The line, points FINE apart, begins on the strip's midline and leads on past its end, where
+    another colour is, or one nearer to `beyond` (3,). The rows searched show the strip's thickness:
+    its face ends elsewhere in the image, the further back the more.
+    """
+    ahead = np.gradient(line, axis=0)
+    aside = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1) / np.hypot(*ahead.T)[:, None]
+    offsets = np.linspace(-0.25, 0.25, ROWS) * strip.thickness
+    rows = sample_plane(image, calibration, line + offsets[:, None, None] * aside)
+    starts = np.median(rows[:, : len(line) // 4], axis=1)
+    edges = np.array(
+        [colour_edge(row, start, beyond) for row, start in zip(rows, starts, strict=True)]
+    )
+    return FINE * float(np.median(edges[np.isfinite(edges)])) if np.isfinite(edges).any() else NAN
+
+
+def colour_edge(row: Array, colour: Array, beyond: Array | None = None) -> float:
+    """Index of the sample at which `row` (m, 3), FINE apart, turns from `colour` (3,) to another.
+
+    The other, nearer to `beyond` (3,) where that is given, lasts for SURE; the edge lies at half
+    the change. NaN without an edge.
+    """
+    length = round(SURE / FINE)
+    away = colour_distances(row, colour[None])[:, 0]
+    foreign = away > UNLIKE
+    if beyond is not None:
+        foreign &= colour_distances(row, beyond[None])[:, 0] < away
+    start = int(np.argmin(foreign))  # a row may begin in a shadow
+    runs = np.flatnonzero(np.convolve(foreign[start:], np.ones(length), "valid") == length)
+    if foreign[start] or len(runs) == 0:
+        return NAN
+    end = start + runs[0] + length
+    change = np.median(row[end - length // 2 : end], axis=0) - colour
+    progress = (row[start:end] - colour) @ change / (change @ change)
+    last = int(np.max(np.flatnonzero(progress[:-1] < 0.5), initial=0))
+    step = progress[last + 1] - progress[last]
+    return float(start + last + np.clip((0.5 - progress[last]) / max(step, 1e-9), 0.0, 1.0))

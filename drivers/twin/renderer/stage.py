@@ -84,6 +84,7 @@ def light(settings: CameraSettings) -> Field:
 def _row(optics: Optics, width: int, y: float, z: float) -> Array:
     """Row (width,) [px] at each column of the image of a line along x at `y`, `z` [m]."""
     x = np.linspace(-3.0, 4.0, 1401)
+    x = x[np.abs(x - optics.centre[0]) < y - optics.centre[1]]  # beyond, the lens's law turns back
     line = optics.project(np.stack([x, np.full_like(x, y), np.full_like(x, z)], axis=-1))
     return np.interp(np.arange(width), line[:, 0], line[:, 1])
 

@@ -69,9 +69,11 @@ class Phone:
             lens_blur=0, noise=0, gain=rng.uniform(0.85, 1.05),
             light_gradient=rng.uniform(0.0, 0.2), shadow=rng.uniform(0.1, 0.35),
         )  # fmt: skip
-        dark = min(strip.colour) < 120
-        hues = ({}, BLUE_MAT, GREY_DESK, BENCH)[rng.integers(4) if dark else 0]
-        near = [strip.colour, hues.get("desk", camera.surroundings.desk)]
+        mats = {"desk": camera.surroundings.desk}, BLUE_MAT, GREY_DESK, BENCH
+        mats = sorted(mats, key=lambda of: np.dot(bgr(of["desk"]), bgr(strip.colour))
+                      / np.linalg.norm(of["desk"]))  # fmt: skip
+        hues = mats[rng.integers(2)]  # one of the two whose hue is least like the strip's
+        near = [strip.colour, hues["desk"]]
         *_, clamp, self._clip = sorted(
             COLOURS, key=lambda c: np.linalg.norm(np.subtract(near, c), axis=1).min()
         )
@@ -110,14 +112,17 @@ class Phone:
             yield stamp, noisy(image, self._noise, self._rng)
 
     def _draw_hand(self, image: Image, pose: Pose) -> None:
-        (length, half), (near, far) = self._size, self._jaws
-        clip = np.array([(0.0, 0.0), (length, self._floor), (length, 2 * half), (0.0, half)])
+        (length, half), (near, far), low = self._size, self._jaws, self._floor
         cosine, sine = np.cos(pose.pitch), np.sin(pose.pitch)
+        turn, (x, _, z) = np.array([(cosine, sine), (-sine, cosine)]), self._optics.centre
+        thin = np.array([(0.0, low), (length, low), (length, low - 0.0015)])
+        jaws = [thin, np.array([(0.0, -low), (length, -low), (length, 2 * half), (0.0, half)])]
+        hidden, seen = jaws if (x - pose.x, z - pose.z) @ turn[1] > 0 else jaws[::-1]
         for corners, front, back, colour in (
-            (ARM, -0.01, 0.06, self._skin), (clip, near, far, self._clip),
-            (FINGERS, -0.01, 0.0, self._skin),
+            (ARM, -0.01, 0.06, self._skin), (hidden, near, near, self._clip),
+            (seen, near, far, self._clip), (FINGERS, -0.01, 0.0, self._skin),
         ):  # fmt: skip
-            placed = corners @ np.array([(cosine, sine), (-sine, cosine)]) + (pose.x, pose.z)
+            placed = corners @ turn + (pose.x, pose.z)
             outline = clip_above(placed, self._floor)
             box = [Outline(outline, front, back, self._camera.gain)] if len(outline) > 2 else []
             draw_hand(image, box, faces_of(box, self._optics), (0, 0), bgr(colour))
