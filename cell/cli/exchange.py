@@ -46,14 +46,13 @@ def import_runs(
 ) -> None:
     """Convert tables of other programs to run folders, checked and ready for `cell gap fit`."""
     found = find_configs(configs)
-    if guess and model is None:
+    if guess and model is not None:
+        raise ConfigurationError("--guess: proposes mappings of folds; leave --model out")
+    if guess:
         _propose(places, out or Path("mapping.yaml"), None if strip is None else found.strip(strip))
         return
-    if out is None or guess:
-        what = "--guess: proposes mappings of folds; leave --model out"
-        raise ConfigurationError(
-            what if guess else "--out: is missing; name the folder of the runs"
-        )
+    if out is None:
+        raise ConfigurationError("--out: is missing; name the folder of the runs")
     with busy("reading the tables"):
         made = _convert(places, mapping, out, model, found)
     if as_json:

@@ -83,7 +83,8 @@ def observe(
     if calibration is None:
         calibration, begin = calibrate_film(film, Film(film).frames(), cell.boards, strip)
     frames = _frames(film, calibration, begin)
-    first = next(frames)
+    if (first := next(frames, None)) is None:
+        raise ConfigurationError(f"{film}: holds no image")
     appearance = _appearance(first, film, calibration, settings, strip)
     clip = _clip(first, film, calibration, strip) if by_board else None
     follow = HeldEnd(calibration, settings, strip, appearance, clip)
@@ -93,8 +94,7 @@ def observe(
             layers = LayerTouch(settings, strip)
             read, touch = _read(frames, follow, layers, calibration, overlay, progress)
         _check_enough(read, film)
-        lying = strip.length - FLAT_LENGTH
-        _write(made, read, _held_path(read, strip), lying, calibration, touch)
+        _write(made, read, _held_path(read, strip), strip, calibration, touch)
         write_document(made / RUN, _header(cell, strip, calibration, read))
     return FilmMeasurement(folder, begin, len(read), sum(map(_is_confident, read)), touch)
 
@@ -102,9 +102,9 @@ def observe(
 def _frames(film: Path, calibration: Calibration, begin: float) -> Iterator[Frame]:
     """Yield images from `begin` [s] on, which becomes 0, at the calibration's size.
 
-    Raises ConfigurationError for unlike or no images.
+    Raises ConfigurationError for unlike images.
     """
-    lens, any_frame = calibration.lens, False
+    lens = calibration.lens
     for frame in Film(film).frames():
         if frame.stamp < begin:
             continue
@@ -117,11 +117,8 @@ def _frames(film: Path, calibration: Calibration, begin: float) -> Iterator[Fram
         image = frame.image
         if (width, height) != (lens.width, lens.height):
             image = cv2.resize(image, (lens.width, lens.height), interpolation=cv2.INTER_AREA)
-        any_frame = True
         stamp = frame.stamp - begin
         yield Frame(stamp, stamp, frame.source, frame.sequence, image)
-    if not any_frame:
-        raise ConfigurationError(f"{film}: holds no image")
 
 
 def _appearance(
@@ -207,19 +204,16 @@ def _write(
     folder: Path,
     read: Sequence[HeldMeasurement],
     path: tuple[Array, ...],
-    lying: float,
+    strip: StripFile,
     calibration: Calibration,
     touch: SeenTouch | None,
 ) -> None:
-    """Write tables, calibration and result of the run: t = 0 is the film's first image.
-
-    A contact from x = `lying` [m] on is none: the strip lies flat there, as if not lifted yet.
-    """
+    """Write tables, calibration and result of the run: t = 0 is the film's first image."""
     rows = [sight_row(held.measurement) for held in read if _is_confident(held)]
     sights = pa.Table.from_pylist(rows, SIGHT_ROWS)
     t, x, z, pitch = path
     stamps, contacts = np.asarray(sights["stamp"]), np.asarray(sights["contact_x"])
-    contacts = np.where(contacts < lying, contacts, np.nan)  # the clip hides where a flat one ends
+    contacts = np.where(contacts > strip.length - FLAT_LENGTH, np.nan, contacts)  # the clip's place
     contact_x, contact_t = place_contacts(t, stamps, contacts)
     ticks = {"t": t, "x": x, "z": z, "pitch": pitch, "contact_x": contact_x, "contact_t": contact_t}
     write_tables(folder, sight_tables(sights) | {TICKS: pa.table(ticks)})

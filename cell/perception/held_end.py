@@ -37,7 +37,6 @@ AROUND = 0.02, 0.03  # m of that line before and after the end of the profile
 ROWS = 5  # of the image in which it is searched
 NAN = float("nan")
 EDGE_ON = 0.002  # m, apparent width of a strip's face up to which it is seen edge on
-FEWEST_POINTS = 3  # of a profile that is extrapolated
 SURE, UNLIKE = 0.004, 4.0  # m of foreign colour that end the strip; colour distance of it [sigma]
 SEARCH_STEPS = (-0.03, -0.015, 0.015, 0.03)  # m about the expected end, where it is not found
 
@@ -168,7 +167,7 @@ class HeldEnd:
         """
         rough = replace(face, x=face.x + self._to_mouth[0], z=face.z + self._to_mouth[1])
         measurement = self._perception.measure(frame, rough)
-        if len(measurement.profile) >= FEWEST_POINTS and self._shows_face(rough):
+        if len(measurement.profile) > 2 and self._shows_face(rough):
             distances = np.arange(-AROUND[0], AROUND[1], FINE)
             line, _ = _extrapolate(measurement.profile, distances)
             place = find_end(frame.image, self._calibration, self._strip, line.T, clip.colour)

@@ -73,7 +73,10 @@ def import_runs(
             made.append(run)
             try:
                 with writing(out):
-                    _write_run(source, how, index, run, documents=stated is None)
+                    _write_run(source, how, index, run)
+                    if stated is None and (run / RESULT).is_file():  # a fold's own documents
+                        for name in source.documents.keys() & {RUN, RESULT}:
+                            replace_file(run / name, source.documents[name])
                 check(run)
             except ConfigurationError as error:
                 text = _with_source_path(str(error), source, how, run)
@@ -127,7 +130,7 @@ def _suggest_change(
             for table, name in product(changed, names):
                 content.get(table, {}).get("columns", {}).get(name, {}).update(change)
             run = Path(tried) / source.name
-            _write_run(source, MappingFile.model_validate(content), 0, run, documents=False)
+            _write_run(source, MappingFile.model_validate(content), 0, run)
             check(run)
             stated = f"{dump_yaml(change).strip()} for {' and '.join(names)}"
             return f"; {stated} of {' and '.join(changed)} in the mapping would mend it"
@@ -180,10 +183,8 @@ def _exported_mapping(source: Source, kind: type[AnyMapping]) -> AnyMapping:
     return parse(parse_yaml(text, origin), kind, origin)
 
 
-def _write_run(
-    source: Source, how: AnyMapping, index: int, target: Path, *, documents: bool
-) -> None:
-    """Write the tables of `source` as a run, and with `documents` its own YAML files."""
+def _write_run(source: Source, how: AnyMapping, index: int, target: Path) -> None:
+    """Write the tables of `source` as a run in the new folder `target`."""
     place = _place(source.name, how, index)
     if isinstance(how, SignalMapping):
         made: dict[str, Content] = {RUN: {"schema": 1, "mechanism": how.mechanism, **place}}
@@ -196,9 +197,6 @@ def _write_run(
             write_document(target / name, content)
         else:
             write_parquet(target / name, pa.table(content))
-    for name in (RUN, RESULT) if documents and RESULT in made else ():
-        if name in source.documents:
-            replace_file(target / name, source.documents[name])
 
 
 def _fold(source: Source, how: MappingFile, place: Content) -> dict[str, Content]:

@@ -22,7 +22,7 @@ from cell.record.files import FILM, RESULT, RUN
 from cell.record.film import Film, FilmWriter
 from cell.record.run import Run
 from cell.record.tables import place_rows, write_parquet
-from drivers.errors import ConfigurationError, suggestion
+from drivers.errors import ConfigurationError
 from drivers.files import replace_file
 from drivers.readers import MEGABYTE, read_bytes, read_json, read_parquet
 from drivers.types import Array, Frame
@@ -362,10 +362,7 @@ class Episode(Source):
     def table(self, how: Table[Any]) -> pa.Table:
         """Frames or points of the episode; ConfigurationError for any other table."""
         if how.file not in self.names:
-            raise ConfigurationError(
-                f"{self.path}: file {how.file!r} is not there{suggestion(how.file, self.names)}; "
-                f"allowed: {', '.join(self.names)}"
-            )
+            raise self.missing(how)
         return self._flat() if how.file == EPISODE else self._points()
 
     def _flat(self) -> pa.Table:

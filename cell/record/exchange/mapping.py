@@ -171,6 +171,13 @@ class Source(ABC):
     def table(self, how: Table[Any]) -> pa.Table:
         """The foreign table that `how` names; ConfigurationError where it cannot be read."""
 
+    def missing(self, how: Table[Any]) -> ConfigurationError:
+        """Error of a mapping that names a table, `how`, which the source does not hold."""
+        return ConfigurationError(
+            f"{self.path}: the mapping reads {how.file}, which is not there"
+            f"{suggestion(how.file, self.names)}; tables: {', '.join(self.names)}"
+        )
+
     def place(self, how: Table[Any]) -> Path:  # noqa: ARG002
         """Path of the file that holds the table `how`, for errors."""
         return self.path
@@ -205,10 +212,7 @@ class TableFiles(Source):
             )
         found = self.place(how)
         if not found.exists():
-            there = ", ".join(file.name for file in self._files if FILE.fullmatch(file.name))
-            raise ConfigurationError(
-                f"{self.path}: the mapping reads {how.file}, which is not there; tables: {there}"
-            )
+            raise self.missing(how)
         return read_parquet(found) if found.suffix == ".parquet" else _csv(found, how)
 
     def place(self, how: Table[Any]) -> Path:

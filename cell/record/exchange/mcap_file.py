@@ -24,7 +24,7 @@ from cell.record.files import CALIBRATION, FILM, RESULT, RUN
 from cell.record.film import Film
 from cell.record.frames import encode
 from cell.record.run import Run
-from drivers.errors import ConfigurationError, suggestion
+from drivers.errors import ConfigurationError
 from drivers.files import replacing
 from drivers.readers import MEGABYTE, read_bytes
 from drivers.yaml_text import dump_yaml
@@ -165,12 +165,8 @@ class McapFile(Source):
         objects gives a row for each. Rows without any of the wanted columns are left out. Raises
         ConfigurationError for a topic that is not there or cannot be decoded.
         """
-        topic = how.file
-        if topic not in self.names:
-            raise ConfigurationError(
-                f"{self.path}: topic {topic!r} is not there{suggestion(topic, self.names)}; "
-                f"topics: {', '.join(self.names)}"
-            )
+        if (topic := how.file) not in self.names:
+            raise self.missing(how)
         wanted = {column.column for column in how.columns.values()} - {LOG_TIME}
         rows, unread = self._rows(topic)
         useful = [row for row in rows if wanted & row.keys()]
