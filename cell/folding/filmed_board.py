@@ -199,7 +199,7 @@ def _find_ends(
         slope, start = theilslopes(low[seen], x[seen])[:2] if seen.any() else (0.0, 0.0)
         along = end + outward * np.arange(-WITHIN, BEYOND, FINE)
         line = np.column_stack([along, start + slope * along + strip.thickness / 2])
-        place = find_end(image, calibration, strip, line)
+        place = find_end(image, calibration, strip.thickness, line)
         x_end = end if np.isnan(place) else along[0] + outward * place
         ends.append(np.array([x_end, start + slope * x_end + strip.thickness / 2]))
     return ends[0], ends[1]

@@ -35,6 +35,7 @@ SLENDER = 1.5  # length over height of the visible face, at least, for a known a
 FINE = 0.00025  # m between samples along a line on which the strip's end is searched
 AROUND = 0.02, 0.03  # m of that line before and after the end of the profile
 ROWS = 5  # of the image in which it is searched
+BESIDE = 0.001  # m to either side, where a line may miss a clip's narrow mouth
 NAN = float("nan")
 EDGE_ON = 0.002  # m, apparent width of a strip's face up to which it is seen edge on
 SURE, UNLIKE = 0.004, 4.0  # m of foreign colour that end the strip; colour distance of it [sigma]
@@ -170,7 +171,9 @@ class HeldEnd:
         if len(measurement.profile) > 2 and self._shows_face(rough):
             distances = np.arange(-AROUND[0], AROUND[1], FINE)
             line, _ = _extrapolate(measurement.profile, distances)
-            place = find_end(frame.image, self._calibration, self._strip, line.T, clip.colour)
+            place = find_end(
+                frame.image, self._calibration, self._strip.thickness, line.T, clip.colour
+            )
             mouth = np.array([np.interp(place, distances + AROUND[0], axis) for axis in line])
             if np.hypot(*(mouth - (face.x, face.z))) < FARTHEST:  # not where it is NaN
                 self._to_mouth = mouth - (face.x, face.z)
@@ -262,25 +265,22 @@ def _extrapolate(curve: Array, distance: float | Array) -> tuple[Array, Array]:
 
 
 def find_end(
-    image: Image,
-    calibration: Calibration,
-    strip: StripFile,
-    line: Array,
-    beyond: Array | None = None,
+    image: Image, calibration: Calibration, thickness: float, line: Array, clip: Array | None = None
 ) -> float:
-    """Distance [m] along a `line` (n, 2) at which the near edge of `strip` ends; NaN where unseen.
+    """Distance [m] along a `line` (n, 2) at which the near edge of a strip ends; NaN where unseen.
 
     The line, points FINE apart, begins on the strip's midline and leads on past its end, where
-    another colour is, or one nearer to `beyond` (3,). The rows searched show the strip's thickness:
+    another colour is, or the `clip` (3,). The rows searched show the strip's thickness:
     its face ends elsewhere in the image, the further back the more.
     """
     ahead = np.gradient(line, axis=0)
     aside = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1) / np.hypot(*ahead.T)[:, None]
-    offsets = np.linspace(-0.25, 0.25, ROWS) * strip.thickness
+    reach = thickness / 4 if clip is None else BESIDE
+    offsets = np.linspace(-reach, reach, ROWS)
     rows = sample_plane(image, calibration, line + offsets[:, None, None] * aside)
     starts = np.median(rows[:, : len(line) // 4], axis=1)
     edges = np.array(
-        [colour_edge(row, start, beyond) for row, start in zip(rows, starts, strict=True)]
+        [colour_edge(row, start, clip) for row, start in zip(rows, starts, strict=True)]
     )
     return FINE * float(np.median(edges[np.isfinite(edges)])) if np.isfinite(edges).any() else NAN
 
