@@ -270,13 +270,12 @@ def find_end(
     """Distance [m] along a `line` (n, 2) at which the near edge of a strip ends; NaN where unseen.
 
     The line, points FINE apart, begins on the strip's midline and leads on past its end, where
-    another colour is, or the `clip` (3,). The rows searched show the strip's thickness:
-    its face ends elsewhere in the image, the further back the more.
+    another colour is, or that of the `clip` (3,). The rows searched show the strip's thickness: its
+    face ends elsewhere in the image, the further back the more.
     """
     ahead = np.gradient(line, axis=0)
     aside = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1) / np.hypot(*ahead.T)[:, None]
-    reach = thickness / 4 if clip is None else BESIDE
-    offsets = np.linspace(-reach, reach, ROWS)
+    offsets = np.linspace(-1.0, 1.0, ROWS) * (thickness / 4 if clip is None else BESIDE)
     rows = sample_plane(image, calibration, line + offsets[:, None, None] * aside)
     starts = np.median(rows[:, : len(line) // 4], axis=1)
     edges = np.array(
