@@ -168,7 +168,10 @@ class HeldEnd:
         """
         rough = replace(face, x=face.x + self._to_mouth[0], z=face.z + self._to_mouth[1])
         measurement = self._perception.measure(frame, rough)
-        if len(measurement.profile) > 2 and self._shows_face(rough):
+        view = self._calibration.viewpoint
+        over = (view.foot() - (face.x, face.z)) @ (-np.sin(face.pitch), np.cos(face.pitch))
+        face_width = view.sweep(self._strip.width) * abs(over)
+        if len(measurement.profile) > 2 and face_width > EDGE_ON:
             distances = np.arange(-AROUND[0], AROUND[1], FINE)
             line, _ = _extrapolate(measurement.profile, distances)
             place = find_end(
@@ -180,12 +183,6 @@ class HeldEnd:
         x, z = (float(value) for value in np.array([face.x, face.z]) + self._to_mouth)
         held = replace(face, x=x, z=z)
         return HeldMeasurement(replace(measurement, gripper=(x, z)), held)
-
-    def _shows_face(self, held: Pose) -> bool:
-        """Whether the camera sees a face of the strip that is `held`, not only its near edge."""
-        view = self._calibration.viewpoint
-        over = (view.foot() - (held.x, held.z)) @ (-np.sin(held.pitch), np.cos(held.pitch))
-        return bool(view.sweep(self._strip.width) * abs(over) > EDGE_ON)
 
     def _search(self, frame: Frame) -> HeldMeasurement:
         """Measure from guesses of the held end's pose, until one gives a sure profile."""

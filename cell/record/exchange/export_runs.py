@@ -49,8 +49,13 @@ def _write(runs: Sequence[Run], kind: Format, out: Path) -> tuple[Path, ...]:
         from cell.record.exchange.lerobot import write_lerobot
 
         return write_lerobot(runs, out)
-    _check_alike(runs)
     for run in runs:  # a folder of tables each, and one mapping for all
+        alike = ("strip", "start", "sigma", "contact_height")
+        if any(getattr(run.header, k) != getattr(runs[0].header, k) for k in alike):
+            raise ConfigurationError(
+                f"{run.folder}: differs from {runs[0].folder} in strip, start or sigma; export "
+                "runs of one kind together, or as lerobot or mcap"
+            )
         (out / run.name).mkdir(parents=True)
         for name, columns in run.tables().items():
             sink = pa.BufferOutputStream()
@@ -59,14 +64,3 @@ def _write(runs: Sequence[Run], kind: Format, out: Path) -> tuple[Path, ...]:
     names = mapping_of(runs, lambda table, column: (f"{table}.csv", column))
     write_document(out / MAPPING, names)
     return tuple(out / run.name for run in runs)
-
-
-def _check_alike(runs: Sequence[Run]) -> None:
-    """Raise ConfigurationError where no single mapping describes all `runs`."""
-    for run in runs:
-        alike = ("strip", "start", "sigma", "contact_height")
-        if any(getattr(run.header, k) != getattr(runs[0].header, k) for k in alike):
-            raise ConfigurationError(
-                f"{run.folder}: differs from {runs[0].folder} in strip, start or sigma; export "
-                "runs of one kind together, or as lerobot or mcap"
-            )

@@ -150,7 +150,12 @@ def sources_in(place: Path, mapping: Path | None = None) -> Iterator[Source]:
     elif (place / INFO).is_file():
         yield from episodes(place)
     elif place.is_dir():
-        yield from map(TableFiles, _folders_of_tables(place))
+        inner = sorted(path for path in place.iterdir() if path.is_dir())
+        if any(FILE.fullmatch(path.name) for path in place.iterdir()):
+            inner = [place]
+        if not inner:
+            raise ConfigurationError(f"{place}: holds no tables; give a folder with CSV or Parquet")
+        yield from map(TableFiles, inner)
     elif place.is_file() and FILE.fullmatch(place.name):
         yield TableFiles(place)
     elif not (place.is_file() and (place.name == MAPPING or place == mapping)):
@@ -158,16 +163,6 @@ def sources_in(place: Path, mapping: Path | None = None) -> Iterator[Source]:
         raise ConfigurationError(
             f"{place}: {fault}; give tables or folders with them, .mcap files or LeRobot data sets"
         )
-
-
-def _folders_of_tables(place: Path) -> list[Path]:
-    """The folder `place` where it holds tables itself, or else the folders in it."""
-    if any(FILE.fullmatch(path.name) for path in place.iterdir()):
-        return [place]
-    inner = sorted(path for path in place.iterdir() if path.is_dir())
-    if not inner:
-        raise ConfigurationError(f"{place}: holds no tables; give a folder with CSV or Parquet")
-    return inner
 
 
 def _exported_mapping(source: Source, kind: type[AnyMapping]) -> AnyMapping:
@@ -185,7 +180,9 @@ def _exported_mapping(source: Source, kind: type[AnyMapping]) -> AnyMapping:
 
 def _write_run(source: Source, how: AnyMapping, index: int, target: Path) -> None:
     """Write the tables of `source` as a run in the new folder `target`."""
-    place = _place(source.name, how, index)
+    stated = how.runs.get(source.name, Place()).model_dump(exclude_none=True)
+    common = {} if how.condition is None else {"condition": how.condition}
+    place = {"index": index} | common | stated  # by default that of the call
     if isinstance(how, SignalMapping):
         made: dict[str, Content] = {RUN: {"schema": 1, "mechanism": how.mechanism, **place}}
         made[SIGNALS] = read_columns(source, how.signals, OF_SIGNALS)
@@ -245,13 +242,6 @@ def _check_ticks(ticks: dict[str, Array], path: Path) -> None:
             f"{path}: t: rows are {apart:g} s apart, must be at most {LONGEST_INTERVAL:g} s; is "
             "`unit: ms` what the mapping should state?"
         )
-
-
-def _place(name: str, how: AnyMapping, index: int) -> dict[str, object]:
-    """Keys of a run's header that say where it belongs, by default the `index` of the call."""
-    stated = how.runs.get(name, Place()).model_dump(exclude_none=True)
-    common = {} if how.condition is None else {"condition": how.condition}
-    return {"index": index} | common | stated
 
 
 def _profile(source: Source, how: MappingFile, begin: float) -> dict[str, Array]:
