@@ -190,8 +190,7 @@ def _find_ends(
     """
     x = np.linspace(0.06, 0.94, 120) * length
     down = np.arange(PROBE, -PROBE, -FINE)
-    points = np.stack(np.broadcast_arrays(x[:, None], down), axis=-1)
-    rows = sample_plane(image, calibration, points)
+    rows = sample_plane(image, calibration, np.stack(np.broadcast_arrays(x[:, None], down), -1))
     low = PROBE - FINE * np.array([colour_edge(row, colour) for row in rows])
     ends = []
     for end, outward in ((0.0, -1.0), (length, 1.0)):

@@ -181,8 +181,7 @@ class HeldEnd:
             if np.hypot(*(mouth - (face.x, face.z))) < FARTHEST:  # not where it is NaN
                 self._to_mouth = mouth - (face.x, face.z)
         x, z = (float(value) for value in np.array([face.x, face.z]) + self._to_mouth)
-        held = replace(face, x=x, z=z)
-        return HeldMeasurement(replace(measurement, gripper=(x, z)), held)
+        return HeldMeasurement(replace(measurement, gripper=(x, z)), replace(face, x=x, z=z))
 
     def _search(self, frame: Frame) -> HeldMeasurement:
         """Measure from guesses of the held end's pose, until one gives a sure profile."""
@@ -275,9 +274,7 @@ def find_end(
     offsets = np.linspace(-1.0, 1.0, ROWS) * (thickness / 4 if clip is None else BESIDE)
     rows = sample_plane(image, calibration, line + offsets[:, None, None] * aside)
     starts = np.median(rows[:, : len(line) // 4], axis=1)
-    edges = np.array(
-        [colour_edge(row, start, clip) for row, start in zip(rows, starts, strict=True)]
-    )
+    edges = np.array([colour_edge(*pair, clip) for pair in zip(rows, starts, strict=True)])
     return FINE * float(np.median(edges[np.isfinite(edges)])) if np.isfinite(edges).any() else NAN
 
 
@@ -300,5 +297,4 @@ def colour_edge(row: Array, colour: Array, beyond: Array | None = None) -> float
     change = np.median(row[end - length // 2 : end], axis=0) - colour
     progress = (row[start:end] - colour) @ change / (change @ change)
     last = int(np.max(np.flatnonzero(progress[:-1] < 0.5), initial=0))
-    step = progress[last + 1] - progress[last]
-    return float(start + last + np.clip((0.5 - progress[last]) / max(step, 1e-9), 0.0, 1.0))
+    return float(start + last + np.interp(0.5, progress[last : last + 2], (0.0, 1.0)))

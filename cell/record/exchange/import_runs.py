@@ -79,23 +79,18 @@ def import_runs(
                             replace_file(run / name, source.documents[name])
                 check(run)
             except ConfigurationError as error:
-                text = _with_source_path(str(error), source, how, run)
-                raise ConfigurationError(
-                    text + _suggest_change(source, how, check, scratch)
-                ) from None
+                text = str(error)  # of the made run's files: name those of the source
+                for file, table in how.tables.items():
+                    mapped = ", as mapped" if file == SIGNALS else ""
+                    text = text.replace(str(run / file), f"{source.place(table)}{mapped}")
+                text = text.replace(str(run), str(source.path))
+                mending = _suggest_change(source, how, check, scratch)
+                raise ConfigurationError(text + mending) from None
             with writing(out):
                 _write_film(source, run)
         if not made:
             raise ConfigurationError(f"{places[0]}: holds no tables")
         return _move_all(made, out)
-
-
-def _with_source_path(text: str, source: Source, how: AnyMapping, run: Path) -> str:
-    """The `text` of an error of the made `run`, with the paths of its source."""
-    for file, table in how.tables.items():
-        mapped = ", as mapped" if file == SIGNALS else ""
-        text = text.replace(str(run / file), f"{source.place(table)}{mapped}")
-    return text.replace(str(run), str(source.path))
 
 
 def _move_all(made: Sequence[Path], out: Path) -> tuple[Path, ...]:

@@ -117,8 +117,7 @@ def _write_films(
         name: values if name == "count" else [[[value]] for value in values]
         for name, values in _stats(samples)[CAMERA].items()
     }
-    axes = ["height", "width", "channels"]
-    return {"dtype": "video", "shape": list(shape), "names": axes}, stats
+    return {"dtype": "video", "shape": list(shape), "names": ["height", "width", "channels"]}, stats
 
 
 def _file_and_column(table: str, column: str) -> tuple[str, str]:
