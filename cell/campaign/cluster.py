@@ -243,10 +243,7 @@ def _check(client: "Client", address: str, patience: float) -> None:
 
 
 def _different_versions(expected: Mapping[str, str], found: object) -> str:
-    """What a worker that `found` these versions has other than `expected`; empty if nothing.
-
-    A predicate, such as "has numpy 2.0, here 2.1".
-    """
+    """What a worker with versions `found` has other than `expected`: "has numpy 2.0, here 2.1"."""
     if not isinstance(found, Mapping):
         return f"cannot run the cell ({found})"
     other = [f"{n} {found.get(n)}, here {v}" for n, v in expected.items() if found.get(n) != v]

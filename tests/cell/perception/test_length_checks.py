@@ -51,8 +51,8 @@ def test_a_disagreement_stands_on_the_terminal_in_json_in_the_record_and_on_the_
     outcome = replace(OUTCOME, agreement=None, witnesses=(late, off_by(1.0)))
     said = "displacement: camera and prediction differ by +5.9 mm, 6 times their spread of 1.0 mm"
     result = replace(DONE, witnesses=outcome.witnesses, warning=_warning(outcome, ""))
-    assert said in result.sentence()
-    assert "grip" not in result.sentence()
+    assert said in str(result)
+    assert "grip" not in str(result)
     assert result.line()["witnesses"][0] == {
         "name": "displacement", "difference": 0.0059, "spread": 0.001,
     }  # fmt: skip

@@ -29,9 +29,17 @@ def bias_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
     return p[at] + 0.0 * q
 
 
+def _ripple_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    """Order, ripples per turn, and phase [rad] of each driven joint."""
+    orders = [Parameter(f"order_{j.name}", "1", ORDER, 1.0, 200.0, step=0.01, spread=ORDER,
+                        shape=True) for j in mechanism.driven.joints]  # fmt: skip
+    return (*orders, *per_joint(mechanism.driven, "phase", "rad", np.full(len(orders), 0.04),
+                                signed=True, shape=True, high=100.0))  # fmt: skip
+
+
 def _ripple_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque a sin(order q) + b cos(order q) of cogging."""
-    return p[at] * np.sin(p[at + 2] * q) + p[at + 1] * np.cos(p[at + 2] * q)
+    """Torque A sin(order q + phase) of cogging; an A of either sign leaves phases in reach."""
+    return p[at] * np.sin(p[at + 1] * q + p[at + 2])
 
 
 def _saturation_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
@@ -81,15 +89,9 @@ TORQUE_RIPPLE = Effect(
     sentence="a drive's torque ripples with its angle",
     of="model",
     source="cogging: Holtz and Springob 1996, IEEE Trans. Ind. Electron. 43",
-    # of a sine and a cosine: a torque is not linear in a phase
-    parameters=lambda m: tuple(
-        p for key in ("sine", "cosine")
-        for p in per_joint(m.driven, key, "N m", 0.01 * m.driven.torque, signed=True)
-    ),
-    shape=lambda m: tuple(
-        Parameter(f"order_{j.name}", "1", ORDER, 1.0, 200.0, step=0.01, spread=ORDER, shape=True)
-        for j in m.driven.joints
-    ),
+    parameters=lambda m: per_joint(m.driven, "amplitude", "N m", 0.01 * m.driven.torque,
+                                   signed=True),
+    shape=_ripple_shape,
     keys=3,
     law=_ripple_law,
     of_drives=True,
