@@ -194,7 +194,7 @@ class _Loop:
         return poses
 
     def folds(self) -> Folds:
-        """Results of the folds up to now."""
+        """Displacements, touches, forces and traces of the folds, up to now."""
         displacements = [np.nan if touch is None else touch.displacement for touch in self._touch]
         whole, pull = self._force / np.maximum(self._periods, 1)
         return Folds(np.array(displacements), self._touch, whole, pull, np.array(self._trace))

@@ -293,7 +293,7 @@ def test_an_effect_beside_the_installed_package_is_reported_as_not_installed(
     Path("drivers/strip/effects").mkdir(parents=True)
     Path("drivers/strip/effects/wetness.py").write_text(EFFECT)
     with pytest.raises(ConfigurationError, match=r"run `pip install -e \.` here"):
-        check_effects({"wetness": {"share": 0.5}}, "felt.yaml", of="strip")
+        check_effects({"wetness": {"share": 0.5}}, "felt.yaml", of=["strip"])
 
 
 def test_a_monitor_is_an_entry_of_the_list(monkeypatch: pytest.MonkeyPatch) -> None:

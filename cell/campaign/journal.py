@@ -56,7 +56,7 @@ class Record(BaseModel):
 
 
 class Journal:
-    """Journal of records in `folder`, which is created with the first record."""
+    """Results of a campaign's parts, a JSON file each in `folder`, by which it resumes."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

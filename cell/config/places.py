@@ -30,7 +30,7 @@ class Configs:
 
         path = self.folder / "cell.yaml"
         cell = load(path, CellFile)
-        check_effects(cell.effects, origin=str(path), of="cell")
+        check_effects(cell.effects, origin=str(path), of=["cell"])
         if cell.calibration is None:
             return cell
         return cell.model_copy(update={"calibration": str(self.folder / cell.calibration)})

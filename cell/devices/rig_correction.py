@@ -28,9 +28,9 @@ def corrected_calibration(
 ) -> Calibration:
     """Copy of `calibration` that compensates the camera and desk effects of cell.yaml.
 
-    Corrects places, contact_x and stamps, all over the true desk. Without such effects the same
-    object is returned; with some, a new calibration with its own id and without landmarks, which
-    are valid only for the uncorrected one.
+    Places, contact_x and stamps are those over the true desk. Without such effects the same object
+    is returned; with some, a calibration with an id of its own and without landmarks, which are
+    valid only for the uncorrected one.
     """
     model = describe(strip, settings.effects)
     observation = model.observation

@@ -35,7 +35,7 @@ from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.report.viz.watch import watching
 from drivers.arm.obstacles import desk_end
-from drivers.errors import CellError, Fault
+from drivers.errors import CellError, ConfigurationError, Fault
 from drivers.files import replace_file
 from drivers.readers import read_bytes
 from policies.policy import Policy
@@ -82,14 +82,14 @@ def fold(
                 place=0.0 if correction is None else correction.place, desk=desk,
             )  # fmt: skip
             outcome, truth = _record_fold(request, context, devices, writer, observers, interrupted)
-        if correction is not None and request.learning.learns:
-            _learn(request, outcome, writer.folder)
+        learns = correction is not None and request.learning.learns
+        failure = _learn(request, outcome, writer.folder) if learns else ""
         return replace(
             FoldResult.from_outcome(request, outcome, truth),
             run=str(writer.folder),
             calibration=calibration.id,
             wall=time.perf_counter() - begun,
-            warning=_warning(outcome, context.warning),
+            warning=_warning(outcome, context.warning, failure),
         )
 
 
@@ -148,14 +148,18 @@ def _record_fold(
     return outcome, truth
 
 
-def _learn(request: Request, outcome: Outcome, folder: Path) -> None:
-    """Store the fold's bias in the cell's memory."""
-    known = request.learning
-    subject = subject_of(request.policy, request.checkpoint, request.strip.name, known.specimen)
+def _learn(request: Request, outcome: Outcome, folder: Path) -> str:
+    """Store what the fold teaches, if it does, in the memory of its cell; returns why it cannot."""
+    learning = request.learning
+    subject = subject_of(request.policy, request.checkpoint, request.strip.name, learning.specimen)
     key = run_key(folder)
-    experience = experience_of(folder.name, subject, outcome, known.correction, key)
+    experience = experience_of(folder.name, subject, outcome, learning.correction, key)
     if experience is not None:
-        memory_of(request).add(experience)
+        try:
+            memory_of(request).add(experience)
+        except ConfigurationError as error:
+            return f"nothing was learned: {error}"
+    return ""
 
 
 def run_and_record(
@@ -213,9 +217,9 @@ def write_pages(request: Request, result: FoldResult) -> FoldResult:
     return result
 
 
-def _warning(outcome: Outcome, preflight: str) -> str | None:
-    """Text on lengths that disagree, on a strip unlike its model, and of `preflight`; else None."""
+def _warning(outcome: Outcome, *others: str) -> str | None:
+    """Text on lengths that disagree, on a strip unlike its model, and `others`; else None."""
     agreed = outcome.agreement
     doubts = [witness.sentence() for witness in disagreements(outcome.witnesses)]
     unlike = "" if agreed is None or agreed.like_model else agreed.sentence()
-    return "\n  ".join(filter(None, (*doubts, unlike, preflight))) or None
+    return "\n  ".join(filter(None, (*doubts, unlike, *others))) or None

@@ -55,11 +55,11 @@ def replay(folder: Path) -> Replay:
     if not decided:
         raise ConfigurationError(f"{folder}: nothing was decided in this run, nothing to replay")
     if run.ticks.t.size == 0:
-        raise ConfigurationError(f"{run.folder}: {TICKS}: holds no row, nothing to replay")
+        raise ConfigurationError(f"{folder}: {TICKS}: holds no row, nothing to replay")
     measured = {seen.sequence: seen for seen in run.measurements()}
-    images, seen = _repeat_perception(run, settings, strip, measured)
-    other = [*_other_decisions(run, settings, strip, decided, measured)]
-    return Replay(images, len(decided), (*seen, *other))
+    images, in_images = _repeat_perception(run, settings, strip, measured)
+    in_decisions = _other_decisions(run, settings, strip, decided, measured)
+    return Replay(images, len(decided), (*in_images, *in_decisions))
 
 
 @dataclass(frozen=True, slots=True)

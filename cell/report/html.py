@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from drivers.types import Image
 
 Tone = Literal["good", "fair", "bad"]
+UNITS = "(?:mm|m|ms|s|min|N|mN|g|kg|mrad|rad|deg|px|%|sigma)"  # regular expression
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,10 +80,11 @@ def _address(path: str) -> str:
 
 
 def _keep_units(text: str) -> "Markup":
-    """Mark up `text` so that no line breaks between a number and its unit or sign."""
+    """Mark up `text` so that no line breaks between a number and one of UNITS, or its sign."""
     from markupsafe import Markup, escape
 
-    kept = re.sub(r"(\d|±) (?=(?:mm|ms|s|%)\b|%|(?<=± )\d)", "\\1&nbsp;", str(escape(text)))
+    signed = str(escape(text)).replace("± ", "±&nbsp;")
+    kept = re.sub(rf"(?<=\d) (?={UNITS}(?!\w))", "&nbsp;", signed)
     return Markup(kept)  # noqa: S704 escaped above
 
 

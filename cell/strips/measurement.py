@@ -120,7 +120,7 @@ def _check_shape(fitted: Fit) -> None:
 
 
 def _curvature_warning(bending: Bending) -> str:
-    """Warning about a strip with a rest curvature."""
+    """Warning about a strip that is curved at rest; empty where none is seen or it was stated."""
     missed = max(each.rms / each.photograph.width for each in bending.straight)
     if bending.prior.kind is RestCurvature.STRAIGHT or missed < VISIBLE:
         return ""

@@ -152,7 +152,8 @@ class FciHand:
         for link in (self._tcp, self._udp):
             if link is not None:
                 link.close()
-        self._tcp = self._udp = None
+        self._tcp = self._udp = self._motion = self._stop_sent = None
+        self._received.clear()
 
     def _queue_motions(self, *motions: Motion) -> None:
         """Start `motions` one after another, once the motion in progress has been stopped."""
@@ -250,7 +251,7 @@ class FciHand:
                 self._tcp, self._udp, first = _connect(self._address)
             except OSError as error:
                 raise _hand_lost(self._address, error) from error
-            self._stamp, self._homed = self._clock.now(), first.widest > 0
+            self._store_state(first)
         return self._tcp, self._udp
 
 

@@ -24,13 +24,13 @@ class Dynamics:
         """Build the model with mass errors and tilt of `plant`; the hand keeps the model's mass."""
         self._plant = plant
         model = mujoco.MjModel.from_xml_string(arm_mjcf())
-        for i in range(7):
-            heavier = 1.0 + plant.mass_error[i]
-            model.body(f"link{i + 1}").mass *= heavier
-            model.body(f"link{i + 1}").inertia *= heavier
+        for number, error in enumerate(plant.mass_error, start=1):
+            link = model.body(f"link{number}")
+            link.mass *= 1.0 + error
+            link.inertia *= 1.0 + error
         model.opt.gravity[:] = _tilt(float(model.opt.gravity[2]), *plant.tilt)
         self._model, self._data = model, mujoco.MjData(model)
-        self._read: tuple[Posture, int, Array] | None = None  # last reading: at rest it stays
+        self._read: tuple[Posture, int, Array] | None = None  # in one posture and tick
         self._payload_point = np.add(plant.payload_at, (0.0, 0.0, FLANGE))
 
     def torque(self, posture: Posture) -> Array:

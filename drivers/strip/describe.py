@@ -10,7 +10,7 @@ import numpy as np
 
 from drivers.errors import ConfigurationError
 from drivers.settings import load
-from drivers.strip.effects import apply_effects, check_effects, registry
+from drivers.strip.effects import apply_effects, check_effects
 from drivers.strip.file import StripFile
 from drivers.strip.law import check_law, with_law
 from drivers.strip.model import CELLS, Effects, Mechanics, StripModel
@@ -57,24 +57,18 @@ def _build_model(inputs: _Inputs) -> StripModel:
     return with_law(effective, strip.law) if strip.law else effective
 
 
-def load_strip(path: Path) -> StripFile:
-    """Read the strip file at `path`; ConfigurationError where it or one of its effects is wrong."""
-    return _load(path, of_cell=frozenset())
-
-
 def load_plant(path: Path) -> StripFile:
     """Read the plant file at `path`: a strip file that may also hold effects of the cell.
 
     Raises ConfigurationError where it or its effects are wrong.
     """
-    return _load(path, of_cell={name for name, e in registry().items() if e.of == "cell"})
+    return load_strip(path, ("strip", "cell"))
 
 
-def _load(path: Path, of_cell: Collection[str]) -> StripFile:
-    """Read the strip file at `path`, whose effects are of strips or named in `of_cell`."""
+def load_strip(path: Path, of: Collection[str] = ("strip",)) -> StripFile:
+    """Strip in the file at `path`, with effects `of` strips; ConfigurationError if it is wrong."""
     strip = load(path, StripFile)
-    for name, values in strip.effects.items():
-        check_effects({name: values}, str(path), "cell" if name in of_cell else "strip")
+    check_effects(strip.effects, str(path), of)
     check_law(strip.law, origin=str(path))
     check_described(strip, origin=str(path))
     return strip

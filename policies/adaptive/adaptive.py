@@ -79,7 +79,7 @@ class Adaptive:
         self._seen, self._unseen = seen, unseen
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Clear all state; prepare to fold `count` strips as long as `strip` at `speed` [m/s].
+        """Forget the last fold; prepare for `count` strips as long as `strip` at `speed` [m/s].
 
         Raises ConfigurationError for a length or speed that the critic was not trained for.
         """

@@ -81,7 +81,7 @@ def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
 
 
 def correlation(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
-    """Lag-one autocorrelation of the residuals (n,) of `runs`, clipped at OFF_TRACK."""
+    """Lag-one autocorrelation of the residuals (n,) of `runs`, each clipped at OFF_TRACK."""
     power, products = _autocovariance(runs, list(map(bound, residuals)), lags=1)
     return float(products[0]) / power if power > 0.0 else 0.0
 

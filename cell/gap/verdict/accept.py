@@ -294,7 +294,7 @@ def _check_patch(patch: Path) -> None:
 def _with_cell(path: Path, patch: Path) -> str:
     """Text of the cell file with the effects and settings of `patch` merged in."""
     added = load(patch, Patch, bare=True)
-    check_effects(added.effects, origin=str(patch), of="cell")
+    check_effects(added.effects, origin=str(patch), of=["cell"])
     content = read_yaml(path)
     _check_cell(content, path)
     merged = {**content, "effects": {**(content.get("effects") or {}), **added.effects}}

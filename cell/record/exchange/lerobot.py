@@ -134,7 +134,7 @@ def _file_and_column(table: str, column: str) -> tuple[str, str]:
 
 
 def _features(run: Run, runs: Sequence[Run]) -> dict[str, Feature]:
-    """Features of a run's frames, by LeRobot's names: the quantities that all `runs` measured."""
+    """Features of frames by LeRobot's names: motion and film of all `runs`, sights of any."""
     ticks, found = run.tables()["ticks"], dict[str, Feature]()
     for name, columns in VECTORS.items():
         there = [c for c in columns if all(c in other.tables()["ticks"] for other in runs)]

@@ -1,9 +1,8 @@
 """Registry of a strip's and its cell's effects: built-in ones of this folder, and plug-ins."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Literal
 
 from drivers.errors import ConfigurationError, suggestion
 from drivers.plugins import plugins
@@ -52,16 +51,16 @@ def _fit_to_strip(
     return {**values, **dict.fromkeys(beyond, end)}
 
 
-def check_effects(effects: Effects, origin: str, of: Literal["strip", "cell"]) -> None:
+def check_effects(effects: Effects, origin: str, of: Collection[str]) -> None:
     """Raise ConfigurationError for unknown effects or parameters, or values out of range.
 
-    Known are the effects `of` strips or of cells; `origin` names the file in the error.
+    Known are the effects `of` strips, of cells or of both; `origin` names the file in the error.
     """
+    known, kinds = [e.name for e in registry().values() if e.of in of], " or ".join(of)
     for name, values in effects.items():
-        known = [e.name for e in registry().values() if e.of == of]
         if name not in known:
             raise ConfigurationError(
-                f"{origin}: effects.{name}: unknown effect of the {of}{suggestion(name, known)}; "
-                f"allowed: {', '.join(known)}{_checkout_hint(name)}"
+                f"{origin}: effects.{name}: unknown effect of the {kinds}"
+                f"{suggestion(name, known)}; allowed: {', '.join(known)}{_checkout_hint(name)}"
             )
         registry()[name].check(values, f"{origin}: effects.{name}")

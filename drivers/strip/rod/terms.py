@@ -87,8 +87,9 @@ def slip_direction(block: Any, r: int, taut: Any) -> Any:
 
 @kernel
 def stick_slip(block: Any, r: int, taut: Any, stretch: Any, span: Any) -> Any:
-    """Tension [N] and stiffness of segment `r` with stick-slip: constant tension where it slides.
+    """Tension [N] and stiffness [N/m] of segment `r`, whose end sticks or slides.
 
+    They are `taut` and `stretch` where it sticks, the constant slip limit and 0 where it slides.
     Whether it slides follows from the tension that the last linear solution gives it if it sticks:
     that of its positions is mostly the stretch that a turn of an almost inextensible piece feigns.
     An end that slid in one direction in the last iteration sticks in this one before it may slide

@@ -115,14 +115,14 @@ def test_effect_survives_a_file(effect: Effect, tmp_path: Path) -> None:
 def test_effect_refuses_unknown_parameters(effect: Effect) -> None:
     good = _middle(effect)
     first = effect.parameters[0]
-    check_effects({effect.name: good}, "here", effect.of)
+    check_effects({effect.name: good}, "here", [effect.of])
     for wrong, why in (
         (good | {"colour": 1.0}, "unknown parameter"),
         ({k: v for k, v in good.items() if k != first.name}, "is missing"),
         (good | {first.name: first.high * 2 + 1}, "out of range"),
     ):
         with pytest.raises(ConfigurationError, match=why):
-            check_effects({effect.name: wrong}, "here", effect.of)
+            check_effects({effect.name: wrong}, "here", [effect.of])
 
 
 @pytest.mark.parametrize("name", ["seam", "crease", "hem_mass"])

@@ -10,4 +10,4 @@ from tests.lab.studies.catalogue import series
 def test_every_wrong_cell_is_a_plant_of_the_twin(cell: str) -> None:
     assert series.WRONG_CELLS[cell] or series.THICKER[cell]
     for name, values in series.WRONG_CELLS[cell].items():
-        check_effects({name: values}, origin=cell, of=registry()[name].of)
+        check_effects({name: values}, origin=cell, of=[registry()[name].of])

@@ -273,18 +273,16 @@ class TorqueSensors:
         return float(sensor.gear * gain)
 
     def joint_torque(self, sensor: Signal, required: Array) -> Array:
-        """Torque (m,) [N m] that a sensor's motor gives its joint, of `required` (m, joints)."""
+        """Torque (m,) [N m] of a motor on its joint, of `required` (m, joints), by virtual work."""
         if self.forces is None:
             return np.asarray(required[:, sensor.joint])
-        return self.torque_per_reading(sensor) * self.reading(sensor, required)
+        gear = float(self.model.actuator_gear[sensor.actuator, 0])
+        forces = self.forces[:, sensor.actuator]
+        return np.asarray(gear * np.einsum("mn,mn->m", forces, required))
 
     def reading(self, sensor: Signal, required: Array) -> Array:
         """Readings (m,) of `sensor` where the torques `required` (m, joints) [N m] act."""
-        torque = required[:, sensor.joint]
-        if self.forces is not None:  # the loop bears on the joint, too
-            gear = float(self.model.actuator_gear[sensor.actuator, 0])
-            torque = gear * np.einsum("mn,mn->m", self.forces[:, sensor.actuator], required)
-        return np.asarray(torque / self.torque_per_reading(sensor))
+        return np.asarray(self.joint_torque(sensor, required) / self.torque_per_reading(sensor))
 
     def readings(self, required: Array) -> Array:
         """Readings (torques, m) of all sensors where the torques `required` (m, joints) act."""

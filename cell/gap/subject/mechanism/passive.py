@@ -54,13 +54,13 @@ class Torques:
     """Joint-torque laws that MuJoCo lacks; `slots` user numbers of a joint hold their values."""
 
     def __init__(self, laws: Sequence[tuple[str, Callable[..., Array], int]]) -> None:
-        self.at: dict[str, int] = {}
-        place = HEAD
-        for name, _, keys in laws:
-            self.at[name] = place
-            place += keys
-        self.slots = place
-        self._laws = {name: (law, self.at[name], keys) for name, law, keys in laws}
+        """Lay out the values of `laws`, each a name, a torque and its count of values."""
+        self._laws: dict[str, tuple[Callable[..., Array], int, int]] = {}
+        self.slots = HEAD
+        for name, law, count in laws:
+            self._laws[name] = law, self.slots, count
+            self.slots += count
+        self.at = {name: first for name, (_, first, _) in self._laws.items()}
         self._callbacks: dict[frozenset[str], Any] = {}
 
     def along(self, q: Array, v: Array, load: Array, user: Array) -> Array:

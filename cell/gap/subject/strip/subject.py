@@ -228,7 +228,7 @@ class StripSubject(Subject):
         return self._replicates.get(fold.path.digest, fold)
 
     def _model(self, request: Request, fold: PreparedFold) -> Hashed[StripModel]:
-        """Model of a request; the number of the run counts only where something ages."""
+        """Strip model, cached, of `request`; earlier runs count only where an effect ages it."""
         effects = tuple((name, tuple(map(float, v))) for name, v in request.effects.items())
         ages = self._ages or not AGEING.isdisjoint(request.effects)
         index = fold.index if ages else 0
