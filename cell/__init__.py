@@ -6,6 +6,8 @@
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from drivers.errors import CellError
+
 if TYPE_CHECKING:
     from cell.api import (
         accept,
@@ -28,8 +30,8 @@ if TYPE_CHECKING:
     )  # fmt: skip
 
 __all__ = (
-    "accept", "check", "compare", "effects", "export_runs", "fit_gap", "fold", "import_runs",
-    "list_runs", "observe", "predict", "read_calibration", "read_run", "read_strip",
+    "CellError", "accept", "check", "compare", "effects", "export_runs", "fit_gap", "fold",
+    "import_runs", "list_runs", "observe", "predict", "read_calibration", "read_run", "read_strip",
     "read_verdict", "table", "undo",
 )  # fmt: skip
 

@@ -36,6 +36,7 @@ from cell.record.columns import Profile, Sights, Ticks
 from cell.record.exchange.export_runs import Format
 from cell.record.exchange.export_runs import export_runs as export_to
 from cell.record.exchange.import_runs import import_runs as import_from
+from cell.record.files import run_folder
 from cell.record.listing import RunRow
 from cell.record.listing import list_runs as find_runs
 from cell.record.run import Run
@@ -87,12 +88,12 @@ def predict(
 
 def compare(runs: Sequence[Place], out: Place = "compare.html") -> Path:
     """Write the HTML page that compares `runs`, as `cell report` does; returns the page's path."""
-    return write_comparison([Path(run) for run in runs], Path(out))
+    return write_comparison([run_folder(str(run)) for run in runs], Path(out))
 
 
 def read_run(folder: Place) -> Run:
-    """Read the run in `folder`, complete or not: its header, ticks, profile and result."""
-    return load_run(Path(folder))
+    """Read the run in `folder`, complete or not; `last` or the end of a name is found in ./runs."""
+    return load_run(run_folder(str(folder)))
 
 
 def list_runs(folder: Place = "runs", where: str = "", sort: str = "") -> tuple[RunRow, ...]:
@@ -126,7 +127,7 @@ def import_runs(
 
 def export_runs(runs: Sequence[Place], kind: Format, out: Place) -> tuple[Path, ...]:
     """Write `runs` in the format `kind` into the new folder `out`; returns the files."""
-    return export_to([Path(run) for run in runs], kind, Path(out))
+    return export_to([run_folder(str(run)) for run in runs], kind, Path(out))
 
 
 def observe(

@@ -34,7 +34,7 @@ def test_every_function_on_the_page_is_one_of_the_package() -> None:
 def test_every_function_of_the_package_says_what_it_does() -> None:
     for name in cell.__all__:
         assert getattr(cell, name).__doc__, name
-        assert "return" in getattr(cell, name).__annotations__, name
+        assert name == "CellError" or "return" in getattr(cell, name).__annotations__, name
 
 
 def test_other_names_are_no_part_of_the_package() -> None:

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from cell.cli.options import Configs, Json, Strip, check_names, run_folder
+from cell.cli.options import Configs, Json, Strip, check_names
 from cell.cli.output import busy, notice, print_json
 from cell.config.places import Configs as Found
 from cell.config.places import find_configs
+from cell.record.files import run_folder
 from cell.report.words import plural
 from drivers.errors import ConfigurationError
 
@@ -61,12 +62,10 @@ def import_runs(
         return
     sys.stdout.writelines(f"{folder.name}: {_summary(folder)}\n" for folder in made)
     sys.stdout.write(f"{plural(len(made), 'run')} in {out}\n")
-    following = f"check {out} --model {model} --out {out}-check"
-    if model is None:
-        from cell.record.run import read_run
+    from cell.record.run import read_run
 
-        following = f"fit {out} --strip {read_run(made[0]).header.strip} --out {out}-fit"
-    sys.stdout.write(f"next: cell gap {following}\n")
+    of = f"--strip {read_run(made[0]).header.strip}" if model is None else f"--model {model}"
+    sys.stdout.write(f"next: cell gap check {out} {of} --out {out}-check\n")
 
 
 def _propose(places: list[Path], out: Path, strip: "StripFile | None") -> None:

@@ -12,6 +12,7 @@ import typer
 from cell.config.drivers import arm_names, camera_names
 from cell.config.places import PACKAGED, find_configs
 from cell.config.places import Configs as Found
+from cell.record.files import run_folder
 from drivers.errors import ConfigurationError, suggestion
 from drivers.plugins import plugin_names
 
@@ -68,18 +69,6 @@ def check_names(configs: Path | None, strip: str, policy: str | None = None) -> 
             f"--policy: unknown name {policy!r}{suggestion(policy, known)}; "
             f"allowed: {', '.join(known)}"
         )
-
-
-def run_folder(text: str) -> Path:
-    """Folder of a run that is named by its path, by the end of its name, or as `last`.
-
-    The latter two are looked for in ./runs; what is not found there stays a path.
-    """
-    place = Path(text)
-    if place.exists() or len(place.parts) != 1 or not text.isalnum():
-        return place
-    end = "" if text == "last" else text
-    return max(Path("runs").glob(f"[0-9]*Z-*{end}"), default=place)
 
 
 def writable(configs: Path | None) -> Found:

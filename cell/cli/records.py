@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cell.cli.options import Json, Run, RunFolders, Runs, run_folder
+from cell.cli.options import Json, Run, RunFolders, Runs
 from cell.cli.output import busy, notice, print_json, print_table, say
-from cell.record.files import CALIBRATION, is_run
+from cell.record.files import CALIBRATION, is_run, run_folder
 from cell.report.words import plural
 from drivers.errors import ConfigurationError
 

@@ -330,6 +330,8 @@ def _largest_response(projection: Projection, probed: ProbeResponses) -> Array:
 
 def check_page(found: Check, subject: str) -> str:
     """HTML text of the self-contained page on the check `found` of a subject's recordings."""
+    bad = sum(f.level == "bad" for f in found.findings)
+    said = f"{plural(len(found.findings), 'finding')}, {bad} of them against a fit."
     groups = {
         "Mend before anything is fitted": [f for f in found.findings if f.level == "bad"],
         "Recordings": [f for f in found.findings if f.level == "fair" and f.what != IDENTIFIABLE],
@@ -340,15 +342,9 @@ def check_page(found: Check, subject: str) -> str:
         f"{subject}: check of its runs",
         kicker=f"Check of {len(found.runs)} runs",
         name=subject,
-        said=PageVerdict(found.level, HEADLINES[found.level], (_summary(found),)),
+        said=PageVerdict(found.level, HEADLINES[found.level], (said,)),
         groups=[
             (title, [(f.run or "all", f"{f.what}: {f.words}", f.remedy) for f in some])
             for title, some in groups.items()
         ],
     )
-
-
-def _summary(found: Check) -> str:
-    """Sentence on how many findings there are, and how many forbid a fit."""
-    bad = sum(f.level == "bad" for f in found.findings)
-    return f"{plural(len(found.findings), 'finding')}, {bad} of them against a fit."

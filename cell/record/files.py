@@ -31,6 +31,18 @@ def runs_in(folder: Path) -> list[Path]:
     return [folder] if is_run(folder) else sorted(path for path in folder.glob("*") if is_run(path))
 
 
+def run_folder(text: str) -> Path:
+    """Folder of a run that is named by its path, by the end of its name, or as `last`.
+
+    The latter two are looked for in ./runs; what is not found there stays a path.
+    """
+    place = Path(text)
+    if place.exists() or len(place.parts) != 1 or not text.isalnum():
+        return place
+    end = "" if text == "last" else text
+    return max(Path("runs").glob(f"[0-9]*Z-*{end}"), default=place)
+
+
 def check_empty(folder: Path) -> None:
     """Raise ConfigurationError for a folder with runs: a new series must begin at run 0."""
     if runs_in(folder):

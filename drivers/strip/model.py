@@ -236,15 +236,19 @@ def scale_rigidity(model: StripModel, factor: Array | float) -> StripModel:
 
 
 Effects = Mapping[str, Mapping[str, float]]
+SIMULATED_FIELDS: dict[type, str] = {
+    Mechanics: "length width thickness rigidity viscosity rest_curvature linear_density law"
+    " stretch_stiffness drag adhesion",  # adhesion acts from the touch on: a rod's end
+    BendingLaw: "cubic fifth yield_curvature stiffness_ratio gradual quadratic_damping relaxing"
+    " relaxation_time",
+    Boundary: "gravity edge_friction grip_force grip_compliance",
+}
 
 
-def check_simulated(engine: str, model: StripModel, simulated: Mapping[type, str]) -> None:
-    """Raise Unsupported for a field of `model` that is set but that `engine` does not simulate.
-
-    `simulated` holds the names of the fields that it simulates, by class.
-    """
+def check_simulated(engine: str, model: StripModel) -> None:
+    """Raise Unsupported for a field of `model` that is set and not among SIMULATED_FIELDS."""
     for part in (model.mechanics, model.mechanics.law, model.boundary):
         for each in fields(part):
-            is_simulated = each.name in simulated[type(part)].split()
+            is_simulated = each.name in SIMULATED_FIELDS[type(part)].split()
             if not is_simulated and getattr(part, each.name) != each.default:
                 raise Unsupported(engine, each.name)

@@ -55,8 +55,8 @@ def foreign(place: Path, clock: float = 1700.0) -> Path:
     columns = [1e3 * (T + clock), 1e3 * (1.2 - X), 1e2 * (Z + 0.05), 1e3 * 0.2 * np.sin(T)]
     table(place / "tip.csv", ["time", "along", "height", "Fx"], columns, delimiter=";", decimal=",")
     t = np.repeat(STAMPS + clock + 0.02, len(POINTS))
-    x = np.tile(0.2 + 0.3 * POINTS, len(STAMPS))
-    z = np.tile(0.1 * POINTS**2, len(STAMPS))
+    x = np.concatenate([np.interp(s, T, X) + 0.3 * (POINTS - 1.0) for s in STAMPS])
+    z = np.concatenate([np.interp(s, T, Z) * POINTS**2 for s in STAMPS])
     pq.write_table(pa.table({"t": t, "x": x, "z": z}), place / "points.parquet")
     table(place / "contact.csv", ["t", "c"], [STAMPS + clock + 0.02, 1e3 * CONTACT])
     table(place / "touch.csv", ["t", "upper", "lower"], [[clock + 2.8], [299.0], [301.5]])

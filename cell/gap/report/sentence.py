@@ -103,13 +103,9 @@ def _name_effects(findings: Findings, verdict: Verdict) -> str:
     if verdict.ambiguous:
         either = "; ".join(" or ".join(group) for group in verdict.ambiguous)
         text += f" Beside it something is missing that these runs cannot tell apart: {either}"
-        text += f" (the numbers are with {' and '.join(sorted(_class_members(findings)))})."
+        shown = findings.accepted.model.names - {e.name for e in findings.separable}
+        text += f" (the numbers are with {' and '.join(sorted(shown))})."
     return capitalised(text)
-
-
-def _class_members(findings: Findings) -> frozenset[str]:
-    """Effects of the accepted model that represent a class of indistinguishable ones."""
-    return findings.accepted.model.names - {e.name for e in findings.separable}
 
 
 def _ambiguity(findings: Findings, verdict: Verdict) -> str:

@@ -12,7 +12,6 @@ the unknowns is Laplace's (MacKay 2003, Information Theory, chapter 28).
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -26,35 +25,27 @@ from cell.gap.fitting.normal_equations import Unknowns
 from cell.gap.fitting.projection import projection
 from cell.gap.selection.likelihood import Fits, LikelihoodScale
 from cell.gap.selection.screening import ProbeResponses
-from drivers.settings import Seconds, Settings, load
+from drivers.settings import Seconds, StudyResult
 from drivers.types import Array
 
-BELIEFS_FILE = Path(__file__).with_name("beliefs.yaml")
 LEAST_NORM = 1e-6  # of a whitened response; a smaller one is rounding
 
 
-class Beliefs(Settings):
+class Beliefs(StudyResult):
     """Prior of the effects, as beliefs.yaml states it.
 
     Of the library `expected` effects are present. The spike prior of an absent one has a response
     of this share (one sigma, `immaterial`) of what the floor allows. The relative model error of a
     law is half-normal of sigma `wrong`, summed over `shares`, with a correlation time `memory` [s].
-    `source` says where the numbers come from, `belongs_to` the place of the file.
     """
+
+    FILE = Path(__file__).with_name("beliefs.yaml")
 
     expected: float = Field(gt=0.0)
     immaterial: float = Field(ge=0.0)
     wrong: float = Field(gt=0.0)
     shares: tuple[float, ...] = Field(min_length=1)
     memory: Seconds = Field(gt=0.0)
-    source: str = Field(min_length=1)
-    belongs_to: str = ""
-
-
-@cache
-def beliefs() -> Beliefs:
-    """Load the prior of the effects from beliefs.yaml, which the package ships."""
-    return load(BELIEFS_FILE, Beliefs)
 
 
 def floor_responses(
@@ -91,7 +82,7 @@ def spike_responses(library: Mapping[str, Array]) -> list[Array]:
 
     `library` has those to the amount that fills the floor.
     """
-    return [beliefs().immaterial * response for response in library.values()]
+    return [Beliefs.shipped().immaterial * response for response in library.values()]
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +124,7 @@ class Posterior:
 
 def posterior(fits: Fits, likelihood: LikelihoodScale, prior: Beliefs | None = None) -> Posterior:
     """Posterior probabilities of the sets of effects in `fits`, by the shipped prior by default."""
-    prior = prior or beliefs()
+    prior = prior or Beliefs.shipped()
     common = _SharedTerms.of(fits, likelihood, prior)
     chance = prior.expected / max(len(fits.library), 2.0 * prior.expected)
     odds = float(special.logit(chance))

@@ -119,7 +119,8 @@ def _suggest_change(
     changes: list[dict[str, Any]] = [{"reversed": True}, {"reversed": False}]
     changes += [{"unit": unit} for unit in LENGTHS]
     tables = (("ticks",), ("profile",), ("ticks", "profile"))
-    for change, changed, names in product(changes, tables, (("x",), ("z",), ("x", "z"))):
+    columns = (("x",), ("z",), ("x", "z"), ("pitch",))
+    for change, changed, names in product(changes, tables, columns):
         with suppress(ConfigurationError), TemporaryDirectory(dir=scratch) as tried:
             content = how.model_dump(by_alias=True, exclude_unset=True, exclude_none=True)
             for table, name in product(changed, names):

@@ -309,7 +309,8 @@ def _values(
     if (numbers := numbers_of(raw)) is None:
         cells = enumerate(raw.to_pylist(), 1)
         words = ((row, str(v)) for row, v in cells if v not in (None, *EMPTY))
-        where = next((f" ({v!r} in row {row})" for row, v in words if not _is_number(v)), "")
+        bad = [(_is_number(v.replace(",", ".")), row, v) for row, v in words if not _is_number(v)]
+        where = " ({2!r} in row {1})".format(*min(bad)) if bad else ""  # no decimal comma first
         raise ConfigurationError(
             f"{path}: column {column.column!r} for {name} holds {raw.type}{where}, must hold "
             f"numbers{ISO if known is TIMES else ''}; state the file's `decimal` in "

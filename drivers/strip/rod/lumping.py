@@ -6,20 +6,13 @@ import numpy as np
 
 from drivers.errors import Unsupported
 from drivers.strip.engine import graded_nodes
-from drivers.strip.model import BendingLaw, Boundary, Mechanics, StripModel, check_simulated
+from drivers.strip.model import BendingLaw, Mechanics, StripModel, check_simulated
 from drivers.strip.rod import layout as at
 from drivers.types import Array
 
 GRADED = 0.1  # share of the segments that grow finer towards the grip
 FINEST = 1 / 8  # length of the last of them over that of an equal one
 INEXTENSIBLE = 1e6  # axial stiffness over weight: 1 ppm of strain under its own weight
-SIMULATED_FIELDS: dict[type, str] = {
-    Mechanics: "length width thickness rigidity viscosity rest_curvature linear_density law"
-    " stretch_stiffness drag adhesion",  # adhesion acts from the touch on: a rod's end
-    BendingLaw: "cubic fifth yield_curvature stiffness_ratio gradual quadratic_damping relaxing"
-    " relaxation_time",
-    Boundary: "gravity edge_friction grip_force grip_compliance",
-}
 
 
 def lattice(length: float, segments: int) -> Array:
@@ -128,7 +121,7 @@ def _lump_friction(inner: Array, law: BendingLaw) -> None:
 def check(models: Sequence[StripModel]) -> None:
     """Raise Unsupported for a strip model in `models` that a rod cannot represent."""
     for model in models:
-        check_simulated("rod", model, SIMULATED_FIELDS)
+        check_simulated("rod", model)
         gx, gz = model.boundary.gravity
         if gz >= 0:
             raise Unsupported("rod", f"gravity ({gx:g}, {gz:g}), which does not press on the desk")

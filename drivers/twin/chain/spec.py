@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.strip.model import BendingLaw, Boundary, Mechanics, StripModel, check_simulated
+from drivers.strip.model import StripModel, check_simulated
 from drivers.twin.chain.lumps import Lumps
 from drivers.types import Array
 
@@ -21,13 +21,6 @@ SOLIMP = np.array([CONSTRAINT_SHARE, CONSTRAINT_SHARE, 0.001, 0.5, 2.0])
 GRIP_WEIGHT = 30.0  # 1/kg: a pull of 10 N stretches the grip by 7 um
 TIP_MASS = 1e-3  # of a link's mass
 DESK = 1  # collision class
-SIMULATED_FIELDS: dict[type, str] = {
-    Mechanics: "length width thickness rigidity viscosity rest_curvature linear_density law"
-    " stretch_stiffness drag adhesion",
-    BendingLaw: "cubic fifth yield_curvature stiffness_ratio gradual quadratic_damping relaxing"
-    " relaxation_time",
-    Boundary: "gravity edge_friction grip_force grip_compliance",
-}
 THICK = 0.005  # m, how far one layer may fall through the other and is still pushed back
 LAYER_FRICTION = 1.0  # of fabric on fabric, assumed; more than on a desk (paper, III-A)
 UPPER = 2  # collision class
@@ -92,7 +85,7 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
     `layers` only the desk carries the strip, with them its layers rest on each other. Raises
     Unsupported for a model that a chain cannot represent.
     """
-    check_simulated("chain", model, SIMULATED_FIELDS)
+    check_simulated("chain", model)
     lumps = Lumps.from_model(model, links)
     gap = model.mechanics.touch_gap
     spec = mujoco.MjSpec()

@@ -156,8 +156,8 @@ def test_comments_separators_and_times_of_a_table_are_read(tmp_path, head, row) 
 @pytest.mark.parametrize(
     ("change", "mending"),
     [
-        ({"x": {"reversed": True}}, "; reversed: false for x of ticks"),
-        ({"x": {"offset": 1.2}}, "; reversed: true for x of ticks"),
+        ({"x": {"reversed": True}}, "; reversed: false for x of ticks and profile"),
+        ({"x": {"offset": 1.2}}, "; reversed: true for x of ticks and profile"),
         ({"x": {"unit": "cm"}, "z": {"unit": "mm"}}, "; unit: m for x of ticks and profile"),
         ({"z": {"offset": 0.05}}, "z = 0"),
         ({"z": {"factor": 9.0}}, "m; unit: cm for z of ticks and profile"),

@@ -38,7 +38,7 @@ def test_imported_run_holds_what_was_measured(tmp_path: Path) -> None:
     assert np.abs(run.ticks.t[seen] - STAMPS).max() <= 0.005 + 1e-6
     curves = run.profile.curves()
     assert [len(points) for _, points in curves] == [12] * len(STAMPS)
-    assert np.allclose(curves[0][1][:, 0], 0.2 + 0.3 * POINTS)
+    assert np.allclose(curves[0][1][:, 0], X[50] - 3e-4 + 0.3 * (POINTS - 1.0))
     assert run.result.displacement == pytest.approx(-0.0025)
     assert run.result.t_layer_touch == pytest.approx(2.8, abs=1e-6)
 
@@ -57,10 +57,19 @@ def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output
     assert "a: 2.99 s; 72 images, touch at 2.80 s" in done.stdout
-    assert "next: cell gap fit" in done.stdout
+    assert "next: cell gap check" in done.stdout
     assert "a: starts 12.5 mm from the strip's free edge" in done.stderr
     again = CliRunner().invoke(app, words)
     assert "is there already" in str(again.exception)
+
+
+def test_midlines_that_do_not_lead_to_the_gripper_are_refused(tmp_path: Path) -> None:
+    late, pitch = MAPPING["profile"] | {"late": 0.9}, {"column": "Fx", "unit": "rad"}
+    columns = MAPPING["ticks"]["columns"] | {"pitch": pitch | {"factor": 0.01, "reversed": True}}
+    words = ["import", str(foreign(tmp_path / "a")), "--out", str(tmp_path / "runs"), "--mapping"]
+    for changed in ({"profile": late}, {"ticks": MAPPING["ticks"] | {"columns": columns}}):
+        done = CliRunner().invoke(app, [*words, str(mapping(tmp_path, **changed))])
+        assert "points.parquet: x, z: half the midlines end" in str(done.exception)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from scipy import integrate, stats
 from cell.gap.fitting.tasks import run_all
 from cell.gap.selection.choice import choose
 from cell.gap.selection.likelihood import Fits, LikelihoodScale
-from cell.gap.selection.posterior import Beliefs, Posterior, beliefs, floor_responses, posterior
+from cell.gap.selection.posterior import Beliefs, Posterior, floor_responses, posterior
 from cell.gap.selection.screening import ProbeResponses, detection_limits, run_probes
 from cell.gap.subject.subject import Candidate, Parameter
 from cell.gap.verdict.confidence import VerdictEvidence, calibration
@@ -18,7 +18,7 @@ from drivers.types import Array
 from tests.support.curves import Curves, bump, fitted, hidden, judged, validated, wave
 
 PLAIN = LikelihoodScale(1.0, 1.0)
-EXACT = beliefs().model_copy(update={"immaterial": 0.0, "shares": (0.0,)})
+EXACT = Beliefs.shipped().model_copy(update={"immaterial": 0.0, "shares": (0.0,)})
 
 
 def sets(subject: Curves, *names: tuple[str, ...], prior: Beliefs = EXACT) -> Posterior:
@@ -94,7 +94,7 @@ def test_a_law_that_may_be_wrong_leaves_room_for_what_it_leaves() -> None:
     """A rival that only mends what a nearly true law gets wrong loses its lead."""
     subject = Curves(lambda t, s, i: 0.3 * bump(t - 0.01, s, i), repeats=1, seed=1)
     sure = sets(subject, ("bump",), ("bump", "wave"))
-    prior = beliefs().model_copy(update={"immaterial": 0.0})
+    prior = Beliefs.shipped().model_copy(update={"immaterial": 0.0})
     wary = sets(subject, ("bump",), ("bump", "wave"), prior=prior)
     lead = [nats(f, "bump", "wave") - nats(f, "bump") for f in (sure, wary)]
     assert lead[1] < 0.5 * lead[0]

@@ -8,10 +8,9 @@ import pytest
 from drivers.errors import SimulationNotConverged, SimulationNotFinite, Unsupported
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import Boundary
+from drivers.strip.model import SIMULATED_FIELDS, Boundary
 from drivers.strip.rod.batch import flat_batch
 from drivers.strip.rod.engine import GripperPath, Rod, simulate_all
-from drivers.strip.rod.lumping import SIMULATED_FIELDS
 from drivers.strip.rod.static import fit_length
 from policies.path import triangular
 from tests.support.effect_cases import simulate
@@ -79,9 +78,7 @@ def test_settings_and_poses_that_cannot_be_are_refused() -> None:
             rod.step(poses, DT)
 
 
-def test_part_of_a_description_that_the_rod_does_not_know_is_refused_unless_null(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_part_of_a_description_that_the_rod_does_not_know_is_refused(monkeypatch) -> None:
     @dataclass(frozen=True)
     class Magnetic(Boundary):
         field: float = 0.0

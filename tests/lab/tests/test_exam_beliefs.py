@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from itertools import product
 
-from cell.gap.selection.posterior import BELIEFS_FILE, Beliefs, beliefs
+from cell.gap.selection.posterior import Beliefs
 from tests.lab.studies.catalogue.beliefs import IMMATERIAL, STUDY, WRONG_SIGMAS, fit_beliefs
 from tests.lab.studies.study import Case as StudyCase
 from tests.lab.studies.study import Outcome
@@ -20,12 +20,7 @@ def test_the_fitted_beliefs_score_best_over_all_cases() -> None:
     middle = outcome(lambda i, w: -4.0 * abs(i - 0.09) - abs(w - 0.2))
     found = Beliefs.model_validate(fit_beliefs([small, middle, middle]))
     assert (found.immaterial, found.wrong) == (0.09, 0.2)
-    assert found.memory == beliefs().memory
+    assert found.memory == Beliefs.shipped().memory
     assert "0.09 -0.0" in found.source
     assert Beliefs.model_validate(fit_beliefs([small])).immaterial == min(IMMATERIAL)
-
-
-def test_the_package_holds_beliefs_that_the_study_wrote() -> None:
-    assert beliefs().belongs_to == STUDY.fits[0].path
-    assert BELIEFS_FILE.as_posix().endswith(STUDY.fits[0].path)
-    assert "python -m tests.lab study beliefs" in beliefs().source
+    assert Beliefs.FILE.as_posix().endswith(STUDY.fits[0].path)

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from cell.gap.subject.run_folders import RunFolder, check_indices
-from cell.gap.subject.strip.preprocessing import Images, images_of, smooth_path
+from cell.gap.subject.strip.preprocessing import FEWEST_POINTS, Images, images_of, smooth_path
 from cell.record.files import PROFILE, RESULT, RUN, TICKS, is_under_way
 from cell.record.header import NOT_FOLDED, Header, Sigma, is_outcome
 from cell.record.run import Run as Recorded
 from cell.record.run import read_run
-from drivers.errors import ConfigurationError
+from drivers.errors import ConfigurationError, suggestion
 from drivers.geometry import arc_lengths
 from drivers.readers import read_yaml
 from drivers.strip.engine import Touch
@@ -38,7 +38,8 @@ HANGING_TOLERANCE = 0.3  # rad of pitch from upright at a hanging start
 IMAGE_TIME_MARGIN = 1.0  # s, no image is so long before the first or after the last row
 TOUCH_TIME_MARGIN = 1.0  # s after the last row in which a touch may still be stated
 FARTHEST = 1.2  # of the strip's length, beyond which a length on it is in another unit
-NEAREST = 0.1  # of it, within which half of a midline is in another unit
+HELD_TOLERANCE = 0.03  # m from the gripper within which at least half of the midlines end
+TURN_TOLERANCE = 1.2  # rad from the gripper's pitch within which they do
 TOUCH_ROUNDING = 1e-3  # m by which displacement and l1 - l2 may differ as they are rounded
 DISPLACEMENT_SIGMAS = 5  # standard deviations by which they may differ besides
 
@@ -206,7 +207,8 @@ def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measur
     usable = len(recorded.ticks.t) >= LEAST
     if usable:
         _check_start(folder, recorded, strip)
-        _check_reach(folder, recorded, strip)
+        _check_reach(folder / TICKS, recorded, strip)
+        _check_held_end(folder / PROFILE, recorded)
     run = _measured_run(name, recorded, touch, strip) if usable else _short_run(name, recorded)
     return recorded.header, replace(run, notes=_notes(name, recorded, strip, usable=usable))
 
@@ -219,7 +221,9 @@ def check_fold(
     `load` reads a strip by its name, if it is `known`.
     """
     strip = read_run(folder).header.strip
-    return read_fold(folder, folder.name, load(strip))[1].notes if strip in known else ()
+    if strip not in known:
+        return (f"{folder.name}: strip {strip!r} is not known{suggestion(strip, known)}: no check",)
+    return read_fold(folder, folder.name, load(strip))[1].notes
 
 
 def _with_pitch(run: Recorded) -> Recorded:
@@ -348,19 +352,36 @@ def _check_start(folder: Path, run: Recorded, strip: StripFile) -> None:
         )
 
 
-def _check_reach(folder: Path, run: Recorded, strip: StripFile) -> None:
-    """Refuse a gripper or a midline of which half the points lie out of the strip's reach.
+def _check_reach(origin: Path, run: Recorded, strip: StripFile) -> None:
+    """Refuse a gripper of which half the places lie under the desk, or out of the strip's reach."""
+    below = -float(np.median(run.ticks.z))
+    if below > START_TOLERANCE:
+        raise ConfigurationError(f"{origin}: z: half the path is {1e3 * below:.0f} mm below z = 0")
+    middle = float(np.median(np.hypot(run.ticks.x, run.ticks.z)))
+    if middle > FARTHEST * strip.length:
+        raise ConfigurationError(
+            f"{origin}: x, z: half the points lie {middle:.3g} m or more from the fixed edge, the "
+            f"strip is {strip.length:g} m long; give them in m"
+        )
 
-    That is too far from the fixed edge, or for a midline too near: it leads up to the gripper.
-    """
-    for file, points, nearest in ((TICKS, run.ticks, 0.0), (PROFILE, run.profile, NEAREST)):
-        middle = float(np.median(np.hypot(points.x, points.z))) if points.x.size else strip.length
-        if not nearest * strip.length <= middle <= FARTHEST * strip.length:
-            side = "more" if middle > strip.length else "less"
-            raise ConfigurationError(
-                f"{folder / file}: x, z: half the points lie {middle:.3g} m or {side} from the "
-                f"fixed edge, the strip is {strip.length:g} m long; give them in m"
-            )
+
+def _check_held_end(origin: Path, run: Recorded) -> None:
+    """Refuse midlines of which half end apart from the gripper that holds them, or turned."""
+    if not (curves := dict(run.profile.curves())):
+        return
+    stamps, ticks = list(curves), run.ticks
+    x, z, pitch = (np.interp(stamps, ticks.t, c) for c in (ticks.x, ticks.z, ticks.pitch))
+    ends = np.array([curve[-1] for curve in curves.values()])
+    along = ends - [curve[-1 - len(curve) // FEWEST_POINTS] for curve in curves.values()]
+    apart = float(np.median(np.hypot(ends[:, 0] - x, ends[:, 1] - z)))
+    turn = (np.arctan2(along[:, 1], along[:, 0]) - pitch)[along.any(axis=1)]
+    turned = float(np.median(np.abs(np.arctan2(np.sin(turn), np.cos(turn))))) if len(turn) else 0.0
+    if apart > HELD_TOLERANCE or turned > TURN_TOLERANCE:
+        raise ConfigurationError(
+            f"{origin}: x, z: half the midlines end {1e3 * apart:.0f} mm or more from the gripper "
+            f"that holds them, half {turned:.1f} rad or more off its pitch; at most "
+            f"{1e3 * HELD_TOLERANCE:g} mm and {TURN_TOLERANCE:g} rad are believable"
+        )
 
 
 def _touch(folder: Path, run: Recorded, strip: StripFile) -> Touch | None:

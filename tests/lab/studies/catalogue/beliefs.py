@@ -20,7 +20,7 @@ from cell.gap.investigate import investigate
 from cell.gap.open_subject import open_subject
 from cell.gap.selection.hold_out import held_out
 from cell.gap.selection.likelihood import Fits
-from cell.gap.selection.posterior import Posterior, beliefs, posterior
+from cell.gap.selection.posterior import Beliefs, Posterior, posterior
 from cell.gap.selection.search import BUDGET, Search
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.verdict.findings import Findings
@@ -82,7 +82,7 @@ def _fit_promising(found: Findings) -> Fits:
 
 
 def _weigh(fits: Fits, immaterial: float, wrong: float) -> Posterior:
-    prior = beliefs().model_copy(update={"immaterial": immaterial, "wrong": wrong})
+    prior = Beliefs.shipped().model_copy(update={"immaterial": immaterial, "wrong": wrong})
     return posterior(fits, fits.likelihood, prior)
 
 
@@ -99,7 +99,7 @@ def log_score(sets: Posterior, hidden: Case) -> float:
 
 def fit_beliefs(outcomes: Sequence[Outcome]) -> Values:
     """Beliefs of the highest mean log score; a number of which the cases say nothing is kept."""
-    present = beliefs()
+    present = Beliefs.shipped()
 
     def mean(immaterial: float, wrong: float) -> float:
         return float(np.mean([_nats(o, immaterial, wrong) for o in outcomes]))
@@ -117,7 +117,7 @@ def fit_beliefs(outcomes: Sequence[Outcome]) -> Values:
         "rest from a prototype on thirteen cases;"
     )
     fitted = {"immaterial": immaterial, "wrong": wrong, "source": source}
-    return present.model_copy(update=fitted).model_dump(mode="json")
+    return present.model_copy(update=fitted).model_dump(mode="json", by_alias=True)
 
 
 def _nats(outcome: Outcome, immaterial: float, wrong: float) -> float:

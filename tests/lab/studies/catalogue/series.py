@@ -4,6 +4,7 @@ The controller does not know what is wrong. In a wrong cell a ruler measures the
 """
 
 from collections.abc import Mapping
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -130,12 +131,10 @@ STUDY = Study(
         Quantity("true_2", Statistic.P95_SIZE, label="95 %"),
         Quantity("true_2", Statistic.WORST_SIZE, label="worst"),
         Quantity("true_3", Statistic.MEAN_SIZE, label="of fold 3"),
-        Quantity("seen_1", Statistic.MEAN_SIZE, label="seen, fold 1"),
-        Quantity("seen_2", Statistic.MEAN_SIZE, label="fold 2"),
-        Quantity("seen_3", Statistic.MEAN_SIZE, label="fold 3"),
-        Quantity("edges_1", Statistic.MEAN_SIZE, label="|edges| of fold 1"),
-        Quantity("edges_2", Statistic.MEAN_SIZE, label="of fold 2"),
-        Quantity("edges_3", Statistic.MEAN_SIZE, label="of fold 3"),
+        *(
+            Quantity(f"{name}_{n}", Statistic.MEAN_SIZE, label=f"|{name}| of fold {n}")
+            for name, n in product(("seen", "edges"), (1, 2, 3))
+        ),
         Quantity("worse", Statistic.MEAN, label="worse by learning"),
         Quantity("time_off_1", Statistic.RMS, "%", 100.0, label="time off, fold 1", digits=0),
         Quantity("time_off_2", Statistic.RMS, "%", 100.0, label="fold 2", digits=0),
