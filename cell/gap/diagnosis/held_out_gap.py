@@ -86,6 +86,13 @@ def excess_of(estimate: Estimate) -> float:
     return float(excess(run_squares(estimate)))
 
 
+def excess_by_quantity(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:
+    """Excess residual [noise] of a fit over all its runs, of each displayed quantity by its key."""
+    shown = _display_gaps(estimate.evidence, [r**2 for r in estimate.residuals], quantities)
+    units = {q.key: q.factor for q in quantities.values()}
+    return {key: max((rms / units[key]) ** 2 - 1.0, 0.0) ** 0.5 for key, rms in shown.items()}
+
+
 def bounded_excess(estimate: Estimate) -> float:
     """Excess residual [noise] of a fit over its runs, outliers clipped at its own dispersion."""
     scale = robust.scale(estimate.stacked_residuals)

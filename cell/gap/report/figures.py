@@ -15,13 +15,11 @@ from cell.gap.fitting.model import requests
 from cell.gap.report.sentence import motion_name
 from cell.gap.subject.subject import Quantity, Scene, Subject
 from cell.gap.verdict.findings import Findings
-from cell.gap.verdict.schema import CandidateEntry
 from cell.report.drawing import BLUE, INK, MUTED, ORANGE, RULE, as_svg, canvas
 from drivers.types import Array
 
-FAINT_COLOUR, COLOUR_BEFORE, COLOUR_AFTER = MUTED, ORANGE, BLUE
+COLOUR_BEFORE, COLOUR_AFTER = ORANGE, BLUE
 COLUMN = 0.34  # inch, width of a column of the heat map
-MOST_BARS = 14  # candidates in a figure
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,31 +105,6 @@ def _add_colour_bar(figure: Figure, axis: Axes, image: AxesImage, highest: float
     ticks = [z for z in steps if z <= highest]
     bar.set_ticks(ticks, labels=[str(z) for z in ticks])
     bar.set_label("sigma beyond noise")
-
-
-def candidate_bars(rows: Sequence[CandidateEntry], accepted: str) -> str:
-    """Figure (SVG text) of the nats that candidates gain on runs left out, with standard errors."""
-    drawn = list(rows)[:MOST_BARS][::-1]  # bars stand from the bottom up
-    least = -0.25 * max([1.0, *(row.elpd_gain for row in drawn)])  # longer losses are cut there
-    gains = [max(row.elpd_gain, least) for row in drawn]
-    colours = [COLOUR_AFTER if row.name == accepted else FAINT_COLOUR for row in drawn]
-    scatter = [row.se if row.elpd_gain > least else 0.0 for row in drawn]
-    highest = max(
-        1.0, *(gain + min(row.se, abs(gain)) for gain, row in zip(gains, drawn, strict=True))
-    )
-    with canvas(7.0, 0.6 + 0.27 * len(drawn)) as figure:
-        axis = figure.add_subplot()
-        bars = range(len(drawn))
-        axis.barh(bars, gains, color=colours, height=0.7)
-        axis.errorbar(gains, bars, xerr=scatter, fmt="none", ecolor=INK, elinewidth=0.8)
-        for i, row in enumerate(drawn):
-            if row.elpd_gain < least:
-                axis.text(least, i, f"{row.elpd_gain:.0f} ", ha="right", va="center", fontsize=7)
-        axis.set_xlim(1.6 * least if min(gains) < 0.0 else -0.02 * highest, 1.05 * highest)
-        axis.axvline(0.0, color=INK, lw=0.8)
-        axis.set_yticks(bars, [row.name for row in drawn])
-        axis.set_xlabel("gain over the refitted base on runs left out [nats]")
-        return as_svg(figure)
 
 
 def residual_traces(

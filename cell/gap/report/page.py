@@ -18,6 +18,7 @@ from cell.gap.report.sentence import (
     interval_text,
     motion_name,
     number_text,
+    percent,
     probability_text,
     quantity_label,
     scatter_rows,
@@ -33,7 +34,7 @@ from cell.gap.verdict.schema import CandidateEntry, Kind, Verdict
 from cell.report.html import Tone
 from cell.report.html import page as document
 from cell.report.page_verdict import PageVerdict as Card
-from cell.report.words import millimetres
+from cell.report.words import NO_VALUE, millimetres
 from drivers.errors import CellError
 from drivers.files import write_file
 from drivers.settings import parse
@@ -41,8 +42,6 @@ from drivers.strip.file import StripFile
 from policies.planned import fold_by_plan
 
 LISTED_EXPERIMENTS = 5  # runs of which the page advises
-LISTED_SETS = 4  # sets of effects of which the page speaks
-EXCLUDED = 1e-4  # probability below which a set counts as excluded: its size says nothing
 TONES: dict[Kind, Tone] = {
     "named": "good",
     "no_gap": "good",
@@ -77,39 +76,18 @@ def candidate_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     )
     return {
         "note": note,
-        "bars": figures.candidate_bars(verdict.candidates, accepted) if verdict.candidates else "",
-        "probable": _probable_sets(verdict),
         "dead": ", ".join(p.candidate.name for p in findings.screen.probed if p.dead),
         "rows": [_candidate_row(row, row.name == accepted) for row in verdict.candidates],
     }
 
 
-def _probable_sets(verdict: Verdict) -> str:
-    """Sentence on the most probable sets of effects."""
-    if verdict.posterior is None or len(verdict.posterior.models) < 2:
-        return ""
-    first, *others = verdict.posterior.models[:LISTED_SETS]
-    others = [m for m in others if m.p > EXCLUDED]
-    listed = [f"{_effect_names(m.names)} {probability_text(m.p)}" for m in others]
-    also = f"; besides {', '.join(listed)}" if listed else "; all others are excluded"
-    return (
-        f"Of the sets of effects that were fitted, by their evidence: {_effect_names(first.names)} "
-        f"{number_text(first.p, 2)}{also}. On held-out runs "
-        f"{number_text(verdict.posterior.left, 2)} times noise and floor are left. A cause "
-        "outside the library is not among them."
-    )
-
-
-def _effect_names(names: Sequence[str]) -> str:
-    return " + ".join(names) or "the base alone"
-
-
 def _candidate_row(row: CandidateEntry, best: bool) -> dict[str, Any]:
     """Template values on one candidate: name, gain, standard error, p-value, parameters."""
+    scatter = f"{row.se:.1f}" if row.se else NO_VALUE  # none where it was only screened
     return {
         "name": row.name,
         "best": best,
-        "numbers": (f"{row.elpd_gain:.1f}", f"{row.se:.1f}", probability_text(row.p)),
+        "numbers": (f"{row.elpd_gain:.1f}", scatter, probability_text(row.p)),
         "parameters": [f"{name} {interval_text(value)}" for name, value in row.parameters.items()],
     }
 
@@ -134,24 +112,33 @@ def held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on held-out runs, before and after: figures, a sentence, a table."""
     gap, before = verdict.gap, findings.held_out_fits.before
     after = findings.held_out_fits.after if findings.held_out_fits.changed else None
-    words = {
-        q.key: f"{quantity_label(q)} [{q.unit}]" for q in findings.subject.scope.quantities.values()
-    }
+    quantities = findings.subject.scope.quantities
+    words = {q.key: f"{quantity_label(q)} [{q.unit}]" for q in quantities.values()}
+    fits = [before] if after is None else [before, after]
+    beyond = [held_out_gap.excess_by_quantity(fit, quantities) for fit in fits]
     sides = [gap.before, gap.floor] if after is None else [gap.before, gap.after, gap.floor]
     names = conditions(before.evidence.runs)
     was = held_out_gap.excess(held_out_gap.run_squares(before)[:, None])
     now = None if after is None else held_out_gap.excess(held_out_gap.run_squares(after)[:, None])
     typical = int(np.argsort(was)[len(was) // 2])
     return {
+        "base": ", ".join(p.name.replace("_", " ") for p in findings.subject.scope.base),
         "typical": names[typical],
         "midlines": _midline_figure(findings, before.evidence.runs[typical].name),
-        "traces": figures.residual_traces(
-            before, after, typical, findings.subject.scope.quantities
+        "traces": figures.residual_traces(before, after, typical, quantities),
+        "head": (
+            "rms",
+            *(("gap",) if after is None else ("before", "after")),
+            "noise",
+            "beyond noise [sigma]",
         ),
-        "head": ("rms", *(("gap",) if after is None else ("before", "after")), "noise"),
         "rows": [
-            (words.get(key, "excess [noise]"), *(f"{side[key]:.3g}" for side in sides))
-            for key in gap.before
+            (
+                words[key],
+                *(f"{side[key]:.3g}" for side in sides),
+                " then ".join(f"{side[key]:.2g}" for side in beyond),
+            )
+            for key in beyond[0]
         ],
         "leaves": bool(was.any() or (now is not None and now.any())),
         "bars": figures.run_bars(names, was, now) if len(names) > 1 else "",
@@ -171,15 +158,6 @@ def _midline_figure(findings: Findings, run: str) -> str:
     """Figure of the midlines of one held-out run, where the subject has curves."""
     drawn = next((r for r in replay(findings, held_out_only=True) if r.name == run), None)
     return "" if drawn is None else figures.midlines(drawn)
-
-
-def _shrinkage_words(verdict: Verdict) -> str:
-    """Sentence on the share of the excess residual that is removed, with its interval."""
-    gap = verdict.gap
-    if not gap.before["excess"]:
-        return "Already before, the held-out runs together showed no more than noise"
-    ends = f"[{100 * gap.shrink_low:.0f}, {100 * gap.shrink_high:.0f}]"
-    return f"The gap shrank by {100 * gap.shrink:.0f} % {ends}"
 
 
 def remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
@@ -253,10 +231,11 @@ def _verdict_card(findings: Findings, verdict: Verdict) -> Card:
     """Verdict card in large print: the effect, its size, and the share of the gap it closes."""
     number, below = "", ""
     if verdict.effects:
-        number, below = f"{100 * verdict.effects[0].confidence:.0f} %", "probable that this is it"
+        least = min(effect.confidence for effect in verdict.effects)
+        number, below = percent(least), "probable, causes outside the library counted in"
     lines = [sentence(findings, verdict)]
     if findings.held_out_fits.changed:
-        lines.append(f"On runs held out: {_shrinkage_words(verdict).lower()}.")
+        lines.append(capitalised(verdict.gap.sentence()) + ".")
     tone = TONES[verdict.verdict]
     if verdict.deviates:
         tone = "bad" if tone == "bad" else "fair"
@@ -274,15 +253,13 @@ def _next_commands(findings: Findings, verdict: Verdict, out: Path) -> list[str]
         todo.append(f"`cell gap accept {fit}` puts the refitted values into the file, and `cell "
                     f"gap undo {fit}` takes them back. If these runs are of another strip, name "
                     "its file instead.")  # fmt: skip
-    elif verdict.verdict == "no_gap":
-        todo.append("Nothing more is needed: the model holds.")
     if verdict.verdict == "ambiguous":
         todo.append(f"`cell gap advise {out}` says which run would split them.")
     if verdict.suspected:
         names = " + ".join(effect.name for effect in verdict.suspected)
-        todo.append(f"Suspected, but not named: {names}, right with probability "
-                    f"{verdict.suspected[0].confidence:.2f}. `cell gap accept {fit} --force` takes "
-                    "it all the same.")  # fmt: skip
+        todo.append(f"Suspected, but not named: {names}, "
+                    f"{percent(verdict.suspected[0].confidence)} probable. `cell gap accept {fit} "
+                    "--force` takes it all the same.")  # fmt: skip
     if findings.law is not None:
         law = findings.law
         todo.append(f"No name, but a description: {law.words}. It closes {100 * law.shrink:.0f} % "

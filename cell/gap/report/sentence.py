@@ -47,6 +47,11 @@ def probability_text(p: float) -> str:
     return "< 10⁻⁹" if p < 1e-9 else number_text(p, 2)
 
 
+def percent(p: float) -> str:
+    """Text of a probability in whole percent."""
+    return f"{100 * p:.0f} %"
+
+
 def quantity_text(value: float, of: str) -> str:
     """Text of a `value`, stated in the unit `of`, in the unit that pages show."""
     return f"{number_text(in_small_unit(value, of))}\N{NO-BREAK SPACE}{shown_unit(of)}".rstrip(
@@ -93,8 +98,8 @@ def _name_effects(findings: Findings, verdict: Verdict) -> str:
     """Sentence on the named effects, with doubts about them."""
     sentences = {c.name: c.sentence for c in findings.subject.scope.candidates}
     effects = ", and ".join(
-        f"{sentences[e.name]} ({e.name}: {_parameter_values(e.parameters)}; right with "
-        f"probability {e.confidence:.2f})"
+        f"{sentences[e.name]} ({e.name}: {_parameter_values(e.parameters)}"
+        + (f"; {percent(e.confidence)} probable)" if verdict.effects[1:] else ")")
         for e in verdict.effects
     )
     text = f"{effects}."
@@ -179,7 +184,8 @@ def detection_limit(findings: Findings, name: str, value: float) -> str:
     """Text of a detection limit; for parameters whose null is infinite, an upper limit."""
     candidate = next(c for c in findings.subject.scope.candidates if c.name == name)
     first = candidate.parameters[0]
-    return f"{'at most ' if first.inverse else ''}{quantity_text(value, first.unit)}"
+    said = f"{first.name} " if first.unit == "1" else ""
+    return f"{said}{'at most ' if first.inverse else ''}{quantity_text(abs(value), first.unit)}"
 
 
 def quantity_label(of: Quantity) -> str:
@@ -201,19 +207,17 @@ def capitalised(text: str) -> str:
 def scatter_rows(findings: Findings) -> list[tuple[str, ...]] | None:
     """Table rows on quantities that differ from run to run; None if none may.
 
-    What differs, its spread with interval, the separation that halving it adds, its remedy.
+    What differs, its spread with interval, its remedy.
     """
     if not any(p.random for run in findings.subject.runs for p in run.local):
         return None
     known = {e.name: e for e in findings.subject.scope.scatter}
-    worth = {name: f"as a motion of {s:.1f} sigma" for name, s in findings.advice.steadier.items()}
     rows: list[tuple[str, ...]] = []
     for s in findings.model_tests.scatter:
         factor, shown = SPREAD_UNITS.get(s.unit, (1.0, s.unit))
         value, low, high = (number_text(factor * v, 2) for v in (s.value, s.low, s.high))
         of = known[s.name]
-        rows.append((of.sentence, f"{value} {shown}", f"{low} to {high} {shown}",
-                     worth.get(s.name, ""), of.remedy))  # fmt: skip
+        rows.append((of.sentence, f"{value} {shown}", f"{low} to {high} {shown}", of.remedy))
     return rows
 
 

@@ -176,7 +176,9 @@ def _compare_with_base(findings: Findings, model: CrossValidatedFit, p: float) -
     likelihood, effects = findings.likelihood, model.model.effects
     by_run = gains(model, findings.fits.base, likelihood)
     error = np.sqrt(len(by_run)) * by_run.std(ddof=1) if len(by_run) > 1 else 0.0
-    values = intervals(model.estimate, likelihood.inefficiency, findings.model_tests.scatter)
+    tests = findings.model_tests
+    estimate = tests.sized if model is findings.accepted else model.estimate
+    values = intervals(estimate, likelihood.inefficiency, tests.scatter)
     parameters = {
         f"{e.name}.{name}" if len(effects) > 1 else name: value
         for e in effects

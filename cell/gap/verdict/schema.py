@@ -79,6 +79,20 @@ class Gap(Entry):
     shrink_low: float
     shrink_high: float
 
+    def sentence(self) -> str:
+        """Sentence on how far held-out runs lie beyond noise [sigma], before and after.
+
+        It names the quantities that grow beyond their noise.
+        """
+        if not self.before["excess"]:
+            return "the held-out runs showed no gap: it sits in the runs that were fitted"
+        grown = [k for k, v in self.floor.items() if self.after[k] > max(v, self.before[k])]
+        return (
+            f"beyond noise, held-out runs lie {self.before['excess']:.2g} sigma off with the "
+            f"refitted file, {self.after['excess']:.2g} sigma with what was found"
+            + (f"; but {', '.join(grown)} grow" if grown else "")
+        )
+
 
 class CandidateEntry(Entry):
     """Candidate effect, or several joined by ` + `, with its gain [nats] over the base."""
@@ -173,11 +187,9 @@ class Verdict(Entry):
             yield f"alike in these runs: {', '.join(names)}"
         if self.unexplained is not None:
             yield f"unexplained: {self.unexplained.description}"
-        if self.effects and self.gap.before["excess"]:
-            beside = ", with one of each that are alike" if self.ambiguous else ""
-            yield f"the gap on held-out runs shrinks by {100 * self.gap.shrink:.0f} %{beside}"
-        elif self.effects:
-            yield "the held-out runs showed no gap: it sits in the runs that were fitted"
+        if self.effects:
+            beside = " and one of each that are alike" if self.ambiguous else ""
+            yield f"{self.gap.sentence()}{beside}"
         for note in self.notes:
             yield f"note: {note}"
 
