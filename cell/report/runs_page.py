@@ -109,7 +109,7 @@ def _verdict(
     truths: Sequence[Mapping[str, Any]],
     differing: Sequence[str],
 ) -> PageVerdict:
-    """Verdict that names the run whose edges lie nearest, and the settings that differ."""
+    """Verdict that names the run nearest to a fold in half, and the settings that differ."""
     names = [_short_name(run) for run in runs]
     measured = [row.displacement if row.edge_offset is None else row.edge_offset for row in rows]
     true = [truth.get("edge_offset", truth.get("displacement")) for truth in truths]
@@ -118,15 +118,17 @@ def _verdict(
     )
     if not ranked:
         return PageVerdict("fair", "No run has a displacement", ())
-    sentences = [f"By the camera: {_ranked(names, measured)}."]
+    laid = all(row.edge_offset is not None for row in rows)
+    what = "" if laid else " or, where none were laid, displacement"
+    sentences = [f"Edges apart{what}, by the camera: {_ranked(names, measured)}."]
     if ranked_true := _ranked(names, true):
-        sentences.append(f"In truth, which the twin knows: {ranked_true}.")
+        sentences.append(f"The same in truth, which the twin knows: {ranked_true}.")
     if differing:
         sentences.append(f"They differ in {', '.join(differing)}.")
     least = millimetres(ranked[0][0])
     best = [name for size, name in ranked[:NAMED] if millimetres(size) == least]
-    lies = "lies nearest" if len(best) == 1 else "lie equally near"
-    return PageVerdict("good", f"{' and '.join(best)} {lies}", tuple(sentences))
+    comes = "comes nearest to" if len(best) == 1 else "come equally near to"
+    return PageVerdict("good", f"{' and '.join(best)} {comes} a fold in half", tuple(sentences))
 
 
 def _ranked(names: Sequence[str], offsets: Sequence[float | None]) -> str:
@@ -185,6 +187,9 @@ def _shapes(runs: Sequence[Run]) -> str:
                 near = points[(np.abs(points) < FARTHEST_HAND).all(axis=1)]
                 said = f"{_short_name(run)}, {time:.1f} s"
                 axes.plot(*(1e3 * near).T, **look, lw=0.7, gid=said)
+                if number == 0 and len(near):
+                    axes.annotate(f"{time:.1f} s", 1e3 * near[-1], (3, 0), fontsize=8,
+                                  textcoords="offset points")  # fmt: skip
         axes.set(xlabel="x  [mm]", ylabel="z  [mm]")
         figure.legend(loc="outside lower left", ncols=2)
         return as_svg(figure)

@@ -61,8 +61,8 @@ def test_comparison_has_every_run_and_what_differs(three: list[Path]) -> None:
     assert rows is not None
     assert re.findall(r"<tr><td>([^<]+)", rows[0]) == ["policy"]
     assert text.count("<svg") == 1
-    assert "By the camera: 0000" in text
-    assert "In truth, which the twin knows: 0000" in text
+    assert "by the camera: 0000" in text
+    assert "in truth, which the twin knows: 0000" in text
     assert links(page) == [folder / "report.html" for folder in three]
     assert all(path.is_file() for path in links(page))
 
