@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -29,14 +29,16 @@ from cell.orchestrator.run import Observer, Run
 from cell.orchestrator.safe_stop import run_suppressed
 from cell.perception.image_reader import InlineReader, Measurer, ProcessReader, Reader, StripInputs
 from cell.perception.length_checks import disagreements
-from cell.record.files import CALIBRATION, CHECKPOINT
+from cell.record.documents import json_line
+from cell.record.events import NOT_LEARNED
+from cell.record.files import CALIBRATION, CHECKPOINT, EVENTS
 from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.report.viz.watch import watching
 from drivers.arm.obstacles import desk_end
 from drivers.errors import CellError, ConfigurationError, Fault
-from drivers.files import replace_file
+from drivers.files import replace_file, write_all
 from drivers.readers import read_bytes
 from policies.policy import Policy
 from policies.registry import make_policy
@@ -158,7 +160,11 @@ def _learn(request: Request, outcome: Outcome, folder: Path) -> str:
         try:
             memory_of(request).add(experience)
         except ConfigurationError as error:
-            return f"nothing was learned: {error}"
+            failure = f"nothing was learned: {error}"
+            note = {"t": outcome.duration, "kind": NOT_LEARNED, "reason": failure}
+            with suppress(OSError), (folder / EVENTS).open("ab", buffering=0) as events:
+                write_all(events, json_line(note))
+            return failure
     return ""
 
 

@@ -65,10 +65,10 @@ class LengthCheck:
     def sentence(self) -> str:
         """Text for the operator: which lengths disagree, by how much, what to check."""
         sources, remedy = KINDS[self.name]
-        origin = ", ".join(f"{what} {1e3 * sigma:.2f} mm" for what, sigma in self.parts.items())
+        parts = ", ".join(f"{what} {1e3 * sigma:.2f} mm" for what, sigma in self.parts.items())
         return (
             f"{self.name.replace('_', ' ')}: {sources} differ by {1e3 * self.difference:+.1f} mm, "
-            f"{self.ratio:.0f} times their spread of {1e3 * self.spread:.1f} mm ({origin}); "
+            f"{self.ratio:.0f} sigma of {1e3 * self.spread:.1f} mm (sigma by origin: {parts}); "
             f"{remedy}"
         )
 

@@ -117,8 +117,9 @@ def _check_solid(
         "solid",
         least >= SOLID,
         f"where it shows least, {100 * max(least, 0.0):.0f} % of the strip stands out from the "
-        f"desk, {100 * SOLID:.0f} % are needed; part of its pattern looks like the desk",
-        "lay a mat under it that differs from each of its colours",
+        f"desk, {100 * SOLID:.0f} % are needed",
+        "part of its pattern looks like the desk: lay a mat under it that differs from each of its "
+        "colours",
     )
 
 

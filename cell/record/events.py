@@ -16,6 +16,7 @@ from drivers.types import Array
 ORIGIN = "origin"  # kind of the event at t = 0 of the run's tables
 LIFT = "lift"  # of that at t = 0 of its streams and images, where that is another moment
 PREDICTED = "foretold"  # kind of the events
+NOT_LEARNED = "not_learned"  # kind of the event of a fold whose lesson could not be stored
 EVERY_FRAME = frozenset({"decision", PREDICTED})  # kinds that are too many for a log
 BELIEFS = ("bending_length", "retardation_time", "yield_curvature")
 COLUMN_NAMES = tuple(

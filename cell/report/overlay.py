@@ -107,7 +107,7 @@ def close_ups(run: Run) -> tuple[KeyPicture, ...]:
         for note, image in _readable([shown]):
             if calibration.lens.fits(image):
                 part = _laid_part(image, calibration, reach)
-                caption = f"{words}  ·  {seconds(note.stamp)}"
+                caption = f"{words}  ·  image at {seconds(note.stamp)}"
                 pictures.append(_key_picture(part, CLOSE_WIDTH, caption, note))
     return tuple(pictures)
 

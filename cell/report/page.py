@@ -162,25 +162,25 @@ def _measured_curves(run: Run) -> dict[str, Any]:
 
 def measures(run: Run) -> Rows:
     """Table rows (name, text) of a run's main numbers."""
-    rows = Rows() if run.result is None else _result_rows(run.result)
+    noticed = next((event.t for event in run.events() if event.kind == "touch_seen"), None)
+    rows = Rows() if run.result is None else _result_rows(run.result, noticed)
     lasted = None if run.result is None else run.result.duration
     if lasted is None and run.ticks.t.size:  # as far as the record goes
         lasted = float(run.ticks.t[-1])
     return [*rows, ("duration", seconds(lasted, 1)), *_timing_rows(run)]
 
 
-def _result_rows(result: Result) -> Rows:
-    """Table rows (name, text) of a run's result."""
+def _result_rows(result: Result, noticed: float | None) -> Rows:
+    """Table rows (name, text) of a run's result; `noticed` is when its touch was known [s]."""
     rows = Rows()
     if result.l1 is not None:
         rows.append(("upper layer l1", millimetres(result.l1)))
         rows.append(("lower layer l2", millimetres(result.l2)))
     if result.t_layer_touch is not None:
-        rows.append(("layers touched at", seconds(result.t_layer_touch)))
+        later = "" if noticed is None else f", noticed at {seconds(noticed)}"
+        rows.append(("layers touched at", f"{seconds(result.t_layer_touch)}{later}"))
     if result.confidence is not None:
         rows.append(("confidence in the touch", f"{100 * result.confidence:.0f} %"))
-    if result.edge_offset is not None:
-        rows.append(("edges apart once laid", millimetres(result.edge_offset, signed=True)))
     for note in result.witnesses:
         apart = millimetres(note.difference, signed=True)
         said = f"{KINDS[note.name][0]} differ: {note.name.replace('_', ' ')}"

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from cell.record.events import NOT_LEARNED
 from cell.record.files import RESULT, is_under_way
 from cell.record.header import LAID, Result
 from cell.record.run import Run
@@ -11,6 +12,7 @@ from cell.report.html import Tone
 from cell.report.words import millimetres, outcome_title, seconds, side
 
 LINE_BREAK = "\n"
+WARNINGS = frozenset({"camera_unwatched", NOT_LEARNED})  # events that an operator should know of
 FOLDED_TOLERANCE = 0.020  # m, within this the paper calls a strip folded
 
 
@@ -78,6 +80,11 @@ def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) 
     agreed = result.agreement
     if agreed is not None and not agreed.like_model and agreed.reason != result.reason:
         sentences.append(_sentence(agreed.reason))
+    sentences += [
+        _sentence(str(event.facts.get("reason")))
+        for event in run.events()
+        if event.kind in WARNINGS
+    ]
     if result.outcome != "layer_touch":
         sentences.insert(0, _sentence(result.reason))
     return PageVerdict(

@@ -5,7 +5,12 @@ import math
 MINUS = "\N{MINUS SIGN}"
 NO_VALUE = "\N{EM DASH}"
 
-EVENT_TITLES = {"foretold": "predicted"}  # kinds of events that keep an old name in records
+EVENT_TITLES = {  # where a kind of event needs more than its name in records
+    "foretold": "predicted",
+    "touch_seen": "touch noticed",
+    "released": "released, as the arm stands",
+    "edges_seen": "edges, as the camera sees them",
+}
 OUTCOMES = {
     "layer_touch": "The layers touched",
     "path_done": "The path ended before the layers touched",

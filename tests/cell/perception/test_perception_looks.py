@@ -76,7 +76,7 @@ def test_strip_that_preflight_admits_is_read_as_it_is(look: str, strip: str) -> 
     [
         ("grey-desk", "interlock", "contrast", "as a desk and its shadow do"),
         ("dark-on-dark", "tablecloth", "contrast", "grey levels"),
-        ("white-checks", "denim", "solid", "pattern looks like the desk"),
+        ("white-checks", "denim", "solid", "stands out from the desk"),
     ],
 )
 def test_look_in_which_a_strip_cannot_be_read_is_refused_and_says_what_to_do(
