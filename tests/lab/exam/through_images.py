@@ -46,9 +46,9 @@ FILES = (RUN, TICKS, PROFILE, RESULT)
 REFUSED_OUTCOME = "preflight_refused"
 HEADER_KEYS = frozenset(
     {"schema", "strip", "sigma", "start", "index", "condition", "speed", "camera_hz"}
-    | {"contact_height", "policy"}
+    | {"contact_height", "policy", "calibration"}
 )
-"""Keys of run.yaml that a sealed run keeps: those of the contract, which say nothing of plants."""
+"""Keys of run.yaml that a sealed run keeps: what a diagnosis needs, and nothing of the plant."""
 RESULT_KEYS = frozenset({"schema", "outcome", "t_layer_touch", "displacement", "l1", "l2"})
 """Keys of result.yaml that a sealed run keeps."""
 
