@@ -66,11 +66,12 @@ def fold(
 ) -> FoldResult:
     """Fold a strip once and record the run in a new folder below `runs`, as `cell fold` does.
 
-    `strip` is a name, a path to a strip file, or `unknown:0.6` with a length [m]; `plant` the file
-    of another strip on the twin's desk; `speed` [m/s] replaces the cell's own. An error before the
-    motion raises CellError; what happens during the motion is the result's `outcome`.
+    `strip` is a name, a path to a strip file, or `unknown:0.6` with a length [m]; `plant` the name
+    or file of another strip on the twin's desk; `speed` [m/s] replaces the cell's own. An error
+    before the motion raises CellError; what happens during it is the result's `outcome`.
     """
-    found, desk = find_configs(configs), None if plant is None else load_plant(Path(plant))
+    found = find_configs(configs)
+    desk = None if plant is None else load_plant(found.plant_path(str(plant)))
     choice = DeviceSelection(arm, camera, desk, seed)
     known = found.cell(), found.strip(strip), policy, Path(runs), choice
     request = Request(*known, speed=speed, record=Recording(frames, truth=truth))

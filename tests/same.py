@@ -30,7 +30,7 @@ from tests.support.gap_strip_cases import folds, written
 from tests.support.mechanisms import PRESCRIBED, make_arm
 
 ROOT = Path(__file__).resolve().parents[1]
-FOLD = ("fold", "--strip", "denim", "--plant", "configs/plants/denim.yaml", "--seed", "21")
+FOLD = ("fold", "--strip", "denim", "--plant", "denim", "--seed", "21")
 MEASURED = ("ticks", "sights", "profile", "joints")
 MOMENTS = re.compile(r"\d{8}T\d{6}Z?(-[\w-]+?-[0-9a-f]{4})?|\d{4}-\d\d-\d\d[T ][\d:.+]+Z?")
 SPEEDS = re.compile(r"[\d.]+(&nbsp;| )ms|median [\d.]+, most [\d.]+|\d+(\.\d+)? s of computing")

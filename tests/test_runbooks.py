@@ -35,7 +35,7 @@ LENS, TOUCHES = "calibrations/*-camera", "calibrations/*-homography"
 PLAYED = {  # longer: they run in this order in one folder, with a session's folder or fewer cases
     "cell fold --strip denim --runs runs/trial": {},
     "cell export runs/trial --format csv --out tables": {},
-    "cell fold --strip denim --plant configs/plants/denim.yaml --policy planned --seed 21": {},
+    "cell fold --strip denim --plant denim --policy planned --seed 21": {},
     "cell fold --strip denim --policy planned --dry-run": {},
     "cell strips new felt --length 0.6 --width 0.05 --areal-density 0.31": {},
     "cell calibrate camera --measured 252.0": {},

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from cell.cli.options import (
+    PLANT_HELP,
     Arm,
     Camera,
     Configs,
@@ -66,7 +67,7 @@ Thickness = Annotated[
     float | None, length_option("--thickness", "Its thickness, where calipers are at hand [m].")
 ]
 Plants = Annotated[
-    list[Path] | None, typer.Option(help="Strip file that lies on the twin's desk; repeatable.")
+    list[str] | None, typer.Option(help=f"{PLANT_HELP}; repeatable.", metavar="PLANT")
 ]
 Specimen = Annotated[
     str | None, typer.Option(help="Name of this piece of fabric, for what the cell learns.")
@@ -119,12 +120,16 @@ def fold(
     check_names(configs, strip, policy)
     name = _strip_name(strip, length, thickness)
     close_edges = _close_edges(until, learning, rehearse=rehearse)
-    _check_files(plant or [], checkpoint, None if dry_run or rehearse else runs)
+    found = find_configs(configs)
+    plants = [found.plant_path(each) for each in plant or []]
+    if checkpoint is not None:
+        check_readable(checkpoint, "; name another checkpoint or train one")
+    if not (dry_run or rehearse):
+        check_recordable(runs)
     from cell.devices.devices import DeviceSelection
     from cell.folding.request import Learning, Recording, Request, repetitions, with_correction
     from drivers.strip.describe import load_plant
 
-    found = find_configs(configs)
     settings = found.cell()
     encoder = film or settings.record.film
     base = Request(
@@ -139,7 +144,7 @@ def fold(
         learning=Learning(specimen),
     )
     base = with_correction(base, learning or (None if until is None else "on"))
-    requests = repetitions(base, [load_plant(path) for path in plant or []], repeat)
+    requests = repetitions(base, [load_plant(path) for path in plants], repeat)
     _check_requests(requests)
     if dry_run:
         _predict(base, as_json=as_json)
@@ -147,16 +152,6 @@ def fold(
         sys.exit(_rehearse(base, as_json=as_json))
     else:
         sys.exit(_fold_all(requests, jobs, close_edges, as_json=as_json))
-
-
-def _check_files(plants: "Sequence[Path]", checkpoint: Path | None, runs: Path | None) -> None:
-    """Raise ConfigurationError for files that cannot be read, or `runs` that cannot be written."""
-    for path in plants:
-        check_readable(path)
-    if checkpoint is not None:
-        check_readable(checkpoint, "; name another checkpoint or train one")
-    if runs is not None:
-        check_recordable(runs)
 
 
 def _check_requests(requests: "Sequence[Request]") -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cell.cli.options import (
+    PLANT_HELP,
     Cluster,
     Configs,
     Json,
@@ -18,7 +19,6 @@ from cell.cli.options import (
     Strip,
     ask,
     check_names,
-    check_readable,
     engine,
     resumable,
 )
@@ -56,7 +56,7 @@ Jobs = Annotated[
 ]
 Fitted = Annotated[Path, typer.Argument(metavar="DIR", help="The folder that a fit wrote.")]
 
-Plant = Annotated[Path | None, typer.Option(help="Strip file that lies on the twin's desk.")]
+Plant = Annotated[str | None, typer.Option(help=f"{PLANT_HELP}.", metavar="PLANT")]
 PlanFolder = Annotated[
     Path | None, typer.Option("--runs", help="New folder of these runs [runs/NAME-plan].")
 ]
@@ -88,13 +88,13 @@ def plan(
     check_empty(folder)
     if not dry_run:
         check_recordable(folder)
-    if plant is not None:
-        check_readable(plant)
+    found = find_configs(configs)
+    lying = None if plant is None else found.plant_path(plant)
     from cell.devices.devices import DeviceSelection
     from cell.folding.request import Recording, Request, standard_requests
     from drivers.strip.describe import load_plant
 
-    found, desk = find_configs(configs), None if plant is None else load_plant(plant)
+    desk = None if lying is None else load_plant(lying)
     choice, record = DeviceSelection(plant=desk, seed=seed), Recording(truth=not no_truth)
     base = Request(found.cell(), found.strip(strip), "", folder, choice, record=record)
     requests = standard_requests(base)

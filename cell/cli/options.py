@@ -106,6 +106,7 @@ Strip = Annotated[
         "--strip", help="Strip by name, or a path to its .yaml file.", autocompletion=strip_names
     ),
 ]
+PLANT_HELP = "Strip on the twin's desk: a name in configs/plants, or a path to a .yaml file"
 Arm = Annotated[str | None, _choice_of("Arm", arm_names())]
 Camera = Annotated[str | None, _choice_of("Camera", camera_names())]
 Run = Annotated[

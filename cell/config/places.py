@@ -37,17 +37,35 @@ class Configs:
 
     def strip_path(self, name: str) -> Path:
         """Path of the strip file `name`, or a path ending in .yaml; raises ConfigurationError."""
-        if name.endswith((".yaml", ".yml")):
+        remedy = "make one with `cell strips new`, or give a path to a .yaml file"
+        return self._file("strip", name, remedy)
+
+    def plant_path(self, name: str) -> Path:
+        """Path of the plant file `name`, or a path ending in .yaml; raises ConfigurationError."""
+        remedy = "name one, or give the path to a strip file that lies on the twin's desk"
+        return self._file("plant", name, remedy)
+
+    def mechanism_path(self, name: str) -> Path:
+        """Path of the file of the mechanism `name`; ConfigurationError for an unknown name."""
+        remedy = "name one, or give the path to any by --model"
+        return self._file("mechanism", name, remedy, "*/mechanism.yaml")
+
+    def _file(self, kind: str, name: str, remedy: str, pattern: str = "*.yaml") -> Path:
+        """Path of the `kind` of thing called `name`, or `name` itself if it is a path.
+
+        Raises ConfigurationError for an unknown name.
+        """
+        if Path(name).is_file() or Path(name).is_fifo():
             return Path(name)
-        path = self.folder / "strips" / f"{name}.yaml"
-        if not path.exists():
-            names = self.strip_names()
+        folder = self.folder / f"{kind}s"
+        paths = sorted(folder.glob(pattern))
+        known = {path.relative_to(folder).parts[0].removesuffix(".yaml"): path for path in paths}
+        if name not in known:
             raise ConfigurationError(
-                f"--strip: there is no strip {name!r} in {self.folder / 'strips'}"
-                f"{suggestion(name, names)}; known: {', '.join(names) or 'none'}; "
-                "make one with `cell strips new`, or give a path to a .yaml file"
+                f"{name}: is neither a {kind} in {folder} nor a file"
+                f"{suggestion(name, list(known))}; known: {', '.join(known) or 'none'}; {remedy}"
             )
-        return path
+        return known[name]
 
     def strip(self, name: str) -> "StripFile":
         """Read and check the strip called `name`; `unknown:LENGTH` is one without a file."""
@@ -57,17 +75,6 @@ class Configs:
         if name.startswith(MARK):
             return unmeasured_strip(name.removeprefix(MARK))
         return load_strip(self.strip_path(name))
-
-    def mechanism_path(self, name: str) -> Path:
-        """Path of the file of the mechanism `name`; ConfigurationError for an unknown name."""
-        known = sorted(p.parent.name for p in self.folder.glob("mechanisms/*/mechanism.yaml"))
-        if name not in known:
-            raise ConfigurationError(
-                f"--subject: there is no mechanism {name!r} in {self.folder / 'mechanisms'}"
-                f"{suggestion(name, known)}; known: {', '.join(known) or 'none'}; "
-                "name one, or give the path to any by --model"
-            )
-        return self.folder / "mechanisms" / name / "mechanism.yaml"
 
     def strip_names(self) -> tuple[str, ...]:
         """Names of all strips of this configuration, sorted."""
@@ -82,13 +89,13 @@ def find_configs(given: str | Path | None) -> Configs:
     if given is not None:
         if not (Path(given) / "cell.yaml").is_file():
             raise ConfigurationError(
-                f"--configs: {given} holds no cell.yaml; name a folder like the packaged configs"
+                f"{given}: holds no cell.yaml; name a folder of configuration that holds one"
             )
         return Configs(Path(given))
     for folder in (Path("configs"), PACKAGED, CHECKOUT_CONFIGS):
         if (folder / "cell.yaml").is_file():
             return Configs(folder)
-    raise ConfigurationError("--configs: no configuration was found; name a folder with cell.yaml")
+    raise ConfigurationError("no folder of configuration was found; name one that holds cell.yaml")
 
 
 def check_recordable(runs: Path) -> None:

@@ -32,7 +32,7 @@ def unmeasured_strip(known: str) -> StripFile:
     spread = {"bending_length": list(BENDING_LENGTH), "retardation_time": list(RETARDATION_TIME)}
     content: dict[str, Any] = {
         "name": UNKNOWN_NAME,
-        "length": metres("--length", length),
+        "length": metres("length", length),
         "width": ASSUMED_WIDTH,
         "areal_density": ASSUMED_DENSITY,
         "bending_length": (c_low * c_high) ** 0.5,
@@ -41,9 +41,9 @@ def unmeasured_strip(known: str) -> StripFile:
         "provenance": [{"key": key, "source": "assumed"} for key in ASSUMED_KEYS],
     }
     if thickness:
-        content["thickness"] = metres("--thickness", thickness)
+        content["thickness"] = metres("thickness", thickness)
         content["provenance"].append(CALIPERS)
     else:
         spread["thickness"] = list(THICKNESS_RANGE)
         content["provenance"].append({"key": "thickness", "source": "assumed"})
-    return parse(content, StripFile, "--length, --thickness")
+    return parse(content, StripFile, "length, thickness")

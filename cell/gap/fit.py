@@ -88,7 +88,7 @@ def fit(
     subject = open_subject(file, distinct, options.jobs, options.without)
     named = [copies.get(name, name) for name in options.hold_out]
     key = _key(file, distinct, [*named, *options.without])
-    with writing(f"--out {out}", "give a folder that can be written"):
+    with writing(f"{out}", "give a folder that can be written"):
         out.mkdir(parents=True, exist_ok=True)
     simulate = SimulationCache(subject.simulate, out / ".rounds" / key)
     with threadpool_limits(1, "blas"):  # matrices are small: threads only wait for each other
@@ -162,7 +162,7 @@ def _clear(out: Path) -> None:
     first = next(p for p in (out.absolute(), *out.absolute().parents) if p.exists())
     if not first.is_dir() or not os.access(first, os.W_OK | os.X_OK):
         what = "cannot be written to" if first.is_dir() else "is a file"
-        raise ConfigurationError(f"--out {out}: {first} {what}; give a folder that can be written")
+        raise ConfigurationError(f"{out}: {first} {what}; give a folder that can be written")
     patches = (*PATCHES, CELL_PATCH, MODEL_PATCH, LAW_MODEL_PATCH)
     pages = (RECORD, "report.html", "overlay.rrd")
     for name in ("verdict.json", *pages, *patches, ACCEPTED):

@@ -115,8 +115,7 @@ def _select(rows: Sequence[RunRow], where: str, sort: str) -> tuple[RunRow, ...]
     key = sort.removeprefix("-")
     if key and key not in COLUMNS:
         raise ConfigurationError(
-            f"--sort: unknown column {key!r}{suggestion(key, COLUMNS)}; "
-            f"allowed: {', '.join(COLUMNS)}"
+            f"sort: unknown column {key!r}{suggestion(key, COLUMNS)}; allowed: {', '.join(COLUMNS)}"
         )
     order = f"{key} IS NULL, {key} {'DESC' if sort.startswith('-') else 'ASC'}, " if key else ""
     with closing(sqlite3.connect(":memory:")) as base:
@@ -132,7 +131,7 @@ def _select(rows: Sequence[RunRow], where: str, sort: str) -> tuple[RunRow, ...]
             ).fetchall()
         except (sqlite3.Error, sqlite3.Warning, ValueError) as error:
             raise ConfigurationError(
-                f"--where: {error}; columns of runs: {', '.join(COLUMNS)}"
+                f"where: {error}; columns of runs: {', '.join(COLUMNS)}"
             ) from None
     return tuple(rows[place] for (place,) in found if place in range(len(rows)))
 

@@ -61,11 +61,9 @@ def check(names: Sequence[str], requested: Sequence[str]) -> None:
     """Raise ConfigurationError where runs `requested` are not among `names`, or are all of them."""
     unknown = [name for name in requested if name not in names]
     if unknown:
-        raise ConfigurationError(
-            f"--hold-out {unknown[0]}: no such run; allowed: {', '.join(names)}"
-        )
+        raise ConfigurationError(f"hold out {unknown[0]}: no such run; allowed: {', '.join(names)}")
     if len(set(requested)) == len(names):
-        raise ConfigurationError("--hold-out: all runs are held out; leave some to fit")
+        raise ConfigurationError("all runs are held out; leave some to fit")
 
 
 def _information_loss(subject: Subject, simulate: Simulate) -> Loss:

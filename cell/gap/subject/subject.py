@@ -251,12 +251,10 @@ class Scope:
         for name in names:
             if name not in known:
                 allowed = ", ".join(sorted(known))
-                raise ConfigurationError(f"--without {name}: is no effect; allowed: {allowed}")
+                raise ConfigurationError(f"without {name}: is no effect; allowed: {allowed}")
         kept = tuple(c for c in self.candidates if c.name not in names)
         if names and not kept:
-            raise ConfigurationError(
-                "--without: withholds every effect; leave at least one out of it"
-            )
+            raise ConfigurationError("every effect is withheld; leave at least one in the library")
         return replace(self, candidates=kept)
 
 

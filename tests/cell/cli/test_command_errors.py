@@ -104,7 +104,7 @@ def test_what_is_refused_at_once_and_what_folds_import_nothing_heavy(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("fold", "--strip", "silk"), "there is no strip 'silk'"),
+        (("fold", "--strip", "silk"), "silk: is neither a strip"),
         (("fold", "--strip", "demin"), "did you mean 'denim'?"),
         (("fold", "--strip", "denim", "--policy", "feedbak"), "did you mean 'feedback'?"),
         (("gap", "plan", "--strip", "demin"), "did you mean 'denim'?"),

@@ -106,7 +106,7 @@ def test_runs_are_filtered_and_sorted(thirty, where, sort, seeds):
     "where", ["1); DELETE FROM runs; --", "nothing = 1", "(", "load_extension('x')", "seed = \0"]
 )
 def test_filter_that_is_no_expression_is_refused_with_the_columns(thirty, where):
-    with pytest.raises(ConfigurationError, match=r"--where: .*columns of runs: run, began, strip"):
+    with pytest.raises(ConfigurationError, match=r"where: .*columns of runs: run, began, strip"):
         list_runs(thirty, where)
     assert len(list_runs(thirty)) == 30
 
