@@ -20,7 +20,7 @@ def test_thickness_is_a_range_until_it_is_stated() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "option"), [("long", "--length"), ("0.6:thin", "--thickness"), ("0.6:-1", "thickness")]
+    ("text", "option"), [("long", "length"), ("0.6:thin", "thickness"), ("0.6:-1", "thickness")]
 )
 def test_what_is_no_length_or_thickness_is_refused_in_a_line(text: str, option: str) -> None:
     with pytest.raises(ConfigurationError, match=option) as refused:
