@@ -215,6 +215,12 @@ class Result(Recorded):
     agreement: AgreementNote | None = None
     witnesses: tuple[WitnessNote, ...] = ()
 
+    def __str__(self) -> str:
+        """Outcome, and of a fold its displacement and the offset of its laid edges, in a line."""
+        lengths = {"displacement": self.displacement, "edges": self.edge_offset}
+        known = (f"{name} {1e3 * v:+.1f} mm" for name, v in lengths.items() if v is not None)
+        return ", ".join([self.outcome.replace("_", " "), *known])
+
     @model_validator(mode="after")
     def _touch_is_whole(self) -> Self:
         needed = ("t_layer_touch", "displacement", "l1", "l2")

@@ -42,7 +42,7 @@ def write_calibration_report(path: Path) -> Path:
         "Touched points lie where the image shows them" if good else "Use it with care",
         (f"It was made on {calibration.date[:10]} and has the id {calibration.id}.",),
         f"{calibration.residual_mm:.2f} mm",
-        "rms at points kept back",
+        "rms at touched points that were not fitted",
     )
     made = path.with_suffix(".html")
     text = _page(
@@ -91,7 +91,8 @@ def _pictures(folder: Path, calibration: Calibration | None) -> list[KeyPicture]
     if calibration is not None:
         _draw_plane(image, calibration)
     where = str(path.relative_to(folder))
-    caption = LEGEND if (folder / POSES_FILE).is_file() else f"what the camera saw: {where}"
+    shown = (folder / POSES_FILE).is_file()
+    caption = LEGEND if shown else f"{where}; the touched points are on the page of the session"
     return [KeyPicture(jpeg_text(image, PICTURE_WIDTH), caption, where)]
 
 
@@ -111,14 +112,12 @@ def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
     lens, middle = calibration.lens, np.array([[0.3, 0.1]])
     pixels = calibration.to_image(middle + SCALE_STEP * np.array([[0, 0], [1, 0]]))
     along = float(np.linalg.norm(pixels[1] - pixels[0]))
-    patches = 0 if calibration.landmarks is None else len(calibration.landmarks.marks)
     return [
         ("camera from the strip's plane", millimetres(calibration.viewpoint.distance)),
         ("image", f"{lens.width} × {lens.height} px"),
         ("one pixel, at x 300, z 100 mm", millimetres(SCALE_STEP / along)),
         ("images are stamped late by", milliseconds(calibration.latency)),
         ("contact is seen too far by", millimetres(calibration.contact_bias, signed=True)),
-        ("landmarks that reveal a moved camera", str(patches)),
     ]
 
 

@@ -176,17 +176,16 @@ def _legend_above(figure: Figure, axis: Axes) -> None:
     figure.legend(*axis.get_legend_handles_labels(), ncols=3, loc="outside upper left")
 
 
-def run_bars(names: Sequence[str], before: Array, after: Array | None) -> str:
-    """Figure (SVG text) of the excess residual (R,) [noise] of held-out runs, before and after."""
-    at, fits = np.arange(len(names)), [("before", before, COLOUR_BEFORE)]
-    fits += [] if after is None else [("after", after, COLOUR_AFTER)]
+def run_bars(names: Sequence[str], by_fit: Mapping[str, Array]) -> str:
+    """Figure (SVG text) of what held-out runs leave beyond noise (R,) [sigma], by fit."""
+    at, colours = np.arange(len(names)), (COLOUR_BEFORE, COLOUR_AFTER)
     with canvas(6.0, 1.2 + 0.4 * len(names)) as figure:
         axis = figure.add_subplot()
-        for k, (word, excess, colour) in enumerate(fits):
-            axis.barh(at + 0.4 * k, excess, 0.38, color=colour, label=word)
-        axis.set_yticks(at + 0.2 * (len(fits) - 1), names)
+        for k, (word, excess) in enumerate(by_fit.items()):
+            axis.barh(at + 0.4 * k, excess, 0.38, color=colours[k], label=word)
+        axis.set_yticks(at + 0.2 * (len(by_fit) - 1), names)
         axis.invert_yaxis()
-        axis.set_xlim(0.0, 1.05 * max(1e-9, *(e for _, excess, _ in fits for e in excess)))
-        axis.set_xlabel("excess gap [noise]")
+        axis.set_xlim(0.0, 1.05 * max(1e-9, *(e for excess in by_fit.values() for e in excess)))
+        axis.set_xlabel("beyond noise [sigma]")
         _legend_above(figure, axis)
         return as_svg(figure)

@@ -112,37 +112,29 @@ def held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on held-out runs, before and after: figures, a sentence, a table."""
     gap, before = verdict.gap, findings.held_out_fits.before
     after = findings.held_out_fits.after if findings.held_out_fits.changed else None
+    fits = {"before": before} if after is None else {"before": before, "after": after}
     quantities = findings.subject.scope.quantities
     words = {q.key: f"{quantity_label(q)} [{q.unit}]" for q in quantities.values()}
-    fits = [before] if after is None else [before, after]
-    beyond = [held_out_gap.excess_by_quantity(fit, quantities) for fit in fits]
+    beyond = [held_out_gap.excess_by_quantity(fit, quantities) for fit in fits.values()]
     sides = [gap.before, gap.floor] if after is None else [gap.before, gap.after, gap.floor]
     names = conditions(before.evidence.runs)
-    was = held_out_gap.excess(held_out_gap.run_squares(before)[:, None])
-    now = None if after is None else held_out_gap.excess(held_out_gap.run_squares(after)[:, None])
-    typical = int(np.argsort(was)[len(was) // 2])
+    by_run = {word: held_out_gap.excess(held_out_gap.run_squares(fit)[:, None])
+              for word, fit in fits.items()}  # fmt: skip
+    typical = int(np.argsort(by_run["before"])[len(names) // 2])
     return {
         "base": ", ".join(p.name.replace("_", " ") for p in findings.subject.scope.base),
         "typical": names[typical],
         "midlines": _midline_figure(findings, before.evidence.runs[typical].name),
         "traces": figures.residual_traces(before, after, typical, quantities),
-        "head": (
-            "rms",
-            *(("gap",) if after is None else ("before", "after")),
-            "noise",
-            "beyond noise [sigma]",
-        ),
+        "head": ("rms", *fits, "noise", "beyond it [sigma]"),
         "rows": [
-            (
-                words[key],
-                *(f"{side[key]:.3g}" for side in sides),
-                " then ".join(f"{side[key]:.2g}" for side in beyond),
-            )
+            (words[key], *(f"{side[key]:.3g}" for side in sides),
+             " then ".join(f"{side[key]:.2g}" for side in beyond))
             for key in beyond[0]
         ],
-        "leaves": bool(was.any() or (now is not None and now.any())),
-        "bars": figures.run_bars(names, was, now) if len(names) > 1 else "",
-    }
+        "leaves": any(excess.any() for excess in by_run.values()),
+        "bars": figures.run_bars(names, by_run) if len(names) > 1 else "",
+    }  # fmt: skip
 
 
 def conditions(runs: Sequence[Run]) -> list[str]:
@@ -232,7 +224,7 @@ def _verdict_card(findings: Findings, verdict: Verdict) -> Card:
     number, below = "", ""
     if verdict.effects:
         least = min(effect.confidence for effect in verdict.effects)
-        number, below = percent(least), "probable, causes outside the library counted in"
+        number, below = percent(least), "probable, with causes\noutside the library"
     lines = [sentence(findings, verdict)]
     if findings.held_out_fits.changed:
         lines.append(capitalised(verdict.gap.sentence()) + ".")

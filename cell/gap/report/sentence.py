@@ -125,13 +125,11 @@ def _ambiguity(findings: Findings, verdict: Verdict) -> str:
     return f"Something is missing that these runs cannot tell apart: {either}. {split}."
 
 
-def _no_gap(findings: Findings, verdict: Verdict) -> str:
-    """Sentence that the model holds, with what would have shown and what never would."""
+def _no_gap(_: Findings, verdict: Verdict) -> str:
+    """Sentence that the model holds, with how many effects would have shown."""
     many = len(verdict.detectable)
     sizes = f" {many} effects would have shown, from the sizes listed below on." if many else ""
-    silent = undetectable_effects(findings)
-    never = f" Not detectable here at any possible size: {', '.join(silent)}." if silent else ""
-    return f"The model explains the fitted runs down to their noise.{sizes}{never}"
+    return f"The model explains the fitted runs down to their noise.{sizes}"
 
 
 def _describe_rest(findings: Findings, verdict: Verdict) -> str:
