@@ -65,10 +65,10 @@ class LengthCheck:
     def sentence(self) -> str:
         """Text for the operator: which lengths disagree, by how much, what to check."""
         sources, remedy = KINDS[self.name]
-        parts = ", ".join(f"{what} {1e3 * sigma:.2f} mm" for what, sigma in self.parts.items())
+        parts = " and ".join(f"{what} {1e3 * sigma:.2f} mm" for what, sigma in self.parts.items())
         return (
             f"{self.name.replace('_', ' ')}: {sources} differ by {1e3 * self.difference:+.1f} mm, "
-            f"{self.ratio:.0f} sigma of {1e3 * self.spread:.1f} mm (sigma by origin: {parts}); "
+            f"{self.ratio:.0f} sigma; one sigma is {1e3 * self.spread:.1f} mm, from {parts}; "
             f"{remedy}"
         )
 

@@ -126,7 +126,7 @@ def held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
         "typical": names[typical],
         "midlines": _midline_figure(findings, before.evidence.runs[typical].name),
         "traces": figures.residual_traces(before, after, typical, quantities),
-        "head": ("rms", *fits, "noise", "beyond it [sigma]"),
+        "head": ("rms", *fits, "noise", "sigma beyond"),
         "rows": [
             (words[key], *(f"{side[key]:.3g}" for side in sides),
              " then ".join(f"{side[key]:.2g}" for side in beyond))
@@ -224,7 +224,7 @@ def _verdict_card(findings: Findings, verdict: Verdict) -> Card:
     number, below = "", ""
     if verdict.effects:
         least = min(effect.confidence for effect in verdict.effects)
-        number, below = percent(least), "probable, with causes\noutside the library"
+        number, below = percent(least), "probable; causes outside\nthe library count against it"
     lines = [sentence(findings, verdict)]
     if findings.held_out_fits.changed:
         lines.append(capitalised(verdict.gap.sentence()) + ".")

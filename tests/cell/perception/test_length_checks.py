@@ -49,7 +49,7 @@ def test_a_disagreement_stands_on_the_terminal_in_json_in_the_record_and_on_the_
 ) -> None:
     late = LengthCheck("displacement", 0.0059, {"prediction": 0.001})
     outcome = replace(OUTCOME, agreement=None, witnesses=(late, off_by(1.0)))
-    said = "displacement: camera and prediction differ by +5.9 mm, 6 sigma of 1.0 mm"
+    said = "displacement: camera and prediction differ by +5.9 mm, 6 sigma; one sigma is 1.0 mm"
     result = replace(DONE, witnesses=outcome.witnesses, warning=_warning(outcome, ""))
     assert said in str(result)
     assert "grip" not in str(result)
