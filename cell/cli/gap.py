@@ -311,10 +311,7 @@ def advise(fitted: Fitted, as_json: Json = False) -> None:
         advice = [item.model_dump(mode="json") for item in verdict.advice]
         sys.stdout.write(json.dumps(advice) + "\n")
         return
-    planned = max((item.expected_sigma for item in verdict.advice), default=0.0)
-    record = read_stored(fitted / RECORD, FitRecord)
-    spreads = {s.name: (s.value, s.unit) for s in record.scatter}
-    for line in remedy_lines(spreads, record.steadier, planned):
+    for line in remedy_lines(read_stored(fitted / RECORD, FitRecord).scatter):
         sys.stdout.write(f"{line}\n")
     if not verdict.advice:
         sys.stdout.write("no experiment is worth more than those that were made\n")

@@ -120,7 +120,6 @@ def _write(findings: Findings, verdict: Verdict, file: Path, out: Path) -> None:
               "effects": [e.name for e in verdict.effects or verdict.suspected],
               "values": [d.parameter for d in verdict.deviates],
               "scatter": [asdict(s) for s in findings.model_tests.scatter],
-              "steadier": dict(findings.advice.steadier),
               "law": findings.law and asdict(findings.law)}  # fmt: skip
     write_file(out / RECORD, json.dumps(record, indent=1))
     write_report(findings, verdict, out / "report.html")

@@ -9,7 +9,7 @@ from scipy import special
 
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.diagnosis.lack_of_fit import Bin, ResidualTest
-from cell.gap.diagnosis.next_experiment import advise, separation_by_steadier_runs
+from cell.gap.diagnosis.next_experiment import RatedExperiment, advise
 from cell.gap.fitting.base_fit import refine, refit_base, refit_fine, strains, weak_directions
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import Estimate, refit
@@ -42,7 +42,7 @@ from cell.gap.selection.screening import (
 from cell.gap.selection.search import Search
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.decision import decide, doubtful_values
-from cell.gap.verdict.findings import Advice, BaseFit, Findings, HeldOutFits, ModelTests, Screen
+from cell.gap.verdict.findings import BaseFit, Findings, HeldOutFits, ModelTests, Screen
 from cell.gap.verdict.offered_law import offered_law
 from drivers.types import Array
 
@@ -69,11 +69,19 @@ def investigate(
     shown = stages.refit_held_out(base_fit.base, accepted, unseen)
     progress("advise", 0.95)
     is_gap = bool(accepted.model.effects) or base_fit.gap
-    advice = stages.advise(search.screen, accepted, fits, tests) if is_gap else Advice()
+    experiments = stages.advise(search.screen, accepted, fits, tests) if is_gap else ()
     findings = Findings(
-        subject, tuple(held_out), base_fit, search.screen, accepted, fits, sets, tests,
-        shown, advice,
-    )  # fmt: skip
+        subject=subject,
+        held_out=tuple(held_out),
+        base_fit=base_fit,
+        screen=search.screen,
+        accepted=accepted,
+        fits=fits,
+        posterior=sets,
+        model_tests=tests,
+        held_out_fits=shown,
+        experiments=experiments,
+    )
     if decide(findings) != "unexplained":
         return findings
     return replace(findings, law=offered_law(subject, simulate, fits, shown.before, stages.rng))
@@ -238,22 +246,20 @@ class Investigation:
 
     def advise(
         self, screened: Screen, accepted: CrossValidatedFit, fits: Fits, tests: ModelTests
-    ) -> Advice:
-        """Experiments and steadier quantities that would separate the accepted model from a rival.
+    ) -> tuple[RatedExperiment, ...]:
+        """Experiments that would separate the accepted model from a rival, the best first.
 
         Planned runs scatter in the quantities that scatter in the runs so far.
         """
         first, likelihood = accepted.estimate, fits.likelihood
         second = _alternative(screened, accepted, fits, tests)
         if second is None:
-            return Advice()
-        steadier = run_one(self.simulate, separation_by_steadier_runs(first, second, likelihood))
+            return ()
         experiments = [
             replace(e, run=with_spreads(evidence([e.run]), tests.scatter).runs[0])
             for e in self.subject.experiments()
         ]
-        planned = run_one(self.simulate, advise(first, second, experiments, likelihood))
-        return Advice(tuple(planned), steadier)
+        return tuple(run_one(self.simulate, advise(first, second, experiments, likelihood)))
 
 
 def _is_strained(base: Estimate) -> bool:

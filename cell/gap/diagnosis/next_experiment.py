@@ -1,4 +1,4 @@
-"""Advice on how to tell two explanations apart: by a new experiment, or by better repeats."""
+"""Advice on which further run would best tell two explanations apart."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,14 +7,12 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from cell.gap.fitting.gauss_newton import Estimate, linearise
-from cell.gap.fitting.model import Model, Point, evidence, requests, response
+from cell.gap.fitting.model import Model, Point, evidence, requests
 from cell.gap.fitting.normal_equations import covariance
 from cell.gap.fitting.tasks import Task
 from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.subject.subject import Experiment
 from drivers.types import Array
-
-REMEDY_SHARE = 0.5  # of a spread from run to run, that a remedy would leave; set by hand
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,30 +75,3 @@ def _unabsorbed_square(response: Array, jacobian: Array, prior: Array) -> float:
     inverse = covariance(jacobian.T @ jacobian + prior)
     back = jacobian.T @ response
     return float(response @ response) - float(back @ inverse @ back)
-
-
-def separation_by_steadier_runs(
-    first: Estimate, second: tuple[Model, Array], likelihood: LikelihoodScale
-) -> Task[dict[str, float]]:
-    """Separation [sigma] of two models that halving a run-to-run spread would add, by its name.
-
-    It adds in quadrature, as that of a further experiment does (RatedExperiment). `second` is a
-    model with its shared values (P,). What the first explanation's unknowns may absorb, each within
-    its spread, is projected out. A task that yields requests.
-    """
-    runs, unknowns = first.evidence.runs, first.unknowns
-    names = dict.fromkeys(p.name for p in unknowns.parameters if p.random)
-    if not names:
-        return {}
-    model, shared = second
-    other = yield requests(model, runs, Point(shared, first.point.local))
-    parts = zip(other, first.raw, first.evidence.scales, strict=True)
-    difference = np.concatenate([response(*each) for each in parts])
-    jacobian, precision = first.stacked_jacobian, unknowns.precision
-    today = _unabsorbed_square(difference, jacobian, np.diag(precision))
-    added = {}
-    for name in names:
-        factor = [REMEDY_SHARE**-2 if p.name == name else 1.0 for p in unknowns.parameters]
-        steadier = _unabsorbed_square(difference, jacobian, np.diag(np.array(factor) * precision))
-        added[name] = likelihood.standardise(max(0.0, steadier - today) ** 0.5)
-    return dict(sorted(added.items(), key=lambda each: -each[1]))

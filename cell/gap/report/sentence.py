@@ -1,7 +1,8 @@
 """Sentences, numbers and units of a fit's verdict, for a technician."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
+from cell.gap.fitting.reml import Spread
 from cell.gap.subject.strip.measurement_errors import KNOWN_EFFECTS
 from cell.gap.subject.subject import Quantity
 from cell.gap.verdict.findings import Findings
@@ -15,7 +16,6 @@ TITLES = {
     "no_gap": "No gap",
     "unexplained": "Something is missing that the library does not explain",
 }
-SMALLEST_GAIN = 1.0  # sigma that a smaller spread must add to be worth a word
 SPREAD_UNITS = {**SMALL_UNITS, "1": (100.0, "%"), "N": (1e3, "mN")}
 
 
@@ -219,27 +219,12 @@ def scatter_rows(findings: Findings) -> list[tuple[str, ...]] | None:
     return rows
 
 
-def remedy_lines(
-    spreads: Mapping[str, tuple[float, str]], steadier: Mapping[str, float], planned: float
-) -> Iterator[str]:
-    """Lines on run-to-run spreads, and whether halving one would help more than a new motion.
-
-    `spreads` are standard deviations with their units; half of one would help the runs to separate
-    two explanations as a motion that does so by `steadier` [sigma]; the best one does by `planned`.
-    """
+def remedy_lines(scatter: Iterable[Spread]) -> Iterator[str]:
+    """Lines on what differs from run to run, one for each spread in `scatter`, with its remedy."""
     known = {e.name: e for e in KNOWN_EFFECTS}
-    for name in filter(known.get, spreads):
-        (value, unit), effect = spreads[name], known[name]
-        factor, shown = SPREAD_UNITS.get(unit, (1.0, unit))
-        line = (
-            f"{effect.sentence} differs by {number_text(factor * value, 2)} {shown} from run to run"
+    for s in (each for each in scatter if each.name in known):
+        factor, shown = SPREAD_UNITS.get(s.unit, (1.0, s.unit))
+        yield (
+            f"{known[s.name].sentence} differs by {number_text(factor * s.value, 2)} {shown} from "
+            f"run to run; {known[s.name].remedy}, or make each motion four times"
         )
-        worth = steadier.get(name, 0.0)
-        if worth < SMALLEST_GAIN:
-            yield f"{line}: halving it would not separate the explanations better"
-        else:
-            than = "more" if worth > planned else "less"
-            yield (
-                f"{line}: halving it would help as a motion of {worth:.1f} sigma, {than} than any "
-                f"planned ({planned:.1f}): {effect.remedy}, or each motion made four times"
-            )

@@ -49,15 +49,13 @@ class FitRecord(StoredFile):
     """Content of fit.json: the hash of the file that was fitted, and the effects of its patch.
 
     `values` of the base are outside what the file tolerates; `scatter` are quantities that differ
-    from run to run; `steadier` [sigma] is what one of these, if it differed by half as much, would
-    add to the separation of two explanations; `law` describes what nothing explains.
+    from run to run; `law` describes what nothing explains.
     """
 
     file_sha256: str
     effects: tuple[str, ...]
     values: tuple[str, ...] = ()
     scatter: tuple[Spread, ...] = ()
-    steadier: Mapping[str, float] = Field(default_factory=dict)
     law: StoredLaw | None = None
 
     @property

@@ -223,7 +223,7 @@ def _advice(findings: Findings) -> list[Recommendation]:
             expected_sigma=a.sigma,
             minutes=a.experiment.minutes,
         )
-        for a in findings.advice.experiments
+        for a in findings.experiments
         if a.sigma >= LEAST_SEPARATION
     ]
 

@@ -1,7 +1,6 @@
 """Results of an investigation, stage by stage."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.diagnosis.lack_of_fit import Bin, Repeats, stronger_of_two
@@ -102,18 +101,11 @@ class HeldOutFits:
 
 
 @dataclass(frozen=True, slots=True)
-class Advice:
-    """Advice: `experiments`, best first; separation [sigma] by quantities made `steadier`."""
-
-    experiments: tuple[RatedExperiment, ...] = ()
-    steadier: Mapping[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True)
 class Findings:
     """All results of an investigation of a subject.
 
     `accepted` is the model that was chosen among `fits`: the base where no effect was accepted.
+    `experiments` would separate it from another model, the best first.
     """
 
     subject: Subject
@@ -125,7 +117,7 @@ class Findings:
     posterior: Posterior
     model_tests: ModelTests
     held_out_fits: HeldOutFits
-    advice: Advice
+    experiments: tuple[RatedExperiment, ...]
     law: OfferedLaw | None = None
 
     @property
