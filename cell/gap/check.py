@@ -2,7 +2,6 @@
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,12 +9,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from cell.gap.fitting.base_fit import stated_estimate
-from cell.gap.fitting.normal_equations import covariance
-from cell.gap.fitting.projection import Projection, projection
-from cell.gap.fitting.tasks import run_all
+from cell.gap.fitting.base_fit import effect_responses, stated_estimate, undetermined_values
+from cell.gap.fitting.projection import projection
 from cell.gap.open_subject import open_subject
-from cell.gap.selection.screening import ProbeResponses, run_probes
 from cell.gap.subject.run_folders import (
     TABLES,
     RunFolder,
@@ -37,7 +33,6 @@ SPARSE_COLUMNS = frozenset({"t", "contact_x", "contact_t", "pitch", "f_x", "f_z"
 """Columns that hold numbers in some rows alone, or need not be there (formats.md)."""
 INPUT_FILES = ("run.yaml", "result.yaml", *TABLES)
 PROBE_SIGMA = 3.0  # that the largest probe of an effect must show, beyond what the base absorbs
-WEAK = 0.5  # of the prior spread of a value: runs that leave more do not determine it
 LARGEST_CORRELATION = 0.995  # of two responses: beyond it runs cannot separate the effects
 IDENTIFIABLE = "not identifiable"
 Level = Literal["bad", "fair", "good"]
@@ -289,43 +284,31 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
 def identifiable(subject: Subject) -> Iterator[Finding]:
     """Findings on values and effects that the runs cannot identify, by linearised responses."""
     stated = stated_estimate(subject, subject.simulate)
-    sigma = np.sqrt(np.diag(covariance(stated.normal(1.0).curvature)))
-    for p, s in zip(subject.scope.base, sigma, strict=False):
-        if s > WEAK * p.spread:
-            words = f"{p.name}: known to {p.spread:.2g} {p.unit}, by these runs to {s:.2g}"
-            yield _finding(IDENTIFIABLE, words, "move faster, higher or longer")
-    absorbing = projection(stated, robustly=False)
-    library = [
-        run_probes(stated, replace(c, probes=(_largest_probe(c),)), steps=False)
-        for c in subject.scope.candidates
-    ]
+    for p, s in undetermined_values(stated):
+        words = f"{p.name}: known to {p.spread:.2g} {p.unit}, by these runs to {s:.2g}"
+        yield _finding(IDENTIFIABLE, words, "move faster, higher or longer")
+    largest = [(c, _largest_probe(c)) for c in subject.scope.candidates]
+    responses = effect_responses(subject.simulate, stated, largest)
+    unabsorbed = projection(stated, robustly=False).unabsorbed(responses)
     directions: dict[str, Array] = {}
-    for probed in run_all(subject.simulate, library):
-        largest, name = _largest_response(absorbing, probed), probed.candidate.name
-        length = np.linalg.norm(largest)
+    for (candidate, _), response in zip(largest, unabsorbed.T, strict=True):
+        length, name = np.linalg.norm(response), candidate.name
         if length >= PROBE_SIGMA:
-            directions[name] = largest / length
+            directions[name] = response / length
         else:
             words = f"{name}: the largest size tried changes the runs by only {length:.1f} sigma"
-            yield _finding(IDENTIFIABLE, words, probed.candidate.revealed_by)
+            yield _finding(IDENTIFIABLE, words, candidate.revealed_by)
     for (first, a), (second, b) in combinations(directions.items(), 2):
         if abs(float(a @ b)) > LARGEST_CORRELATION:
             words = f"{first} and {second} change these runs alike: they cannot be separated"
             yield _finding(IDENTIFIABLE, words, "fit, then `cell gap advise`")
 
 
-def _largest_probe(candidate: Candidate) -> tuple[tuple[float, ...], ...]:
-    """The group of probes of the largest amount; of several places, that in the middle."""
+def _largest_probe(candidate: Candidate) -> tuple[float, ...]:
+    """The probe of the largest amount; of several places, that in the middle."""
     amounts = [abs(group[0][0] - candidate.null[0]) for group in candidate.probes]
     largest = [i for i, amount in enumerate(amounts) if amount == max(amounts)]
-    return candidate.probes[largest[len(largest) // 2]]
-
-
-def _largest_response(projection: Projection, probed: ProbeResponses) -> Array:
-    """Largest response (N,) of an effect to its own probes that the base cannot absorb."""
-    firsts = np.concatenate([group[:, :1] for group in probed.responses], axis=1)
-    unabsorbed = projection.unabsorbed(firsts)
-    return np.asarray(unabsorbed[:, int(np.argmax(np.linalg.norm(unabsorbed, axis=0)))])
+    return candidate.probes[largest[len(largest) // 2]][0]
 
 
 def check_page(found: Check, subject: str) -> str:

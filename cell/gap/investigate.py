@@ -10,7 +10,7 @@ from scipy import special
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.diagnosis.lack_of_fit import Bin, ResidualTest
 from cell.gap.diagnosis.next_experiment import RatedExperiment, advise
-from cell.gap.fitting.base_fit import refine, refit_base, refit_fine, strains, weak_directions
+from cell.gap.fitting.base_fit import refine, refit_base, refit_fine, strains
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence
@@ -149,7 +149,6 @@ class Investigation:
             repeats=test.repeats,
             misfit=test.misfit(),
             places=tuple(test.test_bins()),
-            weak=tuple(weak_directions(base)),
             scatter=tuple(scatter),
             strained=self.subject.scope.believed and _is_strained(base),
         )

@@ -1,14 +1,17 @@
-"""Fits of the base parameters, and the combinations of them that the runs do not determine."""
+"""Fits of the base parameters, and what runs say about them and about effects beside them."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
-from cell.gap.fitting.gauss_newton import Estimate, linearise, refit
+from cell.gap.fitting.gauss_newton import Estimate, linearise, refit, responses_to
 from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests
+from cell.gap.fitting.normal_equations import covariance
 from cell.gap.fitting.tasks import Simulate, run_one
-from cell.gap.subject.subject import Parameter, Subject
+from cell.gap.subject.subject import Candidate, Parameter, Subject
 from drivers.types import Array
 
-MAIN_PART = 0.3  # of a unit direction, from which on its words name a parameter; set by hand
+WEAK = 0.5  # of the prior spread of a value: runs that leave more do not determine it; set by hand
 
 
 def refit_base(simulate: Simulate, model: Model, evidence: Evidence) -> Estimate:
@@ -17,38 +20,11 @@ def refit_base(simulate: Simulate, model: Model, evidence: Evidence) -> Estimate
     return run_one(simulate, refit(model, evidence, stated))
 
 
-def _prior_width(p: Parameter) -> float:
-    """Prior standard deviation of a parameter; a quarter of its range where the prior is flat."""
-    return p.spread if np.isfinite(p.spread) else 0.25 * (p.high - p.low)
-
-
-def weak_directions(estimate: Estimate) -> list[str]:
-    """Parameter combinations, in words, that the runs determine less than their priors do.
-
-    The weakest first: those with singular values below one of the whitened Jacobian, runs' own
-    unknowns projected out, each parameter in units of its prior width (Brun, Reichert, Kuensch
-    2001, identifiability analysis).
-    """
-    parameters = estimate.model.parameters
-    jacobian = estimate.stacked_jacobian / estimate.scale
-    shared, local = jacobian[:, : len(parameters)], jacobian[:, len(parameters) :]
-    if local.size:
-        q, _ = np.linalg.qr(local)
-        shared = shared - q @ (q.T @ shared)
-    widths = [_prior_width(p) for p in parameters]
-    _, singular, directions = np.linalg.svd(shared * np.array(widths), full_matrices=False)
-    names = [p.name for p in parameters]
-    weakest_first = zip(singular[::-1], directions[::-1], strict=True)
-    return [_direction_words(names, row) for s, row in weakest_first if s < 1.0]
-
-
-def _direction_words(names: list[str], direction: Array) -> str:
-    """Signed sum of the main parameters of a direction (P,), such as `mass - length`."""
-    order = np.argsort(-np.abs(direction))
-    main = [i for i in order if abs(direction[i]) > MAIN_PART]
-    sign = np.sign(direction[main[0]])
-    parts = [("+ " if direction[i] * sign > 0 else "- ") + names[i] for i in main]
-    return " ".join(parts).removeprefix("+ ")
+def undetermined_values(estimate: Estimate) -> list[tuple[Parameter, float]]:
+    """Base parameters that the runs hardly determine, with the standard deviation they leave."""
+    sigma = np.sqrt(np.diag(covariance(estimate.normal().curvature)))
+    pairs = zip(estimate.model.base, map(float, sigma), strict=False)
+    return [(p, s) for p, s in pairs if s > WEAK * p.spread]
 
 
 def strains(estimate: Estimate) -> dict[str, float]:
@@ -75,3 +51,15 @@ def stated_estimate(subject: Subject, simulate: Simulate) -> Estimate:
     raw, jacobians = run_one(simulate, linearise(model, known, point))
     nothing = tuple(np.zeros(len(r.mean)) for r in raw)
     return Estimate(model, known, point, nothing, tuple(raw), jacobians, 1.0, 0.0)
+
+
+def effect_responses(
+    simulate: Simulate, base: Estimate, effects: Sequence[tuple[Candidate, Sequence[float]]]
+) -> Array:
+    """Whitened responses (N, k) of all runs to k `effects`, each alone at the values beside it."""
+    models = [(base.model, base.shared)]
+    for effect, values in effects:
+        shared = np.append(base.shared, effect.complete(np.array(values)))
+        models.append((Model(base.model.base, (effect,)), shared))
+    by_effect = run_one(simulate, responses_to(base, models))
+    return np.array([np.concatenate(by_run) for by_run in by_effect]).T

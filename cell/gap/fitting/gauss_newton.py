@@ -171,12 +171,9 @@ class Estimate:
         data = sum(float(robust.loss(r / scale).sum()) for r in self.residuals)
         return data + 0.5 * float(unknowns.precision @ (self.z - unknowns.mean) ** 2)
 
-    def normal(self, scale: float | None = None) -> NormalEquations:
-        """Robustly weighted normal equations of data and priors at the dispersion `scale`.
-
-        Without a `scale` at that of this estimate.
-        """
-        unknowns, z, s = self.unknowns, self.z, self.scale if scale is None else scale
+    def normal(self) -> NormalEquations:
+        """Robustly weighted normal equations of data and priors at the estimate's dispersion."""
+        unknowns, z, s = self.unknowns, self.z, self.scale
         gradient, curvature = np.zeros(len(z)), np.zeros((len(z), len(z)))
         for i, (r, jacobian) in enumerate(zip(self.residuals, self.jacobians, strict=True)):
             weighted = jacobian * (robust.weights(r / s) / s**2)[:, None]

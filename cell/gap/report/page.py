@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from cell.gap.diagnosis import held_out_gap
+from cell.gap.fitting.base_fit import undetermined_values
 from cell.gap.report import figures
 from cell.gap.report.figures import replay
 from cell.gap.report.sentence import (
@@ -94,8 +95,8 @@ def _candidate_row(row: CandidateEntry, best: bool) -> dict[str, Any]:
 
 def base_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on the base: a table of stated and refitted values, and a note."""
-    weak = "; ".join(findings.base_fit.weak)
-    note = f"The runs say less than was known before of: {weak}."
+    weak = ", ".join(p.name for p, _ in undetermined_values(findings.base.estimate))
+    note = f"The runs add little to what was known before of: {weak}."
     rows = []
     for p in findings.subject.scope.base:
         value = verdict.base[p.name]

@@ -4,12 +4,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from cell.gap.fitting.base_fit import stated_estimate
+from cell.gap.fitting.base_fit import effect_responses, stated_estimate
 from cell.gap.fitting.crossvalidation import folds
-from cell.gap.fitting.gauss_newton import Estimate, responses_to
-from cell.gap.fitting.model import Model
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.tasks import Simulate, run_one
+from cell.gap.fitting.tasks import Simulate
 from cell.gap.subject.subject import Subject
 from drivers.errors import ConfigurationError
 from drivers.types import Array
@@ -73,7 +71,8 @@ def _information_loss(subject: Subject, simulate: Simulate) -> Loss:
     report, at the stated values of the base, once this has moved to absorb what it can.
     """
     stated = stated_estimate(subject, simulate)
-    responses = _responses(subject, simulate, stated)
+    middle = [(c, c.probes[len(c.probes) // 2][0]) for c in subject.scope.candidates]
+    responses = stated.by_run(effect_responses(simulate, stated, middle))
 
     def information(indices: Sequence[int]) -> Array:
         absorbing = projection(stated.on(indices), robustly=False)
@@ -90,14 +89,3 @@ def _information_loss(subject: Subject, simulate: Simulate) -> Loss:
         return float((1.0 - information(remaining)[counts] / whole[counts]).max())
 
     return loss
-
-
-def _responses(subject: Subject, simulate: Simulate, base: Estimate) -> list[Array]:
-    """Whitened responses (n, candidates) of each run to the middle probe of each candidate."""
-    models = [(base.model, base.shared)]
-    for c in subject.scope.candidates:
-        (vector, *_) = c.probes[len(c.probes) // 2]
-        models.append((Model(base.model.base, (c,)), np.append(base.shared, vector)))
-    by_candidate = run_one(simulate, responses_to(base, models))
-    runs = range(len(base.evidence.runs))
-    return [np.array([by_run[i] for by_run in by_candidate]).T for i in runs]

@@ -150,14 +150,11 @@ class ProbeResponses:
         return all(np.abs(d).max(initial=0.0) < DEAD for d in self.responses)
 
 
-def run_probes(base: Estimate, candidate: Candidate, *, steps: bool = True) -> Task[ProbeResponses]:
-    """Simulate an effect's probes at the fit `base`; a task that returns their responses.
-
-    Without `steps` from null, which a linear screen needs, only its stated probes.
-    """
+def run_probes(base: Estimate, candidate: Candidate) -> Task[ProbeResponses]:
+    """Simulate an effect's probes at the fit `base`; a task that returns their responses."""
     model = Model(base.model.base, (*base.model.effects, candidate))
     probes = tuple(tuple(candidate.complete(np.array(v)) for v in g) for g in candidate.probes)
-    groups = (_steps_from_null(candidate), *probes) if steps else probes
+    groups = (_steps_from_null(candidate), *probes)
     vectors = [candidate.null, *(v for group in groups for v in group)]
     by_run = yield from responses_to(base, [(model, np.append(base.shared, v)) for v in vectors])
     columns = iter([np.concatenate(each) for each in by_run])

@@ -20,16 +20,14 @@ from drivers.types import Array
 class BaseFit:
     """Fit of the base parameters to the runs, and tests of its residuals.
 
-    `misfit` is the p-value of the residuals under noise; `weak` are directions that the runs do not
-    determine, `scatter` the quantities that differ from run to run; `strained` where the fitted
-    values contradict their priors.
+    `misfit` is the p-value of the residuals under noise; `scatter` are the quantities that differ
+    from run to run; `strained` where the fitted values contradict their priors.
     """
 
     base: CrossValidatedFit
     repeats: Repeats
     misfit: float
     places: tuple[Bin, ...]
-    weak: tuple[str, ...]
     scatter: tuple[Spread, ...] = ()
     strained: bool = False
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cell.gap.diagnosis.lack_of_fit import Repeats
-from cell.gap.fitting.base_fit import weak_directions
+from cell.gap.fitting.base_fit import undetermined_values
 from cell.gap.fitting.crossvalidation import folds
 from cell.gap.report.sentence import sentence
 from cell.gap.selection.posterior import Posterior, SetProbability
@@ -152,13 +152,12 @@ def test_conditions_are_never_split_between_folds() -> None:
         assert not inside & outside
 
 
-def test_direction_that_the_runs_cannot_determine_is_named() -> None:
+def test_value_that_the_runs_cannot_determine_is_named() -> None:
     subject = Curves(nothing)
     for run in subject.runs:
         shift = Parameter("shift", "m", 0.0, -np.inf, np.inf, 1e-4)
         object.__setattr__(run, "local", (shift,))
-    weak = weak_directions(fitted(subject))
-    assert weak == ["offset"]
+    assert [p.name for p, _ in undetermined_values(fitted(subject))] == ["offset"]
 
 
 def test_wild_samples_do_not_move_the_fit() -> None:
