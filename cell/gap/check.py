@@ -59,16 +59,11 @@ class Finding(Entry):
     `words` say what is seen where, `remedy` what to do.
     """
 
-    level: Level
+    level: Level = "fair"
     what: str
-    run: str
+    run: str = ""
     words: str
     remedy: str
-
-
-def _finding(what: str, words: str, remedy: str, level: Level = "fair", run: str = "") -> Finding:
-    """Finding `what`, seen as `words` in `run`, with its `remedy`."""
-    return Finding(level=level, what=what, run=run, words=words, remedy=remedy)
 
 
 def clock(t: Array) -> Iterator[Finding]:
@@ -79,19 +74,21 @@ def clock(t: Array) -> Iterator[Finding]:
     lost = _missing(t)
     if lost > LOST_ROWS[0]:
         worst = int(np.argmax(steps))
-        yield _finding(
-            "lost samples",
-            f"{100 * lost:.0f} % of the rows are missing, the longest gap {steps[worst]:.2g} s at "
-            f"{t[worst]:.2f} s", "record on a machine that keeps up, or leave the run out",
-            _level(lost, LOST_ROWS),
-        )  # fmt: skip
+        yield Finding(
+            what="lost samples",
+            words=f"{100 * lost:.0f} % of the rows are missing, the longest gap "
+            f"{steps[worst]:.2g} s at {t[worst]:.2f} s",
+            remedy="record on a machine that keeps up, or leave the run out",
+            level=_level(lost, LOST_ROWS),
+        )
     low, high = np.quantile(steps, [0.25, 0.75])
     if high - low > UNEVEN * float(np.median(steps)):
-        yield _finding(
-            "clock",
-            f"half of the steps between rows lie between {1e3 * low:.2g} and {1e3 * high:.2g} ms, "
-            "the others beyond", "stamp a reading when it is made, not when it arrives",
-        )  # fmt: skip
+        yield Finding(
+            what="clock",
+            words=f"half of the steps between rows lie between {1e3 * low:.2g} and "
+            f"{1e3 * high:.2g} ms, the others beyond",
+            remedy="stamp a reading when it is made, not when it arrives",
+        )
 
 
 def images(t: Array) -> Iterator[Finding]:
@@ -104,11 +101,12 @@ def images(t: Array) -> Iterator[Finding]:
         return
     lost = _missing(stamps)
     if lost > LOST_IMAGES[0]:
-        yield _finding(
-            "lost images", f"{100 * lost:.0f} % of the images are missing",
-            "look at light and segmentation where they are, or leave the run out",
-            _level(lost, LOST_IMAGES),
-        )  # fmt: skip
+        yield Finding(
+            what="lost images",
+            words=f"{100 * lost:.0f} % of the images are missing",
+            remedy="look at light and segmentation where they are, or leave the run out",
+            level=_level(lost, LOST_IMAGES),
+        )
 
 
 def _missing(t: Array) -> float:
@@ -126,10 +124,11 @@ def values(name: str, t: Array, value: Array, command: Array | None = None) -> I
     is_number = np.isfinite(value)
     lost = 1.0 - float(is_number.mean())
     if lost > LOST_ROWS[0]:
-        yield _finding(
-            "lost samples", f"{name} holds no number in {100 * lost:.0f} % of the rows",
-            "mend the reading, or leave the run out",
-        )  # fmt: skip
+        yield Finding(
+            what="lost samples",
+            words=f"{name} holds no number in {100 * lost:.0f} % of the rows",
+            remedy="mend the reading, or leave the run out",
+        )
     if is_number.sum() < 2:
         return
     stuck = None if command is None else _stall(name, t, value, command)
@@ -144,12 +143,13 @@ def _stall(name: str, t: Array, value: Array, command: Array) -> Finding | None:
     for first, last in _still(value):
         change = float(np.ptp(command[first : last + 1]))
         if t[last] - t[first] > STUCK and change > MOVED:
-            return _finding(
-                "stuck reading",
-                f"{name} stands still at {value[first]:.4g} from {t[first]:.2f} to {t[last]:.2f} s "
-                f"while its command moves by {change:.2g}", "mend the reading; leave the run out",
-                "bad",
-            )  # fmt: skip
+            return Finding(
+                what="stuck reading",
+                words=f"{name} stands still at {value[first]:.4g} from {t[first]:.2f} to "
+                f"{t[last]:.2f} s while its command moves by {change:.2g}",
+                remedy="mend the reading; leave the run out",
+                level="bad",
+            )
     return None
 
 
@@ -159,11 +159,12 @@ def _saturation(name: str, t: Array, value: Array) -> Iterator[Finding]:
         ends = [(a, b) for a, b in _still(value) if value[a] == limit and a > 0 and b < len(t) - 1]
         long = [t[b] - t[a] for a, b in ends if t[b] - t[a] > CLIPPED]
         if len(long) > 1:
-            yield _finding(
-                "saturation",
-                f"{name} stands {len(long)} times at its {word} value {limit:.4g}, for "
-                f"{max(long):.2g} s at most", "widen the range, or move less",
-            )  # fmt: skip
+            yield Finding(
+                what="saturation",
+                words=f"{name} stands {len(long)} times at its {word} value {limit:.4g}, for "
+                f"{max(long):.2g} s at most",
+                remedy="widen the range, or move less",
+            )
 
 
 def _still(value: Array) -> Iterator[tuple[int, int]]:
@@ -264,8 +265,9 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
     Raises ConfigurationError where there are no runs; what else cannot be read is a finding.
     """
     runs, copies = without_copies(find_runs(paths))
+    measure_again = "measure again; a copy says nothing new"
     findings = [
-        _finding("copy", copy_note(copy, first), "measure again; a copy says nothing new", run=copy)
+        Finding(what="copy", run=copy, words=copy_note(copy, first), remedy=measure_again)
         for copy, first in copies.items()
     ]
     findings += recordings(runs)
@@ -273,9 +275,11 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
         subject = open_subject(file, runs, jobs)
     except ConfigurationError as error:
         line = str(error).splitlines()[0]
-        findings.append(_finding("unreadable", line, "mend the file that it names", "bad"))
+        remedy = "mend the file that it names"
+        findings.append(Finding(what="unreadable", words=line, remedy=remedy, level="bad"))
     else:
-        findings += [_finding("run", words, "make it again") for words in subject.notes]
+        again = "make it again"
+        findings += [Finding(what="run", words=words, remedy=again) for words in subject.notes]
         findings += identifiable(subject)
     names = [run.name for run in runs]
     return Check(inputs=inputs_digest(file, runs), runs=names, findings=findings)
@@ -286,7 +290,7 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
     stated = stated_estimate(subject, subject.simulate)
     for p, s in undetermined_values(stated):
         words = f"{p.name}: known to {p.spread:.2g} {p.unit}, by these runs to {s:.2g}"
-        yield _finding(IDENTIFIABLE, words, "move faster, higher or longer")
+        yield Finding(what=IDENTIFIABLE, words=words, remedy="move faster, higher or longer")
     largest = [(c, _largest_probe(c)) for c in subject.scope.candidates]
     responses = effect_responses(subject.simulate, stated, largest)
     unabsorbed = projection(stated, robustly=False).unabsorbed(responses)
@@ -297,11 +301,11 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
             directions[name] = response / length
         else:
             words = f"{name}: the largest size tried changes the runs by only {length:.1f} sigma"
-            yield _finding(IDENTIFIABLE, words, candidate.revealed_by)
+            yield Finding(what=IDENTIFIABLE, words=words, remedy=candidate.revealed_by)
     for (first, a), (second, b) in combinations(directions.items(), 2):
         if abs(float(a @ b)) > LARGEST_CORRELATION:
             words = f"{first} and {second} change these runs alike: they cannot be separated"
-            yield _finding(IDENTIFIABLE, words, "fit, then `cell gap advise`")
+            yield Finding(what=IDENTIFIABLE, words=words, remedy="fit, then `cell gap advise`")
 
 
 def _largest_probe(candidate: Candidate) -> tuple[float, ...]:

@@ -32,11 +32,6 @@ def fit_held_out(simulate: Simulate, estimate: Estimate, evidence: Evidence) -> 
     return run_all(simulate, [refit(model, evidence, start)])[0]
 
 
-def rms(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:
-    """Root mean square residual of each displayed quantity, in its unit, averaged over runs."""
-    return _display_gaps(estimate.evidence, [raw.square for raw in estimate.raw], quantities)
-
-
 def floor(evidence: Evidence, quantities: Mapping[str, Quantity]) -> dict[str, float]:
     """Root mean square noise of single readings by displayed quantity: what a true model leaves."""
     readings = [run.samples.reading**2 for run in evidence.runs]
@@ -102,7 +97,8 @@ def bounded_excess(estimate: Estimate) -> float:
 
 def sizes(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:
     """Root mean square residual by displayed quantity, and under `excess` that of all, in noise."""
-    return {**rms(estimate, quantities), "excess": excess_of(estimate)}
+    rms = _display_gaps(estimate.evidence, [raw.square for raw in estimate.raw], quantities)
+    return {**rms, "excess": excess_of(estimate)}
 
 
 def rms_by_run(estimate: Estimate, quantities: Mapping[str, Quantity]) -> list[float]:
