@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
-from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, LikelihoodScale, gains
+from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, LikelihoodScale, gain, gains
 from cell.gap.selection.posterior import Posterior
 from drivers.types import Array
 
@@ -60,15 +60,16 @@ def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[Cro
     """Models of as many effects as `accepted` that the runs do not exclude, most probable first.
 
     Excluded is what is less than ALPHA times as probable, even if the laws of the accepted model
-    were without their errors.
+    were without their errors, and predicts runs left out no better.
     """
     least = np.log(ALPHA) - float(_model_error(accepted, fits, fits.likelihood).sum())
 
-    def lead(model: CrossValidatedFit) -> float:
-        return sets.lead(model.model.names) - sets.lead(accepted.model.names)
+    def is_open(model: CrossValidatedFit) -> bool:
+        lead = sets.lead(model.model.names) - sets.lead(accepted.model.names)
+        return lead > least or gain(model, accepted, fits.likelihood) > 0.0
 
     others = [m for m in fits.of_size(len(accepted.model.names)) if m is not accepted]
-    return sorted((m for m in others if lead(m) > least), key=lead, reverse=True)
+    return sorted(filter(is_open, others), key=lambda m: -sets.lead(m.model.names))
 
 
 def classes(accepted: CrossValidatedFit, rivals: Sequence[CrossValidatedFit]) -> list[list[str]]:

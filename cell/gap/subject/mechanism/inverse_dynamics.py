@@ -280,13 +280,10 @@ class TorqueSensors:
         forces = self.forces[:, sensor.actuator]
         return np.asarray(gear * np.einsum("mn,mn->m", forces, required))
 
-    def reading(self, sensor: Signal, required: Array) -> Array:
-        """Readings (m,) of `sensor` where the torques `required` (m, joints) [N m] act."""
-        return np.asarray(self.joint_torque(sensor, required) / self.torque_per_reading(sensor))
-
     def readings(self, required: Array) -> Array:
         """Readings (torques, m) of all sensors where the torques `required` (m, joints) act."""
-        return np.array([self.reading(s, required) for s in self.mechanism.torques])
+        return np.array([self.joint_torque(s, required) / self.torque_per_reading(s)
+                         for s in self.mechanism.torques])  # fmt: skip
 
 
 def _cache_key(motion: Motion, model: Any, readings: Readings) -> bytes:

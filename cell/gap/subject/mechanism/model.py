@@ -14,6 +14,7 @@ from drivers.types import Array
 
 POSES = 24  # at which weights and inertias are taken
 LEAST_TORQUE = 1e-9  # N m, typical torque of a joint that neither weight nor motion loads
+TURN = 2.0 * np.pi  # rad
 LEAST_WEIGHT = 1e-12  # N m, weight by which a joint without gravity would swing
 OPTION = "opt."  # prefix of the names of fields that are options of a model
 SMOOTH = 0.02  # rad/s over which compiled dry friction changes sign in a simulation
@@ -79,7 +80,8 @@ MODES: Mapping[str, Mode] = {mode.name: mode for mode in (FORWARD, PRESCRIBED, P
 class Joint:
     """Hinge or slide of a model, with typical torque [N m], rate [rad/s] and inertia [kg m^2].
 
-    `actuator` is the number of the motor that drives it, -1 where none does.
+    `actuator` is the number of the motor that drives it, -1 where none does; `travel` [rad] is the
+    largest in a recording, a turn where nothing was measured.
     """
 
     name: str
@@ -90,6 +92,7 @@ class Joint:
     torque: float
     rate: float
     inertia: float
+    travel: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,23 +238,23 @@ def check_joints(model: Any, origin: str) -> None:
         raise ConfigurationError(f"{origin}: has no joint; nothing in it can move")
 
 
-def joints_of(model: Any, rms: dict[str, tuple[float, float]], driven: dict[str, float]
-              ) -> tuple[Joint, ...]:  # fmt: skip
+def joints_of(model: Any, motion: dict[str, tuple[float, float, float]],
+              driven: dict[str, float]) -> tuple[Joint, ...]:  # fmt: skip
     """Joints of a model, with their typical torques, rates and inertias.
 
-    `rms` holds measured rates and accelerations by joint, `driven` measured torques; where nothing
-    was measured, gravity and inertia in poses drawn at random are typical.
+    `motion` holds measured rates, accelerations and travels by joint, `driven` measured torques;
+    where nothing was measured, gravity and inertia in poses drawn at random are typical.
     """
     weight, inertia = _typical_loads(model)
     found = []
     for i in range(model.njnt):
         name, dof = model.joint(i).name, int(model.jnt_dofadr[i])
-        rate, acceleration = rms.get(name, (0.0, 0.0))
+        rate, acceleration, travel = motion.get(name, (0.0, 0.0, TURN))
         torque = driven.get(name) or max(weight[dof], inertia[dof] * acceleration, LEAST_TORQUE)
         swing = float(np.sqrt(max(weight[dof], LEAST_WEIGHT) / inertia[dof]))
         found.append(Joint(name, bool(model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE),
                            int(model.jnt_qposadr[i]), dof, actuator_on(model, i), float(torque),
-                           float(rate or swing), float(inertia[dof])))  # fmt: skip
+                           float(rate or swing), float(inertia[dof]), travel))  # fmt: skip
     return tuple(found)
 
 

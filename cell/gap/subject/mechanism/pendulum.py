@@ -19,7 +19,7 @@ from cell.gap.subject.mechanism.forward_dynamics import (
     SplitModel,
 )
 from cell.gap.subject.mechanism.mechanism_file import MechanismFile, PendulumFile
-from cell.gap.subject.mechanism.model import PLANAR, Mechanism, joints_of
+from cell.gap.subject.mechanism.model import PLANAR, TURN, Mechanism, joints_of
 from cell.gap.subject.mechanism.model_source import Source, compile_model
 from cell.gap.subject.mechanism.patch import accepted_content
 from cell.gap.subject.mechanism.read_mechanism import (
@@ -135,7 +135,7 @@ def open_recordings(path: Path, pendulum: PendulumFile, found: Sequence[Recordin
     sums = np.tri(n)  # absolute angles are sums of the joints'
     signals = tuple(Signal(name, "position", 0.0, zone_of(i, n), i, sums[i], FORWARD_FLOOR, "angle")
                     for i, name in enumerate(names))  # fmt: skip
-    joints = joints_of(model, dict.fromkeys(names, (fast, 0.0)), {})
+    joints = joints_of(model, dict.fromkeys(names, (fast, 0.0, TURN)), {})
     mechanism = mechanism_of(PLANAR, described.step, source, model, joints, signals)
     check_effects(pendulum.effects, mechanism, str(path))
     return PendulumData(described, path, mechanism, tuple(_base(pendulum, mechanism)),

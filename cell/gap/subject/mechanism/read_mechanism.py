@@ -396,18 +396,18 @@ def _measured_joints(file: MechanismFile, model: Any, recordings: Sequence[Recor
     """Joints of a model, with typical rates and torques as measured in the recordings."""
     measured = {s.joint: n for n, s in file.signals.items() if s.joint and s.is_ == "position"}
     measured |= {n: n for n, kind in file.inputs.items() if kind == "position"}
-    rates = {j: _rms_rates(recordings, c) for j, c in measured.items() if j is not None}
+    motion = {j: _motion(recordings, c) for j, c in measured.items() if j is not None}
     driven = {}
     for s in signals:
         if s.kind == "torque":
             squares = [np.nanmean((s.gear * r.columns[s.name]) ** 2) for r in recordings]
             driven[model.joint(s.joint).name] = float(np.sqrt(np.mean(squares)))
-    return joints_of(model, rates, driven)
+    return joints_of(model, motion, driven)
 
 
-def _rms_rates(recordings: Sequence[Recording], column: str) -> tuple[float, float]:
-    """Rms rate and rms acceleration of a measured position, over all recordings."""
-    rates, accelerations = [], []
+def _motion(recordings: Sequence[Recording], column: str) -> tuple[float, float, float]:
+    """Rms rate and acceleration of a position over all recordings, and its largest travel."""
+    rates, accelerations, travels = [], [], []
     for r in recordings:
         x, t = r.columns[column], r.t
         known = np.isfinite(x)
@@ -416,7 +416,9 @@ def _rms_rates(recordings: Sequence[Recording], column: str) -> tuple[float, flo
         v = np.gradient(x, t)
         rates.append(np.mean(v**2))
         accelerations.append(np.mean(np.gradient(v, t) ** 2))
-    return float(np.sqrt(np.mean(rates))), float(np.sqrt(np.mean(accelerations)))
+        travels.append(float(np.ptp(x)))
+    rate, acceleration = np.sqrt(np.mean([rates, accelerations], axis=1))
+    return float(rate), float(acceleration), max(travels)
 
 
 def start_of(opened: MechanismData, recording: Recording) -> tuple[Array, Array]:

@@ -62,7 +62,10 @@ PAYLOAD = Effect(
     sentence="the last body carries a mass that the model lacks",
     of="model",
     source="point mass at the farthest site or geom of the last body",
-    parameters=lambda m: single_parameter("mass", "kg", 0.01 * m.model.body_mass[m.last_body]),
+    # of what moves, for a flange may weigh next to nothing
+    parameters=lambda m: single_parameter(
+        "mass", "kg", 0.01 * max(m.model.body_mass[_moving_bodies(m)])
+    ),
     edit=lambda m, values, fields: add_point(fields, m.last_body, values[0], tip(m, m.last_body)),
     revealed_by="the same motion at several speeds",
 )

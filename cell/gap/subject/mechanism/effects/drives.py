@@ -30,9 +30,11 @@ def bias_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 
 def _ripple_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Order, ripples per turn, and phase [rad] of each driven joint."""
-    orders = [Parameter(f"order_{j.name}", "1", ORDER, 1.0, 200.0, step=0.01, spread=ORDER,
-                        shape=True) for j in mechanism.driven.joints]  # fmt: skip
+    """Order, half a ripple in its travel or more, and phase [rad] of each driven joint."""
+    least = [float(np.clip(np.pi / j.travel, 1.0, 100.0)) for j in mechanism.driven.joints]
+    orders = [Parameter(f"order_{j.name}", "1", max(ORDER, low), low, 200.0, step=0.01,
+                        spread=ORDER, shape=True)
+              for j, low in zip(mechanism.driven.joints, least, strict=True)]  # fmt: skip
     return (*orders, *per_joint(mechanism.driven, "phase", "rad", np.full(len(orders), 0.04),
                                 signed=True, shape=True, high=100.0))  # fmt: skip
 
