@@ -30,7 +30,7 @@ from tests.lab.studies.study import Fit, Ledger, Outcome, Quantity, Statistic, S
 PAIRS = 8  # one case in so many hides two
 LACKING = (1, 3)  # of five cases, those that lack the effect
 # prior weights of the signs; the values between which they count stand in the shipped calibration
-PRIORS = {"log_odds": 3.0, "gain": 1.0, "left": -2.0, "correlated": -2.0}
+PRIORS = {"log_odds": 3.0, "gain": 1.0, "left": -2.0, "correlated": -2.0, "correlation": -2.0}
 FIRM = 2.0  # one sigma of what a sign weighs about that, in log-odds
 
 
