@@ -33,12 +33,6 @@ app.command()(exam)
 app.command()(study)
 
 
-@app.command(context_settings=PASS_ON)
-def faults(given: typer.Context) -> None:
-    """Strike folds by every fault in every state, as `study faults`."""
-    app(["study", "faults", *given.args])
-
-
 def script(given: typer.Context) -> None:
     """Run the `main` of the module of this name with the arguments that follow it."""
     module = import_module(SCRIPTS[str(given.info_name)])

@@ -26,6 +26,7 @@ from tests.support.mechanisms import write_run
 HERE = Path(__file__).parent
 LISTS = read_yaml(Path(__file__).with_suffix(".yaml"))
 RUNS, SPAN, STEP, EVERY = 4, 4.0, 1e-3, 4  # number, s, s, steps per reading
+FINER = 16  # steps in a step where commands drive: a coarse one looks like the air's drag
 SETTLE = 1.0  # s before a record, in which the servo takes the mechanism to its first place
 SERVO = 40.0  # 1/s of a servo: critically damped
 ANGLE, TORQUE = 1e-4, 0.02  # rad or m, share of a joint's torque: one sigma of a reading
@@ -100,10 +101,11 @@ def _shift(rig: Rig, size: float, rng: np.random.Generator, field: str) -> None:
 
 
 def _bend(rig: Rig, size: float, rng: np.random.Generator) -> None:
-    """Foreign cause: a joint whose axis is skewed; the first one's would tilt the base."""
+    """Foreign cause: a skewed axis; the first joint's would tilt the base, a turn be its bias."""
     joint = rng.choice(rig.driven[1:] or range(1, rig.model.njnt))
     turn, quat = np.zeros(4), rig.model.body_quat[rig.model.jnt_bodyid[joint]]
-    mujoco.mju_axisAngle2Quat(turn, rng.dirichlet(np.ones(3)) ** 0.5, BENT * size)
+    across = np.cross(rig.model.jnt_axis[joint], rng.dirichlet(np.ones(3)) ** 0.5)
+    mujoco.mju_axisAngle2Quat(turn, across / np.linalg.norm(across), BENT * size)
     mujoco.mju_mulQuat(quat, quat.copy(), turn)
 
 
@@ -214,7 +216,8 @@ def open_rig(folder: Path, name: str, *, rocks: bool = False) -> Rig:
     spec, off = read_source(path, path.parent).spec(), mujoco.mjtDisableBit
     m = _rocking(spec) if rocks else spec.compile()
     mode = known.get("mode", "prescribed")
-    m.opt.timestep, m.opt.integrator = STEP, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    m.opt.timestep = STEP / FINER if mode == "forward" else STEP
+    m.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     m.opt.disableflags |= int(off.mjDSBL_CONTACT)
     m.opt.disableflags |= 0 if mode == "forward" else int(off.mjDSBL_ACTUATION)
     m.eq_solref[:], m.dof_solimp[:, :2] = CLOSED, HARD
@@ -340,6 +343,8 @@ def _simulate(rig: Rig, wanted: Array, delay: float = 0.0) -> Columns:
             torque = data.qfrc_actuator[dofs] if forward else force
             rows.append(np.concatenate([[k * STEP - begun], data.qpos, torque, commands[-1]]))
         mujoco.mj_step2(m, data)
+        for _ in range(FINER - 1 if forward else 0):
+            mujoco.mj_step(m, data)
     table = np.array([row for row in rows if row[0] >= 0.0]).T
     keys = ["t", *rig.keys, *(f"t{i + 1}" for i in range(rig.joints)),
             *(f"u{i}" for i in range(m.nu))]  # fmt: skip

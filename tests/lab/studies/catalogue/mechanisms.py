@@ -41,8 +41,10 @@ def draw(number: int, rng: np.random.Generator) -> Values:
     others = {"outside": LISTS["outside"][mode], "wrong base": LISTS["wrong"]}
     causes = library if withheld else others.get(kind, library)
     hidden = [str(c) for c in rng.choice(causes, count, replace=False)]
-    return {"kind": kind, "model": name, "hidden": hidden, "without": hidden if withheld else [],
-            "size": float(rng.uniform(0.8, 1.6)), "seed": int(rng.integers(2**31))}  # fmt: skip
+    twins = [twin for h in hidden for twin in LISTS["twins"][mode].get(h, ())]
+    return {"kind": kind, "model": name, "hidden": hidden,
+            "without": [*hidden, *twins] if withheld else [], "size": float(rng.uniform(0.8, 1.6)),
+            "seed": int(rng.integers(2**31))}  # fmt: skip
 
 
 def measure(case: Values) -> Values:
@@ -102,8 +104,7 @@ def score(
 
 def accepted(case: Values, values: Values) -> Values:
     """Facts on what a verdict on a mechanism accepted, as the study of confidence has them."""
-    hidden = [str(h) for h in np.atleast_1d(case["hidden"]) if h != "nothing"]
-    false, suspected = values.get("false", values.get("wrong")), values["suspected"] or None
+    hidden, false, suspected = case["hidden"], values["false"], values["suspected"] or None
     return {"is_named": values["verdict"] == "named", "is_right": not false, "hidden": hidden,
             "answer": [] if case["kind"] == "outside" or "wrong_geometry" in hidden else hidden,
             "suspect_right": suspected and suspected == hidden, "signs": values["signs"],
