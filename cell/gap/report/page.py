@@ -77,6 +77,7 @@ def candidate_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     )
     return {
         "note": note,
+        "found": bool(findings.accepted.model.effects),
         "dead": ", ".join(p.candidate.name for p in findings.screen.probed if p.dead),
         "rows": [_candidate_row(row, row.name == accepted) for row in verdict.candidates],
     }
@@ -123,7 +124,6 @@ def held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
               for word, fit in fits.items()}  # fmt: skip
     typical = int(np.argsort(by_run["before"])[len(names) // 2])
     return {
-        "base": ", ".join(p.name.replace("_", " ") for p in findings.subject.scope.base),
         "typical": names[typical],
         "midlines": _midline_figure(findings, before.evidence.runs[typical].name),
         "traces": figures.residual_traces(before, after, typical, quantities),
