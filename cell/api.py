@@ -7,7 +7,7 @@ line. Paths may be text.
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import get_args
 
 import pyarrow as pa
 
@@ -36,12 +36,13 @@ from cell.record.columns import Profile, Sights, Ticks
 from cell.record.exchange.export_runs import Format
 from cell.record.exchange.export_runs import export_runs as export_to
 from cell.record.exchange.import_runs import import_runs as import_from
-from cell.record.files import run_folder
+from cell.record.files import Keep, run_folder
 from cell.record.listing import RunRow
 from cell.record.listing import list_runs as find_runs
 from cell.record.run import Run
 from cell.record.run import read_run as load_run
 from cell.report.runs_page import write_comparison
+from drivers.errors import ConfigurationError, check_known
 from drivers.strip.describe import load_plant
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect
@@ -61,7 +62,7 @@ def fold(
     runs: Place = "runs",
     configs: Place | None = None,
     speed: float | None = None,
-    frames: Literal["all", "key", "none"] | None = None,
+    frames: Keep | None = None,
     truth: bool = True,
 ) -> FoldResult:
     """Fold a strip once and record the run in a new folder below `runs`, as `cell fold` does.
@@ -73,6 +74,7 @@ def fold(
     found = find_configs(configs)
     desk = None if plant is None else load_plant(found.plant_path(str(plant)))
     choice = DeviceSelection(arm, camera, desk, seed)
+    check_known("frames", frames or "key", get_args(Keep))
     known = found.cell(), found.strip(strip), policy, Path(runs), choice
     request = Request(*known, speed=speed, record=Recording(frames, truth=truth))
     return write_pages(request, fold_once(request, calibration_of(request.cell)))
@@ -128,6 +130,7 @@ def import_runs(
 
 def export_runs(runs: Sequence[Place], kind: Format, out: Place) -> tuple[Path, ...]:
     """Write `runs` in the format `kind` into the new folder `out`; returns the files."""
+    check_known("kind", kind, get_args(Format))
     return export_to([run_folder(str(run)) for run in runs], kind, Path(out))
 
 
@@ -166,7 +169,9 @@ def fit_gap(
     overlay and patch, as `cell gap fit` does. Effects `without` are withheld
     from the library. `progress` is called with a stage and its share.
     """
-    file = _subject_file(strip or "" if model is None else model, configs)
+    if (strip is None) == (model is None):
+        raise ConfigurationError("give a strip or a model, one of the two")
+    file = _subject_file(model or strip or "", configs)
     folders = [Path(run) for run in runs]
     options = FitOptions(hold_out, without, jobs=jobs)
     return fit(folders, file, Path(out), options, progress, write_overlay)

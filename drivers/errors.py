@@ -1,7 +1,7 @@
 """Expected errors of the cell: one root class, one exit code each."""
 
 import traceback
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -77,6 +77,15 @@ def suggestion(name: str, known: Iterable[str]) -> str:
     """Text ` (did you mean ...?)` with the `known` name closest to `name`; empty for none close."""
     near = get_close_matches(name, list(known), n=1)
     return f" (did you mean {near[0]!r}?)" if near else ""
+
+
+def check_known(what: str, name: str, known: Collection[str]) -> None:
+    """Raise ConfigurationError, which lists the `known`, for another `name` of `what`."""
+    if name not in known:
+        raise ConfigurationError(
+            f"{what}: unknown name {name!r}{suggestion(name, known)}; "
+            f"allowed: {', '.join(known) or 'none'}"
+        )
 
 
 def _rebuild(kind: type[CellError], arguments: tuple[Any, ...]) -> CellError:

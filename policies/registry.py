@@ -10,7 +10,7 @@ from functools import cache, partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from drivers.errors import ConfigurationError, suggestion
+from drivers.errors import ConfigurationError, check_known
 from drivers.plugins import guarded, plugins
 
 if TYPE_CHECKING:
@@ -122,11 +122,7 @@ def make_policy(name: str, checkpoint: FilePath | None = None, *, in_rod: bool =
     """
     if name.startswith(MOTION) and checkpoint is None:
         return _standard_motion(name)
-    if name not in entries():
-        raise ConfigurationError(
-            f"policy: unknown name {name!r}{suggestion(name, entries())}; "
-            f"allowed: {', '.join(entries())}"
-        )
+    check_known("policy", name, entries())
     if checkpoint is not None and not entries()[name].learned:
         learned = ", ".join(sorted(n for n, entry in entries().items() if entry.learned))
         raise ConfigurationError(f"checkpoint: {name} has no weights; allowed only for: {learned}")

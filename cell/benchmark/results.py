@@ -8,7 +8,7 @@ from pydantic import Field
 
 from cell.config.places import Configs
 from cell.train.evaluation import EngineName
-from drivers.errors import ConfigurationError
+from drivers.errors import check_known
 from drivers.settings import Settings
 from drivers.types import Array
 from policies.registry import policy_names
@@ -75,10 +75,7 @@ def _check_names(names: tuple[str, ...], known: tuple[str, ...], option: str) ->
     """`names` without repetitions; ConfigurationError, naming the option, for one not `known`."""
     wanted = tuple(dict.fromkeys(names))
     for name in wanted:
-        if name not in known:
-            raise ConfigurationError(
-                f"--{option}: unknown name {name!r}; allowed: {', '.join(known) or 'none'}"
-            )
+        check_known(f"--{option}", name, known)
     return wanted
 
 

@@ -13,7 +13,7 @@ from cell.config.drivers import arm_names, camera_names
 from cell.config.places import PACKAGED, find_configs
 from cell.config.places import Configs as Found
 from cell.record.files import run_folder
-from drivers.errors import ConfigurationError, suggestion
+from drivers.errors import ConfigurationError, check_known
 from drivers.plugins import plugin_names
 
 if TYPE_CHECKING:
@@ -63,12 +63,8 @@ def check_names(configs: Path | None, strip: str, policy: str | None = None) -> 
     """
     if strip.partition(":")[0] != "unknown":
         find_configs(configs).strip_path(strip)
-    known = policy_names()
-    if policy is not None and ":" not in policy and policy not in known:
-        raise ConfigurationError(
-            f"--policy: unknown name {policy!r}{suggestion(policy, known)}; "
-            f"allowed: {', '.join(known)}"
-        )
+    if policy is not None and ":" not in policy:
+        check_known("--policy", policy, policy_names())
 
 
 def writable(configs: Path | None) -> Found:

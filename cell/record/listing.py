@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from cell.record.files import NOTES, RESULT, RUN, is_run, is_under_way
-from drivers.errors import ConfigurationError, suggestion
+from drivers.errors import ConfigurationError, check_known
 from drivers.files import lock_folders
 from drivers.readers import read_text
 from drivers.yaml_text import parse_yaml
@@ -113,10 +113,8 @@ def list_runs(root: Path, where: str = "", sort: str = "") -> tuple[RunRow, ...]
 def _select(rows: Sequence[RunRow], where: str, sort: str) -> tuple[RunRow, ...]:
     """Filter and sort `rows` in a database in memory, which holds nothing else."""
     key = sort.removeprefix("-")
-    if key and key not in COLUMNS:
-        raise ConfigurationError(
-            f"sort: unknown column {key!r}{suggestion(key, COLUMNS)}; allowed: {', '.join(COLUMNS)}"
-        )
+    if key:
+        check_known("sort", key, COLUMNS)
     order = f"{key} IS NULL, {key} {'DESC' if sort.startswith('-') else 'ASC'}, " if key else ""
     with closing(sqlite3.connect(":memory:")) as base:
         base.execute(f"CREATE TABLE runs (place, {', '.join(COLUMNS)})")
