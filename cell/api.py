@@ -166,8 +166,8 @@ def fit_gap(
     """Identify the effects that the model of a strip or mechanism lacks in measured `runs`.
 
     `model` is the file of a mechanism. The verdict is written into the folder `out` with report,
-    overlay and patch, as `cell gap fit` does. Effects `without` are withheld
-    from the library. `progress` is called with a stage and its share.
+    overlay and patch, as `cell gap fit` does. Effects `without` are withheld from the library.
+    `progress` is called with a stage and its share. Raises ConfigurationError for bad input.
     """
     if (strip is None) == (model is None):
         raise ConfigurationError("give a strip or a model, one of the two")

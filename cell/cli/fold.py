@@ -28,6 +28,7 @@ from cell.cli.options import (
 )
 from cell.cli.output import busy, notice, print_json, say
 from cell.config.places import check_recordable, find_configs
+from cell.record.files import REPORT
 from drivers.errors import CellError, ConfigurationError
 
 if TYPE_CHECKING:
@@ -249,7 +250,7 @@ def _print_result(result: "FoldResult", robot: str) -> None:
     if not result.run:
         notice(result.reason)
         return
-    lines = (str(result), robot, f"record: {result.run}")
+    lines = (str(result), robot, f"page: {result.run}/{REPORT}")
     sys.stdout.write("\n  ".join(filter(None, lines)) + "\n")
     sys.stdout.flush()
 

@@ -73,7 +73,7 @@ def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) 
     edge = result.edge_offset
     sentences = [
         *_edges_sentences(edge, truth.get("edge_offset")),
-        *_touch_sentences(result, d, truth),
+        _touch_sentence(result, d, truth.get("displacement")),
     ]
     reasons = (note.reason for note in result.witnesses)
     sentences += [_sentence(reason) for reason in reasons if reason != result.reason]
@@ -116,34 +116,26 @@ def _fold_headline(result: Result) -> str:
 
 
 def _edges_sentences(offset: float | None, true: object) -> list[str]:
-    """Sentences on how the laid edges lie, as measured and in truth."""
+    """Sentence on how the laid edges lie, as measured and in truth; none where not measured."""
     if offset is None:
         return []
     where = "beyond" if offset > 0 else "before"
-    lie = f"the upper edge lies {millimetres(abs(offset))} {where} the lower one"
-    sentences = [f"Laid down, {lie}."]
-    if isinstance(true, int | float):
-        sentences.append(_true_words(offset, true, "offset of the edges"))
-    return sentences
+    lies = f"the upper edge lies {millimetres(abs(offset))} {where} the lower one"
+    return [f"Laid down, {lies}{_true_words(true)}."]
 
 
-def _touch_sentences(result: Result, displacement: float, truth: Mapping[str, Any]) -> list[str]:
-    """Sentences on how the layers met, as measured and in truth."""
+def _touch_sentence(result: Result, displacement: float, true: object) -> str:
+    """Sentence on how the layers met, as measured and in truth."""
     when = "" if result.t_layer_touch is None else f" after {seconds(result.t_layer_touch)}"
     upper = f"the upper one was {side(displacement)} by {millimetres(abs(displacement))}"
-    sentences = [f"Where the layers first touched{when}, {upper}."]
-    true_displacement = truth.get("displacement")
-    if isinstance(true_displacement, int | float):
-        sentences.append(_true_words(displacement, true_displacement, "displacement"))
-    return sentences
+    return f"Where the layers first touched{when}, {upper}{_true_words(true)}."
 
 
-def _true_words(seen: float, true: float, what: str) -> str:
-    """Sentence on the `true` length [m] and the error of the measured one, `seen` [m]."""
-    return (
-        f"The twin knows the true {what}, {millimetres(true, signed=True)}: "
-        f"the camera was off by {millimetres(seen - true, signed=True)}."
-    )
+def _true_words(true: object) -> str:
+    """Text of the `true` length [m] that only the twin knows; empty where it is unknown."""
+    if not isinstance(true, int | float):
+        return ""
+    return f" (true on the twin: {millimetres(true, signed=True)})"
 
 
 def _without_displacement(run: Run, result: Result) -> PageVerdict:

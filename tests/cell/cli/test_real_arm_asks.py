@@ -127,7 +127,7 @@ def test_way_home_and_fold_of_an_emulated_robot_say_so(configs, monkeypatch, cap
     for words, out in (((), True), (("--json",), False)):
         run(monkeypatch, "fold", "--strip", "denim", *words, "--configs", configs)
         said = capsys.readouterr()
-        assert (f"  {remark}\n  record" in said.out) == out
+        assert (f"  {remark}\n  page" in said.out) == out
         assert (f"cell: {remark}" in said.err) != out
 
 
