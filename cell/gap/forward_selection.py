@@ -4,8 +4,9 @@ The models that lead the base revise it, and are fitted again beside the revised
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import takewhile
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +26,14 @@ from drivers.types import Array
 
 Progress = Callable[[str, float], None]
 """Called with the name of a stage and the share of the whole that is done."""
+
+
+class Models(NamedTuple):
+    """Fitted models: the base, the screen of effects about it, and `fits` with some of them."""
+
+    base_fit: BaseFit
+    screen: Screen
+    fits: Fits
 
 
 def revised_base(
@@ -117,77 +126,68 @@ def _secants(fit: Estimate, evidence: Evidence) -> tuple[Array, ...] | None:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class ForwardSelection:
-    """Fits models of one, two and three effects of the library to the runs of `subject`.
+def refit_singles(search: Search, models: Models, progress: Progress) -> Fits:
+    """The fits of `models` with the most promising single effects, if any can be accepted."""
+    progress("refit the best", 0.25)
+    screen, fits = models.screen, models.fits
+    least = MIN_GAIN * fits.likelihood.inefficiency
+    promising = any(s.gain > least for s in screen.singles)
+    if not (promising or models.base_fit.doubted or ranked_pairs(screen.equations, 1, least)):
+        return fits
+    return search.fit_scored_models(fits, screen.singles[: BUDGET.singles])
 
-    It adds effects to the base of `base_fit`, in the order of the `screen`.
+
+def refit_further(search: Search, models: Models, progress: Progress) -> Fits:
+    """The fits of `models` with pairs and triples of effects, and alternatives of accepted ones.
+
+    Shape parameters come first: what the law of one effect gets wrong is no second effect.
     """
+    fits = models.fits
+    if len(fits.models) == 1:
+        return fits
+    fits = fits.merge(search.free_shapes(fits))
+    if _leaves_more(fits):
+        progress("refit pairs", 0.5)
+        fits = _refit_pairs(search, models.screen, fits)
+    elif _accept(fits).model.effects:
+        progress("screen beside the accepted effect", 0.5)
+        fits = search.extend(fits, [_accept(fits)])
+    if len(_accept(fits).model.effects) == 2:
+        progress("refit triples", 0.7)
+        fits = search.extend(fits, [_accept(fits)])
+    return _refit_alternatives(search, fits)
 
-    search: Search
-    progress: Progress
-    base_fit: BaseFit
-    screen: Screen
 
-    def refit_singles(self, fits: Fits) -> Fits:
-        """`fits` with the most promising single effects, unless no effect can be accepted."""
-        self.progress("refit the best", 0.25)
-        screen = self.screen
-        least = MIN_GAIN * fits.likelihood.inefficiency
-        promising = any(s.gain > least for s in screen.singles)
-        if not (promising or self.base_fit.doubted or ranked_pairs(screen.equations, 1, least)):
+def _refit_pairs(search: Search, screen: Screen, fits: Fits) -> Fits:
+    """Fit other single effects and the most promising pairs."""
+    scores = [s for s in screen.singles if fits.of(frozenset(s.names)) is None]
+    scores = scores[: BUDGET.probed - BUDGET.singles]
+    scores += ranked_pairs(screen.equations, BUDGET.screened_pairs)
+    scores = search.shortlist(fits.base.estimate, scores, search.candidates, BUDGET.additions)
+    fits = search.fit_scored_models(fits, scores)
+    return search.extend(fits, fits.near_best(1)[: BUDGET.beam])
+
+
+def _refit_alternatives(search: Search, fits: Fits) -> Fits:
+    """Fit an accepted pair or triple without each effect, and with others in its place.
+
+    Repeats while another set is accepted than before, since each has alternatives of its own.
+    """
+    tried: set[frozenset[str]] = set()
+    while True:
+        accepted = _accept(fits)
+        names = accepted.model.names
+        if len(names) < 2 or names in tried:
             return fits
-        singles = screen.singles[: BUDGET.singles]
-        return self.search.fit_scored_models(fits, singles)
+        tried.add(names)
+        fits = search.fit_scored_models(fits, without_each(accepted))
+        reduced = [m for name in names if (m := fits.of(names - {name})) is not None]
+        fits = search.other_signs(search.extend(fits, reduced), reduced)
 
-    def refit_further(self, fits: Fits) -> Fits:
-        """`fits` with pairs and triples of effects, and with alternatives of the accepted ones.
 
-        Shape parameters come first: what the law of one effect gets wrong is no second effect.
-        """
-        if len(fits.models) == 1:
-            return fits
-        fits = fits.merge(self.search.free_shapes(fits))
-        if _leaves_more(fits):
-            fits = self._refit_pairs(fits)
-        elif self._accept(fits).model.effects:
-            self.progress("screen beside the accepted effect", 0.5)
-            fits = self.search.extend(fits, [self._accept(fits)])
-        if len(self._accept(fits).model.effects) == 2:
-            self.progress("refit triples", 0.7)
-            fits = self.search.extend(fits, [self._accept(fits)])
-        return self._refit_alternatives(fits)
-
-    def _refit_pairs(self, fits: Fits) -> Fits:
-        """Fit other single effects and the most promising pairs."""
-        self.progress("refit pairs", 0.5)
-        scores = [s for s in self.screen.singles if fits.of(frozenset(s.names)) is None]
-        scores = scores[: BUDGET.probed - BUDGET.singles]
-        scores += ranked_pairs(self.screen.equations, BUDGET.screened_pairs)
-        search, base = self.search, fits.base.estimate
-        scores = search.shortlist(base, scores, search.candidates, BUDGET.additions)
-        fits = self.search.fit_scored_models(fits, scores)
-        return self.search.extend(fits, fits.near_best(1)[: BUDGET.beam])
-
-    def _refit_alternatives(self, fits: Fits) -> Fits:
-        """Fit an accepted pair or triple without each effect, and with others in its place.
-
-        Repeats while another set is accepted than before, since each has alternatives of its own.
-        """
-        tried: set[frozenset[str]] = set()
-        while True:
-            accepted = self._accept(fits)
-            names = accepted.model.names
-            if len(names) < 2 or names in tried:
-                return fits
-            tried.add(names)
-            fits = self.search.fit_scored_models(fits, without_each(accepted))
-            reduced = [m for name in names if (m := fits.of(names - {name})) is not None]
-            fits = self.search.other_signs(self.search.extend(fits, reduced), reduced)
-
-    def _accept(self, fits: Fits) -> CrossValidatedFit:
-        """The model that would be accepted if nothing else were fitted."""
-        return choose(fits, posterior(fits, fits.likelihood))
+def _accept(fits: Fits) -> CrossValidatedFit:
+    """The model that would be accepted if nothing else were fitted."""
+    return choose(fits, posterior(fits, fits.likelihood))
 
 
 def _leaves_more(fits: Fits) -> bool:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy import special
@@ -23,7 +22,14 @@ from cell.gap.fitting.reml import (
     with_spreads,
 )
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
-from cell.gap.forward_selection import ForwardSelection, Progress, refit_on_base, revised_base
+from cell.gap.forward_selection import (
+    Models,
+    Progress,
+    refit_further,
+    refit_on_base,
+    refit_singles,
+    revised_base,
+)
 from cell.gap.selection.choice import choose, classes, join_overlapping, rivals
 from cell.gap.selection.likelihood import ALPHA, Fits, family_wise, likelihood_scale
 from cell.gap.selection.posterior import (
@@ -56,11 +62,10 @@ def investigate(
         for held in (False, True)
     )
     stages = Investigation(subject, simulate, progress, fitted, np.random.default_rng(seed))
-    search = stages.begin()
-    search = stages.extend(search, ForwardSelection.refit_singles, 0.4)
-    search = stages.extend(search, ForwardSelection.refit_further, 0.75)
+    models = stages.extend(stages.begin(), refit_singles, 0.4)
+    models = stages.extend(models, refit_further, 0.75)
     progress("judge", 0.8)
-    base_fit, fits = search.base_fit, search.fits
+    base_fit, fits = models.base_fit, models.fits
     sets = posterior(fits, fits.likelihood)
     accepted, fits = stages.choose(fits, sets)
     tests = stages.test_model(accepted, fits, sets)
@@ -69,12 +74,12 @@ def investigate(
     shown = stages.refit_held_out(base_fit.base, accepted, unseen)
     progress("advise", 0.95)
     is_gap = bool(accepted.model.effects) or base_fit.gap
-    experiments = stages.advise(search.screen, accepted, fits, tests) if is_gap else ()
+    experiments = stages.advise(models.screen, accepted, fits, tests) if is_gap else ()
     findings = Findings(
         subject=subject,
         held_out=tuple(held_out),
         base_fit=base_fit,
-        screen=search.screen,
+        screen=models.screen,
         accepted=accepted,
         fits=fits,
         posterior=sets,
@@ -85,14 +90,6 @@ def investigate(
     if decide(findings) != "unexplained":
         return findings
     return replace(findings, law=offered_law(subject, simulate, fits, shown.before, stages.rng))
-
-
-class Models(NamedTuple):
-    """Models found so far: the base, the screen of effects about it, and `fits` with effects."""
-
-    base_fit: BaseFit
-    screen: Screen
-    fits: Fits
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,23 +114,22 @@ class Investigation:
         return Models(base_fit, screen, Fits((base_fit.base,), screen.library))
 
     def extend(
-        self, known: Models, refit: Callable[[ForwardSelection, Fits], Fits], share: float
+        self, models: Models, refit: Callable[[Search, Models, Progress], Fits], share: float
     ) -> Models:
         """Fit more models by `refit`; where one leads the base, revise the base and fit them again.
 
         `share` of the whole is done by then.
         """
-        search = Search(self.simulate, self.subject.scope.candidates, known.screen.probed)
-        selection = ForwardSelection(search, self.progress, known.base_fit, known.screen)
-        fits = refit(selection, known.fits)
+        search = Search(self.simulate, self.subject.scope.candidates, models.screen.probed)
+        fits = refit(search, models, self.progress)
         revised = None
-        if fits.best is not known.fits.best:
-            revised = revised_base(self.simulate, fits, known.base_fit.scatter, self.fitted)
+        if fits.best is not models.fits.best:
+            revised = revised_base(self.simulate, fits, models.base_fit.scatter, self.fitted)
         if revised is None:
-            return known._replace(fits=fits)
+            return models._replace(fits=fits)
         self.progress("refit the base beside the best", share)
         base_fit = self.judge_base(*revised)
-        screen = self.score_candidates(base_fit, known.screen.probed)
+        screen = self.score_candidates(base_fit, models.screen.probed)
         fits = refit_on_base(search, fits, base_fit.base, base_fit.scatter, self.fitted)
         return Models(base_fit, screen, replace(fits, library=screen.library))
 
