@@ -296,11 +296,14 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
     unabsorbed = projection(stated, robustly=False).unabsorbed(responses)
     directions: dict[str, Array] = {}
     for (candidate, _), response in zip(largest, unabsorbed.T, strict=True):
-        length, name = np.linalg.norm(response), candidate.name
+        length = np.linalg.norm(response)
         if length >= PROBE_SIGMA:
-            directions[name] = response / length
+            directions[candidate.name] = response / length
         else:
-            words = f"{name}: the largest size tried changes the runs by only {length:.1f} sigma"
+            words = (
+                f"{candidate.name}: the largest size tried changes the runs by only "
+                f"{length:.1f} sigma"
+            )
             yield Finding(what=IDENTIFIABLE, words=words, remedy=candidate.revealed_by)
     for (first, a), (second, b) in combinations(directions.items(), 2):
         if abs(float(a @ b)) > LARGEST_CORRELATION:

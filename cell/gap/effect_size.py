@@ -70,7 +70,8 @@ def draw_strengths(effect: Effect, strip: StripFile, rng: np.random.Generator) -
         elif p.null is not None:
             others[p.name] = p.null
     sign = 1.0 if rng.uniform() < 0.5 else -1.0  # where the effect has both
-    p, sizes = effect.parameters[0], effect.sizes(strip)
+    p = effect.parameters[0]
+    sizes = effect.sizes(strip)
     if p.null is None:
         return Strengths(effect, others, max(p.low, min(sizes) / BELIEVABLE))
     if p.null > 0.0:
@@ -115,7 +116,8 @@ class GapModel:
             for effects in hidden
             for run, unknowns in zip(estimate.evidence.runs, local, strict=True)
         ]
-        results, count = self._subject.simulate(requests), len(local)
+        results = self._subject.simulate(requests)
+        count = len(local)
         return [self._left_by_base(results[k * count :][:count]) for k in range(len(hidden))]
 
     def _left_by_base(self, results: Sequence[Residuals]) -> Array:

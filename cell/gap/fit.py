@@ -80,9 +80,9 @@ def fit(
     """
     began = time.monotonic()
     _clear(out)
-    found = find_runs(runs)
-    hold.check([run.name for run in found], options.hold_out)
-    distinct, copies = without_copies(found)
+    folders = find_runs(runs)
+    hold.check([run.name for run in folders], options.hold_out)
+    distinct, copies = without_copies(folders)
     if not options.unchecked:
         refuse(distinct)
     subject = open_subject(file, distinct, options.jobs, options.without)

@@ -72,7 +72,8 @@ def better_base(
 
     A base that stopped in a local minimum leaves a gap that is none.
     """
-    base, tasks = fits.base.estimate, []
+    base = fits.base.estimate
+    tasks = []
     for fit in (m.estimate for m in leading):
         values, _ = fit.model.split(fit.shared)
         start = Point(values, fit.point.local)
@@ -98,7 +99,8 @@ def refit_on_base(
     `complete` are the runs with all unknowns. Models that cannot come up to the best one are
     left out. Beside another base the other sign of an effect may fit better.
     """
-    simulate, new_evidence, tasks = search.simulate, base.estimate.evidence, []
+    simulate, new_evidence = search.simulate, base.estimate.evidence
+    tasks = []
     nats = {m.model.names: gain(m, fits.base, fits.likelihood) for m in fits.models}
     for fit in (m.estimate for m in fits.models if m.model.effects):
         if within_reach(nats[fit.model.names], max(nats.values())):

@@ -154,7 +154,8 @@ class Investigation:
 
         Like the posterior it gives every absent effect of the library its spike prior.
         """
-        base, likelihood = fitted.base.estimate, likelihood_scale([fitted.base])
+        base = fitted.base.estimate
+        likelihood = likelihood_scale([fitted.base])
         library = floor_responses(base, probed, believed=self.subject.scope.believed)
         about = projection(base, nuisance=spike_responses(library))
         equations = probe_equations(about, probed)
@@ -226,16 +227,16 @@ class Investigation:
         def refine_for(fit: Estimate) -> Evidence:
             return refine(self.subject, fit.model, Point(fit.shared, unseen.start()), unseen)
 
-        known = refine_for(base.estimate)
+        base_evidence = refine_for(base.estimate)
         if not accepted.model.effects:
-            before = after = held_out_gap.fit_held_out(self.simulate, base.estimate, known)
+            before = after = held_out_gap.fit_held_out(self.simulate, base.estimate, base_evidence)
         else:
-            fine = refine_for(accepted.estimate)
+            accepted_evidence = refine_for(accepted.estimate)
             # both gaps in the same units, with the floors of either simulation
-            scales = tuple(map(np.maximum, known.scales, fine.scales))
+            scales = tuple(map(np.maximum, base_evidence.scales, accepted_evidence.scales))
             before, after = (
                 held_out_gap.fit_held_out(self.simulate, fit.estimate, replace(runs, scales=scales))
-                for fit, runs in ((base, known), (accepted, fine))
+                for fit, runs in ((base, base_evidence), (accepted, accepted_evidence))
             )
         return HeldOutFits(before, after, held_out_gap.shrink(before, after, self.rng))
 
@@ -246,7 +247,8 @@ class Investigation:
 
         Planned runs scatter in the quantities that scatter in the runs so far.
         """
-        first, likelihood = accepted.estimate, fits.likelihood
+        first = accepted.estimate
+        likelihood = fits.likelihood
         second = _alternative(screened, accepted, fits, tests)
         if second is None:
             return ()
@@ -279,6 +281,7 @@ def _alternative(
              if not p.dead and p.candidate.name not in accepted.model.names]  # fmt: skip
     if not alive:
         return None
-    candidate, (base, _) = alive[0], accepted.model.split(accepted.estimate.shared)
+    candidate = alive[0]
+    base, _ = accepted.model.split(accepted.estimate.shared)
     model = Model(accepted.model.base, (candidate,))
     return model, model.join(base, {candidate.name: np.array(candidate.probes[0][0])})

@@ -107,12 +107,12 @@ def rms_by_run(estimate: Estimate, quantities: Mapping[str, Quantity]) -> list[f
     What a true model leaves has about the scale 1, so that this is where samples count as outliers.
     """
     evidence = estimate.evidence
-    found = []
+    rms = []
     for run, r, scale in zip(evidence.runs, estimate.residuals, evidence.scales, strict=True):
         tolerance = np.array([quantities[str(name)].tolerance for name in run.samples.quantity])
         bounded = robust.bound(r * scale / np.hypot(scale, tolerance))
-        found.append(float(np.sqrt(np.mean(np.square(bounded)))))
-    return found
+        rms.append(float(np.sqrt(np.mean(np.square(bounded)))))
+    return rms
 
 
 def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrink:

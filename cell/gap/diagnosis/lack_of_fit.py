@@ -50,11 +50,13 @@ class Repeats:
         of the scatter between repeats that is left then. Only repeats are held against each other:
         what the model gets wrong of a condition is the same in all of them.
         """
-        runs, scatter = estimate.evidence.runs, pure_error(estimate, estimate.residuals)
+        runs = estimate.evidence.runs
+        scatter = pure_error(estimate, estimate.residuals)
         later = _relative_index(runs)
         if not later.any():
             return cls(scatter, scatter)
-        about, count = projection(estimate), len(estimate.shared)
+        about = projection(estimate)
+        count = len(estimate.shared)
         owner = np.repeat(np.arange(len(runs)), [len(r) for r in estimate.residuals])
         columns = about.weigh(estimate.stacked_jacobian[:, :count] * later[owner][:, None])
         form = about.form(columns)
@@ -185,7 +187,7 @@ class ResidualTest:
     def bins(self) -> dict[Place, list[int]]:
         """Row numbers of the samples in each bin, by its place; small bins are left out."""
         rows = _rows_by(place for run in self.estimate.evidence.runs for place in _places(run))
-        return {place: at for place, at in rows.items() if len(at) >= FEWEST_SAMPLES}
+        return {place: some for place, some in rows.items() if len(some) >= FEWEST_SAMPLES}
 
     def misfit(self) -> float:
         """p-value of the largest mean square residual over channels and conditions."""
@@ -205,15 +207,16 @@ class ResidualTest:
         `p` of residuals clipped as in the fit, by the largest statistic of all bins in each draw
         (Westfall and Young 1993, single-step max-T).
         """
-        residuals, bins = self.estimate.stacked_residuals / self.allowed, self.bins
+        residuals = self.estimate.stacked_residuals / self.allowed
+        bins = self.bins
         statistics, clipped, null = _strongest_statistics(
             [residuals, robust.clip_residuals(residuals)], list(bins.values()), self.noise
         )
-        found = [
+        tested = [
             Bin(*place, float(z), _tail(null, abs(z_clipped)))
             for place, z, z_clipped in zip(bins, statistics, clipped, strict=True)
         ]
-        return sorted(found, key=lambda each: -abs(each.z))
+        return sorted(tested, key=lambda each: -abs(each.z))
 
     def matching(self, fitted: Estimate, others: Sequence[Estimate]) -> list[Bin]:
         """Test in each bin how well the residuals match what the model `fitted` adds; surest first.
@@ -224,15 +227,16 @@ class ResidualTest:
         1993).
         """
         r, bins = self.estimate.stacked_residuals, self.bins
-        clipped, rows = robust.clip_residuals(r / self.allowed), list(bins.values())
+        clipped = robust.clip_residuals(r / self.allowed)
+        rows = list(bins.values())
         responses = [(r - model.stacked_residuals) / self.allowed for model in (fitted, *others)]
         sums = [_match_sums(clipped, response, rows, self.noise) for response in responses]
         largest = np.max([np.abs(drawn).max(axis=0) for _, drawn in sums], axis=0)
-        found = []
-        for (place, at), z in zip(bins.items(), sums[0][0], strict=True):
-            side = 1.0 if responses[0][at].sum() >= 0.0 else -1.0
-            found.append(Bin(*place, side * float(z), _tail(largest, z)))
-        return sorted(found, key=lambda each: (each.p, -abs(each.z)))
+        matched = []
+        for (place, samples), z in zip(bins.items(), sums[0][0], strict=True):
+            side = 1.0 if responses[0][samples].sum() >= 0.0 else -1.0
+            matched.append(Bin(*place, side * float(z), _tail(largest, z)))
+        return sorted(matched, key=lambda each: (each.p, -abs(each.z)))
 
 
 def draw_residuals(estimate: Estimate, rng: np.random.Generator) -> Array:

@@ -49,15 +49,15 @@ def advise(
     )
     model, shared = second
     other = yield requests(model, planned.runs, Point(shared, planned.start()))
-    known = _information(first)
-    found = []
+    information = _information(first)
+    rated = []
     for i, experiment in enumerate(experiments):
         difference = np.nan_to_num((other[i].mean - raw[i].mean) / planned.scales[i])
         own = np.diag([p.spread**-2 for p in planned.runs[i].local])
-        square = _unabsorbed_square(difference, jacobians[i], block_diag(known, own))
+        square = _unabsorbed_square(difference, jacobians[i], block_diag(information, own))
         sigma = likelihood.standardise(float(np.sqrt(max(0.0, square))))
-        found.append(RatedExperiment(experiment, (first.model.name, model.name), sigma))
-    return sorted(found, key=lambda a: -a.rate)
+        rated.append(RatedExperiment(experiment, (first.model.name, model.name), sigma))
+    return sorted(rated, key=lambda a: -a.rate)
 
 
 def _information(estimate: Estimate) -> Array:

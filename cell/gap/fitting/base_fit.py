@@ -46,11 +46,20 @@ def refine(subject: Subject, model: Model, point: Point, coarse: Evidence) -> Ev
 
 def stated_estimate(subject: Subject, simulate: Simulate) -> Estimate:
     """Estimate at the stated values of the base, not fitted: its residuals are taken as zero."""
-    known, model = evidence(subject.runs), Model(subject.scope.base)
-    point = Point(np.array([p.start for p in model.parameters]), known.start())
-    raw, jacobians = run_one(simulate, linearise(model, known, point))
-    nothing = tuple(np.zeros(len(r.mean)) for r in raw)
-    return Estimate(model, known, point, nothing, tuple(raw), jacobians, 1.0, 0.0)
+    measured = evidence(subject.runs)
+    model = Model(subject.scope.base)
+    point = Point(np.array([p.start for p in model.parameters]), measured.start())
+    raw, jacobians = run_one(simulate, linearise(model, measured, point))
+    return Estimate(
+        model=model,
+        evidence=measured,
+        point=point,
+        residuals=tuple(np.zeros(len(r.mean)) for r in raw),
+        raw=tuple(raw),
+        jacobians=jacobians,
+        scale=1.0,
+        objective=0.0,
+    )
 
 
 def effect_responses(

@@ -201,7 +201,8 @@ def _own_unknowns(estimate: Estimate, i: int, shared: Array) -> Array:
 def _own_response(estimate: Estimate, i: int) -> Array:
     """Derivative (k, P) of the refitted unknowns of run number `i` by the shared values."""
     count = len(estimate.shared)
-    jacobian, own = estimate.jacobians[i], estimate.jacobians[i][:, count:]
+    jacobian = estimate.jacobians[i]
+    own = jacobian[:, count:]
     weighed = own * robust.weights(estimate.residuals[i] / estimate.scale)[:, None]
     spread = np.array([p.spread for p in estimate.evidence.runs[i].local])
     curvature = weighed.T @ own / estimate.scale**2 + np.diag(spread**-2)
@@ -211,5 +212,6 @@ def _own_response(estimate: Estimate, i: int) -> Array:
 
 def _settled_response(estimate: Estimate, i: int) -> Array:
     """Derivative (n, P) of whitened residuals of run `i` by shared values, its own refitted."""
-    jacobian, count = estimate.jacobians[i], len(estimate.shared)
+    jacobian = estimate.jacobians[i]
+    count = len(estimate.shared)
     return np.asarray(jacobian[:, :count] + jacobian[:, count:] @ _own_response(estimate, i))

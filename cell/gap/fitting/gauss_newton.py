@@ -35,7 +35,8 @@ def linearise(model: Model, evidence: Evidence, point: Point) -> Task[Linearised
         batch += run_requests
         steps.append(run_steps)
     answers = yield batch
-    raw, jacobians, offset = [], [], 0
+    raw, jacobians = [], []
+    offset = 0
     for run, run_steps, scale in zip(evidence.runs, steps, evidence.scales, strict=True):
         run_answers = answers[offset : offset + 1 + run.replicate + len(run_steps)]
         offset += len(run_answers)
@@ -129,8 +130,17 @@ class Estimate:
         """Estimate at `point`: simulated residuals `raw`, whitened `jacobians` (n, size) by run."""
         r = residuals(raw, evidence)
         scale = robust.scale(np.concatenate(r))
-        found = cls(model, evidence, point, r, tuple(raw), jacobians, scale, 0.0)
-        return replace(found, objective=found.objective_at(scale))
+        estimate = cls(
+            model=model,
+            evidence=evidence,
+            point=point,
+            residuals=r,
+            raw=tuple(raw),
+            jacobians=jacobians,
+            scale=scale,
+            objective=0.0,
+        )
+        return replace(estimate, objective=estimate.objective_at(scale))
 
     @property
     def shared(self) -> Array:
@@ -155,8 +165,10 @@ class Estimate:
     @property
     def stacked_jacobian(self) -> Array:
         """Whitened Jacobian (N, size) of all runs in all unknowns."""
-        unknowns, rows = self.unknowns, self.by_run(np.arange(sum(map(len, self.residuals))))
-        full = np.zeros((sum(map(len, self.residuals)), len(unknowns.low)))
+        unknowns = self.unknowns
+        count = sum(map(len, self.residuals))
+        rows = self.by_run(np.arange(count))
+        full = np.zeros((count, len(unknowns.low)))
         for i, jacobian in enumerate(self.jacobians):
             full[np.ix_(rows[i], unknowns.columns(i))] = jacobian
         return full
@@ -177,9 +189,9 @@ class Estimate:
         gradient, curvature = np.zeros(len(z)), np.zeros((len(z), len(z)))
         for i, (r, jacobian) in enumerate(zip(self.residuals, self.jacobians, strict=True)):
             weighted = jacobian * (robust.weights(r / s) / s**2)[:, None]
-            at = unknowns.columns(i)
-            gradient[at] += weighted.T @ r
-            curvature[np.ix_(at, at)] += weighted.T @ jacobian
+            columns = unknowns.columns(i)
+            gradient[columns] += weighted.T @ r
+            curvature[np.ix_(columns, columns)] += weighted.T @ jacobian
         prior = unknowns.precision
         return NormalEquations(gradient + prior * (z - unknowns.mean), curvature + np.diag(prior))
 
@@ -239,7 +251,8 @@ def refit(
     """
     unknowns = Unknowns.of(model, evidence)
     point = unknowns.point(np.concatenate([start.shared, *start.local]))
-    fresh, mended = jacobians is None, False
+    fresh = jacobians is None
+    mended = False
     if jacobians is None:
         raw, jacobians = yield from linearise(model, evidence, point)
     else:
@@ -290,12 +303,13 @@ def _second_order_step(fit: Estimate, full: Estimate, curvature: Array, step: Ar
     What the residuals did beyond the linear promise in the `full` step is answered by the same
     linear model; weak directions, along which that was too bold, are damped.
     """
-    unknowns, gradient = fit.unknowns, np.zeros_like(step)
+    unknowns = fit.unknowns
+    gradient = np.zeros_like(step)
     rows = zip(fit.residuals, full.residuals, fit.jacobians, strict=True)
     for i, (before, after, jacobian) in enumerate(rows):
-        at = unknowns.columns(i)
-        beyond = after - before - jacobian @ step[at]
-        gradient[at] += jacobian.T @ beyond / fit.scale**2
+        columns = unknowns.columns(i)
+        beyond = after - before - jacobian @ step[columns]
+        gradient[columns] += jacobian.T @ beyond / fit.scale**2
     damped = curvature + DAMPING * np.diag(np.diag(curvature))
     equations = NormalEquations(gradient, damped)
     return equations.bounded_step(unknowns.low - full.z, unknowns.high - full.z)
@@ -307,8 +321,10 @@ def _broyden_update(fit: Estimate, trial: Estimate, curvature: Array) -> tuple[A
     They give the change of the residuals that was seen, at least change in units of what each
     unknown does; samples that either side lost change nothing.
     """
-    unknowns, change = fit.unknowns, trial.z - fit.z
-    updated, units = [], np.diag(curvature)
+    unknowns = fit.unknowns
+    change = trial.z - fit.z
+    units = np.diag(curvature)
+    updated = []
     rows = zip(fit.raw, trial.raw, fit.evidence.scales, fit.jacobians, strict=True)
     for i, (a, b, scale, jacobian) in enumerate(rows):
         columns = unknowns.columns(i)
@@ -322,7 +338,8 @@ def _broyden_update(fit: Estimate, trial: Estimate, curvature: Array) -> tuple[A
 
 def _evaluate(fit: Estimate, points: Sequence[Array]) -> Task[list[Estimate]]:
     """Estimates at `points` (size,), clipped to the bounds, with the Jacobians of `fit`; a task."""
-    model, evidence, inside = fit.model, fit.evidence, list(map(fit.unknowns.point, points))
+    model, evidence = fit.model, fit.evidence
+    inside = list(map(fit.unknowns.point, points))
     answers = yield [q for p in inside for q in requests(model, evidence.runs, p)]
     runs = len(evidence.runs)
     by_point = [answers[i * runs : (i + 1) * runs] for i in range(len(inside))]

@@ -46,10 +46,11 @@ class Model:
     def split(self, shared: Array) -> tuple[Array, dict[str, Array]]:
         """Split shared values (P,) into those of the base, and those of each effect by its name."""
         shared = shared if self.held is None else np.array(self.held)
-        effects, at = {}, len(self.base)
+        effects = {}
+        first = len(self.base)
         for effect in self.effects:
-            effects[effect.name] = shared[at : at + len(effect.parameters)]
-            at += len(effect.parameters)
+            effects[effect.name] = shared[first : first + len(effect.parameters)]
+            first += len(effect.parameters)
         return shared[: len(self.base)], effects
 
     def join(self, base: Array, effects: dict[str, Array]) -> Array:
@@ -102,6 +103,6 @@ def whiten(residuals: Residuals, scale: Array) -> Array:
     )
 
 
-def response(there: Residuals, here: Residuals, scale: Array) -> Array:
-    """Difference (n,) of whitened residuals, `there` less `here`, divided by `scale` (n,)."""
-    return whiten(there, scale) - whiten(here, scale)
+def response(moved: Residuals, start: Residuals, scale: Array) -> Array:
+    """Change (n,) of the whitened residuals from `start` to `moved`, divided by `scale` (n,)."""
+    return whiten(moved, scale) - whiten(start, scale)

@@ -76,7 +76,8 @@ class NormalEquations:
         diagonal = np.diag(self.curvature)
         ridged = self.curvature + np.diag(RIDGE * diagonal + 1e-300)
         step = best = np.zeros_like(self.gradient)
-        free, least = (diagonal > 0.0) & ~_pushed_out(self.gradient, step, low, high), 0.0
+        free = (diagonal > 0.0) & ~_pushed_out(self.gradient, step, low, high)
+        least = 0.0
         for _ in range(len(step) + 3):
             step, free = _minimise_free(self.gradient, ridged, free, step, low, high)
             slope = self.gradient + ridged @ step

@@ -75,7 +75,8 @@ def reml_spreads(estimate: Estimate) -> tuple[Spread, ...]:
     varying = {p.name: p for run in estimate.evidence.runs for p in run.local if p.random}
     if not varying or len(estimate.evidence.runs) < 2:
         return ()
-    likelihood, parameters = Likelihood.of(estimate, varying), list(varying.values())
+    likelihood = Likelihood.of(estimate, varying)
+    parameters = list(varying.values())
     fit = SpreadFit.of(likelihood, [k for k, p in enumerate(parameters) if p.common])
     fit = _add_uncommon(fit, len(varying))
     chosen = [parameters[k] for k in fit.active]
@@ -139,23 +140,25 @@ class Likelihood:
         position = np.full(len(self.usual), -1)
         position[list(active)] = np.arange(len(active))
         owner = position[self.owner]
-        kept = np.flatnonzero(owner >= 0)
-        owner = owner[kept]
+        scattering = np.flatnonzero(owner >= 0)
+        owner = owner[scattering]
         precision = shares[owner] ** -2
-        posterior = self.curvature[np.ix_(kept, kept)] + np.diag(precision)
+        posterior = self.curvature[np.ix_(scattering, scattering)] + np.diag(precision)
         unit = 1.0 / np.sqrt(np.diag(posterior))  # scales the diagonal to one
         lower = np.linalg.cholesky(posterior * unit[:, None] * unit + 1e-10 * np.eye(len(unit)))
         inverse = cho_solve((lower, True), np.eye(len(unit)))
-        scaled = inverse @ (unit * self.descent[kept])
+        descent = self.descent[scattering]
+        scaled = inverse @ (unit * descent)
         mean, variance = unit * scaled, unit**2 * np.diag(inverse)  # of u, given the shares
         half_logdet = float(np.log(np.diag(lower) / unit * shares[owner]).sum())
-        loss = half_logdet - 0.5 * float(self.descent[kept] @ mean) + 0.5 * float(shares @ shares)
-        each = 1.0 - precision * (variance + mean**2)
-        return loss, np.bincount(owner, each, len(active)) + shares**2
+        loss = half_logdet - 0.5 * float(descent @ mean) + 0.5 * float(shares @ shares)
+        slope = 1.0 - precision * (variance + mean**2)
+        return loss, np.bincount(owner, slope, len(active)) + shares**2
 
     def errors(self, active: Sequence[int], shares: Array) -> Array:
         """Standard errors (k,) of the logarithms of `shares` (k,), by the curvature of the loss."""
-        logs, curvature = np.log(shares), np.zeros(len(shares))
+        logs = np.log(shares)
+        curvature = np.zeros(len(shares))
         for i in range(len(shares)):
             step = LOG_STEP * np.eye(len(shares))[i]
             low, high = (self.loss(np.exp(logs + side * step), active)[0] for side in (-1.0, 1.0))

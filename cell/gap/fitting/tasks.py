@@ -26,21 +26,21 @@ Task = Generator[list[Request], Sequence[Residuals], T]
 def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
     """Join `tasks` into one task that advances them in lock-step and returns all their results."""
     results: dict[int, T] = {}
-    asked: dict[int, list[Request]] = {}
+    waiting: dict[int, list[Request]] = {}
 
     def advance(i: int, answer: Sequence[Residuals] | None = None) -> None:
         try:
-            asked[i] = next(tasks[i]) if answer is None else tasks[i].send(answer)
+            waiting[i] = next(tasks[i]) if answer is None else tasks[i].send(answer)
         except StopIteration as stop:
             results[i] = stop.value
 
     for i in range(len(tasks)):
         advance(i)
-    while asked:
-        order = list(asked)
-        answers = list((yield [r for i in order for r in asked[i]]))
+    while waiting:
+        order = list(waiting)
+        answers = list((yield [r for i in order for r in waiting[i]]))
         for i in order:
-            count = len(asked.pop(i))
+            count = len(waiting.pop(i))
             advance(i, answers[:count])
             answers = answers[count:]
     return [results[i] for i in range(len(tasks))]
@@ -57,11 +57,11 @@ def run_all(simulate: Simulate, tasks: Sequence[Task[T]]) -> list[T]:
     answers: Sequence[Residuals] | None = None
     while True:
         try:
-            asked = next(joint) if answers is None else joint.send(answers)
+            requests = next(joint) if answers is None else joint.send(answers)
         except StopIteration as stop:
             results: list[T] = stop.value
             return results
-        answers = simulate(asked)
+        answers = simulate(requests)
 
 
 class SimulationCache:
@@ -82,11 +82,11 @@ class SimulationCache:
         path = self._folder / f"{self._round:05d}.npz"
         self._round += 1
         self.total += len(requests)
-        asked = digest(requests)
-        answers = _read(path, asked)
+        key = digest(requests)
+        answers = _read(path, key)
         if answers is None:
             answers = list(self._simulate(requests))
-            _write(path, asked, answers)
+            _write(path, key, answers)
         return answers
 
     def erase(self) -> None:
@@ -116,11 +116,11 @@ def _correction_hash(run: Run) -> bytes:
     return h.digest()
 
 
-def _read(path: Path, asked: str) -> list[Residuals] | None:
-    """Residuals stored at `path` for the requests of the hash `asked`; None if it holds others."""
+def _read(path: Path, key: str) -> list[Residuals] | None:
+    """Residuals stored at `path` for the requests of the hash `key`; None if it holds others."""
     try:
         with np.load(path, allow_pickle=False) as stored:
-            if str(stored["asked"]) != asked:
+            if str(stored["key"]) != key:
                 return None
             edges = np.cumsum(stored["counts"])[:-1]
             means, squares = np.split(stored["mean"], edges), np.split(stored["square"], edges)
@@ -129,14 +129,14 @@ def _read(path: Path, asked: str) -> list[Residuals] | None:
     return [Residuals(m, s) for m, s in zip(means, squares, strict=True)]
 
 
-def _write(path: Path, asked: str, answers: Sequence[Residuals]) -> None:
-    """Store the residuals `answers` to the requests of the hash `asked` at `path`."""
+def _write(path: Path, key: str, answers: Sequence[Residuals]) -> None:
+    """Store the residuals `answers` to the requests of the hash `key` at `path`."""
     partial = path.with_suffix(".part")
     with writing(path, "make room, leave the folder where it is, and run the command again"):
         with partial.open("wb") as file:
             np.savez(
                 file,
-                asked=np.array(asked),
+                key=np.array(key),
                 counts=np.array([len(a.mean) for a in answers]),
                 mean=np.concatenate([a.mean for a in answers]),
                 square=np.concatenate([a.square for a in answers]),

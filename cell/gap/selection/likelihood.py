@@ -93,12 +93,12 @@ class Fits:
 
     def merge(self, more: Sequence[CrossValidatedFit]) -> "Fits":
         """Copy with the models `more`; of two with the same effects the better fit is kept."""
-        found = {m.model.names: m for m in self.models}
+        merged = {m.model.names: m for m in self.models}
         for m in more:
-            known = found.get(m.model.names)
-            if known is None or best([known.estimate, m.estimate]) is m.estimate:
-                found[m.model.names] = m
-        return replace(self, models=tuple(found.values()))
+            earlier = merged.get(m.model.names)
+            if earlier is None or best([earlier.estimate, m.estimate]) is m.estimate:
+                merged[m.model.names] = m
+        return replace(self, models=tuple(merged.values()))
 
 
 def by_loss(
@@ -128,7 +128,8 @@ def family_wise(p: Mapping[str, float], names: Sequence[str]) -> dict[str, float
 
 def holm(p: Sequence[float]) -> list[float]:
     """Family-wise p-values by Holm's step-down method (1979), in the order of `p`."""
-    order, adjusted = np.argsort(p), np.empty(len(p))
+    order = np.argsort(p)
+    adjusted = np.empty(len(p))
     steps = np.arange(len(p), 0, -1) * np.array(p)[order]
     adjusted[order] = np.minimum(1.0, np.maximum.accumulate(steps))
     return [float(v) for v in adjusted]

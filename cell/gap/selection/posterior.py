@@ -63,18 +63,18 @@ def floor_responses(
     runs = [r.samples.floor / s for r, s in zip(evidence.runs, evidence.scales, strict=True)]
     floor = np.array([allowed @ allowed for allowed in runs])
     starts = np.cumsum([0, *map(len, runs[:-1])])
-    found: dict[str, Array] = {}
+    by_effect: dict[str, Array] = {}
     for p in probed:
         firsts = np.concatenate([group[:, :1] for group in p.responses], axis=1)
         left = about.unabsorbed(firsts)
         norms = np.sqrt(np.sum((firsts if believed else left) * left, axis=0))
-        seen = norms > LEAST_NORM
-        by_run = np.add.reduceat(left[:, seen] ** 2, starts, axis=0)
+        felt = norms > LEAST_NORM
+        by_run = np.add.reduceat(left[:, felt] ** 2, starts, axis=0)
         by_run /= by_run.sum(axis=0)
         size = np.sqrt(floor @ by_run / np.sum(by_run**2, axis=0))
-        share = size / np.sqrt(max(int(seen.sum()), 1))
-        found[p.candidate.name] = firsts[:, seen] * (share / norms[seen])
-    return found
+        share = size / np.sqrt(max(int(felt.sum()), 1))
+        by_effect[p.candidate.name] = firsts[:, felt] * (share / norms[felt])
+    return by_effect
 
 
 def spike_responses(library: Mapping[str, Array]) -> list[Array]:
@@ -111,9 +111,10 @@ class Posterior:
         """Log-odds [nats] that the true set of effects satisfies `holds`; infinite if all do."""
         holding = np.array([holds(m.names) for m in self.models])
         nats = np.array([m.nats for m in self.models])
-        for_all, for_none = bool(holding.all()), not holding.any()
-        if for_all or for_none:
-            return float("inf") if for_all else float("-inf")
+        if holding.all():
+            return float("inf")
+        if not holding.any():
+            return float("-inf")
         return float(special.logsumexp(nats[holding]) - special.logsumexp(nats[~holding]))
 
     def lead(self, names: frozenset[str]) -> float:
@@ -151,7 +152,8 @@ class _SharedTerms:
         Wild samples are those of the best fit: at its own, a bad model would call wild what it does
         not explain.
         """
-        base, best = fits.base.estimate, min(fits.models, key=lambda m: m.estimate.objective)
+        base = fits.base.estimate
+        best = min(fits.models, key=lambda m: m.estimate.objective)
         r = _in_units_of(base, best.estimate)[0] / likelihood.scale
         weight = np.sqrt(robust.weights(r) / likelihood.inefficiency) / likelihood.scale
         spikes = {name: prior.immaterial * r for name, r in fits.library.items()}
@@ -173,7 +175,8 @@ class _SharedTerms:
         whitened, logdet = self._whiten(columns, share * explained)
         r, responses = whitened[:, 0], whitened[:, 1:]
         laws = slice(len(fit.model.base), len(fit.model.parameters))
-        limits, z = _with_proper_priors(fit.unknowns, laws), fit.z
+        limits = _with_proper_priors(fit.unknowns, laws)
+        z = fit.z
         precision = np.concatenate([limits.precision, np.ones(responses.shape[1] - len(z))])
         deviation = np.concatenate([z - limits.mean, np.zeros(len(precision) - len(z))])
         curvature = responses.T @ responses + np.diag(precision)
@@ -187,10 +190,12 @@ class _SharedTerms:
 
     def _whiten(self, columns: Array, law_error: Array) -> tuple[Array, float]:
         """Columns (N, k) whitened by noise and `law_error` (N,), and its log determinant."""
-        weighed, error = columns * self.weight[:, None], law_error * self.weight
+        weighed = columns * self.weight[:, None]
+        error = law_error * self.weight
         if not error.any():
             return weighed, 0.0
-        logdet, first = 0.0, 0
+        logdet = 0.0
+        first = 0
         for run in self.base.evidence.runs:
             for number in np.unique(run.samples.series):
                 rows = first + np.flatnonzero(run.samples.series == number)

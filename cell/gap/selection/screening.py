@@ -61,7 +61,7 @@ class Score:
         starts += self.probe_starts
         if self.opposite_sign is not None:
             starts.append(self.opposite_sign)
-        return [{**self._known, **values} for values in starts]
+        return [{**self._origin_values, **values} for values in starts]
 
     def joined_to(self, fit: Estimate) -> "Score":
         """Copy that adds the effects to those of `fit`, and starts from the values of that fit."""
@@ -69,7 +69,7 @@ class Score:
         return replace(self, names=names, origin=fit)
 
     @property
-    def _known(self) -> dict[str, Array]:
+    def _origin_values(self) -> dict[str, Array]:
         """Values (k,) by effect of the fit to extend, for the effects that stay."""
         if self.origin is None:
             return {}
@@ -105,7 +105,8 @@ def _secants(origin: Estimate, model: Model, score: Score) -> tuple[Array, ...] 
     """
     count, base = len(origin.shared), len(model.base)
     stacked = np.concatenate([jacobian[:, :count] for jacobian in origin.jacobians])
-    by_effect, column = dict(score.secants), base
+    by_effect = dict(score.secants)
+    column = base
     for effect in origin.model.effects:
         by_effect[effect.name] = stacked[:, column : column + len(effect.parameters)]
         column += len(effect.parameters)
@@ -272,8 +273,10 @@ def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Scor
     The amounts solve a quadratic programme, one-sided where physics fixes the sign. Groups are
     tried in the order of their upper bounds, until no other can be better.
     """
-    best, values_at_best = Score(tuple(p.candidate.name for p in members), 0.0, {}), {}
-    probe_gain, best_probe = 0.0, dict[str, Array]()  # of probes as they are, unscaled
+    best = Score(tuple(p.candidate.name for p in members), 0.0, {})
+    values_at_best: dict[str, Array] = {}
+    best_probe: dict[str, Array] = {}  # as it is, unscaled
+    probe_gain = 0.0
     bounds = equations.gain_bounds_of(members)
     for bound, choice in sorted(zip(-bounds.ravel(), np.ndindex(bounds.shape), strict=True)):
         least_probe_gain = LEAST_SHARE * best.gain
@@ -303,7 +306,8 @@ def _probes_to_fit(
     of a fit may lead to the best value.
     """
     if len(members) == 1 and _has_threshold(members[0]):
-        name, (_, *probes) = members[0].candidate.name, members[0].groups
+        name = members[0].candidate.name
+        _, *probes = members[0].groups
         return tuple({name: vector} for group in probes for vector in group)
     return (unscaled,) if unscaled else ()
 
@@ -396,9 +400,11 @@ def _bounds(candidate: Candidate) -> tuple[Array, Array]:
 
 def _mixed_values(chosen: Sequence[tuple[ProbeResponses, int]], amounts: Array) -> dict[str, Array]:
     """Parameter values (k,) by effect for the probes `chosen`, mixed in `amounts` (probes,)."""
-    values, k = {}, 0
+    values = {}
+    k = 0
     for p, group in chosen:
-        value, shapes = p.candidate.null, _shape_mask(p.candidate)
+        value = p.candidate.null
+        shapes = _shape_mask(p.candidate)
         for vector in p.groups[group]:
             scaled = value + amounts[k] * (vector - p.candidate.null)
             value = np.where(shapes, vector, scaled)

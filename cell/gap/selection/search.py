@@ -72,7 +72,8 @@ class Search:
         only if it gains more. Models that gain far less than the best after a few steps are not
         refined: the verdict may list them, but no model extends them.
         """
-        tasks, base = [], fits.base.estimate
+        tasks = []
+        base = fits.base.estimate
         candidates = self._with_shape_parameters(fits)
         for score in scores:
             earlier = fits.of(frozenset(score.names))
@@ -99,9 +100,11 @@ class Search:
         likelihood = fits.likelihood
         expected: dict[tuple[str, ...], tuple[float, Score]] = {}
         for fit in (m.estimate for m in models):
-            before, unit = fit.objective_at(likelihood.scale), (fit.scale / likelihood.scale) ** 2
+            before = fit.objective_at(likelihood.scale)
+            unit = (fit.scale / likelihood.scale) ** 2
             for score in self._screen_further(fits, fit):
-                joint, after = score.joined_to(fit), before - unit * score.gain
+                joint = score.joined_to(fit)
+                after = before - unit * score.gain
                 is_new = fits.of(frozenset(joint.names)) is None
                 if is_new and unit * score.gain > MIN_GAIN * likelihood.inefficiency:
                     expected[joint.names] = min(

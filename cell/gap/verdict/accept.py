@@ -135,8 +135,9 @@ def accept(
         _check_writable(changes)
         before = {_name(p): read_text(p) if p.exists() else ABSENT for p in changes}
         after = {_name(p): _hash(text) for p, text in changes.items()}
-        kept = {"schema": 1, "before": before, "after": after}
-        write_file(out / ACCEPTED, json.dumps(kept, indent=1))  # first: it undoes half a change
+        acceptance = {"schema": 1, "before": before, "after": after}
+        # first: it undoes half a change
+        write_file(out / ACCEPTED, json.dumps(acceptance, indent=1))
         try:
             _write(changes)
         except ConfigurationError:
@@ -190,19 +191,20 @@ def undo(out: Path, file: Path, cell_file: Path | None = None) -> AcceptResult:
 
     Raises ConfigurationError when a file has changed since. An interrupted undo is finished.
     """
-    kept = out_folder(out) / ACCEPTED
+    accepted = out_folder(out) / ACCEPTED
     with lock_folders([out, *_folders(file, cell_file)]):
-        if not kept.exists():
+        if not accepted.exists():
             raise ConfigurationError(f"{out}: was not accepted, so there is nothing to undo")
-        stored, record = read_stored(kept, Acceptance), _read_fit_record(out)
-        paths = _files_by_name(stored, kept, file, cell_file)
+        stored = read_stored(accepted, Acceptance)
+        record = _read_fit_record(out)
+        paths = _files_by_name(stored, accepted, file, cell_file)
         for name, path in paths.items():
             if stored.state(name, path) == "changed":
                 raise ConfigurationError(
                     f"{path}: has changed since the acceptance; edit it by hand"
                 )
         _check_writable(paths.values())
-        _restore(kept, stored, paths)
+        _restore(accepted, stored, paths)
     return AcceptResult(tuple(paths.values()), record.effects or record.laws or record.values)
 
 
@@ -212,31 +214,31 @@ def _restore_interrupted(out: Path, file: Path, cell_file: Path | None) -> None:
     One that changed all of its files was complete, and files that somebody changed since are left
     alone.
     """
-    kept = out / ACCEPTED
-    stored = read_stored(kept, Acceptance) if kept.exists() else None
+    accepted = out / ACCEPTED
+    stored = read_stored(accepted, Acceptance) if accepted.exists() else None
     if stored is None or _name(file) not in stored.before:
         return
-    paths = _files_by_name(stored, kept, file, cell_file)
+    paths = _files_by_name(stored, accepted, file, cell_file)
     states = {stored.state(name, path) for name, path in paths.items()}
     if "before" in states and "changed" not in states:
-        _restore(kept, stored, paths)
+        _restore(accepted, stored, paths)
 
 
-def _restore(kept: Path, stored: Acceptance, paths: Mapping[str, Path]) -> None:
-    """Write the files as they were before the acceptance `stored` in `kept`, and forget it."""
+def _restore(accepted: Path, stored: Acceptance, paths: Mapping[str, Path]) -> None:
+    """Write the files as they were before the acceptance `stored` in `accepted`, and forget it."""
     _write({path: stored.before[name] for name, path in paths.items()})
-    kept.unlink()
+    accepted.unlink()
 
 
 def _files_by_name(
-    stored: Acceptance, kept: Path, file: Path, cell_file: Path | None
+    stored: Acceptance, accepted: Path, file: Path, cell_file: Path | None
 ) -> dict[str, Path]:
     """Paths of the files of an acceptance, by their stored names.
 
     Raises ConfigurationError for any but `file`, `cell_file` and the models beside it that the
-    patches in the folder of `kept` name.
+    patches in the folder of `accepted` name.
     """
-    paths = [kept.parent / name for name in PATCHES]
+    paths = [accepted.parent / name for name in PATCHES]
     patches = [read_yaml(path) for path in paths if path.exists()]
     models = [file.parent / str(p["model"]) for p in patches if p.get("kind") == "mechanism"]
     given = {_name(p): p for p in (file, cell_file, *models) if p is not None}
@@ -245,7 +247,7 @@ def _files_by_name(
     for name in stored.before:
         if name not in given:
             raise ConfigurationError(
-                f"{kept}: names {name}, which is neither --strip nor the cell file; "
+                f"{accepted}: names {name}, which is neither --strip nor the cell file; "
                 "name the same --configs as for accept"
             )
     return {name: given[name] for name in stored.before}

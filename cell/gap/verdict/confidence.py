@@ -72,8 +72,8 @@ class Weight(Settings):
     def share(self, value: float) -> float:
         """Position of `value` between `low` and `high`, from 0 to 1."""
         ends = np.array([np.clip(value, self.low, self.high), self.low, self.high])
-        at, low, high = np.log1p(ends) if self.by_order else ends
-        return float((at - low) / (high - low))
+        clipped, low, high = np.log1p(ends) if self.by_order else ends
+        return float((clipped - low) / (high - low))
 
 
 class Calibration(Settings):
@@ -87,9 +87,9 @@ class Calibration(Settings):
     source: str = Field(min_length=1)
     belongs_to: str = ""
 
-    def probability(self, found: VerdictEvidence) -> float:
-        """Probability that a verdict with the evidence `found` names the right effects."""
-        parts = [w.weight * w.share(getattr(found, name)) for name, w in self.weights.items()]
+    def probability(self, evidence: VerdictEvidence) -> float:
+        """Probability that a verdict with this `evidence` names the right effects."""
+        parts = [w.weight * w.share(getattr(evidence, name)) for name, w in self.weights.items()]
         return float(special.expit(self.intercept + sum(parts)))
 
 

@@ -135,7 +135,8 @@ def _gains(findings: Findings) -> tuple[list[float], list[float]]:
         (base.estimate, base.left_out, accepted.estimate, accepted.left_out),
         (unseen.before, unseen.before.residuals, unseen.after, unseen.after.residuals),
     ]
-    likelihood, by_run = findings.likelihood, list[float]()
+    likelihood = findings.likelihood
+    by_run: list[float] = []
     by_quantity: dict[str, float] = defaultdict(float)
     for before, base_residuals, after, residuals in pairs:
         scales = zip(before.evidence.scales, after.evidence.scales, strict=True)
@@ -160,18 +161,19 @@ def doubtful_values(accepted: CrossValidatedFit, fits: Fits, subject: Subject) -
     """
     if not subject.scope.believed:
         return []
-    refuted, found = _strained(accepted.estimate), list[list[str]]()
+    groups: list[list[str]] = []
+    refuted = _strained(accepted.estimate)
     moved = accepted.estimate.shared - np.array([p.start for p in accepted.model.parameters])
     responses = accepted.estimate.stacked_jacobian[:, : len(moved)] * moved
     base, by_effect = accepted.model.split(responses.T)
     strained = base[[p.name in refuted for p in accepted.model.base]].sum(axis=0)
     for name, rows in by_effect.items():
         if abs(_cosine(rows.sum(axis=0), strained)) > ALIKE:
-            found.append([name, *refuted])
+            groups.append([name, *refuted])
         without = fits.of(accepted.model.names - {name})
         if without and gain(accepted, without, fits.likelihood) < MIN_GAIN:
-            found.append([name, *_strained(without.estimate)])
-    return [group for group in found if len(group) > 1]
+            groups.append([name, *_strained(without.estimate)])
+    return [group for group in groups if len(group) > 1]
 
 
 def _strained(fit: Estimate) -> list[str]:
@@ -186,7 +188,8 @@ def _cosine(a: Array, b: Array) -> float:
 
 def reasons(findings: Findings) -> list[str]:
     """Sentences on why accepted effects are not named, or the residual is not explained."""
-    repeats, fit = findings.model_tests.repeats, findings.accepted.estimate
+    repeats = findings.model_tests.repeats
+    fit = findings.accepted.estimate
     words = []
     for effect in fit.model.effects:
         p = probability(findings, effect.name)
@@ -208,14 +211,14 @@ def reasons(findings: Findings) -> list[str]:
 
 def describe_left(findings: Findings) -> str:
     """Sentence on the residuals that the accepted model leaves, and why it is not believed."""
-    quantities, shown = findings.subject.scope.quantities, findings.held_out_fits
-    after = held_out_gap.sizes(shown.after, quantities)
-    least = held_out_gap.floor(shown.before.evidence, quantities)
+    quantities = findings.subject.scope.quantities
+    after = held_out_gap.sizes(findings.held_out_fits.after, quantities)
+    noise = held_out_gap.floor(findings.held_out_fits.before.evidence, quantities)
     sizes = ", ".join(
-        f"{after[q.key]:.3g} {q.unit} of {q.key.rsplit('_', 1)[0]} (noise {least[q.key]:.2g})"
+        f"{after[q.key]:.3g} {q.unit} of {q.key.rsplit('_', 1)[0]} (noise {noise[q.key]:.2g})"
         for q in quantities.values()
         if q.key in after
     )
-    best = findings.accepted.model.name
-    of = "the refitted model" if best == "base" else f"the model with {best}"
-    return "; ".join([f"{of} leaves {sizes} on held-out runs", *reasons(findings)])
+    accepted = findings.accepted.model
+    model = f"the model with {accepted.name}" if accepted.effects else "the refitted model"
+    return "; ".join([f"{model} leaves {sizes} on held-out runs", *reasons(findings)])

@@ -73,10 +73,10 @@ def _fit_laws(subject: Subject, simulate: Simulate, fits: Fits) -> Fits:
     fit = fits.base.estimate
     terms = [t for t in subject.scope.terms if len(t.parameters) == 1]
     probed = run_all(simulate, [run_probes(fit, t) for t in terms])
-    known, plain = probe_equations(projection(fit), probed), [replace(t, probes=()) for t in terms]
-    scores = [*ranked_singles(known)[:SINGLES], *ranked_pairs(known, PAIRS)]
+    equations = probe_equations(projection(fit), probed)
+    scores = [*ranked_singles(equations)[:SINGLES], *ranked_pairs(equations, PAIRS)]
     fits = Search(simulate, terms, probed).fit_scored_models(fits, scores)
-    search = Search(simulate, plain, probed)
+    search = Search(simulate, [replace(t, probes=()) for t in terms], probed)
     for size in range(1, MOST_TERMS):
         fits = search.extend(fits, fits.near_best(size)[:1])
     return fits
@@ -84,7 +84,8 @@ def _fit_laws(subject: Subject, simulate: Simulate, fits: Fits) -> Fits:
 
 def _stable(estimate: Estimate) -> bool:
     """Whether each term keeps its sign on most halves of the runs (Meinshausen, Buehlmann 2010)."""
-    first, runs = len(estimate.model.base), len(estimate.residuals)
+    first = len(estimate.model.base)
+    runs = len(estimate.residuals)
     signs = np.sign(estimate.shared[first:])
     halves = list(combinations(range(runs), max(1, runs // 2)))
     again = [np.sign(on_runs(estimate, half)[0][first:]) for half in halves]
