@@ -14,7 +14,13 @@ from cell.gap.diagnosis.lack_of_fit import ResidualTest
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, best, refit
 from cell.gap.fitting.model import Evidence, Point
-from cell.gap.fitting.reml import Spread, clearly_differ, estimate_spreads, with_scatter
+from cell.gap.fitting.reml import (
+    Spread,
+    clearly_differ,
+    estimate_spreads,
+    with_spreads,
+    with_unknowns,
+)
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.selection.choice import choose
 from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, gain
@@ -38,8 +44,8 @@ class Models(NamedTuple):
 
 def revised_base(
     simulate: Simulate, fits: Fits, scatter: Sequence[Spread], complete: Evidence
-) -> tuple[Estimate, tuple[Spread, ...]] | None:
-    """Base model and run-to-run spreads refitted from models that lead it; None if unchanged.
+) -> tuple[Evidence, Point, tuple[Spread, ...]] | None:
+    """Runs, start and spreads for a new fit of the base, from models that lead it; else None.
 
     `complete` are the runs with all unknowns. A base that lacks an effect takes a part of it for
     scatter, or does not see the scatter for it, and may have stopped in a local minimum.
@@ -52,7 +58,8 @@ def revised_base(
     current = {s.name: s.value for s in scatter}
     if better is None and not clearly_differ(current, {s.name: s.value for s in spreads}):
         return None
-    return with_scatter(better or fits.base.estimate, spreads, complete), spreads
+    start = better or fits.base.estimate
+    return *with_unknowns(start, with_spreads(complete, spreads)), spreads
 
 
 def leading_models(fits: Fits) -> list[CrossValidatedFit]:
@@ -104,7 +111,7 @@ def refit_on_base(
     nats = {m.model.names: gain(m, fits.base, fits.likelihood) for m in fits.models}
     for fit in (m.estimate for m in fits.models if m.model.effects):
         if within_reach(nats[fit.model.names], max(nats.values())):
-            start = with_scatter(fit, spreads, complete).point
+            _, start = with_unknowns(fit, with_spreads(complete, spreads))
             tasks.append(
                 refit(fit.model, new_evidence, start, _secants(fit, new_evidence), ROUGH_GAIN)
             )

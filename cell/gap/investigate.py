@@ -18,8 +18,8 @@ from cell.gap.fitting.reml import (
     Spread,
     estimate_spreads,
     reml_spreads,
-    with_scatter,
     with_spreads,
+    with_unknowns,
 )
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.forward_selection import (
@@ -31,7 +31,7 @@ from cell.gap.forward_selection import (
     revised_base,
 )
 from cell.gap.selection.choice import choose, classes, join_overlapping, rivals
-from cell.gap.selection.likelihood import ALPHA, Fits, family_wise, likelihood_scale
+from cell.gap.selection.likelihood import ALPHA, Fits, holm, likelihood_scale
 from cell.gap.selection.posterior import (
     Posterior,
     floor_responses,
@@ -107,7 +107,8 @@ class Investigation:
         self.progress("refit the base", 0.02)
         rough = refit_base(self.simulate, Model(self.subject.scope.base), self.fitted)
         scatter = reml_spreads(rough)
-        base_fit = self.judge_base(with_scatter(rough, scatter, self.fitted), scatter)
+        runs, start = with_unknowns(rough, with_spreads(self.fitted, scatter))
+        base_fit = self.judge_base(runs, start, scatter)
         self.progress("screen the candidates", 0.12)
         probes = [run_probes(base_fit.base.estimate, c) for c in self.subject.scope.candidates]
         screen = self.score_candidates(base_fit, run_all(self.simulate, probes))
@@ -133,12 +134,13 @@ class Investigation:
         fits = refit_on_base(search, fits, base_fit.base, base_fit.scatter, self.fitted)
         return Models(base_fit, screen, replace(fits, library=screen.library))
 
-    def judge_base(self, rough: Estimate, scatter: Sequence[Spread]) -> BaseFit:
-        """Refit the model without effects by the fine simulation, from its coarse fit `rough`.
+    def judge_base(self, coarse: Evidence, start: Point, scatter: Sequence[Spread]) -> BaseFit:
+        """Fit the model without effects to the runs `coarse` by the fine simulation, from `start`.
 
         Its residuals are tested against noise, repeats and priors; `scatter` is passed on.
         """
-        base = refit_fine(self.subject, self.simulate, rough)
+        model = Model(self.subject.scope.base)
+        base = refit_fine(self.subject, self.simulate, model, coarse, start)
         test = ResidualTest.of(base, self.rng)
         return BaseFit(
             base=run_one(self.simulate, validate(base)),
@@ -160,17 +162,17 @@ class Investigation:
         about = projection(base, nuisance=spike_responses(library))
         equations = probe_equations(about, probed)
         singles = ranked_singles(equations)
+        p = {c.name: 1.0 for c in self.subject.scope.candidates}
         size = {c.name: len(c.parameters) for c in self.subject.scope.candidates}
-        p = {  # likelihood ratios
-            name: float(special.chdtrc(size[name], 2.0 * s.gain / likelihood.inefficiency))
-            for s in singles
-            for name in s.names
-        }
+        for score in singles:
+            (name,) = score.names
+            ratio = 2.0 * score.gain / likelihood.inefficiency
+            p[name] = float(special.chdtrc(size[name], ratio))
         return Screen(
             probed=tuple(probed),
             equations=equations,
             singles=tuple(singles),
-            p=family_wise(p, list(size)),
+            p=holm(p),
             detectable=detection_limits(about, probed, likelihood),
             library=library,
         )
@@ -183,7 +185,8 @@ class Investigation:
         rough = choose(fits, sets)
         if not rough.model.effects:
             return rough, fits
-        fine = refit_fine(self.subject, self.simulate, rough.estimate)
+        fit = rough.estimate
+        fine = refit_fine(self.subject, self.simulate, fit.model, fit.evidence, fit.point)
         refined = run_one(self.simulate, validate(fine))
         models = tuple(refined if m is rough else m for m in fits.models)
         return refined, replace(fits, models=models)
@@ -200,13 +203,13 @@ class Investigation:
             [*classes(accepted, close), *doubtful_values(accepted, fits, self.subject)]
         )
         scatter = estimate_spreads(self.simulate, best, self.fitted)
-        start = with_scatter(best, scatter, self.fitted)
+        runs, start = with_unknowns(best, with_spreads(self.fitted, scatter))
         return ModelTests(
             misfit=residual_test.misfit(),
             repeats=residual_test.repeats,
             rivals=tuple(close),
             classes=tuple(map(tuple, alike)),
-            sized=run_one(self.simulate, refit(start.model, start.evidence, start.point)),
+            sized=run_one(self.simulate, refit(best.model, runs, start)),
             scatter=scatter,
             places=self._matching_places(accepted, fits),
         )

@@ -104,7 +104,7 @@ def sizes(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, f
 def rms_by_run(estimate: Estimate, quantities: Mapping[str, Quantity]) -> list[float]:
     """Root mean square residual of each run, in units of noise, floor and tolerance together.
 
-    What a true model leaves has about the scale 1, so that this is where samples count as outliers.
+    A true model leaves about 1 in these units, by which outliers are bounded.
     """
     evidence = estimate.evidence
     rms = []

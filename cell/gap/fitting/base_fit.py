@@ -33,10 +33,11 @@ def strains(estimate: Estimate) -> dict[str, float]:
     return {p.name: (float(v) - p.start) / p.spread for p, v in pairs if np.isfinite(p.spread)}
 
 
-def refit_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimate:
-    """Refit the estimate `rough` to runs that are corrected for coarse time steps and grids."""
-    runs = refine(subject, rough.model, rough.point, rough.evidence)
-    return run_one(simulate, refit(rough.model, runs, rough.point))
+def refit_fine(
+    subject: Subject, simulate: Simulate, model: Model, coarse: Evidence, start: Point
+) -> Estimate:
+    """Fit `model`, from `start`, to `coarse` runs corrected for coarse time steps and grids."""
+    return run_one(simulate, refit(model, refine(subject, model, start, coarse), start))
 
 
 def refine(subject: Subject, model: Model, point: Point, coarse: Evidence) -> Evidence:

@@ -279,12 +279,19 @@ def with_spreads(evidence: Evidence, spreads: Sequence[Spread]) -> Evidence:
     return Evidence(tuple(runs), evidence.scales)
 
 
-def with_scatter(estimate: Estimate, spreads: Sequence[Spread], complete: Evidence) -> Estimate:
-    """Copy of `estimate` on the runs `complete`, whose random unknowns have priors `spreads`.
+def with_unknowns(estimate: Estimate, complete: Evidence) -> tuple[Evidence, Point]:
+    """Runs of `estimate` with the unknowns of `complete`, and its values, new ones at their start.
 
-    Only its model, evidence and point are valid: residuals are those of the old fit.
+    A fit can begin there; samples and their scales stay those of the estimate.
     """
-    return _with_unknowns(estimate, with_spreads(complete, spreads))
+    unknowns_of = {run.name: run.local for run in complete.runs}
+    runs, local = [], []
+    for run, local_values in zip(estimate.evidence.runs, estimate.point.local, strict=True):
+        value_of = {p.name: float(v) for p, v in zip(run.local, local_values, strict=True)}
+        local.append(np.array([value_of.get(p.name, p.start) for p in unknowns_of[run.name]]))
+        runs.append(replace(run, local=unknowns_of[run.name]))
+    evidence = Evidence(tuple(runs), estimate.evidence.scales)
+    return evidence, Point(estimate.shared, tuple(local))
 
 
 def estimate_spreads(
@@ -297,21 +304,9 @@ def estimate_spreads(
     """
     if not any(p.random for run in complete.runs for p in run.local):
         return ()
-    extended = _with_unknowns(estimate, complete)
-    refitted = refit(extended.model, extended.evidence, extended.point, enough=ROUGH_GAIN)
+    evidence, start = with_unknowns(estimate, complete)
+    refitted = refit(estimate.model, evidence, start, enough=ROUGH_GAIN)
     return reml_spreads(run_one(simulate, refitted))
-
-
-def _with_unknowns(estimate: Estimate, complete: Evidence) -> Estimate:
-    """Copy of `estimate` with all unknowns of the runs `complete`, new ones at their start."""
-    unknowns_of = {run.name: run.local for run in complete.runs}
-    runs, local = [], []
-    for run, local_values in zip(estimate.evidence.runs, estimate.point.local, strict=True):
-        value_of = {p.name: float(v) for p, v in zip(run.local, local_values, strict=True)}
-        local.append(np.array([value_of.get(p.name, p.start) for p in unknowns_of[run.name]]))
-        runs.append(replace(run, local=unknowns_of[run.name]))
-    evidence = Evidence(tuple(runs), estimate.evidence.scales)
-    return replace(estimate, evidence=evidence, point=Point(estimate.shared, tuple(local)))
 
 
 def covariance(estimate: Estimate, inefficiency: float) -> Array:

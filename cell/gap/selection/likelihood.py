@@ -121,15 +121,9 @@ def likelihood_ratio_p(
     return float(special.chdtrc(freedom, max(0.0, 2.0 * (nested - loss) / likelihood.inefficiency)))
 
 
-def family_wise(p: Mapping[str, float], names: Sequence[str]) -> dict[str, float]:
-    """Family-wise p-values of all `names`, by Holm's method; p = 1 for names that `p` lacks."""
-    return dict(zip(names, holm([p.get(name, 1.0) for name in names]), strict=True))
-
-
-def holm(p: Sequence[float]) -> list[float]:
-    """Family-wise p-values by Holm's step-down method (1979), in the order of `p`."""
-    order = np.argsort(p)
-    adjusted = np.empty(len(p))
-    steps = np.arange(len(p), 0, -1) * np.array(p)[order]
-    adjusted[order] = np.minimum(1.0, np.maximum.accumulate(steps))
-    return [float(v) for v in adjusted]
+def holm(p: Mapping[str, float]) -> dict[str, float]:
+    """Family-wise p-values by name, from single ones `p`, by Holm's step-down method (1979)."""
+    order = sorted(p, key=lambda name: p[name])
+    steps = np.arange(len(p), 0, -1) * np.array([p[name] for name in order])
+    adjusted = np.minimum(1.0, np.maximum.accumulate(steps))
+    return dict(zip(order, map(float, adjusted), strict=True))

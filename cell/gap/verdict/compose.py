@@ -9,7 +9,7 @@ from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.reml import Spread, covariance, degrees_of_freedom
-from cell.gap.selection.likelihood import family_wise, gains, likelihood_ratio_p
+from cell.gap.selection.likelihood import gains, holm, likelihood_ratio_p
 from cell.gap.selection.screening import Score
 from cell.gap.subject.subject import Candidate, Parameter
 from cell.gap.verdict.decision import (
@@ -159,7 +159,7 @@ def _candidates(findings: Findings) -> list[CandidateEntry]:
     fits, scope = findings.fits, findings.subject.scope
     raw = {m.model.name: likelihood_ratio_p(m, fits.base, findings.likelihood)
            for m in fits.models if m.model.effects}  # fmt: skip
-    p = raw | family_wise(raw, [c.name for c in scope.candidates])
+    p = raw | holm({c.name: raw.get(c.name, 1.0) for c in scope.candidates})
     rows = [_compare_with_base(findings, m, p[m.model.name])
             for m in fits.models if m.model.effects]  # fmt: skip
     scores = {score.names[0]: score for score in findings.screen.singles}

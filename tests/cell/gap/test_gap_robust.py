@@ -71,7 +71,7 @@ def test_what_the_grain_of_a_model_leaves_is_no_gap_and_it_is_fitted_by_its_own(
     assert judged(Curves(hidden(wave, 0.01)))[1].verdict == "named"
     subject = Grained(hidden(wave, 0.3))
     for rough in (fitted(subject), fitted(subject, ("wave",))):
-        fine = refit_fine(subject, subject.simulate, rough)
+        fine = refit_fine(subject, subject.simulate, rough.model, rough.evidence, rough.point)
         assert fine.evidence.scales[0] == pytest.approx(np.hypot(subject.noise, GRAIN))
 
 

@@ -23,7 +23,8 @@ def test_bounded_step_is_the_minimum_within_the_bounds() -> None:
 
 
 def test_holm_probabilities_are_the_textbook_ones() -> None:
-    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    textbook = {"a": 0.03, "b": 0.06, "c": 0.06, "d": 0.02}
+    assert holm({"a": 0.01, "b": 0.04, "c": 0.03, "d": 0.005}) == pytest.approx(textbook)
 
 
 def test_inefficiency_of_correlated_noise_is_that_of_its_process() -> None:
