@@ -125,6 +125,7 @@ def import_runs(
         None if mapping is None else Path(mapping),
         Path(out),
         check,
+        length=lambda name: found.strip(name).length,
     )
 
 

@@ -95,8 +95,9 @@ def _convert(
 
     remarks, known = list[str](), found.strip_names()
     made = convert(
-        places, mapping, out, lambda run: remarks.extend(check_fold(known, found.strip, run))
-    )
+        places, mapping, out, lambda run: remarks.extend(check_fold(known, found.strip, run)),
+        length=lambda name: found.strip(name).length,
+    )  # fmt: skip
     for remark in remarks:
         notice(remark)
     return made

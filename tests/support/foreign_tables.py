@@ -12,7 +12,7 @@ T = np.arange(0.0, 3.0, 0.01)
 X = LENGTH - 0.1 * np.clip(T - 0.5, 0.0, None)
 Z = 0.06 * np.clip(T, 0.0, 0.5) / 0.5 + 0.08 * np.clip(T - 0.5, 0.0, None)
 STAMPS = np.arange(0.503, 2.9, 1 / 30)
-CONTACT = 0.4 - 0.05 * STAMPS
+CONTACT = np.interp(STAMPS, T, X) - 0.28
 POINTS = np.linspace(0.0, 1.0, 12)
 MAPPING = yaml.safe_load("""
 schema: 1

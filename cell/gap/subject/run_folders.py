@@ -1,6 +1,5 @@
 """Finds folders of measured runs, without copies, and reads tables of all subjects."""
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,10 @@ from drivers.readers import read_parquet
 from drivers.types import Array
 
 TABLES = (TICKS, PROFILE, "angles.parquet", SIGNALS, JOINTS)
+
+ROUNDING = 1e-5  # m, rad, N by which copies of one number differ that was written in other units
+TIME_ROUNDING = 1e-3  # s
+Numbers = Mapping[tuple[str, str], Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,17 +152,20 @@ def without_copies(runs: Sequence[RunFolder]) -> tuple[tuple[RunFolder, ...], Ma
     Noise makes no two runs alike in every number, however well they repeat. Raises
     ConfigurationError where a single run is left.
     """
-    first, copies = dict[bytes, RunFolder](), dict[str, str]()
+    first, copies = dict[RunFolder, Numbers](), dict[str, str]()
     for run in runs:
-        known = first.setdefault(_digest(run), run)
-        if known is not run:
+        numbers = _numbers(run)
+        known = next((other for other, its in first.items() if _are_same(numbers, its)), None)
+        if known is None:
+            first[run] = numbers
+        else:
             copies[run.name] = known.name
     if len(first) < 2:
         raise ConfigurationError(
             f"{runs[0].path}: {len(runs)} runs hold the same measurement; a single run cannot be "
             "fitted and checked; give at least two that were measured, better ten"
         )
-    return tuple(first.values()), copies
+    return tuple(first), copies
 
 
 def copy_note(copy: str, first: str) -> str:
@@ -167,22 +173,26 @@ def copy_note(copy: str, first: str) -> str:
     return f"{copy}: holds the measurements of {first}, as a copy does, and is left out"
 
 
-def _digest(run: RunFolder) -> bytes:
-    """Hash of all measured numbers of a run, however its files encode them.
+def _numbers(run: RunFolder) -> Numbers:
+    """Measured numbers of a run by table and column, however its files encode them.
 
-    For a run that is empty or cannot be read, its path: no other run equals it, and the error is
-    reported where the run is read.
+    Empty for a run that cannot be read: no other equals it, and where it is read the error is said.
     """
-    digest, rows = hashlib.sha256(), 0
-    for name in TABLES:
-        path = run.path / name
-        if not path.is_file():
-            continue
-        try:
-            columns = read_table(path)
-        except ConfigurationError:
-            return str(run.path).encode()
-        for key, values in sorted(columns.items()):
-            digest.update(f"{name} {key} {len(values)}".encode() + values.tobytes())
-            rows += len(values)
-    return digest.digest() if rows else str(run.path).encode()
+    try:
+        tables = {name: read_table(path) for name in TABLES if (path := run.path / name).is_file()}
+    except ConfigurationError:
+        return {}
+    found = {
+        (n, key): values[np.isfinite(values)] for n in tables for key, values in tables[n].items()
+    }
+    return {key: values for key, values in found.items() if len(values)}
+
+
+def _are_same(one: Numbers, other: Numbers) -> bool:
+    """Whether all that both runs measured is equal but for the rounding of units and decimals."""
+    shared = one.keys() & other.keys()
+    return any(key != "t" for _, key in shared) and all(
+        len(one[key]) == len(other[key])
+        and np.abs(one[key] - other[key]).max() <= (TIME_ROUNDING if key[1] == "t" else ROUNDING)
+        for key in shared
+    )

@@ -8,7 +8,6 @@ import pyarrow as pa
 import pyarrow.csv as pc
 
 from cell.extras import require_library
-from cell.record.documents import write_document
 from cell.record.exchange.mapping import MAPPING, mapping_of
 from cell.record.files import runs_in
 from cell.record.run import Run, read_run
@@ -61,6 +60,6 @@ def _write(runs: Sequence[Run], kind: Format, out: Path) -> tuple[Path, ...]:
             sink = pa.BufferOutputStream()
             pc.write_csv(pa.table(dict(columns)), sink)
             replace_file(out / run.name / f"{name}.csv", sink.getvalue().to_pybytes())
-    names = mapping_of(runs, lambda table, column: (f"{table}.csv", column))
-    write_document(out / MAPPING, names)
+    mapping = mapping_of(runs, lambda table, column: (f"{table}.csv", column))
+    replace_file(out / MAPPING, mapping)
     return tuple(out / run.name for run in runs)

@@ -50,14 +50,16 @@ def import_runs(
     out: Path,
     check: Callable[[Path], object] = read_run,
     kind: type[AnyMapping] = MappingFile,
+    length: Callable[[str], float] | None = None,
 ) -> tuple[Path, ...]:
     """Import the runs in `places`, in that order; returns their new folders below `out`.
 
     A place is a folder of tables, a folder of such folders, a table, an MCAP file, or a LeRobot
     data set; what `cell export` wrote brings its own mapping. All runs are written, or none.
-    `check` reads each of them; `kind` is that of the mapping, of folds or of a mechanism. Raises
-    ConfigurationError for tables that are missing or do not hold what `mapping` says, values that
-    no run can have, or a run that is there already.
+    `check` reads each of them; `kind` is that of the mapping, of folds or of a mechanism; `length`
+    [m] is that of a strip by its name, for the mending of a mapping. Raises ConfigurationError for
+    tables that are missing or do not hold what `mapping` says, values that no run can have, or a
+    run that is there already.
     """
     stated = None if mapping is None else load(mapping, kind)
     sources = (source for place in places for source in sources_in(place, mapping))
@@ -84,7 +86,7 @@ def import_runs(
                     mapped = ", as mapped" if file == SIGNALS else ""
                     text = text.replace(str(run / file), f"{source.place(table)}{mapped}")
                 text = text.replace(str(run), str(source.path))
-                mending = _suggest_change(source, how, check, scratch)
+                mending = _suggest_change(source, how, check, scratch, length)
                 raise ConfigurationError(text + mending) from None
             with writing(out):
                 _write_film(source, run)
@@ -108,29 +110,53 @@ def _move_all(made: Sequence[Path], out: Path) -> tuple[Path, ...]:
 
 
 def _suggest_change(
-    source: Source, how: AnyMapping, check: Callable[[Path], object], scratch: Path
+    source: Source,
+    how: AnyMapping,
+    check: Callable[[Path], object],
+    scratch: Path,
+    length: Callable[[str], float] | None,
 ) -> str:
     """Text of a change of the mapping, another axis or unit, with which the run can be read.
 
-    Empty where no such change of the gripper's columns, the midline's, or both helps.
+    Empty where no such change of the gripper's columns, the strip's, or both helps.
     """
     if isinstance(how, SignalMapping):
         return ""
     changes: list[dict[str, Any]] = [{"reversed": True}, {"reversed": False}]
     changes += [{"unit": unit} for unit in LENGTHS]
-    tables = (("ticks",), ("profile",), ("ticks", "profile"))
-    columns = (("x",), ("z",), ("x", "z"), ("pitch",))
-    for change, changed, names in product(changes, tables, columns):
-        with suppress(ConfigurationError), TemporaryDirectory(dir=scratch) as tried:
-            content = how.model_dump(by_alias=True, exclude_unset=True, exclude_none=True)
-            for table, name in product(changed, names):
-                content.get(table, {}).get("columns", {}).get(name, {}).update(change)
-            run = Path(tried) / source.name
+    x = ("x", "contact_x")
+    tried = [*product(changes, (x, ("z",), (*x, "z"), ("pitch",)))]
+    with suppress(ConfigurationError):
+        tried += product([] if length is None else _zeros(source, how, length(how.strip)), (x,))
+    tables = (("ticks", "contact"), ("profile",), ("contact",), ("ticks", "profile", "contact"))
+    done = list[object]()
+    for (change, names), changed in product(tried, tables):
+        content = how.model_dump(by_alias=True, exclude_unset=True, exclude_none=True)
+        columns = {table: content[table]["columns"] for table in changed if table in content}
+        found = [(name, table) for table in columns for name in names if name in columns[table]]
+        if not found or (change, found) in done:
+            continue
+        done.append((change, found))
+        for name, table in found:
+            columns[table][name].update(change)
+        with suppress(ConfigurationError), TemporaryDirectory(dir=scratch) as place:
+            run = Path(place) / source.name
             _write_run(source, MappingFile.model_validate(content), 0, run)
             check(run)
-            stated = f"{dump_yaml(change).strip()} for {' and '.join(names)}"
-            return f"; {stated} of {' and '.join(changed)} in the mapping would mend it"
+            stated = ", ".join(dump_yaml(change).splitlines())
+            where = " of ".join(
+                " and ".join(dict.fromkeys(part)) for part in zip(*found, strict=True)
+            )
+            return f"; {stated} for {where} in the mapping would mend it"
     return ""
+
+
+def _zeros(source: Source, how: MappingFile, length: float) -> list[dict[str, Any]]:
+    """Changes by which x is counted from the strip's other end, or begins at its `length` [m]."""
+    column, begin = how.ticks.columns["x"], float(read_columns(source, how.ticks)["x"][0])
+    begin = column.offset + (-begin if column.reversed else begin)
+    zeros = ((True, begin + length), (True, length), (False, begin - length))
+    return [{"reversed": turned, "offset": round(offset, 3) + 0.0} for turned, offset in zeros]
 
 
 def sources_in(place: Path, mapping: Path | None = None) -> Iterator[Source]:

@@ -16,9 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from cell.record.documents import plain
-from cell.record.exchange.mapping import MAPPING, Source, Table, mapping_of
-from cell.record.files import FILM, RESULT, RUN
+from cell.record.exchange.mapping import MAPPING, TABLES, Source, Table, documents_of, mapping_of
+from cell.record.files import FILM
 from cell.record.film import Film, FilmWriter
 from cell.record.run import Run
 from cell.record.tables import place_rows, write_parquet
@@ -26,7 +25,6 @@ from drivers.errors import ConfigurationError
 from drivers.files import replace_file
 from drivers.readers import MEGABYTE, read_bytes, read_json, read_parquet
 from drivers.types import Array, Frame
-from drivers.yaml_text import dump_yaml
 
 TASKS, STATS = "meta/tasks.parquet", "meta/stats.json"
 TASK = "fold {} in half"
@@ -86,9 +84,8 @@ def write_lerobot(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
     _write(out / TASKS, _tasks(tasks))
     replace_file(out / STATS, json.dumps(stats).encode())
     replace_file(out / INFO, json.dumps(info).encode())
-    names = mapping_of(runs, _file_and_column)
-    names.pop("result", None)  # it comes with the run's documents
-    replace_file(out / "meta" / MAPPING, dump_yaml(plain(names)).encode())
+    mapping = mapping_of(runs, _file_and_column, TABLES[:3])  # the touch is in the documents
+    replace_file(out / "meta" / MAPPING, mapping)
     return (out,)
 
 
@@ -236,10 +233,7 @@ def _table(features: Mapping[str, Feature]) -> pa.Table:
 
 def _episode_row(run: Run, i: int, begin: int, count: int) -> dict[str, Any]:
     """Row of meta/episodes for one run; `cell/` holds the run's documents."""
-    documents = {}
-    for name in (RUN, RESULT):
-        path = run.folder / name
-        documents[f"cell/{name}"] = read_bytes(path, MEGABYTE).decode() if path.is_file() else ""
+    documents = documents_of(run).items()
     return {
         "episode_index": i,
         "tasks": [TASK.format(run.header.strip)],
@@ -249,7 +243,7 @@ def _episode_row(run: Run, i: int, begin: int, count: int) -> dict[str, Any]:
         "dataset_to_index": begin + count,
         **_place("meta/episodes", 0),
         "cell/name": run.name,
-        **documents,
+        **{f"cell/{name}": content.decode() for name, content in documents},
     }
 
 
@@ -331,9 +325,8 @@ class Episode(Source):
             raise ValueError(f"cell/name: {self.name!r} is not the name of a folder")
         mapping = root / "meta" / MAPPING
         self.documents = {MAPPING: read_bytes(mapping, MEGABYTE)} if mapping.is_file() else {}
-        for name in (RUN, RESULT):
-            if row.get(f"cell/{name}"):
-                self.documents[name] = row[f"cell/{name}"].encode()
+        ours = (key for key, value in row.items() if key.startswith("cell/") and value)
+        self.documents |= {key.removeprefix("cell/"): str(row[key]).encode() for key in ours}
         frames = read_parquet(self.path)
         of_episode = np.asarray(frames["episode_index"]) == row["episode_index"]
         self.frames = frames.filter(pa.array(of_episode))

@@ -27,13 +27,15 @@ from cell.record.columns import (
     Ticks,
     quantities,
 )
-from cell.record.files import PROFILE, SIGNALS, TICKS
+from cell.record.documents import plain
+from cell.record.files import CALIBRATION, PROFILE, RESULT, RUN, SIGNALS, TICKS
 from cell.record.header import Load, Sigma
 from cell.record.run import Run
 from drivers.errors import ConfigurationError, suggestion
 from drivers.readers import MEGABYTE, read_bytes, read_parquet, read_text
 from drivers.settings import Metres, Seconds, Settings
 from drivers.types import Array, Frame, frozen
+from drivers.yaml_text import dump_yaml
 
 PER_SECOND = {f"{unit}/s": factor for unit, factor in (LENGTHS | ANGLES).items()}
 TORQUES = {f"{unit} m": factor for unit, factor in FORCES.items()}
@@ -43,6 +45,7 @@ MEASURES |= {"t_layer_touch": TIMES, "": LENGTHS}
 """Units [SI, the first of them] by column; "" stands for all other columns."""
 OF_SIGNALS = {"t": TIMES, "": FACTORS}
 MAPPING = "mapping.yaml"  # as `cell export` names it
+TABLES = ("ticks", "contact", "profile", "result")  # of a run, as a mapping names them
 
 Name = TypeVar("Name", bound=str)
 Naming = Callable[[str, str], tuple[str, str]]
@@ -155,7 +158,7 @@ class MappingFile(Settings):
     @property
     def tables(self) -> dict[str, Table[Any]]:
         """The foreign table for each table of the run, by its file."""
-        stated = {TICKS: self.ticks, PROFILE: self.profile}
+        stated = {TICKS: self.ticks, PROFILE: self.profile, RESULT: self.result}
         return {file: table for file, table in stated.items() if table is not None}
 
 
@@ -349,8 +352,14 @@ def seconds_of(raw: pa.ChunkedArray) -> Array | None:
     return None
 
 
-def mapping_of(runs: Sequence[Run], name: Naming) -> dict[str, Any]:
-    """Contents of the mapping file of exported runs; `name` gives the format's file and column.
+def documents_of(run: Run) -> dict[str, bytes]:
+    """Documents of a run that an export takes along, by their files; empty where it has none."""
+    files = (run.folder / name for name in (RUN, RESULT, CALIBRATION))
+    return {file.name: read_bytes(file, MEGABYTE) if file.is_file() else b"" for file in files}
+
+
+def mapping_of(runs: Sequence[Run], name: Naming, tables: Sequence[str] = TABLES) -> bytes:
+    """The mapping file of exported runs; `name` gives the format's file and column.
 
     A table or column is described where every run has it, the touch where any has.
     """
@@ -370,7 +379,7 @@ def mapping_of(runs: Sequence[Run], name: Naming) -> dict[str, Any]:
     }
     if all(run.header.by_cell for run in runs):
         content["seen_by"] = "cell"
-    for table in ("ticks", "contact", "profile", "result"):
+    for table in tables:
         present = [run.tables()[table] for run in runs if table in run.tables()]
         if present and (table == "result" or len(present) == len(runs)):
             shared = [column for column in present[0] if all(column in each for each in present)]
@@ -379,4 +388,4 @@ def mapping_of(runs: Sequence[Run], name: Naming) -> dict[str, Any]:
                 c: {"column": name(table, c)[1], "unit": next(iter(units_of(c)))} for c in shared
             }
             content[table] = {"file": file, "columns": columns}
-    return content
+    return dump_yaml(plain(content)).encode()

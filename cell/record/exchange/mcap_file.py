@@ -17,17 +17,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
-from cell.record.documents import plain
 from cell.record.events import EVERY_FRAME, log_text
-from cell.record.exchange.mapping import MAPPING, Source, Table, mapping_of
-from cell.record.files import CALIBRATION, FILM, RESULT, RUN
+from cell.record.exchange.mapping import MAPPING, Source, Table, documents_of, mapping_of
+from cell.record.files import FILM
 from cell.record.film import Film
 from cell.record.frames import encode
 from cell.record.run import Run
 from drivers.errors import ConfigurationError
 from drivers.files import replacing
 from drivers.readers import MEGABYTE, read_bytes
-from drivers.yaml_text import dump_yaml
 
 if TYPE_CHECKING:
     from mcap.records import Channel, Message, Schema
@@ -36,36 +34,29 @@ if TYPE_CHECKING:
 LARGEST_FILE = 1024 * MEGABYTE
 NANOSECONDS = 1_000_000_000  # ns
 ATTACHMENT_TIME = 3600 * NANOSECONDS  # of log time at t = 0: an image from before has a time too
-ATTACHED = (RUN, RESULT, CALIBRATION)
 LOG_TIME = "log_time"  # s, a column of every topic
 TIMES = ({"nanosec", "sec"}, {"nsec", "sec"}, {"nanos", "seconds"})  # ROS 2, JSON, protobuf
 Row = dict[str, Any]
 
 
 def write_mcap(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
-    """Write a file for each run into the folder `out`, its mapping as an attachment."""
-    return tuple(_write(run, out / f"{run.name}.mcap") for run in runs)
-
-
-def _write(run: Run, path: Path) -> Path:
-    """Write one run as an MCAP file, its documents and mapping as attachments."""
+    """Write a file for each run into the folder `out`, documents and mapping as attachments."""
     from mcap.writer import Writer
 
-    with replacing(path) as scratch, scratch.open("wb") as file:
-        writer = Writer(file)
-        writer.start(profile="", library="folding-cell")
-        files = (run.folder / name for name in ATTACHED)
-        attached = {file.name: read_bytes(file, MEGABYTE) for file in files if file.is_file()}
-        names = mapping_of([run], lambda table, column: (f"/{table}", column))
-        attached[MAPPING] = dump_yaml(plain(names)).encode()
-        for name, content in attached.items():
-            writer.add_attachment(
-                ATTACHMENT_TIME, ATTACHMENT_TIME, name, "application/yaml", content
-            )
-        _write_numbers(writer, run)
-        _write_drawings(writer, run)
-        writer.finish()
-    return path
+    paths = tuple(out / f"{run.name}.mcap" for run in runs)
+    for run, path in zip(runs, paths, strict=True):
+        with replacing(path) as scratch, scratch.open("wb") as file:
+            writer = Writer(file)
+            writer.start(profile="", library="folding-cell")
+            mapping = mapping_of([run], lambda table, column: (f"/{table}", column))
+            for name, content in (documents_of(run) | {MAPPING: mapping}).items():
+                stamps = ATTACHMENT_TIME, ATTACHMENT_TIME
+                if content:
+                    writer.add_attachment(*stamps, name, "application/yaml", content)
+            _write_numbers(writer, run)
+            _write_drawings(writer, run)
+            writer.finish()
+    return paths
 
 
 def _write_numbers(writer: "Writer", run: Run) -> None:

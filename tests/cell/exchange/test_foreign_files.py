@@ -157,15 +157,15 @@ def test_comments_separators_and_times_of_a_table_are_read(tmp_path, head, row) 
     ("change", "mending"),
     [
         ({"x": {"reversed": True}}, "; reversed: false for x of ticks and profile"),
-        ({"x": {"offset": 1.2}}, "; reversed: true for x of ticks and profile"),
+        ({"x": {"offset": 1.2}}, "; reversed: false, offset: 0.0 for x of ticks and profile"),
         ({"x": {"unit": "cm"}, "z": {"unit": "mm"}}, "; unit: m for x of ticks and profile"),
-        ({"z": {"offset": 0.05}}, "z = 0"),
-        ({"z": {"factor": 9.0}}, "m; unit: cm for z of ticks and profile"),
+        ({"z": {"offset": 0.05}}, "from its fixed edge"),
+        ({"z": {"factor": 9.0}}, "edge; unit: cm for z of ticks and profile"),
     ],
 )
 def test_a_path_off_the_strip_is_refused_with_its_mending(tmp_path, change, mending) -> None:
     mapping = how(tmp_path, "tip.csv", "txz", **change)
-    with pytest.raises(ConfigurationError, match=r"flat start|half the points") as error:
+    with pytest.raises(ConfigurationError, match=r"flat start|half lie") as error:
         cell.import_runs([plain(tmp_path / "a")], tmp_path / "runs", mapping)
     assert str(error.value).removesuffix(" in the mapping would mend it").endswith(mending)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import cell
 from cell.cli.app import app
 from cell.record.documents import write_document
 from cell.record.exchange.import_runs import import_runs
@@ -43,13 +44,6 @@ def test_imported_run_holds_what_was_measured(tmp_path: Path) -> None:
     assert run.result.t_layer_touch == pytest.approx(2.8, abs=1e-6)
 
 
-def test_a_unit_of_another_quantity_is_refused(tmp_path: Path) -> None:
-    change = {"columns": MAPPING["ticks"]["columns"] | {"t": {"column": "time", "unit": "mm"}}}
-    how = mapping(tmp_path, ticks=MAPPING["ticks"] | change)
-    with pytest.raises(ConfigurationError, match="t: unit 'mm' is not known"):
-        import_runs([foreign(tmp_path / "a")], how, tmp_path / "runs")
-
-
 def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
     folder, how = foreign(tmp_path / "a"), mapping(tmp_path)
     how.write_text(how.read_text().replace("offset: 1.2", "offset: 1.1875"))
@@ -63,13 +57,24 @@ def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
     assert "is there already" in str(again.exception)
 
 
-def test_midlines_that_do_not_lead_to_the_gripper_are_refused(tmp_path: Path) -> None:
-    late, pitch = MAPPING["profile"] | {"late": 0.9}, {"column": "Fx", "unit": "rad"}
-    columns = MAPPING["ticks"]["columns"] | {"pitch": pitch | {"factor": 0.01, "reversed": True}}
-    words = ["import", str(foreign(tmp_path / "a")), "--out", str(tmp_path / "runs"), "--mapping"]
-    for changed in ({"profile": late}, {"ticks": MAPPING["ticks"] | {"columns": columns}}):
-        done = CliRunner().invoke(app, [*words, str(mapping(tmp_path, **changed))])
-        assert "points.parquet: x, z: half the midlines end" in str(done.exception)
+@pytest.mark.parametrize(
+    ("table", "column", "change", "said"),
+    [
+        ("ticks", "t", {"unit": "mm"}, "t: unit 'mm' is not known"),
+        ("profile", "t", {"offset": 0.9}, "points.parquet: x, z: half the midlines end off"),
+        ("profile", "x", {"offset": 0.027}, "points.parquet: x, z: half the midlines end beside"),
+        ("ticks", "pitch", {"column": "Fx", "unit": "deg"}, "half the midlines leave its pitch"),
+        ("contact", "contact_x", {"offset": 0.6, "reversed": True}, "half the contacts lie off"),
+        ("result", "l1", {"factor": 0.1}, "touch.csv: l1: ends before the gripper by 0.2"),
+        ("result", "l1", {"factor": 2.0}, "touch.csv: l1, l2: are longer than the strip"),
+    ],
+)
+def test_what_contradicts_a_held_strip_is_refused(tmp_path, table, column, change, said) -> None:
+    columns = dict(MAPPING[table]["columns"])
+    columns[column] = columns.get(column, {}) | change
+    how = mapping(tmp_path, **{table: MAPPING[table] | {"columns": columns}})
+    with pytest.raises(ConfigurationError, match=said):
+        cell.import_runs([foreign(tmp_path / "a")], tmp_path / "runs", how)
 
 
 @pytest.mark.parametrize(

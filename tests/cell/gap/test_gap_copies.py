@@ -11,6 +11,7 @@ import yaml
 
 from cell.gap.fit import FitOptions, fit
 from cell.gap.subject.run_folders import find_runs, without_copies
+from tests.support.run_edits import edit_column
 
 SINGLE = Path(__file__).resolve().parents[4] / "shared" / "data" / "pendulum" / "single"
 
@@ -39,16 +40,13 @@ def test_a_copy_under_another_name_and_header_or_written_otherwise_is_counted_on
     (copy / "result.yaml").write_text("schema: 1\n")
     table = pq.read_table(a_run(tmp_path / "d", 1) / "ticks.parquet")
     pq.write_table(table.select(["x", "t"]), tmp_path / "d" / "ticks.parquet", compression="NONE")
-    assert names(tmp_path) == (["a", "b"], {"c": "a", "d": "a"})
+    edit_column(a_run(tmp_path / "e", 1) / "ticks.parquet", "x", lambda x: np.round(x, 5))
+    assert names(tmp_path) == (["a", "b"], {"c": "a", "d": "a", "e": "a"})
 
 
 def test_runs_that_differ_in_one_number_are_no_copies(tmp_path) -> None:
     a_run(tmp_path / "a", 1)
-    path = a_run(tmp_path / "b", 1) / "ticks.parquet"
-    table = pq.read_table(path)
-    x = np.array(table["x"]).copy()
-    x[3] = np.nextafter(x[3], 1.0)
-    pq.write_table(pa.table({"t": table["t"], "x": x}), path)
+    edit_column(a_run(tmp_path / "b", 1) / "ticks.parquet", "x", lambda x: x + 1e-4 * (x == x[3]))
     assert names(tmp_path) == (["a", "b"], {})
 
 

@@ -1,6 +1,6 @@
 """Reads measured folds, checks them, and reduces them to the quantities that are compared."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -26,7 +26,6 @@ LENGTHS = ("contact_x", "profile", "gripper", "displacement")  # with a noise in
 FASTEST_GRIPPER = 5.0  # m/s, faster than any arm
 FASTEST_TURN = 30.0  # rad/s, faster than any arm
 SHORTEST_INTERVAL = 0.01  # s, over shorter times noise looks like speed
-JUMPS = 3  # that may be slips of an instrument
 JUMP_SIGMAS = 10  # standard deviations of noise by which positions may differ without motion
 TOUCHED = NOT_FOLDED | {"layer_touch"}  # the touch is a measurement, whatever came after it
 LEAST = 30  # rows of a usable run
@@ -37,11 +36,13 @@ START_NOTED = 0.006  # m, beyond which a start is remarked on, as preflight allo
 HANGING_TOLERANCE = 0.3  # rad of pitch from upright at a hanging start
 IMAGE_TIME_MARGIN = 1.0  # s, no image is so long before the first or after the last row
 TOUCH_TIME_MARGIN = 1.0  # s after the last row in which a touch may still be stated
-FARTHEST = 1.2  # of the strip's length, beyond which a length on it is in another unit
-HELD_TOLERANCE = 0.03  # m from the gripper within which at least half of the midlines end
-TURN_TOLERANCE = 1.2  # rad from the gripper's pitch within which they do
+HELD = 0.03  # m by which half of the places may contradict one strip held at its end
+BESIDE = 0.015  # m beside the gripper within which half of the midlines end
+TURN = 1.2  # rad from the gripper's pitch within which they do
 TOUCH_ROUNDING = 1e-3  # m by which displacement and l1 - l2 may differ as they are rounded
 DISPLACEMENT_SIGMAS = 5  # standard deviations by which they may differ besides
+Contradiction = tuple[str, str, Array | float, float]
+"""File, what of it is off, by how much (n,), and how much of that is believable [m, rad]."""
 
 
 def _check_plausible(folder: Path, run: Recorded) -> None:
@@ -78,21 +79,19 @@ def _check_motion(origin: Path, run: Recorded) -> None:
         return
     span = np.maximum(np.diff(ticks.t), SHORTEST_INTERVAL)
     noise = JUMP_SIGMAS * run.header.sigma.gripper
-    for names in (("x", "z"), ("x_cmd", "z_cmd")):
-        steps = np.hypot(*(np.diff(getattr(ticks, name)) for name in names))
-        _check_jumps(origin, ", ".join(names), steps, FASTEST_GRIPPER * span + noise, "m")
-    _check_jumps(origin, "pitch", np.abs(np.diff(ticks.pitch)), FASTEST_TURN * span, "rad")
-
-
-def _check_jumps(origin: Path, names: str, steps: Array, allowed: Array, unit: str) -> None:
-    """Refuse columns `names` whose `steps` (m,) exceed those `allowed` in more than JUMPS rows."""
-    jumps = np.flatnonzero(steps > allowed)
-    if len(jumps) > JUMPS:
-        row = int(jumps[0]) + 1
-        raise ConfigurationError(
-            f"{origin}: {names}: {len(jumps)} rows jump, row {row} by {steps[row - 1]:.3g} {unit}, "
-            "as no arm moves; sort all columns by t"
-        )
+    for names, fastest, apart, unit in (
+        (("x", "z"), FASTEST_GRIPPER, noise, "m"),
+        (("x_cmd", "z_cmd"), FASTEST_GRIPPER, noise, "m"),
+        (("pitch",), FASTEST_TURN, 0.0, "rad"),
+    ):
+        steps = np.linalg.norm([np.diff(getattr(ticks, name)) for name in names], axis=0)
+        if len(jumps := np.flatnonzero(steps > fastest * span + apart)):
+            row = int(jumps[0]) + 1
+            raise ConfigurationError(
+                f"{origin}: {', '.join(names)}: {len(jumps)} rows jump, row {row} by "
+                f"{steps[row - 1]:.3g} {unit}, as no arm moves; sort all columns by t, or leave "
+                "wrong rows out"
+            )
 
 
 def _check_indices(folders: Sequence[RunFolder], heads: Sequence[Header]) -> None:
@@ -203,12 +202,10 @@ def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measur
     _check_header(folder / RUN, recorded.header, strip)
     _check_plausible(folder, recorded)
     _check_times(folder, recorded)
-    touch = _touch(folder, recorded, strip)
+    touch = _touch(folder, recorded)
     usable = len(recorded.ticks.t) >= LEAST
     if usable:
-        _check_start(folder, recorded, strip)
-        _check_reach(folder / TICKS, recorded, strip)
-        _check_held_end(folder / PROFILE, recorded)
+        _check_held(folder, recorded, touch, strip)
     run = _measured_run(name, recorded, touch, strip) if usable else _short_run(name, recorded)
     return recorded.header, replace(run, notes=_notes(name, recorded, strip, usable=usable))
 
@@ -334,58 +331,69 @@ def _check_within(stamps: Array, t: Array, origin: str) -> None:
         )
 
 
-def _check_start(folder: Path, run: Recorded, strip: StripFile) -> None:
-    """Refuse a run whose first rows contradict its stated `start`."""
-    origin = folder / TICKS
-    x, z, pitch = (float(c[0]) for c in (run.ticks.x, run.ticks.z, run.ticks.pitch))
-    if run.header.start == "hanging":
-        is_hanging = abs(pitch - np.pi / 2) <= HANGING_TOLERANCE
-        if np.hypot(x, z) > strip.length + START_TOLERANCE or not is_hanging:
+def _check_held(folder: Path, run: Recorded, touch: Touch | None, strip: StripFile) -> None:
+    """Refuse places that contradict one strip held at its end: from the desk it leads there."""
+    for file, what, off, most in (*_reaches(run, touch, strip), *_misses_of_midlines(run)):
+        if np.size(off) and (median := float(np.median(off))) > most:
             raise ConfigurationError(
-                f"{origin}: x: a hanging start at x {x:.3f}, z {z:.3f} m, pitch {pitch:.2f} rad is "
-                f"out of reach of a strip of {strip.length:g} m or does not hang"
+                f"{folder / file}: {what} {median:.2g}, at most {most:g} is believable; "
+                "give lengths in m, along the strip from its fixed edge"
             )
-    elif np.hypot(x - strip.length, z) > START_TOLERANCE:
-        raise ConfigurationError(
-            f"{origin}: x: a flat start at x {x:.3f}, z {z:.3f} m, must be at x = length = "
-            f"{strip.length:g} m, z = 0"
-        )
 
 
-def _check_reach(origin: Path, run: Recorded, strip: StripFile) -> None:
-    """Refuse a gripper of which half the places lie under the desk, or out of the strip's reach."""
-    below = -float(np.median(run.ticks.z))
-    if below > START_TOLERANCE:
-        raise ConfigurationError(f"{origin}: z: half the path is {1e3 * below:.0f} mm below z = 0")
-    middle = float(np.median(np.hypot(run.ticks.x, run.ticks.z)))
-    if middle > FARTHEST * strip.length:
-        raise ConfigurationError(
-            f"{origin}: x, z: half the points lie {middle:.3g} m or more from the fixed edge, the "
-            f"strip is {strip.length:g} m long; give them in m"
-        )
-
-
-def _check_held_end(origin: Path, run: Recorded) -> None:
-    """Refuse midlines of which half end apart from the gripper that holds them, or turned."""
-    if not (curves := dict(run.profile.curves())):
+def _reaches(run: Recorded, touch: Touch | None, strip: StripFile) -> Iterator[Contradiction]:
+    """By how much [m] a run starts elsewhere, and is under the desk or beyond the strip's reach."""
+    t, x, z, contact = run.ticks.t, run.ticks.x, run.ticks.z, run.ticks.contact_x
+    seen, at = np.isfinite(contact), f"start at x {x[0]:.3f}, z {z[0]:.3f} m is"
+    if run.header.start == "hanging":
+        upright, far = abs(run.ticks.pitch[0] - np.pi / 2), np.hypot(x[0], z[0]) - strip.length
+        yield TICKS, "pitch: a hanging start is off pi/2 by", upright, HANGING_TOLERANCE
+        yield TICKS, f"x: a hanging {at} beyond the strip by", far, START_TOLERANCE
+    else:
+        apart = np.hypot(x[0] - strip.length, z[0])
+        yield TICKS, f"x: a flat {at} off x {strip.length:g}, z 0 m by", apart, START_TOLERANCE
+    yield TICKS, "z: half the path lies under the desk by", -z, START_TOLERANCE
+    yield TICKS, "x, z: half lie beyond the strip by", np.hypot(x, z) - strip.length, HELD
+    lifted = (np.hypot(x - contact, z) - (strip.length - contact))[seen]
+    yield TICKS, "contact_x: half the contacts are too far from the gripper by", lifted, HELD
+    if touch is None or run.result is None or run.result.displacement is None:
         return
-    stamps, ticks = list(curves), run.ticks
-    x, z, pitch = (np.interp(stamps, ticks.t, c) for c in (ticks.x, ticks.z, ticks.pitch))
-    ends = np.array([curve[-1] for curve in curves.values()])
-    along = ends - [curve[-1 - len(curve) // FEWEST_POINTS] for curve in curves.values()]
-    apart = float(np.median(np.hypot(ends[:, 0] - x, ends[:, 1] - z)))
-    turn = (np.arctan2(along[:, 1], along[:, 0]) - pitch)[along.any(axis=1)]
-    turned = float(np.median(np.abs(np.arctan2(np.sin(turn), np.cos(turn))))) if len(turn) else 0.0
-    if apart > HELD_TOLERANCE or turned > TURN_TOLERANCE:
-        raise ConfigurationError(
-            f"{origin}: x, z: half the midlines end {1e3 * apart:.0f} mm or more from the gripper "
-            f"that holds them, half {turned:.1f} rad or more off its pitch; at most "
-            f"{1e3 * HELD_TOLERANCE:g} mm and {TURN_TOLERANCE:g} rad are believable"
+    l1, l2, sigma = touch.to_grasped, touch.to_fixed, run.header.sigma.displacement
+    differs, allowed = abs(run.result.displacement - (l1 - l2)), DISPLACEMENT_SIGMAS * sigma
+    yield RESULT, "displacement: differs from l1 - l2 by", differs, TOUCH_ROUNDING + allowed
+    yield RESULT, "l1, l2: are longer than the strip by", l1 + l2 - strip.length, HELD
+    moments = touch.time + TOUCH_TIME_MARGIN * np.linspace(-1, 1, 41)  # noted by a stopwatch
+    layer = np.hypot(np.interp(moments, t, x) - l2, np.interp(moments, t, z))
+    yield RESULT, "l1: ends before the gripper by", float(layer.min()) - l1, HELD
+
+
+def _misses_of_midlines(run: Recorded) -> Iterator[Contradiction]:
+    """By how much [m], [rad] the midlines miss gripper, pitch and contact.
+
+    They end at the gripper or before it, as it hides the strip, but not beside it.
+    """
+    curves, ticks = {t: curve @ (1, 1j) for t, curve in run.profile.curves()}, run.ticks
+    if not curves:
+        return
+    x, z, pitch = (np.interp([*curves], ticks.t, c) for c in (ticks.x, ticks.z, ticks.pitch))
+    off = np.array([curve[-1] for curve in curves.values()]) - x - 1j * z
+    yield PROFILE, "x, z: half the midlines end off the gripper by", np.abs(off), HELD
+    along = np.array([c[-1] - c[-1 - len(c) // FEWEST_POINTS] for c in curves.values()])
+    off, turn = off * np.exp(-1j * np.angle(along)), np.angle(along * np.exp(-1j * pitch))
+    beside = abs(float(np.median(off.imag[along != 0]))) if along.any() else 0.0
+    yield PROFILE, "x, z: half the midlines end beside the gripper by", beside, BESIDE
+    yield PROFILE, "x, z: half the midlines leave its pitch by", np.abs(turn[along != 0]), TURN
+    if (seen := np.isfinite(ticks.contact_x)).any():
+        stamp = np.where(np.isfinite(ticks.contact_t), ticks.contact_t, ticks.t)[seen]
+        contacts = zip(
+            curves.values(), np.interp([*curves], stamp, ticks.contact_x[seen]), strict=True
         )
+        low = [np.abs(c - contact).min() for c, contact in contacts if c[0].imag < HELD]
+        yield TICKS, "contact_x: half the contacts lie off the midlines by", np.array(low), HELD
 
 
-def _touch(folder: Path, run: Recorded, strip: StripFile) -> Touch | None:
-    """Measured layer_touch of a run, if any, checked for consistency with itself and the strip."""
+def _touch(folder: Path, run: Recorded) -> Touch | None:
+    """Measured layer_touch of a run, if any, within the times of its rows."""
     result = run.result
     if result is None or result.outcome not in TOUCHED:
         return None
@@ -393,22 +401,10 @@ def _touch(folder: Path, run: Recorded, strip: StripFile) -> Touch | None:
     numbers = [value for value in stated if value is not None]
     if len(numbers) < len(stated):
         return None
-    origin, (time, displacement, l1, l2) = folder / RESULT, numbers
-    for key, value in (("l1", l1), ("l2", l2)):
-        if not 0.0 < value < FARTHEST * strip.length:
-            raise ConfigurationError(
-                f"{origin}: {key}: is {value:g}, must lie within the strip's {strip.length:g} m; "
-                "give it in m"
-            )
-    allowed = TOUCH_ROUNDING + DISPLACEMENT_SIGMAS * run.header.sigma.displacement
-    if abs(displacement - (l1 - l2)) > allowed:
-        raise ConfigurationError(
-            f"{origin}: displacement: is {displacement:g}, but l1 - l2 is {l1 - l2:g}; one of them "
-            "is wrong"
-        )
+    time, _, l1, l2 = numbers
     if len(run.ticks.t) and not run.ticks.t[0] < time <= run.ticks.t[-1] + TOUCH_TIME_MARGIN:
         raise ConfigurationError(
-            f"{origin}: t_layer_touch: is {time:g} s, the rows span {run.ticks.t[0]:g} to "
+            f"{folder / RESULT}: t_layer_touch: is {time:g} s, the rows span {run.ticks.t[0]:g} to "
             f"{run.ticks.t[-1]:g} s; give it in s since the run's start"
         )
     return Touch(time, x=l2, to_grasped=l1, to_fixed=l2)
