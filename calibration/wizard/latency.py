@@ -58,8 +58,9 @@ class LatencyVerdict(Verdict):
             return self.bad_lines()
         late = round(1e3 * self.latency, 1) + 0.0  # never minus nothing
         text = f"images are stamped {late:.1f} ms late, known within {1e3 * self.apart:.1f} ms; "
-        text += "the cell corrects it, which spares an error of "
-        text += f"{1e3 * abs(self.latency) * speed:.1f} mm at {speed:.2f} m/s"
+        text += "the cell corrects it"
+        if spared := round(1e3 * abs(self.latency) * speed, 1):
+            text += f", which spares an error of {spared:.1f} mm at {speed:.2f} m/s"
         return [grade_line(1e3 * self.apart, *APART_GRADES, text)]
 
 

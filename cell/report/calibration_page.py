@@ -91,8 +91,11 @@ def _pictures(folder: Path, calibration: Calibration | None) -> list[KeyPicture]
     if calibration is not None:
         _draw_plane(image, calibration)
     where = str(path.relative_to(folder))
-    shown = (folder / POSES_FILE).is_file()
-    caption = LEGEND if shown else f"{where}; the touched points are on the page of the session"
+    caption = f"{where}; the touched points are on the page of the session"
+    if calibration is None:
+        caption = "a green dot: a corner of the board, of all views that were taken"
+    if (folder / POSES_FILE).is_file():
+        caption = LEGEND
     return [KeyPicture(jpeg_text(image, PICTURE_WIDTH), caption, where)]
 
 

@@ -175,11 +175,14 @@ def _draw_coordinate(axes: Any, ticks: Ticks, sights: Sights, axis: Literal["x",
     if axis == "x":
         t, contact = ticks.t, 1e3 * ticks.contact_x
         seen = np.isfinite(contact)
-        axes.plot(t[seen], contact[seen], ".", color=BLUE, ms=2.2, label="contact x")
+        if seen.any():
+            axes.plot(t[seen], contact[seen], ".", color=BLUE, ms=2.2, label="contact x")
     tips = 1e3 * fold_tips(sights, ticks)[:, "xz".index(axis)]
-    axes.plot(sights.stamp, tips, color=GREEN, lw=1, label=f"fold tip {axis}")
-    if axis == "z":
-        axes.plot(sights.stamp, 1e3 * sights.gap, color=ORANGE, lw=1, label="gap of the layers")
+    lines = [(tips, GREEN, f"fold tip {axis}")]
+    lines += [(1e3 * sights.gap, ORANGE, "gap of the layers")] if axis == "z" else []
+    for values, colour, name in lines:
+        if np.isfinite(values).any():
+            axes.plot(sights.stamp, values, color=colour, lw=1, label=name)
     axes.legend(**LEGEND)
 
 

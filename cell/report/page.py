@@ -189,8 +189,8 @@ def _result_rows(result: Result, noticed: float | None) -> Rows:
 
 
 def settings_rows(run: Run) -> Rows:
-    """Table rows (key, text) of a run's settings: keys joined by dots, without empty values."""
-    content = run.header.model_dump(by_alias=True, exclude_none=True)
+    """Table rows (key, text) of what run.yaml states: keys joined by dots, no empty values."""
+    content = run.header.model_dump(by_alias=True, exclude_none=True, exclude_unset=True)
     rows = [(key, setting_text(key, value)) for key, value in flatten(content)]
     unlearned = {"0", "None"}  # values of a fold that nothing was corrected in
     return [(k, v) for k, v in rows if v and not (k.startswith("learning.") and v in unlearned)]

@@ -30,8 +30,8 @@ MOST_RUNS = 40  # runs in one comparison; more lines cannot be distinguished
 MOST_FILMS, MOST_COLUMNS = 4, 4  # runs of which films play side by side, and with a column each
 NAMED = 4  # of the best runs in the verdict
 SHAPES = 4  # equal times at which the strips are drawn
-# Keys that differ from run to run by themselves.
-PER_RUN_KEYS = frozenset({"seed", "index", "condition", "calibration.age_days"})
+# Keys that differ from run to run by themselves, or repeat another one.
+PER_RUN_KEYS = frozenset({"seed", "index", "condition", "calibration.age_days", "cell.fold.speed"})
 
 
 def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
@@ -111,16 +111,18 @@ def _verdict(
 ) -> PageVerdict:
     """Verdict that names the run nearest to a fold in half, and the settings that differ."""
     names = [_short_name(run) for run in runs]
-    measured = [row.displacement if row.edge_offset is None else row.edge_offset for row in rows]
-    true = [truth.get("edge_offset", truth.get("displacement")) for truth in truths]
+    laid = all(row.edge_offset is not None for row in rows if row.displacement is not None)
+    key, what = "displacement", "Displacement where the layers touch"
+    if laid:  # in all of them, so that one length is compared
+        key, what = "edge_offset", "Edges apart"
+    measured = [getattr(row, key) for row in rows]
+    true = [truth.get(key) for truth in truths]
     ranked = sorted(
         (abs(v), name) for name, v in zip(names, measured, strict=True) if v is not None
     )
     if not ranked:
         return PageVerdict("fair", "No run has a displacement", ())
-    laid = all(row.edge_offset is not None for row in rows)
-    what = "" if laid else " or, where none were laid, displacement"
-    sentences = [f"Edges apart{what}, by the camera: {_ranked(names, measured)}."]
+    sentences = [f"{what}, by the camera: {_ranked(names, measured)}."]
     if ranked_true := _ranked(names, true):
         sentences.append(f"The same in truth, which the twin knows: {ranked_true}.")
     if differing:
@@ -143,7 +145,7 @@ def _numbers(row: RunRow, truth: Mapping[str, Any], place: Path) -> tuple[str | 
     lengths = (row.displacement, truth.get("displacement"), row.edge_offset)
     shown = (millimetres(v, signed=True) for v in (*lengths, truth.get("edge_offset")))
     outcome = row.outcome.replace("_", " ")
-    return (_link(row, place, row.name[-4:]), outcome, *shown, seconds(row.touch))
+    return (_link(row, place, row.short.split()[0]), outcome, *shown, seconds(row.touch))
 
 
 def _link(row: RunRow, place: Path, name: str) -> str | Link:
@@ -162,7 +164,10 @@ def _differences(runs: Sequence[Run], truths: Sequence[Mapping[str, Any]]) -> li
         known = {"cell": run.header.config or {}, "plant": truth.get("plant", {})}
         texts = {key: setting_text(key, value) for key, value in flatten(known)}
         settings.append(dict(settings_rows(run)) | texts)
-    keys = dict.fromkeys(key for each in settings for key in each if key not in PER_RUN_KEYS)
+    parts = [{key.partition(".")[0] for key in each} for each in settings]
+    shared = set.intersection(*parts)  # a run of others states no cell, policy or versions
+    known = dict.fromkeys(key for each in settings for key in each if key not in PER_RUN_KEYS)
+    keys = [key for key in known if key.partition(".")[0] in shared]
     rows = [
         (re.sub(r"\beffects\.|[._]", " ", key), *(s.get(key, NO_VALUE) for s in settings))
         for key in keys
@@ -196,5 +201,6 @@ def _shapes(runs: Sequence[Run]) -> str:
 
 
 def _short_name(run: Run) -> str:
-    """Short name of a run for headings: its last four characters, and its policy or motion."""
-    return f"{run.name[-4:]} {(run.header.policy or '').removeprefix('motion:')}".strip()
+    """Short name of a run for headings, as in tables, and its policy or motion."""
+    name = read_row(run.folder).short.split()[0]
+    return f"{name} {(run.header.policy or '').removeprefix('motion:')}".strip()

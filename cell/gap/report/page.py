@@ -155,6 +155,7 @@ def _midline_figure(findings: Findings, run: str) -> str:
 
 def remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on what the accepted model leaves, and on detection limits."""
+    sentences = {each.name: each.sentence for each in findings.subject.scope.candidates}
     rest, law, open_ = verdict.unexplained, findings.law, verdict.verdict == "unexplained"
     return {
         "open": open_,
@@ -164,7 +165,7 @@ def remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
         "alike": "; ".join(" or ".join(group) for group in verdict.ambiguous),
         "silent": ", ".join(undetectable_effects(findings)),
         "detectable": [
-            (name, detection_limit(findings, name, value))
+            (name, detection_limit(findings, name, value), sentences[name])
             for name, value in sorted(verdict.detectable.items())
         ],
     }

@@ -100,7 +100,8 @@ def check_indices(folders: Sequence[Path], stated: Sequence[int | None]) -> None
         if index in first:
             raise ConfigurationError(
                 f"{folder / RUN}: index: is {index}, as in {first[index].name}; give each "
-                "run of a specimen its own, in the order in which they were taken, or none"
+                "run of a specimen its own, in the order in which they were taken, or none; of an "
+                "imported run `runs` in the mapping states it"
             )
         first[index] = folder
 
