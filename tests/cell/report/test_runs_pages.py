@@ -52,7 +52,7 @@ def links(page: Path) -> list[Path]:
 
 def test_comparison_has_every_run_and_what_differs(three: list[Path]) -> None:
     for folder in three:
-        (folder / "truth.yaml").write_text("{schema: 1, displacement: 0.0}\n")
+        (folder / "truth.yaml").write_text("{schema: 1, displacement: 0.0, edge_offset: 0.0}\n")
     printed = call("report", *three, "--json")
     page = Path(json.loads(printed)["report"])
     assert page == three[0].parent / "compare.html"
