@@ -39,9 +39,13 @@ class FciArm:
 
         `origin` gives the clock's zero in the system's monotonic time [s], if it has one.
         """
-        self._access, self._clock, self._origin = access, clock, origin
+        self._access = access
+        self._clock = clock
+        self._origin = origin
         self._lock_step = access.settings.in_lock_step
-        self._command = LoopCommand(0, CommandKind.HOLD, 0, 0.0, 0.0, 0.0)
+        self._command = LoopCommand(
+            number=0, kind=CommandKind.HOLD, beat=0, x=0.0, z=0.0, pitch=0.0
+        )
         self._child: Child | None = None
         self._fault: ArmFault | None = None
         self._connected = self._closed = False
@@ -60,7 +64,8 @@ class FciArm:
         self._require_open()
         if self._child is not None:
             return
-        self._commands, self._reports = Mailbox(LoopCommand), Mailbox(Report)
+        self._commands = Mailbox(LoopCommand)
+        self._reports = Mailbox(Report)
         self._child = Child(run_loop, self._access, self._origin(), self._commands, self._reports)
         self._commands.close()  # the memory stays mapped
         self._reports.close()
@@ -120,8 +125,9 @@ class FciArm:
         if self._fault is None:
             with suppress(Fault):
                 child.send(Close())
-                while not isinstance(answer := self._receive(child, END_PATIENCE), Ended):
-                    continue
+                answer = self._receive(child, END_PATIENCE)
+                while not isinstance(answer, Ended):
+                    answer = self._receive(child, END_PATIENCE)
                 self._timing = answer.timing
                 self._joints = joint_rows(self._receive(child, LOG_PATIENCE))
         child.close(END_PATIENCE)
@@ -161,11 +167,11 @@ class FciArm:
 
     def _advance(self, child: Child) -> None:
         """In lock-step, advance the robot to the clock's time."""
-        due = int((self._clock.now() - self._start_time) / TICK + TICK_ROUNDING)
-        if not self._lock_step or due <= self._ticks:
+        due_tick = int((self._clock.now() - self._start_time) / TICK + TICK_ROUNDING)
+        if not self._lock_step or due_tick <= self._ticks:
             return
         self._check()
-        for tick in (*range(self._ticks + TICKS_PER_ANSWER, due, TICKS_PER_ANSWER), due):
+        for tick in (*range(self._ticks + TICKS_PER_ANSWER, due_tick, TICKS_PER_ANSWER), due_tick):
             child.send(RunUntil(tick))
             self._receive(child, self._access.settings.answer)
             self._ticks = tick
@@ -173,8 +179,9 @@ class FciArm:
     def _send(self, kind: CommandKind, x: float, z: float, pitch: float) -> None:
         """Send the loop a command; `x`, `z`, `pitch` state a pose [m, rad] or a velocity."""
         self._check()
-        last = self._command
-        self._command = LoopCommand(last.number + 1, kind, last.beat + 1, x, z, pitch)
+        number = self._command.number + 1
+        beat = self._command.beat + 1
+        self._command = LoopCommand(number, kind, beat, x, z, pitch)
         self._commands.write(self._command)
 
     def _report(self) -> Report:

@@ -26,7 +26,7 @@ HEADER = struct.Struct("<III")  # command, command id, size with header
 CONNECT_MESSAGE = struct.Struct("<IIIHH")  # header, version, UDP port of the client
 CONNECT_REPLY = struct.Struct("<BH")  # status, version of the robot
 SUCCESS = 0  # status of a reply, its first byte
-ARM_JOINT = re.compile(r"(?!.*finger)(?:\w+_)?joint([1-7])")  # name in a description
+ARM_JOINT = re.compile(r"(?!.*finger)(?:\w+_)?joint[1-7]")  # name in a description
 SLACK = 1e-3  # rad, rad/s, rad/s^2 by which a limit may be narrower than the cell's
 
 # Attribute of the description, the value that the cell assumes (7,), and +1 where the robot's must
@@ -77,12 +77,17 @@ def require_limits(description: str) -> None:
         root = ElementTree.fromstring(description)  # noqa: S314  no entities: refused above
     except ElementTree.ParseError as error:
         raise ArmFault(Cause.MODEL, f"the robot's description is no XML: {error}") from None
-    joints = {
-        name[1]: joint
-        for joint in root.findall("joint")
-        if (name := ARM_JOINT.fullmatch(joint.get("name", "")))
-    }
-    narrower = list(_narrower_limits(joints))
+    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    numbered = {name[-1]: joint for name, joint in joints.items() if ARM_JOINT.fullmatch(name)}
+    narrower = []
+    for number in range(7):
+        for tag, name, assumed, sign in ASSUMED_LIMITS:
+            value = _value(numbered, number, tag, name)
+            planned = assumed[number]
+            if not sign * (value - planned) >= -SLACK:  # true for NaN
+                narrower.append(
+                    f"joint {number + 1}: {name} is {value:g}, the cell plans with {planned:g}"
+                )
     if narrower:
         raise ArmFault(Cause.MODEL, "; ".join(narrower))
 
@@ -123,28 +128,21 @@ def _read_exactly(link: socket.socket, count: int) -> bytes:
     """Next `count` bytes from `link`; ConnectionResetError where it closes before."""
     content = b""
     while len(content) < count:
-        more = link.recv(count - len(content))
-        if not more:
+        part = link.recv(count - len(content))
+        if not part:
             raise ConnectionResetError("it closed the connection")
-        content += more
+        content += part
     return content
-
-
-def _narrower_limits(joints: dict[str, ElementTree.Element]) -> Iterator[str]:
-    """Yield a text for each limit of `joints` that is narrower than the cell assumes."""
-    for number in range(7):
-        for tag, name, assumed, sign in ASSUMED_LIMITS:
-            value, planned = _value(joints, number, tag, name), assumed[number]
-            if not sign * (value - planned) >= -SLACK:  # true for NaN
-                yield f"joint {number + 1}: {name} is {value:g}, the cell plans with {planned:g}"
 
 
 def _value(joints: dict[str, ElementTree.Element], number: int, tag: str, name: str) -> float:
     """Attribute `name` of element `tag` of joint `number`, from 0; NaN where it is missing."""
     joint = joints.get(str(number + 1))
     element = None if joint is None else joint.find(tag)
+    if element is None:
+        return float("nan")
     try:
-        return float("nan" if element is None else element.get(name, "nan"))
+        return float(element.get(name, "nan"))
     except ValueError:
         return float("nan")
 
@@ -159,34 +157,36 @@ def _tool_differences(state: Any, tool: ToolSettings) -> Iterator[str]:
         ("the end effector (F_T_EE)", state.F_T_EE, FLANGE_TO_TIP, effector_remedy),
         ("the stiffness frame (EE_T_K)", state.EE_T_K, np.eye(4), BY_RESET),
     ]
-    for what, numbers, assumed, remedy in frames:
+    for quantity, numbers, assumed, remedy in frames:
         frame = _matrix(numbers)
         if not _same_frame(frame, assumed):
-            yield _difference(what, _frame_text(frame), _frame_text(assumed), remedy)
+            yield _difference(quantity, _frame_text(frame), _frame_text(assumed), remedy)
     masses = [
         ("the hand's mass", state.m_ee, tool.mass, IN_DESK),
         ("the load", state.m_load, 0.0, BY_RESET),
     ]
-    for what, mass, stated, remedy in masses:
+    for quantity, mass, stated, remedy in masses:
         if not abs(mass - stated) <= MASS_TOLERANCE:
-            yield _difference(what, f"{mass:.2f} kg", f"{stated:.2f} kg", remedy)
-    off = np.abs(np.array(state.F_x_Cee) - tool.centre).max()
-    if not off <= CENTRE_TOLERANCE:
-        here, there = (_place_text(np.array(place)) for place in (state.F_x_Cee, tool.centre))
-        yield _difference("the hand's centre of mass", here, there, IN_DESK)
+            yield _difference(quantity, f"{mass:.2f} kg", f"{stated:.2f} kg", remedy)
+    centre = np.array(state.F_x_Cee)
+    assumed_centre = np.array(tool.centre)
+    if not np.abs(centre - assumed_centre).max() <= CENTRE_TOLERANCE:
+        yield _difference(
+            "the hand's centre of mass", _place_text(centre), _place_text(assumed_centre), IN_DESK
+        )
 
 
-def _difference(what: str, actual: str, assumed: str, remedy: str) -> str:
-    return f"{what} is {actual}, the cell assumes {assumed}; {remedy}"
+def _difference(quantity: str, actual: str, assumed: str, remedy: str) -> str:
+    return f"{quantity} is {actual}, the cell assumes {assumed}; {remedy}"
 
 
 def _matrix(columns: Any) -> Array:
     return np.reshape(np.array(columns, dtype=np.float64), (4, 4)).T
 
 
-def _same_frame(one: Array, other: Array) -> bool:
-    turn = rotation_vector(one[:3, :3] @ other[:3, :3].T)
-    apart = np.abs(one[:3, 3] - other[:3, 3]).max()
+def _same_frame(first: Array, second: Array) -> bool:
+    turn = rotation_vector(first[:3, :3] @ second[:3, :3].T)
+    apart = np.abs(first[:3, 3] - second[:3, 3]).max()
     return bool(apart <= PLACE_TOLERANCE and np.abs(turn).max() <= ANGLE_TOLERANCE)  # False for NaN
 
 

@@ -66,7 +66,9 @@ class ArmFault(Fault):
     def __init__(self, cause: Cause, words: str, errors: tuple[str, ...] = ()) -> None:
         flags = f" ({', '.join(errors)})" if errors else ""
         super().__init__(cause, f"{words}{flags}; {cause.remedy}")
-        self.cause, self.words, self.errors = cause, words, errors
+        self.cause = cause
+        self.words = words
+        self.errors = errors
 
 
 def one_line(error: BaseException) -> str:

@@ -25,13 +25,13 @@ class Tare:
     torques: Numbers = (0.0,) * 7
 
     @classmethod
-    def from_states(cls, states: Sequence[Any], most: float) -> Self:
-        """Mean over robot `states` at rest; ArmFault for a force above `most` [N] or NaN."""
+    def from_states(cls, states: Sequence[Any], allowed: float) -> Self:
+        """Mean over robot `states` at rest; ArmFault for a force above `allowed` [N] or NaN."""
         wrench = np.mean([state.O_F_ext_hat_K for state in states], axis=0)
         torques = np.mean([state.tau_ext_hat_filtered for state in states], axis=0)
         force = float(np.linalg.norm(wrench[:3]))
-        if not force <= most:
-            reason = f"the gripper feels {force:.1f} N at rest, allowed {most:.1f} N"
+        if not force <= allowed:
+            reason = f"the gripper feels {force:.1f} N at rest, allowed {allowed:.1f} N"
             raise ArmFault(Cause.PRESSED, reason)
         if not (np.isfinite(wrench).all() and np.isfinite(torques).all()):
             reason = "the robot reports moments or torques at rest that are no numbers"
@@ -70,9 +70,11 @@ class DriftMonitor:
     It detects an outdated tare, or a person who leans on the arm, below the limit of the guard.
     """
 
-    def __init__(self, guard: ForceGuard, most: float, tick: float) -> None:
-        """Allow a mean of `most` [N] less the tare of `guard`; a state comes every `tick` [s]."""
-        self._guard, self._most, self._tick = guard, most, tick
+    def __init__(self, guard: ForceGuard, allowed: float, tick: float) -> None:
+        """Allow a mean of `allowed` [N] less the tare of `guard`, a state every `tick` [s]."""
+        self._guard = guard
+        self._allowed = allowed
+        self._tick = tick
         self._rested = 0.0
         self._mean = [0.0, 0.0, 0.0]
 
@@ -86,6 +88,6 @@ class DriftMonitor:
         wrench = self._guard.beyond_tare(state)
         self._mean = [m + share * (f - m) for m, f in zip(self._mean, wrench[:3], strict=True)]
         force = hypot(*self._mean)
-        if force <= self._most:
+        if force <= self._allowed:
             return ""
-        return f"the force felt at rest drifted to {force:.1f} N, allowed {self._most:.1f} N"
+        return f"the force felt at rest drifted to {force:.1f} N, allowed {self._allowed:.1f} N"

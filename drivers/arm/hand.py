@@ -48,7 +48,7 @@ class Reply:
 
 
 @dataclass(frozen=True, slots=True)
-class Fingers:
+class FingerState:
     """State `number` of the hand: finger `width` and `widest` [m], and its flag `grasped`."""
 
     number: int
@@ -90,15 +90,15 @@ class FciHand:
         self._homed = True  # until the hand reports otherwise
         self._closed = False  # whether the last motion was a grasp that ended
         self._flagged = False  # whether the hand has reported that grasp
-        self._fingers = Fingers(-1, settings.opening, settings.opening, grasped=False)
+        self._fingers = FingerState(-1, settings.opening, settings.opening, grasped=False)
         self._stamp = 0.0
 
     def open(self) -> None:
         """Start to open the fingers; a hand that has not been homed is homed first."""
         self._receive()
-        limits = self._settings
-        homing: list[Motion] = [] if self._homed else [(HandCommand.HOMING, ())]
-        self._queue_motions(*homing, (HandCommand.MOVE, (limits.opening, limits.speed)))
+        motions: list[Motion] = [] if self._homed else [(HandCommand.HOMING, ())]
+        motions.append((HandCommand.MOVE, (self._settings.opening, self._settings.speed)))
+        self._queue_motions(motions)
 
     def grasp(self) -> None:
         """Start to close the fingers on the strip's edge; does nothing while they hold one.
@@ -114,8 +114,8 @@ class FciHand:
             limits = self._settings
             width = (limits.thinnest + limits.thickest) / 2
             slack = (limits.thickest - limits.thinnest) / 2
-            numbers = width, slack, slack, limits.speed, limits.force
-            self._queue_motions((HandCommand.GRASP, numbers))
+            values = (width, slack, slack, limits.speed, limits.force)
+            self._queue_motions([(HandCommand.GRASP, values)])
 
     def state(self) -> HandState:
         """The newest measured state of the fingers."""
@@ -155,9 +155,9 @@ class FciHand:
         self._tcp = self._udp = self._motion = self._stop_sent = None
         self._received.clear()
 
-    def _queue_motions(self, *motions: Motion) -> None:
+    def _queue_motions(self, motions: list[Motion]) -> None:
         """Start `motions` one after another, once the motion in progress has been stopped."""
-        self._next = list(motions)
+        self._next = motions
         if self._motion is None:
             self._start_next()
         else:
@@ -172,7 +172,8 @@ class FciHand:
         """Request a stop of the motion in progress, unless one was already requested."""
         if self._motion is not None and self._stop_sent is None:
             self._send((HandCommand.STOP, ()))
-            self._stop_sent, self._stops = self._clock.now(), self._stops + 1
+            self._stop_sent = self._clock.now()
+            self._stops += 1
 
     def _repeat_stop(self) -> None:
         """Repeat an overdue stop; Fault `hand_not_stopped` after MOST_STOPS without effect."""
@@ -192,27 +193,35 @@ class FciHand:
         """Send the request for `motion` to the hand and return the request's number."""
         tcp, _ = self._open_links()
         self._number += 1
+        command, values = motion
         try:
-            tcp.sendall(_request(self._number, *motion))
+            tcp.sendall(_request(self._number, command, values))
         except OSError as error:
             raise _hand_lost(self._address, error) from error
         return self._number
 
     def _receive(self) -> None:
-        """Read the replies and states that have arrived; repeat a stop that had no effect."""
+        """Read replies and states, repeat a stop without effect; Fault for a malformed reply."""
         self._ready()
         tcp, udp = self._open_links()
         with suppress(BlockingIOError):  # once none is left
             for _ in range(MOST_DATAGRAMS):
                 self._store_state(_parse_state(udp.recv(256)))
-        for reply in self._read_replies(tcp):
+        try:
+            with suppress(BlockingIOError):
+                self._received += _recv(tcp)
+            replies = _take_replies(self._received)
+        except OSError as error:
+            raise _hand_lost(self._address, error) from error
+        for reply in replies:
             self._finish_motion(reply)
         self._repeat_stop()
 
-    def _store_state(self, fingers: Fingers | None) -> None:
+    def _store_state(self, fingers: FingerState | None) -> None:
         """Store a new state of the fingers; one with the last number is a repetition."""
         if fingers is not None and fingers.number != self._fingers.number:
-            self._fingers, self._stamp = fingers, self._clock.now()
+            self._fingers = fingers
+            self._stamp = self._clock.now()
             self._homed = fingers.widest > 0
             self._flagged |= self._closed and fingers.grasped
 
@@ -220,8 +229,10 @@ class FciHand:
         """End the motion in progress by its reply and start the next; Fault where it failed."""
         if reply.number != self._motion:
             return
-        self._motion, self._ended = None, self._fingers.number
-        self._stop_sent, self._stops = None, 0
+        self._motion = None
+        self._ended = self._fingers.number
+        self._stop_sent = None
+        self._stops = 0
         if reply.status == HandStatus.FAIL:
             self._next = []
             raise Fault("hand_failed", "the hand could not do what it was asked; look at Desk")
@@ -232,16 +243,6 @@ class FciHand:
         self._closed = ended and reply.command == HandCommand.GRASP
         if self._next:
             self._start_next()
-
-    def _read_replies(self, tcp: socket.socket) -> list[Reply]:
-        """Replies that are complete by now; Fault for a lost connection or a malformed reply."""
-        try:
-            self._received += _recv(tcp)
-            return _take_replies(self._received)
-        except BlockingIOError:
-            return []
-        except OSError as error:
-            raise _hand_lost(self._address, error) from error
 
     def _open_links(self) -> tuple[socket.socket, socket.socket]:
         """TCP and UDP connections to the hand, opened at the first call; Fault where that fails."""
@@ -255,7 +256,7 @@ class FciHand:
         return self._tcp, self._udp
 
 
-def _connect(address: str) -> tuple[socket.socket, socket.socket, Fingers]:
+def _connect(address: str) -> tuple[socket.socket, socket.socket, FingerState]:
     """Connect to the hand at `address`; returns TCP and UDP sockets and the hand's first state."""
     with ExitStack() as opened:  # which closes both if anything fails
         udp = opened.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
@@ -324,9 +325,9 @@ def _take_replies(received: bytearray) -> list[Reply]:
     return replies
 
 
-def _parse_state(packet: bytes) -> Fingers | None:
+def _parse_state(packet: bytes) -> FingerState | None:
     """State of the hand from a datagram; None where the datagram holds none."""
     if len(packet) != STATE_PACKET.size:
         return None
     number, width, widest, grasped, _ = STATE_PACKET.unpack(packet)
-    return Fingers(number, width, widest, bool(grasped))
+    return FingerState(number=number, width=width, widest=widest, grasped=bool(grasped))

@@ -26,7 +26,10 @@ class JointLog:
         """Store the JOINT_FIELDS of the robot's `state` at time `t` [s]."""
         row = self._rows[self._count % KEPT_TICKS]
         row[0] = t
-        row[1:8], row[8:15], row[15:22], row[22:29] = state.q, state.dq, state.q_d, state.tau_J
+        row[1:8] = state.q
+        row[8:15] = state.dq
+        row[15:22] = state.q_d
+        row[22:29] = state.tau_J
         self._count += 1
 
     def content(self) -> bytes:
@@ -52,14 +55,14 @@ class Timing:
     last: float | None = None
     heard: float = 0.0
 
-    def update(self, now: float, success: float) -> None:
-        """Count a state that arrived at `now` [s]; `success` is its share of commands in time."""
+    def update(self, arrival: float, success: float) -> None:
+        """Count a state at `arrival` [s]; `success` is its share of commands in time."""
         self.heard += success
         if self.last is not None:
-            interval = now - self.last
+            interval = arrival - self.last
             self.longest = max(self.longest, interval)
             self.counts[bisect(EDGES_MS, 1e3 * interval)] += 1
-        self.last = now
+        self.last = arrival
 
     def content(self) -> dict[str, Any]:
         """The histogram as plain values, for the record of a run."""

@@ -5,7 +5,8 @@ continue this motion. So each setpoint continues the motion that the robot repor
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import ruckig
@@ -17,29 +18,19 @@ from drivers.franka.kinematics import forward, pose_and_jacobian
 from drivers.motion import TICK
 from drivers.types import Array
 
+if TYPE_CHECKING:  # it needs the robot's library
+    from drivers.arm.robot import Robot
+
 AXES = 7
 JOINT_SPEED = 0.5  # rad/s
 ROUNDING = 3e-7  # rad: more than the rounding of the state
 ACCELERATION_ROUNDING = 1e-6  # rad/s^2, likewise
 GOAL_TOLERANCE = 5e-5  # rad from the goal, below which the motion has arrived
-REST_RATE = 1e-3  # rad/s at which the robot may be commanded to stand
+REST_RATE = 1e-3  # rad/s of its setpoint, slow enough to stop the robot within one tick
 APPROACH_GAIN = 3.0  # 1/s, speed over the remaining distance
 ELBOW_GAIN = 20.0  # 1/s, bandwidth of the elbow's return to its angle
 
 Numbers = list[float]
-
-
-class JointRobot(Protocol):
-    """Protocol of a robot whose joints are commanded each tick, such as `drivers.arm.Robot`."""
-
-    def start_joints(self) -> Any:
-        """Start a motion that is commanded by joint positions, and return its handle."""
-
-    def read(self, motion: Any, *, awaited: bool = True) -> Any:
-        """Next state of the robot in `motion`; unless `awaited`, an already queued one will do."""
-
-    def write_joints(self, motion: Any, joints: Numbers, *, last: bool = False) -> None:
-        """Command the joints (7,) [rad] of this tick; `last` ends the motion."""
 
 
 class JointSetpoint(NamedTuple):
@@ -68,19 +59,20 @@ class JointSetpoint(NamedTuple):
         it keeps its acceleration.
         """
         reported = JointSetpoint.from_state(state)
-        received = (
-            largest_difference(reported.acceleration, self.acceleration) > ACCELERATION_ROUNDING
-        )
-        position = sent if received else self.position
-        for ago in range(max(ticks - 1, 0) if received else ticks):
+        position = self.position
+        if largest_difference(reported.acceleration, self.acceleration) > ACCELERATION_ROUNDING:
+            position = sent
+            ticks = max(ticks - 1, 0)
+        for ago in range(ticks):
             position = [
-                p + TICK * (rate - ago * TICK * acceleration)
-                for p, rate, acceleration in zip(
+                angle + TICK * (rate - ago * TICK * acceleration)
+                for angle, rate, acceleration in zip(
                     position, reported.rate, reported.acceleration, strict=True
                 )
             ]
-        rounded = largest_difference(reported.position, position) <= ROUNDING
-        return reported._replace(position=position) if rounded else reported
+        if largest_difference(reported.position, position) > ROUNDING:
+            return reported
+        return reported._replace(position=position)
 
 
 class RateLimits(NamedTuple):
@@ -118,18 +110,20 @@ class JointMotion:
         self._speed = share * JOINT_SPEED
         self._limits = GENTLE._replace(acceleration=share * GENTLE.acceleration)
         self._time = state.time.to_sec()
-        self._here, self._sent = JointSetpoint(start, [0.0] * AXES, [0.0] * AXES), start
-        self._planned, self._missed = True, False
+        self._setpoint = JointSetpoint(start, [0.0] * AXES, [0.0] * AXES)
+        self._sent = start
+        self._planned = True
+        self._missed = False
 
     @property
     def arrived(self) -> bool:
         """Whether the setpoints have reached the goal."""
         if not self._missed:
             return not self._planned
-        still = max(map(abs, self._here.rate)) < REST_RATE
+        resting = max(map(abs, self._setpoint.rate)) < REST_RATE
         if self._goal is None:
-            return still
-        return still and largest_difference(self._here.position, self._goal) < GOAL_TOLERANCE
+            return resting
+        return resting and largest_difference(self._setpoint.position, self._goal) < GOAL_TOLERANCE
 
     def tick(self) -> Numbers:
         """Next setpoint (7,) [rad] of all joints; ArmFault where no motion leads to the goal."""
@@ -142,15 +136,17 @@ class JointMotion:
         The state is rounded: 1e-7 rad in one tick is 0.1 rad/s^2. The exact setpoint follows from
         the last command that the robot received, as it keeps its acceleration without one.
         """
-        now = state.time.to_sec()
-        ticks, self._time = round((now - self._time) / TICK), now
+        time = state.time.to_sec()
+        ticks = round((time - self._time) / TICK)
+        self._time = time
         off = largest_difference(state.q_d, self._sent) > ROUNDING
         self._missed = self._missed or ticks != 1 or off
-        self._here = self._here.followed_by(state, self._sent, ticks)
+        self._setpoint = self._setpoint.followed_by(state, self._sent, ticks)
 
     def brake(self, *, hard: bool = False) -> None:
         """From now on brake to rest, wherever that is, within GENTLE or, if `hard`, HARD limits."""
-        self._goal, self._limits = None, HARD if hard else GENTLE
+        self._goal = None
+        self._limits = HARD if hard else GENTLE
         self._input.max_acceleration = [self._limits.acceleration] * AXES
         self._input.max_jerk = [self._limits.jerk] * AXES
         self._input.control_interface = ruckig.ControlInterface.Velocity
@@ -170,11 +166,11 @@ class JointMotion:
         """Next setpoint (7,) [rad] of the controller, at speeds proportional to the distance."""
         rates = [0.0] * AXES
         if self._goal is not None:
-            away = [end - p for end, p in zip(self._goal, self._here.position, strict=True)]
+            away = np.subtract(self._goal, self._setpoint.position).tolist()
             fastest = APPROACH_GAIN * max(map(abs, away))
             gain = APPROACH_GAIN * min(1.0, self._speed / fastest) if fastest else 0.0
             rates = [gain * distance for distance in away]  # one gain for all: straight
-        return [self._next_position(*joint) for joint in zip(*self._here, rates, strict=True)]
+        return [self._next_position(*joint) for joint in zip(*self._setpoint, rates, strict=True)]
 
     def _next_position(
         self, position: float, rate: float, acceleration: float, target_rate: float
@@ -186,7 +182,7 @@ class JointMotion:
 
 
 def follow_joints(
-    robot: JointRobot,
+    robot: "Robot",
     joints: Numbers,
     share: float,
     guard: ForceGuard,
@@ -200,8 +196,9 @@ def follow_joints(
     """
     motion = robot.start_joints()
     state = robot.read(motion)
-    setpoints, objection = JointMotion(state, joints, share), ""
-    while not (setpoints.arrived and _is_still(state)):
+    setpoints = JointMotion(state, joints, share)
+    objection = ""
+    while not (setpoints.arrived and max(map(abs, state.dq_d)) < REST_RATE):
         if not objection and (interrupted() or until(state)):
             setpoints.brake()
         robot.write_joints(motion, setpoints.tick())
@@ -216,17 +213,21 @@ def follow_joints(
     return list(state.q)
 
 
+@dataclass(frozen=True)
 class CartesianState:
-    """State of a robot at robot time `seconds`, with the hand's commanded pose and derivatives."""
+    """The robot's `state` at robot time `seconds`, with the hand's commanded pose and derivatives.
 
-    def __init__(
-        self, state: Any, seconds: float, pose: Numbers, twist: Numbers, acceleration: Numbers
-    ) -> None:
-        self._state, self.seconds = state, seconds
-        self.O_T_EE_c, self.O_dP_EE_c, self.O_ddP_EE_c = pose, twist, acceleration
+    Pose (16,) by columns, twist (6,) [m/s, rad/s] and its derivative; all else is of `state`.
+    """
+
+    state: Any
+    seconds: float
+    O_T_EE_c: Numbers
+    O_dP_EE_c: Numbers
+    O_ddP_EE_c: Numbers
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self._state, name)
+        return getattr(self.state, name)
 
 
 class CartesianMotion:
@@ -240,11 +241,12 @@ class CartesianMotion:
     is computed meanwhile and sent when the robot arrives there.
     """
 
-    def __init__(self, robot: JointRobot, *, own_clock: bool = False) -> None:
+    def __init__(self, robot: "Robot", *, own_clock: bool = False) -> None:
         """Command `robot`; for one on its `own_clock` commands are computed a tick ahead."""
-        self._robot, self._own_clock = robot, own_clock
-        self._ahead = False  # whether `_here` predicts the robot a tick after `_time`
-        self._here: JointSetpoint | None = None
+        self._robot = robot
+        self._own_clock = own_clock
+        self._ahead = False  # whether `_setpoint` predicts the robot a tick after `_time`
+        self._setpoint: JointSetpoint | None = None
         self._sent: Numbers = []
         self._sent_pose: Array | None = None
         self._past_poses: list[Array] = []  # setpoints (4, 4), the newest first
@@ -254,101 +256,108 @@ class CartesianMotion:
 
     def start_poses(self) -> Any:
         """Start a motion commanded by hand poses; the elbow (joint 3) keeps its present angle."""
-        self._here, self._sent_pose, self._ahead = None, None, False
+        self._setpoint = None
+        self._sent_pose = None
+        self._ahead = False
         return self._robot.start_joints()
 
     def read(self, motion: Any) -> CartesianState:
         """Next state of the robot in `motion`, with the hand's setpoint from that of the joints."""
         state = self._robot.read(motion)
-        now, first = state.time.to_sec(), self._here is None
-        if self._here is None:
-            here, ticks = self._begin(state), 1
+        time = state.time.to_sec()
+        first = self._setpoint is None
+        if self._setpoint is None:
+            ticks = 1
+            setpoint = JointSetpoint.from_state(state)
+            self._sent = setpoint.position
+            self._initial_elbow = setpoint.position[ELBOW_JOINT]
         else:
-            ticks = max(round((now - self._time) / TICK), 0)
-            here = self._here.followed_by(state, self._sent, ticks)
-        self._here, self._time = here, now
-        off = largest_difference(here.position, self._sent)
+            ticks = max(round((time - self._time) / TICK), 0)
+            setpoint = self._setpoint.followed_by(state, self._sent, ticks)
+        off = largest_difference(setpoint.position, self._sent)
         if self._sent_pose is not None and ticks == 1 and off < ROUNDING:
             self._past_poses = [self._sent_pose, *self._past_poses[:2]]
         else:
             self._ahead = self._own_clock and not first
-            here = self._here = here.after_a_tick() if self._ahead else here
-            self._elbow, self._elbow_rate = here.position[ELBOW_JOINT], here.rate[ELBOW_JOINT]
-            self._past_poses = _past_poses(here)
-        twist, before = (_twist(self._past_poses[i], self._past_poses[i + 1]) for i in range(2))
-        acceleration = (twist - before) / TICK
-        pose: Numbers = self._past_poses[0].T.ravel().tolist()
-        time = self._time + TICK * self._ahead
-        return CartesianState(state, time, pose, twist.tolist(), acceleration.tolist())
-
-    def _begin(self, state: Any) -> JointSetpoint:
-        """Start from the first `state` of a motion, whose elbow angle is kept."""
-        start = JointSetpoint.from_state(state)
-        self._sent = start.position
-        self._elbow = self._initial_elbow = start.position[ELBOW_JOINT]
-        self._elbow_rate = 0.0
-        return start
+            if self._ahead:
+                setpoint = setpoint.after_a_tick()
+            self._elbow = setpoint.position[ELBOW_JOINT]
+            self._elbow_rate = setpoint.rate[ELBOW_JOINT]
+            self._past_poses = _past_poses(setpoint)
+        self._setpoint = setpoint
+        self._time = time
+        pose, last_pose, pose_before = self._past_poses
+        twist = _twist(pose, last_pose)
+        twist_change = (twist - _twist(last_pose, pose_before)) / TICK
+        return CartesianState(
+            state=state,
+            seconds=time + TICK * self._ahead,
+            O_T_EE_c=pose.T.ravel().tolist(),
+            O_dP_EE_c=twist.tolist(),
+            O_ddP_EE_c=twist_change.tolist(),
+        )
 
     def write_pose(self, motion: Any, pose: Numbers, *, last: bool = False) -> None:
         """Command the joints that bring the hand to `pose`, a column-major 4x4 matrix (16,).
 
         Raises ArmFault before the first state.
         """
-        if self._here is None:
+        if self._setpoint is None:
             raise ArmFault(Cause.COMMAND, "a pose was sent before the first state was read")
-        near = np.array(self._here.after_a_tick().position)  # one step of Newton's is exact there
+        near = np.array(self._setpoint.after_a_tick().position)  # one Newton step is exact there
         target = np.reshape(pose, (4, 4)).T
         # critically damped return of the elbow
-        pull = ELBOW_GAIN * (self._initial_elbow - self._elbow) - 2.0 * self._elbow_rate
-        self._elbow_rate += TICK * ELBOW_GAIN * pull
+        restoring_rate = ELBOW_GAIN * (self._initial_elbow - self._elbow) - 2.0 * self._elbow_rate
+        self._elbow_rate += TICK * ELBOW_GAIN * restoring_rate
         self._elbow += TICK * self._elbow_rate
-        step = joint_step(near, *pose_and_jacobian(near), target, self._elbow)
+        near_pose, jacobian = pose_and_jacobian(near)
+        step = joint_step(near, near_pose, jacobian, target, self._elbow)
         sent: Numbers = (near + step).tolist()
         if self._ahead and not self._has_arrived(motion) and not last:
             return
-        self._sent, self._sent_pose = sent, target
+        self._sent = sent
+        self._sent_pose = target
         self._robot.write_joints(motion, sent, last=last)
 
     def _has_arrived(self, motion: Any) -> bool:
         """Whether the robot reached the predicted setpoint; if not, predict from where it is."""
         state = self._robot.read(motion, awaited=False)
-        expected, self._ahead = self._here or JointSetpoint([], [], []), False
-        before, self._time = self._time, state.time.to_sec()
-        away = largest_difference(expected.position, state.q_d)
-        if round((self._time - before) / TICK) == 1 and away < ROUNDING:
+        predicted = self._setpoint or JointSetpoint([], [], [])
+        predicted_time = self._time + TICK
+        self._time = state.time.to_sec()
+        self._ahead = False
+        off = largest_difference(predicted.position, state.q_d)
+        if round((self._time - predicted_time) / TICK) == 0 and off < ROUNDING:
             return True
-        self._here = JointSetpoint.from_state(state)
-        self._sent, self._sent_pose = self._here.position, None
+        self._setpoint = JointSetpoint.from_state(state)
+        self._sent = self._setpoint.position
+        self._sent_pose = None
         return False
 
 
-def largest_difference(these: Numbers, those: Numbers) -> float:
+def largest_difference(first: Numbers, second: Numbers) -> float:
     """Largest |a - b| over the entries a, b at the same place of two lists of one length."""
-    return max(abs(a - b) for a, b in zip(these, those, strict=True))
+    return max(abs(a - b) for a, b in zip(first, second, strict=True))
 
 
-def _past_poses(here: JointSetpoint) -> list[Array]:
+def _past_poses(setpoint: JointSetpoint) -> list[Array]:
     """Hand poses (4, 4) [m] in the base now, one tick ago and two ticks ago."""
-    position, rate, acceleration = (np.array(part) for part in here)
-    before = position - TICK * rate
-    joints = (position, before, before - TICK * (rate - TICK * acceleration))
-    return list(forward(np.array(joints)))  # in one call: the robot awaits its answer
+    position, rate, acceleration = (np.array(part) for part in setpoint)
+    one_ago = position - TICK * rate
+    two_ago = one_ago - TICK * (rate - TICK * acceleration)
+    joints = np.array([position, one_ago, two_ago])
+    return list(forward(joints))  # in one call: the robot awaits its answer
 
 
-def _twist(now: Array, before: Array) -> Array:
+def _twist(after: Array, before: Array) -> Array:
     """Mean twist (6,) [m/s, rad/s] over a tick between two poses (4, 4).
 
     The robot differentiates its setpoints in the same way. A twist by the Jacobian at the tick's
     end is wrong by half of the Jacobian's change, an error that adds up with each lost command.
     """
-    turn = now[:3, :3] @ before[:3, :3].T
+    turn = after[:3, :3] @ before[:3, :3].T
     angle = [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
-    return np.concatenate([now[:3, 3] - before[:3, 3], np.multiply(0.5, angle)]) / TICK
-
-
-def _is_still(state: Any) -> bool:
-    """Whether the robot's joint setpoint is at rest, or slow enough to stop within one tick."""
-    return bool(max(abs(rate) for rate in state.dq_d) < REST_RATE)
+    return np.concatenate([after[:3, 3] - before[:3, 3], np.multiply(0.5, angle)]) / TICK
 
 
 def _planner_input(start: Numbers, goal: Numbers, share: float) -> ruckig.InputParameter:
@@ -356,16 +365,17 @@ def _planner_input(start: Numbers, goal: Numbers, share: float) -> ruckig.InputP
 
     Speed and acceleration are a `share` of the full ones; the jerk is not scaled.
     """
-    planned = ruckig.InputParameter(AXES)
-    planned.synchronization = ruckig.Synchronization.Phase  # straight
-    planned.current_position, planned.target_position = start, goal
-    planned.current_velocity = planned.current_acceleration = [0.0] * AXES
-    planned.max_velocity = [share * JOINT_SPEED] * AXES
-    planned.max_acceleration = [share * GENTLE.acceleration] * AXES
-    planned.max_jerk = [GENTLE.jerk] * AXES
-    return planned
+    planner = ruckig.InputParameter(AXES)
+    planner.synchronization = ruckig.Synchronization.Phase  # straight
+    planner.current_position = start
+    planner.target_position = goal
+    planner.current_velocity = planner.current_acceleration = [0.0] * AXES
+    planner.max_velocity = [share * JOINT_SPEED] * AXES
+    planner.max_acceleration = [share * GENTLE.acceleration] * AXES
+    planner.max_jerk = [GENTLE.jerk] * AXES
+    return planner
 
 
-def _clip(value: float, most: float) -> float:
-    """`value` bounded to the range from -`most` to `most`."""
-    return min(max(value, -most), most)
+def _clip(value: float, limit: float) -> float:
+    """`value` bounded to the range from -`limit` to `limit`."""
+    return min(max(value, -limit), limit)

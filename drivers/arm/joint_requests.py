@@ -66,7 +66,8 @@ def go_to(
     the cell's tool and reads it back. The path goes around where a straight one in joint space
     meets the arm itself, desk, clamp or floor. Interrupting this function ends the motion.
     """
-    _run_in_process(access, GoTo(joints, share, recover, reset_tool))
+    request = GoTo(joints=joints, share=share, recover=recover, reset_tool=reset_tool)
+    _run_in_process(access, request)
 
 
 def hand_pose(access: RobotAccess) -> list[float]:
@@ -105,7 +106,8 @@ def _go(robot: Any, access: RobotAccess, request: GoTo, pipe: Connection) -> lis
     if request.reset_tool:
         robot.reset_tool()
     robot.require_tool()
-    termination, solids = TerminationFlag(), solids_of(access.installation)
+    termination = TerminationFlag()
+    solids = solids_of(access.installation)
 
     def interrupted() -> bool:
         return termination.is_set or pipe.poll()
@@ -113,19 +115,16 @@ def _go(robot: Any, access: RobotAccess, request: GoTo, pipe: Connection) -> lis
     if request.recover:
         retreat(robot, access.settings, interrupted, solids)
     robot.configure(access.settings.collision)
-    guard, reached = robot.guard(), list(robot.state().q)
+    guard = robot.guard()
+    reached = list(robot.state().q)
     path = clear_path(np.array(reached), np.array(request.joints), solids)
     for joints in path:
         if not interrupted():
-            guard = robot.guard() if _rests(robot.state()) else guard
+            if max(map(abs, robot.state().dq)) < REST_RATE:  # its force can be the tare
+                guard = robot.guard()
             reached = follow_joints(robot, joints.tolist(), request.share, guard, interrupted)
     termination.check()
     return reached
-
-
-def _rests(state: Any) -> bool:
-    """Whether all joints in the robot's `state` are at rest, so that its force can be the tare."""
-    return bool(max(abs(rate) for rate in state.dq) < REST_RATE)
 
 
 def retreat(
@@ -150,10 +149,10 @@ def retreat(
     robot.configure(_raise_thresholds(settings.collision, size))
     guard = ForceGuard(size + FORCE_RISE)
 
-    def free(now: Any) -> bool:
-        return float(np.linalg.norm(now.O_F_ext_hat_K[:3])) < FREE * settings.rest
+    def is_free(state: Any) -> bool:
+        return float(np.linalg.norm(state.O_F_ext_hat_K[:3])) < FREE * settings.rest
 
-    follow_joints(robot, path[-1].tolist(), SPEED_SHARE, guard, interrupted, free)
+    follow_joints(robot, path[-1].tolist(), SPEED_SHARE, guard, interrupted, until=is_free)
     after = float(np.linalg.norm(robot.state().O_F_ext_hat_K[:3]))
     if not after <= settings.rest:
         reason = (

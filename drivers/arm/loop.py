@@ -20,7 +20,7 @@ from drivers.errors import Fault
 from drivers.franka.kinematics import HOME
 from drivers.installation import Installation
 from drivers.motion import TICK, MotionProfile
-from drivers.types import Pose, Velocity
+from drivers.types import ZERO_VELOCITY, Pose, Velocity
 
 MOST_MISSED_COMMANDS = 20  # commands at most until the robot follows one
 TICKS_BETWEEN_CHECKS = 10  # ticks between checks of the motion ahead
@@ -79,15 +79,22 @@ class ServoLoop:
 
         `now` gives the time [s] at which a state has arrived; `touch` limits the external force.
         """
-        settings, installation = access.settings, access.installation
-        self._robot, self._settings, self._lock_step = robot, settings, settings.in_lock_step
-        self._inbox, self._reports, self._now = CommandInbox(commands), reports, now
-        self._touch, self._drift = touch, DriftMonitor(touch, settings.drift, TICK)
+        installation = access.installation
+        self._robot = robot
+        self._settings = access.settings
+        self._lock_step = access.settings.in_lock_step
+        self._inbox = CommandInbox(commands)
+        self._reports = reports
+        self._now = now
+        self._touch = touch
+        self._drift = DriftMonitor(touch, access.settings.drift, TICK)
         self._ending = False
         self._is_commanded = False  # since the last check of the motion ahead
         self._reason: ArmFault | None = None
-        self.ticks, self.success, self.joints = 0, 0.0, JointLog()
-        self._measured: deque[tuple[float, float, float, float]] = deque(maxlen=VELOCITY_STATES + 1)
+        self.ticks = 0
+        self.success = 0.0
+        self.joints = JointLog()
+        self._measured: deque[tuple[float, Pose]] = deque(maxlen=VELOCITY_STATES + 1)
         self._motion = robot.start_poses()
         state = robot.read(self._motion)
         self._plane = plane_of(installation, state.O_T_EE_c).with_offset_of(state.O_T_EE_c)
@@ -187,8 +194,8 @@ class ServoLoop:
         A robot that receives a command too late extrapolates the motion, and a command that
         does not continue it is a discontinuity, which stops the robot.
         """
-        before, self._time = self._time, state.seconds
-        ticks = round((self._time - before) / TICK)
+        ticks = round((state.seconds - self._time) / TICK)
+        self._time = state.seconds
         if ticks > 1 or largest_difference(state.O_T_EE_c, sent) >= POSE_ROUNDING:
             self._resume(state, ticks - 1)
 
@@ -197,11 +204,14 @@ class ServoLoop:
 
         The reported velocity is the mean over the last tick, so half a tick old.
         """
-        change = [0.5 * TICK * part for part in state.O_ddP_EE_c]
-        twist = [part + more for part, more in zip(state.O_dP_EE_c, change, strict=True)]
+        half_tick = 0.5 * TICK
+        twist = [
+            velocity + half_tick * acceleration
+            for velocity, acceleration in zip(state.O_dP_EE_c, state.O_ddP_EE_c, strict=True)
+        ]
         motion = self._plane.split_motion(state.O_T_EE_c, twist, state.O_ddP_EE_c)
-        place, rate, rate_change = motion.inside
-        self._profile.resume(Pose(*place), Velocity(*rate), Velocity(*rate_change), lost)
+        pose, velocity, acceleration = motion.inside
+        self._profile.resume(Pose(*pose), Velocity(*velocity), Velocity(*acceleration), lost)
         self._offset.begin(motion.aside)
 
     def _check_ahead(self) -> None:
@@ -223,58 +233,74 @@ class ServoLoop:
     def _publish(self, state: Any) -> None:
         """Write the report of `state`; brake where its pose is not finite or off the plane."""
         self.success = state.control_command_success_rate
-        here, arrival = self._checked_pose(state.O_T_EE), self._now()
-        self._measured.append((*here, state.seconds))
+        measured = self._checked_pose(state.O_T_EE)
+        arrival = self._now()
+        self._measured.append((state.seconds, measured))
         self.joints.add(self.ticks * TICK if self._lock_step else arrival, state)
-        velocity, pose = self._mean_velocity(), self._profile.pose
-        calm = hypot(velocity[0], velocity[1]) < CALM[0] and abs(velocity[2]) < CALM[1]
+        velocity = self._mean_velocity()
+        commanded = self._profile.pose
+        fx, fz = self._plane.force(self._touch.beyond_tare(state))
+        calm = hypot(velocity.vx, velocity.vz) < CALM[0] and abs(velocity.pitch_rate) < CALM[1]
         self._reports.write(
             Report(
-                self.ticks,
-                -1 if self._ending else self._inbox.number,
-                arrival,
-                *here,
-                *velocity,
-                *(pose.x, pose.z, pose.pitch),
-                *self._plane.force(self._touch.beyond_tare(state)),
-                self.success,
-                self._profile.moving or not calm,
-                self._profile.expired,
+                ticks=self.ticks,
+                number=-1 if self._ending else self._inbox.number,
+                arrival=arrival,
+                x=measured.x,
+                z=measured.z,
+                pitch=measured.pitch,
+                vx=velocity.vx,
+                vz=velocity.vz,
+                pitch_rate=velocity.pitch_rate,
+                x_commanded=commanded.x,
+                z_commanded=commanded.z,
+                pitch_commanded=commanded.pitch,
+                fx=fx,
+                fz=fz,
+                success=self.success,
+                moving=self._profile.moving or not calm,
+                expired=self._profile.expired,
             )
         )
 
-    def _checked_pose(self, pose: list[float]) -> tuple[float, float, float]:
-        """x, z [m] and pitch [rad] in the cell of the hand's `pose` in the robot's base.
+    def _checked_pose(self, pose: list[float]) -> Pose:
+        """Gripper pose in the cell of the hand's `pose` (16,) in the robot's base.
 
         Brakes where `pose` is off the plane or not finite; for the latter the last one is returned.
         """
-        here = self._plane.to_cell(pose)
-        if not isfinite(sum(here)):
+        x, z, pitch = self._plane.to_cell(pose)
+        measured = Pose(x, z, pitch)
+        if not isfinite(x + z + pitch):
             self._brake_for_good(Cause.NOT_FINITE, "the robot reported a pose that is not a number")
-            here = self._measured[-1][:3] if self._measured else here
+            measured = self._measured[-1][1] if self._measured else measured
         beside = self._plane.place(pose)[1]
         if abs(beside) > BESIDE:
             self._brake_for_good(
                 Cause.ASIDE, f"the hand is {1e3 * abs(beside):.0f} mm beside its plane"
             )
-        return here
+        return measured
 
-    def _mean_velocity(self) -> tuple[float, float, float]:
-        """Velocity [m/s, m/s, rad/s] over the last VELOCITY_STATES states; 0 before the second."""
-        (*first, start), (*last, now) = self._measured[0], self._measured[-1]
-        if now <= start:
-            return 0.0, 0.0, 0.0
-        x, z, pitch = ((b - a) / (now - start) for a, b in zip(first, last, strict=True))
-        return x, z, pitch
+    def _mean_velocity(self) -> Velocity:
+        """Mean velocity over the last VELOCITY_STATES states; 0 before the second."""
+        start, first = self._measured[0]
+        end, last = self._measured[-1]
+        duration = end - start
+        if duration <= 0.0:
+            return ZERO_VELOCITY
+        return Velocity(
+            (last.x - first.x) / duration,
+            (last.z - first.z) / duration,
+            (last.pitch - first.pitch) / duration,
+        )
 
 
 def warm_up(installation: Installation) -> None:
     """Compute a few ticks without a robot, as first calls take longer than a tick of the robot."""
     plane = StripPlane(installation.mounting.transform())
-    limits, space = installation.limits, installation.workspace
+    space = installation.workspace
     x, z, pitch = (0.5 * (low + high) for low, high in zip(space.low, space.high, strict=True))
-    profile = MotionProfile(limits, space, Pose(x, z, pitch))
-    guard = ReachGuard(plane, limits, HOME.tolist())
+    profile = MotionProfile(installation.limits, space, Pose(x, z, pitch))
+    guard = ReachGuard(plane, installation.limits, HOME.tolist())
     profile.set_velocity(Velocity(SLOW_SPEED, SLOW_SPEED, SLOW_SPEED))
     for _ in range(TICKS_BETWEEN_CHECKS):
         x, z, pitch = profile.tick()
@@ -318,16 +344,17 @@ def run_loop(
     else the ArmFault that ended the motion.
     """
     warm_up(access.installation)
-    lock_step, timing = access.settings.in_lock_step, Timing()
+    timing = Timing()
     with connection(pipe, access) as robot:
         robot.require_ready()
         robot.require_tool()
         robot.configure(access.settings.collision)
-        clock, termination = WallClock(origin), TerminationFlag()
-        motion = CartesianMotion(robot, own_clock=not lock_step)
+        clock = WallClock(origin)
+        termination = TerminationFlag()
+        motion = CartesianMotion(robot, own_clock=not access.settings.in_lock_step)
         loop = ServoLoop(motion, access, commands, reports, clock.now, robot.guard())
         send(pipe, Ready())
-        if lock_step:
+        if access.settings.in_lock_step:
             _run_in_lock_step(loop, pipe, termination)
         else:
             while loop.halted is None and not pipe.poll() and not termination.is_set:

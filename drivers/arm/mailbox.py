@@ -77,13 +77,14 @@ class Mailbox(SharedMemory, Generic[V]):
         """Values of `kind`, a NamedTuple of int and float; by default in new memory."""
         super().__init__(descriptor)
         letters = ("d" if field is float else "q" for field in kind.__annotations__.values())
-        self._struct, self._kind = struct.Struct("=" + "".join(letters)), kind
-        size, end = self._struct.size, WORD + 2 * self._struct.size
+        self._struct = struct.Struct("=" + "".join(letters))
+        self._kind = kind
+        end = WORD + 2 * self._struct.size
         if descriptor is None:
             os.ftruncate(self.descriptor, end)
         view = memoryview(mmap(self.descriptor, end))
         self._count = view[:WORD].cast("Q")
-        self._slots = (view[WORD : WORD + size], view[WORD + size : end])
+        self._slots = (view[WORD : WORD + self._struct.size], view[WORD + self._struct.size : end])
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Mailbox, (self._kind, self.descriptor)
@@ -118,13 +119,15 @@ class CommandInbox:
     def __init__(self, commands: Mailbox[LoopCommand]) -> None:
         self._commands = commands
         self.number = commands.read().number
-        self._beat, self._heard_at = 0, 0.0  # last heartbeat of the cell, and its robot time [s]
+        self._beat = 0  # last heartbeat of the cell
+        self._heard_at = 0.0  # its robot time [s]
 
     def take(self, time: float) -> LoopCommand | None:
         """Newest command by robot `time` [s]; None where it was taken before."""
         command = self._commands.read()
         if command.beat != self._beat:
-            self._beat, self._heard_at = command.beat, time
+            self._beat = command.beat
+            self._heard_at = time
         if command.number == self.number:
             return None
         self.number = command.number

@@ -29,8 +29,7 @@ LEG_RISE, RISES = 0.05, (0.1, 0.2, 0.3)  # m of one upward leg, and total rises 
 PATH_STEP = 0.005  # m
 JOINT_ROOM = 0.03  # rad from a joint's end
 
-# Of the cell, in its frame [m]: width of the desk, extent of the fixed edge's clamp. Both are to be
-# checked by hand on the first day.
+# Of the cell, in its frame [m]. Desk and clamp are to be checked by hand on the first day.
 DESK_EDGE, CLAMP_LENGTH, CLAMP_HEIGHT, DESK_DEPTH, FLOOR_SIZE = 0.3, 0.08, 0.04, 1.0, 3.0
 UNDER = 0.1  # m under the desk: published shapes of the wrist reach 9 cm below a hand lying flat
 
@@ -41,10 +40,9 @@ def desk_end(installation: Installation, length: float | None = None) -> float:
     A desk without a configured end ends with a strip of known `length` [m], as no hand could grasp
     the strip's edge otherwise. No desk ends before the strip.
     """
-    stated = installation.desk
-    if stated is None:
+    if installation.desk is None:
         return installation.workspace.x[1] if length is None else length
-    return max(stated, length or 0.0)
+    return max(installation.desk, length or 0.0)
 
 
 def require_clear(path: list[Pose], end: float) -> None:
@@ -81,8 +79,8 @@ def desk_clearance(poses: Array, length: float) -> Array:
         for side in (-half, half):
             along = x + behind * np.cos(pitch) - side * np.sin(pitch)
             height = z + behind * np.sin(pitch) + side * np.cos(pitch)
-            over = (along > 0) & (along < length)
-            lowest = np.where(over, np.minimum(lowest, height), lowest)
+            over_desk = (along > 0) & (along < length)
+            lowest = np.where(over_desk, np.minimum(lowest, height), lowest)
     return lowest
 
 
@@ -136,20 +134,20 @@ def _joints_above(joints: Array, up: Array, rise: float) -> list[Array]:
     """Joints (7,) [rad] at every LEG_RISE straight `up` (3,) to `rise` [m], if in reach."""
     points = []
     steps = islice(straight(joints, PATH_STEP * up), round(rise / PATH_STEP))
-    for step, here in enumerate(steps, 1):
-        if limits.margins(here).min() < JOINT_ROOM:
+    for step, posture in enumerate(steps, 1):
+        if limits.margins(posture).min() < JOINT_ROOM:
             break
         if step % round(LEG_RISE / PATH_STEP) == 0:
-            points.append(here)
+            points.append(posture)
     return points
 
 
 def _objection(points: Sequence[Array], solids: Solids) -> str:
     """Reason why straight joint motions through `points` (7,) [rad] collide; empty for none."""
     legs = []
-    for a, b in pairwise(points):
-        count = 2 + int(np.abs(b - a).max() / POSTURE_SPACING)
-        legs.append(np.linspace(a, b, count))
+    for start, end in pairwise(points):
+        count = 2 + int(np.abs(end - start).max() / POSTURE_SPACING)
+        legs.append(np.linspace(start, end, count))
     path = np.concatenate(legs)
     gaps = np.column_stack([self_clearance(path), solids.clearance(path)])
     names = ("itself", *(f"the {box.name}" for box in solids.boxes))
@@ -169,5 +167,5 @@ def _keeps_clear(gap: Array) -> bool:
         return False
     first, last = clear[0], clear[-1]
     leaves = (np.diff(gap[: first + 1]) > -CLEARANCE_TOLERANCE).all()
-    comes = (np.diff(gap[last:]) < CLEARANCE_TOLERANCE).all()
-    return bool(leaves and comes and (gap[first : last + 1] >= ARM_CLEARANCE).all())
+    approaches = (np.diff(gap[last:]) < CLEARANCE_TOLERANCE).all()
+    return bool(leaves and approaches and (gap[first : last + 1] >= ARM_CLEARANCE).all())

@@ -79,20 +79,25 @@ class StripPlane:
         numbers: Numbers = (pose @ self._rest).T.ravel().tolist()
         return numbers
 
-    def split_motion(self, pose: Numbers, twist: Numbers, change: Numbers) -> SplitMotion:
-        """Split a motion of the hand in the base: `pose` (16,), `twist` and its `change` (6,)."""
+    def split_motion(self, pose: Numbers, twist: Numbers, acceleration: Numbers) -> SplitMotion:
+        """Split a motion of the hand in the base into the parts in the plane and off the plane.
+
+        `pose` (16,) is a column-major 4x4 matrix, `twist` (6,) [m/s, rad/s] and `acceleration` (6,)
+        are its derivatives.
+        """
         hand = matrix(pose)
         gripper = hand @ self._back
-        linear, linear_change = _of_point(gripper[:3, 3] - hand[:3, 3], twist, change)
-        rate, rate_aside = self._split_rates(linear, twist[3:])
-        rate_change, aside_change = self._split_rates(linear_change, change[3:])
+        lever = gripper[:3, 3] - hand[:3, 3]
+        velocity, linear_acceleration = _motion_of_point(lever, twist, acceleration)
+        rate, rate_aside = self._split_rates(velocity, twist[3:])
+        change, change_aside = self._split_rates(linear_acceleration, acceleration[3:])
         columns: Numbers = gripper.T.ravel().tolist()
-        place = self.to_cell(columns)
-        lean = rotation_vector(gripper[:3, :3] @ self.matrix(*place)[:3, :3].T)
+        inside = Coordinates(self.to_cell(columns), rate, change)
+        lean = rotation_vector(gripper[:3, :3] @ self.matrix(*inside.value)[:3, :3].T)
         lean_x, _, lean_z = (self._axes @ lean).tolist()
-        aside = Coordinates((self.place(columns)[1], lean_x, lean_z), rate_aside, aside_change)
-        inside = Coordinates(place, rate, rate_change)
-        return SplitMotion(inside, _in_pitching_axes(aside, rate[2], rate_change[2]))
+        offset = self.place(columns)[1]
+        aside = Coordinates((offset, lean_x, lean_z), rate_aside, change_aside)
+        return SplitMotion(inside, _in_pitching_axes(aside, inside))
 
     def _split_rates(self, linear: Array, angular: Numbers) -> tuple[Triple, Triple]:
         """Split a twist [m/s, rad/s] into rates of x, z, pitch, and of offset and angles aside."""
@@ -103,18 +108,20 @@ class StripPlane:
     def matrix(self, x: float, z: float, pitch: float) -> Array:
         """Hand pose (4, 4) in the robot's base, exactly in the plane, for x, z [m], pitch [rad]."""
         c, s = cos(pitch - pi / 2), sin(pitch - pi / 2)
-        sign, axes = self._sign, (self._along, self._across, self._up, self._origin)
-        pose = [
+        sign = self._sign
+        axes = zip(self._along, self._across, self._up, self._origin, strict=True)
+        rows = [
             (sign * (c * along + s * up), across, s * along - c * up, x * along + z * up + origin)
-            for along, across, up, origin in zip(*axes, strict=True)
+            for along, across, up, origin in axes
         ]
-        return np.array([*pose, (0.0, 0.0, 0.0, 1.0)])
+        return np.array([*rows, (0.0, 0.0, 0.0, 1.0)])
 
     def to_cell(self, pose: Numbers) -> Triple:
         """x, z [m] and pitch [rad] in the cell of a hand pose in the base, column-major (16,)."""
         x, _, z = self.place(pose)
-        along, up = (_dot(row, pose[8:11]) for row in (self._rows[0], self._rows[2]))
-        return x, z, _pitch_of_axis(along, up)
+        approach = pose[8:11]  # axis of the hand: along -x at pitch 0, down at pi/2
+        pitch = atan2(-_dot(self._rows[2], approach), -_dot(self._rows[0], approach))
+        return x, z, pitch + 2 * pi if pitch < -pi / 2 else pitch
 
     def place(self, pose: Numbers) -> Triple:
         """x, y, z [m] in the cell of a hand pose in the base, column-major (16,)."""
@@ -151,7 +158,8 @@ class FadingOffset:
 
     def begin(self, start: Coordinates) -> None:
         """Fade from the offset and angles of `start` [m, rad, rad]."""
-        self._start, self._age = start, 0
+        self._start = start
+        self._age = 0
 
     def tick(self) -> Triple:
         """Advance by one tick; returns offset and angles (3,) [m, rad, rad] at its end."""
@@ -159,40 +167,39 @@ class FadingOffset:
             return NO_OFFSET
         self._age += 1
         share, duration = self._age / FADE_TICKS, FADE_TICKS * TICK
-        left = (1.0 - share) ** 3
+        remaining = (1.0 - share) ** 3
         weights = (
-            left * (1.0 + 3.0 * share + 6.0 * share**2),
-            left * share * (1.0 + 3.0 * share) * duration,
-            left * share**2 * duration**2 / 2.0,
+            remaining * (1.0 + 3.0 * share + 6.0 * share**2),
+            remaining * share * (1.0 + 3.0 * share) * duration,
+            remaining * share**2 * duration**2 / 2.0,
         )
-        offset, about_x, about_z = (
-            sum(w * part for w, part in zip(weights, parts, strict=True))
-            for parts in zip(*self._start, strict=True)
-        )
+        offset, about_x, about_z = np.dot(weights, self._start).tolist()
         return offset, about_x, about_z
 
 
-def _of_point(lever: Array, twist: Numbers, change: Numbers) -> tuple[Array, Array]:
-    """Velocity and acceleration (3,) of a point at `lever` (3,) [m] from that of a twist (6,)."""
-    spin, spin_change = _cross_matrix(twist[3:]), _cross_matrix(change[3:])
+def _motion_of_point(lever: Array, twist: Numbers, acceleration: Numbers) -> tuple[Array, Array]:
+    """Velocity and acceleration (3,) of a point at `lever` (3,) [m] from `twist` (6,) of a body.
+
+    `acceleration` (6,) is the twist's derivative.
+    """
+    spin = _cross_matrix(twist[3:])
+    spin_change = _cross_matrix(acceleration[3:])
     velocity = np.array(twist[:3]) + spin @ lever
-    return velocity, np.array(change[:3]) + spin_change @ lever + spin @ (spin @ lever)
+    return velocity, np.array(acceleration[:3]) + spin_change @ lever + spin @ (spin @ lever)
 
 
-def _in_pitching_axes(aside: Coordinates, pitch_rate: float, pitch_change: float) -> Coordinates:
-    """Motion off the plane with lean angles about axes that pitch with the hand, to first order."""
-    (_, lean_x, lean_z), (across, rate_x, rate_z), (across_change, change_x, change_z) = aside
+def _in_pitching_axes(aside: Coordinates, inside: Coordinates) -> Coordinates:
+    """Motion `aside` with lean angles about axes that pitch as `inside` does, to first order."""
+    pitch_rate = inside.rate[2]
+    pitch_change = inside.change[2]
+    _, lean_x, lean_z = aside.value
+    across, rate_x, rate_z = aside.rate
+    across_change, change_x, change_z = aside.change
     rate_x -= lean_z * pitch_rate
     rate_z += lean_x * pitch_rate
     change_x -= rate_z * pitch_rate + lean_z * pitch_change
     change_z += rate_x * pitch_rate + lean_x * pitch_change
     return Coordinates(aside.value, (across, rate_x, rate_z), (across_change, change_x, change_z))
-
-
-def _pitch_of_axis(along: float, up: float) -> float:
-    """Pitch [rad] of an approach axis with components `along` x and `up`: -x is 0, down is pi/2."""
-    pitch = atan2(-up, -along)
-    return pitch + 2 * pi if pitch < -pi / 2 else pitch
 
 
 def _cross_matrix(vector: Numbers) -> Array:

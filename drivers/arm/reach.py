@@ -94,17 +94,21 @@ def plan_reach(
     candidates = [reach for plane in planes for reach in _postures(plane, poses, times, elbows)]
     if not candidates:
         x, z, pitch = path[0].tolist()
-        first = Problem(x, z, pitch, "no posture of the arm brings the hand there")
-        return Reach(False, HOME, 0.0, 1, 0, (first,))
+        unreachable = Problem(x, z, pitch, "no posture of the arm brings the hand there")
+        return Reach(
+            turned=False, start=HOME, margin=0.0, joint=1, followed=0, problems=(unreachable,)
+        )
     candidates.sort(key=lambda reach: (reach.allowed, reach.followed, reach.margin), reverse=True)
     braked = list[Reach]()
-    for candidate in filter(lambda reach: reach.allowed, candidates):
+    for candidate in candidates:
+        if not candidate.allowed:
+            continue
         guard = ReachGuard(planes[candidate.turned], installation.limits, candidate.start.tolist())
-        stop = _first_braking(guard, poses, times)
-        if stop is None:
+        problem = _first_braking(guard, poses, times)
+        if problem is None:
             return candidate
-        after_lift = stop.pitch > HANGING
-        braked.append(candidate if after_lift else replace(candidate, problems=(stop,)))
+        after_lift = problem.pitch > HANGING
+        braked.append(candidate if after_lift else replace(candidate, problems=(problem,)))
     return max(braked, key=lambda reach: (reach.allowed, reach.margin), default=candidates[0])
 
 
@@ -125,25 +129,34 @@ def _postures(
 
 def _track_path(plane: StripPlane, poses: Array, times: Array, start: Array) -> Reach:
     """Track the joints along `poses` (n, 3) from `start` (7,) [rad], up to MOST_PROBLEMS."""
-    joints, problems, count = start, list[Problem](), 0
-    margin, joint = np.inf, 0
+    joints = start
+    elbow = float(start[ELBOW_JOINT])
+    problems = list[Problem]()
+    followed = 0
+    margins = np.full(len(start), np.inf)
     for pose, time in zip(poses, times, strict=True):
         x, z, pitch = pose.tolist()
-        elbow = float(start[ELBOW_JOINT])
         tracked = track(joints, plane.matrix(x, z, pitch), elbow, PATH_ITERATIONS)
         if tracked is None:
             problems.append(Problem(x, z, pitch, "no posture of the arm brings the hand there"))
             break
-        there = tracked[0]
-        room = limits.margins(there)
-        margin, joint = min((margin, joint), (float(room.min()), int(room.argmin())))
-        reason = _step_objection(joints, there, time)
+        next_joints = tracked[0]
+        margins = np.minimum(margins, limits.margins(next_joints))
+        reason = _step_objection(joints, next_joints, time)
         if reason:
             problems.append(Problem(x, z, pitch, reason))
         if len(problems) >= MOST_PROBLEMS:
             break
-        joints, count = there, count + 1
-    return Reach(plane.turned, start, margin, joint + 1, count, tuple(problems))
+        joints = next_joints
+        followed += 1
+    return Reach(
+        turned=plane.turned,
+        start=start,
+        margin=float(margins.min()),
+        joint=int(margins.argmin()) + 1,
+        followed=followed,
+        problems=tuple(problems),
+    )
 
 
 def _first_braking(guard: "ReachGuard", poses: Array, times: Array) -> Problem | None:
@@ -156,15 +169,17 @@ def _first_braking(guard: "ReachGuard", poses: Array, times: Array) -> Problem |
     return None
 
 
-def _step_objection(joints: Array, there: Array, time: float) -> str:
-    """Reason to refuse a step from `joints` to `there` (7,) in `time` [s]; empty for none."""
-    room, joint = float(limits.margins(there).min()), int(limits.margins(there).argmin()) + 1
-    if room < PATH_MARGIN:
+def _step_objection(joints: Array, target: Array, time: float) -> str:
+    """Reason to refuse a step from `joints` to `target` (7,) in `time` [s]; empty for none."""
+    margins = limits.margins(target)
+    joint = int(margins.argmin())
+    if margins[joint] < PATH_MARGIN:
         return (
-            f"joint {joint} comes within {room:.2f} rad of its end, allowed {PATH_MARGIN:.2f} rad"
+            f"joint {joint + 1} comes within {margins[joint]:.2f} rad of its end, "
+            f"allowed {PATH_MARGIN:.2f} rad"
         )
-    low, high = limits.velocity_bounds(there)
-    rate = (there - joints) / time
+    low, high = limits.velocity_bounds(target)
+    rate = (target - joints) / time
     used = np.maximum(
         rate / (PATH_VELOCITY_SHARE * high + RATE_FLOOR),
         rate / (PATH_VELOCITY_SHARE * low - RATE_FLOOR),
@@ -172,20 +187,21 @@ def _step_objection(joints: Array, there: Array, time: float) -> str:
     if used.max() > 1.0:
         worst = int(used.argmax())
         return f"joint {worst + 1} would turn at {abs(rate[worst]):.2f} rad/s, more than it may"
-    if manipulability(jacobian(there)) < SINGULAR:
+    if manipulability(jacobian(target)) < SINGULAR:
         return "the arm would be close to a singular posture, stretched or folded"
     return ""
 
 
 def densify(path: Array, speeds: Array) -> tuple[Array, Array]:
     """Poses (m, 3) along `path` at most POSE_STEP apart, and times (m,) [s] from pose to pose."""
-    poses, times = [path[:1]], [np.array([1.0])]  # s to the first pose: the arm stands there
-    for here, there, speed in zip(path[:-1], path[1:], speeds[1:], strict=True):
-        travel = float(np.hypot(*(there - here)[:2]))
-        turn = abs(float(there[2] - here[2])) / PITCH_PER_METRE
+    poses = [path[:1]]
+    times = [np.array([1.0])]  # s to the first pose: the arm stands there
+    for first, second, speed in zip(path[:-1], path[1:], speeds[1:], strict=True):
+        travel = float(np.hypot(*(second - first)[:2]))
+        turn = abs(float(second[2] - first[2])) / PITCH_PER_METRE
         count = max(1, int(np.ceil(max(travel, turn) / POSE_STEP)))
         shares = np.arange(1, count + 1)[:, None] / count
-        poses.append(here + shares * (there - here))
+        poses.append(first + shares * (second - first))
         times.append(np.full(count, max(travel, turn, SHORTEST_STEP) / speed / count))
     return np.concatenate(poses), np.concatenate(times)
 
@@ -203,80 +219,85 @@ class ReachGuard:
         """Check a motion in `plane` that begins at `joints` (7,) [rad], with its axes' limits."""
         self._plane = plane
         self._elbow = float(joints[ELBOW_JOINT])
-        self._soon: Array = np.array(joints)
-        self._rest: Array = np.array(joints)
+        self._ahead: Array = np.array(joints)
+        self._at_rest: Array = np.array(joints)
         self._twists = _twists(plane)
-        self._most = np.array([axis.acceleration for axis in motion.axes])
+        self._acceleration = np.array([axis.acceleration for axis in motion.axes])
         self._jerk = np.array([axis.jerk for axis in motion.axes])
 
-    def objection(self, soon: PredictedMotion) -> str:
-        """Reason to stop a motion predicted to be at `soon`; empty while it may continue."""
-        speed, change = (
+    def objection(self, ahead: PredictedMotion) -> str:
+        """Reason to stop a motion predicted to be at `ahead`; empty while it may continue."""
+        pose = ahead.pose.as_array()
+        velocity, acceleration = (
             np.array([rate.vx, rate.vz, rate.pitch_rate])
-            for rate in (soon.velocity, soon.acceleration)
+            for rate in (ahead.velocity, ahead.acceleration)
         )
-        where = np.array([soon.pose.x, soon.pose.z, soon.pose.pitch])
-        self._soon, here = self._track(self._soon, where)
-        rest = where + speed * np.abs(speed) / (2 * self._most)
-        self._rest, there = self._track(self._rest, rest)
-        if here is None or there is None:
+        self._ahead, rates = self._track(self._ahead, pose)
+        rest = pose + velocity * np.abs(velocity) / (2 * self._acceleration)
+        self._at_rest, rest_rates = self._track(self._at_rest, rest)
+        if rates is None or rest_rates is None:
             return "the arm does not reach on"
-        room = np.minimum(limits.margins(self._soon), limits.margins(self._rest))
-        if room.min() < JOINT_MARGIN:
-            return f"joint {int(room.argmin()) + 1} comes to its end"
-        demand = self._demand(here, there, speed, change)
+        margins = np.minimum(limits.margins(self._ahead), limits.margins(self._at_rest))
+        if margins.min() < JOINT_MARGIN:
+            return f"joint {int(margins.argmin()) + 1} comes to its end"
+        demand = self._demand(rates, rest_rates, velocity, acceleration)
         if demand.max() > 1.0:
             return f"joint {int(demand.argmax()) + 1} could not follow any further"
         return ""
 
-    def _demand(self, here: Array, there: Array, speed: Array, change: Array) -> Array:
+    def _demand(
+        self, rates: Array, rest_rates: Array, velocity: Array, acceleration: Array
+    ) -> Array:
         """Share (7,) of each joint's limits that a motion needs, and braking from it; 1 is all.
 
-        `here` and `there` (7, 3) are joint rates per unit velocity of each axis: at the motion with
-        `speed` (3,) and its derivative `change` (3,), and where braking from it ends.
+        `rates` and `rest_rates` (7, 3) are joint rates per unit velocity of each axis: at the
+        motion with `velocity` and `acceleration` (3,), and where braking from it ends.
         """
-        peak = np.minimum(self._most, np.sqrt(np.abs(speed) * self._jerk))
-        braking = -np.sign(speed) * peak
-        turning = here @ speed
-        later = pose_and_jacobian(self._soon + REACTION * turning)[1]
+        peak = np.minimum(self._acceleration, np.sqrt(np.abs(velocity) * self._jerk))
+        braking = -np.sign(velocity) * peak
+        turning = rates @ velocity
+        later = pose_and_jacobian(self._ahead + REACTION * turning)[1]
         # rad/s^2 that the path's curvature asks at constant velocity
-        bending = (joint_rates(later, self._twists) @ speed - turning) / REACTION
+        bending = (joint_rates(later, self._twists) @ velocity - turning) / REACTION
         demand: Array = np.maximum.reduce(
             [
                 # the motion: velocity, acceleration; braking now, and at its end
                 self._rate_shares(turning),
-                np.abs(here @ change + bending) / limits.ACCELERATION / ACCELERATION_SHARE,
-                np.abs(here @ braking + bending) / limits.ACCELERATION,
-                np.abs(there @ braking) / limits.ACCELERATION,
+                np.abs(rates @ acceleration + bending) / limits.ACCELERATION / ACCELERATION_SHARE,
+                np.abs(rates @ braking + bending) / limits.ACCELERATION,
+                np.abs(rest_rates @ braking) / limits.ACCELERATION,
                 # a simultaneous change of all axes where the arm would rest
-                np.abs(there) @ self._most / limits.ACCELERATION / CHANGE_SHARE,
+                np.abs(rest_rates) @ self._acceleration / limits.ACCELERATION / CHANGE_SHARE,
             ]
         )
         return demand
 
-    def _track(self, joints: Array, where: Array) -> tuple[Array, Array | None]:
-        """Joints (7,) [rad] at pose `where` (3,), and their rates (7, 3) per velocity of each axis.
+    def _track(self, joints: Array, pose: Array) -> tuple[Array, Array | None]:
+        """Joints (7,) [rad] at `pose` (3,), and their rates (7, 3) per velocity of each axis.
 
         Searched from near `joints` (7,); the rates are None where the pose is out of reach.
         """
-        target = self._plane.matrix(*where.tolist())
+        x, z, pitch = pose.tolist()
+        target = self._plane.matrix(x, z, pitch)
         tracked = track(joints, target, self._elbow, ITERATIONS, TOLERANCE)
         if tracked is None:
             return joints, None
-        return tracked[0], joint_rates(tracked[1], self._twists)
+        reached, jacobian = tracked
+        return reached, joint_rates(jacobian, self._twists)
 
     def _rate_shares(self, rates: Array) -> Array:
         """Joint `rates` (7,) [rad/s] as shares of their limits; 1 is the limit."""
-        low, high = limits.velocity_bounds(self._soon)
+        low, high = limits.velocity_bounds(self._ahead)
         return np.asarray(np.maximum(rates / high, rates / low) / VELOCITY_SHARE, dtype=np.float64)
 
 
 def _twists(plane: StripPlane) -> Array:
     """Hand twist and elbow rate in the base, (7, 3) [m, rad], per unit velocity of x, z, pitch."""
-    here, small = plane.matrix(0.0, 0.0, 0.0), 1e-6
-    x, z = (plane.matrix(*at)[:3, 3] - here[:3, 3] for at in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
-    turn = (plane.matrix(0.0, 0.0, small)[:3, :3] @ here[:3, :3].T) / small  # per rad of pitch
-    columns = np.zeros((7, 3))
-    columns[:3, 0], columns[:3, 1] = x, z
-    columns[3:6, 2] = turn[2, 1], turn[0, 2], turn[1, 0]
-    return columns
+    origin = plane.matrix(0.0, 0.0, 0.0)
+    small = 1e-6
+    turn = (plane.matrix(0.0, 0.0, small)[:3, :3] @ origin[:3, :3].T) / small  # per rad of pitch
+    twists = np.zeros((7, 3))
+    twists[:3, 0] = plane.matrix(1.0, 0.0, 0.0)[:3, 3] - origin[:3, 3]
+    twists[:3, 1] = plane.matrix(0.0, 1.0, 0.0)[:3, 3] - origin[:3, 3]
+    twists[3:6, 2] = turn[2, 1], turn[0, 2], turn[1, 0]
+    return twists
