@@ -3,8 +3,8 @@
 import select
 
 from drivers.fci_server.connection import Port
-from drivers.fci_server.hand import Hand
-from drivers.fci_server.robot import Robot
+from drivers.fci_server.hand import EmulatedHand
+from drivers.fci_server.robot import EmulatedRobot
 from drivers.fci_server.state import Publisher
 from drivers.fci_server.wire import (
     ARM_FRAMING,
@@ -27,7 +27,7 @@ BURST = 256  # datagrams read per cycle, so that a flood does not delay other cl
 class ArmPort(Port[Command]):
     """Network port of the emulated arm: answers requests, reads commands, sends states."""
 
-    def __init__(self, address: str, poll: select.epoll, robot: Robot) -> None:
+    def __init__(self, address: str, poll: select.epoll, robot: EmulatedRobot) -> None:
         self._robot = robot
         self._publisher = Publisher()
         super().__init__(address, PORT, poll, ARM_FRAMING, PROTOCOL_VERSION)
@@ -55,14 +55,13 @@ class ArmPort(Port[Command]):
         `rate` is the fraction of commands that arrived in time; with `is_nan` the measured part of
         the state is NaN, as from a broken sensor.
         """
-        robot, client = self._robot, self.client
-        if client is not None:
-            self._datagram = self._publisher.datagram(robot, rate, is_nan)
-            client.send_datagram(self._datagram)
-            for late in robot.late:
+        if self.client is not None:
+            self._datagram = self._publisher.datagram(self._robot, rate, is_nan)
+            self.client.send_datagram(self._datagram)
+            for late in self._robot.late:
                 content = bytes((late.status,))
-                client.send(ARM_FRAMING.reply(late.command, late.command_id, content))
-        robot.late.clear()
+                self.client.send(ARM_FRAMING.reply(late.command, late.command_id, content))
+        self._robot.late.clear()
 
     def _abandon(self) -> None:
         self._robot.abandon()
@@ -88,10 +87,10 @@ class ArmPort(Port[Command]):
 class HandPort(Port[HandCommand]):
     """Network port of the emulated hand: answers requests and sends states."""
 
-    def __init__(self, address: str, poll: select.epoll, hand: Hand) -> None:
+    def __init__(self, address: str, poll: select.epoll, hand: EmulatedHand) -> None:
         self._hand = hand
-        port, version = hand_protocol.PORT, hand_protocol.PROTOCOL_VERSION
-        super().__init__(address, port, poll, HAND_FRAMING, version)
+        version = hand_protocol.PROTOCOL_VERSION
+        super().__init__(address, hand_protocol.PORT, poll, HAND_FRAMING, version)
 
     def discard(self) -> None:
         """Read and ignore a UDP datagram of the client: the hand takes none."""

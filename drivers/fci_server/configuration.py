@@ -122,7 +122,9 @@ def _frame(name: str, old: Configuration, numbers: Array) -> Configuration | Non
 
 def _load(old: Configuration, numbers: Array) -> Configuration | None:
     """Copy of `old` with mass, centre and inertia in `numbers` (13,); None if impossible."""
-    mass, centre, inertia = float(numbers[0]), numbers[1:4], numbers[4:].reshape(3, 3)
+    mass = float(numbers[0])
+    centre = numbers[1:4]
+    inertia = numbers[4:].reshape(3, 3)
     if not 0 <= mass <= LARGEST_LOAD or np.abs(inertia - inertia.T).max() > RIGID_TOLERANCE:
         return None
     if np.linalg.eigvalsh(inertia)[0] < 0:

@@ -103,7 +103,9 @@ class Port(ABC, Generic[K]):
         self, address: str, port: int, poll: select.epoll, framing: Framing[K], version: int
     ) -> None:
         """Listen at `address` for requests in `framing`, of protocol `version`."""
-        self._poll, self._framing, self._address = poll, framing, address
+        self._poll = poll
+        self._framing = framing
+        self._address = address
         self.version = version
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -29,15 +29,20 @@ class Dynamics:
             link.mass *= 1.0 + error
             link.inertia *= 1.0 + error
         model.opt.gravity[:] = _tilt(float(model.opt.gravity[2]), *plant.tilt)
-        self._model, self._data = model, mujoco.MjData(model)
+        self._model = model
+        self._data = mujoco.MjData(model)
         self._read: tuple[Posture, int, Array] | None = None  # in one posture and tick
         self._payload_point = np.add(plant.payload_at, (0.0, 0.0, FLANGE))
 
     def torque(self, posture: Posture) -> Array:
         """Torques (7,) [N m] of the joints that move the arm as in `posture`."""
-        plant, data, rates = self._plant, self._data, posture.joints
+        plant = self._plant
+        data = self._data
+        rates = posture.joints
         q = posture.q - plant.encoder_bias
-        data.qpos[:], data.qvel[:], data.qacc[:] = q, rates.velocity, rates.acceleration
+        data.qpos[:] = q
+        data.qvel[:] = rates.velocity
+        data.qacc[:] = rates.acceleration
         mujoco.mj_inverse(self._model, data)
         torque = np.array(data.qfrc_inverse)
         if plant.payload:
@@ -84,7 +89,8 @@ class LaggingArm:
         self, posture: Posture, tool: Array, delay: float, lag: float, sag: Sag | None = None
     ) -> None:
         """Arm at rest in `posture` with `tool` (4, 4) in the flange's frame."""
-        self._tool, self._sag = tool, sag
+        self._tool = tool
+        self._sag = sag
         self._lag_gain = lag_gain(lag)
         self._delayed = deque([posture.q] * (1 + round(delay / TICK)))
         self._motors = self.posture = posture
@@ -95,11 +101,11 @@ class LaggingArm:
         """Advance the arm by one tick, in which the joints `commanded` (7,) [rad] are sent."""
         self._delayed.append(commanded)
         self._delayed.popleft()
-        here = self._motors
-        q = here.q + self._lag_gain * (self._delayed[0] - here.q)
-        if np.array_equal(q, here.q) and not here.joints.velocity.any():
+        motors = self._motors
+        q = motors.q + self._lag_gain * (self._delayed[0] - motors.q)
+        if np.array_equal(q, motors.q) and not motors.joints.velocity.any():
             return
-        self._motors = self._step(here, q)
+        self._motors = self._step(motors, q)
         if self._sag is None:
             self.posture = self._motors
         else:
@@ -112,7 +118,7 @@ class LaggingArm:
         return Posture.at_joints(q, self._tool, Rates(velocity, acceleration))
 
 
-def _tilt(gravity: float, x: float, y: float) -> tuple[float, float, float]:
-    """Vertical `gravity` [m/s^2] in a base that leans by `x` [rad] about x, then `y` about y."""
-    about_x = gravity * np.array([0.0, -np.sin(x), np.cos(x)])
-    return about_x[2] * np.sin(y), about_x[1], about_x[2] * np.cos(y)
+def _tilt(gravity: float, x: float, y: float) -> Array:
+    """Vertical `gravity` as (3,) [m/s^2] in a base that leans by `x`, then `y` [rad] about x, y."""
+    upright = gravity * np.cos(x)
+    return np.array([upright * np.sin(y), -gravity * np.sin(x), upright * np.cos(y)])

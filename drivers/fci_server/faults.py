@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import AfterValidator, Field
 
 from drivers.fci_server.arm_and_hand_ports import ArmPort
-from drivers.fci_server.robot import Robot
+from drivers.fci_server.robot import EmulatedRobot
 from drivers.fci_server.wire import Reflex
 from drivers.settings import Settings, load
 
@@ -100,6 +100,9 @@ def load_faults(path: Path) -> tuple[Fault, ...]:
     return tuple(sorted(load(path, FaultScript).faults, key=lambda fault: fault.at))
 
 
+Pause = Callable[[float], None]  # returns after a time [s]
+
+
 class Disturbance:
     """Faults of a script that are still to come, and end times of faults in effect.
 
@@ -108,10 +111,12 @@ class Disturbance:
     """
 
     def __init__(
-        self, script: Iterable[Fault], robot: Robot, port: ArmPort, freeze: Callable[[float], None]
+        self, script: Iterable[Fault], robot: EmulatedRobot, port: ArmPort, freeze: Pause
     ) -> None:
         self._waiting = sorted(script, key=lambda fault: fault.at)
-        self._robot, self._port, self._freeze = robot, port, freeze
+        self._robot = robot
+        self._port = port
+        self._freeze = freeze
         self._push_ends = inf
         self._nan_ends = 0.0
         self._release = inf
@@ -127,7 +132,12 @@ class Disturbance:
 
     def strike(self) -> None:
         """Apply the faults that are due by now, and end those whose time is over."""
-        self._end_faults()
+        if self._robot.time >= self._release:
+            self._robot.release_user_stop()
+            self._release = inf
+        if self._robot.time >= self._push_ends:
+            self._robot.pushed = np.zeros(3)
+            self._push_ends = inf
         while self._waiting and self._waiting[0].at <= self._robot.ticks:
             self._apply(self._waiting.pop(0))
 
@@ -150,12 +160,3 @@ class Disturbance:
                 self._port.version = fault.version
             case FreezeFault():
                 self._freeze(fault.duration)
-
-    def _end_faults(self) -> None:
-        """Release the user stop and take the force away where their time is over."""
-        if self._robot.time >= self._release:
-            self._robot.release_user_stop()
-            self._release = inf
-        if self._robot.time >= self._push_ends:
-            self._robot.pushed = np.zeros(3)
-            self._push_ends = inf

@@ -57,7 +57,13 @@ def extrapolate(old: Posture, message_id: int) -> RobotCommand:
     rates = old.joints.velocity + TICK * old.joints.acceleration
     twist = old.tool.velocity + TICK * old.tool.acceleration
     return RobotCommand(
-        message_id, old.q + TICK * rates, rates, _advance_pose(old.pose, twist), twist, None, False
+        message_id=message_id,
+        q=old.q + TICK * rates,
+        dq=rates,
+        pose=_advance_pose(old.pose, twist),
+        twist=twist,
+        elbow=None,
+        finished=False,
     )
 
 

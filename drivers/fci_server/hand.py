@@ -25,7 +25,7 @@ class FingerMotion:
     speed: float
 
 
-class Hand:
+class EmulatedHand:
     """Emulated hand, stepped every 1 ms: width [m] between its fingers, and the object they hold.
 
     `between` gives the thickness [m] of the object between the fingers now, None for nothing.
@@ -52,7 +52,8 @@ class Hand:
 
     def state(self, time: int) -> bytes:
         """Datagram of the hand's state at robot `time` [ms]."""
-        width, widest = (self.width, WIDEST) if self.is_homed else (0.0, 0.0)
+        width = self.width if self.is_homed else 0.0
+        widest = WIDEST if self.is_homed else 0.0
         return STATE_PACKET.pack(time & 0xFFFFFFFF, width, widest, self.is_grasped, TEMPERATURE)
 
     def begin(self, request: HandRequest) -> None:
@@ -78,11 +79,13 @@ class Hand:
     def advance(self) -> None:
         """Advance the fingers by one millisecond."""
         if self.is_grasped and self._between() is None:
-            self.is_grasped, self.width = False, 0.0  # simplified: the fingers close at once
+            self.is_grasped = False
+            self.width = 0.0  # simplified: the fingers close at once
         motion = self._motion
         if motion is None:
             return
-        target, step = motion.widths[0], TICK * motion.speed
+        target = motion.widths[0]
+        step = TICK * motion.speed
         if target >= self.width:
             self.width = min(self.width + step, target)
         elif self._close_to(max(self.width - step, target)):
@@ -94,9 +97,11 @@ class Hand:
     def _close_to(self, width: float) -> bool:
         """Close to `width` [m] or onto the object in between; returns whether it was touched."""
         thickness = self._between()
-        touched = thickness is not None and width <= thickness
-        self.width = min(thickness, WIDEST) if thickness is not None and touched else width
-        return touched
+        if thickness is None or width > thickness:
+            self.width = width
+            return False
+        self.width = min(thickness, WIDEST)
+        return True
 
     def _stop_on_touch(self, motion: FingerMotion) -> None:
         """End `motion`, as the fingers have touched the object between them."""

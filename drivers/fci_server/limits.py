@@ -57,7 +57,7 @@ TOOL_REFLEXES = (
 
 
 @dataclass(frozen=True, slots=True)
-class Box:
+class ToolSpace:
     """Box in the robot's base in which the tool may move, by two corners (3,) [m]."""
 
     low: Array = field(default_factory=lambda: frozen([-1.0, -1.0, -0.5]))
@@ -86,13 +86,15 @@ class BodyCheck:
             travel = LEVER * float(np.abs(q - self._checked_q).sum())
             if travel < self._room:
                 return
-        itself = float(self_clearance(q))
-        others = inf if self._solids is None else float(self._solids.clearance(q).min())
-        before, self._gaps = self._gaps, [itself, others]
-        self._checked_q, self._room = np.array(q), min(itself, others)
-        reflexes = Reflex.SELF_COLLISION_AVOIDANCE_VIOLATION, Reflex.CARTESIAN_REFLEX
-        for gap, last, reflex in zip(self._gaps, before, reflexes, strict=True):
-            if gap < 0 and gap < min(last, 0.0) - DEEPER:
+        to_itself = float(self_clearance(q))
+        to_solids = inf if self._solids is None else float(self._solids.clearance(q).min())
+        last_gaps = self._gaps
+        self._gaps = [to_itself, to_solids]
+        self._checked_q = np.array(q)
+        self._room = min(self._gaps)
+        reflexes = (Reflex.SELF_COLLISION_AVOIDANCE_VIOLATION, Reflex.CARTESIAN_REFLEX)
+        for gap, last_gap, reflex in zip(self._gaps, last_gaps, reflexes, strict=True):
+            if gap < 0 and gap < min(last_gap, 0.0) - DEEPER:
                 raise Violation(reflex)
 
 
@@ -133,7 +135,9 @@ def check_tool_rates(old: Rates, new: Rates) -> None:
 def check_swing(old: Array, new: Array) -> None:
     """Raise Violation where the elbow's angle, rate and acceleration (3,) break a rate limit."""
     rates = (*new[1:].tolist(), float(new[2] - old[2]) / TICK)
-    if any(abs(rate) > LIMIT_FACTOR * most for rate, most in zip(rates, limits.ELBOW, strict=True)):
+    if any(
+        abs(rate) > LIMIT_FACTOR * limit for rate, limit in zip(rates, limits.ELBOW, strict=True)
+    ):
         raise Violation(Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_LIMIT_VIOLATION)
 
 
@@ -143,8 +147,8 @@ def check_end(joints: Rates, reflexes: JointReflexes) -> None:
         raise Violation(reflexes.acceleration)
 
 
-def _beyond(values: Array, most: tuple[float, ...]) -> bool:
-    return any(abs(value) > limit for value, limit in zip(values.tolist(), most, strict=True))
+def _beyond(values: Array, limits: tuple[float, ...]) -> bool:
+    return any(abs(value) > limit for value, limit in zip(values.tolist(), limits, strict=True))
 
 
 def _slack(limit: Array, time: float = 1.0) -> tuple[float, ...]:

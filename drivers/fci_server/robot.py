@@ -14,7 +14,7 @@ import numpy as np
 from drivers.fci_server.configuration import SETTERS, Configuration, configure
 from drivers.fci_server.dynamics import Dynamics, LaggingArm
 from drivers.fci_server.generators import extrapolate, follow, readable
-from drivers.fci_server.limits import BodyCheck, Box, Violation
+from drivers.fci_server.limits import BodyCheck, ToolSpace, Violation
 from drivers.fci_server.posture import Posture
 from drivers.fci_server.wire import (
     Command,
@@ -103,11 +103,11 @@ class LateReply:
 
 
 @dataclass(slots=True)
-class Robot:
+class EmulatedRobot:
     """Emulated robot; `ticks` counts the commands that it has executed, `time` is in [ms]."""
 
     posture: Posture
-    box: Box = field(default_factory=Box)
+    box: ToolSpace = field(default_factory=ToolSpace)
     push: Push | None = None
     body: BodyCheck = field(default_factory=BodyCheck)
     trailing: LaggingArm | None = None
@@ -138,7 +138,8 @@ class Robot:
         """Start the requested motion; returns MOTION_STARTED or the reason for a refusal."""
         if self.mode is not Mode.IDLE or self.motion is not None or not self.posture.at_rest:
             return MoveStatus.NOT_POSSIBLE
-        if not _valid(request):
+        numbered = request.controller in range(3) and request.generator in range(5)
+        if not numbered or not all(isfinite(part) and part >= 0 for part in request.deviations):
             return MoveStatus.INVALID_ARGUMENT
         controller, generator = Controller(request.controller), Generator(request.generator + 1)
         if controller is Controller.EXTERNAL or generator is Generator.NONE or request.use_async:
@@ -147,7 +148,8 @@ class Robot:
         if cartesian and manipulability(self.posture.jacobian) < SINGULAR:
             return MoveStatus.SINGULAR_START
         self.motion = ActiveMotion(command_id, generator, controller)
-        self.mode, self.reasons = Mode.MOVE, frozenset()
+        self.mode = Mode.MOVE
+        self.reasons = frozenset()
         return MoveStatus.MOTION_STARTED
 
     def stop(self, command_id: int) -> None:
@@ -209,18 +211,19 @@ class Robot:
             self._finish(MoveStatus.INPUT_ERROR_ABORTED)
             self._brake()
             return
-        tool, first = self.configuration.tool, not motion.started
+        tool = self.configuration.tool
         self.ticks += 1
         motion.missed = 0
         try:
-            posture = follow(motion.generator, self.posture, command, tool, first)
+            posture = follow(motion.generator, self.posture, command, tool, not motion.started)
             self.box.check(posture.reached)
             self.body.check(posture.q)
         except Violation as violation:
             self.reflex(violation.reflex)
             self._brake()
             return
-        self.posture, motion.started = posture, True
+        self.posture = posture
+        motion.started = True
         self._check_contact()
         if self.motion is not None and command.finished:
             self.posture = Posture.resting(self.posture.q, tool)
@@ -274,31 +277,29 @@ class Robot:
         """End the motion with `status`; its reply comes before others that are pending."""
         if self.motion is not None:
             self.waiting.insert(0, LateReply(Command.MOVE, self.motion.command_id, status))
-            self.motion, self.mode = None, Mode.IDLE
+            self.motion = None
+            self.mode = Mode.IDLE
 
     def _send_late_replies(self) -> None:
         for late in self.waiting:
             if late.command is Command.AUTOMATIC_ERROR_RECOVERY and self.mode is Mode.REFLEX:
-                self.mode, self.errors = Mode.IDLE, frozenset()
+                self.mode = Mode.IDLE
+                self.errors = frozenset()
         self.late += self.waiting
         self.waiting.clear()
 
 
 def resting_robot(
     start: Array | None = None,
-    box: Box | None = None,
+    box: ToolSpace | None = None,
     push: Push | None = None,
     solids: Solids | None = None,
-) -> Robot:
+) -> EmulatedRobot:
     """Emulated robot at rest with joints `start` (7,) [rad], by default in its home posture.
 
     Its tool may move in `box`, its body between `solids`; `push` gives the force on its tool.
     """
     configuration = Configuration()
     posture = Posture.resting(np.array(HOME if start is None else start), configuration.tool)
-    return Robot(posture, box or Box(), push, BodyCheck(solids), configuration=configuration)
-
-
-def _valid(request: MoveRequest) -> bool:
-    known = request.controller in range(3) and request.generator in range(5)
-    return known and all(isfinite(part) and part >= 0 for part in request.deviations)
+    body = BodyCheck(solids)
+    return EmulatedRobot(posture, box or ToolSpace(), push, body, configuration=configuration)

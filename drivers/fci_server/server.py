@@ -4,7 +4,7 @@ import select
 import socket
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from contextlib import suppress
 from ipaddress import IPv4Address
 from threading import Thread
@@ -16,8 +16,8 @@ from drivers.errors import ConfigurationError
 from drivers.fci_server.arm_and_hand_ports import ArmPort, HandPort
 from drivers.fci_server.dynamics import Dynamics, LaggingArm
 from drivers.fci_server.faults import Disturbance, Fault
-from drivers.fci_server.hand import Between, Hand
-from drivers.fci_server.robot import Push, Robot, resting_robot
+from drivers.fci_server.hand import Between, EmulatedHand
+from drivers.fci_server.robot import EmulatedRobot, Push, resting_robot
 from drivers.fci_server.wire import RobotCommand
 from drivers.franka.collision import Solids
 from drivers.franka.model import ArmPlant
@@ -77,11 +77,6 @@ class Pace:
         self._deadline = time.monotonic() + TICK
 
 
-def _candidates() -> Iterator[str]:
-    """Loopback addresses that a server without a stated address tries, in this order."""
-    return (f"127.77.{x}.{y}" for x in range(10) for y in range(1, 251))
-
-
 class RobotServer:
     """Server of an emulated robot, whose arm and hand serve one client each at `address`.
 
@@ -101,7 +96,8 @@ class RobotServer:
         solids: Solids | None = None,
     ) -> None:
         settings = settings or ServerSettings()
-        self.robot, self.hand = resting_robot(start, None, push, solids), Hand(between)
+        self.robot = resting_robot(start, None, push, solids)
+        self.hand = EmulatedHand(between)
         _give_mechanics(self.robot, settings)
         self._lock_step = settings.lock_step
         self._poll = select.epoll()
@@ -165,9 +161,11 @@ class RobotServer:
         Raises ConfigurationError where they are in use.
         """
         reason = ""
-        for candidate in (address,) if address else _candidates():
+        candidates = [f"127.77.{x}.{y}" for x in range(10) for y in range(1, 251)]
+        for candidate in [address] if address else candidates:
             try:
-                return (candidate, *self._open(candidate))
+                arm, hand = self._open(candidate)
+                return candidate, arm, hand
             except OSError as error:
                 reason = error.strerror or str(error)
         raise ConfigurationError(
@@ -237,7 +235,8 @@ class RobotServer:
         command = self._next_command()
         if command is not None and self._lock_step:
             # The client has begun: from here on its commands are the clock.
-            self._client_is_clock, self._motion_begin = True, self.robot.time
+            self._client_is_clock = True
+            self._motion_begin = self.robot.time
             if command.message_id == self.robot.time:
                 self._follow(command)
             return
@@ -262,13 +261,13 @@ class RobotServer:
 
     def _pass_period(self) -> None:
         """End a control period, with or without a command, and advance robot time."""
-        robot, heard = self.robot, self._heard
+        heard = self._heard
         self._heard = False
-        if not heard and (self._lock_step or not robot.moving):
-            robot.rest()
+        if not heard and (self._lock_step or not self.robot.moving):
+            self.robot.rest()
         elif not heard:
             self._in_time.append(False)
-            robot.miss()
+            self.robot.miss()
         self._advance()
 
     def _follow(self, command: RobotCommand) -> None:
@@ -288,7 +287,7 @@ class RobotServer:
             self._hand_port.publish(robot.time)
         if robot.motion is None:
             self._in_time.clear()
-        rate = sum(self._in_time) / len(self._in_time) if self._in_time else 0.0
+        rate = sum(self._in_time) / max(len(self._in_time), 1)
         self._arm.publish(rate, self._disturbance.is_nan)
 
     def _freeze(self, duration: float) -> None:
@@ -319,13 +318,16 @@ class RobotServer:
         return events
 
 
-def _give_mechanics(robot: Robot, settings: ServerSettings) -> None:
+def _give_mechanics(robot: EmulatedRobot, settings: ServerSettings) -> None:
     """Give `robot` the delay, lag and joint torques that `settings` state."""
-    delay, sag, plant = settings.delay, None, settings.plant
+    delay = settings.delay
+    sag = None  # of an elastic joint
+    plant = settings.plant
     if plant is not None:
         robot.dynamics = Dynamics(plant)
         delay += plant.delay
-        sag = robot.dynamics.sag if any(plant.compliance) else None  # of an elastic joint
+        if any(plant.compliance):
+            sag = robot.dynamics.sag
     if delay or settings.lag or sag is not None:
         tool = robot.configuration.tool
         robot.trailing = LaggingArm(robot.posture, tool, delay, settings.lag, sag)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from drivers.fci_server.configuration import Configuration
-from drivers.fci_server.robot import NO_CONTACT, Contact, Robot
+from drivers.fci_server.robot import NO_CONTACT, Contact, EmulatedRobot
 from drivers.fci_server.wire import Controller, Generator, Reflex
 from drivers.franka.inverse_kinematics import ELBOW_JOINT
 from drivers.franka.model import GRAVITY, HAND_INERTIA, holding_torques
@@ -80,7 +80,7 @@ class Publisher:
         self._gravity, self._gravity_q = np.zeros(7), np.zeros(7)
         self._gravity_configuration: Configuration | None = None
 
-    def datagram(self, robot: Robot, rate: float = 0.0, is_nan: bool = False) -> bytes:
+    def datagram(self, robot: EmulatedRobot, rate: float = 0.0, is_nan: bool = False) -> bytes:
         """Datagram of `robot` after its last tick; `rate` is the fraction of commands in time.
 
         With `is_nan` the measured part is NaN, as from a broken sensor.
@@ -95,7 +95,8 @@ class Publisher:
             for name in MEASURED_FIELDS:
                 self.fields[name][:] = np.nan
             self._contact = None
-        self.fields["message_id"][0], self.fields["success_rate"][0] = robot.time, rate
+        self.fields["message_id"][0] = robot.time
+        self.fields["success_rate"][0] = rate
         return self._packet.tobytes()
 
     def _put_matrix(self, name: str, matrix: Array) -> None:
@@ -116,7 +117,7 @@ class Publisher:
         fields["I_load"][:] = configuration.load_inertia
         self._configuration = configuration
 
-    def _put_modes(self, robot: Robot) -> None:
+    def _put_modes(self, robot: EmulatedRobot) -> None:
         """Write mode, generator, controller and error flags of `robot` into the state's fields."""
         motion = robot.motion
         fields = self.fields
@@ -128,9 +129,11 @@ class Publisher:
                 fields[name][:] = [flag in flags for flag in Reflex]
             self._errors = (robot.errors, robot.reasons)
 
-    def _put_posture(self, robot: Robot) -> None:
+    def _put_posture(self, robot: EmulatedRobot) -> None:
         """Write setpoints and measured joints of the robot into the packet."""
-        posture, arm, fields = robot.posture, robot.measured, self.fields
+        posture = robot.posture
+        arm = robot.measured
+        fields = self.fields
         for name in ("O_T_EE_d", "O_T_EE_c"):
             self._put_matrix(name, posture.pose)
         fields["q_d"][:], fields["dq_d"][:] = posture.q, posture.joints.velocity
@@ -146,20 +149,21 @@ class Publisher:
         fields["elbow"][:] = arm.q[ELBOW_JOINT], arm.elbow_sign
         fields["tau_J"][:] = self._torques(robot) - robot.contact.torque
 
-    def _torques(self, robot: Robot) -> Array:
+    def _torques(self, robot: EmulatedRobot) -> Array:
         """Joint torques (7,) [N m] without contact: of the plant, or else of gravity alone."""
         if robot.dynamics is not None:
             return robot.dynamics.reading(robot.measured, robot.ticks)
-        q, tool = robot.measured.q, robot.configuration
+        tool = robot.configuration
         is_known = self._gravity_configuration is tool
-        if not is_known or np.abs(q - self._gravity_q).max() > TURNED:
-            self._gravity_q, self._gravity_configuration = np.array(q), tool
+        if not is_known or np.abs(robot.measured.q - self._gravity_q).max() > TURNED:
+            self._gravity_q = np.array(robot.measured.q)
+            self._gravity_configuration = tool
             mass = tool.hand_mass + tool.load_mass
             moment = tool.hand_mass * tool.hand_centre + tool.load_mass * tool.load_centre
-            self._gravity = holding_torques(q, mass, moment / mass)
+            self._gravity = holding_torques(robot.measured.q, mass, moment / mass)
         return self._gravity
 
-    def _put_contact(self, robot: Robot) -> None:
+    def _put_contact(self, robot: EmulatedRobot) -> None:
         """Write external wrench, torques and contact flags of `robot` into the state's fields."""
         fields, contact = self.fields, robot.contact
         self._contact = contact

@@ -202,8 +202,8 @@ class MoveRequest:
     @classmethod
     def read(cls, payload: bytes) -> Self:
         """Parse the payload (113 bytes) of a request for a motion."""
-        controller, generator, *rest = MOVE.unpack(payload)
-        return cls(controller, generator, tuple(rest[:6]), bool(rest[6]))
+        controller, generator, *deviations, use_async = MOVE.unpack(payload)[:9]
+        return cls(controller, generator, tuple(deviations), bool(use_async))
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,16 +225,16 @@ class RobotCommand:
             raise Malformed(f"a command has {COMMAND.size} bytes, found {len(packet)}")
         (message_id,) = MESSAGE.unpack_from(packet)
         numbers = np.frombuffer(packet, "<f8", COMMAND_NUMBERS, MESSAGE.size)
-        with_elbow, finished = packet[FLAGS_OFFSET], packet[FLAGS_OFFSET + 1]
+        elbow = (float(numbers[36]), float(numbers[37])) if packet[FLAGS_OFFSET] else None
         # on the wire: q_c 7, dq_c 7, O_T_EE_c 16 by columns, O_dP_EE_c 6, elbow_c 2
         return cls(
-            message_id,
-            numbers[:7],
-            numbers[7:14],
-            numbers[14:30].reshape(4, 4).T,
-            numbers[30:36],
-            (float(numbers[36]), float(numbers[37])) if with_elbow else None,
-            bool(finished),
+            message_id=message_id,
+            q=numbers[:7],
+            dq=numbers[7:14],
+            pose=numbers[14:30].reshape(4, 4).T,
+            twist=numbers[30:36],
+            elbow=elbow,
+            finished=bool(packet[FLAGS_OFFSET + 1]),
         )
 
 

@@ -179,21 +179,21 @@ def _descend(pose: Array, start: Array, tool: Array, centre: float) -> Attempt:
         size = float(np.abs(error).max())
         if size < POSE_TOLERANCE / 2:
             break
-        pull = centre * (MIDDLE - joints) * min(1.0, CENTRING_GAIN * size)
-        step = _step(jac, error, pull, size)
+        centring = centre * (MIDDLE - joints) * min(1.0, CENTRING_GAIN * size)
+        step = _step(jac, error, centring, size)
         blocked = np.clip(joints + step, POSITION_LOW, POSITION_HIGH) != joints + step
         if blocked.any():  # the other joints compensate for those at their limits
-            step = _step(jac * ~blocked, error, pull * ~blocked, size)
+            step = _step(jac * ~blocked, error, centring * ~blocked, size)
         step *= min(1.0, LARGEST_STEP / max(float(np.abs(step).max()), LARGEST_STEP))
         joints = np.clip(joints + step, POSITION_LOW, POSITION_HIGH)
     error = twist_between(pose_and_jacobian(joints, tool)[0], pose)
     return Attempt(joints, float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:])))
 
 
-def _step(jac: Array, error: Array, pull: Array, size: float) -> Array:
-    """Step (7,) [rad] that reduces the pose `error` (6,), with `pull` (7,) in the null space."""
+def _step(jac: Array, error: Array, rest: Array, size: float) -> Array:
+    """Step (7,) [rad] that reduces the pose `error` (6,), and `rest` (7,) in the null space."""
     inverse = damped_inverse(jac, min(DAMPING_GAIN * size, LARGEST_DAMPING) + LEAST_DAMPING)
-    step: Array = inverse @ error + pull - inverse @ (jac @ pull)
+    step: Array = inverse @ error + rest - inverse @ (jac @ rest)
     return step
 
 

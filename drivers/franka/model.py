@@ -143,18 +143,17 @@ def arm_urdf() -> str:
     The clients read `limit` and `position_based_velocity_limits` of joint1 to joint7. Masses are
     placeholders: the kinematic twin has none.
     """
-    links = "".join(_urdf_link(number) for number in range(9))
+    inertia = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
+    links = "".join(
+        f'<link name="link{number}"><inertial><mass value="1"/>{inertia}</inertial></link>\n'
+        for number in range(9)
+    )
     joints = "".join(_urdf_joint(number) for number in range(7))
     flange = (
         '<joint name="joint8" type="fixed"><parent link="link7"/><child link="link8"/>'
         f'<origin xyz="0 0 {FLANGE}" rpy="0 0 0"/></joint>\n'
     )
     return f'<?xml version="1.0"?>\n<robot name="fr3">\n{links}{joints}{flange}</robot>\n'
-
-
-def _urdf_link(number: int) -> str:
-    inertia = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
-    return f'<link name="link{number}"><inertial><mass value="1"/>{inertia}</inertial></link>\n'
 
 
 def _urdf_joint(index: int) -> str:

@@ -13,7 +13,7 @@ from drivers.fci_server.faults import (
     UserStopFault,
     VersionFault,
 )
-from drivers.fci_server.robot import Robot
+from drivers.fci_server.robot import EmulatedRobot
 from drivers.fci_server.server import RobotServer, ServerSettings
 from drivers.fci_server.wire import Reflex
 from tests.support.fci_clients import PACKAGES, told_by
@@ -63,7 +63,7 @@ def test_client_of_another_version_gets_the_version_in_its_reply(module: str) ->
 class Flags:
     """Sets one error flag after another as the robot's time goes on."""
 
-    robot: Robot
+    robot: EmulatedRobot
 
     def force(self, tip, time):
         self.robot.errors = frozenset({Reflex(int(1000 * time + 0.5) // 10 % len(Reflex))})

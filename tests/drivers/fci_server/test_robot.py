@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.fci_server.limits import Box
+from drivers.fci_server.limits import ToolSpace
 from drivers.fci_server.robot import resting_robot
 from drivers.fci_server.wire import (
     Generator,
@@ -145,7 +145,7 @@ def test_joint_brakes_before_its_end_or_a_reflex_does() -> None:
 
 
 def test_tool_leaves_its_workspace_by_a_reflex() -> None:
-    box = Box(low=np.array([0.0, -0.05, 0.0]), high=np.array([1.0, 0.05, 1.0]))
+    box = ToolSpace(low=np.array([0.0, -0.05, 0.0]), high=np.array([1.0, 0.05, 1.0]))
     robot = moving(Generator.CARTESIAN_VELOCITY, box=box)
     ramped(robot, (0, 0.1, 0, 0, 0, 0), 1500)
     assert errors(robot) == {Reflex.CARTESIAN_POSITION_LIMITS_VIOLATION}

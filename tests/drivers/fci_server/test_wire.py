@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.fci_server import wire
-from drivers.fci_server.hand import Hand
+from drivers.fci_server.hand import EmulatedHand
 from drivers.fci_server.state import PACKET
 from drivers.fci_server.wire import ARM_FRAMING, HAND_FRAMING, Malformed
 from drivers.franka.hand_protocol import STATE_PACKET
@@ -98,7 +98,7 @@ def test_hand_state_is_23_bytes_and_replies_12() -> None:
         struct.pack("<I", 1) + struct.pack("<dd", 0.04, 0.08) + b"\x01" + struct.pack("<H", 30)
     )
     assert STATE_PACKET.size == 23
-    hand = Hand(lambda: None)
+    hand = EmulatedHand(lambda: None)
     stop = bytearray(struct.pack("<HII", 4, 3, 10))
     request = HAND_FRAMING.take(stop)
     assert request is not None
