@@ -117,7 +117,9 @@ class Child:
         """Start the process; it shares any SharedMemory among its `arguments`."""
         self._failure: Failure | None = None
         self.pipe, theirs = Pipe()
-        _bound_stalls(self.pipe)
+        with socket.socket(fileno=os.dup(self.pipe.fileno())) as end:
+            for option in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):  # a stopped child blocks both
+                end.setsockopt(socket.SOL_SOCKET, option, struct.pack("ll", STALL_TIMEOUT, 0))
         name = f"{main.__module__}.{main.__qualname__}"
         shared = [value.descriptor for value in arguments if isinstance(value, SharedMemory)]
         paths = os.pathsep.join(path for path in sys.path if path)
@@ -216,13 +218,6 @@ def serve(descriptor: int) -> None:
     except Exception as error:  # noqa: BLE001  an edge: the parent says why the child has ended
         with suppress(OSError):
             pipe.send(Failure(type(error).__name__, str(error)))
-
-
-def _bound_stalls(pipe: Connection) -> None:
-    """Make reads and writes of `pipe` fail after STALL_TIMEOUT, as a stopped child blocks them."""
-    with socket.socket(fileno=os.dup(pipe.fileno())) as end:
-        for option in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
-            end.setsockopt(socket.SOL_SOCKET, option, struct.pack("ll", STALL_TIMEOUT, 0))
 
 
 def _watch_parent(descriptor: int) -> None:

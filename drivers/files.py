@@ -49,10 +49,10 @@ def write_file(path: Path, content: str | bytes, remedy: str = "") -> None:
 
     Raises ConfigurationError, in one line with a `remedy`, where it cannot be written.
     """
-    whole = content.encode(errors="backslashreplace") if isinstance(content, str) else content
+    encoded = content.encode(errors="backslashreplace") if isinstance(content, str) else content
     with writing(path, remedy):
         path.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(path, whole)
+        replace_file(path, encoded)
 
 
 def change_file(path: Path, change: Callable[[str], str], remedy: str = "") -> None:
@@ -97,18 +97,18 @@ def new_folder(path: Path) -> Iterator[Path]:
     """
     check_free(path)
     with scratch_folder(path.parent) as scratch:
-        made = scratch / path.name
+        new = scratch / path.name
         with writing(path):
-            made.mkdir()
-            yield made
-        move_folder(made, path)
+            new.mkdir()
+            yield new
+        move_folder(new, path)
 
 
-def move_folder(made: Path, path: Path) -> None:
-    """Move the folder `made` to `path`; ConfigurationError where something exists there."""
+def move_folder(source: Path, path: Path) -> None:
+    """Move the folder `source` to `path`; ConfigurationError where something exists there."""
     check_free(path)
     try:
-        made.rename(path)  # which replaces an empty folder at most
+        source.rename(path)  # which replaces an empty folder at most
     except OSError as error:
         if error.errno in {errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR}:
             check_free(path)
@@ -185,13 +185,13 @@ def lock_folders(folders: Iterable[Path]) -> Iterator[None]:
     The lock leaves no file, and ends with the process. Raises ConfigurationError where another
     command holds it for longer than LOCK_TIMEOUT, or a folder cannot be read.
     """
-    with ExitStack() as held:
+    with ExitStack() as locks:
         for folder in sorted({folder.resolve() for folder in folders}):  # in one order for all
             try:
                 handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
             except OSError as error:
                 raise ConfigurationError(f"{folder}: cannot be read: {error.strerror}") from None
-            held.callback(os.close, handle)
+            locks.callback(os.close, handle)
             _lock(handle, folder)
         yield
 

@@ -53,5 +53,5 @@ def moving_average(points: Array, window: int) -> Array:
 def even_points(points: Array, count: int) -> Array:
     """Points (count, 2) [m] at equal arc lengths along the polyline through `points` (n, 2) [m]."""
     travel = arc_lengths(points)
-    at = np.linspace(0.0, travel[-1], count)
-    return np.stack([np.interp(at, travel, points[:, c]) for c in range(2)], axis=1)
+    places = np.linspace(0.0, travel[-1], count)
+    return np.stack([np.interp(places, travel, points[:, c]) for c in range(2)], axis=1)

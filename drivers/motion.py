@@ -163,11 +163,13 @@ class MotionProfile:
 
     def _arrive(self) -> None:
         """Set the setpoint to the end of the plan exactly, and start a move that waited for it."""
-        self._velocity, self._acceleration = self._request.target_velocity, _STILL
+        self._velocity = self._request.target_velocity
+        self._acceleration = _STILL
         if self._target is None:
             self._position = self._request.target_position
         if self._next_move is not None:
-            goal, self._next_move = self._next_move, None
+            goal = self._next_move
+            self._next_move = None
             self._move(goal)
 
     def _follow(
@@ -180,16 +182,17 @@ class MotionProfile:
         request.per_dof_synchronization = [
             synchronization.No if i in blocked else synchronization.Phase for i in range(3)
         ]
-        self._target, self._blocked = target, blocked
+        self._target = target
+        self._blocked = blocked
         straight = any(target) and not blocked and not any(self._acceleration)
         change = [w - v for w, v in zip(target, self._velocity, strict=True)]
         _limit(request, self._limits, change if straight else _STILL)
         if gently:
             request.max_acceleration = [
-                most
+                limit
                 if i in blocked
-                else min(most, max(abs(change[i]) / CORRECTION_TIME, ACCELERATION_FLOOR * most))
-                for i, most in enumerate(request.max_acceleration)
+                else min(limit, max(abs(change[i]) / CORRECTION_TIME, ACCELERATION_FLOOR * limit))
+                for i, limit in enumerate(request.max_acceleration)
             ]
         self._calculate(request, self._plan, self._state)
         self._elapsed = 0
@@ -199,18 +202,19 @@ class MotionProfile:
         request = self._request
         request.control_interface = ruckig.ControlInterface.Position
         request.per_dof_synchronization = None
-        request.target_position, request.target_velocity = goal, _STILL
+        request.target_position = goal
+        request.target_velocity = _STILL
         self._target = None
         straight = not any(self._velocity) and not any(self._acceleration)
         change = [g - p for g, p in zip(goal, self._position, strict=True)] if straight else _STILL
         _limit(request, self._limits, change)
         request.max_velocity = _share(request.max_velocity, change)
         if gently:
-            far = (abs(g - p) for g, p in zip(goal, self._position, strict=True))
+            distances = (abs(g - p) for g, p in zip(goal, self._position, strict=True))
             request.max_acceleration = [
-                settling(distance, abs(rate), most)
-                for distance, rate, most in zip(
-                    far, self._velocity, request.max_acceleration, strict=True
+                settling(distance, abs(rate), limit)
+                for distance, rate, limit in zip(
+                    distances, self._velocity, request.max_acceleration, strict=True
                 )
             ]
         self._calculate(request, self._plan, self._state)
@@ -233,12 +237,14 @@ class MotionProfile:
 
     def _leaving(self, plan: ruckig.Trajectory) -> frozenset[int]:
         """Numbers of axes on which `plan` leaves the workspace, further than where it starts."""
-        low, high, here = self._workspace.low, self._workspace.high, self._position
+        axes = zip(self._workspace.low, self._workspace.high, self._position, strict=True)
         return frozenset(
             i
-            for i, reach in enumerate(plan.position_extrema)
-            if reach.max > max(high[i], here[i]) + BORDER_ROUNDING
-            or reach.min < min(low[i], here[i]) - BORDER_ROUNDING
+            for i, (extent, (low, high, start)) in enumerate(
+                zip(plan.position_extrema, axes, strict=True)
+            )
+            if extent.max > max(high, start) + BORDER_ROUNDING
+            or extent.min < min(low, start) - BORDER_ROUNDING
         )
 
     @property
@@ -256,17 +262,18 @@ class MotionProfile:
             raise Fault("motion_refused", " ".join(str(error).split())) from None
 
 
-def settling(distance: float, speed: float, most: float) -> float:
-    """Acceleration [m/s^2 or rad/s^2], at most `most`, to stop `distance` away in about SETTLE.
+def settling(distance: float, speed: float, limit: float) -> float:
+    """Acceleration [m/s^2 or rad/s^2], at most `limit`, to stop `distance` away in about SETTLE.
 
-    `distance` in m or rad, `speed` per s, `most` per s^2. Corrections in the shortest time would
+    `distance` in m or rad, `speed` per s, `limit` per s^2. Corrections in the shortest time would
     oscillate about the goal where ticks are lost, as a lost tick continues the acceleration.
     """
-    from_rest, to_rest = 4 * distance / SETTLE**2, 2 * speed / SETTLE  # braking takes SETTLE / 2
+    from_rest = 4 * distance / SETTLE**2
+    to_rest = 2 * speed / SETTLE  # braking takes SETTLE / 2
     needed = max(from_rest, to_rest)
     if distance > SMALLEST_CHANGE:
         needed = max(needed, speed**2 / distance)  # twice what stops at `distance`
-    return min(most, max(needed, ACCELERATION_FLOOR * most))
+    return min(limit, max(needed, ACCELERATION_FLOOR * limit))
 
 
 def _new_request(limits: MotionLimits, synchronization: ruckig.Synchronization) -> Any:

@@ -62,13 +62,13 @@ def read_bytes(path: Path, most: int) -> bytes:
     return content
 
 
-def read_text(path: Path, most: int = LARGEST_TEXT, other: str = "utf-8") -> str:
-    """Content of the file at `path` as text in UTF-8, or in the `other` encoding if it is none.
+def read_text(path: Path, most: int = LARGEST_TEXT, fallback: str = "utf-8") -> str:
+    """Content of the file at `path` as text in UTF-8, or in the `fallback` encoding if it is none.
 
     Raises ConfigurationError where it cannot be read.
     """
     content = read_bytes(path, most)
-    for encoding in ("utf-8", other):
+    for encoding in ("utf-8", fallback):
         with suppress(UnicodeDecodeError):
             return content.decode(encoding)
     raise ConfigurationError(f"{path}: is not UTF-8 text; save it as UTF-8")
@@ -175,9 +175,9 @@ def _open_nonblocking(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY)
 
 
-def _check_regular(path: Path, found: os.stat_result) -> None:
-    """Raise ConfigurationError where the status `found` of `path` is a device, pipe or socket."""
-    kind = stat.S_IFMT(found.st_mode)
+def _check_regular(path: Path, status: os.stat_result) -> None:
+    """Raise ConfigurationError where `path`, of this `status`, is a device, pipe or socket."""
+    kind = stat.S_IFMT(status.st_mode)
     if kind in SPECIAL_FILES:
         raise ConfigurationError(
             f"{path}: cannot be read: is {SPECIAL_FILES[kind]}, must be a regular file"

@@ -117,7 +117,7 @@ def _json(content: Mapping[str, Any], origin: str) -> str:
 def _is_follow_up(item: dict[str, Any], items: list[dict[str, Any]]) -> bool:
     """Whether error `item` is a list that is too short only because its items were refused."""
     place = item["loc"]
-    inner = (other["loc"] for other in items if len(other["loc"]) > len(place))
+    inner = (error["loc"] for error in items if len(error["loc"]) > len(place))
     return item["type"] == "too_short" and any(loc[: len(place)] == place for loc in inner)
 
 
@@ -125,9 +125,11 @@ def _problem(origin: str, model: type[BaseModel], item: dict[str, Any]) -> str:
     """Text for one validation error: `origin: key: reason`, with the allowed values."""
     key = ".".join(str(part) for part in item["loc"]) or "file"
     if item["type"] == "extra_forbidden":
-        known = _keys_at(model, item["loc"][:-1])
-        meant = suggestion(str(item["loc"][-1]), known)
-        return f"{origin}: {key}: unknown key{meant}; allowed here: {', '.join(known) or 'none'}"
+        inner = _model_at(model, item["loc"][:-1])
+        fields = {} if inner is None else inner.model_fields
+        allowed = sorted(field.alias or name for name, field in fields.items())
+        hint = suggestion(str(item["loc"][-1]), allowed)
+        return f"{origin}: {key}: unknown key{hint}; allowed here: {', '.join(allowed) or 'none'}"
     if item["type"] == "missing":
         return f"{origin}: {key}: is missing; add it"
     if item["type"] in OUT_OF_RANGE:
@@ -156,12 +158,6 @@ def _out_of_range(item: dict[str, Any], field: FieldInfo | None) -> str:
     if small and all(COMPARED[name](value / 1e3, bound) for name, bound in bounds.items()):
         text += f"; if {value:g} is in {small}, write {value / 1e3:g}"
     return text
-
-
-def _keys_at(model: type[BaseModel], place: tuple[Any, ...]) -> list[str]:
-    inner = _model_at(model, place)
-    fields = {} if inner is None else inner.model_fields
-    return sorted(field.alias or name for name, field in fields.items())
 
 
 def _field_at(model: type[BaseModel], place: tuple[Any, ...]) -> FieldInfo | None:

@@ -104,7 +104,11 @@ class NewestFrame:
             if self._current is None:
                 self._current = Session.open(self._kernel, self._settings)
                 self._restart_counts()
-            self._take_frames(self._current)
+            while not self._closing:
+                capture = self._current.wait(FRAME_TIMEOUT)
+                if capture is not None:
+                    self._publish(self._current, capture)
+                self._check_flow()
         except (CameraStalled, CameraFaulty) as error:
             self._report(error)
             self._kernel.wait(None, RETRY_INTERVAL)
@@ -114,18 +118,11 @@ class NewestFrame:
             self._release()
             self._kernel.wait(None, RETRY_INTERVAL)
 
-    def _take_frames(self, session: Session) -> None:
-        """Take frames until the camera is closed; raises the error that ends the session."""
-        while not self._closing:
-            capture = session.wait(FRAME_TIMEOUT)
-            if capture is not None:
-                self._publish(session, capture)
-            self._check_flow()
-
     def _check_flow(self) -> None:
         """Raise CameraStalled after too long without frames, CameraFaulty without complete ones."""
-        now = self._kernel.monotonic()
-        silent, corrupt = now - self._last_any, now - self._last_complete  # s
+        time = self._kernel.monotonic()
+        silent = time - self._last_any  # s
+        corrupt = time - self._last_complete  # s
         if silent > self._patience:
             raise CameraStalled(self._settings.device, silent)
         if corrupt > self._patience:
@@ -142,18 +139,20 @@ class NewestFrame:
         if capture.corrupt or not session.setup.picture.is_complete(capture.content):
             self.counts.corrupt += 1
             return
-        self._last_complete, self._patience = capture.taken, self._settings.stall
+        self._last_complete = capture.taken
+        self._patience = self._settings.stall
         arrived = self._on_cell_clock(session, capture)
         self.counts.arrived += 1
         self.counts.restamped += arrived.source is StampSource.DEQUEUE
         with self._changed:
-            self._newest, self._recovered = arrived, True
+            self._newest = arrived
+            self._recovered = True
             self._changed.notify_all()
 
     def _on_cell_clock(self, session: Session, capture: Capture) -> StampedCapture:
         """`capture` with times [s] on the cell's clock; stamps increase and precede arrivals."""
-        setup, number, last = session.setup, self._sequence.number, self._newest
-        gap = 0 if last is None else number - last.sequence - 1
+        setup = session.setup
+        last = self._newest
         earliest = -math.inf if last is None else last.stamp + LEAST_STEP
         monotonic = self._kernel.monotonic()
         arrival = self._clock.now()
@@ -161,13 +160,21 @@ class NewestFrame:
         middle, source = setup.shutter.middle(capture.stamp, capture.flags, capture.taken)
         if middle - ahead < earliest:
             middle, source = capture.taken, StampSource.DEQUEUE
-        stamp = max(min(middle - ahead, arrival - LEAST_STEP), earliest)
-        return StampedCapture(capture, setup.picture, number, gap, stamp, arrival, source)
+        return StampedCapture(
+            capture=capture,
+            picture=setup.picture,
+            sequence=self._sequence.number,
+            gap=0 if last is None else self._sequence.number - last.sequence - 1,
+            stamp=max(min(middle - ahead, arrival - LEAST_STEP), earliest),
+            arrival=arrival,
+            source=source,
+        )
 
     def _report(self, error: CellError) -> None:
         """Let the next `newest` raise `error`."""
         with self._changed:
-            self._trouble, self._recovered = error, False
+            self._trouble = error
+            self._recovered = False
             self._changed.notify_all()
 
     def _restart(self) -> None:
@@ -184,15 +191,16 @@ class NewestFrame:
 
     def _restart_counts(self) -> None:
         """Estimate the frames lost before a restart, and count from the kernel's next number."""
-        now = self._kernel.monotonic()
-        missing = round((now - self._last_any) * self._settings.rate)
+        time = self._kernel.monotonic()
+        missing = round((time - self._last_any) * self._settings.rate)
         self._sequence.restart(max(missing, 0))
-        self._last_complete = self._last_any = now
+        self._last_complete = self._last_any = time
         self._patience = FIRST_FRAME
         self.counts.restarts += 1
 
     def _release(self) -> None:
-        session, self._current = self._current, None
+        session = self._current
+        self._current = None
         if session is not None:
             session.close()
 
@@ -264,14 +272,14 @@ class V4l2Camera:
             return None
         image.setflags(write=False)
         return CameraFrame(
-            arrived.stamp,
-            arrived.arrival,
-            SOURCE,
-            arrived.sequence,
-            image,
-            arrived.gap,
-            arrived.source,
-            arrived.capture.flags,
+            stamp=arrived.stamp,
+            arrival=arrived.arrival,
+            source=SOURCE,
+            sequence=arrived.sequence,
+            image=image,
+            gap=arrived.gap,
+            stamp_source=arrived.source,
+            flags=arrived.capture.flags,
         )
 
 

@@ -1,7 +1,7 @@
 """Controls of a V4L2 camera: list them, switch automatics off, set values and read them back."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from drivers.camera.abi import Control, ControlFlag, ControlQuery, ControlType, Ioctl, MenuQuery
@@ -50,7 +50,7 @@ class CameraControl:
     @property
     def obstacle(self) -> str | None:
         """Reason why the control cannot be set now; None where it can."""
-        return next((why for flag, why in LOCKED_OUT.items() if flag & self.flags), None)
+        return next((reason for flag, reason in LOCKED_OUT.items() if flag & self.flags), None)
 
     @property
     def allowed(self) -> str:
@@ -61,9 +61,15 @@ class CameraControl:
 
 
 def controls_of(device: Device) -> dict[str, CameraControl]:
-    """Controls of `device` by their names as v4l2-ctl spells them."""
-    controls = (_control(device, query) for query in _queries(device))
-    return {control.name: control for control in controls}
+    """Supported, enabled controls of `device` by their names as v4l2-ctl spells them."""
+    controls = dict[str, CameraControl]()
+    query = ControlQuery(id=ControlFlag.NEXT)
+    while device.supports(Ioctl.QUERYCTRL, query):
+        if query.type in set(ControlType) and not query.flags & ControlFlag.DISABLED:
+            control = _control(device, query)
+            controls[control.name] = control
+        query = ControlQuery(id=query.id | ControlFlag.NEXT)
+    return controls
 
 
 def lock(device: Device, values: Mapping[str, int]) -> dict[str, int]:
@@ -74,24 +80,15 @@ def lock(device: Device, values: Mapping[str, int]) -> dict[str, int]:
     present = controls_of(device)
     for name in values:
         if name not in present:
-            known = ", ".join(sorted(present)) or "none"
-            raise CameraRefused(device.path, f"controls.{name}", f"unknown; allowed: {known}")
+            names = ", ".join(sorted(present)) or "none"
+            raise CameraRefused(device.path, f"controls.{name}", f"unknown; allowed: {names}")
     settable = {name for name, control in present.items() if control.obstacle is None}
-    off = {name: value for name, value in AUTOMATICS.items() if name in settable}
-    locks = {**off, **values}
+    locks = {name: value for name, value in AUTOMATICS.items() if name in settable}
+    locks.update(values)
     # automatics first: while one is on, the values that it controls cannot be set
     for name, value in sorted(locks.items(), key=lambda item: item[0] not in AUTOMATICS):
         _set(device, present[name], value)
     return {name: _read_back(device, present[name], value) for name, value in locks.items()}
-
-
-def _queries(device: Device) -> Iterator[ControlQuery]:
-    """Yield the kernel's description of each supported, enabled control of `device`."""
-    query = ControlQuery(id=ControlFlag.NEXT)
-    while device.supports(Ioctl.QUERYCTRL, query):
-        if query.type in set(ControlType) and not query.flags & ControlFlag.DISABLED:
-            yield query
-        query = ControlQuery(id=query.id | ControlFlag.NEXT)
 
 
 def _control(device: Device, query: ControlQuery) -> CameraControl:
@@ -101,7 +98,8 @@ def _control(device: Device, query: ControlQuery) -> CameraControl:
     readable = kind is not ControlType.BUTTON and not flags & ControlFlag.WRITE_ONLY
     return CameraControl(
         number=query.id,
-        name=spell(query.name.decode(errors="replace")),
+        # as v4l2-ctl spells it: "White Balance" is white_balance
+        name=re.sub(r"[^a-z0-9]+", "_", query.name.decode(errors="replace").lower()).strip("_"),
         kind=kind,
         low=query.minimum,
         high=query.maximum,
@@ -128,9 +126,9 @@ def _entries(device: Device, query: ControlQuery, kind: ControlType) -> dict[int
 
 def _set(device: Device, control: CameraControl, value: int) -> None:
     """Set `control` to `value`; CameraRefused where the device does not accept it."""
-    now = controls_of(device)[control.name]  # an automatic that went off may have released it
-    if now.obstacle is not None:
-        raise CameraRefused(device.path, f"controls.{control.name}", now.obstacle)
+    obstacle = controls_of(device)[control.name].obstacle  # it may have gone with an automatic
+    if obstacle is not None:
+        raise CameraRefused(device.path, f"controls.{control.name}", obstacle)
     if not device.supports(Ioctl.S_CTRL, Control(id=control.number, value=value)):
         raise CameraRefused(
             device.path, f"controls.{control.name}", f"{value}; allowed: {control.allowed}"
@@ -139,21 +137,13 @@ def _set(device: Device, control: CameraControl, value: int) -> None:
 
 def _read_back(device: Device, control: CameraControl, value: int) -> int:
     """Value of `control` after it was set to `value`; CameraRefused where they differ."""
-    took = _value(device, control.number)
-    if took != value:
-        raise CameraRefused(
-            device.path,
-            f"controls.{control.name}",
-            f"{value} became {took}; allowed: {control.allowed}",
-        )
-    return took
+    accepted = _value(device, control.number)
+    if accepted != value:
+        problem = f"{value} became {accepted}; allowed: {control.allowed}"
+        raise CameraRefused(device.path, f"controls.{control.name}", problem)
+    return accepted
 
 
 def _value(device: Device, number: int) -> int:
     reply = device.call(Ioctl.G_CTRL, Control(id=number), "reading a control")
     return int(reply.value)
-
-
-def spell(name: str) -> str:
-    """Name of a control as v4l2-ctl spells it: "White Balance" is white_balance."""
-    return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")

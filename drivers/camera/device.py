@@ -8,19 +8,13 @@ import select
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Self, TypeVar
 
 import numpy as np
 
-from drivers.camera.abi import (
-    CAPTURE,
-    Argument,
-    Capability,
-    CapabilityFlag,
-    FormatDescription,
-    Ioctl,
-)
+from drivers.camera.abi import Argument, Capability, CapabilityFlag, Ioctl
 from drivers.errors import ConfigurationError, Fault
 from drivers.types import Image
 
@@ -148,12 +142,12 @@ def translate_error(error: OSError, device: str, doing: str, users: str) -> Faul
 def users_of(device: str, processes: Path = Path("/proc")) -> str:
     """Names and ids, as text, of other visible processes that have `device` open."""
     node = os.path.realpath(device)
-    problem = [
+    users = [
         f"{_name(process)} (process {process.name})"
         for process in sorted(processes.glob("[0-9]*"))
         if process.name != str(os.getpid()) and _holds(process, node)
     ]
-    return ", ".join(problem) or NOBODY_KNOWN
+    return ", ".join(users) or NOBODY_KNOWN
 
 
 def _holds(process: Path, node: str) -> bool:
@@ -226,20 +220,13 @@ class Device:
             raise translate_error(error, self.path, f"asking for {request.name}", "") from None
         return True
 
-    def enumerate_entries(self, request: Ioctl, at: Callable[[int], A]) -> Iterator[A]:
-        """Yield answers to `request` with argument `at(index)` until the device has no more."""
-        index = 0
-        while self.supports(request, entry := at(index)):
+    def enumerate_entries(self, request: Ioctl, argument: Callable[[int], A]) -> Iterator[A]:
+        """Yield answers to `request` with `argument(index)` until the device has no more."""
+        for index in count():
+            entry = argument(index)
+            if not self.supports(request, entry):
+                return
             yield entry
-            index += 1
-
-    def formats(self) -> list[FormatDescription]:
-        """Descriptions of the pixel formats that the device offers."""
-        return list(
-            self.enumerate_entries(
-                Ioctl.ENUM_FMT, lambda i: FormatDescription(index=i, type=CAPTURE)
-            )
-        )
 
     def present(self) -> bool:
         """Whether the device still answers, as one that was unplugged does not."""
@@ -263,12 +250,10 @@ def _identity(kernel: Kernel, path: str, fd: int) -> Identity:
         kernel.ioctl(fd, Ioctl.QUERYCAP, capability)
     except OSError as error:
         raise translate_error(error, path, "asking what it is", users_of(path)) from None
-    can = (
-        capability.device_caps
-        if capability.capabilities & CapabilityFlag.DEVICE_CAPS
-        else capability.capabilities
-    )
-    if not (can & CapabilityFlag.VIDEO_CAPTURE and can & CapabilityFlag.STREAMING):
+    abilities = capability.capabilities
+    if abilities & CapabilityFlag.DEVICE_CAPS:
+        abilities = capability.device_caps
+    if not (abilities & CapabilityFlag.VIDEO_CAPTURE and abilities & CapabilityFlag.STREAMING):
         raise CameraRefused(path, "device", "does not stream video; name the camera's video node")
     return Identity(
         capability.driver.decode(), capability.card.decode(), capability.bus_info.decode()

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ from drivers.camera.abi import (
     CAPTURE,
     PROGRESSIVE,
     Format,
+    FormatDescription,
     Fraction,
     FrameInterval,
     FrameSize,
@@ -52,34 +54,33 @@ class Mode:
 
 def modes_of(device: Device) -> Iterator[Mode]:
     """Yield every mode that the device lists, in the device's order."""
-    for described in device.formats():
+    formats = device.enumerate_entries(
+        Ioctl.ENUM_FMT, lambda i: FormatDescription(index=i, type=CAPTURE)
+    )
+    for described in list(formats):
         number = described.pixelformat
-        for size in _sizes(device, number):
+        by_index = partial(FrameSize, pixel_format=number)
+        for size in device.enumerate_entries(Ioctl.ENUM_FRAMESIZES, by_index):
             steps = size.type != DISCRETE
             # stepwise: min, max, step of the width, then of the height; discrete: width, height
-            width, height = (size.steps[1], size.steps[4]) if steps else tuple(size.steps[:2])
+            width = size.steps[1] if steps else size.steps[0]
+            height = size.steps[4] if steps else size.steps[1]
             rates = _rates(device, number, width, height)
             text = described.description.decode(errors="replace")
-            yield Mode(letters(number), text, width, height, rates, steps)
-
-
-def _sizes(device: Device, number: int) -> Iterator[FrameSize]:
-    return device.enumerate_entries(
-        Ioctl.ENUM_FRAMESIZES, lambda i: FrameSize(index=i, pixel_format=number)
-    )
+            yield Mode(letters(number), text, width, height, rates, steps=steps)
 
 
 def _rates(device: Device, number: int, width: int, height: int) -> tuple[float, ...]:
     """Frame rates [Hz] of one pixel format and size, fastest first; of a range, both ends."""
-
-    def at(index: int) -> FrameInterval:
-        return FrameInterval(index=index, pixel_format=number, width=width, height=height)
-
-    intervals = device.enumerate_entries(Ioctl.ENUM_FRAMEINTERVALS, at)
-    # a range of frame intervals has two ends
-    ends = (step for i in intervals for step in i.steps[: 1 if i.type == DISCRETE else 2])
-    rates = {_rate(step) for step in ends}
-    return tuple(sorted((rate for rate in rates if rate > 0), reverse=True))
+    intervals = device.enumerate_entries(
+        Ioctl.ENUM_FRAMEINTERVALS,
+        lambda i: FrameInterval(index=i, pixel_format=number, width=width, height=height),
+    )
+    rates = set()
+    for interval in intervals:
+        ends = 1 if interval.type == DISCRETE else 2
+        rates |= {_rate(step) for step in interval.steps[:ends]}
+    return tuple(sorted(rates - {0.0}, reverse=True))
 
 
 def _rate(interval: Fraction) -> float:
@@ -104,13 +105,12 @@ READABLE_FORMATS = frozenset({*RAW, "MJPG"})
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """Picture format that a camera accepted; `line` and `size` in bytes, `rate` in Hz."""
+    """Picture format that a camera accepted; `line` in bytes, `rate` in Hz."""
 
     format: str
     width: int
     height: int
     line: int
-    size: int
     rate: float
 
     def is_complete(self, content: Image) -> bool:
@@ -129,8 +129,9 @@ class Picture:
             return None
         if self.format == "MJPG":
             image = cv2.imdecode(content, cv2.IMREAD_COLOR)
-            fits = image is not None and image.shape == (self.height, self.width, 3)
-            return np.asarray(image, np.uint8) if fits else None
+            if image is None or image.shape != (self.height, self.width, 3):
+                return None
+            return np.asarray(image, np.uint8)
         depth, decoder = RAW[self.format]
         lines = content[: self.line * self.height].reshape(self.height, self.line)
         pixels = np.ascontiguousarray(lines[:, : self.width * depth])
@@ -146,18 +147,21 @@ def negotiate(device: Device, settings: V4l2Settings) -> Picture:
     request = Format(type=CAPTURE)
     pix = request.fmt.pix
     pix.width, pix.height = settings.width, settings.height
-    pix.pixelformat, pix.field = fourcc(settings.format), ANY_FIELD
+    pix.pixelformat = fourcc(settings.format)
+    pix.field = ANY_FIELD
     pix = device.call(Ioctl.S_FMT, request, "setting the format").fmt.pix
     name = letters(pix.pixelformat)
-    if (name, pix.width, pix.height) != (settings.format, settings.width, settings.height):
-        requested = f"{settings.format} {settings.width}x{settings.height}"
-        made = f"{name} {pix.width}x{pix.height}"
-        problem = f"{requested} became {made}; allowed: {_offered_formats(device)}"
+    requested = f"{settings.format} {settings.width}x{settings.height}"
+    accepted = f"{name} {pix.width}x{pix.height}"
+    if accepted != requested:
+        problem = f"{requested} became {accepted}; allowed: {_offered_formats(device)}"
         raise CameraRefused(device.path, "format", problem)
     if pix.field != PROGRESSIVE:
         raise CameraRefused(device.path, "format", "is interlaced; use a progressive mode")
     rate = _negotiate_rate(device, settings)
-    return Picture(name, pix.width, pix.height, pix.bytesperline, pix.sizeimage, rate)
+    return Picture(
+        format=name, width=pix.width, height=pix.height, line=pix.bytesperline, rate=rate
+    )
 
 
 def _negotiate_rate(device: Device, settings: V4l2Settings) -> float:

@@ -79,7 +79,13 @@ class Stream:
             if error.errno == errno.EINVAL:  # the queue has stopped by itself
                 raise CameraFaulty(device.path, "the kernel stopped the stream") from None
             raise translate_error(error, device.path, "taking a frame", "") from None
-        capture = self._copy(buffer)
+        capture = Capture(  # a copy: the buffer's return to the queue overwrites it
+            counter=buffer.sequence,
+            flags=buffer.flags,
+            stamp=buffer.timestamp.seconds + MICRO * buffer.timestamp.microseconds,
+            taken=device.kernel.monotonic(),
+            content=self._mappings[buffer.index].copy(buffer.bytesused),
+        )
         self._requeue(buffer.index)
         return capture
 
@@ -122,17 +128,6 @@ class Stream:
     def _requeue(self, index: int) -> None:
         buffer = Buffer(index=index, type=CAPTURE, memory=MMAP)
         self._device.call(Ioctl.QBUF, buffer, "giving a buffer back")
-
-    def _copy(self, buffer: Buffer) -> Capture:
-        """Sequence, flags and bytes of `buffer`, which its return to the queue overwrites."""
-        time = buffer.timestamp
-        return Capture(
-            counter=buffer.sequence,
-            flags=buffer.flags,
-            stamp=time.seconds + MICRO * time.microseconds,
-            taken=self._device.kernel.monotonic(),
-            content=self._mappings[buffer.index].copy(buffer.bytesused),
-        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -120,14 +120,14 @@ def test_bayer_colours_stand_where_the_name_says(name: str) -> None:
         [[level[pattern[0]], level[pattern[1]]], [level[pattern[2]], level[pattern[3]]]]
     )
     mosaic = np.tile(tile, (8, 8)).astype(np.uint8)
-    image = Picture(name, 16, 16, 16, 256, 30.0).decode(mosaic.ravel())
+    image = Picture(name, 16, 16, 16, 30.0).decode(mosaic.ravel())
     assert image[8, 8].tolist() == [blue, green, red]
 
 
 def test_lines_longer_than_the_picture_are_cut() -> None:
     padded = np.zeros((4, 12), np.uint8)
     padded[:, :8] = 77
-    image = Picture("GREY", 8, 4, 12, 48, 30.0).decode(padded.ravel())
+    image = Picture("GREY", 8, 4, 12, 30.0).decode(padded.ravel())
     assert image.shape == (4, 8, 3)
     assert (image == 77).all()
 
@@ -135,7 +135,7 @@ def test_lines_longer_than_the_picture_are_cut() -> None:
 def test_yuyv_keeps_colour() -> None:
     bgr = np.full((4, 8, 3), (40, 120, 200), np.uint8)
     yuv = cv2.cvtColor(bgr, cv2.COLOR_BGR2YUV_YUYV)
-    image = Picture("YUYV", 8, 4, 16, 64, 30.0).decode(yuv.ravel())
+    image = Picture("YUYV", 8, 4, 16, 30.0).decode(yuv.ravel())
     assert np.abs(image.astype(int) - bgr).max() < 6
 
 

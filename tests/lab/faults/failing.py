@@ -273,7 +273,7 @@ def jpeg(*, holes: bool) -> Spoil:
             middle = len(content) // 2
             content = content[:middle] + content[middle + len(content) // 10 :]
         padded = content.removesuffix(JPEG_END) + JPEG_END + bytes(512)
-        picture = Picture("MJPG", w, h, 0, 0, 0.0)
+        picture = Picture("MJPG", w, h, 0, 0.0)
         image = picture.decode(np.frombuffer(padded, np.uint8))
         return None if image is None else replace(frame, image=image)
 
