@@ -51,7 +51,7 @@ class TwinPlant:
 
     def truth(self, origin: float) -> Mapping[str, Any]:
         """Plain values of plant, true touch, displacement and final offset of the edges."""
-        truth = self.twin.truth()
+        truth = self.twin.world.truth()
         touch = truth.touch
         return {
             "plant": self.plant.model_dump(mode="json", by_alias=True),
@@ -83,7 +83,9 @@ def twin_devices(
     plant, lying, rig = plant_on_desk(settings, strip, choice)
     desk, index = settings.twin, choice.index
     if calibrating:
-        desk, rig, index = empty_desk(settings), {}, 0
+        desk = empty_desk(settings)
+        rig = {}
+        index = 0
     twin = open_twin(desk, lying, rig, choice.seed, index, settings.installation, staging)
     return Devices(
         clock=twin.clock,
@@ -106,13 +108,9 @@ def plant_on_desk(
     settings: CellFile, strip: StripFile, choice: DeviceSelection
 ) -> tuple[StripFile, StripFile, dict[str, dict[str, float]]]:
     """Plant as recorded, strip that lies on the desk, and effects of the rig."""
-    if choice.plant is None:
+    plant = choice.plant
+    if plant is None:
         return strip, strip, settings.effects
-    return choice.plant, *_split_effects(choice.plant)
-
-
-def _split_effects(plant: StripFile) -> tuple[StripFile, dict[str, dict[str, float]]]:
-    """Divide a plant file into the strip with its own effects and the rig's effects."""
-    own = {n: v for n, v in plant.effects.items() if registry()[n].of == "strip"}
+    of_strip = {n: v for n, v in plant.effects.items() if registry()[n].of == "strip"}
     rig = {n: v for n, v in plant.effects.items() if registry()[n].of == "cell"}
-    return plant.model_copy(update={"effects": own}), rig
+    return plant, plant.model_copy(update={"effects": of_strip}), rig

@@ -9,7 +9,7 @@ import numpy as np
 from drivers.errors import Fault
 from drivers.installation import Installation
 from drivers.motion import TICK, MotionProfile, lag_gain
-from drivers.twin.clock import Event, Rank, TwinClock
+from drivers.twin.clock import Rank, TimedCall, TwinClock
 from drivers.twin.settings import ArmSettings, HandSettings, WrenchSettings
 from drivers.twin.world import Fingers, World
 from drivers.types import ArmState, Array, HandState, Pose, Velocity
@@ -64,18 +64,20 @@ class TwinArm:
     ) -> None:
         """Arm at rest at the gripper of `world`, its servo run by `clock`; noise from `rng`."""
         start = world.gripper
-        self._world, self._clock, self._rng, self._delay = world, clock, rng, delay
+        self._world = world
+        self._clock = clock
+        self._rng = rng
+        self._delay = delay
         self._cell_in_robot = installation.mounting.transform()
         self._connected = self._closed = False
-
         self._profile = MotionProfile(installation.limits, installation.workspace, start)
         self._lag_gain = lag_gain(settings.lag)
         self._position = [start.x, start.z, start.pitch]
         self._velocity = [0.0, 0.0, 0.0]
         at_rest = (*self._position, *self._velocity)
         self._history = deque([at_rest] * (2 + int(max(delay, 0.0) / TICK)))  # the newest last
-        self._ticks, self._stamp = 0, clock.now()
-
+        self._ticks = 0
+        self._stamp = clock.now()
         self._sigma = np.array([*3 * [settings.noise], settings.pitch_noise])
         self._noise = rng.standard_normal((NOISE_BLOCK, 4))
         wrench = settings.force
@@ -124,9 +126,9 @@ class TwinArm:
         self._connected = False
         self._closed = True
 
-    def _tick(self, now: float) -> None:
-        """Advance the servo by one tick, at time `now` [s], and give the world the new pose."""
-        self._stamp = now
+    def _tick(self, time: float) -> None:
+        """Advance the servo by one tick, at time `time` [s], and give the world the new pose."""
+        self._stamp = time
         self._ticks += 1
         if self._ticks % NOISE_BLOCK == 0:
             self._noise = self._rng.standard_normal((NOISE_BLOCK, 4))
@@ -135,7 +137,7 @@ class TwinArm:
         self._trail(self._profile.tick())
         self._history.append((*self._position, *self._velocity))
         self._history.popleft()
-        arrives = now - min(self._delay, 0.0)
+        arrives = time - min(self._delay, 0.0)
         self._world.add_pose(arrives, partial(self._in_cell, self._position))
 
     def _in_cell(self, position: list[float]) -> Pose:
@@ -190,7 +192,7 @@ class TwinHand:
         self._fingers = Fingers(
             settings.opening, settings.opening, start=clock.now(), speed=settings.speed
         )
-        self._closing: Event | None = None
+        self._closing: TimedCall | None = None
         world.move_fingers(self._fingers)
 
     def open(self) -> None:
@@ -205,19 +207,19 @@ class TwinHand:
         self._move(0.0)
         meeting = self._fingers.width - self._world.model.mechanics.thickness
         if meeting >= 0:
-            at = self._fingers.start + meeting / self._settings.speed
-            self._closing = self._clock.at(at, self._meet_strip, Rank.HAND)
+            time = self._fingers.start + meeting / self._settings.speed
+            self._closing = self._clock.at(time, self._meet_strip, Rank.HAND)
 
     def state(self) -> HandState:
         """State of the fingers now: width, whether they hold the strip, whether they move."""
-        now = self._clock.now()
+        time = self._clock.now()
         return HandState(
-            stamp=now,
-            arrival=now,
+            stamp=time,
+            arrival=time,
             source=HAND_SOURCE,
-            width=self._fingers.at(now),
+            width=self._fingers.at(time),
             grasped=self._world.holds_strip,
-            moving=now < self._fingers.end,
+            moving=time < self._fingers.end,
         )
 
     def stop(self) -> None:
@@ -229,9 +231,9 @@ class TwinHand:
         if self._closing is not None:
             self._closing.cancel()
             self._closing = None
-        now = self._clock.now()
-        width = self._fingers.at(now)
-        self._fingers = Fingers(width, target, start=now, speed=self._settings.speed)
+        time = self._clock.now()
+        width = self._fingers.at(time)
+        self._fingers = Fingers(width, target, start=time, speed=self._settings.speed)
         self._world.move_fingers(self._fingers)
 
     def _meet_strip(self, _: float) -> None:

@@ -29,8 +29,8 @@ def board_pose(
     optics = Optics.from_settings(settings)
     distance = optics.focal * board.getChessboardSize()[0] * board.getSquareLength()
     distance /= placement.size * settings.width
-    at = np.array([placement.x * settings.width, placement.y * settings.height], dtype=np.float32)
-    ray = np.array([float(part[0]) for part in optics.rays(at[:1], at[1:])])
+    uv = np.array([placement.x * settings.width, placement.y * settings.height], dtype=np.float32)
+    ray = np.array([float(part[0]) for part in optics.rays(uv[:1], uv[1:])])
     about_x, about_y, about_z = axis_rotations(placement.tilt, placement.turn, placement.roll)
     pose = np.eye(4)
     pose[:3, :3] = optics.rotation.T @ (about_y.T @ about_x.T @ about_z)

@@ -106,8 +106,7 @@ class TwinCamera:
 
     def _exposure(self, middle: float) -> list[Scene]:
         """Scenes at the middles of equal parts of the exposure around `middle` [s], from 0 s on."""
-        count = self._settings.sub_shapes
-        offsets = (np.arange(count) + 0.5) / count - 0.5
+        offsets = (np.arange(self._settings.sub_shapes) + 0.5) / self._settings.sub_shapes - 0.5
         moments = middle + offsets * self._settings.exposure
         return [self._view(max(float(moment), 0.0)) for moment in moments]
 
@@ -121,9 +120,9 @@ def displaced_optics(
     calibration. A point p (2,) x, z [m] of the strip's plane appears where (1 + scale) (p + (0,
     desk_height)) + shift would appear without.
     """
-    shift = observation.shift_x, observation.shift_z
-    moved = Optics.from_settings(settings).displace(observation.scale, shift)
-    return moved.displace(0.0, (0.0, desk_height))
+    shift = (observation.shift_x, observation.shift_z)
+    optics = Optics.from_settings(settings).displace(observation.scale, shift)
+    return optics.displace(0.0, (0.0, desk_height))
 
 
 class PacedCamera:
@@ -154,7 +153,8 @@ class PacedCamera:
         Without such a frame, one that has arrived since is rendered for the next call; a caller
         that comes late or seldom gets it at once.
         """
-        drawn, self._drawn = self._drawn, None
+        drawn = self._drawn
+        self._drawn = None
         if drawn is not None and drawn.stamp > after:
             return self._deliver(drawn)
         newest = self._camera.read(after, timeout)

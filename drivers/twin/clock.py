@@ -29,7 +29,7 @@ class Rank(IntEnum):
 
 
 @dataclass(slots=True)
-class Event:
+class TimedCall:
     """Scheduled call of `action(now)` by a simulated clock, once or periodic."""
 
     action: Action
@@ -37,11 +37,11 @@ class Event:
     number: int
     start: float
     period: float | None
-    count: int = 0
+    count: int = 1
     cancelled: bool = False
 
     def cancel(self) -> None:
-        """Remove the event; allowed twice and from within the action."""
+        """Remove the call; allowed twice and from within the action."""
         self.cancelled = True
 
     def due(self) -> int:
@@ -59,7 +59,7 @@ class TwinClock:
 
     def __init__(self) -> None:
         self._now = 0
-        self._queue: list[tuple[int, int, int, Event]] = []
+        self._queue: list[tuple[int, int, int, TimedCall]] = []
         self._numbers = count()
         self._running = False
 
@@ -67,15 +67,15 @@ class TwinClock:
         """Simulated time [s] since the run began."""
         return self._now / NANOSECONDS
 
-    def every(self, period: float, action: Action, rank: Rank) -> Event:
+    def every(self, period: float, action: Action, rank: Rank) -> TimedCall:
         """Schedule `action(now)` every `period` [s] from now on; CellError for one under 1 ns."""
         if nanoseconds(period) < 1:
             raise CellError(f"clock: a period of {period} s is too short; use 1 ns or more")
-        return self._push(Event(action, rank, next(self._numbers), self.now(), period, count=1))
+        return self._push(TimedCall(action, rank, next(self._numbers), self.now(), period))
 
-    def at(self, time: float, action: Action, rank: Rank) -> Event:
+    def at(self, time: float, action: Action, rank: Rank) -> TimedCall:
         """Schedule `action(now)` once at `time` [s], or for the next `wait_until` if past."""
-        return self._push(Event(action, rank, next(self._numbers), max(time, self.now()), None))
+        return self._push(TimedCall(action, rank, next(self._numbers), max(time, self.now()), None))
 
     def wait_until(self, time: float) -> None:
         """Run every event up to and including `time` [s]; returns at once if `time` is past.
@@ -96,17 +96,17 @@ class TwinClock:
 
     def _run_next(self) -> None:
         """Run the first event of the queue and schedule its next call; drop a cancelled one."""
-        due, _, _, event = self._queue[0]
+        time, _, _, event = self._queue[0]
         if event.cancelled or event.period is None:
             heapq.heappop(self._queue)
         else:
             event.count += 1
             heapq.heapreplace(self._queue, (event.due(), event.rank, event.number, event))
         if not event.cancelled:
-            self._now = max(self._now, due)
+            self._now = max(self._now, time)
             event.action(self._now / NANOSECONDS)
 
-    def _push(self, event: Event) -> Event:
+    def _push(self, event: TimedCall) -> TimedCall:
         heapq.heappush(self._queue, (event.due(), event.rank, event.number, event))
         return event
 
@@ -148,19 +148,18 @@ class RealTimeClock:
     def wait_until(self, time: float) -> None:
         """Sleep until this clock is at `time` [s], then advance the twin's world to the present."""
         if self._patience < math.inf:
-            self._wait_patiently(time)
+            self._catch_up(time)
+            self._running().wait_until(time - self._start)
+            self._catch_up(self.now() + self._patience)
             return
         self._running().wait_until(time - self._start)
         self._twin.wait_until(time)
-        behind = math.inf
-        while LATE_AT_MOST < (lag := self.now() - self._twin.now()) < behind:
-            behind = lag  # catching up takes time too, in which the wall goes on
+        last_lag = math.inf
+        lag = self.now() - self._twin.now()
+        while LATE_AT_MOST < lag < last_lag:  # catching up takes time in which the wall goes on
             self._twin.wait_until(self.now())
-
-    def _wait_patiently(self, time: float) -> None:
-        self._catch_up(time)
-        self._running().wait_until(time - self._start)
-        self._catch_up(self.now() + self._patience)
+            last_lag = lag
+            lag = self.now() - self._twin.now()
 
     def _catch_up(self, end: float) -> None:
         """Advance the world by small pieces to the present, at most until wall time `end` [s]."""

@@ -18,7 +18,6 @@ from drivers.twin.chain.engine import Chain
 from drivers.twin.clock import Rank, TwinClock
 from drivers.twin.renderer.looks import LOOKS, StripLook
 from drivers.twin.renderer.renderer import Renderer
-from drivers.twin.scene import Truth
 from drivers.twin.settings import HandSettings, TwinSettings
 from drivers.twin.world import Fingers, Plant, World
 from drivers.types import Array, Pose
@@ -53,10 +52,6 @@ class Desk:
     camera: TwinCamera
     model: StripModel
     home: Pose
-
-    def truth(self) -> Truth:
-        """True history of strip and gripper since the grasp; for scoring only."""
-        return self.world.truth()
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,20 +100,26 @@ def open_desk(
     home = Pose(model.stated_length, settings.arm.home_height, 0.0)
     plant_engine = staging.engine(settings.world.links)
     world = World(model, plant_engine, settings.world, home, settings.hand.opening)
-    look, seen = LOOKS[settings.look], model.observation
+    look = LOOKS[settings.look]
     fabric = StripLook.from_file(plant, look.pattern)
-    optics = displaced_optics(settings.camera, seen, model.rig.desk_height)
-    renderer = Renderer(settings.camera, fabric, seed, optics, seen.contact_bias, look)
-    view = staging.view(world)
-    camera = TwinCamera(view, clock, settings.camera, renderer, seed, seen.camera_latency)
+    observation = model.observation
+    optics = displaced_optics(settings.camera, observation, model.rig.desk_height)
+    renderer = Renderer(settings.camera, fabric, seed, optics, observation.contact_bias, look)
+    camera = TwinCamera(
+        staging.view(world),
+        clock,
+        settings.camera,
+        renderer,
+        seed,
+        model.observation.camera_latency,
+    )
     clock.every(settings.world.step, world.advance, Rank.WORLD)
-    return Desk(clock, world, camera, model, home)
+    return Desk(clock=clock, world=world, camera=camera, model=model, home=home)
 
 
 def thickness_between_fingers(desk: Desk, settings: HandSettings) -> float | None:
     """Thickness [m] of the strip between the fingers of an external hand; None for no strip."""
-    held = desk.world.holds_strip
-    if held or desk.world.edge_within(settings.reach, settings.lean):
+    if desk.world.holds_strip or desk.world.edge_within(settings.reach, settings.lean):
         return desk.model.mechanics.thickness
     return None
 
@@ -137,25 +138,26 @@ class ExternalArm:
     def __init__(
         self, desk: Desk, settings: HandSettings, measured: MeasuredPose, hand: Hand
     ) -> None:
-        self._desk, self._settings = desk, settings
+        self._desk = desk
+        self._settings = settings
         self._world = desk.world
         self._measured = measured
         self._hand = hand
         self._pose = desk.home
         desk.clock.every(PERIOD, self._follow, Rank.SERVO)
 
-    def _follow(self, now: float) -> None:
-        """Give the world the measured pose and the fingers' state at time `now` [s]."""
+    def _follow(self, time: float) -> None:
+        """Give the world the measured pose and the fingers' state at time `time` [s]."""
         measured = self._measured()
-        stamp, pose = (now, self._pose) if measured is None else measured
-        self._world.add_pose(max(stamp, now - BEHIND), lambda: pose)
+        stamp, pose = measured or (time, self._pose)
+        self._world.add_pose(max(stamp, time - BEHIND), lambda: pose)
         if measured is None:
             return
-        self._pose, hand = pose, self._hand.state()
-        self._world.move_fingers(Fingers(hand.width, hand.width, start=now, speed=1.0))
-        holds_strip = self._world.holds_strip
-        if hand.grasped and not holds_strip:
+        self._pose = pose
+        hand = self._hand.state()
+        self._world.move_fingers(Fingers(hand.width, hand.width, start=time, speed=1.0))
+        if hand.grasped and not self._world.holds_strip:
             if thickness_between_fingers(self._desk, self._settings) is not None:
                 self._world.attach()
-        elif not hand.grasped and holds_strip:
+        elif not hand.grasped and self._world.holds_strip:
             self._world.detach()

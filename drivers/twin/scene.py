@@ -48,14 +48,14 @@ class History:
 
     def at(self, stamp: float) -> Scene:
         """Scene at `stamp` [s]; Fault `world_unknown` where it is not in the buffer."""
-        due, first = nanoseconds(stamp), nanoseconds(self._scenes[0].stamp)
-        if not first <= due <= nanoseconds(self.newest.stamp):
+        time, first = nanoseconds(stamp), nanoseconds(self._scenes[0].stamp)
+        if not first <= time <= nanoseconds(self.newest.stamp):
             raise Fault(
                 "world_unknown",
                 f"the world at {stamp:.4f} s cannot be shown; known are "
                 f"{first / NANOSECONDS:.4f} to {self.newest.stamp:.4f} s",
             )
-        index, rest = divmod(due - first, self._step)
+        index, rest = divmod(time - first, self._step)
         if rest == 0:
             return self._scenes[index]
         return interpolate(self._scenes[index], self._scenes[index + 1], stamp)
@@ -64,11 +64,12 @@ class History:
 def interpolate(earlier: Scene, later: Scene, stamp: float) -> Scene:
     """Scene at `stamp` [s], linear between two scenes; the grasp is that of `earlier`."""
     share = (stamp - earlier.stamp) / (later.stamp - earlier.stamp)
-    here, there = earlier.gripper.as_array(), later.gripper.as_array()
+    start = earlier.gripper.as_array()
+    end = later.gripper.as_array()
     points = earlier.points
     if points is not later.points:
         points = frozen(points + share * (later.points - points))
-    gripper = Pose.from_array(here + share * (there - here))
+    gripper = Pose.from_array(start + share * (end - start))
     width = earlier.finger_width + share * (later.finger_width - earlier.finger_width)
     return replace(earlier, stamp=stamp, points=points, gripper=gripper, finger_width=width)
 

@@ -157,8 +157,9 @@ class World:
         """Whether the strip's edge lies within `reach` [m] and `lean` [rad] of the gripper."""
         if not self._settings.strip or self._pointer:
             return False
-        hand, edge = self.gripper, self._edge()
+        edge = self._edge()
         place = min(edge.x, self.model.stated_length)
+        hand = self.gripper
         distance = float(np.hypot(place - hand.x, edge.z - hand.z))
         return distance <= reach and abs(edge.pitch - hand.pitch) <= lean
 
@@ -204,17 +205,19 @@ class World:
 
     def truth(self) -> Truth:
         """True states of strip and gripper at each step since the grasp."""
-        steps, count, nodes = self._record, len(self._record), len(self._arc)
+        steps = self._record
+        count = len(self._record)
+        nodes = len(self._arc)
         observed = [step.observed for step in steps]
         return Truth(
             t=frozen([step.time for step in steps]),
-            contact_x=frozen([seen.contact_x[0] for seen in observed]),
-            tip=frozen(np.reshape([seen.tip[0] for seen in observed], (count, 2))),
+            contact_x=frozen([state.contact_x[0] for state in observed]),
+            tip=frozen(np.reshape([state.tip[0] for state in observed], (count, 2))),
             gripper=frozen(np.reshape([step.hand.as_array() for step in steps], (count, 3))),
             edge=frozen(np.reshape([step.edge.as_array() for step in steps], (count, 3))),
             shapes=frozen(np.reshape([step.points for step in steps], (count, nodes, 2))),
             arc=self._arc,
-            holding_force=frozen([seen.holding_force[0] for seen in observed]),
+            holding_force=frozen([state.holding_force[0] for state in observed]),
             touch=self._touch(),
             edge_offset=float(self._points[0, 0] - self._points[-1, 0]),
         )

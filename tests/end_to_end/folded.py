@@ -45,6 +45,6 @@ def fold_and_keep(request: Request) -> Folded:
         patch.setattr(cell.folding.fold, "open_cell", keeping)
         result = fold(request, calibration_of(request.cell))
     run = read_run(Path(result.run))
-    truth = opened[-1].plant.twin.truth()
+    truth = opened[-1].plant.twin.world.truth()
     begun = next(event for event in run.events() if event.facts.get("state") == "PREFLIGHT")
     return Folded(result, run, truth, origin=-begun.t)

@@ -52,14 +52,13 @@ def approach_poses(model: StripModel) -> Array:
     A strip that is too long is brought there in an arc, which leaves its slack as a wave; one that
     is too short is pulled taut. Empty for a strip of exactly the stated length.
     """
-    length, stated = model.mechanics.length, model.stated_length
-    slack = length - stated
+    slack = model.mechanics.length - model.stated_length
     if slack == 0:
         return np.empty((0, 3))
     share = np.concatenate([np.linspace(0.0, 1.0, APPROACH_STEPS + 1)[1:], np.ones(SETTLING_STEPS)])
-    reach = np.sqrt(2 * length * max(slack, 0.0))
+    reach = np.sqrt(2 * model.mechanics.length * max(slack, 0.0))
     height = APPROACH_HEIGHT * reach * np.sqrt(share * (1 - share))
-    return np.stack([length - slack * share, height, np.zeros_like(share)], axis=1)
+    return np.stack([model.mechanics.length - slack * share, height, np.zeros_like(share)], axis=1)
 
 
 @dataclass(slots=True)
@@ -86,7 +85,7 @@ class Slide:
                 self.sliding = NOT_SLIDING
             return
         force = self.stiffness * (position - self.rest)
-        if (abs(force) if self.both_ways else force) > self.limit:
+        if force > self.limit or (self.both_ways and -force > self.limit):
             self.sliding = float(np.sign(force))
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -113,17 +112,17 @@ class Ends:
     @classmethod
     def at_rest(cls, model: StripModel, lumps: Lumps, joints: Joints) -> Self:
         """Ends of the chain of strip `model` at rest."""
-        boundary, gravity = model.boundary, -float(model.boundary.gravity[1])
+        gravity = -float(model.boundary.gravity[1])
         grip: Slide | None = None
         edge: Slide | None = None
-        hold = boundary.grip_force * lumps.scale
+        hold = model.boundary.grip_force * lumps.scale
         if joints.grip is not None and not np.isinf(hold):
             grip = Slide(joints.grip, min(lumps.along[-1], hold / GIVE), hold, both_ways=False)
         if joints.edge is not None:
-            friction = boundary.edge_friction * float(lumps.mass.sum()) * gravity
+            friction = model.boundary.edge_friction * float(lumps.mass.sum()) * gravity
             edge = Slide(joints.edge, min(lumps.held[0], friction / GIVE), friction, both_ways=True)
         edge_weight = 0.5 * float(lumps.mass[0]) * gravity
-        return cls(grip, edge, boundary.edge_friction, edge_weight)
+        return cls(grip, edge, model.boundary.edge_friction, edge_weight)
 
     @property
     def slide(self) -> bool:
@@ -135,7 +134,10 @@ class Ends:
         if not self.slide:
             return
         if self.edge is not None and data.ncon > 0:
-            self.edge.limit = self.friction * (self.edge_weight + desk_force(model, data))
+            desk = model.geom("desk").id
+            touching = (data.contact.geom == desk).any(axis=1) & (data.contact.efc_address >= 0)
+            pressed = float(data.efc_force[data.contact.efc_address[touching]].sum())
+            self.edge.limit = self.friction * (self.edge_weight + pressed)
         for slide in (self.grip, self.edge):
             if slide is not None:
                 slide.update(float(data.qpos[slide.joint]), float(data.qvel[slide.joint]))
@@ -146,10 +148,3 @@ class Ends:
         for slide in (self.grip, self.edge):
             if slide is not None:
                 slide.apply(model, data)
-
-
-def desk_force(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    """Normal force [scaled N] of the desk on the chain in the last step."""
-    desk = model.geom("desk").id
-    touching = (data.contact.geom == desk).any(axis=1) & (data.contact.efc_address >= 0)
-    return float(data.efc_force[data.contact.efc_address[touching]].sum())

@@ -33,10 +33,11 @@ class ChainStrip:
     """
 
     def __init__(self, model: StripModel, links: int, foreign: Sequence[ExtraForce] = ()) -> None:
-        self._description, self._links = model, links
+        self._description = model
+        self._links = links
         self._lumps = Lumps.from_model(model, links)
         # `_step` raises SimulationNotFinite: MuJoCo's warning would only add a line on stderr
-        mujoco.set_mju_user_warning(_ignore_warning)
+        mujoco.set_mju_user_warning(lambda _: None)
         self._use_model(compile_chain(model, links))
         self._joints = Joints.from_model(self._model, self._lumps.spans)
         self._loads = Loads(self._lumps, self._joints)
@@ -140,10 +141,11 @@ class ChainStrip:
 
         A weld with a larger violation pulls so hard that the solver loses the weight in rounding.
         """
-        far, reach = math.hypot(target[0], target[1]), self.arc[-1] + PULL
-        if self._lumps.stretches or self._ends.slide or not reach < far < math.inf:
+        distance = math.hypot(target[0], target[1])
+        reach = self.arc[-1] + PULL
+        if self._lumps.stretches or self._ends.slide or not reach < distance < math.inf:
             return target
-        return target * (reach / far, reach / far, 1.0)
+        return target * (reach / distance, reach / distance, 1.0)
 
     def _pace(self, h: float) -> None:
         """Set the time step `h` [s] of the model, and the damping that belongs to it."""
@@ -153,11 +155,8 @@ class ChainStrip:
 
     def _use_model(self, model: mujoco.MjModel) -> None:
         """Continue with `model`, in its initial state."""
-        self._model, self._data = model, mujoco.MjData(model)
-
-
-def _ignore_warning(_: str) -> None:
-    """Discard a warning of MuJoCo."""
+        self._model = model
+        self._data = mujoco.MjData(model)
 
 
 class Chain:
@@ -172,7 +171,8 @@ class Chain:
     def __init__(self, links: int = 60, foreign: Sequence[ExtraForce] = ()) -> None:
         if links < FEWEST_LINKS:
             raise ValueError(f"links is {links}, allowed: {FEWEST_LINKS} and more")
-        self._links, self._foreign = links, tuple(foreign)
+        self._links = links
+        self._foreign = tuple(foreign)
         self._strips: list[ChainStrip] = []
         self._models: tuple[StripModel, ...] = ()
         self._time = 0.0

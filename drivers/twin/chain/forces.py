@@ -20,7 +20,8 @@ class Loads:
     """
 
     def __init__(self, lumps: Lumps, joints: Joints) -> None:
-        self._lumps, self._joints = lumps, joints
+        self._lumps = lumps
+        self._joints = joints
         self._has_friction = bool(lumps.hinges.slip.any())
         self._relaxes = bool(lumps.hinges.fading.any())
         self._has_drag = bool(lumps.drag.any())
@@ -38,14 +39,13 @@ class Loads:
 
     def _moments(self, data: mujoco.MjData, h: float) -> Array:
         """Moments (n + 1,) [N m] of friction and relaxation at the hinges."""
-        lumps, hinges = self._lumps, self._joints.hinges
-        moment = np.zeros(len(hinges))
+        moment = np.zeros(len(self._joints.hinges))
         if self._has_friction:
             # The engine takes the yarns' moment where the step would end. That damps like h times
             # their stiffness, even while they slide; its share at the present rate is taken back.
-            moment += h * lumps.hinges.presliding * data.qvel[hinges]
+            moment += h * self._lumps.hinges.presliding * data.qvel[self._joints.hinges]
         if self._relaxes:
-            moment += self._relax(data.qpos[hinges], h)
+            moment += self._relax(data.qpos[self._joints.hinges], h)
         return moment
 
     def _relax(self, angle: Array, h: float) -> Array:
@@ -57,7 +57,8 @@ class Loads:
         periods = self._elapsed / lumps.fading_time
         retained = -np.expm1(-periods) / periods if periods > 0 else 1.0
         self._strain = np.exp(-periods) * self._strain + retained * (angle - self._angle)
-        self._angle, self._elapsed = angle.copy(), h
+        self._angle = angle.copy()
+        self._elapsed = h
         return np.asarray(lumps.fading * (angle - lumps.rest - self._strain))
 
     def _drag(self, data: mujoco.MjData, h: float) -> Array:
@@ -66,13 +67,15 @@ class Loads:
         Divided by what an implicit step of an isolated link would slow it down by, so that light
         strips stay stable.
         """
-        air, (speed, tangents) = self._lumps.air, self._joints.speeds(data.qpos, data.qvel)
+        air = self._lumps.air
+        speed, tangents = self._joints.speeds(data.qpos, data.qvel)
         along, across = speed.T
         resistance = self._lumps.drag * (np.sqrt(across**2 + air.oblique * along**2) + air.slow)
         slowed = resistance / (1.0 + h * resistance / self._lumps.mass)
         normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
-        rubbed, pushed = (slowed * air.along * along)[:, None], (slowed * across)[:, None]
-        return np.asarray(-rubbed * tangents - pushed * normals)
+        friction = (slowed * air.along * along)[:, None]
+        pressure = (slowed * across)[:, None]
+        return np.asarray(-friction * tangents - pressure * normals)
 
 
 class DahlFriction:
@@ -83,7 +86,9 @@ class DahlFriction:
     """
 
     def __init__(self, limit: Array, stiffness: Array, exponent: float) -> None:
-        self._limit, self._stiffness, self._exponent = limit, stiffness, exponent
+        self._limit = limit
+        self._stiffness = stiffness
+        self._exponent = exponent
         self._moment = 0.0 * limit
         self._angle = 0.0 * limit
 
@@ -138,26 +143,29 @@ class ExtraForces:
     """Forces and damping of effects that MuJoCo lacks, added to one chain before each step."""
 
     def __init__(self, laws: Sequence[ExtraForce], parts: Parts) -> None:
-        self._lumps, self._hinges = parts.lumps, parts.joints.hinges
-        self._acts = [act for law in laws if (act := law(parts)) is not None]
+        self._lumps = parts.lumps
+        self._hinges = parts.joints.hinges
+        forces = [law(parts) for law in laws]
+        self._forces = [force for force in forces if force is not None]
         self._damping: Array = np.zeros(0)
 
     def clear(self, model: mujoco.MjModel, data: mujoco.MjData, h: float) -> None:
         """Reset the applied forces and the damping of the last step, if there are extra forces."""
-        if self._acts:
+        if self._forces:
             data.qfrc_applied[:] = 0.0
             data.xfrc_applied[:] = 0.0
             model.dof_damping[self._hinges] = self._lumps.hinges.damping_at(h)
 
     def add(self, model: mujoco.MjModel, data: mujoco.MjData, time: float, h: float) -> None:
         """Add all extra forces to the step of `h` [s] that begins at `time` [s]."""
-        for act in self._acts:
-            act(model, data, time, h)
-        self._damping = model.dof_damping.copy() if self._acts else self._damping
+        for force in self._forces:
+            force(model, data, time, h)
+        if self._forces:
+            self._damping = model.dof_damping.copy()
 
     def restore_damping(self, model: mujoco.MjModel) -> None:
         """Set the joints' damping of a recompiled `model` to that after the last `add`."""
-        if self._acts:
+        if self._forces:
             model.dof_damping[:] = self._damping
 
 
@@ -177,8 +185,8 @@ def resistance(parts: Parts, law: MomentLaw) -> ForceFunction:
     hinges = parts.joints.hinges
 
     def act(model: mujoco.MjModel, data: mujoco.MjData, _: float, h: float) -> None:
-        angle, rate = data.qpos[hinges], data.qvel[hinges]
-        moment, slope = law(angle.copy(), rate, h)
+        rate = data.qvel[hinges]
+        moment, slope = law(data.qpos[hinges].copy(), rate, h)
         ahead = h * np.maximum(slope, 0.0)
         model.dof_damping[hinges] += ahead
         data.qfrc_applied[hinges] += ahead * rate - moment
@@ -206,6 +214,9 @@ def gradual_friction(parts: Parts) -> ForceFunction:
 def strip_laws(model: StripModel) -> Sequence[ExtraForce]:
     """Extra forces for the terms of the strip's bending law that MuJoCo's joints lack."""
     law = model.mechanics.law
-    fifth = (fifth_order,) if law.cubic != 0 and law.fifth != 0 else ()
-    rubs = law.yield_curvature != 0 and law.gradual != 0
-    return (*fifth, gradual_friction) if rubs else fifth
+    laws = list[ExtraForce]()
+    if law.cubic != 0 and law.fifth != 0:
+        laws.append(fifth_order)
+    if law.yield_curvature != 0 and law.gradual != 0:
+        laws.append(gradual_friction)
+    return laws

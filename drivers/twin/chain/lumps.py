@@ -7,7 +7,7 @@ import numpy as np
 
 from drivers.strip.engine import graded_nodes
 from drivers.strip.file import PAPER_LINEAR_DENSITY
-from drivers.strip.model import Drag, Mechanics, StripModel
+from drivers.strip.model import Drag, StripModel
 from drivers.types import Array
 
 GRADED = 0.05  # share of the links that grow shorter towards the grip
@@ -50,15 +50,20 @@ class HingeLumps:
         middles = np.concatenate([[0.0], 0.5 * (nodes[:-1] + nodes[1:]), [strip.length]])
         reach = np.diff(middles)
         bare = strip.series(strip.rigidity, middles) / reach
-        share = _share_of_strip(bare, model.boundary.grip_compliance)
+        # Of the hinges' angles the share s is the strip's, below 1 at a compliant grip. Under one
+        # moment angles add up: K' = s K with s = 1 / (1 + C K); then the strip's damping counts
+        # s^2, the cubic term against K' s^3.
+        share = np.ones_like(bare)
+        share[-1] = 1.0 / (1.0 + model.boundary.grip_compliance * bare[-1])
         stiffness = bare * share * scale
         spring, growth = stiffness * (1.0 - law.relaxing), law.cubic * share**3 / reach**2
         presliding = stiffness * law.stiffness_ratio
         slip = reach * (law.yield_curvature / law.stiffness_ratio) / share
+        lag = strip.viscosity / strip.rigidity**2  # its integral times K^2 is a hinge's damping
         return cls(
             reach=reach,
             stiffness=stiffness,
-            damping=stiffness * share * bare * strip.total(_lag(strip), middles),
+            damping=stiffness * share * bare * strip.total(lag, middles),
             quadratic=stiffness * law.quadratic_damping / reach,
             rest=strip.total(strip.rest_curvature, middles),
             cubic=spring * growth,
@@ -137,19 +142,3 @@ def places(length: float, links: int) -> Array:
     from the rod's; these put it 9 mm away.
     """
     return graded_nodes(length, links, GRADED, SHORTEST_LINK)
-
-
-def _lag(strip: Mechanics) -> Array:
-    """viscosity / EI^2 (CELLS,) [s/(N m^2)], whose integral times K^2 is the damping of a hinge."""
-    return strip.viscosity / strip.rigidity**2
-
-
-def _share_of_strip(stiffness: Array, compliance: float) -> Array:
-    """Share s (n + 1,) of the hinges' angles that is the strip's; below 1 at a compliant grip.
-
-    Under one moment angles add up: K' = s K with s = 1 / (1 + C K); then the strip's damping counts
-    s^2, the cubic term against K' s^3.
-    """
-    share = np.ones_like(stiffness)
-    share[-1] = 1.0 / (1.0 + compliance * stiffness[-1])
-    return share

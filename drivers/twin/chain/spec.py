@@ -49,7 +49,7 @@ class Layers:
         back = np.flatnonzero(level[turned:] < -FLAT)
         return cls(
             lower=int(flat[-1]) if len(flat) else 0,
-            upper=turned + int(back[0]) if len(back) else len(angle),
+            upper=(turned + int(back[0])) if len(back) else len(angle),
         )
 
     def add(self, body: mujoco.MjsBody, node: int, lumps: Lumps, gap: float) -> None:
@@ -73,7 +73,8 @@ class Layers:
         else:
             return
         if lumps.cling[link] > 0:
-            bead.adhesion, bead.gap = lumps.cling[link], CLING_REACH
+            bead.adhesion = lumps.cling[link]
+            bead.gap = CLING_REACH
         bead.condim = 3
         bead.friction = [LAYER_FRICTION, 0.0, 0.0]
 
@@ -103,7 +104,13 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
         if layers is not None:
             layers.add(body, node, lumps, gap)
     _add_grip(spec, links, model.mechanics.length)
-    _add_force_sensor(spec)
+    spec.body("node0").add_site(name="fixed_edge")
+    spec.add_sensor(  # of the force with which the fixed edge is held
+        name="holding",
+        type=mujoco.mjtSensor.mjSENS_FORCE,
+        objtype=mujoco.mjtObj.mjOBJ_SITE,
+        objname="fixed_edge",
+    )
     return spec
 
 
@@ -209,17 +216,6 @@ def _add_grip(spec: mujoco.MjSpec, links: int, length: float) -> None:
         solimp=SOLIMP,
     )
     grip.data = [0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0]  # same place, same orientation
-
-
-def _add_force_sensor(spec: mujoco.MjSpec) -> None:
-    """Add the sensor of the force with which the fixed edge is held."""
-    spec.body("node0").add_site(name="fixed_edge")
-    spec.add_sensor(
-        name="holding",
-        type=mujoco.mjtSensor.mjSENS_FORCE,
-        objtype=mujoco.mjtObj.mjOBJ_SITE,
-        objname="fixed_edge",
-    )
 
 
 def sag(acceleration: float) -> float:

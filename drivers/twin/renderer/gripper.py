@@ -113,11 +113,11 @@ def clip_above(outline: Array, floor: float) -> Array:
     if (outline[:, 1] >= floor).all():
         return outline
     corners: list[Array] = []
-    for here, there in zip(outline, np.roll(outline, -1, axis=0), strict=True):
-        if here[1] >= floor:
-            corners.append(here)
-        if (here[1] >= floor) != (there[1] >= floor):
-            corners.append(here + (floor - here[1]) / (there[1] - here[1]) * (there - here))
+    for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        if start[1] >= floor:
+            corners.append(start)
+        if (start[1] >= floor) != (end[1] >= floor):
+            corners.append(start + (floor - start[1]) / (end[1] - start[1]) * (end - start))
     return np.array(corners)
 
 

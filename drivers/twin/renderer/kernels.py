@@ -27,18 +27,21 @@ class Pinhole(NamedTuple):
 @entry
 def project_plane_points(points: Array, y: float, camera: Pinhole) -> Array:
     """Pixels (n, 2) [px] of `points` (n, 2) of x, z [m] in the plane at `y` [m]."""
-    centre, m, focal, principal, distortion = camera
-    (u, v), (k1, k2) = principal, distortion
+    rotation = camera.rotation
+    k1, k2 = camera.distortion
+    depth = y - camera.centre[1]
     pixels = np.empty((len(points), 2))
     for i in range(len(points)):
-        x, z = points[i, 0] - centre[0], points[i, 1] - centre[2]
-        right = m[0, 0] * x + m[0, 2] * z + (y - centre[1]) * m[0, 1]
-        down = m[1, 0] * x + m[1, 2] * z + (y - centre[1]) * m[1, 1]
-        inverse = 1 / (m[2, 0] * x + m[2, 2] * z + (y - centre[1]) * m[2, 1])
+        x = points[i, 0] - camera.centre[0]
+        z = points[i, 1] - camera.centre[2]
+        right = rotation[0, 0] * x + rotation[0, 2] * z + depth * rotation[0, 1]
+        down = rotation[1, 0] * x + rotation[1, 2] * z + depth * rotation[1, 1]
+        inverse = 1 / (rotation[2, 0] * x + rotation[2, 2] * z + depth * rotation[2, 1])
         a, b = right * inverse, down * inverse
         r2 = a * a + b * b
-        scale = (1 + r2 * (k1 + k2 * r2)) * focal
-        pixels[i, 0], pixels[i, 1] = a * scale + u, b * scale + v
+        scale = (1 + r2 * (k1 + k2 * r2)) * camera.focal
+        pixels[i, 0] = a * scale + camera.principal[0]
+        pixels[i, 1] = b * scale + camera.principal[1]
     return pixels
 
 
@@ -56,7 +59,9 @@ def interpolate(nodes: Array, slopes: Array, arc: Array, s: Array) -> tuple[Arra
         h = arc[i + 1] - arc[i]
         t = (s[k] - arc[i]) / h
         for c in range(2):
-            p0, m0, m1 = nodes[i, c], slopes[i, c], slopes[i + 1, c]
+            p0 = nodes[i, c]
+            m0 = slopes[i, c]
+            m1 = slopes[i + 1, c]
             chord = (nodes[i + 1, c] - p0) / h
             c2 = 3 * chord - 2 * m0 - m1
             c3 = m0 + m1 - 2 * chord
@@ -100,23 +105,30 @@ def sample_surface(rows: Rows, weave: Array, grid: tuple[float, float]) -> Array
     for an edge, to either side of `rows.start`. Neighbours are shown at different instants of the
     exposure, which together blur.
     """
-    start, across, motion, counts, area, shade, s = rows
-    points = np.empty((6, counts.sum()))
+    points = np.empty((6, rows.counts.sum()))
     cells, width = grid
     n = 0
-    for i in range(len(counts)):
-        along = int(s[i] * cells) & (len(weave) - 1)
-        for row in range(counts[i]):
-            depth = (2 * row + 1) / counts[i] - 1 if width == 0 else (row + 0.5) * (1 / counts[i])
+    for i in range(len(rows.counts)):
+        count = rows.counts[i]
+        along = int(rows.s[i] * cells) & (len(weave) - 1)
+        for row in range(count):
+            depth = (row + 0.5) * (1 / count)
+            if width == 0:
+                depth = (2 * row + 1) / count - 1
             y = depth * width
-            u, v = start[i, 0] + depth * across[i, 0], start[i, 1] + depth * across[i, 1]
-            if len(motion):
+            u = rows.start[i, 0] + depth * rows.across[i, 0]
+            v = rows.start[i, 1] + depth * rows.across[i, 1]
+            if len(rows.motion):
                 instant = i * PLANE_SEQUENCE[0] + row * PLANE_SEQUENCE[1]
                 instant -= np.floor(instant) + 0.5
-                u, v = u + instant * motion[i, 0], v + instant * motion[i, 1]
-            points[0, n], points[1, n], points[2, n] = u, v, area[i]
-            points[3, n] = shade[i] * weave[along, int(y * cells) & (weave.shape[1] - 1)]
-            points[4, n], points[5, n] = s[i], y
+                u += instant * rows.motion[i, 0]
+                v += instant * rows.motion[i, 1]
+            points[0, n] = u
+            points[1, n] = v
+            points[2, n] = rows.area[i]
+            points[3, n] = rows.shade[i] * weave[along, int(y * cells) & (weave.shape[1] - 1)]
+            points[4, n] = rows.s[i]
+            points[5, n] = y
             n += 1
     return points
 
@@ -146,7 +158,7 @@ def _share(area: float, a: float, b: float, corner: tuple[int, int]) -> float:
 @kernel
 def _gather(
     sums: Sums,
-    taken: int,
+    count: int,
     points: Array,
     tint: Array,
     origin: tuple[int, int],
@@ -154,7 +166,7 @@ def _gather(
 ) -> int:
     """Add to `sums` the share of each point in the pixel at one `corner` of the four around it.
 
-    The first pixel of the window is `origin` (u, v). Returns how many sums are `taken` by then.
+    The first pixel of the window is `origin` (u, v). Returns how many sums are `count` by then.
     """
     rows, columns = sums.places.shape
     for k in range(points.shape[1]):
@@ -164,16 +176,18 @@ def _gather(
             continue
         share = _share(points[2, k], u - j, v - i, corner)
         glow = share * points[3, k]
-        i, j = i + corner[0], j + corner[1]
+        i += corner[0]
+        j += corner[1]
         if sums.places[i, j] == 0:
-            taken += 1
-            sums.places[i, j], sums.pixels[taken] = taken, i * columns + j
+            count += 1
+            sums.places[i, j] = count
+            sums.pixels[count] = i * columns + j
         pixel = sums.values[sums.places[i, j]]
         pixel[0] += share
         pixel[1] += glow
         for c in range(tint.shape[1]):
             pixel[2 + c] += glow * tint[k, c]
-    return taken
+    return count
 
 
 @entry
@@ -191,13 +205,16 @@ def splat(
     moment; the sum in a pixel is its coverage. The ink is `colour` (3,) BGR, or the mean of `tint`
     (n, 3) by brightness where that is not empty, under the `light` of the frame.
     """
-    most, columns, taken = 4 * points.shape[1] + 1, image.shape[1], 0
-    values, places = np.zeros((most, 2 + tint.shape[1])), np.zeros(image.shape[:2], np.int32)
-    sums = Sums(values, np.empty(most, np.int64), places)
+    largest_count = 4 * points.shape[1] + 1
+    columns = image.shape[1]
+    count = 0
+    values = np.zeros((largest_count, 2 + tint.shape[1]))
+    places = np.zeros(image.shape[:2], np.int32)
+    sums = Sums(values, np.empty(largest_count, np.int64), places)
     for low in range(2):
         for right in range(2):
-            taken = _gather(sums, taken, points, tint, origin, (low, right))
-    for n in range(1, taken + 1):
+            count = _gather(sums, count, points, tint, origin, (low, right))
+    for n in range(1, count + 1):
         coverage, glow = values[n, 0], values[n, 1]
         if coverage == 0:
             continue

@@ -76,10 +76,10 @@ def _band_rows(
     """First and last row (exclusive) of the shadow of a strip of `width` [m] on the `floor` [m]."""
     x = np.linspace(*TABLE_RANGE, 15)
     depths = (-2 * SOFT_BORDER, width + 2 * SOFT_BORDER)
-    seen = np.concatenate([optics.plane(np.stack([x, 0 * x + floor], -1), y) for y in depths])
-    seen = seen[(seen[:, 0] > -IMAGE_MARGIN) & (seen[:, 0] < settings.width + IMAGE_MARGIN)]
-    top = int(np.clip(seen[:, 1].min() - 1, 0, settings.height - 1))
-    return top, int(np.clip(seen[:, 1].max() + 2, top + 1, settings.height))
+    pixels = np.concatenate([optics.plane(np.stack([x, 0 * x + floor], -1), y) for y in depths])
+    pixels = pixels[(pixels[:, 0] > -IMAGE_MARGIN) & (pixels[:, 0] < settings.width + IMAGE_MARGIN)]
+    top = int(np.clip(pixels[:, 1].min() - 1, 0, settings.height - 1))
+    return top, int(np.clip(pixels[:, 1].max() + 2, top + 1, settings.height))
 
 
 def shadow_profile(curve: Curve) -> Array:
@@ -93,8 +93,8 @@ def shadow_profile(curve: Curve) -> Array:
 
 def scale_brightness(image: Image, gain: Gain) -> Image:
     """Copy of `image` (h, w, 3) times the brightness `gain` (h, w) or (h, 1)."""
-    whole = np.ascontiguousarray(np.broadcast_to(gain, image.shape[:2]))
-    return np.asarray(cv2.multiply(image, cv2.merge([whole] * 3), dtype=cv2.CV_8U))
+    factor = np.ascontiguousarray(np.broadcast_to(gain, image.shape[:2]))
+    return np.asarray(cv2.multiply(image, cv2.merge([factor] * 3), dtype=cv2.CV_8U))
 
 
 def flicker(light: Flicker, height: int, stamp: float, exposure: float) -> Gain:
@@ -124,17 +124,15 @@ def arm_shadow(
         points = np.insert(part.corners, 1, middle, axis=1)
         for shadow in (_cast_on_wall(points, lamp), _cast_on_desk(points, lamp, floor)):
             if len(shadow) > 2:
-                _fill(dark, optics.project(shadow) / SHADOW_GRID)
-    sigma = _softness(lamp, optics) / SHADOW_GRID
+                corners = np.rint(optics.project(shadow) / SHADOW_GRID * 2**FRACTION_BITS)
+                outline = np.clip(corners, -FARTHEST, FARTHEST).astype(np.int32)
+                cv2.fillPoly(dark, [outline], 255, cv2.LINE_AA, FRACTION_BITS)
+    # sigma [px] of the shadow's border on the wall, from the lamp's size
+    reach = BACKDROP_DISTANCE - lamp.place[1]
+    border = lamp.size * BACKDROP_DISTANCE / (reach - BACKDROP_DISTANCE)
+    sigma = border * optics.focal / (BACKDROP_DISTANCE - optics.centre[1]) / SHADOW_GRID
     soft = cv2.GaussianBlur(dark.astype(np.float32) / 255, (0, 0), sigma)
     return np.asarray(cv2.resize(1 - np.float32(lamp.share) * soft, size), dtype=np.float32)
-
-
-def _fill(dark: Image, corners: Array) -> None:
-    """Fill the polygon of `corners` (n, 2) [cells of the grid] in `dark` (h, w), in place."""
-    whole = np.rint(corners * 2**FRACTION_BITS)
-    outline = np.clip(whole, -FARTHEST, FARTHEST).astype(np.int32)
-    cv2.fillPoly(dark, [outline], 255, cv2.LINE_AA, FRACTION_BITS)
 
 
 def _cast_on_wall(points: Array, lamp: Lamp) -> Array:
@@ -157,10 +155,3 @@ def _cast_on_desk(points: Array, lamp: Lamp, floor: float) -> Array:
     shadow = source + ratio[:, None] * (low - source)
     shadow[:, 1] = np.minimum(shadow[:, 1], BACKDROP_DISTANCE)
     return np.asarray(shadow)
-
-
-def _softness(lamp: Lamp, optics: Optics) -> float:
-    """Sigma [px] of the blur of the shadow's border on the wall, from the lamp's size."""
-    reach = BACKDROP_DISTANCE - lamp.place[1]
-    border = lamp.size * BACKDROP_DISTANCE / (reach - BACKDROP_DISTANCE)
-    return float(border * optics.focal / (BACKDROP_DISTANCE - optics.centre[1]))

@@ -51,12 +51,12 @@ class Optics:
             (settings.height - 1) / 2 + settings.principal[1],
         )
         return cls(
-            centre,
-            about_z @ about_x @ about_y @ looking,
-            settings.focal,
-            principal,
-            settings.distortion,
-            _inverse(settings.distortion, FIELD * diagonal / settings.focal),
+            centre=centre,
+            rotation=about_z @ about_x @ about_y @ looking,
+            focal=settings.focal,
+            principal=principal,
+            distortion=settings.distortion,
+            inverse=_inverse(settings.distortion, FIELD * diagonal / settings.focal),
         )
 
     def displace(self, scale: float, shift: tuple[float, float]) -> Self:
@@ -64,8 +64,8 @@ class Optics:
 
         `shift` is of x, z [m]. All rays turn about the centre, so this holds at every depth.
         """
-        moved = (self.centre - (shift[0], 0.0, shift[1])) / (1.0 + scale)
-        return replace(self, centre=np.asarray(moved))
+        centre = (self.centre - (shift[0], 0.0, shift[1])) / (1.0 + scale)
+        return replace(self, centre=np.asarray(centre))
 
     def project(self, points: Array) -> Array:
         """Pixels (..., 2) of `points` (..., 3) [m] of the cell frame."""
@@ -110,7 +110,8 @@ class Optics:
 
 def axis_rotations(x: float, y: float, z: float) -> tuple[Array, Array, Array]:
     """Rotation matrices (3, 3) by `x` about the x-axis, `y` about the y-axis, `z` about z [rad]."""
-    cx, sx, cy, sy, cz, sz = (f(a) for a in (x, y, z) for f in (np.cos, np.sin))
+    cx, cy, cz = np.cos([x, y, z])
+    sx, sy, sz = np.sin([x, y, z])
     return (
         np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]]),
         np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]]),

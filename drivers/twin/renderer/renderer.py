@@ -39,7 +39,7 @@ from drivers.twin.renderer.ribbon import (
     sample_edge,
     sample_face,
 )
-from drivers.twin.renderer.stage import bgr, fill, stage
+from drivers.twin.renderer.stage import bgr, fill, light, stage
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
 from drivers.types import Array, Image, Pose, frozen
@@ -80,12 +80,15 @@ class Window:
         present = [extent for extent in extents if len(extent[0])]
         if not present:
             return None
-        left, top = (int(min(pair[j].min() for pair in present)) - 2 * margin for j in range(2))
-        right, bottom = (
-            int(max(pair[j].max() for pair in present)) + 2 * margin + 1 for j in range(2)
-        )
+        first = [int(min(pair[axis].min() for pair in present)) - 2 * margin for axis in range(2)]
+        last = [int(max(pair[axis].max() for pair in present)) + 2 * margin for axis in range(2)]
         window = cls(
-            max(left, 0), max(top, 0), min(right, size[0]), min(bottom, size[1]), size, margin
+            left=max(first[0], 0),
+            top=max(first[1], 0),
+            right=min(last[0] + 1, size[0]),
+            bottom=min(last[1] + 1, size[1]),
+            size=size,
+            margin=margin,
         )
         return window if window.left < window.right and window.top < window.bottom else None
 
@@ -100,14 +103,14 @@ class Window:
 
     def put(self, part: Image, image: Image) -> None:
         """Copy `part`, a window's content (h, w, 3), into `image`, without the inner margins."""
-        above, left = (self.margin if side > 0 else 0 for side in (self.top, self.left))
-        right = self.right - (self.margin if self.right < self.size[0] else 0)
-        bottom = self.bottom - (self.margin if self.bottom < self.size[1] else 0)
-        rows = slice(self.top + above, max(bottom, self.top + above))
-        columns = slice(self.left + left, max(right, self.left + left))
-        image[rows, columns] = part[
-            above : above + rows.stop - rows.start, left : left + columns.stop - columns.start
-        ]
+        width, height = self.size
+        top = self.top + self.margin * (self.top > 0)
+        left = self.left + self.margin * (self.left > 0)
+        bottom = max(self.bottom - self.margin * (self.bottom < height), top)
+        right = max(self.right - self.margin * (self.right < width), left)
+        rows = slice(top - self.top, bottom - self.top)
+        columns = slice(left - self.left, right - self.left)
+        image[top:bottom, left:right] = part[rows, columns]
 
 
 class Renderer:
@@ -138,9 +141,9 @@ class Renderer:
         self._look = look
         self._optics = optics or Optics.from_settings(settings)
         rng = np.random.default_rng((seed, 0xC0))
-        empty = stage(settings, self._optics, look, rng, surround.things)
-        self._sharp, self._light = empty.image, empty.light
-        self._resting = blur(empty.image, settings.lens_blur)
+        self._sharp = stage(settings, self._optics, look, rng, surround.things)
+        self._light = light(settings)
+        self._resting = blur(self._sharp, settings.lens_blur)
         self._shadow = shadow_band(settings, self._optics, look)
         self._weave = random_weave(settings.texture, rng)
         self._noise = noise_bank(settings.width, settings.height, settings.noise, seed)
@@ -170,7 +173,11 @@ class Renderer:
         self, image: Image, scene: Scene, curve: Curve | None, hand: Sequence[Outline]
     ) -> None:
         """Redraw the part of `image` (h, w, 3) in which strip and hand appear, in place."""
-        clouds = () if curve is None else self._clouds(curve)
+        clouds = list[Cloud]()
+        if curve is not None:
+            picture = project(curve, self._optics, self._look)
+            clouds.append(sample_face(curve, picture, self._optics, self._look, self._weave))
+            clouds.append(sample_edge(curve, picture, self._look, self._weave))
         hand_faces = faces_of(hand, self._optics)
         window = Window.around(
             [*(cloud.pixels for cloud in clouds), extent(hand_faces, scene, self._optics)],
@@ -195,9 +202,11 @@ class Renderer:
 
     def _lit(self, image: Image, scene: Scene, hand: Sequence[Outline]) -> Image:
         """Copy of `image` (h, w, 3) with the arm's shadow and flicker, where the look has them."""
-        surround, settings = self._surround, self._settings
+        surround = self._surround
+        settings = self._settings
         if surround.lamp is not None:
-            size, floor = (settings.width, settings.height), -self._look.thickness / 2
+            size = (settings.width, settings.height)
+            floor = -self._look.thickness / 2
             image = scale_brightness(
                 image, arm_shadow(surround.lamp, hand, self._optics, size, floor)
             )
@@ -205,14 +214,6 @@ class Renderer:
             gain = flicker(surround.flicker, settings.height, scene.stamp, settings.exposure)
             image = scale_brightness(image, gain)
         return image
-
-    def _clouds(self, curve: Curve) -> tuple[Cloud, ...]:
-        """Material points of the strip in the image: those of its face, then of its near edge."""
-        picture = project(curve, self._optics, self._look)
-        return (
-            sample_face(curve, picture, self._optics, self._look, self._weave),
-            sample_edge(curve, picture, self._look, self._weave),
-        )
 
 
 def draw_lint(
@@ -238,12 +239,7 @@ def draw_lint(
     outline = optics.plane(np.array([(left, low), (right, low), (right, high), (left, high)]))
     if bias > 0:
         fill(image, outline, CUT * colour)
-    else:
-        _lay_bare(image, empty, outline)
-
-
-def _lay_bare(image: Image, empty: Image, outline: Array) -> None:
-    """Show `empty` (h, w, 3) inside the `outline` (m, 2) [px] on `image` (h, w, 3), in place."""
+        return
     cover = np.zeros_like(image)
     fill(cover, outline, np.full(3, 255.0))
     share = cover / 255.0

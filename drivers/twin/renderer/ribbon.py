@@ -52,11 +52,15 @@ def expose(scenes: Sequence[Scene], spacing: float) -> Curve:
     The scenes are at the middles of equal parts of the exposure; the middle one gives the shape,
     the first and the last the motion, which is assumed uniform.
     """
-    first, middle, last = scenes[0], scenes[len(scenes) // 2], scenes[-1]
+    first = scenes[0]
+    middle = scenes[len(scenes) // 2]
+    last = scenes[-1]
     length = float(middle.arc[-1])
     count = max(int(np.ceil(length / spacing)), 8)
     s = np.asarray((np.arange(count) + 0.5) * (length / count), dtype=np.float64)
-    points, derivatives = through_nodes(smooth(middle.points, middle.arc), middle.arc, s)
+    nodes = smooth(middle.points, middle.arc)
+    slopes = np.gradient(nodes, middle.arc, axis=0, edge_order=2 if len(nodes) > 2 else 1)
+    points, derivatives = interpolate(nodes, np.ascontiguousarray(slopes), middle.arc.copy(), s)
     size = np.sqrt(derivatives[:, 0] ** 2 + derivatives[:, 1] ** 2)
     motion = None
     if first.points is not last.points:
@@ -80,15 +84,6 @@ def smooth(points: Array, arc: Array) -> Array:
     return nodes
 
 
-def through_nodes(nodes: Array, arc: Array, s: Array) -> tuple[Array, Array]:
-    """Points and derivatives (m, 2) at increasing `s` of a cubic Hermite curve through `nodes`.
-
-    A node's slope is that of the parabola through it and its neighbours.
-    """
-    slopes = np.gradient(nodes, arc, axis=0, edge_order=2 if len(arc) > 2 else 1)
-    return interpolate(nodes, np.ascontiguousarray(slopes), arc.copy(), s)
-
-
 @dataclass(frozen=True, slots=True)
 class Weave:
     """Brightness of a fabric: `face` (i, j) by arc length and depth, `cut` (i, 1) by arc length."""
@@ -108,7 +103,8 @@ def random_weave(depth: float, rng: np.random.Generator) -> Weave:
     )
     face = 1 + depth * (0.5 * twill + 0.5 * warp + 0.6 * weft + 0.7 * slubs)
     yarns = rng.normal(size=WEAVE_ROWS // 2).repeat(2) + rng.normal(size=WEAVE_ROWS // 8).repeat(8)
-    return Weave(*(np.clip(part, 0.3, 1.7) for part in (face, 1 + depth * yarns[:, None])))
+    cut = 1 + depth * yarns[:, None]
+    return Weave(face=np.clip(face, 0.3, 1.7), cut=np.clip(cut, 0.3, 1.7))
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,9 +160,17 @@ def sample_face(
     across = optics.plane(curve.points, look.width) - picture.near
     area, length = _area(picture.along, across), np.hypot(*picture.along.T)
     rows = np.ceil(area / length / DEPTH_PITCH).astype(np.int64)
-    near, shade = _surface(curve, picture, optics, look), _lit(curve, optics)
-    each = area * (1 / np.maximum(rows, 1))
-    surface = Rows(near, across, picture.motion, rows, each, shade, curve.s)
+    # the visible side starts half a thickness off the midline, but for EDGE_RADIUS
+    share = max(1 - 2 * EDGE_RADIUS / look.thickness, 0.0)
+    surface = Rows(
+        start=picture.near + share * _facing(curve, optics)[:, None] * picture.half,
+        across=across,
+        motion=picture.motion,
+        counts=rows,
+        area=area * (1 / np.maximum(rows, 1)),
+        shade=_lit(curve, optics),
+        s=curve.s,
+    )
     return _cloud(sample_surface(surface, material.face, (1 / GRAIN, look.width)), look)
 
 
@@ -174,25 +178,21 @@ def sample_edge(curve: Curve, picture: Projection, look: StripLook, material: We
     """Material points of the strip's near edge, half a thickness to either side of the midline."""
     thickness = 2 * float(np.hypot(*picture.half.T).max())
     rows = np.full(len(curve.s), max(int(np.ceil(thickness / PITCH)), 2))
-    each, shade = _area(picture.along, 2 * picture.half) / rows, np.full(len(curve.s), CUT)
-    surface = Rows(picture.near, picture.half, picture.motion, rows, each, shade, curve.s)
+    surface = Rows(
+        start=picture.near,
+        across=picture.half,
+        motion=picture.motion,
+        counts=rows,
+        area=_area(picture.along, 2 * picture.half) / rows,
+        shade=np.full(len(curve.s), CUT),
+        s=curve.s,
+    )
     return _cloud(sample_surface(surface, material.cut, (1 / GRAIN, 0.0)), look)
 
 
 def _cloud(points: Array, look: StripLook) -> Cloud:
     tint = look.tint(points[4], points[5])
     return Cloud(points, np.empty((0, 0)) if tint is None else tint)
-
-
-def _surface(curve: Curve, picture: Projection, optics: Optics, look: StripLook) -> Array:
-    """Image points (m, 2) [px] at which the visible side starts at the near edge.
-
-    It lies half a thickness off the midline, but for EDGE_RADIUS.
-    """
-    share = max(1 - 2 * EDGE_RADIUS / look.thickness, 0.0)
-    if share == 0:
-        return picture.near
-    return picture.near + share * _facing(curve, optics)[:, None] * picture.half
 
 
 def _area(along: Array, across: Array) -> Array:
@@ -208,9 +208,8 @@ def _facing(curve: Curve, optics: Optics) -> Array:
 
 def _lit(curve: Curve, optics: Optics) -> Array:
     """Brightness (m,) of the strip's side that faces the camera, by Lambert's law."""
-    normals = curve.normals
     side = _facing(curve, optics)
-    diffuse = np.maximum((normals @ LIGHT_DIRECTION) * side, 0.0)
+    diffuse = np.maximum((curve.normals @ LIGHT_DIRECTION) * side, 0.0)
     return np.asarray(
         (AMBIENT + (1 - AMBIENT) * diffuse) * np.where(side > 0, 1.0, BACK_BRIGHTNESS)
     )

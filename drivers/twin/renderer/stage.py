@@ -1,10 +1,10 @@
 """Drawing of the empty cell: desk, backdrop, clamp, light, and static objects on the desk."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.polynomial.polynomial import polyfit, polyval
 from numpy.typing import NDArray
 
 from drivers.twin.renderer.looks import Box, Cable, StripLook, Thing
@@ -20,17 +20,6 @@ THING_TEXTURE = 0.05  # variation of a thing's brightness, a share
 CABLE_PIECES = 24  # straight pieces between two points of a cable
 
 
-@dataclass(frozen=True, slots=True)
-class Stage:
-    """Image (height, width, 3) BGR of the empty cell before the lens blurs it, and its `light`.
-
-    `light` (height, width) is the brightness that light and lens leave at a pixel.
-    """
-
-    image: Image
-    light: Field
-
-
 def bgr(colour: Colour) -> Array:
     """The sRGB `colour` as BGR floats (3,)."""
     return np.array(colour[::-1], dtype=np.float64)
@@ -42,15 +31,17 @@ def stage(
     look: StripLook,
     rng: np.random.Generator,
     things: Sequence[Thing] = (),
-) -> Stage:
-    """Draw the cell without strip and gripper; the desk is half a thickness below the midline.
+) -> Image:
+    """Draw the empty cell (height, width, 3) BGR, before the lens blurs it.
 
-    `things` stand on the desk and behind it.
+    The desk is half a thickness of the strip below its midline; `things` stand on the desk and
+    behind it.
     """
     around = settings.surroundings
     floor = -look.thickness / 2
-    u, v = _grid(settings.width, settings.height)
-    rays = optics.rays(u, v)
+    columns = np.arange(settings.width, dtype=np.float32)
+    rows = np.arange(settings.height, dtype=np.float32)
+    rays = optics.rays(*np.meshgrid(columns, rows))
     canvas = bgr(around.backdrop).astype(np.float32) * _cloth(rays, settings, rng)
     back, front = (
         _row(optics, settings.width, y, floor) for y in (around.desk_back, around.desk_front)
@@ -60,16 +51,10 @@ def stage(
     _cover(canvas, _desk(rays, optics, floor, settings, rng), back)
     draw_things(canvas, [thing for thing in things if thing not in behind], optics, rng)
     _cover(canvas, bgr(around.panel).astype(np.float32) * np.ones_like(canvas), front)
-    glow = light(settings)
-    np.minimum(canvas * glow[..., None] + 0.5, 255, out=canvas)
+    np.minimum(canvas * light(settings)[..., None] + 0.5, 255, out=canvas)
     image = canvas.astype(np.uint8)
     _clamp(image, settings, optics, look)
-    return Stage(image, glow)
-
-
-def _grid(width: int, height: int) -> tuple[Pixels, Pixels]:
-    u, v = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
-    return u, v
+    return image
 
 
 def light(settings: CameraSettings) -> Field:
@@ -191,19 +176,14 @@ def _mask(outline: Array, size: tuple[int, ...]) -> NDArray[np.uint8]:
 def _line(cable: Cable, optics: Optics, size: tuple[int, ...]) -> NDArray[np.uint8]:
     """Mask (height, width), 255 inside, of a `cable` in an image of `size` (height, width)."""
     knots = np.array(cable.points)
-    at = np.linspace(0, len(knots) - 1, CABLE_PIECES * (len(knots) - 1) + 1)
-    smooth = np.stack([_bend(at, knots[:, c]) for c in range(3)], axis=-1)
+    numbers = np.arange(len(knots))
+    places = np.linspace(0, len(knots) - 1, CABLE_PIECES * (len(knots) - 1) + 1)
+    fits = [polyfit(numbers, column, min(len(knots) - 1, 3)) for column in knots.T]
+    smooth = np.asarray(np.stack([polyval(places, fit) for fit in fits], axis=-1), np.float64)
     pixels = optics.project(smooth)
-    away = float(np.linalg.norm(smooth.mean(axis=0) - optics.centre))
-    thickness = max(round(cable.thickness * optics.focal / away), 1)
+    distance = float(np.linalg.norm(smooth.mean(axis=0) - optics.centre))
+    thickness = max(round(cable.thickness * optics.focal / distance), 1)
     mask = np.zeros(size, dtype=np.uint8)
     points = np.rint(pixels * 256).astype(np.int32).reshape(-1, 1, 2)
     cv2.polylines(mask, [points], False, 255, thickness, cv2.LINE_AA, 8)
     return mask
-
-
-def _bend(at: Array, values: Array) -> Array:
-    """Polynomial fitted to `values` (n,) at 0, 1, ..., evaluated at the places `at` (m,)."""
-    degree = min(len(values) - 1, 3)
-    fit = np.polynomial.polynomial.polyfit(np.arange(len(values)), values, degree)
-    return np.asarray(np.polynomial.polynomial.polyval(at, fit))

@@ -59,7 +59,7 @@ def test_corrected_arm_reports_where_the_edge_truly_is(name: str, values: Values
         told.append([state.stamp, *state.pose.as_array(), state.velocity.vz])
     arm.stop()
     twin.clock.wait_until(6.0)
-    truth, rows = twin.truth(), np.array(told)
+    truth, rows = twin.world.truth(), np.array(told)
     edge = [np.interp(rows[:, 0], truth.t, truth.edge[:, c]) for c in range(3)]
     off = np.abs(rows[:, 1:4].T - edge)
     turning = (rows[:, 0] < 3.2) | (np.abs(rows[:, 0] - 4.85) < 0.15)

@@ -19,7 +19,7 @@ def lifted() -> Twin:
 
 
 def test_strip_tip_is_on_the_true_gripper_path_in_steady_motion(lifted: Twin) -> None:
-    truth = lifted.truth()
+    truth = lifted.world.truth()
     steady = truth.t > truth.t[-1] - 0.7
     off = truth.shapes[steady, -1] - truth.edge[steady, :2]
     assert np.abs(np.hypot(*off.T)).max() < 1e-4
@@ -73,7 +73,7 @@ def test_how_often_the_arm_is_read_does_not_change_the_world() -> None:
             for _ in range(reads):
                 twin.arm.state()
             wait(twin, 0.01)
-        return twin.arm.state().pose, twin.truth().shapes.tobytes()
+        return twin.arm.state().pose, twin.world.truth().shapes.tobytes()
 
     assert run(0) == run(3)
 
@@ -86,7 +86,7 @@ def test_size_of_the_waits_does_not_change_the_world() -> None:
         start = twin.clock.now()
         for part in range(1, parts + 1):
             twin.clock.wait_until(start + 0.6 * part / parts)
-        return twin.truth().shapes.tobytes()
+        return twin.world.truth().shapes.tobytes()
 
     assert run(1) == run(137)
 

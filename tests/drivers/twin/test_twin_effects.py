@@ -43,7 +43,7 @@ def test_strip_lies_at_its_own_length_and_is_taken_at_the_stated_one(error: floa
         wait(twin, 0.01)
         state = twin.arm.state()
         reports.append([state.stamp, state.pose.x, state.pose.z])
-    truth, (t, *places) = twin.truth(), np.transpose(reports)
+    truth, (t, *places) = twin.world.truth(), np.transpose(reports)
     for place, edge in zip(places, truth.edge.T, strict=False):
         np.testing.assert_allclose(np.interp(t, truth.t, edge), place, atol=1e-4)
 
