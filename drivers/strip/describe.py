@@ -76,7 +76,12 @@ def load_strip(path: Path, of: Collection[str] = ("strip",)) -> StripFile:
 
 def check_described(strip: StripFile, origin: str) -> None:
     """Raise ConfigurationError for a strip that no engine can simulate or effects do not fit."""
-    _check_valid(strip, origin)
+    for bound in BOUNDS:
+        if bound.value(strip) < bound.refused:
+            raise ConfigurationError(
+                f"{origin}: {_location(bound, strip)}, the {bound.engine} is refused below "
+                f"{bound.refused:g}: {bound.why}; take a shorter strip or a stiffer one"
+            )
     try:
         describe(strip)
     except ConfigurationError as error:
@@ -157,16 +162,6 @@ def doubts(strip: StripFile) -> tuple[str, ...]:
         for bound in BOUNDS
         if not bound.low <= bound.value(strip) <= bound.high
     )
-
-
-def _check_valid(strip: StripFile, origin: str) -> None:
-    """Raise ConfigurationError for a strip that an engine cannot simulate at all."""
-    for bound in BOUNDS:
-        if bound.value(strip) < bound.refused:
-            raise ConfigurationError(
-                f"{origin}: {_location(bound, strip)}, the {bound.engine} is refused below "
-                f"{bound.refused:g}: {bound.why}; take a shorter strip or a stiffer one"
-            )
 
 
 def _location(bound: Bound, strip: StripFile) -> str:

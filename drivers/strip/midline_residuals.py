@@ -65,20 +65,20 @@ def distances_to_segment(curve: Any, q: int, base: Any, bend: float, x: float, z
 def signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
     """Signed distance [m], left positive, of point x, z from the nearer segment at node `q`."""
     last = len(curve) - 1
-    best, found = math.inf, 0.0
-    here = chord(curve, max(q - 1, 0))
-    bend = curvature(chord(curve, q - 2), here) if q > 1 else 0.0  # straight at both ends
+    best, nearest = math.inf, 0.0
+    base = chord(curve, max(q - 1, 0))
+    bend = curvature(chord(curve, q - 2), base) if q > 1 else 0.0  # straight at both ends
     for segment in range(max(q - 1, 0), min(q + 1, last)):
-        ahead, bend_ahead = here, 0.0
+        ahead, bend_ahead = base, 0.0
         if segment + 1 < last:
             ahead = chord(curve, segment + 1)
-            bend_ahead = curvature(here, ahead)
+            bend_ahead = curvature(base, ahead)
         mean = 0.5 * (bend + bend_ahead)
-        distance, signed = distances_to_segment(curve, segment, here, mean, x, z)
+        distance, signed = distances_to_segment(curve, segment, base, mean, x, z)
         if distance < best:
-            best, found = distance, signed
-        here, bend = ahead, bend_ahead
-    return found
+            best, nearest = distance, signed
+        base, bend = ahead, bend_ahead
+    return nearest
 
 
 @kernel
@@ -124,9 +124,9 @@ def last_node_before(arc: Any, s: float) -> Any:
 
 @entry
 def signed_distances(
-    points: Any, image: Any, near: Any, places: Any, shapes: Any, arc: Any, found: Any
+    points: Any, image: Any, near: Any, places: Any, shapes: Any, arc: Any, distances: Any
 ) -> None:
-    """Write into `found` (n,) the signed distances [m] of `points` (n, 2) from a moving midline.
+    """Write signed `distances` (n,) [m] of `points` (n, 2) from a moving midline.
 
     Positive on the left as seen from the fixed edge. Point p belongs to image number `image[p]`,
     taken at the fractional index `places[image[p]]` into `shapes` (k, nodes, 2), with nodes at
@@ -138,34 +138,34 @@ def signed_distances(
         curve, x, z = curves[image[p]], points[p, 0], points[p, 1]
         low, high = search_window(arc, near[p])
         q = nearest_node(curve, low, high, x, z)
-        found[p] = signed_distance(curve, q, x, z)
+        distances[p] = signed_distance(curve, q, x, z)
 
 
 @kernel
-def nearest_end(curve: Any, height: float, x: float, known: float) -> Any:
-    """x [m] nearest to `x` where a lying strip rises above `height` [m], or `known` if nearer."""
-    found, q = known, 1
+def nearest_end(curve: Any, height: float, x: float, contact: float) -> Any:
+    """x [m] nearest to `x` where a lying strip rises above `height` [m], or `contact` if nearer."""
+    nearest, q = contact, 1
     while q < len(curve) and curve[q, 0] >= curve[q - 1, 0]:  # up to the fold's rightmost point
         low, high = curve[q - 1, 1], curve[q, 1]
         if low <= height < high:
             share = (height - low) / (high - low)
             place = curve[q - 1, 0] + share * (curve[q, 0] - curve[q - 1, 0])
-            if abs(place - x) < abs(found - x):
-                found = place
+            if abs(place - x) < abs(nearest - x):
+                nearest = place
         q += 1
-    return found
+    return nearest
 
 
 @entry
-def nearest_ends(x: Any, places: Any, shapes: Any, height: float, found: Any) -> None:
-    """Replace desk contacts `found` (n,) [m] by the lift-off points nearest to `x` (n,) [m].
+def nearest_ends(x: Any, places: Any, shapes: Any, height: float, contacts: Any) -> None:
+    """Replace desk contacts `contacts` (n,) [m] by the lift-off points nearest to `x` (n,) [m].
 
     A midline lifts off wherever it rises above `height` [m]: at the fold, and at each hump before
     it. A contact stays if it is nearer. `places` (n,) and `shapes` are those of `signed_distances`.
     """
     curves = interpolate_midlines(shapes, places)
     for m in range(len(x)):
-        found[m] = nearest_end(curves[m], height, x[m], found[m])
+        contacts[m] = nearest_end(curves[m], height, x[m], contacts[m])
 
 
 @entry

@@ -135,15 +135,14 @@ def measured_touch(model: StripModel, touch: Touch, grip: Array, reported: Array
     stamp. l1 is measured along the image of the upper layer to the reported grip point, along the
     strip's end tangent; l2 to the stated position of the fixed edge, x = 0.
     """
-    observation = model.observation
     x = float(measured_points(model, np.array([touch.x, 0.0]))[0])
     end = np.array([np.cos(grip[2]), np.sin(grip[2])])
     missed = float((reported[:2] - measured_points(model, grip[:2])) @ end)
     return replace(
         touch,
-        time=float(image_stamp(observation, touch.time)),
+        time=float(image_stamp(model.observation, touch.time)),
         x=x,
-        to_grasped=(1 + observation.scale) * touch.to_grasped + missed,
+        to_grasped=(1 + model.observation.scale) * touch.to_grasped + missed,
         to_fixed=x,
     )
 

@@ -122,9 +122,9 @@ def _contact_before(x: Any, z: Any, tip: int, height: float) -> Any:
 
 
 @kernel
-def _vertex(left: float, here: float, right: float) -> float:
+def _vertex(left: float, middle: float, right: float) -> float:
     """Offset [nodes] from the middle, at most +-0.5, of a parabola's extremum by three values."""
-    bend = left - 2 * here + right
+    bend = left - 2 * middle + right
     if bend == 0:
         return 0.0
     return min(max(0.5 * (left - right) / bend, -0.5), 0.5)
@@ -170,22 +170,22 @@ def _narrowest_gap(x: Any, z: Any, tip: int, opening: float) -> Any:
     best, place = math.inf, 0.0
     if tip < SHORTEST_LAYERS[0] or last - tip + 1 < SHORTEST_LAYERS[1]:
         return best, place
-    opened, lowest, before = False, math.inf, 0.0
-    here, k = _height_over_lower_layer(x, z, tip, tip - 1)
+    opened, lowest, last_gap = False, math.inf, 0.0
+    gap, k = _height_over_lower_layer(x, z, tip, tip - 1)
     for j in range(tip, last):
-        after, k = _height_over_lower_layer(x, z, j + 1, k)
-        opened = opened or here > opening
-        if opened and j > tip and here <= before and here < after and here < lowest:
-            lowest = here
-            best, place = _refine_minimum(before, here, after, j)
-        before, here = here, after
+        next_gap, k = _height_over_lower_layer(x, z, j + 1, k)
+        opened = opened or gap > opening
+        if opened and j > tip and gap <= last_gap and gap < next_gap and gap < lowest:
+            lowest = gap
+            best, place = _refine_minimum(last_gap, gap, next_gap, j)
+        last_gap, gap = gap, next_gap
     return best, place
 
 
 @kernel
-def _refine_minimum(before: float, here: float, after: float, j: int) -> Any:
+def _refine_minimum(before: float, middle: float, after: float, j: int) -> Any:
     """Height [m] and node index of a minimum, by a parabola through gaps at j - 1, j and j + 1."""
     if math.isinf(before) or math.isinf(after):
-        return here, float(j)
-    offset = _vertex(before, here, after)
-    return here - 0.25 * (before - after) * offset, j + offset
+        return middle, float(j)
+    offset = _vertex(before, middle, after)
+    return middle - 0.25 * (before - after) * offset, j + offset

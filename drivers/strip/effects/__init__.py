@@ -56,7 +56,8 @@ def check_effects(effects: Effects, origin: str, of: Collection[str]) -> None:
 
     Known are the effects `of` strips, of cells or of both; `origin` names the file in the error.
     """
-    known, kinds = [e.name for e in registry().values() if e.of in of], " or ".join(of)
+    known = [e.name for e in registry().values() if e.of in of]
+    kinds = " or ".join(of)
     for name, values in effects.items():
         if name not in known:
             raise ConfigurationError(

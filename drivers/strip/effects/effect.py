@@ -111,15 +111,13 @@ class Effect:
     def sizes(self, strip: StripFile) -> tuple[float, ...]:
         """Typical values of the effect's first parameter for `strip`, clipped to its range."""
         switch = self.parameters[0]
-        sizes = self.typical(strip) if self.typical is not None else self._assumed_sizes()
+        if self.typical is not None:
+            sizes = self.typical(strip)
+        else:
+            sizes = tuple(share * switch.high for share in ASSUMED_SIZES)
+            if switch.null is None:  # a limit, such as a friction: the smaller, the stronger
+                sizes = sizes[::-1]
         return tuple(float(np.clip(size, switch.low, switch.high)) for size in sizes)
-
-    def _assumed_sizes(self) -> tuple[float, ...]:
-        """Values of the first parameter as shares of its range, from a weak effect to a strong."""
-        switch = self.parameters[0]
-        sizes = tuple(share * switch.high for share in ASSUMED_SIZES)
-        # A parameter without a null is a limit, such as a friction: the smaller, the stronger.
-        return sizes if switch.null is not None else sizes[::-1]
 
     def complete(self, values: Mapping[str, float]) -> dict[str, float]:
         """Copy of `values` with the defaults of all parameters that it lacks."""

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from drivers.strip.model import StripModel
 from drivers.strip.rod import layout as at
+from drivers.strip.rod.lanes import LANE_COUNT
 from drivers.strip.rod.layout import Batch
 from drivers.strip.rod.lumping import lattice, lump, needs_terms
 from drivers.types import Array
@@ -18,7 +19,9 @@ CLOSING_SHARE = 0.75  # of the busy blocks that must suffice before a batch is c
 
 def flat_batch(models: Sequence[StripModel], segments: int) -> Batch:
     """Batch of strips, one of each of `models`, flat and at rest along x, gripped at their ends."""
-    count, rows, lanes = len(models), segments + 3, at.lanes_for(len(models))
+    count = len(models)
+    rows = segments + 3
+    lanes = 1 if count < 2 else LANE_COUNT  # one strip is faster without SIMD
     slots = -(-count // lanes) * lanes
     filled = [*models, *[models[-1]] * (slots - count)]  # spare lanes copy the last strip
     rich = any(needs_terms(model) for model in models)
@@ -61,11 +64,11 @@ def compact(batch: Batch) -> Batch:
     )
 
 
-def end_strips(batch: Batch, gone: NDArray[np.bool_]) -> Batch:
-    """Copy of `batch` in which the strips of mask `gone` (n,) are marked as ended."""
-    slots = np.append(gone, np.zeros(batch.strips.size - len(gone), dtype=bool))
-    ended = slots[batch.strips].reshape(batch.alive.shape)
-    return batch._replace(alive=np.where(ended, 0.0, batch.alive))
+def end_strips(batch: Batch, ended: NDArray[np.bool_]) -> Batch:
+    """Copy of `batch` in which the strips of mask `ended` (n,) are marked as ended."""
+    slots = np.append(ended, np.zeros(batch.strips.size - len(ended), dtype=bool))
+    in_lanes = slots[batch.strips].reshape(batch.alive.shape)
+    return batch._replace(alive=np.where(in_lanes, 0.0, batch.alive))
 
 
 def living(batch: Batch) -> NDArray[np.bool_]:
@@ -116,8 +119,9 @@ def _flat_states(natures: Array, *, rich: bool) -> Array:
 def _monitor(model: StripModel) -> Array:
     """Monitor (MONITOR_SIZE,) of a flat strip: its limits, with all other fields NaN."""
     monitor = np.full(at.MONITOR_SIZE, np.nan)
-    gap = model.mechanics.touch_gap
     monitor[at.CONTACT_HEIGHT] = model.observation.contact_height
-    monitor[at.OPENING], monitor[at.TOUCH_GAP] = 2 * gap, gap
-    monitor[at.LENGTH], monitor[at.GAP_HEIGHT] = model.mechanics.length, np.inf
+    monitor[at.OPENING] = 2 * model.mechanics.touch_gap
+    monitor[at.TOUCH_GAP] = model.mechanics.touch_gap
+    monitor[at.LENGTH] = model.mechanics.length
+    monitor[at.GAP_HEIGHT] = np.inf
     return monitor

@@ -80,9 +80,9 @@ def moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
     change = eps - load(block.work, r, at.BASE_EPS)
     value, slope = spring + damping * change + dry, slope + damping + dry_slope
     if block.terms is not None:
-        more, steeper = lagging_moment(block, r, change, rate)
+        lag, lag_slope = lagging_moment(block, r, change, rate)
         soft, soft_slope = gradual_friction(block, r, eps)
-        value, slope = value + more + soft, slope + steeper + soft_slope
+        value, slope = value + lag + soft, slope + lag_slope + soft_slope
     return value, slope
 
 
@@ -126,8 +126,8 @@ def segment_force(block: Any, r: int, u: Any, couple: Any) -> None:
     taut = stretch * (length - load(block.nature, r, at.SPAN))
     if block.terms is not None:
         taut, stretch = stick_slip(block, r, taut, stretch, length)
-    floor, known = load(block.nature, r, at.FLOOR), load(block.state, r, at.TENSION)
-    string = select(known - floor, known, floor) * inverse
+    floor, tension = load(block.nature, r, at.FLOOR), load(block.state, r, at.TENSION)
+    string = select(tension - floor, tension, floor) * inverse
     twist = couple * inverse * inverse
     turn_x, turn_z = segment_turn(work, r, u)
     store(work, r, at.TAUT, taut)
@@ -155,11 +155,11 @@ def internal_forces(block: Any, rate: Any) -> None:
     end = block.state.shape[0] - 2
     if block.last == end:
         extend_free_end(block.state)
-    before, here = direction(block.state, 0), direction(block.state, 1)
-    segment_turn(block.work, 0, before)
-    left = node_moment(block, 1, before, here, rate)
+    last_tangent, tangent = direction(block.state, 0), direction(block.state, 1)
+    segment_turn(block.work, 0, last_tangent)
+    moment_left = node_moment(block, 1, last_tangent, tangent, rate)
     for r in range(at.FIRST_FREE_NODE, end + 1):
-        ahead = direction(block.state, r)
-        right = node_moment(block, r, here, ahead, rate)
-        segment_force(block, r - 1, here, left - right)
-        here, left = ahead, right
+        next_tangent = direction(block.state, r)
+        moment_right = node_moment(block, r, tangent, next_tangent, rate)
+        segment_force(block, r - 1, tangent, moment_left - moment_right)
+        tangent, moment_left = next_tangent, moment_right

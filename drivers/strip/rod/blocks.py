@@ -104,18 +104,18 @@ def step_along(
     for b in range(blocks):
         nature, state = batch.nature[b], batch.state[b]
         block = Block(nature, state, batch.work, batch.band, batch.last, batch.terms)
-        now = pace
+        step_pace = pace
         for k in range(len(poses)):
             if living_lanes(batch, b, b + 1) == 0:
                 break
             grips = Grips(batch.strips[b], batch.alive[b], batch.held, poses[k])
             time = start + (k + 1) * pace.h
-            unsolved = step(block, grips, now)
+            unsolved = step(block, grips, step_pace)
             if any_lane(unsolved):
                 end_failed(batch, b, unsolved, observed, k, time)
             if len(shapes) > 0 and (k + 1) % every == 0:
                 record(batch, b, shapes[(k + 1) // every - 1])
             observe(batch, b, observed, k, time, pace.h)
             store_poses(batch, b, poses[k])
-            now = Pace(pace.h, pace.next_omega, pace.next_omega)
+            step_pace = Pace(pace.h, pace.next_omega, pace.next_omega)
     return before - living_lanes(batch, 0, blocks)

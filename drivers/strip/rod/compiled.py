@@ -9,7 +9,7 @@ import ast
 import hashlib
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -80,7 +80,8 @@ class _Cache(NullCache):  # type: ignore[misc]
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        self._name, self._origin = function.__name__, _origin(function)
+        self._name = function.__name__
+        self._origin = _origin(function)
         self._files = IndexDataCacheFile(str(cache_folder()), function.__name__, "")
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -122,30 +123,26 @@ def _origin(function: Callable[..., Any]) -> str:
 
 def _reached(file: Path, root: Path) -> set[Path]:
     """`file` and all files under `root` that it imports, directly or through others."""
-    found, waiting = set[Path](), [file]
+    reached = set[Path]()
+    waiting = [file]
     while waiting:
         path = waiting.pop()
-        if path not in found:
-            found.add(path)
+        if path not in reached:
+            reached.add(path)
             waiting += _imported(path, root)
-    return found
+    return reached
 
 
 @cache
 def _imported(file: Path, root: Path) -> tuple[Path, ...]:
     """Files under `root` that `file` imports from by `from module import ...`."""
-    return tuple(
-        path for path in _possible_files(ast.parse(_content(file)), root) if path.is_file()
-    )
-
-
-def _possible_files(tree: ast.AST, root: Path) -> Iterator[Path]:
-    """Files that `tree` may import from: a module, or a module of a package."""
-    for node in ast.walk(tree):
+    files = list[Path]()
+    for node in ast.walk(ast.parse(_content(file))):
         if isinstance(node, ast.ImportFrom) and node.module:
             module = root.joinpath(*node.module.split("."))
-            yield module.with_suffix(".py")
-            yield from (module / f"{name.name}.py" for name in node.names)
+            files.append(module.with_suffix(".py"))
+            files += [module / f"{name.name}.py" for name in node.names]
+    return tuple(path for path in files if path.is_file())
 
 
 @cache

@@ -100,9 +100,9 @@ class Rod:
         grip = observed[:, :, at.GRIP_X : at.GRIP_Z + 1]
         return Trace(observed[:, :, at.CONTACT_X], tip, observed[:, :, at.HOLDING], grip, shapes)
 
-    def retire(self, gone: NDArray[np.bool_]) -> None:
-        """End the strips of mask `gone` (n,): they keep their shapes and cost no more time."""
-        self._batch = compact(end_strips(self._batch, gone))
+    def retire(self, retired: NDArray[np.bool_]) -> None:
+        """End the strips of mask `retired` (n,): they keep their shapes and cost no more time."""
+        self._batch = compact(end_strips(self._batch, retired))
 
     @property
     def living(self) -> NDArray[np.bool_]:
@@ -135,7 +135,8 @@ class Rod:
     def _begin(self) -> None:
         """Start a motion: time 0, no step before, no touch, no observables."""
         count = len(self._batch.arc)
-        self._time, self._last = 0.0, np.inf
+        self._time = 0.0
+        self._last = np.inf
         self.touch: tuple[Touch | None, ...] = (None,) * count
         self._observed = np.zeros((count, at.OBSERVABLE_COUNT))
 
@@ -207,7 +208,11 @@ def simulate_all(
     paths = [_true_path(model, path) for model, path in zip(models, paths, strict=True)]
     counts = [max(1, round(path.duration / dt)) for path in paths]
     poses = np.stack([_sample(path, dt, max(counts)) for path in paths], axis=1)
-    rod.reset(models, _start_poses(models, paths) if any(path.hanging for path in paths) else None)
+    starts = [
+        path.poses[0] if path.hanging else (model.stated_length, 0.0, 0.0)
+        for model, path in zip(models, paths, strict=True)
+    ]
+    rod.reset(models, np.array(starts) if any(path.hanging for path in paths) else None)
     stride = every or len(poses) + 1
     midlines = [np.empty((count // stride, *rod.arc().shape[1:], 2), precision) for count in counts]
     observed = _trace_in_pieces(rod, poses, counts, dt, every, midlines)
@@ -215,9 +220,9 @@ def simulate_all(
     motions = []
     for i, (path, count, shapes) in enumerate(zip(paths, counts, midlines, strict=True)):
         observed_strip = Trace._make([*(channel[:, i] for channel in observed), shapes])
-        steps, touch = min(count, simulated), rod.touch[i]
+        steps = min(count, simulated)
         motions.append(
-            _motion_of_strip(observed_strip, poses[:, i], path, steps, touch, dt, stride)
+            _motion_of_strip(observed_strip, poses[:, i], path, steps, rod.touch[i], dt, stride)
         )
     return motions
 
@@ -254,14 +259,6 @@ def _sample(path: GripperPath, dt: float, count: int) -> Array:
     """Poses (count, 3) of `path` at the ends of `count` steps of `dt` [s]; the last one repeats."""
     times = path.t[0] + dt * np.arange(1, count + 1)
     return np.stack([np.interp(times, path.t, path.poses[:, c]) for c in range(3)], axis=-1)
-
-
-def _start_poses(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> Array:
-    """Gripper poses (n, 3) at the start: the first of a hanging path, else that of a flat strip."""
-    flat = [(model.stated_length, 0.0, 0.0) for model in models]
-    return np.array(
-        [path.poses[0] if path.hanging else lying for path, lying in zip(paths, flat, strict=True)]
-    )
 
 
 def _motion_of_strip(

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drivers.strip.rod.lanes import LANE_COUNT
 from drivers.types import Array
 
 FIRST_FREE_NODE = 2  # row of the first free node
@@ -113,11 +112,6 @@ def unpack(blocks: Array, lanes: int) -> Array:
 def scratch(rows: int, fields: int, lanes: int) -> Array:
     """Work array of zeros (rows, fields[, lanes]), aligned to a cache line."""
     return _aligned_zeros((rows, fields) if lanes == 1 else (rows, fields, lanes))
-
-
-def lanes_for(count: int) -> int:
-    """Number of lanes per block for `count` strips: one strip is faster without SIMD."""
-    return 1 if count < 2 else LANE_COUNT
 
 
 def _aligned_copy(values: Array) -> Array:

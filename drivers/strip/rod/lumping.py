@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.errors import Unsupported
 from drivers.strip.engine import graded_nodes
-from drivers.strip.model import BendingLaw, Mechanics, StripModel, check_simulated
+from drivers.strip.model import Mechanics, StripModel, check_simulated
 from drivers.strip.rod import layout as at
 from drivers.types import Array
 
@@ -22,10 +22,10 @@ def lattice(length: float, segments: int) -> Array:
 
 def needs_terms(model: StripModel) -> bool:
     """Whether a strip model has effects that only the kernels of `terms` simulate."""
-    mechanics, law, boundary = model.mechanics, model.mechanics.law, model.boundary
+    law = model.mechanics.law
     has_history = law.quadratic_damping != 0 or law.relaxing != 0 or law.gradual != 0
-    can_slide = min(boundary.edge_friction, boundary.grip_force) < np.inf
-    return has_history or can_slide or mechanics.drag.coefficient != 0
+    can_slide = min(model.boundary.edge_friction, model.boundary.grip_force) < np.inf
+    return has_history or can_slide or model.mechanics.drag.coefficient != 0
 
 
 def lump(model: StripModel, segments: int, *, rich: bool = False) -> Array:
@@ -95,24 +95,20 @@ def _combine_compliances(grip: Array, compliance: float) -> None:
 
 def _lump_terms(rows: Array, model: StripModel, reach: Array) -> None:
     """Write the coefficients that the kernels of `terms` read, for nodes `reach` (n,) [m] long."""
-    mechanics, law, boundary = model.mechanics, model.mechanics.law, model.boundary
+    law = model.mechanics.law
+    boundary = model.boundary
     inner = rows[1:-1]
     inner[:, at.QUADRATIC] = inner[:, at.BEND] * law.quadratic_damping / reach
     inner[:, at.BRANCH] = inner[:, at.BEND] * law.relaxing
     inner[:, at.BEND] -= inner[:, at.BRANCH]
     inner[:, at.FADE] = 1.0 / law.relaxation_time
-    drag = mechanics.drag
-    inner[:, at.DRAG] = mechanics.drag_per_length * reach
+    drag = model.mechanics.drag
+    inner[:, at.DRAG] = model.mechanics.drag_per_length * reach
     inner[:, at.SLOW : at.ALONG + 1] = drag.slow, drag.oblique, drag.along
     rows[:, at.GRIPPED] = np.inf
     rows[-3, at.GRIPPED] = boundary.grip_force  # the last segment, before the grip and its ghost
     inner[:, at.CLING] = boundary.edge_friction
-    _lump_friction(inner, law)
-
-
-def _lump_friction(inner: Array, law: BendingLaw) -> None:
-    """Give the element without a yield point its share of the friction, lumped as one element."""
-    if law.gradual != 0 and law.yield_curvature != 0:
+    if law.gradual != 0 and law.yield_curvature != 0:  # an element without a yield point
         inner[:, at.GRADUAL_PACE] = inner[:, at.STICK] / inner[:, at.SLIP]
         inner[:, at.GRADUAL_SLIP] = law.gradual * inner[:, at.SLIP]
         inner[:, [at.STICK, at.SLIP]] *= 1.0 - law.gradual

@@ -56,12 +56,12 @@ def fit_length(batch: Batch, models: Sequence[StripModel], steps: int = APPROACH
         settle(end_strips(batch, (slack <= 0) | ~yields), goal[None])
 
 
-def _stretch(batch: Batch, ratio: Array, which: NDArray[np.bool_]) -> None:
-    """Scale x of all nodes by `ratio` (n,) in the strips of mask `which` (n,)."""
+def _stretch(batch: Batch, ratio: Array, stretched: NDArray[np.bool_]) -> None:
+    """Scale x of all nodes by `ratio` (n,) in the strips of mask `stretched` (n,)."""
     end = batch.state.shape[1] - 1
     for b, lane in np.ndindex(batch.strips.shape):
         i = batch.strips[b, lane]
-        if i < len(ratio) and which[i]:
+        if i < len(ratio) and stretched[i]:
             state = batch.state[b] if batch.state.ndim == 3 else batch.state[b, :, :, lane]
             state[end, at.X] -= (1.0 - ratio[i]) * state[end - 1, at.X]
             state[1:end, at.X] *= ratio[i]

@@ -175,10 +175,10 @@ def store_history(block: Any, r: int, eps: Any, rate: Any, alive: Any) -> None:
 @kernel
 def predict_terms(block: Any, rate: Any, weights: Any) -> None:
     """Write drag matrices and BDF2 bases of Maxwell strains for the coming step into `work`."""
-    now, old = weights
+    newest, older = weights
     for r in range(1, block.state.shape[0] - 1):
         store(block.state, r, at.SLIP_SIGN, UNTRIED)
         q, q1 = load(block.state, r, at.MAXWELL), load(block.state, r, at.MAXWELL1)
-        store(block.work, r, at.BASE_MAXWELL, fma(now, q, old * q1))
+        store(block.work, r, at.BASE_MAXWELL, fma(newest, q, older * q1))
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
         store_drag(block, r, rate)

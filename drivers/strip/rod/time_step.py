@@ -61,15 +61,15 @@ def predict_motion(block: Any, h: float, omega: float, alive: Any) -> None:
     """Extrapolate the free nodes over a step `h` [s], and store history and BDF2 bases."""
     state, work = block.state, block.work
     period = h * (1.0 + omega) / (1.0 + 2.0 * omega)
-    now, old = weights(omega)
+    newest, older = weights(omega)
     ahead, behind = h * (1.0 + 0.5 * omega), -0.5 * omega * h
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
         for axis in range(2):
             x, v = load(state, r, at.X + axis), load(state, r, at.VX + axis)
             x1, v1 = load(state, r, at.X1 + axis), load(state, r, at.VX1 + axis)
-            base = fma(now, x, old * x1)
+            base = fma(newest, x, older * x1)
             store(work, r, at.BASE_X + axis, base)
-            store(work, r, at.HAT_X + axis, fma(fma(now, v, old * v1), period, base))
+            store(work, r, at.HAT_X + axis, fma(fma(newest, v, older * v1), period, base))
             store(state, r, at.X1 + axis, select(alive, x, x1))
             store(state, r, at.VX1 + axis, select(alive, v, v1))
             guess = x + fma(ahead, v, behind * v1)
@@ -79,10 +79,10 @@ def predict_motion(block: Any, h: float, omega: float, alive: Any) -> None:
 @kernel
 def predict_strain(block: Any, omega: float) -> None:
     """Store the BDF2 bases of the bending strains in `work`."""
-    now, old = weights(omega)
+    newest, older = weights(omega)
     for r in range(1, block.state.shape[0] - 1):
         eps, eps1 = load(block.state, r, at.EPS), load(block.state, r, at.EPS1)
-        store(block.work, r, at.BASE_EPS, fma(now, eps, old * eps1))
+        store(block.work, r, at.BASE_EPS, fma(newest, eps, older * eps1))
 
 
 @kernel
@@ -93,10 +93,10 @@ def finish_step(block: Any, rate: float, alive: Any) -> None:
         for axis in range(2):
             v = rate * (load(state, r, at.X + axis) - load(block.work, r, at.BASE_X + axis))
             store(state, r, at.VX + axis, select(alive, v, load(state, r, at.VX + axis)))
-    before = direction(state, 0)
+    last_tangent = direction(state, 0)
     for r in range(1, state.shape[0] - 1):
-        here = direction(state, r)
-        new, _ = strain(before, here)
+        tangent = direction(state, r)
+        new, _ = strain(last_tangent, tangent)
         dry, _ = dry_friction(block, r, new)
         eps = load(state, r, at.EPS)
         store(state, r, at.FRICTION, select(alive, dry, load(state, r, at.FRICTION)))
@@ -104,7 +104,7 @@ def finish_step(block: Any, rate: float, alive: Any) -> None:
             store_history(block, r, new, rate, alive)
         store(state, r, at.EPS1, select(alive, eps, load(state, r, at.EPS1)))
         store(state, r, at.EPS, select(alive, new, eps))
-        before = here
+        last_tangent = tangent
     if block.terms is not None:
         slide_ends(block, alive)
 
@@ -183,8 +183,8 @@ def rewind(block: Any, gate: Any) -> None:
     state = block.state
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
         for field in range(at.EPS):
-            now = load(state, r, at.X + field)
-            store(state, r, at.X + field, select(gate, load(state, r, at.X1 + field), now))
+            current = load(state, r, at.X + field)
+            store(state, r, at.X + field, select(gate, load(state, r, at.X1 + field), current))
     for r in range(state.shape[0]):
         store(state, r, at.TENSION, select(gate, 0.0, load(state, r, at.TENSION)))
 
@@ -202,14 +202,14 @@ def copy_fields(source: Any, fields: Any, target: Any, to: int, gate: Any) -> No
 @kernel
 def step_in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> Any:
     """Step the lanes `gate` in `parts` equal substeps, the first by Euler; returns failed lanes."""
-    going = gate
+    stepping = gate
     for part in range(parts):
         place_grips(block, grips, (part + 1) / parts)
         omega = pace.next_omega if part > 0 else 0.0
-        going = going - implicit_step(block, pace.h / parts, omega, going)
-        if not any_lane(going):
+        stepping = stepping - implicit_step(block, pace.h / parts, omega, stepping)
+        if not any_lane(stepping):
             break
-    return gate - going
+    return gate - stepping
 
 
 @kernel
