@@ -35,22 +35,18 @@ class Follower:
         high = np.minimum(self.progress + self._reach, self.path.length)
         self.progress = nearest(self.path, points, self.progress, high)
         self._reach = SEARCH_WINDOW
-        done = self.progress >= self.path.length - END_TOLERANCE
-        still = np.zeros(len(points))
-        return Decision(
-            direction=self._heading(points, speed),
-            speed=np.where(done, 0.0, speed),
-            pitch_rate=still,
-            done=done,
-        )
-
-    def _heading(self, points: Array, speed: float) -> Array:
-        """Headings (n,) [rad] at `points` (n, 2): the path's LEAD ahead, plus error correction."""
+        # the path's heading LEAD ahead, and back to the path within LOOK_AHEAD
         tangent = tangents(self.path, self.progress + speed * LEAD)
         offset = self.path.at(self.progress) - points
         across = offset - np.sum(offset * tangent, axis=-1, keepdims=True) * tangent
         aim = LOOK_AHEAD * tangent + across
-        return np.asarray(np.arctan2(aim[:, 1], aim[:, 0]) % (2 * np.pi))
+        done = self.progress >= self.path.length - END_TOLERANCE
+        return Decision(
+            direction=np.asarray(np.arctan2(aim[:, 1], aim[:, 0]) % (2 * np.pi)),
+            speed=np.where(done, 0.0, speed),
+            pitch_rate=np.zeros(len(points)),
+            done=done,
+        )
 
 
 def nearest(path: Path, points: Array, low: Array, high: Array) -> Array:
@@ -78,7 +74,8 @@ class PathPolicy:
     """Policy that follows a path known before the fold: `path(length)` for a strip's length [m]."""
 
     def __init__(self, name: str, path: Callable[[float], Path]) -> None:
-        self.name, self.path = name, path
+        self.name = name
+        self.path = path
         self._speed = 0.0
         self._follower: Follower | None = None
 

@@ -55,13 +55,17 @@ class Paths:
 
     def decide(self, observation: Observation) -> Decision:
         """Command each gripper along its path."""
-        places = zip(self._followers, observation.x, observation.z, strict=True)
-        each = [f.decide(np.array([x]), np.array([z]), self._speed) for f, x, z in places]
+        decisions = [
+            follower.decide(x, z, self._speed)
+            for follower, x, z in zip(
+                self._followers, observation.x[:, None], observation.z[:, None], strict=True
+            )
+        ]
         return Decision(
-            direction=np.concatenate([one.direction for one in each]),
-            speed=np.concatenate([one.speed for one in each]),
-            pitch_rate=np.concatenate([one.pitch_rate for one in each]),
-            done=np.concatenate([one.done for one in each]),
+            direction=np.concatenate([decision.direction for decision in decisions]),
+            speed=np.concatenate([decision.speed for decision in decisions]),
+            pitch_rate=np.concatenate([decision.pitch_rate for decision in decisions]),
+            done=np.concatenate([decision.done for decision in decisions]),
         )
 
 
@@ -81,15 +85,16 @@ class Planned(Paths):
         self._aim = 0.0
         self._known: tuple[tuple[StripFile, ...], float, float] | None = None
 
-    def correct(self, seen: float, unseen: float) -> None:
-        """Correct by biases [m]: `seen`, measured less simulated, `unseen`, true less measured."""
-        self._aim = -seen - unseen
+    def correct(self, simulation_bias: float, measurement_bias: float) -> None:
+        """Correct by biases [m]: measured less simulated, and true less measured displacement."""
+        self._aim = -simulation_bias - measurement_bias
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
         """Plan for `strip` at `speed` [m/s], unless already planned; or ConfigurationError."""
         asked = (self._strips or (strip,), speed, self._aim)
         if asked != self._known:
-            self.rises, self._known = plan(*asked), asked
+            self.rises = plan(*asked)
+            self._known = asked
         rises = self.rises if self._strips else np.repeat(self.rises, count)
         self._each = tuple(raise_path(strip.length, float(rise)) for rise in rises)
         super().reset(strip, speed, count)
@@ -107,7 +112,12 @@ def plan(strips: Sequence[StripFile], speed: float, aim: float = 0.0) -> Array:
     displacements = partial(_displacements, strips, speed)
     coarse_misses = displacements(coarse) - aim
     for strip, misses in zip(strips, coarse_misses, strict=True):
-        _check_reachable(strip, misses)
+        if not (np.any(misses < 0) and np.any(misses > 0)):
+            nearest = 1e3 * np.nanmin(np.abs(misses), initial=np.inf)
+            raise ConfigurationError(
+                f"planned: {strip.name}: no raised triangle folds it with displacement 0 in the "
+                f"rod, the smallest |d| is {nearest:.0f} mm; use another policy"
+            )
     rough = _interpolate_zeros(coarse, coarse_misses)
     fine = (np.round(rough)[:, None] + FINE_STEPS).astype(int)
     fine_misses = displacements(fine) - aim
@@ -117,13 +127,14 @@ def plan(strips: Sequence[StripFile], speed: float, aim: float = 0.0) -> Array:
     return steps * RISE_STEP * strips[0].length
 
 
-def fold_by_plan(known: StripFile, lying: StripFile) -> tuple[float, Array]:
-    """Fold the strip `lying` in simulation on the path that is planned for the strip `known`.
+def fold_by_plan(planned: StripFile, lying: StripFile) -> tuple[float, Array]:
+    """Fold the strip `lying` in simulation on the path that is planned for the strip `planned`.
 
     Returns the displacement [m], NaN without a touch, and the midline (n, 2) [m] at the end.
     """
-    rod, rng = Rod(), np.random.default_rng(0)
-    folds = roll_out(Planned(), rod, known, [describe(lying)], settings=Rollout(), rng=rng)
+    rod = Rod()
+    rng = np.random.default_rng(0)
+    folds = roll_out(Planned(), rod, planned, [describe(lying)], settings=Rollout(), rng=rng)
     return float(folds.displacement[0]), np.asarray(rod.shapes()[0])
 
 
@@ -134,7 +145,8 @@ def _gripper_poses(strip: StripFile, speed: float, steps: Array) -> tuple[Array,
     """
     different, numbers = np.unique(steps, return_inverse=True)
     paths = [raise_path(strip.length, step * RISE_STEP * strip.length) for step in different]
-    recorder, models = _PoseRecorder(), [describe(strip)] * len(paths)
+    recorder = _PoseRecorder()
+    models = [describe(strip)] * len(paths)
     settings = Rollout(speed=speed, sensing=EXACT_SENSING, profile=False)
     rng = np.random.default_rng(0)
     roll_out(Paths(paths), recorder, strip, models, settings=settings, rng=rng)
@@ -172,16 +184,6 @@ def _displacements(strips: Sequence[StripFile], speed: float, steps: Array) -> A
     touches = rod.advance(*_gripper_poses(strips[0], speed, steps.ravel())).touch
     d = [np.nan if touch is None else touch.displacement for touch in touches]
     return np.array(d).reshape(steps.shape)
-
-
-def _check_reachable(strip: StripFile, d: Array) -> None:
-    """Raise ConfigurationError where displacements `d` (m,) [m] have one sign at all rises."""
-    if not (np.any(d < 0) and np.any(d > 0)):
-        raise ConfigurationError(
-            f"planned: {strip.name}: no raised triangle folds it with displacement 0 in the rod, "
-            f"the smallest |d| is {1e3 * np.nanmin(np.abs(d), initial=np.inf):.0f} mm; use another "
-            "policy"
-        )
 
 
 def _interpolate_zeros(steps: Array, d: Array) -> Array:

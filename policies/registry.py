@@ -98,8 +98,8 @@ OWN_POLICIES: Mapping[str, Entry] = {
 @cache
 def entries() -> Mapping[str, Entry]:
     """All policies by name, those of plug-ins included, in display order."""
-    found = {**OWN_POLICIES, **plugins("policies", Entry, OWN_POLICIES)}
-    return dict(sorted(found.items(), key=lambda item: (item[1].rank, item[0])))
+    policies = {**OWN_POLICIES, **plugins("policies", Entry, OWN_POLICIES)}
+    return dict(sorted(policies.items(), key=lambda item: (item[1].rank, item[0])))
 
 
 def policy_names() -> tuple[str, ...]:
@@ -137,16 +137,16 @@ def _standard_motion(name: str) -> "Policy":
     from policies.experiments.scripted import Scripted
     from policies.experiments.standard import STANDARD
 
-    wanted = name.removeprefix(MOTION)
-    led = re.fullmatch(BY_HAND + r"(\d+)-(\d+)", wanted)
-    if led is not None:
+    motion = name.removeprefix(MOTION)
+    by_hand = re.fullmatch(BY_HAND + r"(\d+)-(\d+)", motion)
+    if by_hand is not None:
         from policies.experiments.human_motion import human_motion
 
-        seed, number = map(int, led.groups())
+        seed, number = map(int, by_hand.groups())
         return Scripted(name, lambda length, _speed: human_motion(length, seed, number))
-    if wanted not in STANDARD:
+    if motion not in STANDARD:
         allowed = ", ".join(MOTION + known for known in STANDARD)
         raise ConfigurationError(
             f"policy: unknown motion {name!r}; allowed: {allowed}, {MOTION}{BY_HAND}SEED-NUMBER"
         )
-    return Scripted(name, STANDARD[wanted].over)
+    return Scripted(name, STANDARD[motion].over)

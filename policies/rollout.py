@@ -178,13 +178,13 @@ class _Loop:
     def _turn_into(self, decision: Decision) -> Array:
         """Poses (substeps, n, 3) of the grippers as their velocities change to the decided ones."""
         heading = np.stack([np.cos(decision.direction), np.sin(decision.direction)], axis=-1)
-        wanted = decision.speed[:, None] * heading
+        decided = decision.speed[:, None] * heading
         largest_change = self._settings.acceleration * self._dt
         poses = np.empty((self._settings.substeps, *self.poses.shape))
         rates, previous = np.empty(self.poses.shape), self.poses
         rates[:, 2] = decision.pitch_rate
         for pose in poses:
-            change = wanted - self._velocity
+            change = decided - self._velocity
             size = np.hypot(change[:, 0], change[:, 1])
             share = np.minimum(1.0, largest_change / (size + TINY_SPEED))
             self._velocity = self._velocity + change * share[:, None]
@@ -196,25 +196,27 @@ class _Loop:
     def folds(self) -> Folds:
         """Displacements, touches, forces and traces of the folds, up to now."""
         displacements = [np.nan if touch is None else touch.displacement for touch in self._touch]
-        whole, pull = self._force / np.maximum(self._periods, 1)
-        return Folds(np.array(displacements), self._touch, whole, pull, np.array(self._trace))
+        holding_force, pull = self._force / np.maximum(self._periods, 1)
+        return Folds(
+            np.array(displacements), self._touch, holding_force, pull, np.array(self._trace)
+        )
 
     def _advance(self, poses: Array) -> None:
         """Move the grippers through `poses` (k, n, 3), sum forces up, return the camera states."""
-        seen = self._step_all(poses, self._dt)
-        if seen.touch is not self._touch:
-            self._touch = seen.touch
-            self._folding = np.array([touch is None for touch in seen.touch])
+        observed = self._step_all(poses, self._dt)
+        if observed.touch is not self._touch:
+            self._touch = observed.touch
+            self._folding = np.array([touch is None for touch in observed.touch])
         self._lifted |= poses[-1, :, 1] >= TAKEOVER_HEIGHT
         counted = self._folding & np.stack([np.ones_like(self._lifted), self._lifted])
-        self._force += np.where(counted, np.abs(seen.holding_force), 0.0)
+        self._force += np.where(counted, np.abs(observed.holding_force), 0.0)
         self._periods += counted
         self.time += self._settings.period
         self.poses = poses[-1]
         shapes, arc = NO_SHAPES
         if self.camera.wants_shapes:
             shapes, arc = self._engine.shapes(), self._engine.arc()
-        self.camera.store(seen, shapes, arc, self.poses[:, :2])
+        self.camera.store(observed, shapes, arc, self.poses[:, :2])
         self._trace.append(self.poses[:, :2].copy())
 
     def _step_each(self, poses: Array, dt: float) -> Observables:

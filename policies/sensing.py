@@ -43,17 +43,6 @@ class Sensing:
     delay_error: float = 0.0
     factor: Range = (1.0, 1.0)
 
-    @property
-    def noise_sigmas(self) -> Array:
-        """Standard deviations (STATE_SIZE,) [m] of an image's noise: contact, tip x, tip z."""
-        tip_z = self.tip_sigma if self.tip_z_sigma is None else self.tip_z_sigma
-        return np.array([self.contact_sigma, self.tip_sigma, tip_z])
-
-    @property
-    def bias_sigmas(self) -> Array:
-        """Standard deviations (STATE_SIZE,) [m] of a fold's fixed errors: contact, tip x, tip z."""
-        return np.array([self.contact_bias, self.tip_bias, self.tip_bias])
-
 
 EXACT_SENSING = Sensing(
     contact_sigma=0.0,
@@ -108,22 +97,21 @@ class Images(NamedTuple):
     profile: Array
 
 
+@dataclass(frozen=True, slots=True)
 class Draws:
     """Random numbers for the `size` strips of one group, repeated for each of `groups` groups."""
 
-    def __init__(self, groups: int, size: int, rng: np.random.Generator) -> None:
-        self._groups, self._size, self._rng = groups, size, rng
+    groups: int
+    size: int
+    rng: np.random.Generator
 
     def normal(self, *shape: int) -> Array:
         """Draw standard normal values (n, *shape)."""
-        return self._repeat_for_groups(self._rng.normal(size=(self._size, *shape)))
+        return np.concatenate([self.rng.normal(size=(self.size, *shape))] * self.groups)
 
     def uniform(self, low: float, high: float) -> Array:
         """Draw uniform values (n,) in [low, high)."""
-        return self._repeat_for_groups(self._rng.uniform(low, high, size=self._size))
-
-    def _repeat_for_groups(self, values: Array) -> Array:
-        return np.concatenate([values] * self._groups)
+        return np.concatenate([self.rng.uniform(low, high, size=self.size)] * self.groups)
 
 
 class SimulatedCamera:
@@ -144,38 +132,43 @@ class SimulatedCamera:
         profile: bool = False,
     ) -> None:
         draws = Draws(groups, count // groups, rng)
-        self._sensing, self._draws = sensing, draws
+        self._sensing = sensing
+        self._draws = draws
+        # errors of each strip's images: contact, tip x, tip z
+        tip_z = sensing.tip_sigma if sensing.tip_z_sigma is None else sensing.tip_z_sigma
+        self._noise = np.array([sensing.contact_sigma, sensing.tip_sigma, tip_z])
         self._delay = draws.uniform(*sensing.delay)
-        self._bias = draws.normal(STATE_SIZE) * sensing.bias_sigmas
-        late = self._delay / period
+        bias = np.array([sensing.contact_bias, sensing.tip_bias, sensing.tip_bias])
+        self._bias = draws.normal(STATE_SIZE) * bias
+        late = self._delay / period  # decisions
         if sensing.delay_error > 0:
             late = np.maximum(late + draws.normal() * sensing.delay_error / period, 0.0)
         self._factor = np.exp(draws.uniform(*np.log(sensing.factor)))
         self._dropped = draws.uniform(*sensing.dropped)
         self._profile_bias = draws.normal(1, 2) * sensing.profile_bias
         # a ring of true states; an image lies between two of them, `late` decisions ago
-        depth = int(np.ceil(late.max(initial=0.0))) + 2
         self._points = POINTS if profile else 0
-        self._recent: Array = np.full((depth, count, STATE_SIZE + 2 * self._points), np.nan)
+        depth = int(np.ceil(late.max(initial=0.0))) + 2
+        self._states: Array = np.full((depth, count, STATE_SIZE + 2 * self._points), np.nan)
         self._newest = 0
-        self._whole_late = np.floor(late).astype(int)
-        self._part_late = (late - self._whole_late)[:, None]
+        self._decisions_late = np.floor(late).astype(int)
+        self._share_late = (late - self._decisions_late)[:, None]
         self._strips = np.arange(count)
-        self._shown: Images | None = None
+        self._images: Images | None = None
 
-    def store(self, seen: Observables, shapes: Array, arc: Array, grip: Array) -> None:
-        """Store the strips' true states at the next decision time.
+    def store(self, true: Observables, shapes: Array, arc: Array, grip: Array) -> None:
+        """Store the strips' `true` states at the next decision time.
 
         Midlines `shapes` (n, nodes, 2) at `arc` (n, nodes) and the grippers (n, 2) [m] are used
         only where profiles are measured.
         """
-        self._newest = (self._newest - 1) % len(self._recent)
-        newest = self._recent[self._newest]
-        newest[:, CONTACT] = seen.contact_x
-        newest[:, TIP_X : TIP_Z + 1] = seen.tip
+        self._newest = (self._newest - 1) % len(self._states)
+        newest = self._states[self._newest]
+        newest[:, CONTACT] = true.contact_x
+        newest[:, TIP_X : TIP_Z + 1] = true.tip
         if self._points:
-            found = profiles(shapes, arc, seen.contact_x, grip)
-            newest[:, STATE_SIZE:] = found.reshape(len(found), -1)
+            midlines = profiles(shapes, arc, true.contact_x, grip)
+            newest[:, STATE_SIZE:] = midlines.reshape(len(midlines), -1)
 
     @property
     def wants_shapes(self) -> bool:
@@ -184,26 +177,26 @@ class SimulatedCamera:
 
     def observe(self, time: float, points: Array) -> Observation:
         """Observation at `time` [s], with grippers known exactly to be at `points` (n, 2) [m]."""
-        shown = self._drop_images(self._add_noise(time))
+        images = self._drop_images(self._add_noise(time))
         return Observation(
             time=np.full(len(points), time),
             x=points[:, 0],
             z=points[:, 1],
-            stamp=shown.stamp,
-            contact_x=shown.state[:, CONTACT],
-            tip_x=shown.state[:, TIP_X],
-            tip_z=shown.state[:, TIP_Z],
-            profile=shown.profile,
+            stamp=images.stamp,
+            contact_x=images.state[:, CONTACT],
+            tip_x=images.state[:, TIP_X],
+            tip_z=images.state[:, TIP_Z],
+            profile=images.profile,
             profile_confidence=np.ones(len(points) if self._points else 0),
         )
 
     def _add_noise(self, time: float) -> Images:
         """Measurements in the strips' newest images at `time` [s], with noise."""
-        after = (self._newest + self._whole_late) % len(self._recent)
-        before = (after + 1) % len(self._recent)
-        true = (1 - self._part_late) * self._recent[after, self._strips]
-        true += self._part_late * self._recent[before, self._strips]
-        noise = self._draws.normal(STATE_SIZE) * self._sensing.noise_sigmas * self._factor[:, None]
+        after = (self._newest + self._decisions_late) % len(self._states)
+        before = (after + 1) % len(self._states)
+        true = (1 - self._share_late) * self._states[after, self._strips]
+        true += self._share_late * self._states[before, self._strips]
+        noise = self._draws.normal(STATE_SIZE) * self._noise * self._factor[:, None]
         state = true[:, :STATE_SIZE] + self._bias + noise
         profile = true[:, STATE_SIZE:].reshape(len(true), self._points, 2)
         if self._points:
@@ -222,12 +215,12 @@ class SimulatedCamera:
 
     def _drop_images(self, new: Images) -> Images:
         """Measurements in the strips' newest images that were not lost: `new`, or earlier ones."""
-        if self._shown is not None and self._sensing.dropped[1] > 0:
+        if self._images is not None and self._sensing.dropped[1] > 0:
             lost = self._draws.uniform(0.0, 1.0) < self._dropped
             new = Images(
-                np.where(lost, self._shown.stamp, new.stamp),
-                np.where(lost[:, None], self._shown.state, new.state),
-                np.where(lost[:, None, None], self._shown.profile, new.profile),
+                np.where(lost, self._images.stamp, new.stamp),
+                np.where(lost[:, None], self._images.state, new.state),
+                np.where(lost[:, None, None], self._images.profile, new.profile),
             )
-        self._shown = new
+        self._images = new
         return new

@@ -18,7 +18,7 @@ from policies.sensing import IMAGE_SENSING
 from policies.train.objective import TrainingSettings
 
 if TYPE_CHECKING:
-    from policies.adaptive.train.training import CriticTraining, Trial
+    from policies.adaptive.train.training import CriticTraining, TrialResult
     from policies.train.search import Search
 
 EVALUATION = "evaluation.json"
@@ -34,7 +34,7 @@ class Trained:
     checkpoint: Path
     settings: TrainingSettings | CriticSettings
     evaluations: tuple[Evaluation, ...]
-    trial: "Trial | None" = None
+    trial: "TrialResult | None" = None
     effects: tuple[EffectErrors, ...] = ()
 
     def line(self) -> dict[str, object]:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 from drivers.types import Array
-from policies.adaptive.bias import Bias
-from policies.adaptive.critic import Critic, Memory, Prediction, median_prediction
+from policies.adaptive.bias import CriticBias
+from policies.adaptive.critic import Critic, CriticPrediction, FoldMemory, median_prediction
 from policies.adaptive.features import REFERENCE_LENGTH, Features
 from policies.follower import LEAD, LOOK_AHEAD
 from policies.path import Path, vertical_lift
@@ -34,7 +34,8 @@ class Steering:
 
     def __init__(self, length: float, speed: float, count: int) -> None:
         """Steer `count` grippers over strips of `length` [m] at `speed` [m/s]."""
-        self._length, self._speed = length, speed
+        self._length = length
+        self._speed = speed
         self.descending: NDArray[np.bool_] = np.zeros(count, dtype=bool)
 
     @property
@@ -64,19 +65,20 @@ class Adaptive:
 
     name = "adaptive"
 
-    def __init__(self, critic: Critic, bias: Bias | None = None) -> None:
+    def __init__(self, critic: Critic, bias: CriticBias | None = None) -> None:
         """Policy with `critic`; `bias` corrects its predictions, None in simulated folds."""
         self.critic = critic
-        self.bias = bias or Bias()
+        self.bias = bias or CriticBias()
         self._seen, self._unseen = 0.0, 0.0
-        self._recent: deque[Prediction] = deque(maxlen=RECENT_PREDICTIONS)
+        self._recent: deque[CriticPrediction] = deque(maxlen=RECENT_PREDICTIONS)
         self.blind: NDArray[np.bool_] = np.zeros(0, dtype=bool)
         self._thickness: float | None = None
         self._begin(REFERENCE_LENGTH, SPEED, 1)
 
-    def correct(self, seen: float, unseen: float) -> None:
-        """Correct by biases [m]: `seen`, measured less predicted, `unseen`, true less measured."""
-        self._seen, self._unseen = seen, unseen
+    def correct(self, simulation_bias: float, measurement_bias: float) -> None:
+        """Correct by biases [m]: measured less predicted, and true less measured displacement."""
+        self._seen = simulation_bias
+        self._unseen = measurement_bias
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
         """Forget the last fold; prepare for `count` strips as long as `strip` at `speed` [m/s].
@@ -93,7 +95,7 @@ class Adaptive:
         self._length = length
         self._steering = Steering(length, speed, count)
         self._features = Features(length, count)
-        self._memory = Memory(count, self.critic.memory)
+        self._memory = FoldMemory(count, self.critic.memory)
         self.rise: Array = np.full(count, BLIND_RISE * length)
         self._decided: Array = np.full(count, np.nan)  # times (n,) [s] of the last decision
 
@@ -124,7 +126,7 @@ class Adaptive:
         self._decided = observation.time
         return self._steering.decide(observation.x, observation.z, self.rise)
 
-    def _predict(self, inputs: Array, fresh: NDArray[np.bool_]) -> Prediction:
+    def _predict(self, inputs: Array, fresh: NDArray[np.bool_]) -> CriticPrediction:
         """Prediction from `inputs` (n, COUNT); inputs of `fresh` images (n,) enter the memory."""
         whitened = self.critic.whiten(inputs)
         memory = self._memory.add(self.critic.memorise(whitened), fresh)
@@ -132,7 +134,7 @@ class Adaptive:
         self._recent.append(prediction)
         return prediction
 
-    def _smooth_rise(self, prediction: Prediction, time: Array) -> Array:
+    def _smooth_rise(self, prediction: CriticPrediction, time: Array) -> Array:
         """Rises (n,) [m], low-pass filtered, for which a displacement of 0 is predicted."""
         bias = self.bias.estimate(prediction.belief, self._thickness)
         correction = bias - self._seen - self._unseen - prediction.displacement

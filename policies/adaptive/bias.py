@@ -36,7 +36,7 @@ class Untrained(StudyResult):
 
 
 @dataclass(frozen=True, slots=True)
-class Bias:
+class CriticBias:
     """Bias [m] of the critic's displacement, linear in ln bending length and thickness.
 
     Constant `always` [m], `of_length` [m] per unit of ln bending length, `of_thickness` per m of
@@ -56,12 +56,12 @@ class Bias:
     def read(cls, facts: Mapping[str, Any]) -> Self:
         """Bias from the values `facts` of its fields; raises ValueError where they are invalid."""
         try:
-            found = TypeAdapter(cls).validate_python(facts)
+            bias = TypeAdapter(cls).validate_python(facts)
         except ValidationError as error:
             raise ValueError(str(error.errors()[0]["msg"])) from None
-        if not all(abs(number) < LARGEST_NUMBER for number in asdict(found).values()):
+        if not all(abs(number) < LARGEST_NUMBER for number in asdict(bias).values()):
             raise ValueError(f"needs all numbers below {LARGEST_NUMBER:g}")
-        return found
+        return bias
 
     def facts(self) -> dict[str, Any]:
         """Plain values of this bias, for the checkpoint."""

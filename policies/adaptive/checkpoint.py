@@ -13,7 +13,7 @@ from drivers.errors import ConfigurationError
 from drivers.files import replace_file, writing
 from drivers.readers import read_bytes
 from drivers.types import Array
-from policies.adaptive.bias import Bias, Untrained
+from policies.adaptive.bias import CriticBias, Untrained
 from policies.adaptive.critic import ARRAY_NAMES, OUTPUTS, Critic
 from policies.adaptive.features import COUNT
 
@@ -37,7 +37,7 @@ def about(path: FilePath | None = None) -> dict[str, Any]:
     return _read_facts(_read_arrays(path or COMMITTED), path or COMMITTED)
 
 
-def load_bias(path: FilePath | None = None) -> Bias:
+def load_bias(path: FilePath | None = None) -> CriticBias:
     """Read the critic's correction in the checkpoint at `path`, or in the committed one.
 
     A checkpoint without folds through images has no correction, which reads as no bias. The
@@ -47,9 +47,9 @@ def load_bias(path: FilePath | None = None) -> Bias:
     place = path or COMMITTED
     found = about(place).get(THROUGH_IMAGES)
     if found is None:
-        return Bias()
+        return CriticBias()
     try:
-        bias = Bias.read(found["transfer"]["bias"])
+        bias = CriticBias.read(found["transfer"]["bias"])
     except (ValueError, KeyError, TypeError):
         raise _broken(place, f"{THROUGH_IMAGES} holds no transfer") from None
     return replace(bias, untrained=Untrained.shipped().added)

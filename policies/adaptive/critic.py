@@ -44,7 +44,7 @@ class Belief(NamedTuple):
             "retardation_time": _exponential(self.log_retardation_time[0]),
             "yield_curvature": YIELD_UNIT * np.maximum(friction - 1.0, 0.0),
         }
-        return {name: Estimate(*map(float, each)) for name, each in intervals.items()}
+        return {name: Estimate(*map(float, interval)) for name, interval in intervals.items()}
 
 
 def _exponential(logarithm: Array) -> Array:
@@ -53,7 +53,7 @@ def _exponential(logarithm: Array) -> Array:
     return np.asarray(np.exp(mean + np.array([0.0, -sigma, sigma])))
 
 
-class Prediction(NamedTuple):
+class CriticPrediction(NamedTuple):
     """Prediction of the critic for n folds in progress.
 
     `displacement` (n,) [m] if the rise stays, its derivative `slope` (n,) by the rise, its standard
@@ -66,15 +66,15 @@ class Prediction(NamedTuple):
     belief: Belief
 
 
-def median_prediction(predictions: Sequence[Prediction]) -> Prediction:
+def median_prediction(predictions: Sequence[CriticPrediction]) -> CriticPrediction:
     """Element-wise median of `predictions`, at least one, for the same folds."""
     *numbers, beliefs = zip(*predictions, strict=True)
-    displacement, slope, sigma = (np.median(each, axis=0) for each in numbers)
-    belief = Belief(*(np.median(each, axis=0) for each in zip(*beliefs, strict=True)))
-    return Prediction(displacement, slope, sigma, belief)
+    displacement, slope, sigma = (np.median(values, axis=0) for values in numbers)
+    belief = Belief(*(np.median(values, axis=0) for values in zip(*beliefs, strict=True)))
+    return CriticPrediction(displacement, slope, sigma, belief)
 
 
-class Memory:
+class FoldMemory:
     """Memory of n folds in progress: the mean of the critic's memory units over their images."""
 
     def __init__(self, count: int, units: int) -> None:
@@ -82,10 +82,10 @@ class Memory:
         self._sums = np.zeros((count, units))
         self._images = np.zeros((count, 1))
 
-    def add(self, units: Array, seen: NDArray[np.bool_]) -> Array:
-        """Add an image's `units` (n, units) to the folds `seen` (n,); returns the means so far."""
-        self._sums = self._sums + seen[:, None] * units
-        self._images = self._images + seen[:, None]
+    def add(self, units: Array, reached: NDArray[np.bool_]) -> Array:
+        """Add an image's `units` (n, units) to the folds of mask `reached`; returns the means."""
+        self._sums = self._sums + reached[:, None] * units
+        self._images = self._images + reached[:, None]
         return self._sums / np.maximum(self._images, 1)
 
 
@@ -114,16 +114,16 @@ class Critic:
         """Activations (n, memory) of memory units by `whitened` inputs (n, k), an image a fold."""
         return np.tanh(whitened @ self.weights["recall"] + self.weights["recall_bias"])
 
-    def predict(self, whitened: Array, memory: Array) -> Prediction:
+    def predict(self, whitened: Array, memory: Array) -> CriticPrediction:
         """Prediction from `whitened` inputs (n, k) and mean memory units (n, memory)."""
         w = self.weights
-        known = np.concatenate([whitened, memory], axis=1)
-        hidden = np.tanh(known @ w["first"] + w["first_bias"])
+        inputs = np.concatenate([whitened, memory], axis=1)
+        hidden = np.tanh(inputs @ w["first"] + w["first_bias"])
         hidden = np.tanh(hidden @ w["second"] + w["second_bias"])
         out = hidden @ w["last"] + w["last_bias"]
         sigma = np.exp(np.clip(out[:, LOG_SIGMAS], *LOG_SIGMA_RANGE)) * w["stretch"]
         strip = np.stack([out[:, STRIP_MEANS], sigma[:, 1:]], axis=2)
-        return Prediction(
+        return CriticPrediction(
             displacement=UNIT * out[:, DISPLACEMENT],
             slope=np.clip(out[:, SLOPE], SMALLEST_SLOPE, LARGEST_SLOPE),
             sigma=UNIT * sigma[:, 0],

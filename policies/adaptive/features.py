@@ -58,7 +58,8 @@ class RecentImages:
         if new.any():
             self._stamps[new, 1:] = self._stamps[new, :-1]
             self._values[new, 1:] = self._values[new, :-1]
-            self._stamps[new, 0], self._values[new, 0] = stamp[new], values[new]
+            self._stamps[new, 0] = stamp[new]
+            self._values[new, 0] = values[new]
         return new
 
     def trend(self) -> Trend:
@@ -100,19 +101,19 @@ class Features:
         """Stamps (n,) [s] of the newest images of sufficient confidence, -inf before the first."""
         return self._window.newest
 
-    def add(self, seen: Observation) -> NDArray[np.bool_]:
+    def add(self, observation: Observation) -> NDArray[np.bool_]:
         """Add an observation; returns the mask (n,) of strips with a new, reliable image."""
-        count = len(seen.x)
-        flat = seen.profile.reshape(count, -1)
-        values = np.concatenate([seen.contact_x[:, None], seen.tip_x[:, None], flat], axis=1)
-        good = np.isfinite(values).all(axis=1) & (seen.profile_confidence >= CONFIDENT)
-        return self._window.add(seen.stamp, values / self._length, good)
+        count = len(observation.x)
+        flat = observation.profile.reshape(count, -1)
+        values = np.column_stack([observation.contact_x, observation.tip_x, flat])
+        good = np.isfinite(values).all(axis=1) & (observation.profile_confidence >= CONFIDENT)
+        return self._window.add(observation.stamp, values / self._length, good)
 
-    def inputs(self, seen: Observation, rise: Array, descending: NDArray[np.bool_]) -> Array:
-        """Inputs (n, COUNT) of the critic from `seen`, `rise` (n,) [m], `descending` (n,)."""
+    def inputs(self, observation: Observation, rise: Array, descending: NDArray[np.bool_]) -> Array:
+        """Inputs (n, COUNT) of the critic for an observation and `rise`, `descending` (n,) each."""
         trend = self._window.trend()
-        x, z, r = seen.x / self._length, seen.z / self._length, rise / self._length
-        age = np.clip(seen.time - self.newest, 0.0, LARGEST_AGE)
+        x, z, r = (lengths / self._length for lengths in (observation.x, observation.z, rise))
+        age = np.clip(observation.time - self.newest, 0.0, LARGEST_AGE)
         profile_noise = trend.spread[:, PROFILE_CHANNELS].mean(axis=1)
         noise = np.stack([trend.spread[:, CONTACT_CHANNEL], profile_noise], axis=1)
         length = np.full(len(x), self._length / REFERENCE_LENGTH)

@@ -31,9 +31,9 @@ def generator(seed: int, number: int) -> np.random.Generator:
 def human_motion(length: float, seed: int, number: int) -> Motion:
     """Motion `number` of the simulated person `seed` over a strip of `length` [m], no tremor."""
     line, travel = hand_path(length, generator(seed, number))
-    whole = np.linspace(0.0, line.x[-1], PATH_SAMPLES)
+    samples = np.linspace(0.0, line.x[-1], PATH_SAMPLES)
     times: Array = STEP * np.arange(len(travel), dtype=float)
-    return Motion(Path.through(line(whole)), times, travel, ())
+    return Motion(Path.through(line(samples)), times, travel, shakes=())
 
 
 def hand_path(length: float, rng: np.random.Generator) -> tuple[CubicSpline, Array]:
@@ -42,12 +42,6 @@ def hand_path(length: float, rng: np.random.Generator) -> tuple[CubicSpline, Arr
     From the grasped edge of a strip of `length` [m] up, then over to its fixed edge, with pauses
     and returns.
     """
-    line = _smooth_line(length, rng)
-    return line, _travel(float(line.x[-1]), rng)
-
-
-def _smooth_line(length: float, rng: np.random.Generator) -> CubicSpline:
-    """Spline x, z [m] by distance [m], through the random places that a person aims for."""
     apex = (rng.uniform(0.42, 0.58), rng.uniform(0.40, 0.55))
     places = np.array([  # x, z over the strip's length, from the grasped edge to the fixed one
         (1.0, 0.0),
@@ -60,21 +54,23 @@ def _smooth_line(length: float, rng: np.random.Generator) -> CubicSpline:
     chords = arc_lengths(places)
     samples = np.linspace(0.0, chords[-1], CURVE_SAMPLES)
     points = PchipInterpolator(chords, length * places)(samples)
-    return CubicSpline(arc_lengths(points), points)
+    line = CubicSpline(arc_lengths(points), points)
+    return line, _travel(float(line.x[-1]), rng)
 
 
-def _travel(whole: float, rng: np.random.Generator) -> Array:
-    """Distance along the path (n,) [m] every STEP, in strokes from rest to rest, with pauses."""
+def _travel(length: float, rng: np.random.Generator) -> Array:
+    """Distance (n,) [m] along a path of `length` every STEP, in strokes from rest, with pauses."""
     stops = [*np.sort(rng.uniform(*STOP_RANGE, rng.integers(MOST_STOPS + 1))), 1.0]
     if rng.uniform() < RETURN_SHARE and len(stops) > 1:
         stops.insert(1, stops[0] - rng.uniform(*RETURN_RANGE))
     speed = rng.uniform(*SPEED_RANGE)
-    here, parts = 0.0, [np.zeros(1)]
-    for stop in whole * np.array(stops):
-        parts.append(_stroke(here, stop, speed, rng))
+    start = 0.0
+    parts = [np.zeros(1)]
+    for stop in length * np.array(stops):
+        parts.append(_stroke(start, stop, speed, rng))
         pause = rng.uniform(*PAUSE_RANGE)
         parts.append(np.full(round(pause / STEP), stop))
-        here = stop
+        start = stop
     return np.concatenate(parts)
 
 

@@ -38,8 +38,8 @@ class Shake:
 
     def offset(self, time: Array) -> Array:
         """Displacement (...,) [m] along x at `time` (...,) [s] after the start, with both fades."""
-        left = np.minimum(time, self.duration - time)
-        swell = np.clip(2.0 * left * self.frequency, 0.0, 1.0)
+        to_nearer_end = np.minimum(time, self.duration - time)
+        swell = np.clip(2.0 * to_nearer_end * self.frequency, 0.0, 1.0)
         return np.asarray(self.amplitude * swell * np.sin(2 * np.pi * self.frequency * time))
 
 
@@ -88,14 +88,14 @@ def motion(path: Path, parts: Sequence[Part], speed: float) -> Motion:
     times, travels = [0.0], [0.0]
     shakes = []
     for part in parts:
-        now, here = times[-1], travels[-1]
+        time, travel = times[-1], travels[-1]
         if isinstance(part, Go):
-            there = part.to * path.length
-            times.append(now + abs(there - here) / speed)
-            travels.append(there)
+            target = part.to * path.length
+            times.append(time + abs(target - travel) / speed)
+            travels.append(target)
             continue
         if isinstance(part, Shake):
-            shakes.append((now, part))
-        times.append(now + part.duration)
-        travels.append(here)
+            shakes.append((time, part))
+        times.append(time + part.duration)
+        travels.append(travel)
     return Motion(path, np.array(times), np.array(travels), tuple(shakes))

@@ -43,28 +43,23 @@ class Scripted:
     def decide(self, observation: Observation) -> Decision:
         """Command the motion's velocity with position feedback; done at the motion's end."""
         motion = self._active_motion()
-        here = np.stack([observation.x, observation.z], axis=-1)
+        points = np.stack([observation.x, observation.z], axis=-1)
         if np.isnan(self._start_times).any():
-            times = [motion.passing(travel) for travel in _nearest_travel(motion.path, here)]
-            self._start_times = observation.time - np.array(times)
+            travel = np.linspace(0.0, motion.path.length, SEARCH_SAMPLES)
+            gaps = np.linalg.norm(motion.path.at(travel)[:, None] - points, axis=-1)
+            nearest = travel[np.argmin(gaps, axis=0)]
+            self._start_times = observation.time - np.array([motion.passing(s) for s in nearest])
         elapsed = observation.time - self._start_times
         target = motion.at(np.clip(elapsed, 0.0, motion.duration))
         before = motion.at(np.clip(elapsed - HALF_SPAN, 0.0, motion.duration))
         after = motion.at(np.clip(elapsed + HALF_SPAN, 0.0, motion.duration))
-        velocity = (after - before) / (2 * HALF_SPAN) + GAIN * (target - here)
+        velocity = (after - before) / (2 * HALF_SPAN) + GAIN * (target - points)
         done = elapsed >= motion.duration
         speed = np.where(done, 0.0, np.minimum(np.hypot(*velocity.T), FASTEST_COMMAND))
         direction = np.arctan2(velocity[:, 1], velocity[:, 0]) % (2 * np.pi)
-        return Decision(direction, speed, np.zeros(len(here)), done)
+        return Decision(direction, speed, np.zeros(len(points)), done)
 
     def _active_motion(self) -> Motion:
         if self._motion is None:
             raise RuntimeError(f"{self.name}: reset before the first decision")
         return self._motion
-
-
-def _nearest_travel(path: Path, points: Array) -> Array:
-    """Distances along `path` (n,) [m] of its points nearest to `points` (n, 2)."""
-    travel = np.linspace(0.0, path.length, SEARCH_SAMPLES)
-    away = np.linalg.norm(path.at(travel)[:, None] - points[None], axis=-1)
-    return np.asarray(travel[np.argmin(away, axis=0)])

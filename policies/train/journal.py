@@ -31,7 +31,8 @@ class TrainingJournal:
         self, path: FilePath, settings: Settings, keys: frozenset[str] = frozenset()
     ) -> None:
         """Open the journal at `path`, or begin one with `settings`."""
-        self.path, self._keys = path, keys
+        self.path = path
+        self._keys = keys
         with writing(path, OTHER_FOLDER):
             path.parent.mkdir(parents=True, exist_ok=True)
         lines = self._read() if path.exists() else []

@@ -74,8 +74,8 @@ def evaluate(
     """Evaluate `candidates` (p, WEIGHT_COUNT) in `generation`, in equal pieces by `executor`."""
     pieces = [candidates[i : i + PIECE] for i in range(0, len(candidates), PIECE)]
     jobs = [executor.submit(evaluate_piece, settings, p, generation) for p in pieces]
-    found = [job.result() for job in jobs]
-    return Scores(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+    scores = [job.result() for job in jobs]
+    return Scores(*(np.concatenate(parts) for parts in zip(*scores, strict=True)))
 
 
 def evaluate_piece(settings: TrainingSettings, candidates: Array, generation: int) -> Scores:
@@ -129,8 +129,8 @@ def fold_all(
     rng: np.random.Generator,
 ) -> Folds:
     """Fold all `strips` with each of `candidates` (p, WEIGHT_COUNT): p len(strips) folds."""
-    models = [describe(strip) for strip in strips] * len(candidates)
-    engine, policy = Rod(segments, strict=False), Feedback(candidates)
-    return roll_out(
-        policy, engine, strips[0], models, settings=rollout, rng=rng, groups=len(candidates)
-    )
+    groups = len(candidates)
+    policy = Feedback(candidates)
+    engine = Rod(segments, strict=False)
+    models = [describe(strip) for strip in strips] * groups
+    return roll_out(policy, engine, strips[0], models, settings=rollout, rng=rng, groups=groups)

@@ -107,9 +107,9 @@ class Search:
         """Run one generation: ask, evaluate, update, validate if due, write to the journal."""
         number = self._optimiser.generation
         start = time.monotonic()
-        asked = self._ask()
-        scores = evaluate(self.settings, asked, number, executor)
-        self._tell(asked, scores.cost)
+        candidates = self._ask()
+        scores = evaluate(self.settings, candidates, number, executor)
+        self._tell(candidates, scores.cost)
         validated = None
         if self._is_validated(number):
             validated = executor.submit(validate, self.settings, self._optimiser.mean).result()
@@ -117,7 +117,7 @@ class Search:
         best, mean = float(scores.miss.min()), float(scores.miss.mean())
         seconds = round(time.monotonic() - start, 3)
         self._journal.append(
-            {"asked": _digest(asked), "costs": scores.cost.tolist(), "generation": number,
+            {"asked": _digest(candidates), "costs": scores.cost.tolist(), "generation": number,
              "best": best, "mean": mean, "validated": validated, "seconds": seconds}
         )  # fmt: skip
         if validated is not None and self._keep_best(validated):
@@ -134,13 +134,14 @@ class Search:
 
     def _replay(self, line: Line) -> None:
         """Repeat the generation in `line` of the journal, with its costs instead of folds."""
-        number, asked = self._optimiser.generation, self._ask()
-        if _digest(asked) != line["asked"]:
+        number = self._optimiser.generation
+        candidates = self._ask()
+        if _digest(candidates) != line["asked"]:
             raise ConfigurationError(
                 f"{self._journal.path}: was written by other numerical libraries or another kind "
                 "of processor; go on there, or begin again in another output folder"
             )
-        self._tell(asked, np.array(line["costs"]))
+        self._tell(candidates, np.array(line["costs"]))
         if line["validated"] is not None and self._is_validated(number):  # skips a former last one
             self._keep_best(line["validated"])
 
@@ -148,29 +149,29 @@ class Search:
         with self._blas.limit(limits=1, user_api="blas"):
             return np.array([self._optimiser.ask() for _ in range(self.settings.population)])
 
-    def _tell(self, asked: Array, costs: Array) -> None:
+    def _tell(self, candidates: Array, costs: Array) -> None:
         with self._blas.limit(limits=1, user_api="blas"):
-            self._optimiser.tell([(x, float(c)) for x, c in zip(asked, costs, strict=True)])
+            self._optimiser.tell([(x, float(c)) for x, c in zip(candidates, costs, strict=True)])
 
     def _keep_best(self, validated: float) -> bool:
         """Keep the optimiser's mean if it `validated` [m] best so far; returns whether it did."""
         if not validated < self.validated:
             return False
-        self.validated, self.weights = validated, self._optimiser.mean.copy()
+        self.validated = validated
+        self.weights = self._optimiser.mean.copy()
         return True
 
     def _save_checkpoint(self) -> None:
         """Write the checkpoint of the best weights so far, and what they were trained on."""
-        generations = self._optimiser.generation
         training = Training(
             seed=self.settings.seed,
-            generations=generations,
-            folds=generations * self.settings.folds_per_generation,
+            generations=self._optimiser.generation,
+            folds=self._optimiser.generation * self.settings.folds_per_generation,
         )
         weights = tuple(float(w) for w in self.weights)
-        made = Checkpoint(schema=1, policy="feedback", weights=weights, training=training)
-        save_checkpoint(self.checkpoint, made)
+        checkpoint = Checkpoint(schema=1, policy="feedback", weights=weights, training=training)
+        save_checkpoint(self.checkpoint, checkpoint)
 
 
-def _digest(asked: Array) -> str:
-    return hashlib.sha256(asked.tobytes()).hexdigest()[:16]
+def _digest(candidates: Array) -> str:
+    return hashlib.sha256(candidates.tobytes()).hexdigest()[:16]

@@ -37,9 +37,9 @@ class Network(nn.Module):
 
     def __init__(self, inputs: int, memory: int, hidden: tuple[int, int]) -> None:
         super().__init__()
-        one, two = hidden
-        sizes = {"recall": (inputs, memory), "first": (inputs + memory, one)}
-        sizes |= {"second": (one, two), "last": (two, OUTPUTS)}
+        first_size, second_size = hidden
+        sizes = {"recall": (inputs, memory), "first": (inputs + memory, first_size)}
+        sizes |= {"second": (first_size, second_size), "last": (second_size, OUTPUTS)}
         for name, (rows, columns) in sizes.items():
             weight = torch.randn(rows, columns) / max(rows, 1) ** 0.5
             self.register_parameter(name, nn.Parameter(weight))
@@ -53,10 +53,10 @@ class Network(nn.Module):
         parameter = self.get_parameter
         recalled = torch.tanh(whitened @ parameter("recall") + parameter("recall_bias")) * counted
         memory = torch.cumsum(recalled, 1) / torch.cumsum(counted, 1).clamp(min=1.0)
-        known = torch.cat(
+        inputs = torch.cat(
             [_select_moments(whitened, picked), _select_moments(memory, picked)], dim=-1
         )
-        hidden = torch.tanh(known @ parameter("first") + parameter("first_bias"))
+        hidden = torch.tanh(inputs @ parameter("first") + parameter("first_bias"))
         hidden = torch.tanh(hidden @ parameter("second") + parameter("second_bias"))
         return hidden @ parameter("last") + parameter("last_bias")
 
@@ -75,12 +75,12 @@ def whitening(shard: Shard) -> tuple[Array, Array]:
 
 def input_mask(settings: CriticSettings) -> Array:
     """Mask (COUNT,) of the critic's inputs: 1 for inputs that `settings` allow, else 0."""
-    kept = np.ones(COUNT)
-    values, rates = kept[STATE_SIZE : STATE_SIZE + CHANNELS], kept[STATE_SIZE + CHANNELS :]
+    mask = np.ones(COUNT)
+    values, rates = mask[STATE_SIZE : STATE_SIZE + CHANNELS], mask[STATE_SIZE + CHANNELS :]
     for part in (values, rates):
         part[TIP_CHANNEL] = settings.tip
         part[PROFILE_CHANNELS] = settings.profile
-    return kept
+    return mask
 
 
 def fit(
@@ -107,7 +107,8 @@ def _fit(shard: Shard, settings: CriticSettings, epochs: int, start: Critic | No
     network = Network(len(mean), settings.memory, settings.hidden)
     if start is not None:
         network.load_state_dict({n: torch.tensor(start.weights[n]) for n in network.state_dict()})
-    data, whiten_bias = _tensors(shard, mean, whiten), torch.tensor(whiten, dtype=torch.float32)
+    data = _tensors(shard, mean, whiten)
+    whiten_bias = torch.tensor(whiten, dtype=torch.float32)
     folds = len(data[0])
     batches = folds // BATCH
     optimiser = torch.optim.Adam(network.parameters(), lr=FIRST_RATE)
@@ -116,13 +117,15 @@ def _fit(shard: Shard, settings: CriticSettings, epochs: int, start: Critic | No
         order = torch.randperm(folds)[: batches * BATCH]
         for batch in torch.split(order, BATCH):
             optimiser.zero_grad()
-            whitened, *others = (part[batch] for part in data)
+            whitened, *targets = (part[batch] for part in data)
             whitened = whitened + (biases(len(whitened)) @ whiten_bias)[:, None]
-            loss = _loss(network, [whitened, *others])
+            loss = _loss(network, [whitened, *targets])
             torch.autograd.backward(loss)
             optimiser.step()
             schedule.step()
-    return _critic(network, mean, whiten)
+    arrays = {name: np.asarray(value.numpy()) for name, value in network.state_dict().items()}
+    arrays |= {"mean": mean, "whiten": whiten, "stretch": np.ones(4)}
+    return Critic({name: arrays[name] for name in ARRAY_NAMES})
 
 
 def biases(count: int) -> Tensor:
@@ -142,8 +145,8 @@ def _tensors(shard: Shard, mean: Array, whiten: Array) -> list[Tensor]:
     """Whitened inputs of `shard`, then the targets and masks of its folds, for `_loss`."""
     whitened = (shard.inputs - mean.astype(np.float32)) @ whiten.astype(np.float32)
     whitened = whitened.clip(-INPUT_LIMIT, INPUT_LIMIT)
-    known = np.isfinite(shard.displacement)
-    predicted = shard.predicted & shard.alive & known[:, None]
+    touched = np.isfinite(shard.displacement)
+    predicted = shard.predicted & shard.alive & touched[:, None]
     displacement = np.nan_to_num(shard.displacement) / UNIT
     arrays = (whitened, shard.moved / UNIT, shard.alive, predicted, displacement, shard.strip)
     return [torch.tensor(array, dtype=torch.float32) for array in arrays]
@@ -177,9 +180,3 @@ def _mean(values: Tensor, weight: Tensor) -> Tensor:
 
 def _select_moments(values: Tensor, picked: Tensor) -> Tensor:
     return values.gather(1, picked[..., None].expand(-1, -1, values.shape[-1]))
-
-
-def _critic(network: Network, mean: Array, whiten: Array) -> Critic:
-    arrays = {name: np.asarray(value.numpy()) for name, value in network.state_dict().items()}
-    arrays |= {"mean": mean, "whiten": whiten, "stretch": np.ones(4)}
-    return Critic({name: arrays[name] for name in ARRAY_NAMES})

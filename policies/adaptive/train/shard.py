@@ -16,9 +16,8 @@ from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.lumping import needs_terms
 from drivers.types import Array
 from policies.adaptive.adaptive import LENGTH_RANGE, Adaptive
-from policies.adaptive.critic import OUTPUTS, YIELD_UNIT, Critic, Prediction
+from policies.adaptive.critic import OUTPUTS, YIELD_UNIT, Critic, CriticPrediction
 from policies.adaptive.features import COUNT, RISE_AT
-from policies.policy import Decision, Observation
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import IMAGE_SENSING, TRAINING
 from policies.strip_sampling import STRIP_LENGTH, plain_strip, random_strip
@@ -63,8 +62,10 @@ class Explorer(Adaptive):
     ) -> None:
         """Perturb rises once by `perturbation` [m] if `switches`; decide at `rate` [Hz]."""
         super().__init__(critic or NullCritic())
-        self._random_rises, self._switches = critic is None, switches
-        self._perturbation, self._rng = perturbation, rng
+        self._random_rises = critic is None
+        self._switches = switches
+        self._perturbation = perturbation
+        self._rng = rng
         self._latest = int(LATEST * rate) // INPUT_STRIDE
         self.kept: list[Array] = []
         self.rises: list[Array] = []
@@ -74,7 +75,9 @@ class Explorer(Adaptive):
         """Clear all state; draw the time of each fold's switch and its rise after it."""
         super().reset(strip, speed, count)
         rng, highest = self._rng, self._steering.highest
-        self.kept, self.rises, self.times = [], [], []
+        self.kept = []
+        self.rises = []
+        self.times = []
         self._count = 0
         self.switch = rng.integers(0, self._latest, count)
         if not self._switches:
@@ -86,18 +89,12 @@ class Explorer(Adaptive):
             self.switch = np.where(stays, 0, self.switch)
             self._rise_after = np.where(stays, self.rise, rng.uniform(0.0, highest, count))
 
-    def decide(self, observation: Observation) -> Decision:
-        """Command each gripper along its line of descent, and count the decision."""
-        decision = super().decide(observation)
-        self._count += 1
-        return decision
-
-    def _predict(self, inputs: Array, fresh: Flags) -> Prediction:
+    def _predict(self, inputs: Array, fresh: Flags) -> CriticPrediction:
         if self._count % INPUT_STRIDE == 0:
             self.kept.append(inputs.astype(np.float32))
         return super()._predict(inputs, fresh)
 
-    def _smooth_rise(self, prediction: Prediction, time: Array) -> Array:
+    def _smooth_rise(self, prediction: CriticPrediction, time: Array) -> Array:
         """Rises (n,) [m] of the lines z = x + rise along which the grippers of n folds descend.
 
         Before a fold's switch it is the critic's or a random one; then it is perturbed once and
@@ -114,6 +111,7 @@ class Explorer(Adaptive):
         if self._count % INPUT_STRIDE == 0:
             self.rises.append(rise)
             self.times.append(time)
+        self._count += 1  # decisions: each predicts once and then smooths the rise once
         return np.asarray(rise)
 
 
@@ -204,11 +202,11 @@ def concatenate(shards: list[Shard]) -> Shard:
 
 def _pad(shard: Shard, length: int) -> Shard:
     """Copy of `shard` padded to `length` decisions, of which those added are not alive."""
-    more = length - shard.moved.shape[1]
+    missing = length - shard.moved.shape[1]
     parts = shard._asdict()
     for name in ("inputs", "moved", "alive", "predicted"):
         values = parts[name]
-        parts[name] = np.pad(values, [(0, 0), (0, more), *[(0, 0)] * (values.ndim - 2)])
+        parts[name] = np.pad(values, [(0, 0), (0, missing), *[(0, 0)] * (values.ndim - 2)])
     return Shard(**parts)
 
 

@@ -15,7 +15,7 @@ from drivers.files import writing
 from drivers.types import Array
 from policies.adaptive.adaptive import Adaptive
 from policies.adaptive.checkpoint import load_critic, save_critic
-from policies.adaptive.critic import Critic, Memory, Prediction
+from policies.adaptive.critic import Critic, CriticPrediction, FoldMemory
 from policies.adaptive.train.regression import fit
 from policies.adaptive.train.shard import CriticSettings, Shard, concatenate, simulate
 from policies.rollout import Misses
@@ -36,10 +36,11 @@ class CriticTraining:
     known = 0  # steps done before: those in the folder are passed at once
 
     def __init__(self, settings: CriticSettings, folder: FilePath) -> None:
-        self.settings, self.folder = settings, folder
+        self.settings = settings
+        self.folder = folder
         self.checkpoint = folder / CHECKPOINT
         self._critic: Critic | None = None  # of the last round, calibrated by the trial at the end
-        self._trial: Trial | None = None
+        self._trial: TrialResult | None = None
         TrainingJournal(folder / SETTINGS, settings)
 
     @property
@@ -55,7 +56,7 @@ class CriticTraining:
         return Adaptive(self._critic)
 
     @property
-    def trial(self) -> "Trial":
+    def trial(self) -> "TrialResult":
         """Results of the trial folds; RuntimeError before the training has ended."""
         if self._trial is None:
             raise RuntimeError("the training has not run to its end")
@@ -63,8 +64,8 @@ class CriticTraining:
 
     def run(self, executor: Executor) -> Iterator[str]:
         """Run the remaining steps, with folds by `executor`, and save the weights; yields texts."""
-        for done, text in enumerate(self._steps(executor), 1):
-            yield f"{done} of {self.total}: {text}"
+        for number, text in enumerate(self._steps(executor), 1):
+            yield f"{number} of {self.total}: {text}"
         self._finish()
 
     def _steps(self, executor: Executor) -> Iterator[str]:
@@ -100,9 +101,8 @@ class CriticTraining:
 
     def _finish(self) -> None:
         """Set the critic's sigmas by the trials and save the weights."""
-        rounds = self.settings.rounds
-        shards = [self._load(rounds, n) for n in range(self.settings.trials)]
-        last = load_critic(self.folder / f"critic-{rounds - 1}.npz")
+        shards = [self._load(self.settings.rounds, n) for n in range(self.settings.trials)]
+        last = load_critic(self.folder / f"critic-{self.settings.rounds - 1}.npz")
         self._critic, self._trial = calibrate_sigmas(last, concatenate(shards))
         facts = {"settings": self.settings.model_dump(mode="json"), "trial": asdict(self._trial)}
         save_critic(self.checkpoint, self._critic, {"training": facts})
@@ -127,7 +127,7 @@ class CriticTraining:
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class TrialResult:
     """Results of trial folds: mean, 95 % quantile, worst |d| [m]; shares within 1, 1.96 sigma."""
 
     folds: int
@@ -138,13 +138,15 @@ class Trial:
     within: tuple[float, float]
 
 
-def calibrate_sigmas(critic: Critic, shard: Shard) -> tuple[Critic, Trial]:
+def calibrate_sigmas(critic: Critic, shard: Shard) -> tuple[Critic, TrialResult]:
     """Copy of `critic` with sigmas scaled to its errors in `shard`, and the trial's results."""
     ratios = error_ratios(critic, shard)
-    critic = critic.with_stretch(np.array([_stretch(each) for each in ratios]))
+    # sigma's factors with which the shares within 1 and 1.96 sigma are nearest to normal
+    needed = [[np.quantile(r, share) / sigmas for share, sigmas in COVERAGES] for r in ratios]
+    critic = critic.with_stretch(np.sqrt(np.prod(needed, axis=1)))
     at_touch = error_ratios(critic, shard, last=1)[0]
     missed = Misses.from_displacements(shard.displacement)
-    return critic, Trial(
+    return critic, TrialResult(
         folds=len(shard.displacement),
         untouched=missed.untouched,
         mean=missed.mean,
@@ -161,19 +163,19 @@ def error_ratios(critic: Critic, shard: Shard, last: int = LAST) -> list[Array]:
     """
     ratios: list[list[Array]] = [[] for _ in range(4)]
     count = len(shard.displacement)
-    memory = Memory(count, critic.memory)
+    memory = FoldMemory(count, critic.memory)
     to_touch = shard.alive[:, ::-1].cumsum(axis=1)[:, ::-1]  # decisions from each to the touch
     for k in range(shard.alive.shape[1]):
         alive = shard.alive[:, k]
         whitened = critic.whiten(shard.inputs[:, k].astype(np.float64))
         predicted = critic.predict(whitened, memory.add(critic.memorise(whitened), alive))
         near = alive & (to_touch[:, k] <= last) & np.isfinite(shard.displacement)
-        for kept, ratio in zip(ratios, _ratios(predicted, shard), strict=True):
-            kept.append(ratio[near])
-    return [np.concatenate(kept) for kept in ratios]
+        for collected, ratio in zip(ratios, _ratios(predicted, shard), strict=True):
+            collected.append(ratio[near])
+    return [np.concatenate(collected) for collected in ratios]
 
 
-def _ratios(predicted: Prediction, shard: Shard) -> list[Array]:
+def _ratios(predicted: CriticPrediction, shard: Shard) -> list[Array]:
     """Ratios |error| / sigma (n,) of a prediction of n folds: displacement, then strip."""
     displacement = np.abs(shard.displacement - predicted.displacement) / predicted.sigma
     strip = [
@@ -181,9 +183,3 @@ def _ratios(predicted: Prediction, shard: Shard) -> list[Array]:
         for true, estimate in zip(shard.strip.T, predicted.belief, strict=True)
     ]
     return [displacement, *strip]
-
-
-def _stretch(ratios: Array) -> float:
-    """Factor on sigma with which the shares within 1 and 1.96 sigma are nearest to normal."""
-    needed = [np.quantile(ratios, share) / sigmas for share, sigmas in COVERAGES]
-    return float(np.sqrt(np.prod(needed)))

@@ -1,4 +1,4 @@
-"""Fit of the critic's correction, a `Bias`, to folds that were made through images."""
+"""Fit of the critic's correction, a `CriticBias`, to folds that were made through images."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from drivers.types import Array
-from policies.adaptive.bias import REFERENCE_THICKNESS, Bias, bias_terms
+from policies.adaptive.bias import REFERENCE_THICKNESS, CriticBias, bias_terms
 
 PRIOR = np.array([2e-3, 2e-3, 2.0])  # sigma of the bias: m, m, m/m
 FOLD_NOISE = 0.7e-3  # m, one sigma of a fold's error, which weighs data against the prior
@@ -45,7 +45,7 @@ class FitQuality:
     rms: float
 
 
-def fit_transfer(batch: FoldedBatch) -> tuple[Bias, FitQuality]:
+def fit_transfer(batch: FoldedBatch) -> tuple[CriticBias, FitQuality]:
     """Fit a bias to `batch`; also returns its quality by tenfold cross-validation.
 
     Raises ValueError for fewer folds than the bias has terms.
@@ -59,7 +59,7 @@ def fit_transfer(batch: FoldedBatch) -> tuple[Bias, FitQuality]:
     beyond = batch.thickness - REFERENCE_THICKNESS
     unmeasured = abs(coefficients[2]) * float(np.sqrt(np.mean(beyond**2)))
     quality = FitQuality(count, _round(np.sqrt(np.mean(errors**2))))
-    return Bias(*map(_round, (*coefficients, sigma, unmeasured))), quality
+    return CriticBias(*map(_round, (*coefficients, sigma, unmeasured))), quality
 
 
 def _cross_validated_errors(batch: FoldedBatch) -> Array:
@@ -67,9 +67,10 @@ def _cross_validated_errors(batch: FoldedBatch) -> Array:
     count = len(batch.displacement)
     errors = np.empty(count)
     for part in np.array_split(np.random.default_rng(0).permutation(count), min(count, PARTS)):
-        others = np.setdiff1d(np.arange(count), part)
-        left, bias = _subset(batch, part), _coefficients(_subset(batch, others))
-        errors[part] = left.displacement - left.predicted + _bias_terms(left) @ bias
+        fitted = np.setdiff1d(np.arange(count), part)
+        held_out = _subset(batch, part)
+        bias = _coefficients(_subset(batch, fitted))
+        errors[part] = held_out.displacement - held_out.predicted + _bias_terms(held_out) @ bias
     return errors
 
 

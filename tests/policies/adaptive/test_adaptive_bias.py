@@ -9,7 +9,7 @@ import pytest
 from drivers.errors import ConfigurationError
 from policies.adaptive.bias import (
     REFERENCE_THICKNESS,
-    Bias,
+    CriticBias,
     Untrained,
     bias_terms,
 )
@@ -52,7 +52,7 @@ def test_committed_weights_say_how_their_transfer_came_about() -> None:
     origin = about()[THROUGH_IMAGES]
     assert origin["left_out"]["folds"] >= 48
     assert origin["left_out"]["bias"] < 1e-3
-    fitted = Bias.read(origin["transfer"]["bias"])
+    fitted = CriticBias.read(origin["transfer"]["bias"])
     assert load_bias() == replace(fitted, untrained=Untrained.shipped().added)
 
 
