@@ -59,9 +59,9 @@ def _print_error(error: Exception) -> int:
     usage: type = BadParameter.__mro__[1]  # of all misuse; no version of Typer exports it
     if isinstance(error, usage):
         return _show_usage(error)
-    return _print_error_line(
-        CellError("no answer was given") if isinstance(error, Abort) else _cell_error(error)
-    )
+    if isinstance(error, Abort):
+        return _print_error_line(CellError("no answer was given"))
+    return _print_error_line(_cell_error(error))
 
 
 def _show_usage(error: Any) -> int:
@@ -71,17 +71,12 @@ def _show_usage(error: Any) -> int:
         return int(error.exit_code)
     command = "cell" if error.ctx is None else error.ctx.command_path
     text = error.format_message().replace("Value error, ", "").rstrip(".")
-    text = f"{text[:1].lower()}{text[1:]}"
-    return _print_error_line(
-        ConfigurationError(f"{text}; `{command} --help` lists what goes{_hint(error)}")
-    )
-
-
-def _hint(error: Any) -> str:
-    """Hint at `--runs` for a command that takes a folder of runs by that option alone."""
-    options = [name for p in (error.ctx.command.params if error.ctx else ()) for name in p.opts]
-    is_extra = "extra argument" in error.message and "--runs" in options
-    return "; a folder of runs goes after `--runs`" if is_extra else ""
+    text = f"{text[:1].lower()}{text[1:]}; `{command} --help` lists what goes"
+    parameters = error.ctx.command.params if error.ctx else ()
+    takes_runs = any("--runs" in parameter.opts for parameter in parameters)
+    if takes_runs and "extra argument" in error.message:
+        text += "; a folder of runs goes after `--runs`"
+    return _print_error_line(ConfigurationError(text))
 
 
 def _cell_error(error: Exception) -> CellError:

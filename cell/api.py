@@ -71,12 +71,14 @@ def fold(
     or file of another strip on the twin's desk; `speed` [m/s] replaces the cell's own. An error
     before the motion raises CellError; what happens during it is the result's `outcome`.
     """
-    found = find_configs(configs)
-    desk = None if plant is None else load_plant(found.plant_path(str(plant)))
+    config = find_configs(configs)
+    desk = None if plant is None else load_plant(config.plant_path(str(plant)))
     choice = DeviceSelection(arm, camera, desk, seed)
     check_known("frames", frames or "key", get_args(Keep))
-    known = found.cell(), found.strip(strip), policy, Path(runs), choice
-    request = Request(*known, speed=speed, record=Recording(frames, truth=truth))
+    record = Recording(frames, truth=truth)
+    request = Request(
+        config.cell(), config.strip(strip), policy, Path(runs), choice, speed=speed, record=record
+    )
     return write_pages(request, fold_once(request, calibration_of(request.cell)))
 
 
@@ -84,8 +86,8 @@ def predict(
     strip: str, policy: str = "adaptive", speed: float | None = None, configs: Place | None = None
 ) -> Prediction:
     """Predict a fold by simulation, as `cell fold --dry-run` does; nothing moves or is written."""
-    found = find_configs(configs)
-    request = Request(found.cell(), found.strip(strip), policy, Path("runs"), speed=speed)
+    config = find_configs(configs)
+    request = Request(config.cell(), config.strip(strip), policy, Path("runs"), speed=speed)
     return predict_fold(request)
 
 
@@ -118,8 +120,8 @@ def import_runs(
     places: Sequence[Place], out: Place, mapping: Place | None = None, configs: Place | None = None
 ) -> tuple[Path, ...]:
     """Convert tables, MCAP files or LeRobot data sets to checked run folders; returns these."""
-    found = find_configs(configs)
-    check = partial(check_fold, found.strip_names(), found.strip)
+    config = find_configs(configs)
+    check = partial(check_fold, config.strip_names(), config.strip)
     return import_from(
         [Path(place) for place in places],
         None if mapping is None else Path(mapping),
@@ -147,8 +149,9 @@ def observe(
     The camera stands still, `calibration` is its own, and the strip lies flat at the beginning; no
     arm is needed. Profile, contact, tip and confidence are those of the cell's perception.
     """
-    known = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
-    observe_film(Path(film), known, strip, Path(out), configs)
+    if not isinstance(calibration, Calibration):
+        calibration = read_calibration(calibration)
+    observe_film(Path(film), calibration, strip, Path(out), configs)
     return load_run(Path(out))
 
 

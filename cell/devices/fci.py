@@ -131,8 +131,7 @@ def _start_robot(settings: CellFile, strip: StripFile, desk: Desk) -> RobotServe
     """Start an emulated robot in its own thread; in lock-step the cell waits while it computes."""
     installation = settings.fci.limit(settings.installation)
     frame = installation.mounting.transform()
-    home = settings.twin.arm.home_height
-    start = start_joints(installation, settings.fold, strip.length, home)
+    start = start_joints(installation, settings.fold, strip.length, settings.twin.arm.home_height)
     twin = settings.twin.arm
     mechanics = ServerSettings(delay=twin.robot_delay, lag=twin.robot_lag, plant=twin.robot_plant)
     server = RobotServer(

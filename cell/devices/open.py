@@ -41,12 +41,11 @@ def is_real(settings: CellFile, choice: DeviceSelection) -> bool:
 
 def emulation(settings: CellFile, choice: DeviceSelection) -> str:
     """Remark where a robot is emulated in place of a real one; empty for any other arm."""
-    address = settings.fci.address
     if not choice.arm_driver(settings).real or is_real(settings, choice):
         return ""
-    if address is None:
+    if settings.fci.address is None:
         return "emulated robot: fci.address in cell.yaml is empty"
-    return f"emulated robot at {address}, on this machine"
+    return f"emulated robot at {settings.fci.address}, on this machine"
 
 
 def check_calibrated(settings: CellFile, choice: DeviceSelection) -> None:

@@ -46,18 +46,19 @@ def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
 
     The camera does not see the twin's world, so the truth is not used for scoring.
     """
-    chosen, clock = camera_settings(settings), devices.clock
+    camera_file = camera_settings(settings)
+    clock = devices.clock
     if isinstance(clock, TwinClock):  # the camera's own thread runs by the wall clock
         clock = RealTimeClock(clock)
-    camera = V4l2Camera(chosen, clock)
+    camera = V4l2Camera(camera_file, clock)
     return replace(
         devices,
         clock=clock,
         camera=camera,
-        camera_identity=chosen.identity,
+        camera_identity=camera_file.identity,
         aids=None,
         plant=None,
-        camera_locks=lambda: chosen.controls if camera.setup is None else camera.setup.locks,
+        camera_locks=lambda: camera_file.controls if camera.setup is None else camera.setup.locks,
         real_time=True,
     )
 
@@ -83,8 +84,8 @@ def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
         return None
     mode = max(modes, key=_suitability)
     rates = [rate for rate in mode.rates if rate <= BEST_MODE[2] + RATE_MARGIN] or list(mode.rates)
-    known = {c.name: c.value for c in camera.controls if c.value is not None}
-    locks = {name: value for name, value in known.items() if name in WORTH_LOCKING}
+    values = {c.name: c.value for c in camera.controls if c.value is not None}
+    locks = {name: value for name, value in values.items() if name in WORTH_LOCKING}
     content = {
         "device": camera.device,
         "format": mode.format,
@@ -115,8 +116,8 @@ def grab(settings: V4l2Settings) -> Grab:
 
 def save(image: CameraFrame, path: Path) -> None:
     """Write the picture `image` as PNG to `path`; ConfigurationError where that fails."""
-    made, content = cv2.imencode(".png", image.image)
-    if not made:
+    encoded, content = cv2.imencode(".png", image.image)
+    if not encoded:
         raise CellError(f"{path}: the picture cannot be written as PNG")
     write_file(path, content.tobytes())
 

@@ -12,7 +12,7 @@ from cell.devices.devices import Devices
 from drivers.protocols import Arm, Hand
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import Observation, Rig, StripModel
+from drivers.strip.model import Observation, Rig
 from drivers.strip.observation import (
     LIFT_TRAVEL,
     GrowingOffsets,
@@ -36,22 +36,17 @@ def corrected_calibration(
     observation = model.observation
     if observation == Observation() and model.rig.desk_height == 0:
         return calibration
+    # from measured to true points x, z [m], in homogeneous coordinates
+    origin, x, z = true_points(model, np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]))
+    to_true = np.array([[*(x - origin), 0.0], [*(z - origin), 0.0], [*origin, 1.0]]).T
+    true_bias = observation.contact_bias / (1.0 + observation.scale)
     return change_calibration(
         calibration,
-        homography=Homography.from_matrix(
-            _true_points_matrix(model) @ calibration.homography.matrix
-        ),
+        homography=Homography.from_matrix(to_true @ calibration.homography.matrix),
         landmarks=None,
         latency=calibration.latency + observation.camera_latency,
-        contact_bias=calibration.contact_bias
-        + observation.contact_bias / (1.0 + observation.scale),
+        contact_bias=calibration.contact_bias + true_bias,
     )
-
-
-def _true_points_matrix(model: StripModel) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """Matrix (3, 3) that takes measured to true points x, z [m], in homogeneous coordinates."""
-    origin, x, z = true_points(model, np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]))
-    return np.array([[*(x - origin), 0.0], [*(z - origin), 0.0], [*origin, 1.0]]).T
 
 
 def corrected_devices(devices: Devices, settings: CellFile, strip: StripFile) -> Devices:
@@ -73,7 +68,9 @@ class CorrectedArm:
     """
 
     def __init__(self, arm: Arm, hand: Hand, rig: Rig) -> None:
-        self._arm, self._hand, self._rig = arm, hand, rig
+        self._arm = arm
+        self._hand = hand
+        self._rig = rig
         self._reports: deque[ArmState] = deque(maxlen=MEMORY)
         self._offsets = GrowingOffsets(rig)
         self._reported = np.zeros(3)
@@ -126,8 +123,8 @@ class CorrectedArm:
             return measured.pose.as_array()
         if ahead > 0:
             rate = measured.velocity
-            way = ahead * np.array([rate.vx, rate.vz, rate.pitch_rate])
-            return np.asarray(measured.pose.as_array() + way)
+            travel = ahead * np.array([rate.vx, rate.vz, rate.pitch_rate])
+            return np.asarray(measured.pose.as_array() + travel)
         stamps = np.array([report.stamp for report in self._reports])
         poses = np.array([report.pose.as_array() for report in self._reports])
         return np.array([np.interp(measured.stamp + ahead, stamps, column) for column in poses.T])
@@ -136,8 +133,8 @@ class CorrectedArm:
         """Velocity (3,) [m/s, m/s, rad/s] of the rig's offsets as the arm moves at `rate`."""
         if self._offsets.start is None or not 0 < self._offsets.share < 1:
             return np.zeros(3)
-        way = (self._reported - self._offsets.start)[:2]
-        outward = float(way @ (rate.vx, rate.vz)) / max(float(np.hypot(*way)), 1e-9)
+        path = (self._reported - self._offsets.start)[:2]
+        outward = float(path @ (rate.vx, rate.vz)) / max(float(np.hypot(*path)), 1e-9)
         full = true_poses(self._rig, np.zeros(3), 1.0)
         return np.asarray(full * max(outward, 0.0) / LIFT_TRAVEL)
 

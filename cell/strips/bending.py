@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from operator import attrgetter
 
 import numpy as np
 from scipy.optimize import brentq
@@ -36,18 +37,18 @@ def pool(values: Sequence[float], sigmas: Sequence[float]) -> Pooled:
     Scatter by Paule and Mandel, interval by Hartung and Knapp, never narrower than the sigmas
     alone make it.
     """
-    y, variance = np.array(values), np.array(sigmas) ** 2
+    y = np.array(values)
+    variance = np.array(sigmas) ** 2
     scatter = _scatter(y, variance)
     weight = 1 / (variance + scatter)
     value = float((weight * y).sum() / weight.sum())
-    known = float(norm.ppf(0.5 + CONFIDENCE / 2) / np.sqrt(weight.sum()))
-    free = len(y) - 1
-    agreement = float(chi2.sf(_excess_squares(y, variance, 0.0) + free, free)) if free else 1.0
-    spread = 0.0
-    if free:
-        knapp = (weight * (y - value) ** 2).sum() / (free * weight.sum())
-        spread = float(t.ppf(0.5 + CONFIDENCE / 2, free) * np.sqrt(knapp))
-    half = max(known, spread)
+    half = float(norm.ppf(0.5 + CONFIDENCE / 2) / np.sqrt(weight.sum()))
+    agreement = 1.0
+    freedom = len(y) - 1
+    if freedom:
+        agreement = float(chi2.sf(_excess_squares(y, variance, 0.0) + freedom, freedom))
+        knapp = (weight * (y - value) ** 2).sum() / (freedom * weight.sum())
+        half = max(half, float(t.ppf(0.5 + CONFIDENCE / 2, freedom) * np.sqrt(knapp)))
     return Pooled(value, value - half, value + half, float(np.sqrt(scatter)), agreement)
 
 
@@ -62,8 +63,8 @@ def _scatter(y: Array, variance: Array) -> float:
     """Variance between the measurements at which the sum of squares equals its expectation."""
     if len(y) < 2 or _excess_squares(y, variance, 0.0) <= 0:
         return 0.0
-    most = float(np.ptp(y) ** 2) * len(y)
-    return float(brentq(lambda scatter: _excess_squares(y, variance, scatter), 0.0, most))
+    largest = float(np.ptp(y) ** 2) * len(y)
+    return float(brentq(lambda scatter: _excess_squares(y, variance, scatter), 0.0, largest))
 
 
 REST_CURVATURES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # 1/m, rest curvatures that are tried
@@ -95,20 +96,20 @@ class Bending:
         """Uniform part of the rest curvature [1/m], pooled over the photographs."""
         if self.prior.kind is RestCurvature.STRAIGHT:
             return Pooled(0.0, 0.0, 0.0, 0.0, 1.0)
-        return pool(*zip(*(each.curl for each in self.fits), strict=True))
+        values, sigmas = zip(*(fitted.curl for fitted in self.fits), strict=True)
+        return pool(values, sigmas)
 
 
 def measure_bending(photographs: Sequence[Photograph]) -> Bending:
     """Fit the bending length to all photographs, with a common prior of the rest curvature."""
-    straight = tuple(fit(each, STRAIGHT) for each in photographs)
-    curled = _best_fits(photographs, straight, RestCurvature.CURLED)
-    varied = _best_fits(photographs, straight, RestCurvature.SET)
+    straight = tuple(fit(photograph, STRAIGHT) for photograph in photographs)
     fits = straight
-    for other in (curled, varied):
-        if evidence(other) > evidence(fits) + DECISIVE:
-            fits = other
-    by_overhang = sorted(fits, key=lambda each: each.photograph.overhang)
-    groups = groupby(by_overhang, key=lambda each: each.photograph.overhang)
+    for kind in (RestCurvature.CURLED, RestCurvature.SET):
+        curved = _best_fits(photographs, straight, kind)
+        if evidence(curved) > evidence(fits) + DECISIVE:
+            fits = curved
+    overhang_of = attrgetter("photograph.overhang")
+    groups = groupby(sorted(fits, key=overhang_of), key=overhang_of)
     return Bending(
         fits=fits,
         straight=straight,
@@ -119,33 +120,35 @@ def measure_bending(photographs: Sequence[Photograph]) -> Bending:
 
 def evidence(fits: Sequence[Fit]) -> float:
     """Log probability of all midlines under their common prior of the rest curvature."""
-    return sum(each.evidence for each in fits)
+    return sum(fitted.evidence for fitted in fits)
 
 
 def pool_lengths(fits: Sequence[Fit]) -> Pooled:
     """Pooled bending length [m] of the `fits`, averaged by logarithms."""
-    logs = pool([float(np.log(each.bending_length)) for each in fits], [f.sigma for f in fits])
-    value, low, high = np.exp([logs.value, logs.low, logs.high])
-    return Pooled(float(value), float(low), float(high), logs.scatter, logs.agreement)
+    logs = pool([float(np.log(f.bending_length)) for f in fits], [f.sigma for f in fits])
+    value, low, high = np.exp([logs.value, logs.low, logs.high]).tolist()
+    return Pooled(value, low, high, logs.scatter, logs.agreement)
 
 
 def _best_fits(photographs: Sequence[Photograph], start: Fits, kind: RestCurvature) -> Fits:
     """Fits of the photographs at the spread of rest curvature with the largest evidence."""
-    tried: list[Fits] = []
+    candidates: list[Fits] = []
     for spread in REST_CURVATURES:
-        prior = RestCurvaturePrior(kind, spread)
-        start = tuple(fit(each, prior, s) for each, s in zip(photographs, start, strict=True))
-        tried.append(start)
-    scores = np.array([evidence(each) for each in tried])
+        start = _fit_all(photographs, RestCurvaturePrior(kind, spread), start)
+        candidates.append(start)
+    scores = np.array([evidence(fits) for fits in candidates])
     j = int(np.argmax(scores))
     if j in (0, len(REST_CURVATURES) - 1):
-        return tried[j]
+        return candidates[j]
     # top of the parabola through three scores; the spreads that were tried double each time
     second_difference = scores[j - 1] - 2 * scores[j] + scores[j + 1]
     shift = float(0.5 * (scores[j - 1] - scores[j + 1]) / second_difference)
-    best_spread = REST_CURVATURES[j] * 2**shift
-    refined = tuple(
-        fit(each, RestCurvaturePrior(kind, best_spread), s)
-        for each, s in zip(photographs, tried[j], strict=True)
-    )
-    return max(refined, tried[j], key=evidence)
+    prior = RestCurvaturePrior(kind, REST_CURVATURES[j] * 2**shift)
+    refined = _fit_all(photographs, prior, candidates[j])
+    return max(refined, candidates[j], key=evidence)
+
+
+def _fit_all(photographs: Sequence[Photograph], prior: RestCurvaturePrior, starts: Fits) -> Fits:
+    """Fits of the photographs under one `prior`, each from the fit of the same one in `starts`."""
+    pairs = zip(photographs, starts, strict=True)
+    return tuple(fit(photograph, prior, start) for photograph, start in pairs)

@@ -6,6 +6,7 @@ strip has a prior of its own: none, constant, varying.
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from operator import attrgetter
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -55,17 +56,17 @@ class RestCurvaturePrior:
         arc = hinges(overhang)
         if self.kind is RestCurvature.STRAIGHT:
             return np.zeros((len(arc), 0))
-        even = np.full((len(arc), 1), self.spread)
+        constant = np.full((len(arc), 1), self.spread)
         if self.kind is RestCurvature.CURLED:
-            return even
+            return constant
         count = int(np.clip(overhang / (KNOT_SPACING * width), 4, MOST_KNOTS)) + 1
         knots = np.linspace(0.0, overhang, count)
         tents = np.stack([np.interp(arc, knots, row) for row in np.eye(count)], axis=1)
-        return np.concatenate([even, self.spread * tents], axis=1)
+        return np.concatenate([constant, self.spread * tents], axis=1)
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class TrialShape:
     """Residuals of a hanging strip with one set of `values` (p,), and their slopes.
 
     `misses` (2 n,) from the midline, across and then along it, in sigmas, `slopes` (2 n, p) their
@@ -98,30 +99,30 @@ class Problem:
         self._weights = 1 / spreads  # of the normal priors
         self._local_frames = _local_frames(photograph)
 
-    def trial(self, values: Array) -> Trial:
+    def trial(self, values: Array) -> TrialShape:
         """Solve the strip's shape for `values` (p,), compare it with the midline; raises NoRest."""
-        seen = self.photograph
+        measured = self.photograph
         hanging = hanging_shape(
-            seen.overhang,
+            measured.overhang,
             TYPICAL * float(np.exp(values[LN_LENGTH])),
             rest_curvature=self._fields @ values[FIRST_FIELD:],
             clamp_angle=float(values[CLAMP]),
         )
-        scale = 1 - values[LEDGE] / seen.overhang
-        along = _Along(hanging, (seen.arc - values[LEDGE]) / scale, float(values[CLAMP]))
+        scale = 1 - values[LEDGE] / measured.overhang
+        along = _Along(hanging, (measured.arc - values[LEDGE]) / scale, float(values[CLAMP]))
         turn = rotation(values[ROLL])
         curve = scale * along.points @ turn.T
         motions = np.empty((len(curve), 2, self.size))  # of the strip's points, per unknown
         motions[..., LN_LENGTH] = scale * along.at(hanging.moved_by_bending_length())
-        slid = (seen.arc / seen.overhang - 1) / scale  # arc length per metre of the ledge
-        motions[..., LEDGE] = slid[:, None] * along.tangents - along.points / seen.overhang
+        slid = (measured.arc / measured.overhang - 1) / scale  # arc length per metre of the ledge
+        motions[..., LEDGE] = slid[:, None] * along.tangents - along.points / measured.overhang
         motions[..., CLAMP] = scale * along.moved_by_clamp_angle()
         motions[..., FIRST_FIELD:] = scale * along.at(hanging.moved_by_rest_curvature(self._fields))
         motions = np.einsum("ab,nbp->nap", turn, motions)
         motions[..., ROLL] = curve[:, ::-1] * (-1, 1)
         motions[..., [X, Z]] = np.eye(2)
-        misses = self._project_motion(seen.points - values[[X, Z]] - curve)
-        return Trial(hanging, misses, self._project_motion(motions))
+        misses = self._project_motion(measured.points - values[[X, Z]] - curve)
+        return TrialShape(hanging, misses, self._project_motion(motions))
 
     def residuals(self, values: Array) -> Array:
         """Misses and deviates (2 n + p,) of `values` (p,), in sigmas; NaN where no strip rests."""
@@ -225,8 +226,7 @@ class Fit:
     @property
     def sigma(self) -> float:
         """Standard deviation of ln(bending length), errors of ruler and tip included."""
-        photograph = self.photograph
-        end = np.hypot(RULER, TIP * photograph.width) / photograph.overhang
+        end = np.hypot(RULER, TIP * self.photograph.width) / self.photograph.overhang
         return float(np.hypot(np.sqrt(self.covariance[LN_LENGTH, LN_LENGTH]), end))
 
     @property
@@ -275,31 +275,31 @@ def fit(photograph: Photograph, prior: RestCurvaturePrior, start: Fit | None = N
 def _fit_straight(photograph: Photograph) -> Fit:
     """Fit a straight strip coarsely from several bending lengths; returns the best of them."""
     problem = Problem(replace(photograph, sigma=FIRST_SIGMA * photograph.sigma), STRAIGHT)
-    found = []
+    fits = []
     for start in START_LENGTHS:
         values = np.zeros(problem.size)
         values[LN_LENGTH] = np.log(start)
         values[[X, Z]] = photograph.points[0]
-        found.append(_minimise(problem, values))
-    return max(found, key=lambda each: each.evidence)
+        fits.append(_minimise(problem, values))
+    return max(fits, key=attrgetter("evidence"))
 
 
 def _minimise(problem: Problem, values: Array) -> Fit:
     """Fit from `values` (p,): the top of the posterior, and its normal approximation there."""
     bounds = np.full(problem.size, np.inf)
     bounds[LN_LENGTH] = MOST_LN_LENGTH
-    found = least_squares(
+    solution = least_squares(
         problem.residuals, values, problem.jacobian, (-bounds, bounds), x_scale="jac",
         loss=problem.loss, ftol=COST_TOLERANCE, max_nfev=ITERATIONS,
     )  # fmt: skip
-    best = problem.trial(found.x)
-    matrix = problem.precision(found.x)
+    best = problem.trial(solution.x)
+    matrix = problem.precision(solution.x)
     return Fit(
         photograph=problem.photograph,
         prior=problem.prior,
-        values=found.x,
+        values=solution.x,
         covariance=np.asarray(np.linalg.inv(matrix), dtype=np.float64),
         hanging=best.hanging,
         misses=best.misses[: len(problem.photograph.arc)] * problem.photograph.sigma,
-        evidence=-float(found.cost + 0.5 * np.linalg.slogdet(matrix)[1]),
+        evidence=-float(solution.cost + 0.5 * np.linalg.slogdet(matrix)[1]),
     )

@@ -35,8 +35,8 @@ def new_strip(
 
     `sources` read `key=where from`. Raises ConfigurationError for a source without its value.
     """
-    noted = dict(_source(each) for each in sources)
-    for key in noted:
+    source_of = dict(_source(each) for each in sources)
+    for key in source_of:
         if stated.get(key) is None:
             raise ConfigurationError(f"--source: {key}: give its value too")
     content: dict[str, Any] = {"schema": 1, "name": path.stem}
@@ -46,7 +46,7 @@ def new_strip(
     if colour is not None:
         content["colour"] = list(colour)
     content["provenance"] = [
-        {"key": key, "source": noted.get(key, "assumed" if stated[key] is None else "measured")}
+        {"key": key, "source": source_of.get(key, "assumed" if stated[key] is None else "measured")}
         for key in SOURCED
     ]
     parse(content, StripFile, str(path))
@@ -72,8 +72,7 @@ def _source(text: str) -> tuple[str, str]:
 
 def save(measurement: Measurement, folder: Path) -> None:
     """Write a picture of each photograph and the numbers to `folder`; raises ConfigurationError."""
-    bending = measurement.bending
-    pairs = zip(bending.fits, bending.straight, strict=True)
+    pairs = zip(measurement.bending.fits, measurement.bending.straight, strict=True)
     pictures = {
         f"{index:02d}-{fit.photograph.name}.png": fit_figure(fit, straight)
         for index, (fit, straight) in enumerate(pairs, start=1)
@@ -108,11 +107,12 @@ def _with_measured(path: Path, value: float, entry: Mapping[str, str], text: str
 
     The old value goes into the note of its own entry.
     """
-    content, key = parse_yaml(text, str(path)), entry["key"]
-    kept = [dict(each) for each in content.get("provenance") or ()]
-    for old in kept:
+    content = parse_yaml(text, str(path))
+    key = entry["key"]
+    entries = [dict(old) for old in content.get("provenance") or ()]
+    for old in entries:
         if old.get("key") == key:
             old["note"] = f"until then {content[key]:g}; {old.get('note', '')}".strip("; ")
-    content = {**content, key: value, "provenance": [dict(entry), *kept]}
+    content = {**content, key: value, "provenance": [dict(entry), *entries]}
     parse(content, StripFile, str(path))
     return edit_yaml(text, content)

@@ -32,29 +32,30 @@ def export_strips(
     `mjcf` is a chain along +x, clamped at its fixed edge; `newton` is JSON with arguments of
     `ModelBuilder.add_rod`. Raises ConfigurationError where `out` is there already.
     """
-    found = {}
-    with new_folder(out) as made:
+    unsaid_of = {}
+    with new_folder(out) as folder:
         for strip in strips:
             name = f"{strip.name}.{'xml' if kind == 'mjcf' else 'json'}"
             missing = [key for key in registry() if key in strip.effects.keys() - SAID[kind]]
             law = (LAW_TERMS[key].sentence for key in strip.law)
             unsaid = (PLANE, *(registry()[key].sentence for key in missing), *law)
             write = _mjcf if kind == "mjcf" else _newton
-            replace_file(made / name, write(strip, unsaid).encode())
-            found[out / name] = unsaid
-    return found
+            replace_file(folder / name, write(strip, unsaid).encode())
+            unsaid_of[out / name] = unsaid
+    return unsaid_of
 
 
 def _mjcf(strip: StripFile, unsaid: tuple[str, ...]) -> str:
     """Text of an MJCF file, whose yarns' friction and powers of joints need MuJoCo 4."""
-    root, lumps = Xml.Element("mujoco", model=strip.name), Lumps.from_model(describe(strip), LINKS)
+    root = Xml.Element("mujoco", model=strip.name)
+    lumps = Lumps.from_model(describe(strip), LINKS)
     root.append(Xml.Comment(f" Not said: {'; '.join(unsaid)}. "))
     Xml.SubElement(root, "compiler", angle="radian")
     Xml.SubElement(root, "option", integrator="implicit")
     body, tendons = Xml.SubElement(root, "worldbody"), Xml.SubElement(root, "tendon")
     place = 0.0
     for i, span in enumerate(lumps.spans.tolist()):
-        hinges, mass = lumps.hinges, f"{lumps.mass[i] / lumps.scale}"
+        hinges = lumps.hinges
         names = ("stiffness", "cubic", "damping", "quadratic", "presliding")
         of = {name: getattr(hinges, name)[i] / lumps.scale for name in names}
         body = Xml.SubElement(body, "body", name=f"link{i}", pos=f"{place} 0 0")
@@ -62,7 +63,8 @@ def _mjcf(strip: StripFile, unsaid: tuple[str, ...]) -> str:
         hinge["stiffness"] = f"{of['stiffness']} 0 {of['cubic']}"
         Xml.SubElement(body, "joint", hinge, damping=f"{of['damping']} {of['quadratic']}")
         box = {"type": "box", "size": f"{span / 2} {strip.width / 2} {strip.thickness / 2}"}
-        Xml.SubElement(body, "geom", box, mass=mass, pos=f"{span / 2} 0 0", contype="0")
+        box["mass"] = f"{lumps.mass[i] / lumps.scale}"
+        Xml.SubElement(body, "geom", box, pos=f"{span / 2} 0 0", contype="0")
         if hinges.slip[i] * of["presliding"] > 0:
             yarn = {"stiffness": f"{of['presliding']}", "springyield": f"{hinges.slip[i]}"}
             yarns = Xml.SubElement(tendons, "fixed", yarn, springlength="0")
@@ -78,8 +80,10 @@ def _newton(strip: StripFile, unsaid: tuple[str, ...]) -> str:
 
     A rod has no friction: `friction` are springs beside its joints', which slip.
     """
-    model, radius = describe(strip).mechanics, strip.thickness / 2
-    span, law = model.length / LINKS, model.law
+    model = describe(strip).mechanics
+    radius = strip.thickness / 2
+    span = model.length / LINKS
+    law = model.law
     stiffness = float(model.rigidity.mean()) / span
     mass = float(model.linear_density.mean()) * span
     content = {

@@ -18,8 +18,8 @@ def fit_figure(fitted: Fit, straight: Fit) -> bytes:
     """Render the photograph with midline and fitted strips, and their residuals, as PNG bytes."""
     with canvas(10.5, 8.0) as figure:
         left, right = figure.subfigures(1, 2, width_ratios=(1.2, 1.0))
-        whole, bend = left.subplots(1, 2)
-        _draw_photograph(whole, fitted, straight)
+        overview, bend = left.subplots(1, 2)
+        _draw_photograph(overview, fitted, straight)
         _draw_photograph(bend, fitted, straight)
         _zoom_to_ledge(bend, fitted)
         if fitted.prior.kind is RestCurvature.STRAIGHT:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -53,41 +54,43 @@ class Measurement:
             "rest_curvature": {"mean": _interval(bending.curl), "spread": bending.prior.spread},
             "scatter": self.bending_length.scatter,
             "agreement": self.bending_length.agreement,
-            "by_overhang": [{"overhang": o, **_interval(each)} for o, each in bending.by_overhang],
+            "by_overhang": [
+                {"overhang": overhang, **_interval(pooled)}
+                for overhang, pooled in bending.by_overhang
+            ],
             "photographs": [
                 {
-                    "photo": str(each.photograph.path),
-                    "overhang": each.photograph.overhang,
-                    "bending_length": each.bending_length,
-                    "sigma": each.sigma * each.bending_length,
-                    "miss": each.rms,
-                    "straight": {"bending_length": plain.bending_length, "miss": plain.rms},
+                    "photo": str(fit.photograph.path),
+                    "overhang": fit.photograph.overhang,
+                    "bending_length": fit.bending_length,
+                    "sigma": fit.sigma * fit.bending_length,
+                    "miss": fit.rms,
+                    "straight": {"bending_length": straight.bending_length, "miss": straight.rms},
                 }
-                for each, plain in zip(bending.fits, bending.straight, strict=True)
+                for fit, straight in zip(bending.fits, bending.straight, strict=True)
             ],
             "warnings": list(self.warnings),
         }
 
     def text(self) -> str:
         """Text of the measurement for the operator, lengths in mm."""
-        bending = self.bending
-        count = len(bending.fits)
+        count = len(self.bending.fits)
         lines = [
             f"{self.strip}: bending length {_mm_text(self.bending_length)}"
             f" from {count} photograph{'s' * (count > 1)}"
         ]
-        for overhang, each in bending.by_overhang:
-            lines.append(f"  overhang {1e3 * overhang:.4g} mm: {_mm_text(each)}")
+        for overhang, pooled in self.bending.by_overhang:
+            lines.append(f"  overhang {1e3 * overhang:.4g} mm: {_mm_text(pooled)}")
         if count > 1 and self.bending_length.agreement > DISAGREEMENT_LEVEL:
             lines.append("  the photographs agree within their own errors")
-        return "\n".join(lines + [f"warning: {each}" for each in self.warnings])
+        return "\n".join(lines + [f"warning: {warning}" for warning in self.warnings])
 
 
 def measure(strip: str, photographs: Sequence[Photograph]) -> Measurement:
     """Measure the bending length of `strip` from photographs of it hanging over a ledge."""
     bending = measure_bending(photographs)
-    for each in bending.fits:
-        _check_shape(each)
+    for fit in bending.fits:
+        _check_shape(fit)
     warnings = (
         _curvature_warning(bending),
         _scatter_warning(bending),
@@ -121,23 +124,23 @@ def _check_shape(fitted: Fit) -> None:
 
 def _curvature_warning(bending: Bending) -> str:
     """Warning about a strip that is curved at rest; empty where none is seen or it was stated."""
-    missed = max(each.rms / each.photograph.width for each in bending.straight)
-    if bending.prior.kind is RestCurvature.STRAIGHT or missed < VISIBLE:
+    misfit = max(fit.rms / fit.photograph.width for fit in bending.straight)
+    if bending.prior.kind is RestCurvature.STRAIGHT or misfit < VISIBLE:
         return ""
-    lengths = 1e3 * np.array([each.bending_length for each in bending.straight])
-    taken = f"{lengths.min():.1f}"
+    lengths = 1e3 * np.array([fit.bending_length for fit in bending.straight])
+    seeming = f"{lengths.min():.1f}"
     if len(lengths) > 1:
-        taken += f" to {lengths.max():.1f}"
-    furthest = 1e3 * max(float(np.abs(each.misses).max()) for each in bending.straight)
+        seeming += f" to {lengths.max():.1f}"
+    furthest = 1e3 * max(float(np.abs(fit.misses).max()) for fit in bending.straight)
     if bending.prior.kind is RestCurvature.CURLED:
         curl = bending.curl
-        own = f"unloaded it curls by {curl.value:+.1f} 1/m ({curl.low:+.1f} to {curl.high:+.1f})"
+        shape = f"unloaded it curls by {curl.value:+.1f} 1/m ({curl.low:+.1f} to {curl.high:+.1f})"
     else:
-        own = f"it has a set of its own, of about {bending.prior.spread:.0f} 1/m, along it"
+        shape = f"it has a set of its own, of about {bending.prior.spread:.0f} 1/m, along it"
     return (
-        f"pre_curl: this is not the shape of a strip that was born straight: {own}. "
+        f"pre_curl: this is not the shape of a strip that was born straight: {shape}. "
         f"The bending length allows for it; a straight-born strip would miss the photographs "
-        f"by up to {furthest:.1f} mm and seem to have {taken} mm"
+        f"by up to {furthest:.1f} mm and seem to have {seeming} mm"
     )
 
 
@@ -156,18 +159,16 @@ def _scatter_warning(bending: Bending) -> str:
 def _overhang_warning(bending: Bending) -> str:
     """Warning about a strip that bends too sharply or too little to be measured."""
     c = bending.bending_length.value
-    radius = [np.sqrt(c**3 / (2 * each.photograph.overhang)) for each in bending.fits]
-    sharp = [
-        each.photograph.name
-        for each, r in zip(bending.fits, radius, strict=True)
-        if r < max(SHARP_WIDTHS * each.photograph.width, SHARP_RADIUS)
-    ]
-    stiff = [
-        each.photograph.name
-        for each in bending.fits
-        if each.photograph.overhang < c and each.sigma > LARGEST_UNCERTAINTY / 2
-    ]
-    low, high = (1e3 * c * each for each in OVERHANGS)
+    sharp = list[str]()
+    stiff = list[str]()
+    for fit in bending.fits:
+        photograph = fit.photograph
+        radius = np.sqrt(c**3 / (2 * photograph.overhang))
+        if radius < max(SHARP_WIDTHS * photograph.width, SHARP_RADIUS):
+            sharp.append(photograph.name)
+        if photograph.overhang < c and fit.sigma > LARGEST_UNCERTAINTY / 2:
+            stiff.append(photograph.name)
+    low, high = (1e3 * c * lengths for lengths in OVERHANGS)
     best = f"an overhang of {low:.0f} to {high:.0f} mm shows most"
     if sharp:
         return f"{', '.join(sharp)}: bends too sharply at the ledge to be seen well; {best}"
@@ -178,9 +179,9 @@ def _overhang_warning(bending: Bending) -> str:
 
 def _width_warning(bending: Bending) -> str:
     """Warning about a strip that appears much wider in one overhang than in another."""
-    photographs = [each.photograph for each in bending.fits]
-    thin = min(photographs, key=lambda each: each.width)
-    thick = max(photographs, key=lambda each: each.width)
+    photographs = sorted((fit.photograph for fit in bending.fits), key=attrgetter("width"))
+    thin = photographs[0]
+    thick = photographs[-1]
     if thick.width < SMALLEST_WIDTH_RATIO * thin.width:
         return ""
     return (
@@ -191,8 +192,7 @@ def _width_warning(bending: Bending) -> str:
 
 def _uncertainty_warning(bending: Bending) -> str:
     """Warning about a wide confidence interval."""
-    pooled = bending.bending_length
-    half = 0.5 * np.log(pooled.high / pooled.low)
+    half = 0.5 * np.log(bending.bending_length.high / bending.bending_length.low)
     if half < LARGEST_UNCERTAINTY:
         return ""
     return f"the bending length is only known to {100 * half:.0f} %; photograph more pieces"
@@ -203,5 +203,4 @@ def _interval(pooled: Pooled) -> dict[str, float]:
 
 
 def _mm_text(pooled: Pooled) -> str:
-    value, low, high = (1e3 * each for each in (pooled.value, pooled.low, pooled.high))
-    return f"{value:.1f} mm (95 %: {low:.1f} to {high:.1f})"
+    return f"{1e3 * pooled.value:.1f} mm (95 %: {1e3 * pooled.low:.1f} to {1e3 * pooled.high:.1f})"

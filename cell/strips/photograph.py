@@ -67,7 +67,7 @@ def read_photographs(paths: Sequence[Path], overhangs: Sequence[float]) -> list[
                 f"most {LONGEST_OVERHANG:g} m, from the ledge to the tip along the strip; if "
                 f"{overhang:g} is in mm, write {overhang:g}mm"
             )
-    return [read_photograph(*pair) for pair in zip(paths, overhangs, strict=True)]
+    return [read_photograph(path, length) for path, length in zip(paths, overhangs, strict=True)]
 
 
 def read_photograph(path: Path, overhang: float) -> Photograph:
@@ -97,12 +97,12 @@ def read_photograph(path: Path, overhang: float) -> Photograph:
 def _trace_midline(path: Path, image: Image) -> Midline:
     """Midline of the strip, traced as bright before dark, then as dark before bright."""
     reasons = []
-    for seen in (image, cv2.bitwise_not(image)):
+    for bright_strip in (image, cv2.bitwise_not(image)):
         try:
-            rough = extract_midline(seen, ROUGHLY)
+            rough = extract_midline(bright_strip, ROUGHLY)
             if rough.width < THICKEST_SHARE * rough.length:
                 count = int(np.clip(rough.length / (TRACED * rough.width), ROUGHLY, MOST_TRACED))
-                return extract_midline(seen, count)
+                return extract_midline(bright_strip, count)
             reasons.append("picture: what enters at its left border is too thick for a strip")
         except ConfigurationError as error:
             reasons.append(str(error))

@@ -53,8 +53,9 @@ class FoldResiduals:
 
     def _profile_averages(self, model: StripModel, motion: SimulatedMotion) -> tuple[Array, Array]:
         """Mean [m] and mean square [m^2] (k,) of measured points' distances from the midline."""
-        part, times = self.layout.profile, imaged_time(model.observation, self.run.images.stamps)
-        index = motion.index_at(np.asarray(times))
+        part = self.layout.profile
+        true_times = imaged_time(model.observation, self.run.images.stamps)
+        index = motion.index_at(np.asarray(true_times))
         return average(self.distances(model, motion, part.order, index), part)
 
     def distances(
@@ -64,14 +65,15 @@ class FoldResiduals:
 
         They are numbers of points; `index` (m,) is that of the shape at the time of each image.
         """
-        images, found = self.run.images, np.empty(len(points))
+        images = self.run.images
+        distances = np.empty(len(points))
         if len(points):
             places = np.ascontiguousarray(true_points(model, images.points[points]))
             signed_distances(
                 places, images.image[points], images.s[points], index, motion.shapes,
-                motion.arc * self.length, found,
+                motion.arc * self.length, distances,
             )  # fmt: skip
-        return found
+        return distances
 
     def _contact_averages(self, model: StripModel, motion: SimulatedMotion) -> tuple[Array, Array]:
         """Mean [m] and mean square [m^2] (k,) of contact residuals, NaN for two contacts.
@@ -80,18 +82,19 @@ class FoldResiduals:
         an image shows depends on the hump's height. So a contact far from the simulated one is
         compared with the nearest place where the simulated strip leaves the desk.
         """
-        order, limit = self.layout.contact.order, CONTACT_LIMIT * self.bending_length
-        measured, observation = self.run.contact_x[order], model.observation
-        time = np.asarray(imaged_time(observation, self.run.contact_t[order]))
+        limit = CONTACT_LIMIT * self.bending_length
+        measured = self.run.contact_x[self.layout.contact.order]
+        observation = model.observation
+        time = np.asarray(imaged_time(observation, self.run.contact_t[self.layout.contact.order]))
         simulated = np.interp(time, motion.t, motion.contact_x)
         residuals = np.asarray(measured - measured_contact(observation, simulated))
-        other = np.abs(residuals) >= limit
-        ends = simulated[other]
+        far = np.abs(residuals) >= limit
+        ends = simulated[far]
         nearest_ends(
-            ends + residuals[other], motion.index_at(time[other]), motion.shapes,
+            ends + residuals[far], motion.index_at(time[far]), motion.shapes,
             self.run.contact_height, ends,
         )  # fmt: skip
-        residuals[other] = measured[other] - measured_contact(observation, ends)
+        residuals[far] = measured[far] - measured_contact(observation, ends)
         mean, square = average(residuals, self.layout.contact)
         near = np.abs(mean) < limit
         return np.where(near, mean, np.nan), np.where(near, square, np.nan)

@@ -33,12 +33,14 @@ EVENT = ("touch_time", "touch_x", "displacement")
 def phases(run: MeasuredRun, t: Array) -> Words:
     """Phase of the fold (n,), such as `lift` or `carry`, at each of the times `t` (n,) [s]."""
     speed, back = _averaged_motion(run, t)
-    usual = float(np.median(_moving_speeds(run)))
+    speeds, _ = _averaged_motion(run, np.arange(run.t[0], run.end, SPEED_INTERVAL))
+    moving = speeds > STANDING_SPEED
+    usual_speed = float(np.median(speeds[moving])) if moving.any() else GUESSED_SPEED
     risen = run.poses[:, 1] >= TAKEOVER_HEIGHT
     lifted = run.t[np.argmax(risen)] if risen.any() and not run.hanging else run.end
     words = np.full(len(t), "carry", dtype="U8")
-    words[back > RETURN_SPEED * usual] = "return"
-    words[speed < HOLD_SPEED * usual] = "hold"
+    words[back > RETURN_SPEED * usual_speed] = "return"
+    words[speed < HOLD_SPEED * usual_speed] = "hold"
     if run.touch is not None:
         words[t > run.end - FALL] = "fall"
     words[t < lifted] = "lift"
@@ -59,13 +61,6 @@ def _averaged_motion(run: MeasuredRun, t: Array) -> tuple[Array, Array]:
     )
     rate = (after - before) / np.maximum(ends[1] - ends[0], 1e-9)[:, None]
     return np.hypot(*rate.T), rate[:, 0]
-
-
-def _moving_speeds(run: MeasuredRun) -> Array:
-    """Speeds (k,) [m/s] of the averaged motion at the even times at which the gripper moves."""
-    speeds, _ = _averaged_motion(run, np.arange(run.t[0], run.end, SPEED_INTERVAL))
-    moving: NDArray[np.bool_] = speeds > STANDING_SPEED
-    return speeds[moving] if moving.any() else np.array([GUESSED_SPEED])
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +113,8 @@ def layout(run: MeasuredRun, length: float, floors: Floors) -> Layout:
     profile = _part(
         run, images.stamps[images.image], zones(images.s, length), sigma.profile, FEWEST_POINTS
     )
-    buckled = _is_buckled(run, length)
+    # a soft strip that is pushed along the desk buckles at its fixed edge or not, by chance
+    buckled = (run.contact_x < length / 3) & (phases(run, run.contact_t) == "lift")
     contact = _part(run, run.contact_t, zones(run.contact_x, length), sigma.contact_x, 1, buckled)
     force = _force_part(run, length, 0), _force_part(run, length, 1)
     columns = [
@@ -139,14 +135,6 @@ def _force_part(run: MeasuredRun, length: float, axis: int) -> Part:
     return _part(run, reported, grasped, run.sigma.force or 0.0, 1, unknown, BRIEF)
 
 
-def _is_buckled(run: MeasuredRun, length: float) -> NDArray[np.bool_]:
-    """Mask of contacts (k,) beside the fixed edge while the other end is still being lifted.
-
-    A soft strip that is pushed along the desk buckles there or not, by chance.
-    """
-    return np.asarray((run.contact_x < length / 3) & (phases(run, run.contact_t) == "lift"))
-
-
 def _part(
     run: MeasuredRun, t: Array, zone: Words, sigma: float, fewest: int,
     left_out: NDArray[np.bool_] | None = None, span: float = SAMPLE_TIME,
@@ -162,7 +150,10 @@ def _part(
     slot = np.floor(t / span).astype(np.int64)
     key = (zone_number * SLOTS + slot) * PHASES + phase_number
     masked = np.zeros(len(t), dtype=bool) if left_out is None else left_out
-    used = np.flatnonzero(_is_compared(run, t) & ~masked)
+    # compared are times after the lift's start, before snap and touch
+    lifted = run.hanging | (np.interp(t, run.t, run.travel) >= GRIP_TRAVEL)
+    end = run.end - (SNAP if run.touch is not None else 0.0)
+    used = np.flatnonzero(lifted & (t >= run.t[0]) & (t < end) & ~masked)
     order = used[np.argsort(key[used], kind="stable")]
     _, first, count = np.unique(key[order], return_index=True, return_counts=True)
     rows = [order[a : a + n] for a, n in zip(first, count, strict=True) if n >= fewest]
@@ -172,13 +163,6 @@ def _part(
         np.cumsum([0, *map(len, rows)]),
         phase[first_rows], zone[first_rows], np.array([t[row].mean() for row in rows]), sigma,
     )  # fmt: skip
-
-
-def _is_compared(run: MeasuredRun, t: Array) -> NDArray[np.bool_]:
-    """Mask of times (n,) that are compared: after the lift's start, before snap and touch."""
-    lifted = run.hanging | (np.interp(t, run.t, run.travel) >= GRIP_TRAVEL)
-    end = run.end - (SNAP if run.touch is not None else 0.0)
-    return np.asarray(lifted & (t >= run.t[0]) & (t < end))
 
 
 Columns = dict[str, Any]
@@ -205,10 +189,9 @@ def _touch_columns(run: MeasuredRun, floors: Floors) -> list[Columns]:
     """
     if run.touch is None:
         return []
-    displacement = run.sigma.displacement
     sizes = ((run.sigma.touch_time or TOUCH_TIME, floors.touch_time),
-             (displacement / 2, floors.displacement / 2),
-             (displacement, floors.displacement))  # fmt: skip
+             (run.sigma.displacement / 2, floors.displacement / 2),
+             (run.sigma.displacement, floors.displacement))  # fmt: skip
     return [
         {"channel": "layer_touch", "quantity": quantity, "phase": "touch", "zone": "middle",
          "t": np.array([run.touch.time]), "noise": sigma, "reading": sigma, "floor": floor}

@@ -26,17 +26,15 @@ class RunEffect(ScatterSource):
     def apply(self, model: StripModel, value: float) -> StripModel:
         """Copy of `model` with `value` added to the quantity, as a share where its unit is 1."""
         part, _, field = self.place.partition(".")
-        before = getattr(model, part)
-        known = getattr(before, field)
-        new = frozen(known * (1.0 + value)) if self.unit == "1" else known + value
-        return replace(model, **{part: replace(before, **{field: new})})
+        owner = getattr(model, part)
+        stated = getattr(owner, field)
+        changed = frozen(stated * (1.0 + value)) if self.unit == "1" else stated + value
+        return replace(model, **{part: replace(owner, **{field: changed})})
 
 
-GRIPPER_REMEDY, AIR_REMEDY, RIG_REMEDY = (
-    "a stop against which the strip's edge is laid, or a gripper with firmer fingers",
-    "longer rests between runs, and a steady temperature and humidity",
-    "a stiffer desk and mount, and one clock for arm and camera",
-)
+GRIPPER_REMEDY = "a stop against which the strip's edge is laid, or a gripper with firmer fingers"
+AIR_REMEDY = "longer rests between runs, and a steady temperature and humidity"
+RIG_REMEDY = "a stiffer desk and mount, and one clock for arm and camera"
 RUN_EFFECTS = (
     RunEffect("grip_x", "where along the desk the edge is grasped", GRIPPER_REMEDY,
               "m", 3e-4, 3e-4, place="rig.grip_x", common=True),
@@ -116,21 +114,19 @@ def common_errors(samples: Samples, halves: Words) -> dict[str, Array]:
     `halves` (n,) is `before` or `past`, as the gripper is before or past the middle: past it, a
     lifted strip shows its near edge on the other side.
     """
-    sizes, profile = CameraBias.shipped(), samples.quantity == "profile"
-    found = {"near edge": frozen(sizes.edge * profile * np.where(halves == "past", 1.0, -1.0))}
+    sizes = CameraBias.shipped()
+    profile = samples.quantity == "profile"
+    errors = {"near edge": frozen(sizes.edge * profile * np.where(halves == "past", 1.0, -1.0))}
+    one_group = np.full(len(halves), "")
+    groups_of = {
+        "profile": np.array([f"{z} {h}" for z, h in zip(samples.zone, halves, strict=True)]),
+        "contact_x": halves,
+    }
     for quantity in ("profile", "contact_x", "touch_time", "touch_x", "displacement"):
         measured = samples.quantity == quantity
-        groups = _error_groups(quantity, samples, halves)
+        groups = groups_of.get(quantity, one_group)
         for group in dict.fromkeys(map(str, groups[measured])):
             members = measured & (groups == group)
-            found[f"{quantity} {group}".strip()] = frozen(
-                getattr(sizes, quantity) * members.astype(np.float64)
-            )
-    return found
-
-
-def _error_groups(quantity: str, samples: Samples, halves: Words) -> Words:
-    """Label (n,) of each sample's error group: by zone and half, by half, or one group for all."""
-    if quantity == "profile":
-        return np.array([f"{z} {h}" for z, h in zip(samples.zone, halves, strict=True)])
-    return halves if quantity == "contact_x" else np.full(len(halves), "")
+            size = getattr(sizes, quantity)
+            errors[f"{quantity} {group}".strip()] = frozen(size * members.astype(np.float64))
+    return errors

@@ -91,10 +91,9 @@ class PreparedFold:
 
     def correct(self, residuals: Residuals, run: Run, local: Array) -> Residuals:
         """Residuals corrected to those of a fine rod, at values `local` (k,) of the run."""
-        about = self.linearisation
-        mean = residuals.mean - about.grid_error
+        mean = residuals.mean - self.linearisation.grid_error
         for p, value in zip(run.local, local, strict=True):
-            mean = mean + value * about.slopes[p.name]
+            mean = mean + value * self.linearisation.slopes[p.name]
         return Residuals(mean, residuals.square + mean**2 - residuals.mean**2)
 
 
@@ -112,13 +111,13 @@ def prepare_runs(
     nominal = [f.job(model) for f, model in zip(folds, stated, strict=True)]
     linearised = linearise_folds(folds, nominal, simulate, scatter)
     local = tuple(e.parameter for e in scatter)
-    made = [
+    prepared = [
         Run(run.name, run.condition, fold.residuals.layout.samples, local, fold, fold.index)
         for run, fold in zip(runs, folds, strict=True)
     ]
     return [
         relinearise(run, about)
-        for run, about in zip(made, linearised, strict=True)
+        for run, about in zip(prepared, linearised, strict=True)
         if len(run.samples)
     ]
 
@@ -193,12 +192,9 @@ def _grid_errors(
 
 def _is_doubted(fold: PreparedFold, error: Array) -> bool:
     """Whether a finer rod changes the residuals of `fold` by an `error` (n,) over its floors."""
-    return _rms(error / fold.residuals.layout.samples.floor) > DOUBTED
-
-
-def _rms(values: Array) -> float:
-    """Root mean square of `values` (n,), NaN counted as 0; 0 of a run without samples."""
-    return float(np.linalg.norm(np.nan_to_num(values)) / np.sqrt(max(len(values), 1)))
+    floors = np.nan_to_num(error / fold.residuals.layout.samples.floor)
+    rms = float(np.linalg.norm(floors) / np.sqrt(max(len(floors), 1)))
+    return rms > DOUBTED
 
 
 def _common_errors(
@@ -247,9 +243,13 @@ def _fold(run: MeasuredRun, strip: StripFile, floors: Floors) -> PreparedFold:
     residuals = FoldResiduals(run, samples_layout, strip.length, strip.bending_length)
     no_error = np.zeros(len(samples_layout.samples))
     exact = Linearisation(no_error, no_error, {}, strip.length)
-    measured, lifted = hashed_path(path), _lifted_path(path, run)
-    lifted_path = measured if lifted is path else hashed_path(lifted)
-    return PreparedFold(measured, lifted_path, residuals, run.index, exact)
+    return PreparedFold(
+        path=hashed_path(path),
+        lifted_path=hashed_path(_lifted_path(path, run)),
+        residuals=residuals,
+        index=run.index,
+        linearisation=exact,
+    )
 
 
 def _lifted_path(path: GripperPath, run: MeasuredRun) -> GripperPath:
@@ -260,20 +260,16 @@ def _lifted_path(path: GripperPath, run: MeasuredRun) -> GripperPath:
     travel = run.travel[: len(path.t)]
     share = travel / LEAVING_TRAVEL
     lying = share < 1.0
-    if path.hanging or lying.all() or not _pushes_strip(path, travel):
+    along, up = (
+        np.interp(LEAVING_TRAVEL, travel, column) - column[0] for column in path.poses.T[:2]
+    )
+    pushes_strip = -along > STEEP * up
+    if path.hanging or lying.all() or not pushes_strip:
         return path
     poses, start = path.poses.copy(), path.poses[0, 0]
     drawn_in = share**2 + (1.0 - share) * share**8  # with the measured direction in the end
     poses[lying, 0] = start + drawn_in[lying] * (poses[~lying, 0][0] - start)
     return GripperPath(path.t, poses)
-
-
-def _pushes_strip(path: GripperPath, travel: Array) -> bool:
-    """Whether the grip moves inwards before the strip has left the desk."""
-    along, up = (
-        np.interp(LEAVING_TRAVEL, travel, column) - column[0] for column in path.poses.T[:2]
-    )
-    return bool(-along > STEEP * up)
 
 
 def replicates(runs: Sequence[Run]) -> Mapping[bytes, PreparedFold]:

@@ -74,15 +74,18 @@ def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Ima
     places: list[Array] = []
     row, last_stamp = 0, -np.inf
     for stamp, curve in profile.curves():
-        gripper, row = grip[row], row + len(curve)
+        gripper = grip[row]
+        row += len(curve)
         if stamp < last_stamp + IMAGE_INTERVAL:
             continue
-        kept = curve[inlier_mask(curve, sigma)]
-        if len(kept) < FEWEST_POINTS:
+        inliers = curve[inlier_mask(curve, sigma)]
+        if len(inliers) < FEWEST_POINTS:
             continue
-        s = length - _to_grip(kept, gripper)
-        chosen = np.unique(np.linspace(0, len(kept) - 1, CURVE_POINTS).round().astype(np.int64))
-        points.append(kept[chosen])
+        to_gripper = np.hypot(*np.diff(np.concatenate([inliers, gripper[None]]), axis=0).T)
+        s = length - np.cumsum(to_gripper[::-1])[::-1]
+        last = len(inliers) - 1
+        chosen = np.unique(np.linspace(0, last, CURVE_POINTS).round().astype(np.int64))
+        points.append(inliers[chosen])
         places.append(s[chosen])
         stamps.append(stamp)
         last_stamp = stamp
@@ -111,9 +114,3 @@ def running_median(curve: Array) -> Array:
     first = inner[0] - ahead[::-1] * (inner[reach] - inner[0]) / reach
     last = inner[-1] + ahead * (inner[-1] - inner[-1 - reach]) / reach
     return np.concatenate([first, inner, last])
-
-
-def _to_grip(curve: Array, gripper: Array) -> Array:
-    """Arc lengths (n,) [m] from each point of a curve (n, 2) to the gripper's position (2,)."""
-    steps = np.hypot(*np.diff(np.concatenate([curve, gripper[None]]), axis=0).T)
-    return np.asarray(np.cumsum(steps[::-1])[::-1])

@@ -22,8 +22,10 @@ def measured_scene(run: MeasuredRun) -> Scene:
     """Drawing of a measured fold, up to the touch of its layers or to its last row."""
     images, t = run.images, run.t[run.t <= run.end][::DRAWN_STRIDE]
     grip = np.stack([np.interp(t, run.t, run.poses[:, c]) for c in range(2)], axis=1)
-    visible, before = _images_before_end(run), run.contact_t <= run.end
-    contact_t, contact = run.contact_t[before], run.contact_x[before]
+    visible = _images_before_end(run)
+    before_end = run.contact_t <= run.end
+    contact_t = run.contact_t[before_end]
+    contact = run.contact_x[before_end]
     points = tuple(images.points[images.image == k] for k in visible)
     return Scene(
         signals=(TimeSeries(CONTACT_SIGNAL, contact_t, 1e3 * contact),),
@@ -43,7 +45,11 @@ def simulated_scene(fold: PreparedFold, model: StripModel, motion: SimulatedMoti
     true = np.interp(imaged_time(model.observation, contact_t), motion.t, motion.contact_x)
     contact = np.asarray(measured_contact(model.observation, true))
     images = _images_before_end(run)
-    shapes = _interpolate_shapes(_shape_indices(run, model, motion)[images], motion)
+    places = _shape_indices(run, model, motion)[images]
+    first = places.astype(np.int64)
+    after = np.minimum(first + 1, len(motion.shapes) - 1)
+    share = (places - first)[:, None, None]
+    shapes = np.asarray((1 - share) * motion.shapes[first] + share * motion.shapes[after])
     compared, distance = _distances(fold, model, motion)
     return Scene(
         signals=(TimeSeries(CONTACT_SIGNAL, contact_t, 1e3 * contact),
@@ -65,23 +71,15 @@ def _shape_indices(run: MeasuredRun, model: StripModel, motion: SimulatedMotion)
     return np.clip(motion.index_at(true), 0.0, len(motion.shapes) - 1.0)
 
 
-def _interpolate_shapes(places: Array, motion: SimulatedMotion) -> Array:
-    """Shapes (m, nodes, 2) interpolated linearly at fractional indices `places` (m,)."""
-    first = places.astype(np.int64)
-    after = np.minimum(first + 1, len(motion.shapes) - 1)
-    share = (places - first)[:, None, None]
-    return np.asarray((1 - share) * motion.shapes[first] + share * motion.shapes[after])
-
-
 def _distances(
     fold: PreparedFold, model: StripModel, motion: SimulatedMotion
 ) -> tuple[Index, Array]:
     """Indices of compared images, and rms distances (k,) [m] of their points from the model."""
-    run, order = fold.residuals.run, np.sort(fold.residuals.layout.profile.order)
-    index = _shape_indices(run, model, motion)
-    found = fold.residuals.distances(model, motion, order, index)
-    compared, image = np.unique(run.images.image[order], return_inverse=True)
-    return compared, np.sqrt(np.bincount(image, found**2) / np.bincount(image))
+    order = np.sort(fold.residuals.layout.profile.order)
+    index = _shape_indices(fold.residuals.run, model, motion)
+    distances = fold.residuals.distances(model, motion, order, index)
+    compared, image = np.unique(fold.residuals.run.images.image[order], return_inverse=True)
+    return compared, np.sqrt(np.bincount(image, distances**2) / np.bincount(image))
 
 
 def _desk_track(t: Array, x: Array) -> Track:

@@ -93,7 +93,7 @@ def _base(strip: StripFile, *, has_force: bool) -> list[Parameter]:
     """
     c, tau = strip.bending_length, max(strip.retardation_time, SHORTEST_RETARDATION)
     m, near = strip.areal_density, ((1 - SPECIMEN_SPREAD) * c, (1 + SPECIMEN_SPREAD) * c)
-    found = [
+    parameters = [
         Parameter("bending_length", "m", c, max(0.002, c / 3), min(0.2, 3 * c), step=0.003 * c,
                   spread=0.5 * c, tolerated=strip.spread.get("bending_length", near)),
         Parameter("retardation_time", "s", tau, 0.1 * tau, min(10.0, 30 * tau), step=0.02 * tau,
@@ -101,19 +101,19 @@ def _base(strip: StripFile, *, has_force: bool) -> list[Parameter]:
         Parameter("areal_density", "kg/m^2", m, m / 3, 3 * m, step=0.02 * m, spread=WEIGHED * m,
                   tolerated=strip.spread.get("areal_density")),
     ]  # fmt: skip
-    return found if has_force else found[:-1]
+    return parameters if has_force else parameters[:-1]
 
 
 def _accepted_parameters(strip: StripFile) -> list[Parameter]:
     """Base parameters for the effects in the strip file, which are refitted with the base."""
-    found = []
+    accepted = []
     for name, values in strip.effects.items():
         effect = registry()[name]
         for p in _parameters(effect, strip, [p for p in effect.parameters if p.name in values]):
             start = p.stated_value(values[p.name])  # its own inverse
             spread = 0.5 * abs(start) + p.step
-            found.append(replace(p, name=f"{name}.{p.name}", start=start, spread=spread))
-    return found
+            accepted.append(replace(p, name=f"{name}.{p.name}", start=start, spread=spread))
+    return accepted
 
 
 def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
@@ -159,10 +159,14 @@ def _shape_parameter(p: Number, strip: StripFile) -> Parameter:
     low, high = p.low, p.high
     if p.role == "place":
         low, high = max(low, 0.0), min(high, strip.length)
-        start, step, spread = 0.5 * (low + high), PLACE_STEP, high - low
+        start = 0.5 * (low + high)
+        step = PLACE_STEP
+        spread = high - low
     elif p.role == "shape":
         guess = p.guess or 0.0
-        start, step, spread = p.default or 0.0, SECANT * guess, FARTHEST * guess
+        start = p.default or 0.0
+        step = SECANT * guess
+        spread = FARTHEST * guess
     else:
         start = p.default if p.default is not None else float(np.sqrt(low * high))
         share = SHAPE_SPREAD if p.default is not None else UNKNOWN_SPREAD
@@ -174,24 +178,25 @@ def _probes(
     effect: Effect, strip: StripFile, lifted: float
 ) -> tuple[tuple[tuple[float, ...], ...], ...]:
     """Groups of parameter vectors to screen: a group per size and shape, a vector per amount."""
-    switch, numbers = effect.parameters[0], _coarse(effect)
+    switch = effect.parameters[0]
+    numbers = _coarse(effect)
     start = [p.start for p in _parameters(effect, strip, numbers)]
     amounts = [i for i, p in enumerate(numbers) if _is_amount(effect, p)]
-    spots = _places(strip, lifted)
-    tried = [_screened_values(p, v, spots) for p, v in zip(numbers, start, strict=True)]
-    others = [t if i not in amounts else (start[i],) for i, t in enumerate(tried)]
+    places = _places(strip, lifted)
+    tried = [_screened_values(p, v, places) for p, v in zip(numbers, start, strict=True)]
+    shapes = [t if i not in amounts else (start[i],) for i, t in enumerate(tried)]
     groups = []
-    for size, vector in product(effect.sizes(strip), product(*others)):
+    for size, vector in product(effect.sizes(strip), product(*shapes)):
         amount = _to_engine(switch, size)
         group = [[*vector[:i], amount, *vector[i + 1 :]] for i in amounts]
         groups.append(tuple(tuple(map(float, probe)) for probe in group))
     return tuple(groups)
 
 
-def _screened_values(p: Number, start: float, spots: tuple[float, ...]) -> tuple[float, ...]:
+def _screened_values(p: Number, start: float, places: tuple[float, ...]) -> tuple[float, ...]:
     """Values of a parameter other than an amount at which an effect is screened."""
     if p.role == "place":
-        return spots
+        return places
     return TRIED_TIMES if p.role == "time" else (start,)
 
 
@@ -210,10 +215,10 @@ def to_file_values(effect: Effect, values: Sequence[float]) -> dict[str, float] 
 
     `values` may lack those of the shape, which come last.
     """
-    found = dict(zip((p.name for p in effect.parameters), map(float, values), strict=False))
+    stated = dict(zip((p.name for p in effect.parameters), map(float, values), strict=False))
     switch = effect.parameters[0]
     if switch.null is None:
-        if found[switch.name] <= 1.0 / switch.high:
+        if stated[switch.name] <= 1.0 / switch.high:
             return None
-        found[switch.name] = 1.0 / found[switch.name]
-    return found
+        stated[switch.name] = 1.0 / stated[switch.name]
+    return stated

@@ -25,7 +25,7 @@ from cell.gap.subject.strip.runs import MeasuredRun, read_runs
 from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
 from cell.gap.subject.strip.scope import scope, to_file_values
 from cell.gap.subject.strip.simulation import Hashed, Job, Simulation, hashed_model
-from cell.gap.subject.strip.synthetic import instruction, minutes, next_index, planned_runs
+from cell.gap.subject.strip.synthetic import SET_UP, instruction, planned_runs
 from cell.gap.subject.subject import (
     Experiment,
     NamedValues,
@@ -119,20 +119,22 @@ class StripSubject(Subject):
 
         `scatter` are the quantities that may differ from run to run.
         """
-        self.file, self.name, self._threads = strip, strip.name, jobs
+        self.file = strip
+        self.name = strip.name
+        self._threads = jobs
         self.notes = tuple(note for run in runs for note in run.notes)
         self._measured = tuple(run for run in runs if run.usable)
         self._floors = floors or Floors()
         has_force = any(run.has_force for run in self._measured)
-        lifted = _lift_off_position(self._measured)
+        contacts = [run.contact_x for run in self._measured if len(run.contact_x)]
+        # m, beyond which the strip lifts off the desk; 0 where no image shows it
+        lifted = min((float(np.quantile(x, QUANTILE)) for x in contacts), default=0.0)
         self.scope = scope(strip, lifted, has_force=has_force).withhold(without, registry())
         self._scatter = (*scatter, *(FORCE_EFFECTS if has_force else ()))
         self._ages = not AGEING.isdisjoint({*strip.effects, *strip.law})
-
         self._simulation = Simulation(jobs)
         self._residual_cache: dict[ResidualKey, Residuals] = {}
         self._model_cache = lru_cache(DESCRIBED)(partial(_describe, strip, self.scope.base))
-
         self.runs = prepare_runs(
             self._measured, strip, self._floors, self._simulation, self._scatter
         )
@@ -149,12 +151,11 @@ class StripSubject(Subject):
             ResidualKey(fold.residuals, job.key, job.model.observation)
             for fold, job in zip(folds, jobs, strict=True)
         ]
-        known = self._residual_cache
-        known |= self._compare(
-            {k: job for k, job in zip(keys, jobs, strict=True) if k not in known}
-        )
+        cache = self._residual_cache
+        missing = {key: job for key, job in zip(keys, jobs, strict=True) if key not in cache}
+        cache.update(self._compare(missing))
         return [
-            fold.correct(known[key], request.run, request.local)
+            fold.correct(cache[key], request.run, request.local)
             for request, fold, key in zip(requests, folds, keys, strict=True)
         ]
 
@@ -166,15 +167,15 @@ class StripSubject(Subject):
         """
         first = {key.motion: i for i, key in reversed(list(enumerate(jobs)))}
         keys = iter(sorted(jobs, key=lambda k: (jobs[k].path.duration, first[k.motion])))
-        found: dict[ResidualKey, Residuals] = {}
+        compared: dict[ResidualKey, Residuals] = {}
         with ThreadPoolExecutor(self._threads) as pool:
             while portion := list(islice(keys, PORTION)):
                 motions = self._simulation([jobs[key] for key in portion])
                 residuals = pool.map(
                     lambda key, motion: key.residuals(jobs[key].model, motion), portion, motions
                 )
-                found.update(zip(portion, residuals, strict=True))
-        return found
+                compared.update(zip(portion, residuals, strict=True))
+        return compared
 
     def draw_measured(self, run: Run) -> Scene:
         """Drawing of the measured fold of `run`."""
@@ -199,11 +200,16 @@ class StripSubject(Subject):
 
     def experiments(self) -> Sequence[Experiment]:
         """Runs of the standard motions that could be made next, simulated for the stated strip."""
-        runs = planned_runs(self.file, self._measured[0].sigma, next_index(self._measured))
+        next_index = 1 + max(run.index for run in self._measured)
+        runs = planned_runs(self.file, self._measured[0].sigma, next_index)
         ready = prepare_runs(runs, self.file, self._floors, self._simulation)
-        asked = {run.name: run for run in runs}
-        return [Experiment(run.name, instruction(asked[run.name]), minutes(asked[run.name]), run)
-                for run in ready]  # fmt: skip
+        planned = {run.name: run for run in runs}
+        experiments = []
+        for run in ready:
+            measured = planned[run.name]
+            duration = SET_UP + measured.end / 60.0
+            experiments.append(Experiment(run.name, instruction(measured), duration, run))
+        return experiments
 
     def patch(
         self, base: Mapping[str, float], effects: NamedValues, source: str
@@ -255,12 +261,6 @@ def _describe(
     model = describe(fitted, present, index)
     amounts = {name: values[0] for name, values in effects}  # of law terms; others are ignored
     return hashed_model(with_law(model, amounts))
-
-
-def _lift_off_position(runs: Sequence[MeasuredRun]) -> float:
-    """Arc length [m] beyond which the strip lifts off the desk; 0 where no image shows it."""
-    seen = [run.contact_x for run in runs if len(run.contact_x)]
-    return min((float(np.quantile(x, QUANTILE)) for x in seen), default=0.0)
 
 
 def open_strip(

@@ -58,16 +58,12 @@ def reported_path(motion: Motion) -> GripperPath:
     half = round(CORNER_TIME / STEP)
     window = np.hanning(2 * half + 3)[1:-1]  # without the zeros at its ends
     points = motion.at(np.clip(t - CORNER_TIME, 0.0, motion.duration))
-    places = np.stack([_smooth(points[:, c], window / window.sum()) for c in range(2)], axis=1)
+    held = np.pad(points, [(half, half), (0, 0)], mode="edge")  # at both ends
+    smooth = [np.convolve(column, window / window.sum(), mode="valid") for column in held.T]
+    places = np.stack(smooth, axis=1)
     travel = arc_lengths(places)
     poses = np.column_stack([places, lift_pitch(travel)])
     return GripperPath(frozen(t[::ROW_STRIDE]), frozen(poses[::ROW_STRIDE]))
-
-
-def _smooth(values: Array, window: Array) -> Array:
-    """`values` (m,) averaged with the weights `window` (odd,); the ends are held."""
-    half = len(window) // 2
-    return np.convolve(np.pad(values, half, mode="edge"), window, mode="valid")
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,23 +141,22 @@ def measured_along(
 
 def _measure(name: str, fold: Fold, sigma: Sigma, index: int) -> MeasuredRun:
     """Noise-free measurements of a simulated fold, up to its touch."""
-    path, touch = fold.path, fold.motion.touch
-    end = float(path.t[-1]) if touch is None else touch.time
+    path = fold.path
+    end = float(path.t[-1]) if fold.motion.touch is None else fold.motion.touch.time
     travel = arc_lengths(path.poses[:, :2])
-    observation = fold.model.observation
-    height = observation.contact_height
+    height = fold.model.observation.contact_height
     following = np.searchsorted(fold.shape_t, np.arange(fold.shape_t[0], end, IMAGE_PERIOD))
     chosen = np.unique(np.minimum(following, len(fold.shape_t) - 1))
     shapes, stamps = fold.motion.shapes[chosen], frozen(fold.shape_t[chosen])
     force_t = path.t[path.t <= end] if sigma.force is not None else np.empty(0)
     motion_force = mean_force(fold.motion.t, fold.motion.grip_force)
-    force = reported_force(observation, force_t, fold.motion.t, motion_force)
+    force = reported_force(fold.model.observation, force_t, fold.motion.t, motion_force)
     return MeasuredRun(
         name, name, t=path.t, poses=path.poses, travel=frozen(travel), hanging=False, index=index,
         contact_height=height, sigma=sigma, contact_t=stamps,
         contact_x=frozen([desk_contact(shape, height) for shape in shapes]),
         images=_images(stamps, shapes, fold.arc, height),
-        force_t=force_t, force=force, touch=touch, end=end,
+        force_t=force_t, force=force, touch=fold.motion.touch, end=end,
     )  # fmt: skip
 
 
@@ -174,13 +169,8 @@ def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Images:
         lifted = s >= s[np.argmax(curve[:, 1] > height)]
         points.append(curve[lifted])
         places.append(s[lifted])
-    image = np.repeat(np.arange(len(shapes)), [len(each) for each in points])
+    image = np.repeat(np.arange(len(shapes)), [len(part) for part in points])
     return Images(stamps, frozen(np.concatenate(points)), image, frozen(np.concatenate(places)))
-
-
-def minutes(run: MeasuredRun) -> float:
-    """Duration [min] of a run in a laboratory, with laying the strip flat before it."""
-    return SET_UP + run.end / 60.0
 
 
 def instruction(run: MeasuredRun) -> str:
@@ -189,32 +179,27 @@ def instruction(run: MeasuredRun) -> str:
     return f"fold once more with --policy {run.condition}; it shows {standard.reveals}"
 
 
-def next_index(runs: Sequence[MeasuredRun]) -> int:
-    """Index of the run that follows the measured `runs`."""
-    return 1 + max(run.index for run in runs)
-
-
 def write_fold(
-    folder: Path, strip: str, fold: Fold, by: Instruments, rng: np.random.Generator
+    folder: Path, strip: str, fold: Fold, errors: Instruments, rng: np.random.Generator
 ) -> None:
     """Write `fold` as a measured run of `strip`, with the errors of instruments, into `folder`."""
     folder.mkdir(parents=True)
-    touch = _touch(fold, by, rng)
+    touch = _touch(fold, errors, rng)
     end = fold.path.t[-1] if touch is None else min(touch.time + TIME_AFTER_TOUCH, fold.path.t[-1])
-    stamps = _stamps(end, by, rng)
-    points = [_curve(fold, stamp, by, rng) for stamp in stamps]
-    write_document(folder / RUN, _header(strip, fold, by))
-    write_parquet(folder / TICKS, _ticks(fold, end, stamps, by, rng))
+    stamps = _stamps(end, errors, rng)
+    points = [_curve(fold, stamp, errors, rng) for stamp in stamps]
+    write_document(folder / RUN, _header(strip, fold, errors))
+    write_parquet(folder / TICKS, _ticks(fold, end, stamps, errors, rng))
     write_parquet(folder / PROFILE, _profile(stamps, points))
     write_document(folder / RESULT, _result(touch))
 
 
-def _header(strip: str, fold: Fold, by: Instruments) -> dict[str, Any]:
+def _header(strip: str, fold: Fold, errors: Instruments) -> dict[str, Any]:
     """Content of run.yaml for a simulated fold."""
-    header: dict[str, Any] = {"schema": SCHEMA, "strip": strip, "sigma": by.sigma()}
+    header: dict[str, Any] = {"schema": SCHEMA, "strip": strip, "sigma": errors.sigma()}
     header |= {"start": "hanging" if fold.path.hanging else "flat", "index": fold.index}
     header |= {"condition": fold.condition} if fold.condition else {}
-    return header | {"camera_hz": by.rate}
+    return header | {"camera_hz": errors.rate}
 
 
 def _result(touch: Touch | None) -> dict[str, Any]:
@@ -226,13 +211,13 @@ def _result(touch: Touch | None) -> dict[str, Any]:
     return {"schema": SCHEMA, "outcome": "layer_touch"} | event | lengths
 
 
-def _stamps(end: float, by: Instruments, rng: np.random.Generator) -> Array:
+def _stamps(end: float, errors: Instruments, rng: np.random.Generator) -> Array:
     """Times (k,) [s] of the images up to `end` [s], without those that are lost."""
-    stamps = np.arange(rng.uniform(0.0, 1.0 / by.rate), end, 1.0 / by.rate)
-    return stamps[rng.uniform(size=len(stamps)) >= by.lost]
+    stamps = np.arange(rng.uniform(0.0, 1.0 / errors.rate), end, 1.0 / errors.rate)
+    return stamps[rng.uniform(size=len(stamps)) >= errors.lost]
 
 
-def _touch(fold: Fold, by: Instruments, rng: np.random.Generator) -> Touch | None:
+def _touch(fold: Fold, errors: Instruments, rng: np.random.Generator) -> Touch | None:
     """Touch of a simulated fold as measured, with noise; None without one."""
     touch = fold.motion.touch
     if touch is None:
@@ -240,54 +225,56 @@ def _touch(fold: Fold, by: Instruments, rng: np.random.Generator) -> Touch | Non
     stamp = image_stamp(fold.model.observation, touch.time)
     grip = [np.interp(touch.time, fold.motion.t, c) for c in fold.motion.poses.T]
     reported = [np.interp(stamp, fold.path.t, c) for c in fold.path.poses.T]
-    seen = measured_touch(fold.model, touch, np.array(grip), np.array(reported))
+    measured = measured_touch(fold.model, touch, np.array(grip), np.array(reported))
     # equal errors of l1 and l2 whose difference, the displacement, has its stated noise
-    l1, l2 = rng.normal([seen.to_grasped, seen.to_fixed], by.displacement / np.sqrt(2))
-    time = seen.time + rng.normal(0.0, by.touch_time)
+    l1, l2 = rng.normal([measured.to_grasped, measured.to_fixed], errors.displacement / np.sqrt(2))
+    time = measured.time + rng.normal(0.0, errors.touch_time)
     return Touch(time=time, x=float(l2), to_grasped=float(l1), to_fixed=float(l2))
 
 
 def _shape(fold: Fold, stamp: float) -> Array:
     """True midline (nodes, 2) [m] that an image with `stamp` [s] shows."""
-    time, times = float(imaged_time(fold.model.observation, stamp)), fold.shape_t
+    time = float(imaged_time(fold.model.observation, stamp))
+    times = fold.shape_t
     after = int(np.clip(np.searchsorted(times, time), 1, len(times) - 1))
     before = after - 1
     share = float(np.clip((time - times[before]) / (times[after] - times[before]), 0.0, 1.0))
-    shapes = fold.motion.shapes
-    return np.asarray((1 - share) * shapes[before] + share * shapes[after])
+    return np.asarray((1 - share) * fold.motion.shapes[before] + share * fold.motion.shapes[after])
 
 
-def _curve(fold: Fold, stamp: float, by: Instruments, rng: np.random.Generator) -> Array:
+def _curve(fold: Fold, stamp: float, errors: Instruments, rng: np.random.Generator) -> Array:
     """Measured points (n, 2) [m] of the visible midline, from the desk contact to the fingers."""
     shape = _shape(fold, stamp)
     lifted = np.flatnonzero(shape[:, 1] > fold.model.observation.contact_height)
     begin = fold.arc[lifted[0]] if len(lifted) else fold.arc[-1]
-    s = np.arange(begin, fold.arc[-1] - HIDDEN_LENGTH, by.spacing)
+    s = np.arange(begin, fold.arc[-1] - HIDDEN_LENGTH, errors.spacing)
     curve = CubicSpline(fold.arc, shape)
     tangent = curve(s, 1)
     tangent /= np.maximum(np.hypot(*tangent.T), 1e-9)[:, None]
-    noise = rng.normal(0.0, by.profile, len(s))
+    noise = rng.normal(0.0, errors.profile, len(s))
     points = measured_points(fold.model, curve(s))
     points = points + noise[:, None] * np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
-    wild = rng.uniform(size=len(s)) < by.wild
-    return np.asarray(points + wild[:, None] * rng.uniform(-by.outlier, by.outlier, (len(s), 2)))
+    wild = rng.uniform(size=len(s)) < errors.wild
+    return np.asarray(
+        points + wild[:, None] * rng.uniform(-errors.outlier, errors.outlier, (len(s), 2))
+    )
 
 
 def _ticks(
-    fold: Fold, end: float, stamps: Array, by: Instruments, rng: np.random.Generator
+    fold: Fold, end: float, stamps: Array, errors: Instruments, rng: np.random.Generator
 ) -> pa.Table:
     """Table of ticks up to `end` [s], with contacts at the `stamps` (k,) [s] of the images."""
     t = fold.path.t[fold.path.t <= end]
     poses = fold.path.poses[: len(t)]
     height = fold.model.observation.contact_height
     true = np.array([desk_contact(_shape(fold, stamp), height) for stamp in stamps])
-    seen = np.asarray(measured_contact(fold.model.observation, true))
-    measured = seen + rng.normal(0.0, by.contact_x, len(stamps))
+    contacts = np.asarray(measured_contact(fold.model.observation, true))
+    measured = contacts + rng.normal(0.0, errors.contact_x, len(stamps))
     contact_x, contact_t = place_contacts(t, stamps, measured)
-    noisy = poses[:, :2] + rng.normal(0.0, by.gripper, (len(t), 2))
+    noisy = poses[:, :2] + rng.normal(0.0, errors.gripper, (len(t), 2))
     columns = {"t": t, "x": noisy[:, 0], "z": noisy[:, 1], "pitch": poses[:, 2]}
     columns |= {"x_cmd": poses[:, 0], "z_cmd": poses[:, 1]}
-    columns |= {} if by.force is None else _forces(fold, t, by.force, rng)
+    columns |= {} if errors.force is None else _forces(fold, t, errors.force, rng)
     return pa.table(columns | {"contact_x": contact_x, "contact_t": contact_t})
 
 
