@@ -94,7 +94,7 @@ def _combine_compliances(grip: Array, compliance: float) -> None:
 
 
 def _lump_terms(rows: Array, model: StripModel, reach: Array) -> None:
-    """Write the coefficients that the kernels of `terms` read, for nodes `reach` (n,) [m] long."""
+    """Write drag, sliding, relaxation and gradual friction of nodes `reach` (n,) [m] long."""
     law = model.mechanics.law
     boundary = model.boundary
     inner = rows[1:-1]

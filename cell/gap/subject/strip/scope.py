@@ -194,7 +194,7 @@ def _probes(
 
 
 def _screened_values(p: Number, start: float, places: tuple[float, ...]) -> tuple[float, ...]:
-    """Values of a parameter other than an amount at which an effect is screened."""
+    """Values at which a place, a time or another number of an effect is tried in screening."""
     if p.role == "place":
         return places
     return TRIED_TIMES if p.role == "time" else (start,)
