@@ -127,7 +127,7 @@ def import_runs(
         None if mapping is None else Path(mapping),
         Path(out),
         check,
-        length=lambda name: found.strip(name).length,
+        length=lambda name: config.strip(name).length,
     )
 
 
