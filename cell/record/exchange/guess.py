@@ -5,7 +5,7 @@ What cannot be told stays open, a null, which the import refuses by its name.
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,22 +21,27 @@ from cell.record.exchange.mapping import (
     seconds_of,
     units_of,
 )
-from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 from drivers.types import Array
 
 WORD = re.compile(r"[A-Z]+(?![^\W\d_A-Z])\d*|[^\W\d_][^\W\d_A-Z]*\d*|°")
 WORDS = {  # of a column's name, by what it holds; the first say that it is none of these
     "": "v vel velocity speed acc torque std error raw cmd command target desired action rotation",
-    "pitch": "pitch angle tilt winkel neigung",
-    "f_": "f force kraft fx fz",
-    "x": "x along horizontal weg längs laengs",
-    "z": "z y height up vertical hoehe höhe",
-    "t": "t time stamp timestamp zeit clock elapsed sec seconds",
-    "i": "i point",
+    "pitch": "pitch angle tilt winkel neigung 角度",
+    "f_": "f force kraft fx fz 力 荷重",
+    "x": "x along horizontal weg längs laengs 水平",
+    "z": "z y height up vertical hoehe höhe 高さ 高度",
+    "t": "t time stamp timestamp zeit zeitstempel uhrzeit clock elapsed sec seconds 時刻 時間 时间",
+    "i": "i point punkt 番号",
 }
 SECOND = {"log", "y"}  # words of columns that are taken where there is no other
-UNITS = {unit.lower(): unit for unit in FACTORS} | {"sec": "s", "seconds": "s", "°": "deg"}
+UNITS = {unit.lower(): unit for unit in FACTORS} | {
+    "sec": "s",
+    "seconds": "s",
+    "°": "deg",
+    "grad": "deg",
+}
+UNITS |= {"度": "deg", "秒": "s"}
 TYPICAL = {"t": 5e-3, "pitch": np.pi / 2, "x": 0.8, "z": 0.3, "f_x": 0.1, "f_z": 0.1}
 """Step [s], turn [rad], paths [lengths of the strip] and forces [N] of a gripper."""
 STRIP = 0.5  # m, typically
@@ -87,8 +92,8 @@ Guesses = Mapping[str, Guess]  # of a table's columns, by the quantity that each
 def guess_mapping(places: Sequence[Path], strip: StripFile | None) -> str:
     """Text of a mapping for folds of `strip` as the first in `places`, with remarks.
 
-    Without a strip its name and the zero of x stay open. Raises ConfigurationError where no table
-    holds the gripper's path over time.
+    Without a strip its name and the zero of x stay open, and so do columns of the gripper that no
+    name tells.
     """
     source = next(each for place in places for each in sources_in(place))
     read = {f: source.table(Table[str](file=f, columns={})) for f in source.names}
@@ -96,26 +101,17 @@ def guess_mapping(places: Sequence[Path], strip: StripFile | None) -> str:
     paths = {file: table for file, table in tables.items() if {"t", "x", "z"} <= table.keys()}
     clocks = {file: table["t"].values for file, table in paths.items()}
     series = [file for file, t in clocks.items() if len(t) > 1 and (np.diff(t) > 0).all()]
-    if not series:
-        there = (name for table in read.values() for name in table.column_names)
-        raise ConfigurationError(
-            f"{source.path}: no table holds time, x and z of the gripper by names such as t, x, z "
-            f"in rows whose times increase, of {', '.join(dict.fromkeys(there))}; rename them, or "
-            "write a mapping with a line for each, as `x: {column: ITS NAME, unit: mm}`: see "
-            "runbooks/own-runs.md"
-        )
-    file = max(series, key=lambda name: len(clocks[name]))
-    gripper = _guess_gripper(paths[file], strip)
+    file = max(series or {*read} - {*paths} or read, key=lambda name: len(read[name]))
+    gripper = _guess_gripper(tables[file], strip)
     sections: dict[str, tuple[str, Guesses]] = {"ticks": (file, gripper)}
-    for file in [name for name in paths if name not in series][:1]:
+    for file in [name for name in paths if series and name not in series][:1]:
         sections["profile"] = file, _guess_points(paths[file], gripper)
-    return "\n".join(_lines(sections, strip, tables.keys()))
+    left = _not_taken(read, tables, dict(sections.values()))
+    return "\n".join((*_lines(sections, strip), *left, ""))
 
 
-def _lines(
-    sections: Mapping[str, tuple[str, Guesses]], strip: StripFile | None, files: Iterable[str]
-) -> Iterator[str]:
-    """Lines of the mapping file with these `sections`, and which of the `files` it leaves out."""
+def _lines(sections: Mapping[str, tuple[str, Guesses]], strip: StripFile | None) -> Iterator[str]:
+    """Lines of the mapping file with these `sections`."""
     ticks = sections["ticks"][1]
     turn = float(np.ptp(ticks["pitch"].si())) if "pitch" in ticks else np.inf
     yield from ("schema: 1", f"strip: {json.dumps(strip and strip.name)}")
@@ -126,8 +122,20 @@ def _lines(
     for section, (file, guesses) in sections.items():
         yield from (f"{section}:", f"  file: {json.dumps(file)}", "  columns:")
         yield from (guess.line(quantity) for quantity, guess in guesses.items())
-    rest = sorted({*files} - {file for file, _ in sections.values()})
-    yield from (f"# not taken: {', '.join(rest) or 'no table'}", "")
+        for quantity in [name for name in "txz" if name not in guesses]:
+            yield f"    {quantity}: {{column: null, unit: null}}  # open: no name says so"
+
+
+def _not_taken(
+    read: Mapping[str, pa.Table], tables: Mapping[str, Guesses], taken: Mapping[str, Guesses]
+) -> Iterator[str]:
+    """Lines of remarks on the columns that are left of each file, and why."""
+    for file, content in read.items():
+        used = {guess.column for guess in taken.get(file, {}).values()}
+        lacks = [name for name in "txz" if name not in tables[file]]
+        why = f"no name says {', '.join(lacks)}" if lacks else "no name says more, or better"
+        if names := [name for name in content.column_names if name not in used]:
+            yield f"# not taken of {json.dumps(file)}: {', '.join(names)}; {why}"
 
 
 def _columns(content: pa.Table) -> dict[str, Guess]:
@@ -177,7 +185,7 @@ def _with_unit(guess: Guess, quantity: str, typical: float) -> Guess:
     """
     known, values = units_of(quantity), guess.values
     if quantity == "t":
-        size = float(np.median(np.diff(values)))
+        size = float(np.median(np.diff(values))) if len(values) > 1 else 0.0
     else:
         size = float(np.nanmax(np.abs(values - (values[0] if quantity in "xz" else 0.0))))
     hints = [u for word in _words(guess.column) if (u := UNITS.get(word, "")) in known]

@@ -17,17 +17,17 @@ ALONG = np.linspace(0.0, 1.0, 12)
 ISO = [f"2026-01-31T12:00:{t:06.3f}Z" for t in T]
 STRANGE = {  # head, columns, and what stands between them and in their numbers
     "a robot's log": ("tMs,tcp_x_mm,tcp_y_mm,tcp_z_mm", [1e3 * T, 1e3 * X, T, 1e3 * Z], ","),
-    "a spreadsheet": ("Zeit;X [cm];Höhe [mm];Kraft Fz [N]", [T, 1e2 * X, 1e3 * Z, 0.2 * Z], ";"),
+    "a spreadsheet": ("Zeitstempel;X [cm];Höhe [mm];Fz [N]", [T, 1e2 * X, 1e3 * Z, 0.2 * Z], ";"),
     "the other way": ("t\tx\tz\tv", [1e9 * (T + 9), 1e3 * (1.2 - X), -1e2 * (Z + 0.5), T], "\t"),
     "with a date": ("% log\nstamp,x,z", [ISO, X - LENGTH, Z + 0.2], ","),
-    "a planar camera": ("time|along|up|pitch_deg", [T, 1e3 * X, 1e3 * Z, -57.29578 * PITCH], "|"),
+    "a planar camera": ("時刻|先端X|高さ|角度[度]", [T, 1e3 * X, 1e3 * Z, -57.29578 * PITCH], "|"),
     "commands beside": ("x_cmd;z_cmd;x;z;stamp", [X + 9, Z + 9, X, 1e3 * Z, 1e6 * T], ";"),
 }  # fmt: skip
 
 
 def tables(place: Path, head: str, columns: list[Array], mark: str) -> Path:
     """A folder with the gripper's table, and a profile in metres that ends at the gripper."""
-    place.mkdir()
+    place.mkdir(parents=True)
     rows = zip(*(c if c is ISO else [f"{v:.9f}" for v in c] for c in columns), strict=True)
     text = "\n".join(mark.join(row) for row in rows)
     text = text.replace(".", ",") if mark == ";" else text
@@ -68,11 +68,15 @@ def test_a_proposal_brings_the_numbers_back(tmp_path: Path, name: str) -> None:
 
 
 def test_what_cannot_be_told_is_open_and_refused_by_its_name(tmp_path: Path) -> None:
-    place = tables(tmp_path / "a", "t,x [m],z", [T, 1e3 * X, Z + 0.1], ",")
+    place = tables(tmp_path / "a", "t,x [m],z,gain", [T, 1e3 * X, Z + 0.1, T], ",")
     text, said = proposed(place)
     for key in ("strip", "sigma.gripper", "ticks.columns.x.unit", "profile.columns.x.unit"):
         assert f"proposal.yaml: {key}: is null" in said
     told = 'z: {column: "z", unit: "m", offset: 0.1}  # likely, by its range, zero by the start'
     assert told in text
+    assert '"tip.csv": gain; ' in text
+    text, said = proposed(tables(tmp_path / "b/c", "t,x,hoch", [T, X, Z], ","))
+    assert "    z: {column: null, unit: null}  # open" in text
+    assert "ticks.columns.z.column: is null" in said
     again = CliRunner().invoke(app, ["import", "--guess", str(place), "--out", str(place)])
     assert "is there already" in str(again.exception)

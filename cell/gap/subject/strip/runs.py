@@ -45,17 +45,6 @@ Contradiction = tuple[str, str, Array | float, float]
 """File, what of it is off, by how much (n,), and how much of that is believable [m, rad]."""
 
 
-def _check_plausible(folder: Path, run: Recorded) -> None:
-    """Raise ConfigurationError for a run whose numbers are impossible for a fold."""
-    _check_noise(folder / RUN, run)
-    if run.result is not None and not is_outcome(run.result.outcome):
-        raise ConfigurationError(
-            f"{folder / RESULT}: outcome: is {run.result.outcome!r}; allowed: layer_touch, "
-            "path_done, or the name of a fault as `cell fold` writes it"
-        )
-    _check_motion(folder / TICKS, run)
-
-
 def _check_noise(origin: Path, run: Recorded) -> None:
     """Refuse a stated noise that no instrument of a cell has, of those that were measured."""
     sigma = run.header.sigma
@@ -199,8 +188,18 @@ def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measur
         raise ConfigurationError(str(error).splitlines()[0]) from None
     if recorded.result is None and is_under_way(folder):
         raise ConfigurationError(f"{folder}: is still under way; let it finish")
-    _check_header(folder / RUN, recorded.header, strip)
-    _check_plausible(folder, recorded)
+    if recorded.header.strip != strip.name:
+        raise ConfigurationError(
+            f"{folder / RUN}: strip: is {recorded.header.strip!r}, the strip file describes "
+            f"{strip.name!r}; give runs of one strip and its file"
+        )
+    if recorded.result is not None and not is_outcome(recorded.result.outcome):
+        raise ConfigurationError(
+            f"{folder / RESULT}: outcome: is {recorded.result.outcome!r}; allowed: layer_touch, "
+            "path_done, or the name of a fault as `cell fold` writes it"
+        )
+    _check_noise(folder / RUN, recorded)
+    _check_motion(folder / TICKS, recorded)
     _check_times(folder, recorded)
     touch = _touch(folder, recorded)
     usable = len(recorded.ticks.t) >= LEAST
@@ -293,15 +292,6 @@ def _notes(name: str, run: Recorded, strip: StripFile, *, usable: bool) -> tuple
     if run.result.outcome not in TOUCHED | {"path_done"}:
         return (f"{name}: ended with {run.result.outcome} and is used as far as it goes",)
     return ()
-
-
-def _check_header(origin: Path, header: Header, strip: StripFile) -> None:
-    """Refuse a run whose header names another strip."""
-    if header.strip != strip.name:
-        raise ConfigurationError(
-            f"{origin}: strip: is {header.strip!r}, the strip file describes {strip.name!r}; "
-            "give runs of one strip and its file"
-        )
 
 
 def _check_times(folder: Path, run: Recorded) -> None:
