@@ -95,7 +95,8 @@ def plan(
     from drivers.strip.describe import load_plant
 
     desk = None if lying is None else load_plant(lying)
-    choice, record = DeviceSelection(plant=desk, seed=seed), Recording(truth=not no_truth)
+    choice = DeviceSelection(plant=desk, seed=seed)
+    record = Recording(truth=not no_truth)
     base = Request(found.cell(), found.strip(strip), "", folder, choice, record=record)
     requests = standard_requests(base)
     if dry_run:
@@ -124,7 +125,8 @@ def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int
     from cell.folding.batch import Attendance, agreed, fold_all
     from cell.folding.request import standard_run
 
-    requests, code = agreed(requests, ask), 0
+    requests = agreed(requests, ask)
+    code = 0
     attendance = Attendance(lay_again=lambda: await_strip(ask))
     results = while_busy("folding", fold_all(requests, jobs, attendance=attendance))
     for i, (request, result) in enumerate(zip(requests, results, strict=False), start=1):
@@ -133,9 +135,10 @@ def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int
         if as_json:
             print_json(result.line())
         else:
-            (name, reveals), d = standard_run(request), result.displacement
-            gave = result.outcome + ("" if d is None else f", displacement {1e3 * d:.1f} mm")
-            text = f"{name:15s} {gave:32s} shows {reveals}  {result.run}"
+            name, reveals = standard_run(request)
+            d = result.displacement
+            outcome = result.outcome + ("" if d is None else f", displacement {1e3 * d:.1f} mm")
+            text = f"{name:15s} {outcome:32s} shows {reveals}  {result.run}"
             sys.stdout.write(f"{i}/{len(requests)}  {text}\n")
         sys.stdout.flush()
         code = max(code, 0 if result.went_as_planned else result.exit_code)
@@ -167,11 +170,13 @@ def rehearse(
 
     threads = _threads(jobs)
     chosen = engine(threads, cluster, COPY_TIMEOUT)
-    made = rehearsal.rehearsal_plan(runs, _strip_file(strip, configs), out, excess, empty, threads)
+    planned = rehearsal.rehearsal_plan(
+        runs, _strip_file(strip, configs), out, excess, empty, threads
+    )
     console = None if as_json else Console(stderr=True)
     with resumable(out), Meter(console, rehearsal.progress_line) as meter:
-        records = rehearsal.rehearse(made, out, chosen, meter)
-    page = rehearsal.write_page(made, records, out)
+        records = rehearsal.rehearse(planned, out, chosen, meter)
+    page = rehearsal.write_page(planned, records, out)
     if as_json:
         sys.stdout.write((out / "rehearsal.json").read_text(encoding="utf-8") + "\n")
     else:
@@ -201,7 +206,7 @@ def fit(
     """Name the effects that a model lacks in measured runs; says so where runs cannot decide."""
     file = _subject_file(strip, model, configs, subject)
     from cell.gap.fit import FitOptions
-    from cell.gap.fit import fit as judge
+    from cell.gap.fit import fit as fit_runs
     from cell.gap.open_subject import option_for
     from cell.gap.report.overlay import write_overlay
     from cell.gap.report.sentence import deviation_text
@@ -209,7 +214,7 @@ def fit(
 
     options = FitOptions(hold_out or (), without or (), unchecked, _threads(jobs))
     with _progress(quiet=as_json) as shown:
-        verdict = judge(runs, file, out, options, shown, write_overlay)
+        verdict = fit_runs(runs, file, out, options, shown, write_overlay)
     if as_json:
         sys.stdout.write(verdict.to_json())
         return
@@ -235,19 +240,19 @@ def check(
 
     Exit code 2 where `cell gap fit` refuses them.
     """
-    from cell.gap.check import check as look
+    from cell.gap.check import check as check_runs
     from cell.gap.check import check_page
     from drivers.files import write_file
 
     file = _subject_file(strip, model, configs, subject)
-    found = look(runs, file, _threads(jobs))
-    write_file(out / "check.json", found.to_json())
-    write_file(out / "check.html", check_page(found, file.stem))
+    checked = check_runs(runs, file, _threads(jobs))
+    write_file(out / "check.json", checked.to_json())
+    write_file(out / "check.html", check_page(checked, file.stem))
     if as_json:
-        sys.stdout.write(found.to_json())
+        sys.stdout.write(checked.to_json())
     else:
-        sys.stdout.write(f"{found}\n  {out / 'check.html'}\n")
-    sys.exit(ConfigurationError.exit_code if found.level == "bad" else 0)
+        sys.stdout.write(f"{checked}\n  {out / 'check.html'}\n")
+    sys.exit(ConfigurationError.exit_code if checked.level == "bad" else 0)
 
 
 @gap.command()
@@ -269,10 +274,10 @@ def accept(
 
     For a mechanism: into an MJCF file beside its model; what MJCF cannot state, into its file.
     """
-    from cell.gap.verdict.accept import accept as put
+    from cell.gap.verdict.accept import accept as apply_patch
 
     file = _subject_file(strip, model, configs, subject)
-    changed = put(fitted, file, _cell_file(model, configs), law=law, force=force)
+    changed = apply_patch(fitted, file, _cell_file(model, configs), law=law, force=force)
     _print_changed("accepted", changed, as_json=as_json)
 
 
@@ -286,10 +291,10 @@ def undo(
     as_json: Json = False,
 ) -> None:
     """Restore the files to their state before `cell gap accept`."""
-    from cell.gap.verdict.accept import undo as take_back
+    from cell.gap.verdict.accept import undo as restore
 
     file = _subject_file(strip, model, configs, subject)
-    changed = take_back(fitted, file, _cell_file(model, configs))
+    changed = restore(fitted, file, _cell_file(model, configs))
     _print_changed("undone", changed, as_json=as_json)
 
 

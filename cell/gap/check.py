@@ -318,21 +318,21 @@ def _largest_probe(candidate: Candidate) -> tuple[float, ...]:
     return candidate.probes[largest[len(largest) // 2]][0]
 
 
-def check_page(found: Check, subject: str) -> str:
-    """HTML text of the self-contained page on the check `found` of a subject's recordings."""
-    bad = sum(f.level == "bad" for f in found.findings)
-    said = f"{plural(len(found.findings), 'finding')}, {bad} of them against a fit."
+def check_page(check: Check, subject: str) -> str:
+    """HTML text of the self-contained page on a `check` of a subject's recordings."""
+    bad = sum(f.level == "bad" for f in check.findings)
+    count = f"{plural(len(check.findings), 'finding')}, {bad} of them against a fit."
     groups = {
-        "Mend before anything is fitted": [f for f in found.findings if f.level == "bad"],
-        "Recordings": [f for f in found.findings if f.level == "fair" and f.what != IDENTIFIABLE],
-        "What these runs cannot say": [f for f in found.findings if f.what == IDENTIFIABLE],
+        "Mend before anything is fitted": [f for f in check.findings if f.level == "bad"],
+        "Recordings": [f for f in check.findings if f.level == "fair" and f.what != IDENTIFIABLE],
+        "What these runs cannot say": [f for f in check.findings if f.what == IDENTIFIABLE],
     }
     return page(
         "gap/report/check.html",
         f"{subject}: check of its runs",
-        kicker=f"Check of {len(found.runs)} runs",
+        kicker=f"Check of {len(check.runs)} runs",
         name=subject,
-        said=PageVerdict(found.level, HEADLINES[found.level], (said,)),
+        said=PageVerdict(check.level, HEADLINES[check.level], (count,)),
         groups=[
             (title, [(f.run or "all", f"{f.what}: {f.words}", f.remedy) for f in some])
             for title, some in groups.items()

@@ -82,7 +82,8 @@ def rehearsal_plan(
     and `empty` copies with nothing hidden. Raises ConfigurationError for what is no strip, and
     where the folder holds another plan.
     """
-    (folders, _), stored = without_copies(find_runs(paths)), folder / PLAN
+    folders, _ = without_copies(find_runs(paths))
+    stored = folder / PLAN
     inputs = f"{inputs_digest(file, folders)}-{excess:g}-{empty}"
     if stored.is_file():
         held = parse(read_json(stored), Plan, str(stored))
@@ -178,7 +179,8 @@ def diagnose_copy(plan: Plan, hidden: HiddenCopy) -> Mapping[str, Any]:
 
 def write_copy(plan: Plan, hidden: HiddenCopy, folder: Path) -> None:
     """Simulate a copy of the planned runs and write its run folders into `folder`."""
-    strip, rng = load_strip(Path(plan.file)), np.random.default_rng([hidden.seed, 1])
+    strip = load_strip(Path(plan.file))
+    rng = np.random.default_rng([hidden.seed, 1])
     runs = [run for run in read_runs(find_runs([Path(p) for p in plan.runs]), strip) if run.usable]
     effects = {hidden.effect: hidden.values} if hidden.effect != NO_EFFECT else {}
     fitted = as_fitted(strip, plan.base)
@@ -207,9 +209,10 @@ def instruments(run: MeasuredRun) -> Instruments:
 
 def rehearse(plan: Plan, folder: Path, engine: Engine, meter: Meter) -> list[Record]:
     """Fit all copies of `plan`, resuming in `folder`; returns records and raises as `carry_out`."""
-    of = hashlib.sha256(f"{plan.model_dump_json()}{verdicts()}".encode()).hexdigest()[:16]
+    version = hashlib.sha256(f"{plan.model_dump_json()}{verdicts()}".encode()).hexdigest()[:16]
     parts = [
-        Part(hidden.key, of, COPY_COST, diagnose_copy, (plan, hidden)) for hidden in plan.copies
+        Part(hidden.key, version, COPY_COST, diagnose_copy, (plan, hidden))
+        for hidden in plan.copies
     ]
     return list(carry_out(parts, folder / JOURNAL, engine, meter))
 

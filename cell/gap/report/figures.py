@@ -8,12 +8,13 @@ from matplotlib.axes import Axes
 from matplotlib.colors import FuncNorm
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
+from numpy.typing import NDArray
 
 from cell.gap.diagnosis.lack_of_fit import Bin
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import requests
 from cell.gap.report.sentence import motion_name
-from cell.gap.subject.subject import Quantity, Scene, Subject
+from cell.gap.subject.subject import Quantity, Samples, Scene, Subject
 from cell.gap.verdict.findings import Findings
 from cell.report.drawing import BLUE, INK, MUTED, ORANGE, RULE, as_svg, canvas
 from drivers.types import Array
@@ -69,8 +70,7 @@ def replay(findings: Findings, *, held_out_only: bool = False) -> Iterator[Repla
 
 def _scenes(subject: Subject, estimate: Estimate) -> Sequence[Scene | None]:
     """Drawings of the runs of `estimate` as simulated by its model."""
-    asked = requests(estimate.model, estimate.evidence.runs, estimate.point)
-    return subject.draw_simulated(asked)
+    return subject.draw_simulated(requests(estimate.model, estimate.evidence.runs, estimate.point))
 
 
 def heat_map(places: Sequence[Bin]) -> str:
@@ -80,8 +80,9 @@ def heat_map(places: Sequence[Bin]) -> str:
     grid = np.full((len(rows), len(columns)), np.nan)
     significant = np.zeros_like(grid, dtype=bool)
     for p in places:
-        at = rows.index((p.channel, p.zone, p.phase)), columns.index(p.condition)
-        grid[at], significant[at] = abs(p.z), p.p < 0.05
+        cell = rows.index((p.channel, p.zone, p.phase)), columns.index(p.condition)
+        grid[cell] = abs(p.z)
+        significant[cell] = p.p < 0.05
     highest = max(9.0, float(np.nanmax(grid)))
     scale = FuncNorm((np.log1p, np.expm1), 0.0, highest)
     with canvas(max(5.0, 1.8 + COLUMN * len(columns)), max(2.0, 0.9 + 0.3 * len(rows))) as figure:
@@ -111,31 +112,44 @@ def residual_traces(
     before: Estimate, after: Estimate | None, run: int, quantities: Mapping[str, Quantity]
 ) -> str:
     """Figure (SVG text) of residuals over time in held-out run number `run`, before and after."""
-    s = before.evidence.runs[run].samples
-    rows = [np.flatnonzero(s.series == number) for number in np.unique(s.series)]
-    rows = [mine[np.argsort(s.t[mine])] for mine in rows if len(mine) > 1]
-    if not rows:
+    samples = before.evidence.runs[run].samples
+    by_series = [np.flatnonzero(samples.series == number) for number in np.unique(samples.series)]
+    by_series = [rows[np.argsort(samples.t[rows])] for rows in by_series if len(rows) > 1]
+    if not by_series:
         return ""
-    fits = [(before, COLOUR_BEFORE, "before")]
-    fits += [] if after is None else [(after, COLOUR_AFTER, "after")]
-    times = s.t[np.concatenate(rows)]
-    with canvas(7.5, 0.8 + 1.35 * len(rows)) as figure:
-        axes = figure.subplots(len(rows), sharex=True, squeeze=False)[:, 0]
-        for axis, mine in zip(axes, rows, strict=True):
-            quantity = quantities[str(s.quantity[mine][0])]
-            band = 2.0 * quantity.factor * s.reading[mine]
-            axis.fill_between(s.t[mine], -band, band, color=RULE, lw=0, gid="2 sigma of the noise")
-            zones = set(s.zone[mine])
-            name = f"{s.channel[mine][0]}{f' {zones.pop()}' if len(zones) == 1 else ''}"
-            for estimate, colour, word in fits:
-                axis.plot(s.t[mine], quantity.factor * estimate.raw[run].mean[mine], color=colour,
-                          lw=1.2, label=word, gid=f"{name}, {word}")  # fmt: skip
-            axis.set_ylabel(f"{name}\n[{quantity.unit}]")
-            axis.axhline(0.0, color=INK, lw=0.5)
+    means = {"before": before.raw[run].mean}
+    if after is not None:
+        means["after"] = after.raw[run].mean
+    times = samples.t[np.concatenate(by_series)]
+    with canvas(7.5, 0.8 + 1.35 * len(by_series)) as figure:
+        axes = figure.subplots(len(by_series), sharex=True, squeeze=False)[:, 0]
+        for axis, rows in zip(axes, by_series, strict=True):
+            _residual_trace(axis, samples, rows, means, quantities)
         axes[0].set_xlim(float(times.min()), float(times.max()))
         axes[-1].set_xlabel("time [s]")
         _legend_above(figure, axes[0])
         return as_svg(figure)
+
+
+def _residual_trace(
+    axis: Axes,
+    samples: Samples,
+    rows: NDArray[np.int64],
+    means: Mapping[str, Array],
+    quantities: Mapping[str, Quantity],
+) -> None:
+    """Draw the `rows` of one series over a band of two sigma: `means` (n,) [SI] by fit."""
+    quantity = quantities[str(samples.quantity[rows][0])]
+    t = samples.t[rows]
+    band = 2.0 * quantity.factor * samples.reading[rows]
+    axis.fill_between(t, -band, band, color=RULE, lw=0, gid="2 sigma of the noise")
+    zones = set(samples.zone[rows])
+    name = f"{samples.channel[rows][0]}{f' {zones.pop()}' if len(zones) == 1 else ''}"
+    for (word, mean), colour in zip(means.items(), (COLOUR_BEFORE, COLOUR_AFTER), strict=False):
+        shown = quantity.factor * mean[rows]
+        axis.plot(t, shown, color=colour, lw=1.2, label=word, gid=f"{name}, {word}")
+    axis.set_ylabel(f"{name}\n[{quantity.unit}]")
+    axis.axhline(0.0, color=INK, lw=0.5)
 
 
 def midlines(run: Replay) -> str:
@@ -166,7 +180,8 @@ def _midline(axis: Axes, run: Replay, k: int) -> None:
         if scene is not None and scene.curve is not None:
             axis.plot(*(1e3 * scene.curve.points[k]).T, color=colour, lw=1.2, label=word)
     low, high = points.min(axis=0), points.max(axis=0)
-    (x, z), half = 0.5 * (low + high), 0.55 * float((high - low).max()) + 5.0
+    x, z = 0.5 * (low + high)
+    half = 0.55 * float((high - low).max()) + 5.0
     axis.set(xlim=(x - 1.5 * half, x + 1.5 * half), ylim=(z - half, z + half), aspect="equal",
              xlabel="x [mm]", ylabel="z [mm]")  # fmt: skip
 
@@ -178,12 +193,13 @@ def _legend_above(figure: Figure, axis: Axes) -> None:
 
 def run_bars(names: Sequence[str], by_fit: Mapping[str, Array]) -> str:
     """Figure (SVG text) of what held-out runs leave beyond noise (R,) [sigma], by fit."""
-    at, colours = np.arange(len(names)), (COLOUR_BEFORE, COLOUR_AFTER)
+    rows = np.arange(len(names))
+    colours = (COLOUR_BEFORE, COLOUR_AFTER)
     with canvas(6.0, 1.2 + 0.4 * len(names)) as figure:
         axis = figure.add_subplot()
         for k, (word, excess) in enumerate(by_fit.items()):
-            axis.barh(at + 0.4 * k, excess, 0.38, color=colours[k], label=word)
-        axis.set_yticks(at + 0.2 * (len(by_fit) - 1), names)
+            axis.barh(rows + 0.4 * k, excess, 0.38, color=colours[k], label=word)
+        axis.set_yticks(rows + 0.2 * (len(by_fit) - 1), names)
         axis.invert_yaxis()
         axis.set_xlim(0.0, 1.05 * max(1e-9, *(e for excess in by_fit.values() for e in excess)))
         axis.set_xlabel("beyond noise [sigma]")

@@ -107,12 +107,16 @@ def base_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
         )
         within = " to ".join(ends) if len(ends) == 2 else ""
         rows.append((p.name, start, refitted, within, shown_unit(p.unit)))
-    return {"rows": rows, "note": note if weak else "The runs determine all of it."}
+    return {
+        "rows": rows,
+        "note": note if weak else "The runs at least halve what was uncertain of each.",
+    }
 
 
 def held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on held-out runs, before and after: figures, a sentence, a table."""
-    gap, before = verdict.gap, findings.held_out_fits.before
+    gap = verdict.gap
+    before = findings.held_out_fits.before
     after = findings.held_out_fits.after if findings.held_out_fits.changed else None
     fits = {"before": before} if after is None else {"before": before, "after": after}
     quantities = findings.subject.scope.quantities
@@ -156,7 +160,8 @@ def _midline_figure(findings: Findings, run: str) -> str:
 def remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on what the accepted model leaves, and on detection limits."""
     sentences = {each.name: each.sentence for each in findings.subject.scope.candidates}
-    rest, law, open_ = verdict.unexplained, findings.law, verdict.verdict == "unexplained"
+    rest, law = verdict.unexplained, findings.law
+    open_ = verdict.verdict == "unexplained"
     return {
         "open": open_,
         "rest": capitalised(rest.description) if rest and not open_ else "",  # the card says it
@@ -208,7 +213,7 @@ def _planned_folds(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     if findings.subject.kind != "strip" or not verdict.effects:
         return {"rows": [], "figure": ""}
     values = verdict.values_with(verdict.effects)
-    patches = (findings.subject.patch(*found, "") for found in (({}, {}), values))
+    patches = (findings.subject.patch(*each, "") for each in (({}, {}), values))
     try:
         stated, accepted = (parse(patch, StripFile, "patch") for patch, _ in patches)
         drawn = {
@@ -239,7 +244,8 @@ def _verdict_card(findings: Findings, verdict: Verdict) -> Card:
 
 def _next_commands(findings: Findings, verdict: Verdict, out: Path) -> list[str]:
     """Sentences on the commands to type next, for the folder where the fit was called."""
-    fit, todo = f"{out} {findings.subject.option}", []
+    fit = f"{out} {findings.subject.option}"
+    todo = []
     if verdict.verdict == "named":
         todo.append(f"`cell gap accept {fit}` puts it into the file; `cell gap undo {fit}` takes "
                     "it back.")  # fmt: skip

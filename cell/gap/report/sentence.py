@@ -182,8 +182,8 @@ def detection_limit(findings: Findings, name: str, value: float) -> str:
     """Text of a detection limit; for parameters whose null is infinite, an upper limit."""
     candidate = next(c for c in findings.subject.scope.candidates if c.name == name)
     first = candidate.parameters[0]
-    said = f"{first.name} " if first.unit == "1" else ""
-    return f"{said}{'at most ' if first.inverse else ''}{quantity_text(abs(value), first.unit)}"
+    label = f"{first.name} " if first.unit == "1" else ""
+    return f"{label}{'at most ' if first.inverse else ''}{quantity_text(abs(value), first.unit)}"
 
 
 def quantity_label(of: Quantity) -> str:

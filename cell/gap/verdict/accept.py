@@ -132,12 +132,7 @@ def accept(
             )
         _check_patch(patch)
         changes = _changes(out, patch, file, cell_file, law=law)
-        _check_writable(changes)
-        before = {_name(p): read_text(p) if p.exists() else ABSENT for p in changes}
-        after = {_name(p): _hash(text) for p, text in changes.items()}
-        acceptance = {"schema": 1, "before": before, "after": after}
-        # first: it undoes half a change
-        write_file(out / ACCEPTED, json.dumps(acceptance, indent=1))
+        _store_undo(out, changes)
         try:
             _write(changes)
         except ConfigurationError:
@@ -145,6 +140,15 @@ def accept(
                 _restore_interrupted(out, file, cell_file)
             raise
     return AcceptResult(tuple(changes), record.laws if law else record.effects or record.values)
+
+
+def _store_undo(out: Path, changes: Mapping[Path, str]) -> None:
+    """Store in `out`, before any file changes, what undoes all or half of the new texts by path."""
+    _check_writable(changes)
+    before = {_name(p): read_text(p) if p.exists() else ABSENT for p in changes}
+    after = {_name(p): _hash(text) for p, text in changes.items()}
+    acceptance = {"schema": 1, "before": before, "after": after}
+    write_file(out / ACCEPTED, json.dumps(acceptance, indent=1))
 
 
 def _changes(
