@@ -7,7 +7,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import FuncNorm
 from matplotlib.figure import Figure
-from matplotlib.image import AxesImage
 from numpy.typing import NDArray
 
 from cell.gap.diagnosis.lack_of_fit import Bin
@@ -21,6 +20,7 @@ from drivers.types import Array
 
 COLOUR_BEFORE, COLOUR_AFTER = ORANGE, BLUE
 COLUMN = 0.34  # inch, width of a column of the heat map
+HEAT_TICKS = (0, 1, 3, 10, 30, 100, 1000, 10000)  # sigma, on its logarithmic scale
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,18 +94,10 @@ def heat_map(places: Sequence[Bin]) -> str:
                         rotation=40, ha="right", rotation_mode="anchor")  # fmt: skip
         for i, j in zip(*np.nonzero(significant), strict=True):
             axis.plot(j, i, "o", ms=2.5, color=INK)
-        _add_colour_bar(figure, axis, image, highest)
+        ticks = [z for z in HEAT_TICKS if z <= highest]
+        figure.colorbar(image, ax=axis, pad=0.01, ticks=ticks, label="sigma beyond noise")
         axis.set_xlabel("condition")
         return as_svg(figure)
-
-
-def _add_colour_bar(figure: Figure, axis: Axes, image: AxesImage, highest: float) -> None:
-    """Add a colour bar with a few round ticks up to `highest` [sigma]."""
-    bar = figure.colorbar(image, ax=axis, pad=0.01)
-    steps = (0, 1, 3, 10, 30) if highest < 99.0 else (0, 10, 100, 1000, 10000)
-    ticks = [z for z in steps if z <= highest]
-    bar.set_ticks(ticks, labels=[str(z) for z in ticks])
-    bar.set_label("sigma beyond noise")
 
 
 def residual_traces(

@@ -160,13 +160,12 @@ def _midline_figure(findings: Findings, run: str) -> str:
 def remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on what the accepted model leaves, and on detection limits."""
     sentences = {each.name: each.sentence for each in findings.subject.scope.candidates}
-    rest, law = verdict.unexplained, findings.law
-    open_ = verdict.verdict == "unexplained"
+    rest = verdict.unexplained
+    is_open = verdict.verdict == "unexplained"  # then the card describes it
     return {
-        "open": open_,
-        "rest": capitalised(rest.description) if rest and not open_ else "",  # the card says it
-        "law": law.words if law else "",
-        "share": f"{100 * law.shrink:.0f} %" if law else "",
+        "open": is_open,
+        "rest": capitalised(rest.description) if rest and not is_open else "",
+        "law": findings.law is not None,  # stated with the command that accepts it
         "alike": "; ".join(" or ".join(group) for group in verdict.ambiguous),
         "silent": ", ".join(undetectable_effects(findings)),
         "detectable": [

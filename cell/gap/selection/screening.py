@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, islice
 from operator import itemgetter
-from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,21 +109,16 @@ def _secants(origin: Estimate, model: Model, score: Score) -> tuple[Array, ...] 
     for effect in origin.model.effects:
         by_effect[effect.name] = stacked[:, column : column + len(effect.parameters)]
         column += len(effect.parameters)
-    secants = [by_effect.get(e.name) for e in model.effects]
-    complete = [f for f, e in zip(secants, model.effects, strict=True) if _is_complete(f, e)]
-    if len(complete) < len(secants) or not origin.model.names <= model.names:
+    columns = [by_effect.get(e.name, stacked[:, :0]) for e in model.effects]
+    sizes = [len(e.parameters) for e in model.effects]
+    if [c.shape[1] for c in columns] != sizes or not origin.model.names <= model.names:
         return None
-    shared = np.concatenate([stacked[:, :base], *complete], axis=1)
+    shared = np.concatenate([stacked[:, :base], *columns], axis=1)
     edges = np.cumsum([len(jacobian) for jacobian in origin.jacobians])[:-1]
     return tuple(
         np.concatenate([rows, jacobian[:, count:]], axis=1)
         for rows, jacobian in zip(np.split(shared, edges), origin.jacobians, strict=True)
     )
-
-
-def _is_complete(secants: Array | None, effect: Candidate) -> TypeGuard[Array]:
-    """Whether `secants` (N, k) has a column for each parameter of `effect`."""
-    return secants is not None and secants.shape[1] == len(effect.parameters)
 
 
 @dataclass(frozen=True, slots=True)

@@ -65,10 +65,7 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
         effects=[e for e in effects if e.name in named],
         ambiguous=[] if verdict_kind == "no_gap" else list(map(list, tests.classes)),
         unexplained=_unexplained(findings, verdict_kind),
-        base={
-            name: Interval(value=v.value, low=v.low, high=v.high)
-            for name, v in values["base"].items()
-        },
+        base={n: Interval(**v.model_dump(exclude={"unit"})) for n, v in values["base"].items()},
         where=[place for place in findings.places if place.p < SIGNIFICANT][:MOST_PLACES],
         gap=_gap(findings),
         candidates=_candidates(findings),
