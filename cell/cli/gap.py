@@ -5,6 +5,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -313,8 +314,7 @@ def advise(fitted: Fitted, as_json: Json = False) -> None:
 
     verdict = read_verdict(fitted / "verdict.json")
     if as_json:
-        advice = [item.model_dump(mode="json") for item in verdict.advice]
-        sys.stdout.write(json.dumps(advice) + "\n")
+        sys.stdout.write(json.dumps(list(map(asdict, verdict.advice))) + "\n")
         return
     for line in remedy_lines(read_stored(fitted / RECORD, FitRecord).scatter):
         sys.stdout.write(f"{line}\n")

@@ -8,7 +8,7 @@ from scipy import special
 
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.diagnosis.lack_of_fit import Bin, ResidualTest
-from cell.gap.diagnosis.next_experiment import RatedExperiment, advise
+from cell.gap.diagnosis.next_experiment import Recommendation, advise
 from cell.gap.fitting.base_fit import refine, refit_base, refit_fine, strains
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import Estimate, refit
@@ -30,7 +30,7 @@ from cell.gap.forward_selection import (
     refit_singles,
     revised_base,
 )
-from cell.gap.selection.choice import choose, classes, join_overlapping, rivals
+from cell.gap.selection.choice import choose, join_overlapping, rivals
 from cell.gap.selection.likelihood import ALPHA, Fits, holm, likelihood_scale
 from cell.gap.selection.posterior import (
     Posterior,
@@ -199,9 +199,9 @@ class Investigation:
         best = accepted.estimate
         residual_test = ResidualTest.of(best, self.rng)
         close = rivals(accepted, fits, sets) if best.model.effects else []
-        alike = join_overlapping(
-            [*classes(accepted, close), *doubtful_values(accepted, fits, self.subject)]
-        )
+        exchanged = [sorted(accepted.model.names ^ rival.model.names) for rival in close]
+        doubtful = doubtful_values(accepted, fits, self.subject)
+        alike = join_overlapping([*exchanged, *doubtful])
         scatter = estimate_spreads(self.simulate, best, self.fitted)
         runs, start = with_unknowns(best, with_spreads(self.fitted, scatter))
         return ModelTests(
@@ -245,7 +245,7 @@ class Investigation:
 
     def advise(
         self, screened: Screen, accepted: CrossValidatedFit, fits: Fits, tests: ModelTests
-    ) -> tuple[RatedExperiment, ...]:
+    ) -> tuple[Recommendation, ...]:
         """Experiments that would separate the accepted model from a rival, the best first.
 
         Planned runs scatter in the quantities that scatter in the runs so far.

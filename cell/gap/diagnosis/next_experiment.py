@@ -16,17 +16,18 @@ from drivers.types import Array
 
 
 @dataclass(frozen=True, slots=True)
-class RatedExperiment:
-    """An experiment, and by how many `sigma` it would separate two explanations."""
+class Recommendation:
+    """Recommended experiment: what it separates, by how many sigma, in how many minutes."""
 
-    experiment: Experiment
+    experiment: str
     separates: tuple[str, str]
-    sigma: float
+    expected_sigma: float
+    minutes: float
 
     @property
     def rate(self) -> float:
         """Expected log-likelihood ratio of the two explanations per minute [nats/min]."""
-        return 0.5 * self.sigma**2 / self.experiment.minutes
+        return 0.5 * self.expected_sigma**2 / self.minutes
 
 
 def advise(
@@ -34,7 +35,7 @@ def advise(
     second: tuple[Model, Array],
     experiments: Sequence[Experiment],
     likelihood: LikelihoodScale,
-) -> Task[list[RatedExperiment]]:
+) -> Task[list[Recommendation]]:
     """Experiments by how well they separate two models, per minute, best first; yields requests.
 
     `second` is a model with its shared values (P,). What the first explanation's parameters may
@@ -56,7 +57,9 @@ def advise(
         own = np.diag([p.spread**-2 for p in planned.runs[i].local])
         square = _unabsorbed_square(difference, jacobians[i], block_diag(information, own))
         sigma = likelihood.standardise(float(np.sqrt(max(0.0, square))))
-        rated.append(RatedExperiment(experiment, (first.model.name, model.name), sigma))
+        words = f"{experiment.name}: {experiment.instruction}"
+        separates = (first.model.name, model.name)
+        rated.append(Recommendation(words, separates, sigma, experiment.minutes))
     return sorted(rated, key=lambda a: -a.rate)
 
 

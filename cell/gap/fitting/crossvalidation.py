@@ -33,11 +33,6 @@ class NormalDensity:
     mean: Array
     precision: Array
 
-    @classmethod
-    def standard(cls, size: int) -> Self:
-        """Density of `size` independent amounts of mean zero and unit variance."""
-        return cls(np.zeros(size), np.eye(size))
-
     def condition(self, r: Array, responses: Array) -> tuple[Self, float]:
         """Posterior density given a run with residuals `r` (n,), and minus its log density [nats].
 
@@ -85,7 +80,8 @@ class CrossValidatedFit:
         """
         losses = self.charged.copy()
         for fold in folds(self.estimate.evidence.runs):
-            values = NormalDensity.standard(self.uncertain[fold[0]].shape[1])
+            size = self.uncertain[fold[0]].shape[1]
+            values = NormalDensity(np.zeros(size), np.eye(size))
             for i in fold:
                 values, loss = values.condition(self.left_out[i] / scale, self.uncertain[i] / scale)
                 losses[i] += loss

@@ -72,15 +72,6 @@ def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[Cro
     return sorted(filter(is_open, others), key=lambda m: -sets.lead(m.model.names))
 
 
-def classes(accepted: CrossValidatedFit, rivals: Sequence[CrossValidatedFit]) -> list[list[str]]:
-    """Groups of effects, by name, of which the runs cannot tell which one is present.
-
-    Rivals that differ in one effect give the class of the two effects; those that share none
-    give one class of all.
-    """
-    return join_overlapping([sorted(accepted.model.names ^ rival.model.names) for rival in rivals])
-
-
 def join_overlapping(groups: Sequence[Sequence[str]]) -> list[list[str]]:
     """Groups of names in which those that share a name are joined to one."""
     disjoint: list[set[str]] = []

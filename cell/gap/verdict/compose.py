@@ -31,7 +31,6 @@ from cell.gap.verdict.schema import (
     NamedEffect,
     Probable,
     ProbableSet,
-    Recommendation,
     Unexplained,
     ValueWithUnit,
     Verdict,
@@ -69,7 +68,7 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
         where=[place for place in findings.places if place.p < SIGNIFICANT][:MOST_PLACES],
         gap=_gap(findings),
         candidates=_candidates(findings),
-        advice=_advice(findings),
+        advice=[e for e in findings.experiments if e.expected_sigma >= LEAST_SEPARATION],
         detectable={k: v for k, v in findings.screen.detectable.items() if v is not None},
         held_out=list(findings.held_out),
         runtime=runtime,
@@ -209,20 +208,6 @@ def _compare_by_screen(
             if np.isfinite(value)
         },
     )
-
-
-def _advice(findings: Findings) -> list[Recommendation]:
-    """Experiments that separate two explanations by at least LEAST_SEPARATION."""
-    return [
-        Recommendation(
-            experiment=f"{a.experiment.name}: {a.experiment.instruction}",
-            separates=a.separates,
-            expected_sigma=a.sigma,
-            minutes=a.experiment.minutes,
-        )
-        for a in findings.experiments
-        if a.sigma >= LEAST_SEPARATION
-    ]
 
 
 def _notes(findings: Findings, which: Kind) -> list[str]:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.diagnosis.lack_of_fit import Bin, Repeats, stronger_of_two
-from cell.gap.diagnosis.next_experiment import RatedExperiment
+from cell.gap.diagnosis.next_experiment import Recommendation
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.reml import Spread
@@ -115,7 +115,7 @@ class Findings:
     posterior: Posterior
     model_tests: ModelTests
     held_out_fits: HeldOutFits
-    experiments: tuple[RatedExperiment, ...]
+    experiments: tuple[Recommendation, ...]
     law: OfferedLaw | None = None
 
     @property

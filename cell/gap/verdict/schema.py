@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from cell.gap.diagnosis.lack_of_fit import Bin
+from cell.gap.diagnosis.next_experiment import Recommendation
 from cell.gap.subject.subject import NamedValues
 from drivers.errors import ConfigurationError
 from drivers.readers import MEGABYTE, read_json
@@ -103,15 +104,6 @@ class CandidateEntry(Entry):
     p: float
     invariance_p: None = None
     parameters: dict[str, ValueWithUnit]
-
-
-class Recommendation(Entry):
-    """Recommended experiment: what it separates, by how many sigma, in how many minutes."""
-
-    experiment: str
-    separates: tuple[str, str]
-    expected_sigma: float
-    minutes: float
 
 
 class ProbableSet(Entry):
