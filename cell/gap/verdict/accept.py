@@ -14,7 +14,6 @@ from pydantic import BaseModel, ConfigDict, Field
 from cell.config.settings import CellSettings
 from cell.gap.fitting.reml import Spread
 from cell.gap.subject.mechanism.mechanism_file import MechanismFile
-from cell.gap.verdict.offered_law import OfferedLaw
 from drivers.errors import ConfigurationError
 from drivers.files import lock_folders, write_file
 from drivers.readers import MEGABYTE, read_bytes, read_json, read_text, read_yaml
@@ -40,6 +39,12 @@ class StoredFile(Settings):
     model_config = ConfigDict(extra="ignore")
 
 
+class StoredLaw(StoredFile):
+    """Empirical law that a fit offered: amounts by the name of its terms."""
+
+    terms: dict[str, float]
+
+
 class FitRecord(StoredFile):
     """Content of fit.json: the hash of the file that was fitted, and the effects of its patch.
 
@@ -51,7 +56,7 @@ class FitRecord(StoredFile):
     effects: tuple[str, ...]
     values: tuple[str, ...] = ()
     scatter: tuple[Spread, ...] = ()
-    law: OfferedLaw | None = None
+    law: StoredLaw | None = None
 
     @property
     def laws(self) -> tuple[str, ...]:
