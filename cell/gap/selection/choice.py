@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
-from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, LikelihoodScale, gain, gains
+from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, LikelihoodScale, gains
 from cell.gap.selection.posterior import Posterior
 from drivers.types import Array
 
@@ -60,13 +60,14 @@ def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[Cro
     """Models of as many effects as `accepted` that the runs do not exclude, most probable first.
 
     Excluded is what is less than ALPHA times as probable, even if the laws of the accepted model
-    were without their errors, and predicts runs left out no better.
+    were without their errors, and predicts runs left out worse by more than a standard error.
     """
     least = np.log(ALPHA) - float(_model_error(accepted, fits, fits.likelihood).sum())
 
     def is_open(model: CrossValidatedFit) -> bool:
         lead = sets.lead(model.model.names) - sets.lead(accepted.model.names)
-        return lead > least or gain(model, accepted, fits.likelihood) > 0.0
+        by_run = gains(accepted, model, fits.likelihood)
+        return lead > least or by_run.sum() < np.sqrt(len(by_run)) * by_run.std()
 
     others = [m for m in fits.of_size(len(accepted.model.names)) if m is not accepted]
     return sorted(filter(is_open, others), key=lambda m: -sets.lead(m.model.names))

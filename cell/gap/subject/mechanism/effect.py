@@ -11,7 +11,7 @@ from cell.gap.subject.subject import Candidate, Parameter
 from drivers.types import Array
 
 Of = Literal["model", "rig"]
-UNTRUE, EXACT = 0.2, 0.02  # relative errors of laws of the mechanism itself, and of its rig
+UNTRUE, EXACT = 0.2, 0.02  # relative errors of laws of friction and springs, and of all others
 SIZES_PER_SPREAD = 25.0  # typical sizes of a parameter in its prior spread
 STEPS_PER_SIZE = 1000.0  # steps of finite differences in a typical size
 Parameters = Callable[[Mechanism], tuple[Parameter, ...]]
@@ -90,7 +90,7 @@ class Effect:
             tuple(_probe(np.append(null[:-1], last), i, sizes[i] * factor) for i in amounts)
             for last in self.grid or null[-1:] for factor in self.probes
         )  # fmt: skip
-        error = UNTRUE if self.of == "model" else EXACT
+        error = UNTRUE if self.law is not None and self.of == "model" else EXACT
         return Candidate(self.name, self.sentence, mechanism.mode.of or self.of, parameters, groups,
                          self.revealed_by, error, self._shapes(mechanism))  # fmt: skip
 
