@@ -67,7 +67,7 @@ def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[Cro
     def is_open(model: CrossValidatedFit) -> bool:
         lead = sets.lead(model.model.names) - sets.lead(accepted.model.names)
         by_run = gains(accepted, model, fits.likelihood)
-        return lead > least or by_run.sum() < np.sqrt(len(by_run)) * by_run.std()
+        return lead > least or bool(by_run.sum() < np.sqrt(len(by_run)) * by_run.std())
 
     others = [m for m in fits.of_size(len(accepted.model.names)) if m is not accepted]
     return sorted(filter(is_open, others), key=lambda m: -sets.lead(m.model.names))
