@@ -369,7 +369,7 @@ def _next_command(verdict: "Verdict", out: Path, option: str, *, law: bool) -> s
         return f"cell gap accept {out} {option}"
     if verdict.verdict == "ambiguous":
         return f"cell gap advise {out}"
-    if law:
+    if law and not verdict.suspected:
         return f"cell gap accept {out} {option} --law   (a description, no name)"
     if verdict.verdict == "unexplained":
         return f"open {out / 'report.html'}: where it sits, and what stands beside it"

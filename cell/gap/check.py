@@ -264,7 +264,7 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
 
     Raises ConfigurationError where there are no runs; what else cannot be read is a finding.
     """
-    runs, copies = without_copies(find_runs(paths))
+    runs, copies = without_copies(find_runs(paths, fewest=1))
     measure_again = "measure again; a copy says nothing new"
     findings = [
         Finding(what="copy", run=copy, words=copy_note(copy, first), remedy=measure_again)

@@ -26,18 +26,23 @@ class RunFolder:
     name: str
 
 
-def find_runs(paths: Sequence[Path]) -> tuple[RunFolder, ...]:
+def find_runs(paths: Sequence[Path], fewest: int = 2) -> tuple[RunFolder, ...]:
     """Run folders at or in `paths`: each is a run folder, or a folder that holds run folders.
 
-    Raises ConfigurationError for fewer than two, for a folder without runs, and for measurements
-    that lie beside no run.yaml.
+    Raises ConfigurationError for less than the `fewest`, for a folder without runs, and for
+    measurements that lie beside no run.yaml.
     """
     unique = _unique(paths)
+    if len(unique) < fewest:
+        raise ConfigurationError(
+            f"{unique[0] if unique else 'runs'}: one run cannot be both fitted and held out; "
+            "give at least two, better ten"
+        )
     return tuple(RunFolder(p, n) for p, n in zip(unique, _names(unique), strict=True))
 
 
 def _unique(paths: Sequence[Path]) -> list[Path]:
-    """Distinct run folders at or in `paths`; ConfigurationError for fewer than two."""
+    """Distinct run folders at or in `paths`; ConfigurationError for a path without runs."""
     found: list[Path] = []
     for path in paths:
         _check_heads([path, *path.glob("*")])
@@ -47,13 +52,7 @@ def _unique(paths: Sequence[Path]) -> list[Path]:
             what = what if path.exists() else "no such folder"
             raise ConfigurationError(f"{path}: {what}; give run folders, or a folder of them")
         found += inner
-    unique = list(dict.fromkeys(p.resolve() for p in found))
-    if len(unique) < 2:
-        raise ConfigurationError(
-            f"{unique[0] if unique else 'runs'}: one run cannot be both fitted and held out; "
-            "give at least two, better ten"
-        )
-    return unique
+    return list(dict.fromkeys(p.resolve() for p in found))
 
 
 def _check_heads(folders: Sequence[Path]) -> None:
@@ -151,7 +150,7 @@ def without_copies(runs: Sequence[RunFolder]) -> tuple[tuple[RunFolder, ...], Ma
     """Runs without copies, and a mapping from the name of each copy to that of its original.
 
     Noise makes no two runs alike in every number, however well they repeat. Raises
-    ConfigurationError where a single run is left.
+    ConfigurationError where of several a single one is left.
     """
     first, copies = dict[RunFolder, Numbers](), dict[str, str]()
     for run in runs:
@@ -161,7 +160,7 @@ def without_copies(runs: Sequence[RunFolder]) -> tuple[tuple[RunFolder, ...], Ma
             first[run] = numbers
         else:
             copies[run.name] = known.name
-    if len(first) < 2:
+    if len(first) == 1 < len(runs):
         raise ConfigurationError(
             f"{runs[0].path}: {len(runs)} runs hold the same measurement; a single run cannot be "
             "fitted and checked; give at least two that were measured, better ten"

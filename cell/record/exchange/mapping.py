@@ -3,7 +3,6 @@
 It names the foreign column for each quantity, with its unit; an exported run brings its own.
 """
 
-import io
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -267,9 +266,9 @@ def _csv(path: Path, table: Table[Any]) -> pa.Table:
     parse = pc.ParseOptions(delimiter=delimiter)
     convert = pc.ConvertOptions(decimal_point=decimal, null_values=list(EMPTY))
     try:
-        return pc.read_csv(
-            io.BytesIO(f"{rows}\n".encode()), parse_options=parse, convert_options=convert
-        )
+        # no BytesIO: a thread that still holds it aborts an interpreter that ends
+        text = pa.BufferReader(f"{rows}\n".encode())
+        return pc.read_csv(text, parse_options=parse, convert_options=convert)
     except (pa.ArrowException, ValueError) as error:
         reason = (str(error).splitlines() or ["no reason given"])[0]
         raise ConfigurationError(
