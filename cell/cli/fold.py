@@ -121,32 +121,45 @@ def fold(
     check_names(configs, strip, policy)
     name = _strip_name(strip, length, thickness)
     close_edges = _close_edges(until, learning, rehearse=rehearse)
-    found = find_configs(configs)
-    plants = [found.plant_path(each) for each in plant or []]
+    configurations = find_configs(configs)
+    plant_files = [configurations.plant_path(name_or_path) for name_or_path in plant or []]
     if checkpoint is not None:
         check_readable(checkpoint, "; name another checkpoint or train one")
     if not (dry_run or rehearse):
         check_recordable(runs)
     from cell.devices.devices import DeviceSelection
-    from cell.folding.request import Learning, Recording, Request, repetitions, with_correction
+    from cell.folding.request import (
+        Learning,
+        Recording,
+        Request,
+        check_request,
+        doubts_about,
+        repetitions,
+        with_correction,
+    )
     from drivers.strip.describe import load_plant
 
-    settings = found.cell()
+    settings = configurations.cell()
     encoder = film or settings.record.film
+    if encoder == "none":
+        encoder = None
     base = Request(
-        settings,
-        found.strip(name),
-        policy,
-        runs,
-        DeviceSelection(arm, camera, seed=seed),
-        checkpoint,
+        cell=settings,
+        strip=configurations.strip(name),
+        policy=policy,
+        runs=runs,
+        choice=DeviceSelection(arm, camera, seed=seed),
+        checkpoint=checkpoint,
         full_speed=full_speed,
-        record=Recording(frames, None if encoder == "none" else encoder, not no_truth, viz),
+        record=Recording(frames=frames, film=encoder, truth=not no_truth, viz=viz),
         learning=Learning(specimen),
     )
-    base = with_correction(base, learning or (None if until is None else "on"))
-    requests = repetitions(base, [load_plant(path) for path in plants], repeat)
-    _check_requests(requests)
+    default_learning = None if until is None else "on"
+    base = with_correction(base, learning or default_learning)
+    requests = repetitions(base, [load_plant(path) for path in plant_files], repeat)
+    check_request(requests[0])
+    for doubt in doubts_about(requests):
+        notice(doubt)
     if dry_run:
         _predict(base, as_json=as_json)
     elif rehearse:
@@ -155,27 +168,21 @@ def fold(
         sys.exit(_fold_all(requests, jobs, close_edges, as_json=as_json))
 
 
-def _check_requests(requests: "Sequence[Request]") -> None:
-    """Raise ConfigurationError for folds that are impossible, and print doubts about others."""
-    from cell.folding.request import check_request, doubts_about
-
-    check_request(requests[0])
-    for doubt in doubts_about(requests):
-        notice(doubt)
-
-
 def _close_edges(until: str | None, learning: str | None, *, rehearse: bool) -> float | None:
-    """Offset [m] of edges that `--until` states, None without; refuses options against it."""
+    """Parse `--until`, the edges' offset [m] that ends a series of folds; None without it.
+
+    Raises ConfigurationError beside options with which no fold corrects the next one.
+    """
     if until is None:
         return None
     from cell.config.length import metres
 
-    close = metres("--until", until, LARGEST_OFFSET)
+    offset = metres("--until", until, LARGEST_OFFSET)
     if rehearse:
         raise ConfigurationError("--until: folds on the desk; leave it or --rehearse out")
     if learning not in {None, "on", "auto"}:
         raise ConfigurationError("--until: corrects each fold by those before; use --learning on")
-    return close
+    return offset
 
 
 def _strip_name(strip: str, length: float | None, thickness: float | None) -> str:
@@ -210,7 +217,8 @@ def _fold_all(
     from cell.folding.result import FoldResult
 
     requests = agreed(requests, ask)
-    robot, code = emulation(requests[0].cell, requests[0].choice), 0
+    robot = emulation(requests[0].cell, requests[0].choice)
+    exit_code = 0
     attendance = Attendance(report=notice, lay_again=lambda: await_strip(ask))
     if not as_json:
         tell = partial(_print_result, robot=robot)
@@ -219,13 +227,14 @@ def _fold_all(
         notice(robot)
     try:
         results = fold_all(requests, jobs, until, attendance)
-        for request, made in zip(requests, results, strict=False):  # an interrupt ends the folds
-            result = made if isinstance(made, FoldResult) else FoldResult.refusal(request, made)
+        for request, fold_end in zip(requests, results, strict=False):  # an interrupt ends them
+            refused = isinstance(fold_end, CellError)
+            result = FoldResult.refusal(request, fold_end) if refused else fold_end
             if as_json:
                 _print_line(result)
-            elif result is not made:
+            elif refused:
                 _print_result(result, robot)
-            code = max(code, result.exit_code)
+            exit_code = max(exit_code, result.exit_code)
             if until is not None and result.ends(until):
                 return result.exit_code
             if until is not None:
@@ -233,8 +242,8 @@ def _fold_all(
                 notice(f"the next fold would aim {-1e3 * following:+.1f} mm")
     except CellError as error:
         notice(str(error))
-        code = max(code, error.exit_code)
-    return code if until is None else max(code, 1)
+        exit_code = max(exit_code, error.exit_code)
+    return exit_code if until is None else max(exit_code, 1)
 
 
 def _print_line(result: "FoldResult") -> None:
@@ -296,9 +305,9 @@ class _ProgressLine:
         pose = snapshot.arm.pose
         text = f"{self._strip}  {snapshot.state:<9} {snapshot.time:5.1f} s"
         text += f"   gripper x {1e3 * pose.x:4.0f}  z {1e3 * pose.z:4.0f} mm"
-        seen = snapshot.view.measurement
-        if seen is not None and math.isfinite(seen.contact_x):
-            text += f"   desk contact {1e3 * seen.contact_x:4.0f} mm"
+        measurement = snapshot.view.measurement
+        if measurement is not None and math.isfinite(measurement.contact_x):
+            text += f"   desk contact {1e3 * measurement.contact_x:4.0f} mm"
         self._status.update(text)
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:

@@ -29,19 +29,20 @@ def list_strips(context: typer.Context, configs: Configs = None, as_json: Json =
     """List the strips that this cell knows; further commands measure one or make a new one."""
     if context.invoked_subcommand is not None:
         return
-    found, all_strips = find_configs(configs), list["StripFile"]()
-    for name in found.strip_names():
+    configurations = find_configs(configs)
+    all_strips: list[StripFile] = []
+    for name in configurations.strip_names():
         try:
-            all_strips.append(found.strip(name))
+            all_strips.append(configurations.strip(name))
         except ConfigurationError as error:  # the others are listed all the same
             notice(str(error))
     if as_json:
-        print_json(*(each.model_dump(mode="json", by_alias=True) for each in all_strips))
+        print_json(*(strip.model_dump(mode="json", by_alias=True) for strip in all_strips))
         return
     columns = ("strip", "length mm", "width mm", "g/m²", "bending mm", "retardation ms")
     keys = ("length", "width", "areal_density", "bending_length", "retardation_time")
     rows = [(s.name, *(f"{1e3 * getattr(s, key):.4g}" for key in keys)) for s in all_strips]
-    print_table(columns, rows, f"Strips in {found.folder / 'strips'}")
+    print_table(columns, rows, f"Strips in {configurations.folder / 'strips'}")
 
 
 @strips.command()
@@ -75,18 +76,20 @@ def measure(
     from drivers.strip.describe import load_strip
 
     _check_name(strip)
-    path = writable(configs).strip_path(strip) if write else None
-    if path is not None:
-        load_strip(path)
+    strip_file = None
+    if write:
+        strip_file = writable(configs).strip_path(strip)
+        load_strip(strip_file)
     measurement = measure_strip(strip, read_photographs(photo or [], overhang or []))
     folder = out or Path("measured") / strip
     save(measurement, folder)
-    if path is not None:
-        put_into(path, measurement, datetime.now(UTC).date())
-    written = None if path is None else str(path)
-    kept = f"written to {written}" if written else "add --write to put it into the strip's file"
-    text = f"{measurement.text()}\n  pictures: {folder}\n  {kept}"
-    say({**measurement.line(), "out": folder, "written": written}, text, as_json=as_json)
+    where = "add --write to put it into the strip's file"
+    if strip_file is not None:
+        put_into(strip_file, measurement, datetime.now(UTC).date())
+        where = f"written to {strip_file}"
+    text = f"{measurement.text()}\n  pictures: {folder}\n  {where}"
+    facts = {**measurement.line(), "out": folder, "written": strip_file}
+    say(facts, text, as_json=as_json)
 
 
 @strips.command()
@@ -116,11 +119,16 @@ def new(
 
     _check_name(strip)
     path = writable(configs).folder / "strips" / f"{strip}.yaml"
-    stated = {"length": length, "width": width, "areal_density": areal_density}
-    stated |= {"bending_length": bending_length, "retardation_time": retardation_time}
-    stated |= {"thickness": thickness}
-    new_strip(path, stated, colour, source or [])
-    assumed = [key for key, value in stated.items() if value is None]
+    values = {
+        "length": length,
+        "width": width,
+        "areal_density": areal_density,
+        "bending_length": bending_length,
+        "retardation_time": retardation_time,
+        "thickness": thickness,
+    }
+    new_strip(path, values, colour, source or [])
+    assumed = [key for key, value in values.items() if value is None]
     sys.stdout.write(f"{path}\n")
     if assumed:
         sys.stdout.write(f"  assumed, not measured: {', '.join(assumed)}\n")

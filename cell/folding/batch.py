@@ -82,12 +82,13 @@ def agreed(requests: Sequence[Request], ask: Callable[[str], str]) -> tuple[Requ
 
     Raises PreflightRefused where the consent is not typed, or a check of the hardware fails.
     """
-    cell, choice = requests[0].cell, requests[0].choice
+    cell = requests[0].cell
+    choice = requests[0].choice
     checks = list[Check]()
     if is_physical(cell, choice):
         checks = [versions(), *hardware_checks(cell, choice, requests[0].runs, BRIEF)]
-    given = consent(cell, choice, ask, checks).agreed
-    return tuple(replace(r, choice=replace(r.choice, agreed=given)) for r in requests)
+    consented = consent(cell, choice, ask, checks).agreed
+    return tuple(replace(r, choice=replace(r.choice, agreed=consented)) for r in requests)
 
 
 def _fold_until(
@@ -97,7 +98,11 @@ def _fold_until(
     corrected = (with_correction(request, "on") for request in requests)
     for result in _fold_in_sequence(corrected, attendance):
         yield result
-        if result.ends(until) if isinstance(result, FoldResult) else result.exit_code > 1:
+        if isinstance(result, FoldResult):
+            ends = result.ends(until)
+        else:
+            ends = result.exit_code > 1
+        if ends:
             return
 
 
@@ -113,10 +118,10 @@ def _fold_in_sequence(
             try:
                 with attendance.observe(request.strip.name) as observers:
                     calibration = calibration_of(request.cell, attendance.report, interrupted)
-                    made = fold(request, calibration, observers, interrupted)
-                attendance.tell(made)
-                result = write_pages(request, made)
-                if result != made:
+                    recorded = fold(request, calibration, observers, interrupted)
+                attendance.tell(recorded)
+                result = write_pages(request, recorded)
+                if result != recorded:
                     attendance.tell(result)
             except CellError as error:
                 result = error
@@ -126,7 +131,7 @@ def _fold_in_sequence(
 
 
 def _unless_interrupted(result: FoldResult | CellError) -> FoldResult | CellError:
-    """Return `result`; raises it where it says that the fold was interrupted."""
+    """Return the `result` of a fold; raises it where it is the error Interrupted."""
     if isinstance(result, Interrupted):
         raise result
     return result

@@ -66,7 +66,8 @@ def fold(
         devices = open_cell(request.settings, request.strip, request.choice, calibrating=False)
     with ExitStack() as opened:
         opened.callback(run_suppressed, devices.close)
-        settings, strip = request.settings, request.strip
+        settings = request.settings
+        strip = request.strip
         correction = request.learning.correction.apply(policy)
         policy.reset(strip, settings.fold.speed, 1)
         check_usable(calibration, devices, settings.calibration_days, datetime.now(UTC))
@@ -75,44 +76,56 @@ def fold(
         desk = desk_end(settings.installation, strip.length) if has_hand else 0.0
         limits = request.choice.motion_limits(settings)
         expected = check_feasible(settings, strip, policy, calibration, limits, desk)
-        begun = time.perf_counter()
+        start = time.perf_counter()
         writer = _new_run(request, calibration, devices, correction)
-        subject = StripInputs(calibration, settings.perception, strip)
-        with writer.under_way(), _reader(subject, real_time=devices.real_time) as reader:
+        inputs = StripInputs(calibration, settings.perception, strip)
+        with writer.under_way(), _reader(inputs, real_time=devices.real_time) as reader:
             context = FoldContext(
-                settings.controller, strip, policy, calibration, reader, expected=expected,
-                place=0.0 if correction is None else correction.place, desk=desk,
-            )  # fmt: skip
+                settings=settings.controller,
+                strip=strip,
+                policy=policy,
+                calibration=calibration,
+                sight=reader,
+                expected=expected,
+                place=0.0 if correction is None else correction.place,
+                desk=desk,
+            )
             outcome, truth = _record_fold(request, context, devices, writer, observers, interrupted)
-        learns = correction is not None and request.learning.learns
-        failure = _learn(request, outcome, writer.folder) if learns else ""
+        not_learned = ""
+        if correction is not None and request.learning.learns:
+            not_learned = _learn(request, outcome, writer.folder)
         return replace(
             FoldResult.from_outcome(request, outcome, truth),
             run=str(writer.folder),
             calibration=calibration.id,
-            wall=time.perf_counter() - begun,
-            warning=_warning(outcome, context.warning, failure),
+            wall=time.perf_counter() - start,
+            warning=_warning(outcome, context.warning, not_learned),
         )
 
 
 def _new_run(
     request: Request, calibration: Calibration, devices: Devices, correction: Correction | None
 ) -> RunWriter:
-    """Create the folder of a run by `request`, with its header; returns its writer."""
-    settings, record = request.settings, request.record
+    """Create the folder of a run by `request`, with its header; returns its writer.
+
+    On the twin, whose clock waits, the writer waits for the disk.
+    """
+    settings = request.settings
     header = run_header(request, settings, calibration, devices.camera.rate)
-    header |= {} if correction is None else {"learning": correction.facts()}
-    keep, patient = record.frames or settings.record.frames, devices.plant is not None
-    return RunWriter.create(request.runs, header, keep, patient=patient, film=record.film)
+    if correction is not None:
+        header["learning"] = correction.facts()
+    keep = request.record.frames or settings.record.frames
+    on_twin = devices.plant is not None
+    return RunWriter.create(request.runs, header, keep, patient=on_twin, film=request.record.film)
 
 
 @contextmanager
-def _reader(subject: StripInputs, *, real_time: bool) -> Iterator[Reader]:
+def _reader(inputs: StripInputs, *, real_time: bool) -> Iterator[Reader]:
     """Reader of images within the block: a separate process where the run is in `real_time`."""
     if not real_time:
-        yield InlineReader(Measurer(subject), subject.calibration.latency)
+        yield InlineReader(Measurer(inputs), inputs.calibration.latency)
         return
-    with closing(ProcessReader(subject, Measurer)) as reader:
+    with closing(ProcessReader(inputs, Measurer)) as reader:
         yield reader
 
 
@@ -125,46 +138,56 @@ def _record_fold(
     interrupted: Callable[[], bool],
 ) -> tuple[Outcome, Truth]:
     """Fold with a record and complete its folder; returns the outcome and the plant's truth."""
-    strip, folder = context.strip, writer.folder
+    strip = context.strip
+    folder = writer.folder
     save_calibration(context.calibration, folder / CALIBRATION)
     if request.checkpoint is not None:
         replace_file(folder / CHECKPOINT, read_bytes(request.checkpoint, CHECKPOINT_BYTES))
     hanging = context.settings.fold.start == "hanging"
     recorder = FileRecorder(writer, hanging=hanging)
+    trace = FoldTrace(strip)
     live = request.record.viz == "live"
-    with watching(folder, strip, live=live, hanging=hanging) as watch:
-        trace = FoldTrace(strip)
-        watchers = (trace, *observers, *watch)
+    with watching(folder, strip, live=live, hanging=hanging) as live_views:
         blind = replace(devices, plant=None, aids=None)  # the controller cannot read the truth
-        run = Run(blind, context, recorder, watchers, interrupted)
+        run = Run(blind, context, recorder, (trace, *observers, *live_views), interrupted)
         outcome = run_and_record(run, devices, recorder, trace.review)
     truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)
     if truth and request.record.truth:
-        try:
-            write_truth(folder, truth)
-        except OSError as error:
-            reason = f"{folder}: {error.strerror}; it is incomplete"
-            outcome = outcome.overridden_by(StopReason("record", reason, Fault.exit_code))
+        outcome = _write_truth(folder, truth, outcome)
     if strip.name == UNKNOWN and outcome.touch is not None and outcome.predicted is not None:
         offer_strip(folder, strip, outcome.predicted)
     return outcome, truth
 
 
+def _write_truth(folder: Path, truth: Truth, outcome: Outcome) -> Outcome:
+    """Write `truth` into the run `folder`; returns the outcome, `record` where that fails."""
+    try:
+        write_truth(folder, truth)
+    except OSError as error:
+        reason = f"{folder}: {error.strerror}; it is incomplete"
+        return outcome.overridden_by(StopReason("record", reason, Fault.exit_code))
+    return outcome
+
+
 def _learn(request: Request, outcome: Outcome, folder: Path) -> str:
-    """Store what the fold teaches, if it does, in the memory of its cell; returns why it cannot."""
+    """Store what the fold teaches, if it does, in the memory of its cell.
+
+    Returns the reason why it cannot be stored, which the record keeps too; else an empty text.
+    """
     learning = request.learning
     subject = subject_of(request.policy, request.checkpoint, request.strip.name, learning.specimen)
     key = run_key(folder)
     experience = experience_of(folder.name, subject, outcome, learning.correction, key)
-    if experience is not None:
-        try:
-            memory_of(request).add(experience)
-        except ConfigurationError as error:
-            failure = f"nothing was learned: {error}"
-            note = {"t": outcome.duration, "kind": NOT_LEARNED, "reason": failure}
-            with suppress(OSError), (folder / EVENTS).open("ab", buffering=0) as events:
-                write_all(events, json_line(note))
-            return failure
+    if experience is None:
+        return ""
+    try:
+        memory_of(request).add(experience)
+    except ConfigurationError as error:
+        failure = f"nothing was learned: {error}"
+        note = {"t": outcome.duration, "kind": NOT_LEARNED, "reason": failure}
+        with suppress(OSError), (folder / EVENTS).open("ab", buffering=0) as events:
+            write_all(events, json_line(note))
+        return failure
     return ""
 
 
@@ -225,7 +248,7 @@ def write_pages(request: Request, result: FoldResult) -> FoldResult:
 
 def _warning(outcome: Outcome, *others: str) -> str | None:
     """Text on lengths that disagree, on a strip unlike its model, and `others`; else None."""
-    agreed = outcome.agreement
-    doubts = [witness.sentence() for witness in disagreements(outcome.witnesses)]
-    unlike = "" if agreed is None or agreed.like_model else agreed.sentence()
-    return "\n  ".join(filter(None, (*doubts, unlike, *others))) or None
+    lines = [check.sentence() for check in disagreements(outcome.witnesses)]
+    if outcome.agreement is not None and not outcome.agreement.like_model:
+        lines.append(outcome.agreement.sentence())
+    return "\n  ".join(filter(None, (*lines, *others))) or None

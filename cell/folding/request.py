@@ -75,14 +75,14 @@ class Request:
 
 def repetitions(base: Request, plants: Sequence[StripFile], repeat: int = 1) -> tuple[Request, ...]:
     """Requests of a batch: `repeat` folds on each of `plants`; fold number i has seed S + i."""
-    lying: Sequence[StripFile | None] = plants or [None]
-    folds = [(plant, index) for plant in lying for index in range(repeat)]
-    return tuple(
-        replace(
-            base, choice=replace(base.choice, plant=plant, index=index, seed=base.choice.seed + i)
-        )
-        for i, (plant, index) in enumerate(folds)
-    )
+    on_desk: Sequence[StripFile | None] = plants or [None]
+    folds = [(plant, index) for plant in on_desk for index in range(repeat)]
+    first_seed = base.choice.seed
+    choices = [
+        replace(base.choice, plant=plant, index=index, seed=first_seed + number)
+        for number, (plant, index) in enumerate(folds)
+    ]
+    return tuple(replace(base, choice=choice) for choice in choices)
 
 
 def standard_requests(base: Request) -> tuple[Request, ...]:
@@ -115,8 +115,8 @@ def check_request(request: Request) -> None:
 def doubts_about(requests: Sequence[Request]) -> tuple[str, ...]:
     """Warnings about strips and plants outside the range for which an engine was validated."""
     plants = [r.choice.plant for r in requests if r.choice.plant is not None]
-    known = (requests[0].strip, *plants)
-    return tuple(dict.fromkeys(doubt for strip in known for doubt in doubts(strip)))
+    strips = (requests[0].strip, *plants)
+    return tuple(dict.fromkeys(doubt for strip in strips for doubt in doubts(strip)))
 
 
 def with_correction(request: Request, learning: str | None) -> Request:
@@ -125,14 +125,19 @@ def with_correction(request: Request, learning: str | None) -> Request:
     `learning` is `auto`, `on`, `off`, a length to correct by without learning, or None for the
     cell's own setting. Raises ConfigurationError for other text.
     """
-    known, settings, learns = request.learning, request.cell.learning, False
-    correction, memory = UNCORRECTED, memory_of(request)
+    settings = request.cell.learning
+    memory = memory_of(request)
+    learns = False
+    correction = UNCORRECTED
     if learning is not None and learning not in LEARNING_WORDS:
         correction = Correction(metres("--learning", learning, settings.limit), 0.0)
     elif _should_learn(request, learning, memory):
-        subject = subject_of(request.policy, request.checkpoint, request.strip.name, known.specimen)
-        correction, learns = learned_correction(memory, subject, settings), True
-    return replace(request, learning=replace(known, correction=correction, learns=learns))
+        specimen = request.learning.specimen
+        subject = subject_of(request.policy, request.checkpoint, request.strip.name, specimen)
+        learns = True
+        correction = learned_correction(memory, subject, settings)
+    changed = replace(request.learning, correction=correction, learns=learns)
+    return replace(request, learning=changed)
 
 
 def memory_of(request: Request) -> Memory:

@@ -56,9 +56,16 @@ class FoldResult:
     @classmethod
     def refusal(cls, request: Request, error: CellError) -> Self:
         """Result of a fold that did not begin because of `error`; nothing was recorded."""
-        known = "", request.strip.name, request.policy, request.choice.seed
-        stopped = StopReason.from_error(error)
-        return cls(*known, stopped.name, stopped.reason, stopped.exit_code)
+        stop = StopReason.from_error(error)
+        return cls(
+            run="",
+            strip=request.strip.name,
+            policy=request.policy,
+            seed=request.choice.seed,
+            outcome=stop.name,
+            reason=stop.reason,
+            exit_code=stop.exit_code,
+        )
 
     @classmethod
     def from_outcome(cls, request: Request, outcome: Outcome, truth: Mapping[str, Any]) -> Self:
@@ -87,8 +94,8 @@ class FoldResult:
     @property
     def offset(self) -> float:
         """Size [m] of the edges' offset, else of the displacement; infinity without either."""
-        seen = (self.edge_offset, self.displacement)
-        return next((abs(value) for value in seen if value is not None), inf)
+        offset = self.displacement if self.edge_offset is None else self.edge_offset
+        return inf if offset is None else abs(offset)
 
     def ends(self, until: float) -> bool:
         """Whether a series of folds ends with this one: stopped, or edges within `until` [m]."""
@@ -116,23 +123,24 @@ class FoldResult:
     def __str__(self) -> str:
         """Text of the fold's result for the operator."""
         if self.displacement is None:
-            said = [f"{self.strip}: {self.outcome}: {self.reason}", self.warning]
-            return "\n  ".join(filter(None, said))
+            lines = [f"{self.strip}: {self.outcome}: {self.reason}", self.warning]
+            return "\n  ".join(filter(None, lines))
         folded = "folded" if self.exit_code == 0 or self.outcome in LAID else "not folded"
-        folded += "" if self.exit_code == 0 else f" ({self.outcome})"
+        if self.exit_code != 0:
+            folded += f" ({self.outcome})"
         text = f"{self.strip}: {folded}, displacement {1e3 * self.displacement:+.1f} mm"
         text += _true_words(self.displacement_true)
         if self.edge_offset is not None:
             text += f"; laid down, the edges lie {1e3 * self.edge_offset:+.1f} mm apart"
         elif self.edge_offset_true is not None:
             text += "; the edges are not seen"
-        said = [text + _true_words(self.edge_offset_true), self.predicted]
+        lines = [text + _true_words(self.edge_offset_true), self.predicted]
         if self.predicted is not None and self.strip == UNKNOWN:
-            said.append(f"strip file with what was learned: {self.run}/{LEARNED}")
-        said += [self.correction, self.warning]
+            lines.append(f"strip file with what was learned: {self.run}/{LEARNED}")
+        lines += [self.correction, self.warning]
         if self.exit_code != 0 and self.reason not in (self.warning or ""):
-            said.append(self.reason)
-        return "\n  ".join(filter(None, said))
+            lines.append(self.reason)
+        return "\n  ".join(filter(None, lines))
 
     __repr__ = __str__
 
