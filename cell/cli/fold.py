@@ -141,8 +141,6 @@ def fold(
 
     settings = configurations.cell()
     encoder = film or settings.record.film
-    if encoder == "none":
-        encoder = None
     base = Request(
         cell=settings,
         strip=configurations.strip(name),
@@ -151,7 +149,7 @@ def fold(
         choice=DeviceSelection(arm, camera, seed=seed),
         checkpoint=checkpoint,
         full_speed=full_speed,
-        record=Recording(frames=frames, film=encoder, truth=not no_truth, viz=viz),
+        record=Recording(frames, None if encoder == "none" else encoder, not no_truth, viz),
         learning=Learning(specimen),
     )
     default_learning = None if until is None else "on"
@@ -228,11 +226,13 @@ def _fold_all(
     try:
         results = fold_all(requests, jobs, until, attendance)
         for request, fold_end in zip(requests, results, strict=False):  # an interrupt ends them
-            refused = isinstance(fold_end, CellError)
-            result = FoldResult.refusal(request, fold_end) if refused else fold_end
+            if isinstance(fold_end, FoldResult):
+                result = fold_end
+            else:
+                result = FoldResult.refusal(request, fold_end)
             if as_json:
                 _print_line(result)
-            elif refused:
+            elif result is not fold_end:  # a result was told as soon as it was known
                 _print_result(result, robot)
             exit_code = max(exit_code, result.exit_code)
             if until is not None and result.ends(until):

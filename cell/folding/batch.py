@@ -98,11 +98,8 @@ def _fold_until(
     corrected = (with_correction(request, "on") for request in requests)
     for result in _fold_in_sequence(corrected, attendance):
         yield result
-        if isinstance(result, FoldResult):
-            ends = result.ends(until)
-        else:
-            ends = result.exit_code > 1
-        if ends:
+        stopped = result.exit_code > 1
+        if stopped or (isinstance(result, FoldResult) and result.ends(until)):
             return
 
 

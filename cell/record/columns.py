@@ -60,6 +60,11 @@ class Columns:
         return cls(**{name: frozen([]) for name in quantities(cls)})
 
     @classmethod
+    def parse(cls, table: pa.Table, origin: str) -> Self:
+        """Check `table`, return its columns; ConfigurationError names `origin` and the column."""
+        return cls(**cls.read(table, origin))
+
+    @classmethod
     def read(cls, table: pa.Table, origin: str) -> dict[str, Array]:
         """Checked columns (n,) of `table` by name, NaN for one that is not there nor needed.
 
@@ -113,7 +118,7 @@ class Ticks(Columns):
 
     def pose_at(self, stamp: float) -> Pose:
         """Gripper pose at `stamp` [s], interpolated between ticks."""
-        columns = self.x, self.z, self.pitch
+        columns = (self.x, self.z, self.pitch)
         return Pose(*(float(np.interp(stamp, self.t, column)) for column in columns))
 
 
@@ -159,11 +164,6 @@ class Sights(Columns):
     tip_z: Length
     gap: Length
     gap_x: Length
-
-    @classmethod
-    def parse(cls, table: pa.Table, origin: str) -> Self:
-        """Check `table`, return its sights; ConfigurationError names `origin` and the column."""
-        return cls(**cls.read(table, origin))
 
 
 def _numbers(table: pa.Table, name: str, origin: str) -> Array:
@@ -214,8 +214,8 @@ def _check_median(values: Array, name: str, origin: str) -> None:
 
 def _check_range(values: Array, name: str, origin: str, quantity: Quantity) -> None:
     """Raise ConfigurationError where a value exceeds the largest one of its `quantity`."""
-    known, unit = values[~np.isnan(values)], next(iter(quantity.units))
-    largest = float(np.max(np.abs(known), initial=0.0))
+    largest = float(np.max(np.abs(values[~np.isnan(values)]), initial=0.0))
+    unit = next(iter(quantity.units))
     if largest > quantity.largest:
         raise ConfigurationError(
             f"{origin}: {name}: reaches {largest:.6g}, must stay within {quantity.largest:.3g} "

@@ -65,5 +65,6 @@ def _annotated(path: Path, add: set[str], remove: set[str], note: str | None, te
     content = parse_yaml(text, str(path)) if text else {}
     notes = parse(content, Notes, str(path))
     tags = " ".join(sorted({*notes.tags.split(), *add} - remove))
-    kept = notes.note if note is None else note
-    return dump_yaml({"schema": 1, **content, "tags": tags, "note": kept})
+    if note is None:
+        note = notes.note
+    return dump_yaml({"schema": 1, **content, "tags": tags, "note": note})

@@ -59,10 +59,10 @@ def check_run(folder: Path) -> None:
     if not folder.exists():
         raise ConfigurationError(f"{folder}: is not there; see `cell runs`, or give its path")
     if not folder.is_dir():
-        its = f", {folder.parent}" if is_run(folder.parent) else ""
-        raise ConfigurationError(f"{folder}: is a file, a run is a folder; give the folder{its}")
-    found = "".join(f"; name one of those in it, as {inner}" for inner in runs_in(folder)[-1:])
-    raise ConfigurationError(f"{folder}: is not a run: it holds no {RUN}{found}")
+        parent = f", {folder.parent}" if is_run(folder.parent) else ""
+        raise ConfigurationError(f"{folder}: is a file, a run is a folder; give the folder{parent}")
+    hint = "".join(f"; name one of those in it, as {inner}" for inner in runs_in(folder)[-1:])
+    raise ConfigurationError(f"{folder}: is not a run: it holds no {RUN}{hint}")
 
 
 def is_under_way(folder: Path) -> bool:

@@ -33,7 +33,8 @@ FRAGMENTS = {"movflags": "frag_every_frame+empty_moov+default_base_moof", "flush
 QUEUE = 16  # images of 2.8 MB: at most 45 MB wait for the encoder
 POLITE = 10  # nice value of the encoder
 ENCODER_TIMEOUT = 20.0  # s to encode an image, or to complete the film: then the encoder hangs
-BREAKS_OFF, HANGS = "the film breaks off", "its encoder hangs"
+BREAKS_OFF = "the film breaks off"
+HANGS = "its encoder hangs"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +52,14 @@ class Film:
         import av
 
         with _open_film(self.path) as container:
-            begin = 0.0 if after else None
+            begin = None
             if after:
+                begin = 0.0
                 container.seek(round(after * av.time_base))
             for number, picture in enumerate(container.decode(video=0)):
                 stamp = _stamp(picture, self.path)
-                begin = stamp if begin is None else begin
+                if begin is None:
+                    begin = stamp
                 image = _upright(picture, self.path)
                 yield Frame(stamp - begin, stamp - begin, self.path.name, number, image)
 
@@ -91,13 +94,16 @@ def _open_film(path: Path) -> Iterator[Any]:
 
 
 def _upright(picture: Any, path: Path) -> Image:
-    """The image (h, w, 3) turned as the film's display matrix says: a phone is held anyhow."""
-    turns, rest = divmod(picture.rotation, 90)
-    if rest:
+    """Image (h, w, 3) of a decoded `picture`, turned as the film's display matrix says.
+
+    Raises ConfigurationError for a turn that is no multiple of 90 deg.
+    """
+    quarter_turns, remainder = divmod(picture.rotation, 90)
+    if remainder:
         raise ConfigurationError(
             f"{path}: is to be shown turned by {picture.rotation} deg; write it again upright"
         )
-    return np.ascontiguousarray(np.rot90(picture.to_ndarray(format="bgr24"), turns))
+    return np.ascontiguousarray(np.rot90(picture.to_ndarray(format="bgr24"), quarter_turns))
 
 
 def _stamp(picture: Any, path: Path) -> float:
@@ -123,7 +129,9 @@ class FilmWriter:
         with writing(path):
             check_writable(path)
             self._container = av.open(str(path), "w", options=options)
-        self._path, self._encoder, self._begin = path, encoder, 0.0
+        self._path = path
+        self._encoder = encoder
+        self._begin = 0.0
         self._stream: Any = None
 
     def add(self, stamp: float, image: Image) -> None:
@@ -136,7 +144,8 @@ class FilmWriter:
             self._stream = self._open_stream(image)
         planes = cv2.cvtColor(image, cv2.COLOR_BGR2YUV_I420)  # three times as fast as FFmpeg
         picture = av.VideoFrame.from_ndarray(planes, format="yuv420p")
-        picture.pts, picture.time_base = round((stamp - self._begin) / TIME_BASE), TIME_BASE
+        picture.time_base = TIME_BASE
+        picture.pts = round((stamp - self._begin) / TIME_BASE)
         self._container.mux(self._stream.encode(picture))
 
     def __enter__(self) -> Self:
@@ -156,7 +165,8 @@ class FilmWriter:
         options = {"g": str(KEYFRAME_INTERVAL), **QUALITY.get(self._encoder, {})}
         stream = self._container.add_stream(self._encoder, rate=30, options=options)
         stream.height, stream.width = image.shape[:2]
-        stream.pix_fmt, stream.time_base = "yuv420p", TIME_BASE
+        stream.pix_fmt = "yuv420p"
+        stream.time_base = TIME_BASE
         stream.codec_context.time_base = TIME_BASE
         stream.codec_context.thread_count = 1
         stream.codec_context.open()
@@ -170,8 +180,8 @@ def index_film(path: Path) -> None:
     if path.suffix != ".mp4":
         return
     with replacing(path) as scratch, _open_film(path) as old:
-        form = {"format": "mp4", "options": {"movflags": "faststart"}}
-        with av.open(str(scratch), "w", **form) as new:
+        options = {"movflags": "faststart"}
+        with av.open(str(scratch), "w", format="mp4", options=options) as new:
             stream = new.add_stream_from_template(old.streams.video[0], opaque=True)
             for packet in old.demux(video=0):
                 if packet.dts is not None:
@@ -190,7 +200,9 @@ class FilmEncoder:
 
     def __init__(self, path: Path, encoder: str, patient: bool) -> None:
         self.failure = ""
-        self._patient, self._count, self._next = patient, 0, -inf
+        self._patient = patient
+        self._count = 0
+        self._next_stamp = -inf
         self._begun = threading.Event()
         self._waiting: queue.Queue[tuple[float, Image] | None] = queue.Queue(QUEUE)
         self._thread = threading.Thread(
@@ -201,15 +213,17 @@ class FilmEncoder:
 
     def put(self, stamp: float, image: Image) -> int | None:
         """Add `image` (h, w, 3) at `stamp` [s]; returns its number, None where it is left out."""
-        if self.failure or stamp < self._next:
+        if self.failure or stamp < self._next_stamp:
             return None
         try:
             self._waiting.put((stamp, image), self._patient, ENCODER_TIMEOUT)
         except queue.Full:
             self.failure = f"{BREAKS_OFF}: {HANGS}" if self._patient else ""
             return None
-        self._count, self._next = self._count + 1, stamp + PERIOD
-        return self._count - 1
+        number = self._count
+        self._count += 1
+        self._next_stamp = stamp + PERIOD
+        return number
 
     def close(self) -> None:
         """Wait until the film is complete, or its encoder has stalled."""
@@ -236,15 +250,13 @@ class FilmEncoder:
 
 @dataclass(frozen=True, slots=True)
 class AddImage:
-    """Message to the film's process: append the shared image, `shape` (h, w, 3), of `stamp` [s]."""
+    """Message to the film's process: add the shared image, `shape` (h, w, 3), of `stamp` [s].
+
+    None in its place completes the film.
+    """
 
     stamp: float
     shape: tuple[int, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Complete:
-    """Message to the film's process: no image follows, complete the film."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,12 +294,13 @@ class FilmProcess:
         """
         try:
             if error is None:
-                self._child.send(Complete())
+                self._child.send(None)  # no image follows
                 self._await_answer()
         finally:
             self._close()
 
     def _close(self) -> None:
+        """End the process and release the shared image."""
         self._child.close(ENCODER_TIMEOUT)
         self._image.close()
 
@@ -297,9 +310,9 @@ class FilmProcess:
             answer = self._child.receive(ENCODER_TIMEOUT)
         except ChildDied as died:
             self._child.close()
-            known = died.failure
-            reason = "its process has ended" if known is None else known.text or known.error
-            raise OSError(reason) from None
+            if died.failure is None:
+                raise OSError("its process has ended") from None
+            raise OSError(died.failure.text or died.failure.error) from None
         if answer is None:
             self._child.kill()
             raise OSError(HANGS)
@@ -311,16 +324,8 @@ def encode(pipe: Connection, path: Path, encoder: str, image: SharedImage) -> No
     with FilmWriter(path, encoder) as film:
         pipe.send(Ready())
         os.setpriority(os.PRIO_PROCESS, 0, POLITE)
-        while (wanted := _next_image(pipe)) is not None:
-            film.add(wanted.stamp, image.read(wanted.shape))
-            pipe.send(Ready())
+        with suppress(EOFError, ConnectionResetError):  # the parent has ended: so has the film
+            while (message := pipe.recv()) is not None:
+                film.add(message.stamp, image.read(message.shape))
+                pipe.send(Ready())
     pipe.send(Ready())
-
-
-def _next_image(pipe: Connection) -> AddImage | None:
-    """The next image to encode; None at the end of the film, or of its parent."""
-    try:
-        wanted = pipe.recv()
-    except (EOFError, ConnectionResetError):
-        return None
-    return wanted if isinstance(wanted, AddImage) else None

@@ -20,10 +20,13 @@ from drivers.files import new_file, replace_file, write_all
 from drivers.readers import read_json_lines, read_picture
 from drivers.types import Frame, Image
 
-FOLDER, INDEX = "frames", "frames/index.jsonl"
+FOLDER = "frames"
+INDEX = "frames/index.jsonl"
 LARGEST_SIDE = 4096  # px of a side
 QUEUE = 32  # images of 2.8 MB: at most 90 MB wait for the disk
-STRIDE, MOST_SPREAD, MOST_MARKED = 64, 32, 8  # images from one key image to the next, and of each
+STRIDE = 64  # images from one key image to the next
+MOST_SPREAD = 32  # key images in that distance
+MOST_MARKED = 8  # key images because of an event
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +81,8 @@ class KeyFrames:
 
     def choose(self, mark: bool) -> bool:
         """Whether to store the next image, which may be a marked one."""
-        number, self._count = self._count, self._count + 1
+        number = self._count
+        self._count += 1
         if mark and self._marks_left > 0:
             self._marks_left -= 1
             return True
@@ -86,14 +90,15 @@ class KeyFrames:
 
 
 def read_index(folder: Path) -> tuple[FrameNote, ...]:
-    """Read the index entries of the images in `folder`, of two of one image the later.
+    """Read the index entries of the images in the run `folder`, one an image: its latest.
 
     Raises ConfigurationError for a broken line.
     """
     try:
         lift = lift_time(folder)
         notes = [_read_note(folder, line, lift) for line in read_json_lines(folder / INDEX)]
-        return tuple({note.sequence: note for note in notes}.values())
+        latest = {note.sequence: note for note in notes}
+        return tuple(latest.values())
     except (KeyError, TypeError, ValueError, OverflowError):
         raise ConfigurationError(
             f"{folder / INDEX}: a line lacks its sequence, stamp or arrival; "
@@ -113,12 +118,14 @@ def read_frame(note: FrameNote) -> Frame | None:
 
 def _read_note(folder: Path, line: dict[str, Any], lift: float) -> FrameNote:
     """Index entry from one line of the index; times are relative to the `lift` [s], if finite."""
-    sequence, stamp, arrival = int(line["sequence"]), float(line["stamp"]), float(line["arrival"])
-    if isfinite(lift):
-        stamp, arrival = stamp - lift, arrival - lift
+    sequence = int(line["sequence"])
+    begin = lift if isfinite(lift) else 0.0
+    stamp = float(line["stamp"]) - begin
+    arrival = float(line["arrival"]) - begin
     if sequence < 0 or not (isfinite(stamp) and isfinite(arrival)):
         raise ValueError("an image has no number or no time")
-    file, film = frame_file(folder, sequence), line.get("film")
+    file = frame_file(folder, sequence)
+    film = line.get("film")
     return FrameNote(
         sequence=sequence,
         stamp=stamp,
@@ -144,13 +151,15 @@ class FrameWriter:
         self._film = encoder and FilmEncoder(folder / FILM, encoder, patient)
         self._failure: OSError | None = None
         self._given_up = False
-        self._folder, self._keep, self._patient = folder, keep, patient
-        self._choice = KeyFrames()
+        self._folder = folder
+        self._keep = keep
+        self._patient = patient
+        self._key_frames = KeyFrames()
         self._last: tuple[Frame, int | None] | None = None  # if not stored; its place in the film
         self._waiting: queue.Queue[tuple[Frame, bool] | None] = queue.Queue(QUEUE)
         (folder / FOLDER).mkdir()
         self._index = new_file(folder / INDEX)
-        self._thread = threading.Thread(target=self._drain, name="frames", daemon=True)
+        self._thread = threading.Thread(target=self._write_queue, name="frames", daemon=True)
         self._thread.start()
 
     def put(self, frame: Frame, mark: bool) -> None:
@@ -177,10 +186,11 @@ class FrameWriter:
 
     def take_failure(self) -> OSError | None:
         """Error of writing since the last call, or None; no image is written after it."""
-        failure, self._failure = self._failure, None
+        failure = self._failure
+        self._failure = None
         return failure
 
-    def _drain(self) -> None:
+    def _write_queue(self) -> None:
         """Write images until the queue ends, and at last the last one as a key frame."""
         while (item := self._waiting.get()) is not None:
             self._attempt(self._record, *item)
@@ -194,16 +204,18 @@ class FrameWriter:
         try:
             write(*arguments)
         except OSError as error:
-            self._failure, self._given_up = error, True
+            self._failure = error
+            self._given_up = True
 
     def _record(self, frame: Frame, mark: bool) -> None:
         """Film `frame`, store it if it is selected, and enter it into the index."""
         place = self._film.put(frame.stamp, frame.image) if self._film else None
-        if keep := self._keep == "all" or (self._keep == "key" and self._choice.choose(mark)):
+        if self._keep == "all" or (self._keep == "key" and self._key_frames.choose(mark)):
             self._store(frame, place)
+            self._last = None
         else:
             self._note(frame, film=place)
-        self._last = None if keep else (frame, place)
+            self._last = (frame, place)
 
     def _store(self, frame: Frame, film: int | None) -> None:
         """Store `frame`, and enter it into the index with its hash."""
@@ -211,7 +223,10 @@ class FrameWriter:
         self._note(frame, sha256=digest(frame.image), film=film)
 
     def _note(self, frame: Frame, sha256: str | None = None, film: int | None = None) -> None:
-        note = {"sequence": frame.sequence, "stamp": frame.stamp, "arrival": frame.arrival}
-        place = {} if film is None else {"film": film}
-        line = json_line({**note, "source": frame.source, "sha256": sha256, **place})
-        write_all(self._index, line)
+        """Enter `frame` into the index: its `sha256` if it is stored, its number in the `film`."""
+        note: dict[str, Any] = {"sequence": frame.sequence}
+        note |= {"stamp": frame.stamp, "arrival": frame.arrival, "source": frame.source}
+        note |= {"sha256": sha256}
+        if film is not None:
+            note["film"] = film
+        write_all(self._index, json_line(note))

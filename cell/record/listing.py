@@ -74,15 +74,18 @@ class RunRow:
     @property
     def offsets(self) -> tuple[str, ...]:
         """Displacement and offset of the edges [mm] as text; empty where unknown."""
-        lengths = self.displacement, self.edge_offset
-        return tuple("" if v is None else f"{1e3 * v:+.1f}" for v in lengths)
+        lengths = (self.displacement, self.edge_offset)
+        return tuple("" if length is None else f"{1e3 * length:+.1f}" for length in lengths)
 
     def __repr__(self) -> str:
         """Name, strip, policy, outcome, displacement and offset of the edges in a line."""
-        d, edges = self.offsets
-        lengths = (d and f"d {d} mm", edges and f"edges {edges} mm")
-        said = filter(None, (self.strip, self.policy, self.outcome, *lengths))
-        return f"<{self.short}: {', '.join(said)}>"
+        displacement, edges = self.offsets
+        facts = [self.strip, self.policy, self.outcome]
+        if displacement:
+            facts.append(f"d {displacement} mm")
+        if edges:
+            facts.append(f"edges {edges} mm")
+        return f"<{self.short}: {', '.join(filter(None, facts))}>"
 
 
 COLUMNS = ("run", *(field.name for field in fields(RunRow)[1:]))  # the folder by its name
@@ -113,9 +116,11 @@ def list_runs(root: Path, where: str = "", sort: str = "") -> tuple[RunRow, ...]
 def _select(rows: Sequence[RunRow], where: str, sort: str) -> tuple[RunRow, ...]:
     """Filter and sort `rows` in a database in memory, which holds nothing else."""
     key = sort.removeprefix("-")
+    order = "place"
     if key:
         check_known("sort", key, COLUMNS)
-    order = f"{key} IS NULL, {key} {'DESC' if sort.startswith('-') else 'ASC'}, " if key else ""
+        direction = "DESC" if sort.startswith("-") else "ASC"
+        order = f"{key} IS NULL, {key} {direction}, place"
     with closing(sqlite3.connect(":memory:")) as base:
         base.execute(f"CREATE TABLE runs (place, {', '.join(COLUMNS)})")
         marks = ", ".join("?" * (1 + len(COLUMNS)))
@@ -124,14 +129,14 @@ def _select(rows: Sequence[RunRow], where: str, sort: str) -> tuple[RunRow, ...]
             ((place, *map(_storable, values_of(row))) for place, row in enumerate(rows)),
         )
         try:
-            found = base.execute(
-                f"SELECT place FROM runs WHERE ({where or 1}\n) ORDER BY {order}place"  # noqa: S608
+            selected = base.execute(
+                f"SELECT place FROM runs WHERE ({where or 1}\n) ORDER BY {order}"  # noqa: S608
             ).fetchall()
         except (sqlite3.Error, sqlite3.Warning, ValueError) as error:
             raise ConfigurationError(
                 f"where: {error}; columns of runs: {', '.join(COLUMNS)}"
             ) from None
-    return tuple(rows[place] for (place,) in found if place in range(len(rows)))
+    return tuple(rows[place] for (place,) in selected if place in range(len(rows)))
 
 
 def _storable(value: Any) -> Any:
@@ -174,51 +179,53 @@ def remove(rows: Sequence[RunRow]) -> int:
     for row in rows:
         if row.folder.is_symlink() or not is_run(row.folder) or is_under_way(row.folder):
             raise ConfigurationError(f"{row.folder}: is not a finished run; it was left alone")
-    left = []
+    failures = []
     for row in rows:
         try:
             with lock_folders([row.folder]):
                 if read_row(row.folder) == row:
                     shutil.rmtree(row.folder)
                 else:
-                    left.append(f"{row.folder}: has just been changed; it was left alone")
+                    failures.append(f"{row.folder}: has just been changed; it was left alone")
         except OSError as error:
-            left.append(f"{row.folder}: cannot be removed: {error.strerror}")
+            failures.append(f"{row.folder}: cannot be removed: {error.strerror}")
         except ConfigurationError as error:
-            left.append(str(error))
-    if left:
-        raise ConfigurationError("\n".join(left))
+            failures.append(str(error))
+    if failures:
+        raise ConfigurationError("\n".join(failures))
     return sum(row.size for row in rows)
 
 
 def read_row(folder: Path) -> RunRow:
     """Read the run in `folder` from its YAML files for a list; unreadable values are empty."""
-    header = _document(folder / RUN, HEADER_KEYS)
-    result, notes = _document(folder / RESULT), _document(folder / NOTES)
-    stated, final, remarks = header or {}, result or {}, notes or {}
+    header_document = _document(folder / RUN, HEADER_KEYS)
+    result_document = _document(folder / RESULT)
+    header = header_document or {}
+    result = result_document or {}
+    notes = _document(folder / NOTES) or {}
     return RunRow(
         folder=folder,
         began=_start_time(folder),
-        strip=_text(stated.get("strip")),
-        policy=_text(stated.get("policy")),
-        outcome=_outcome(folder, header, result),
-        displacement=_number(final.get("displacement")),
-        edge_offset=_number(final.get("edge_offset")),
-        duration=_number(final.get("duration")),
+        strip=_text(header.get("strip")),
+        policy=_text(header.get("policy")),
+        outcome=_outcome(folder, header_document, result_document),
+        displacement=_number(result.get("displacement")),
+        edge_offset=_number(result.get("edge_offset")),
+        duration=_number(result.get("duration")),
         size=_size(folder),
-        touch=_number(final.get("t_layer_touch")),
-        predicted=_number(_mapping_at(final, "foretold").get("displacement")),
-        like_model=_of_type(bool, _mapping_at(final, "agreement").get("like_model")),
-        reason=_text(final.get("reason")),
-        seed=_of_type(int, stated.get("seed")),
-        speed=_number(stated.get("speed")),
-        start=_text(stated.get("start")) or "flat",
-        condition=_text(stated.get("condition")),
-        arm=_text(_mapping_at(stated, "drivers").get("arm")),
-        camera=_text(_mapping_at(stated, "drivers").get("camera")),
-        calibration=_text(_mapping_at(stated, "calibration").get("id")),
-        tags=_text(remarks.get("tags")),
-        note=_text(remarks.get("note")),
+        touch=_number(result.get("t_layer_touch")),
+        predicted=_number(_mapping_at(result, "foretold").get("displacement")),
+        like_model=_of_type(bool, _mapping_at(result, "agreement").get("like_model")),
+        reason=_text(result.get("reason")),
+        seed=_of_type(int, header.get("seed")),
+        speed=_number(header.get("speed")),
+        start=_text(header.get("start")) or "flat",
+        condition=_text(header.get("condition")),
+        arm=_text(_mapping_at(header, "drivers").get("arm")),
+        camera=_text(_mapping_at(header, "drivers").get("camera")),
+        calibration=_text(_mapping_at(header, "calibration").get("id")),
+        tags=_text(notes.get("tags")),
+        note=_text(notes.get("note")),
     )
 
 

@@ -1,12 +1,13 @@
 """Reading of a run: complete, interrupted, broken, or written by hand in a laboratory."""
 
 import base64
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial, wraps
 from html import escape
 from math import nan
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -41,6 +42,8 @@ from drivers.types import Array, Frame
 MOTION = ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "f_x", "f_z")  # what an arm measures
 TOUCH = ("t_layer_touch", "l1", "l2", "displacement")  # of a result
 Part = TypeVar("Part")
+Columns = Mapping[str, Array]
+NO_TABLES: Mapping[str, Columns] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +68,10 @@ class PartReader:
 
 
 def _cached_part(empty: object) -> Callable[[Callable[["Run"], Part]], Callable[["Run"], Part]]:
-    """Cache a method that reads a part of a run; a lenient run has `empty` for a broken part."""
+    """Decorate a method that reads a part of a run: a run reads it once, and keeps it.
+
+    A lenient run has `empty`, which cannot be changed, for a broken part.
+    """
 
     def decorate(read: Callable[["Run"], Part]) -> Callable[["Run"], Part]:
         @wraps(read)
@@ -107,15 +113,15 @@ class Run:
 
     def _repr_html_(self) -> str:
         """Film of the run, or else its last kept image, for a notebook."""
-        kept = [note.file for note in self.kept_images()[::-1] if note.file]
-        shown = next(filter(Path.is_file, (self.folder / FILM, *kept)), None)
-        said = escape(repr(self))
-        if shown is None:
-            return said
-        content = base64.b64encode(shown.read_bytes()).decode()
-        if shown.name == FILM:
-            return f'{said}<br><video controls width="640" src="data:video/mp4;base64,{content}">'
-        return f'{said}<br><img width="640" src="data:image/png;base64,{content}">'
+        images = [note.file for note in self.kept_images()[::-1] if note.file]
+        picture = next(filter(Path.is_file, (self.folder / FILM, *images)), None)
+        text = escape(repr(self))
+        if picture is None:
+            return text
+        content = base64.b64encode(picture.read_bytes()).decode()
+        if picture.name == FILM:
+            return f'{text}<br><video controls width="640" src="data:video/mp4;base64,{content}">'
+        return f'{text}<br><img width="640" src="data:image/png;base64,{content}">'
 
     @property
     def problems(self) -> list[str]:
@@ -134,9 +140,9 @@ class Run:
         Events are written on the cell's clock, before the start of measured time is known; the
         event `origin` states it, and times here are relative to it.
         """
-        found = read_events(self.folder)
-        origin = origin_of(found)
-        return tuple(replace(event, t=event.t - origin) for event in found)
+        events = read_events(self.folder)
+        origin = origin_of(events)
+        return tuple(replace(event, t=event.t - origin) for event in events)
 
     @_cached_part(0.0)
     def origin(self) -> float:
@@ -155,16 +161,23 @@ class Run:
 
     def measurements(self) -> list[StripMeasurement]:
         """Measurements of the strip, one per image; of a laboratory's run its profiles alone."""
-        sights, curves = self.sights(), self.profile.curves()
+        sights = self.sights()
+        curves = self.profile.curves()
         if sights.stamp.size == 0:
             return [
                 StripMeasurement(t, 0, nan, 0.0, p, 1.0, (nan, nan), nan, nan) for t, p in curves
             ]
-        points_at, unseen = dict(curves), np.empty((0, 2))
-        columns = (getattr(sights, name).tolist() for name in Sights.__slots__)
+        curve_at = dict(curves)
+        columns = {name: getattr(sights, name).tolist() for name in Sights.__slots__}
+        rows = (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
         return [
-            StripMeasurement(t, int(n), x, x_sure, points_at.get(t, unseen), sure, (u, w), gap, at)
-            for t, n, x, x_sure, sure, u, w, gap, at in zip(*columns, strict=True)
+            StripMeasurement(
+                sequence=int(row.pop("sequence")),
+                profile=curve_at.get(row["stamp"], np.empty((0, 2))),
+                tip=(row.pop("tip_x"), row.pop("tip_z")),
+                **row,
+            )
+            for row in rows
         ]
 
     @_cached_part(None)
@@ -178,25 +191,26 @@ class Run:
         """Index entries of all measured images, in order; none in a laboratory's run."""
         return read_index(self.folder)
 
-    @_cached_part({})
-    def tables(self) -> dict[str, dict[str, Array]]:
+    @_cached_part(NO_TABLES)
+    def tables(self) -> Mapping[str, Columns]:
         """Measurements as plain tables of columns (n,) in SI units, for another format.
 
         They are `ticks`, and where measured `contact`, `profile` and `result`, without columns that
         hold no number.
         """
-        ticks = {name: getattr(self.ticks, name) for name in MOTION}
-        found = {"ticks": {name: v for name, v in ticks.items() if np.isfinite(v).any()}}
-        seen = np.isfinite(self.ticks.contact_x)
+        motion = {name: getattr(self.ticks, name) for name in MOTION}
+        tables = {"ticks": {name: v for name, v in motion.items() if np.isfinite(v).any()}}
+        touches_desk = np.isfinite(self.ticks.contact_x)
         stamps = np.where(np.isfinite(self.ticks.contact_t), self.ticks.contact_t, self.ticks.t)
-        if seen.any():
-            found["contact"] = {"t": stamps[seen], "contact_x": self.ticks.contact_x[seen]}
+        if touches_desk.any():
+            contact_x = self.ticks.contact_x[touches_desk]
+            tables["contact"] = {"t": stamps[touches_desk], "contact_x": contact_x}
         if len(self.profile.t):
-            found["profile"] = {name: getattr(self.profile, name) for name in Profile.__slots__}
+            tables["profile"] = {name: getattr(self.profile, name) for name in Profile.__slots__}
         touch = {name: getattr(self.result, name, None) for name in TOUCH}
         if None not in touch.values():
-            found["result"] = {name: np.array([value]) for name, value in touch.items()}
-        return found
+            tables["result"] = {name: np.array([value]) for name, value in touch.items()}
+        return tables
 
     def kept_images(self) -> list[FrameNote]:
         """Index entries of the images whose files were stored, in order."""
@@ -209,9 +223,9 @@ class Run:
 
     def frames(self) -> Iterator[Frame]:
         """Yield the stored images; one that fails its hash raises an error unless lenient."""
-        unlisted = PartReader(self.reader.lenient)  # broken images are no problems of the run
+        image_reader = PartReader(self.reader.lenient)  # the run's problems do not list images
         for note in self.kept_images():
-            frame = unlisted.read(partial(read_frame, note), None)
+            frame = image_reader.read(partial(read_frame, note), None)
             if frame is not None:
                 yield frame
 
@@ -246,7 +260,8 @@ def read_result(folder: Path) -> Result | None:
 def _read(folder: Path, *, lenient: bool) -> Run:
     """Read the run in `folder`; its broken parts are empty if `lenient`, else errors."""
     check_run(folder)
-    header, reader = load(folder / RUN, Header), PartReader(lenient)
+    header = load(folder / RUN, Header)
+    reader = PartReader(lenient)
     result = reader.read(lambda: read_result(folder), None)
     tables = _RunTables(folder, header, reader, complete=result is not None and not lenient)
     ticks = reader.read(lambda: Ticks.parse(*tables.read(TICKS)), Ticks.none())
@@ -261,7 +276,9 @@ class _RunTables:
     """
 
     def __init__(self, folder: Path, header: Header, reader: PartReader, *, complete: bool) -> None:
-        self._folder, self._header, self._reader = folder, header, reader
+        self._folder = folder
+        self._header = header
+        self._reader = reader
         self._complete = complete
 
     def read(self, name: str) -> tuple[pa.Table, str]:
@@ -270,7 +287,8 @@ class _RunTables:
         One that is missing from an incomplete run, or broken in a lenient one, is made from the
         streams.
         """
-        path, stream = self._folder / name, self._folder / TICK_STREAM
+        path = self._folder / name
+        stream = self._folder / TICK_STREAM
         try:
             if path.exists() or self._complete:
                 return read_parquet(path), str(path)

@@ -62,9 +62,18 @@ class Tick:
     @classmethod
     def from_state(cls, arm: ArmState, state: str) -> Self:
         """Row of a measured arm state; `t` [s] is when the joints were read."""
-        pose, commanded = arm.pose, arm.commanded
-        measured = arm.stamp, pose.x, pose.z, pose.pitch
-        return cls(*measured, commanded.x, commanded.z, state, *arm.force)
+        f_x, f_z = arm.force
+        return cls(
+            t=arm.stamp,
+            x=arm.pose.x,
+            z=arm.pose.z,
+            pitch=arm.pose.pitch,
+            x_cmd=arm.commanded.x,
+            z_cmd=arm.commanded.z,
+            state=state,
+            f_x=f_x,
+            f_z=f_z,
+        )
 
 
 class StreamFile:
@@ -108,25 +117,25 @@ def read_stream(path: Path, schema: pa.Schema) -> pa.Table:
     content = read_bytes(path, LARGEST_STREAM) if path.exists() else b""
     try:
         with pa.ipc.open_stream(pa.py_buffer(content)) as reader:
-            found = reader.schema
+            stored = reader.schema
             if content:
-                _check_columns(path, found, schema)
+                _check_columns(path, stored, wanted=schema)
             batches.extend(_complete_batches(reader))
     except (pa.ArrowException, OSError):
         return pa.Table.from_batches([], schema)
-    return pa.Table.from_batches(batches, found).combine_chunks()
+    return pa.Table.from_batches(batches, stored).combine_chunks()
 
 
-def _check_columns(path: Path, found: pa.Schema, wanted: pa.Schema) -> None:
-    """Raise ConfigurationError where a stream lacks a column of the schema `wanted`."""
+def _check_columns(path: Path, stored: pa.Schema, wanted: pa.Schema) -> None:
+    """Raise ConfigurationError where the `stored` stream lacks a column that is `wanted`."""
     try:
-        names = found.names
+        names = stored.names
     except UnicodeDecodeError:
         raise ConfigurationError(
             f"{path}: the names of its columns are no text; it was changed after the run"
         ) from None
     for field in wanted:
-        if names.count(field.name) != 1 or found.field(field.name).type != field.type:
+        if names.count(field.name) != 1 or stored.field(field.name).type != field.type:
             raise ConfigurationError(
                 f"{path}: {field.name}: the column is missing or not {field.type}; "
                 "it was changed after the run"
@@ -176,10 +185,10 @@ def _from_time(begin: float, rows: pa.Table, time: str) -> pa.Table:
     if begin == 0.0:
         return rows
     t = _numbers(rows, time) - begin
-    kept = t >= -TIME_ROUNDING
-    rows = rows.filter(pa.array(kept))
+    is_after = t >= -TIME_ROUNDING
+    rows = rows.filter(pa.array(is_after))
     place = rows.column_names.index(time)
-    return rows.set_column(place, rows.schema.field(place), pa.array(t[kept], pa.float64()))
+    return rows.set_column(place, rows.schema.field(place), pa.array(t[is_after], pa.float64()))
 
 
 def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
@@ -203,12 +212,14 @@ def place_contacts(t: Array, stamp: Array, contact_x: Array) -> tuple[Array, Arr
 
     Of two images nearest to one row the nearer is used; images outside the rows are dropped.
     """
-    placed_x, placed_t = np.full(t.size, np.nan), np.full(t.size, np.nan)
+    placed_x = np.full(t.size, np.nan)
+    placed_t = np.full(t.size, np.nan)
     if t.size < 2:
         return placed_x, placed_t
     reach = 0.5 * float(np.median(np.diff(t)))
     keep = np.isfinite(contact_x) & (stamp >= t[0] - reach) & (stamp <= t[-1] + reach)
-    stamp, contact_x = stamp[keep], contact_x[keep]
+    stamp = stamp[keep]
+    contact_x = contact_x[keep]
     row = place_rows(t, stamp)
     nearest_last = np.argsort(-np.abs(t[row] - stamp), kind="stable")
     placed_x[row[nearest_last]] = contact_x[nearest_last]  # the last assignment to a row stays
