@@ -66,17 +66,17 @@ def _touch_all(cell: CalibrationContext, record: Recorder) -> Doing:
     """Touch every requested pose, and once more each point that disagrees with the others."""
     points = cell.points
     while (pose := points.ask()) is not None:
-        why, stage = points.why, "touch again" if points.again else "touch"
-        progress = points.progress(pose, why, stage)
+        stage = "touch again" if points.again else "touch"
+        progress = points.progress(pose, points.why, stage)
         cell.watch(progress)
-        answer = yield from _wait_for_answer(cell, Question(Ask.TOUCH, why))
+        answer = yield from _wait_for_answer(cell, Question(Ask.TOUCH, points.why))
         if answer is Answer.SKIP:
             points.skip()
         elif answer is Answer.AGAIN:
             cell.watch(replace(progress, taken_back=points.take_back()))
         else:
             yield from move(pose)
-            yield from _measure_point(cell, record, pose, why, stage)
+            yield from _measure_point(cell, record, pose, points.why, stage)
 
 
 def _measure_point(
@@ -87,7 +87,8 @@ def _measure_point(
     Each result goes to the observers, with the reason `why` for the pose and the `stage` of the
     calibration, and a refusal into the record.
     """
-    points, result = cell.points, None
+    points = cell.points
+    result = None
     while result is None or not (result.taken or result.given_up):
         settle = result is None or result.refused is not None
         picture = yield from still_picture(settle=settle)

@@ -73,12 +73,15 @@ class FoldContext(Context):
 
     def check_displacement(self, touch: SeenTouch) -> None:
         """Check the displacement at `touch` against the policy's prediction, else the model's."""
-        expected, known = self.expected, self.predicted
-        if known is not None:
-            expected = None if known.blind else (known.displacement, known.sigma)
+        predicted = self.predicted
+        if predicted is None:
+            expected = self.expected
+        else:
+            expected = None if predicted.blind else (predicted.displacement, predicted.sigma)
         if expected is not None:
-            off = touch.displacement - expected[0]
-            self.witnesses.append(LengthCheck("displacement", off, {"prediction": expected[1]}))
+            displacement, sigma = expected
+            difference = touch.displacement - displacement
+            self.witnesses.append(LengthCheck("displacement", difference, {"prediction": sigma}))
 
     def completion(self) -> StopReason:
         """Outcome's name, reason and exit code: 0 where the layers touched and lengths agree."""

@@ -59,7 +59,8 @@ def follow_lay(path: Path, speed: float, begin: Snapshot) -> Motion:
     gripper slows down in time: one that brakes at the end of the path only meets the desk.
     """
     follower = Follower(path, 1)
-    snapshot, pace = (yield Drive(begin.velocity)), speed
+    pace = speed
+    snapshot = yield Drive(begin.velocity)
     while True:
         pose = snapshot.arm.pose
         decision = follower.decide(np.array([pose.x]), np.array([pose.z]), pace)

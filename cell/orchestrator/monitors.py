@@ -52,11 +52,11 @@ class Monitor:
     check: Check
 
 
-def _stale(what: str, age: float, limit: float, known: str = "") -> str | None:
-    """Reason to stop where the `age` [s] of `what` exceeds `limit` [s]; `known` is added to it."""
+def _stale(what: str, age: float, limit: float, consequence: str = "") -> str | None:
+    """Reason to stop where the `age` [s] of `what` exceeds `limit` [s], with its `consequence`."""
     if abs(age) <= limit:  # a stamp of the future would hide how old all later ones are
         return None
-    return f"{what} is {1e3 * age:.0f} ms old, allowed {1e3 * limit:.0f} ms{known}"
+    return f"{what} is {1e3 * age:.0f} ms old, allowed {1e3 * limit:.0f} ms{consequence}"
 
 
 def _arm_stale(snapshot: Snapshot, rules: Rules) -> str | None:
@@ -64,9 +64,9 @@ def _arm_stale(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _hand_stale(snapshot: Snapshot, rules: Rules) -> str | None:
-    known = ": whether it still holds the strip is not known"
+    consequence = ": whether it still holds the strip is not known"
     age = snapshot.time - snapshot.hand.stamp
-    return _stale("the hand's state", age, rules.limits.hand_age, known)
+    return _stale("the hand's state", age, rules.limits.hand_age, consequence)
 
 
 def _setpoint_expired(snapshot: Snapshot, _: Rules) -> str | None:
@@ -83,11 +83,14 @@ def _not_finite(snapshot: Snapshot, _: Rules) -> str | None:
 
 def _image_stale(snapshot: Snapshot, rules: Rules) -> str | None:
     """Reason to stop where no image is young enough although the arm waited for one."""
-    limits, view = rules.limits, snapshot.view
+    limits = rules.limits
+    view = snapshot.view
     if view.frame is None:
         return "the camera has delivered no image"
-    age, since = snapshot.time - view.frame.stamp, view.stale_since
-    waiting = 0.0 if since is None else snapshot.time - since  # at rest: `slow_for_images`
+    age = snapshot.time - view.frame.stamp
+    waiting = 0.0
+    if view.stale_since is not None:
+        waiting = snapshot.time - view.stale_since  # at rest: `slow_for_images`
     if waiting <= limits.image_wait and age >= -limits.image_age:
         return None
     return (
@@ -109,23 +112,25 @@ def _reader_dead(snapshot: Snapshot, _: Rules) -> str | None:
 
 def _reading_overdue(snapshot: Snapshot, rules: Rules) -> str | None:
     """Reason to stop where measuring one image takes longer than is allowed."""
-    since, limits = snapshot.view.reading_since, rules.limits
-    if since is None or snapshot.time - since <= limits.reading:
+    since = snapshot.view.reading_since
+    limit = rules.limits.reading
+    if since is None or snapshot.time - since <= limit:
         return None
     return (
         f"an image is being read for {1e3 * (snapshot.time - since):.0f} ms, "
-        f"allowed {1e3 * limits.reading:.0f} ms"
+        f"allowed {1e3 * limit:.0f} ms"
     )
 
 
 def _low_confidence(snapshot: Snapshot, rules: Rules) -> str | None:
     """Reason to stop where images were doubtful for longer than is allowed."""
-    limits, view = rules.limits, snapshot.view
+    limits = rules.limits
+    view = snapshot.view
     if view.doubtful_since is None or snapshot.time - view.doubtful_since <= limits.doubt:
         return None
-    seen = view.measurement.confidence if view.measurement is not None else 0.0
+    confidence = 0.0 if view.measurement is None else view.measurement.confidence
     return (
-        f"confidence in the images is {seen:.2f}, below {limits.confidence:.2f} "
+        f"confidence in the images is {confidence:.2f}, below {limits.confidence:.2f} "
         f"for more than {limits.doubt:.1f} s"
     )
 
@@ -143,25 +148,28 @@ def _too_thick(snapshot: Snapshot, _: Rules) -> str | None:
 
 def _camera_moved(snapshot: Snapshot, rules: Rules) -> str | None:
     """Reason to stop where several images in a row show the scene shifted."""
-    view, limit = snapshot.view, rules.limits.camera_shift
+    view = snapshot.view
     if view.moved < MOVED_IMAGES:
         return None
     return (
         f"the scene appears moved by {1e3 * view.shift:.1f} mm since the preflight, allowed "
-        f"{1e3 * limit:.1f} mm: the camera was touched; fasten it and calibrate again"
+        f"{1e3 * rules.limits.camera_shift:.1f} mm: the camera was touched; fasten it and "
+        "calibrate again"
     )
 
 
 def _check_speed(snapshot: Snapshot, rules: Rules) -> str | None:
     """Reason to stop where the gripper moves or turns faster than is allowed."""
-    limits, moving = rules.limits, snapshot.arm.velocity
+    limits = rules.limits
+    velocity = snapshot.arm.velocity
     allowed = limits.speed * limits.overspeed
-    # here and in `_tracking` `not a <= b` instead of `a > b`: NaN must stop the arm, too
-    if not moving.speed <= allowed:
-        return f"the gripper moves at {moving.speed:.3f} m/s, allowed {allowed:.3f} m/s"
-    turning, most = abs(moving.pitch_rate), rules.motion.pitch.velocity * limits.overspeed
-    if not turning <= most:
-        return f"the gripper turns at {turning:.2f} rad/s, allowed {most:.2f} rad/s"
+    # here and in `_tracking_error` `not a <= b` instead of `a > b`: NaN must stop the arm, too
+    if not velocity.speed <= allowed:
+        return f"the gripper moves at {velocity.speed:.3f} m/s, allowed {allowed:.3f} m/s"
+    rate = abs(velocity.pitch_rate)
+    allowed = rules.motion.pitch.velocity * limits.overspeed
+    if not rate <= allowed:
+        return f"the gripper turns at {rate:.2f} rad/s, allowed {allowed:.2f} rad/s"
     return None
 
 
@@ -175,19 +183,21 @@ def _tracking_error(snapshot: Snapshot, rules: Rules) -> str | None:
             f"the gripper is {1e3 * error:.1f} mm from where it was commanded, "
             f"allowed {1e3 * limits.tracking_error:.1f} mm"
         )
-    turned, most = abs(measured.pitch - commanded.pitch), rules.tracking_turn
-    if not turned <= most:
+    turn = abs(measured.pitch - commanded.pitch)
+    if not turn <= rules.tracking_turn:
         return (
-            f"the gripper is turned by {degrees(turned):.1f} deg from where it was commanded, "
-            f"allowed {degrees(most):.1f} deg"
+            f"the gripper is turned by {degrees(turn):.1f} deg from where it was commanded, "
+            f"allowed {degrees(rules.tracking_turn):.1f} deg"
         )
     return None
 
 
 def _outside_workspace(snapshot: Snapshot, rules: Rules) -> str | None:
     """Reason to stop where the gripper is beyond the workspace and its border."""
-    pose, border = snapshot.arm.pose, rules.limits.border
-    (x_low, x_high), (z_low, z_high) = rules.workspace.x, rules.workspace.z
+    pose = snapshot.arm.pose
+    border = rules.limits.border
+    x_low, x_high = rules.workspace.x
+    z_low, z_high = rules.workspace.z
     inside_x = x_low - border <= pose.x <= x_high + border
     if inside_x and z_low - border <= pose.z <= z_high + border:
         return None
@@ -209,23 +219,23 @@ def _grip_lost(snapshot: Snapshot, _: Rules) -> str | None:
     return None if snapshot.hand.grasped else "the hand no longer holds the strip"
 
 
-def _lasting(what: str, spent: float, limit: float) -> str | None:
+def _too_long(what: str, duration: float, limit: float) -> str | None:
     """Reason to stop where `what` has lasted longer than `limit` [s]."""
-    return f"{what} lasts {spent:.0f} s, allowed {limit:.0f} s" if spent > limit else None
+    return f"{what} lasts {duration:.0f} s, allowed {limit:.0f} s" if duration > limit else None
 
 
 def _state_overtime(snapshot: Snapshot, rules: Rules) -> str | None:
-    spent = snapshot.time - snapshot.entered
-    return _lasting(snapshot.state, spent, rules.limits.state_duration)
+    duration = snapshot.time - snapshot.entered
+    return _too_long(snapshot.state, duration, rules.limits.state_duration)
 
 
 def _overtime(snapshot: Snapshot, rules: Rules) -> str | None:
-    return _lasting("the run", snapshot.time, rules.limits.duration)
+    return _too_long("the run", snapshot.time, rules.limits.duration)
 
 
 def _calibration_overtime(snapshot: Snapshot, rules: Rules) -> str | None:
-    spent = snapshot.time - snapshot.entered
-    return _lasting("the calibration", spent, rules.limits.calibration)
+    duration = snapshot.time - snapshot.entered
+    return _too_long("the calibration", duration, rules.limits.calibration)
 
 
 _WAITING = frozenset({State.CALIBRATE})  # for people
@@ -274,21 +284,19 @@ def slow_for_images(command: Command, snapshot: Snapshot, limits: MonitorLimits)
     if isinstance(command, MoveTo) and share < 0.0:
         return Hold()
     if isinstance(command, Drive) and share < 1.0:
-        share, rate = max(share, 0.0), command.velocity
+        share = max(share, 0.0)
+        rate = command.velocity
         return Drive(Velocity(share * rate.vx, share * rate.vz, share * rate.pitch_rate))
     return command
 
 
 def check_all(snapshot: Snapshot, command: Command, rules: Rules) -> None:
     """Raise Fault for the first monitor that trips, or for a `command` beyond its limits."""
-    reasons = [
-        (monitor.name, reason)
-        for monitor in MONITORS
-        if snapshot.state in monitor.states
-        and (reason := monitor.check(snapshot, rules)) is not None
-    ]
-    if reasons:
-        raise Fault(*reasons[0])
+    for monitor in MONITORS:
+        if snapshot.state in monitor.states:
+            reason = monitor.check(snapshot, rules)
+            if reason is not None:
+                raise Fault(monitor.name, reason)
     _check_command(snapshot, command, rules)
 
 

@@ -50,13 +50,13 @@ SLOPE_TRAVEL = 0.01  # m of the lift over which its rotation per metre is measur
 def preflight(context: FoldContext, record: Recorder, _: Snapshot) -> Phase:
     """Check the image of the strip before it is grasped; raises PreflightRefused."""
     fold = context.settings.fold
-    before = yield from _camera_checks(context)
+    camera_checks = yield from _camera_checks(context)
     yield from move(Pose(context.strip.length + fold.approach, fold.clear_height, 0.0))
     picture = yield from still_picture()
     frame = picture.frame
-    found = yield from _inspect(context.sight, picture)
+    strip_checks = yield from _inspect(context.sight, picture)
     record.frame(frame)
-    checks = (*before, *found)
+    checks = (*camera_checks, *strip_checks)
     facts = [asdict(check) for check in checks]
     record.event(frame.stamp, "preflight", checks=facts)
     record.describe(preflight=facts)
@@ -124,19 +124,20 @@ def lift(context: FoldContext, record: Recorder, _begin: Snapshot) -> Phase:
 
 def fold(context: FoldContext, record: Recorder, begin: Snapshot) -> Phase:
     """Command the policy's decision on each image, until the layers touch or the path ends."""
-    command, offsets = Drive(begin.velocity), list[float]()
+    command = Drive(begin.velocity)
+    offsets: list[float] = []
     while True:
         snapshot = yield command
-        seen = snapshot.view.measurement
-        if not snapshot.view.read or seen is None or seen.stamp < record.origin:
+        measurement = snapshot.view.measurement
+        if not snapshot.view.read or measurement is None or measurement.stamp < record.origin:
             continue
-        offsets.append(held_end_offset(seen))
+        offsets.append(held_end_offset(measurement))
         if snapshot.view.touch is not None:
             context.seen_touch = snapshot.view.touch
             context.witnesses += compare_grip(offsets, context.calibration.residual)
             context.check_displacement(snapshot.view.touch)
             return Event.LAYER_TOUCH
-        decision = context.policy.decide(observation(snapshot.time, snapshot.arm.pose, seen))
+        decision = context.policy.decide(observation(snapshot.time, snapshot.arm.pose, measurement))
         record.decision(snapshot, decision)
         _record_prediction(context, record, snapshot)
         if decision.done[0]:
@@ -150,13 +151,15 @@ def _record_prediction(context: FoldContext, record: Recorder, snapshot: Snapsho
     """Record the policy's prediction, and an event where it loses or regains its images."""
     if not isinstance(context.policy, Predictor):
         return
-    before, context.predicted = context.predicted, context.policy.prediction()
+    was_blind = context.predicted is not None and context.predicted.blind
+    context.predicted = context.policy.prediction()
     if context.predicted is None:
         return
     record.event(snapshot.time, "foretold", **asdict(context.predicted))
-    if context.predicted.blind != (before is not None and before.blind):
-        kind = "policy_blind" if context.predicted.blind else "policy_sees"
-        record.event(snapshot.time, kind, path="shifted" if context.predicted.blind else "its own")
+    if context.predicted.blind and not was_blind:
+        record.event(snapshot.time, "policy_blind", path="shifted")
+    elif was_blind and not context.predicted.blind:
+        record.event(snapshot.time, "policy_sees", path="its own")
 
 
 def continue_to_lay(_context: FoldContext, record: Recorder, begin: Snapshot) -> Phase:
@@ -168,7 +171,8 @@ def continue_to_lay(_context: FoldContext, record: Recorder, begin: Snapshot) ->
 
 def lay(context: FoldContext, record: Recorder, begin: Snapshot) -> Phase:
     """Lower the grasped edge past the taut end, push it to its place; Fault without a touch."""
-    touch, settings = context.seen_touch, context.settings.fold
+    touch = context.seen_touch
+    settings = context.settings.fold
     if touch is None:
         raise Fault("illegal_event", "LAY was entered without a touch")
     rest = max(context.strip.thickness, touch.distance) + CLEARANCE
@@ -189,17 +193,18 @@ def release(context: FoldContext, record: Recorder, _: Snapshot) -> Phase:
     yield from move(Pose(pose.x - retreat, pose.z, pose.pitch))
     yield from move(Pose(pose.x - retreat, pose.z + 2 * retreat, pose.pitch))
     frame = (yield from still_picture()).frame
-    loop = _visible_loop(context, (yield from _laid_strip(context, frame, pose)))
-    length, thickness = context.strip.length, context.strip.thickness
+    measurement = yield from _laid_strip(context, frame, pose)
+    loop = _visible_loop(context, measurement)
     context.released = True
+    facts = {}
     if loop is not None:
-        context.edge_offset = edge_offset(length, thickness, loop)
+        facts["loop"] = loop._asdict()
+        context.edge_offset = edge_offset(context.strip.length, context.strip.thickness, loop)
         spreads = {
             "map, twice": 2.0 * context.calibration.residual,
             "loop": LaidWeights.shipped().rms,
         }
         context.witnesses.append(LengthCheck("edges", context.edge_offset + pose.x, spreads))
-    facts = {} if loop is None else {"loop": loop._asdict()}
     record.event(snapshot.time, "edges_seen", edge_offset=context.edge_offset, **facts)
     return Event.RELEASED
 
@@ -211,18 +216,20 @@ def _laid_strip(
     if context.reader is None:
         return None
     context.reader.submit(ImageTask(frame, edge), frame.arrival)
-    found = context.reader.result()
-    if isinstance(found, ImageResult):
-        return found.measurement
+    result = context.reader.result()
+    if isinstance(result, ImageResult):
+        return result.measurement
     return (yield from wait_for(lambda now: now.view.read)).view.measurement
 
 
-def _visible_loop(context: FoldContext, seen: StripMeasurement | None) -> Loop | None:
+def _visible_loop(context: FoldContext, measurement: StripMeasurement | None) -> Loop | None:
     """Loop of the laid strip; None where no fold of the strip's length is visible."""
-    if seen is None:
+    if measurement is None:
         return None
-    missing = abs(laid_length(seen) - context.strip.length)
-    return Loop.seen_in(seen) if missing <= 2.0 * context.settings.perception.length_error else None
+    length_error = abs(laid_length(measurement) - context.strip.length)
+    if length_error > 2.0 * context.settings.perception.length_error:
+        return None
+    return Loop.seen_in(measurement)
 
 
 def move_manually(context: ManualContext, _: Recorder, snapshot: Snapshot) -> Phase:
@@ -267,22 +274,23 @@ def observation(time: float, gripper: Pose, seen: StripMeasurement) -> Observati
     )
 
 
-def _lift_pitch_rate(travel: float, speed: float, pitch: float, most: float) -> float:
+def _lift_pitch_rate(travel: float, speed: float, pitch: float, acceleration: float) -> float:
     """Pitch rate [rad/s] that follows the lift's pitch over `travel` [m] and comes to rest upright.
 
-    It brakes in time with what an arm gives that accelerates at `most` [rad/s^2].
+    It brakes in time for an arm whose pitch accelerates at `acceleration` [rad/s^2] at most.
     """
-    wanted = float(lift_pitch(travel))
-    ahead = float(lift_pitch(travel + SLOPE_TRAVEL)) - wanted
-    rate = ahead / SLOPE_TRAVEL * speed + TURN_GAIN * (wanted - pitch)
-    return min(rate, sqrt(2.0 * BRAKING_SHARE * most * max(HANGING - pitch, 0.0)))
+    target = float(lift_pitch(travel))
+    slope = (float(lift_pitch(travel + SLOPE_TRAVEL)) - target) / SLOPE_TRAVEL  # rad/m
+    rate = slope * speed + TURN_GAIN * (target - pitch)
+    return min(rate, sqrt(2.0 * BRAKING_SHARE * acceleration * max(HANGING - pitch, 0.0)))
 
 
 def _camera_checks(
     context: FoldContext,
 ) -> Generator[Command, Snapshot, tuple[PreflightCheck, ...]]:
     """Check that the camera has not moved since its calibration, where landmarks are known."""
-    calibration, landmarks = context.calibration, context.calibration.landmarks
+    calibration = context.calibration
+    landmarks = calibration.landmarks
     if landmarks is None:
         return ()
     yield from open_hand()

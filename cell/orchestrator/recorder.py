@@ -100,13 +100,19 @@ class FileRecorder(Recorder):
 
     def decision(self, snapshot: Snapshot, decision: Decision) -> None:
         """Record the policy's `decision` on the newest measurement, for `cell replay`."""
-        seen = snapshot.view.measurement
-        if seen is None:
+        measurement = snapshot.view.measurement
+        if measurement is None:
             return
-        pose, time = snapshot.arm.pose, snapshot.time - self.origin
-        facts = {"sequence": seen.sequence, "x": pose.x, "z": pose.z, "time": time}
-        facts |= {"direction": float(decision.direction[0]), "done": bool(decision.done[0])}
-        self._writer.event(snapshot.time, "decision", **facts)
+        self._writer.event(
+            snapshot.time,
+            "decision",
+            sequence=measurement.sequence,
+            x=snapshot.arm.pose.x,
+            z=snapshot.arm.pose.z,
+            time=snapshot.time - self.origin,
+            direction=float(decision.direction[0]),
+            done=bool(decision.done[0]),
+        )
 
     def event(self, clock: float, kind: str, **facts: Any) -> None:
         """Record an event at the clock time `clock` [s]."""
@@ -127,9 +133,10 @@ class FileRecorder(Recorder):
         self._writer.close()
 
     def _flush_early(self) -> None:
-        early, self._early = self._early, []
-        for frame in early:
+        """Write the images from before the lift, once."""
+        for frame in self._early:
             self._writer.frame(_shift_times(frame, -(self._lift or 0.0)))
+        self._early = []
 
 
 def _shift_times(frame: Frame, offset: float) -> Frame:

@@ -53,8 +53,12 @@ class Run:
         self._observers = observers
         self._interrupted = interrupted
         settings = context.settings
-        place = settings.installation
-        self._rules = Rules(settings.monitors, place.workspace, context.desk, place.limits)
+        self._rules = Rules(
+            limits=settings.monitors,
+            workspace=settings.installation.workspace,
+            desk=context.desk,
+            motion=settings.installation.limits,
+        )
         self._machine = Machine()
         self._entered = 0.0
         self._phase: Phase | None = None
@@ -72,7 +76,8 @@ class Run:
         """Run to DONE or FAULT, then until the arm rests; any error in a cycle stops it first."""
         clock = self._devices.clock
         period = 1.0 / self._context.settings.fold.control_rate
-        start, tick = clock.now(), 0
+        start = clock.now()
+        tick = 0
         try:
             self._guard(lambda: self._apply_event(Event.START, start))
             while not (self._machine.over and self._rests):
@@ -105,7 +110,9 @@ class Run:
     def _limited_cycle(self, due: float) -> None:
         """Execute a cycle within the limit of its computing time."""
         limit = self._rules.limits.turn
-        with time_limit(min(limit, PROMPT) if self._devices.real_time else limit):
+        if self._devices.real_time:
+            limit = min(limit, PROMPT)
+        with time_limit(limit):
             self._cycle(due)
 
     def _cycle(self, due: float) -> None:
@@ -183,7 +190,8 @@ class Run:
 
     def _sense(self) -> Snapshot:
         """Read arm, camera and hand; record the measurement from a new image."""
-        state, arm = self._machine.state, self._devices.arm.state()
+        state = self._machine.state
+        arm = self._devices.arm.state()
         self._arm_history.add(arm)
         now = self._devices.clock.now()
         view = self._vision.update(state, now, self._arm_history, self._context.reader)
@@ -209,7 +217,8 @@ class Run:
 
     def _send(self, command: Command) -> None:
         """Send the command to its device, unless the same is already under way."""
-        arm, hand = self._devices.arm, self._devices.hand
+        arm = self._devices.arm
+        hand = self._devices.hand
         if isinstance(command, Drive):
             arm.set_velocity(command.velocity)
             self._velocity = command.velocity
@@ -232,8 +241,16 @@ class Run:
         touch = context.seen_touch
         if touch is not None:
             touch = replace(touch, time=touch.time - self._recorder.origin)
-        found = touch, context.edge_offset, duration, context.predicted, tuple(context.witnesses)
-        return Outcome(end.name, end.reason, end.exit_code, *found)
+        return Outcome(
+            name=end.name,
+            reason=end.reason,
+            exit_code=end.exit_code,
+            touch=touch,
+            edge_offset=context.edge_offset,
+            duration=duration,
+            predicted=context.predicted,
+            witnesses=tuple(context.witnesses),
+        )
 
 
 @contextmanager

@@ -24,29 +24,29 @@ class SafeStop:
     def __init__(self, devices: Devices, cycles: int) -> None:
         """Prepare to stop the arm of `devices` within `cycles` of the control loop."""
         self._devices = devices
-        self._left = cycles
-        self._heard_stop = False
+        self._cycles_left = cycles
+        self._stop_sent = False
 
     def apply(self, hand: HandState | None) -> None:
         """Stop the arm, and also the fingers if `hand` shows them moving or is not known."""
-        self._heard_stop = run_suppressed(self._devices.arm.stop)
+        self._stop_sent = run_suppressed(self._devices.arm.stop)
         if hand is None or hand.moving:
             run_suppressed(self._devices.hand.stop)
 
     def brake_one_cycle(self, due: float) -> ArmState | None:
         """Brake for one cycle, at `due` [s]; returns the arm's state, None where it is silent."""
-        self._left -= 1
+        self._cycles_left -= 1
         run_suppressed(lambda: self._devices.clock.wait_until(due))
-        seen: list[ArmState] = []
-        answered = run_suppressed(lambda: seen.append(self._devices.arm.state()))
-        if not (answered and self._heard_stop):
-            self._heard_stop = run_suppressed(self._devices.arm.stop)
-        return seen[0] if seen else None
+        states: list[ArmState] = []
+        answered = run_suppressed(lambda: states.append(self._devices.arm.state()))
+        if not (answered and self._stop_sent):
+            self._stop_sent = run_suppressed(self._devices.arm.stop)
+        return states[0] if states else None
 
     def has_ended(self, arm: ArmState | None) -> bool:
         """Whether the arm is at rest (it may still creep to its pose), or no cycle is left."""
-        return self._left <= 0 or (arm is not None and self._heard_stop and _at_rest(arm))
-
-
-def _at_rest(arm: ArmState) -> bool:
-    return not arm.moving and hypot(arm.velocity.vx, arm.velocity.vz) < REST_SPEED
+        if self._cycles_left <= 0:
+            return True
+        if arm is None or arm.moving or not self._stop_sent:
+            return False
+        return hypot(arm.velocity.vx, arm.velocity.vz) < REST_SPEED

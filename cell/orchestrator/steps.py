@@ -58,11 +58,11 @@ def move(pose: Pose) -> Motion:
 
 def still_picture(*, settle: bool = True) -> "Generator[Command, Snapshot, StillPicture]":
     """First image taken once arm and strip rest; without `settle` they are assumed to rest."""
-    still = (yield from pause(SETTLE if settle else 0.0)).time
+    at_rest = yield from pause(SETTLE if settle else 0.0)
     while True:
         snapshot = yield Hold()
         frame = snapshot.view.frame
-        if snapshot.view.fresh and frame is not None and frame.stamp > still:
+        if snapshot.view.fresh and frame is not None and frame.stamp > at_rest.time:
             return StillPicture(snapshot.time, frame, snapshot.arm.pose)
 
 
@@ -106,5 +106,6 @@ def drive(decision: Decision, pitch_rate: float) -> Drive:
     gives.
     """
     rate = min(max(pitch_rate, -TURNING), TURNING)
-    phi, speed = float(decision.direction[0]), float(decision.speed[0])
-    return Drive(Velocity(speed * cos(phi), speed * sin(phi), rate))
+    direction = float(decision.direction[0])
+    speed = float(decision.speed[0])
+    return Drive(Velocity(speed * cos(direction), speed * sin(direction), rate))

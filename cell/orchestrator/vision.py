@@ -34,10 +34,12 @@ class ArmHistory:
 
     def pose_at(self, stamp: float) -> Pose:
         """Gripper pose at `stamp` [s], interpolated between measured states of the arm."""
-        states, last = self._states, len(self._states) - 1
+        states = self._states
+        last = len(states) - 1
         after = bisect_right(states, stamp, 1, max(last, 1), key=lambda state: state.stamp)
-        pair = states[after - 1], states[min(after, last)]
-        times, poses = [s.stamp for s in pair], np.array([s.pose.as_array() for s in pair])
+        pair = (states[after - 1], states[min(after, last)])
+        times = [state.stamp for state in pair]
+        poses = np.array([state.pose.as_array() for state in pair])
         return Pose(*(float(np.interp(stamp, times, poses[:, axis])) for axis in range(3)))
 
 
@@ -90,16 +92,17 @@ class Vision:
             self._view = replace(
                 self._view, reading_since=reader.busy_since, reader_failure=reader.failure
             )
-        frame, since = self._view.frame, self._view.stale_since
+        frame = self._view.frame
         stale = frame is not None and now - frame.stamp > self._limits.image_age
-        if stale != (since is not None):
+        if stale != (self._view.stale_since is not None):
             self._view = replace(self._view, stale_since=now if stale else None)
         return self._view
 
     def _take_frame(self, state: State, arm: ArmHistory) -> bool:
         """Take a frame newer than the last one; returns whether one arrived."""
-        after = self._view.frame.stamp if self._view.frame is not None else -1.0
-        after = after if state in MEASURED_STATES else after + IDLE_IMAGE_PERIOD
+        after = -1.0 if self._view.frame is None else self._view.frame.stamp
+        if state not in MEASURED_STATES:
+            after += IDLE_IMAGE_PERIOD
         frame = self._camera.read(after, timeout=0.0)
         if frame is None:
             return False
@@ -114,25 +117,31 @@ class Vision:
             raise Fault("no_perception", "a frame came before the preflight image was accepted")
         while reader is not None and not reader.failure:
             if self._waiting is not None and reader.busy_since is None:
-                frame, self._waiting = self._waiting.restamp(-reader.latency), None
-                gripper, touches = arm.pose_at(frame.stamp), state is not State.LIFT
-                reader.submit(ImageTask(frame, gripper, touches), now)
-            found = reader.result()
-            if not isinstance(found, ImageResult):
+                frame = self._waiting.restamp(-reader.latency)
+                self._waiting = None
+                may_touch = state is not State.LIFT
+                reader.submit(ImageTask(frame, arm.pose_at(frame.stamp), may_touch), now)
+            result = reader.result()
+            if not isinstance(result, ImageResult):
                 return
-            self._add(found)
+            self._add(result)
 
-    def _add(self, found: ImageResult) -> None:
+    def _add(self, result: ImageResult) -> None:
         """Add the results of one measured image to the view."""
-        before, seen = self._view, found.measurement
-        since = seen.stamp if before.doubtful_since is None else before.doubtful_since
+        measurement = result.measurement
+        doubtful_since = None
+        if not measurement.confidence >= self._limits.confidence:
+            doubtful_since = self._view.doubtful_since
+            if doubtful_since is None:
+                doubtful_since = measurement.stamp
+        moved = result.shift > self._limits.camera_shift
         self._view = replace(
-            before,
+            self._view,
             read=True,
-            measurement=seen,
-            touch=found.touch,
-            resting=found.resting,
-            doubtful_since=None if seen.confidence >= self._limits.confidence else since,
-            shift=found.shift,
-            moved=before.moved + 1 if found.shift > self._limits.camera_shift else 0,
+            measurement=measurement,
+            touch=result.touch,
+            resting=result.resting,
+            doubtful_since=doubtful_since,
+            shift=result.shift,
+            moved=self._view.moved + 1 if moved else 0,
         )

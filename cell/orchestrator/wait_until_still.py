@@ -26,11 +26,12 @@ def wait_until_still(longest: float, record: Recorder) -> Motion:
     snapshot = yield from wait_for(lambda now: not now.arm.moving)
     place = snapshot.arm.commanded
     snapshot = yield from move(Pose(place.x, place.z, HANGING))
-    begun, swing = snapshot.time, Swing()
-    while not swing.still and snapshot.time - begun < longest:
+    start = snapshot.time
+    swing = Swing()
+    while not swing.still and snapshot.time - start < longest:
         snapshot = yield Hold()
-        swing.add(snapshot, begun)
-    facts = {"waited": snapshot.time - begun, "still": swing.still, "moved": swing.moved}
+        swing.add(snapshot, start)
+    facts = {"waited": snapshot.time - start, "still": swing.still, "moved": swing.moved}
     record.event(snapshot.time, "hanging", **facts)
     return snapshot
 
@@ -40,7 +41,7 @@ class Swing:
 
     def __init__(self) -> None:
         self.moved = float("nan")
-        self._seen: deque[tuple[float, Array]] = deque()
+        self._means: deque[tuple[float, Array]] = deque()
 
     @property
     def still(self) -> bool:
@@ -49,20 +50,22 @@ class Swing:
 
     def add(self, snapshot: Snapshot, since: float) -> None:
         """Add the profile in `snapshot`, if it is new and from an image after `since` [s]."""
-        seen = snapshot.view.measurement
-        if not snapshot.view.read or seen is None or seen.stamp < since:
+        measurement = snapshot.view.measurement
+        if not snapshot.view.read or measurement is None or measurement.stamp < since:
             return
-        mean = image_profile(seen.profile, seen.contact_x, seen.gripper)[0].mean(axis=0)
+        mean = image_profile(measurement.profile, measurement.contact_x, measurement.gripper)[
+            0
+        ].mean(axis=0)
         if not np.isfinite(mean).all():
             return
-        self._seen.append((seen.stamp, mean))
-        while self._seen[0][0] < seen.stamp - COMPARED_TIME:
-            self._seen.popleft()
-        whole = seen.stamp - since >= COMPARED_TIME and len(self._seen) >= FEWEST_IMAGES
-        self.moved = self._travel() if whole else float("nan")
+        self._means.append((measurement.stamp, mean))
+        while self._means[0][0] < measurement.stamp - COMPARED_TIME:
+            self._means.popleft()
+        enough = measurement.stamp - since >= COMPARED_TIME and len(self._means) >= FEWEST_IMAGES
+        self.moved = self._travel() if enough else float("nan")
 
     def _travel(self) -> float:
         """Largest distance [m] of the profile's running mean from its mean over all images."""
-        means = np.array([mean for _, mean in self._seen])
+        means = np.array([mean for _, mean in self._means])
         smooth = moving_average(means, AVERAGED_IMAGES)
         return float(np.hypot(*(smooth - means.mean(axis=0)).T).max())

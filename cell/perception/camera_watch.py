@@ -41,7 +41,8 @@ class FrozenImages:
         if last is not None and last.sequence == frame.sequence:
             return self._identical
         if last is None or self._gripper is None or not _equal(last.image, frame.image):
-            self._gripper, self._identical = gripper, 1
+            self._gripper = gripper
+            self._identical = 1
         elif _distance(self._gripper, gripper) > MOVED_DISTANCE:
             self._identical += 1
         self._last = frame
@@ -67,7 +68,8 @@ FEWEST_PATCHES = 2  # patches that must be found to state a shift
 ALONG = 1.0  # px within which the shifts of most patches must agree
 PATCH_SIGMA = 0.3  # px, standard deviation of a patch's place by its structure and the noise
 NOISE_WINDOW = 1.5  # px over which noise is averaged
-CAMERA_WATCHED, UNWATCHED = "camera is watched", "camera is not watched"  # names of the check
+CAMERA_WATCHED = "camera is watched"  # name of the check
+UNWATCHED = "camera is not watched"  # its name where too few patches are known
 NAN = float("nan")
 
 
@@ -92,10 +94,12 @@ class CameraWatch:
         sigma = _place_deviation(grey, appearance.scene.sensor)
         hidden = strip_zone(calibration, strip.length)
         sigma[cv2.dilate(hidden, np.ones((PATCH_SIZE, PATCH_SIZE), np.uint8)) > 0] = np.inf
-        edge, middle = PATCH_SIZE // 2 + SEARCH_RADIUS, strip.length / 2
-        top = calibration.to_image(np.array([[middle, HIGH_HEIGHT]]))[0, 1]
-        sigma[: max(int(top), 0) + edge], sigma[-edge:] = np.inf, np.inf
-        sigma[:, :edge], sigma[:, -edge:] = np.inf, np.inf
+        edge = PATCH_SIZE // 2 + SEARCH_RADIUS
+        top = calibration.to_image(np.array([[strip.length / 2, HIGH_HEIGHT]]))[0, 1]
+        sigma[: max(int(top), 0) + edge] = np.inf
+        sigma[-edge:] = np.inf
+        sigma[:, :edge] = np.inf
+        sigma[:, -edge:] = np.inf
         corners, weights = _choose_patches(sigma)
         soft = _denoised(grey)
         patches = tuple(soft[v : v + PATCH_SIZE, u : u + PATCH_SIZE].copy() for u, v in corners)
@@ -104,9 +108,9 @@ class CameraWatch:
 
     def check(self) -> PreflightCheck:
         """Passing check that states whether enough patches are known to notice camera motion."""
-        found = len(self.patches)
-        watched = found >= FEWEST_PATCHES
-        reason = f"{found} static patches are visible, {FEWEST_PATCHES} are needed"
+        count = len(self.patches)
+        watched = count >= FEWEST_PATCHES
+        reason = f"{count} static patches are visible, {FEWEST_PATCHES} are needed"
         if not watched:
             reason += ": a camera that is nudged in this fold would not be noticed"
         return PreflightCheck(
@@ -123,18 +127,19 @@ class CameraWatch:
         not count; brightness does not either. NaN where too few patches are found. `gripper` is the
         measured pose at the image's stamp.
         """
-        moved = self._find_all(image, gripper)
-        found = np.isfinite(moved[:, 0])
-        if np.count_nonzero(found) < FEWEST_PATCHES:
+        shifts = self._find_all(image, gripper)
+        visible = np.isfinite(shifts[:, 0])
+        if np.count_nonzero(visible) < FEWEST_PATCHES:
             return NAN
-        shifts, weights = moved[found], self.weights[found]
+        shifts = shifts[visible]
+        weights = self.weights[visible]
         common = np.quantile(shifts, 0.5, axis=0, weights=weights, method="inverted_cdf")
         alike = np.hypot(*(shifts - common).T) <= ALONG
         if np.count_nonzero(alike) < FEWEST_PATCHES or 2 * weights[alike].sum() <= weights.sum():
             return NAN
-        here = self.corners[found][:1]
+        corner = self.corners[visible][:1]
         to_plane = self.calibration.to_plane
-        return float(np.hypot(*(to_plane(here + common) - to_plane(here))[0]))
+        return float(np.hypot(*(to_plane(corner + common) - to_plane(corner))[0]))
 
     def _find_all(self, image: Image, gripper: Pose) -> Array:
         """Shifts (n, 2) [px] of the patches in `image`, NaN of those hidden or not found."""
@@ -152,7 +157,8 @@ class CameraWatch:
 
 def _choose_patches(sigma: Array) -> tuple[list[tuple[int, int]], list[float]]:
     """Corners (column, row) [px] and weights of the best patches; overwrites `sigma` (h, w)."""
-    corners, weights = list[tuple[int, int]](), list[float]()
+    corners: list[tuple[int, int]] = []
+    weights: list[float] = []
     while len(corners) < MOST_PATCHES and sigma.min() <= PATCH_SIGMA:
         v, u = np.unravel_index(int(sigma.argmin()), sigma.shape)
         corners.append((int(u) - PATCH_SIZE // 2, int(v) - PATCH_SIZE // 2))
@@ -168,8 +174,9 @@ def _place_deviation(grey: Image, noise: float) -> Array:
 
     In its less sure direction; `noise` [grey levels] is that of two pixels' difference.
     """
-    seen = grey.astype(np.float32)
-    dx, dz = cv2.Scharr(seen, -1, 1, 0, scale=1 / 32), cv2.Scharr(seen, -1, 0, 1, scale=1 / 32)
+    grey = grey.astype(np.float32)
+    dx = cv2.Scharr(grey, -1, 1, 0, scale=1 / 32)
+    dz = cv2.Scharr(grey, -1, 0, 1, scale=1 / 32)
     xx, xz, zz = (
         cv2.boxFilter(product, -1, (PATCH_SIZE, PATCH_SIZE), normalize=False)
         for product in (dx * dx, dx * dz, dz * dz)
@@ -184,10 +191,10 @@ def _find_shift(window: Image, patch: Image) -> Array:
 
     A patch at the window's border may lie outside of it.
     """
-    found = find_patch(window, patch)
-    if found is None or not ((found >= 0.5) & (found <= 2 * SEARCH_RADIUS - 0.5)).all():
+    place = find_patch(window, patch)
+    if place is None or not ((place >= 0.5) & (place <= 2 * SEARCH_RADIUS - 0.5)).all():
         return np.full(2, NAN)
-    return found - SEARCH_RADIUS
+    return place - SEARCH_RADIUS
 
 
 def _denoised(grey: Image) -> Image:

@@ -83,7 +83,8 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
 def _piece_ends(strip: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Samples (k,) at which pieces of strip end, by the mask `strip` (n,); also the last sample."""
     counts = np.convolve(strip, np.ones(SURE_COUNT), mode="full")  # in the run up to each sample
-    before, following = counts[: len(strip)], counts[SURE_COUNT - 1 :]
+    before = counts[: len(strip)]
+    following = counts[SURE_COUNT - 1 :]
     sure = (before[:-1] >= SURE_COUNT - 1) & (following[1:] == 0)
     return np.flatnonzero(strip & np.append(sure & ~strip[1:], True))
 
@@ -103,7 +104,8 @@ def _sharpness(along: Array, end: int, reach: int) -> float:
 
     It is 0 for a step of 0.3, and 1 for 0.8, over `reach` samples to either side.
     """
-    before, after = along[max(end - reach, 0) : end + 1].max(), along[end + 1 : end + reach].min()
+    before = along[max(end - reach, 0) : end + 1].max()
+    after = along[end + 1 : end + reach].min()
     return float(np.clip(2 * (before - after) - 0.6, 0.0, 1.0))
 
 

@@ -57,20 +57,21 @@ class Measurer:
     """Measures a strip in images, once `inspect` has learnt its colours from one."""
 
     def __init__(self, inputs: StripInputs) -> None:
-        self._known = inputs.calibration, inputs.settings, inputs.strip
+        self._inputs = inputs
         self._perception: Perception | None = None
         self._camera: CameraWatch | None = None
         self._touch = LayerTouch(inputs.settings, inputs.strip)
 
     def inspect(self, frame: Frame) -> tuple[PreflightCheck, ...]:
         """Check the image taken before the grasp, and learn the strip's colours from it."""
-        calibration, settings, strip = self._known
-        found = inspect(frame, calibration, settings, strip)
-        if found.appearance is None:
-            return found.checks
-        self._perception = Perception(calibration, settings, strip, found.appearance)
-        self._camera = CameraWatch.choose(found.appearance, calibration, strip)
-        return *found.checks, self._camera.check()
+        calibration, strip = self._inputs.calibration, self._inputs.strip
+        inspection = inspect(frame, calibration, self._inputs.settings, strip)
+        appearance = inspection.appearance
+        if appearance is None:
+            return inspection.checks
+        self._perception = Perception(calibration, self._inputs.settings, strip, appearance)
+        self._camera = CameraWatch.choose(appearance, calibration, strip)
+        return *inspection.checks, self._camera.check()
 
     def measure(self, frame: Frame, gripper: Pose, *, touches: bool) -> ImageResult:
         """Measure the strip in `frame`, taken at `gripper`; if `touches`, detect layer touch.
@@ -131,7 +132,8 @@ class InlineReader:
     failure = ""
 
     def __init__(self, measurer: Measurer, latency: float) -> None:
-        self._measurer, self.latency = measurer, latency
+        self._measurer = measurer
+        self.latency = latency
         self._result: Answer | None = None
 
     def submit(self, request: ImageTask, now: float) -> None:  # noqa: ARG002
@@ -140,7 +142,8 @@ class InlineReader:
 
     def result(self) -> Answer | None:
         """Measurement or checks of the last image, returned once."""
-        result, self._result = self._result, None
+        result = self._result
+        self._result = None
         return result
 
 

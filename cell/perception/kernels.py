@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from drivers.strip.rod.compiled import entry, kernel
 from drivers.types import Array, Image
 
-ZERO_LEVEL, LEVEL_SPAN = 48, 160  # grey levels: all background, and from there to all strip
+ZERO_LEVEL = 48  # grey level of all background
+LEVEL_SPAN = 160  # grey levels from there to all strip
 
 
 def smooth_matte(levels: Image) -> Image:
@@ -43,7 +44,8 @@ def _fisher(
     the sensor's `variance`, SHADE of the strip's brightness and `shade` of the scene's.
     """
     bending = np.float32(SHADE * SHADE)
-    p, q = variance + bending * of_strip, variance + shade * shade * of_scene
+    p = variance + bending * of_strip
+    q = variance + shade * shade * of_scene
     cross = np.float32(SHADE) * shade * mixed
     return q + bending * mixed, -(p + shade * shade * mixed), p * q - cross * cross
 
@@ -59,7 +61,8 @@ def discriminants(
     Also returns the length (n,) of Fisher's linear discriminant. `shade` (n,) is the share of
     brightness by which the background may differ, `variance` the sensor's [grey levels squared].
     """
-    mixed, of_strip = (scene * colour).sum(axis=1), (colour * colour).sum()
+    mixed = (scene * colour).sum(axis=1)
+    of_strip = (colour * colour).sum()
     of_scene = (scene * scene).sum(axis=1)
     a, b, det = _fisher(mixed, of_strip, of_scene, shade, np.float32(variance))
     separation = (a * (of_strip - mixed) + b * (mixed - of_scene)) / det
@@ -73,7 +76,7 @@ def brightness(image: Image, left: int, top: int, rows: int, columns: int) -> Fl
 
     A mean of 4 pixels about its middle; the first patch begins at column `left`, row `top` [px].
     """
-    found = np.empty((rows, columns), np.float32)
+    patches = np.empty((rows, columns), np.float32)
     half = PATCH_PX // 2
     for i in range(rows):
         for j in range(columns):
@@ -84,8 +87,8 @@ def brightness(image: Image, left: int, top: int, rows: int, columns: int) -> Fl
                     column = min(left + PATCH_PX * j + half + 4 * u - 3, image.shape[1] - 1)
                     for c in range(3):
                         total += np.int32(image[row, column, c])
-            found[i, j] = np.float32(total) / 4
-    return found
+            patches[i, j] = np.float32(total) / 4
+    return patches
 
 
 @entry
@@ -99,25 +102,27 @@ def changed_cells(
     cells, of which the first begins at column `left` and row `top` [px].
     """
     rows, columns = light.shape
-    found = np.zeros((rows, columns), np.uint8)
+    changed = np.zeros((rows, columns), np.uint8)
     inside = min(columns, (image.shape[1] // 3 - left) // CELL_PX)
     for i in range(rows):
-        away = np.zeros(columns, np.int32)
+        differences = np.zeros(columns, np.int32)
         lines = 0
         for v in range(top + CELL_PX * i + 1, min(top + CELL_PX * (i + 1), image.shape[0]), 4):
-            now, then = image[v], background[v]
             lines += 1
             for j in range(inside):
-                first, bright, total = left + CELL_PX * j, np.int32(light[i, j]), np.int32(0)
-                here, there = now[3 * first :], then[3 * first :]
+                first = 3 * (left + CELL_PX * j)
+                pixels = image[v, first:]
+                scene = background[v, first:]
+                cell_light = np.int32(light[i, j])
+                total = np.int32(0)
                 for c in range(3 * CELL_PX):
-                    difference = np.int32(here[c]) * np.int32(EVEN_LIGHT)
-                    total += abs(difference - np.int32(there[c]) * bright)
-                away[j] += total
-        most = limit * EVEN_LIGHT * 3 * CELL_PX * lines
+                    evened = np.int32(pixels[c]) * np.int32(EVEN_LIGHT)
+                    total += abs(evened - np.int32(scene[c]) * cell_light)
+                differences[j] += total
+        threshold = limit * EVEN_LIGHT * 3 * CELL_PX * lines
         for j in range(inside):
-            found[i, j] = away[j] > most
-    return found
+            changed[i, j] = differences[j] > threshold
+    return changed
 
 
 @kernel
@@ -126,7 +131,8 @@ def _light_at(light: Floats, v: int, u: int) -> Any:
 
     `light` (n + 2, m + 2) is that of the cells and a border of one.
     """
-    y, x = (v + 0.5) / CELL_PX + 0.5, (u + 0.5) / CELL_PX + 0.5
+    y = (v + 0.5) / CELL_PX + 0.5
+    x = (u + 0.5) / CELL_PX + 0.5
     i, j = int(y), int(x)
     down, right = np.float32(y - i), np.float32(x - j)
     above = light[i, j] + right * (light[i, j + 1] - light[i, j])
@@ -150,8 +156,10 @@ def _load_cell(
     `corner` is the column and row [px] of the first cell; pixels past the image repeat its border.
     """
     for n in range(CELL_PX * CELL_PX):
-        v, u = CELL_PX * cell[0] + n // CELL_PX, CELL_PX * cell[1] + n % CELL_PX
-        y, x = min(corner[1] + v, image.shape[0] - 1), min(corner[0] + u, image.shape[1] - 1)
+        v = CELL_PX * cell[0] + n // CELL_PX
+        u = CELL_PX * cell[1] + n % CELL_PX
+        y = min(corner[1] + v, image.shape[0] - 1)
+        x = min(corner[0] + u, image.shape[1] - 1)
         gain = np.float32(EVEN_LIGHT) / _light_at(light, v, u)
         for c in range(3):
             scene = np.float32(background[y, x, c])
@@ -179,9 +187,9 @@ def _shares(pixels: Floats, colours: Floats, variance: Any, shares: Floats) -> N
             mixed = s0[n] * c0 + s1[n] * c1 + s2[n] * c2
             a, b, det = _compiled_fisher(mixed, of_strip, of_scene, shade[n], variance)
             reach = a * (of_strip - mixed) + b * (mixed - of_scene)
-            found = (a * (d0[n] * c0 + d1[n] * c1 + d2[n] * c2) + b * along) / reach
+            share = (a * (d0[n] * c0 + d1[n] * c1 + d2[n] * c2) + b * along) / reach
             distinct = reach > np.float32(LEAST_SEPARATION * LEAST_SEPARATION) * det
-            shares[n] = found if distinct & (found > shares[n]) else shares[n]
+            shares[n] = share if distinct & (share > shares[n]) else shares[n]
 
 
 @entry
@@ -229,8 +237,11 @@ def silhouette_of(
     exceeds `faint` along one of `lines` (k, n, 2) of rows and columns. The levels have a border
     that is as wide as the lines reach.
     """
-    (h, w), (count, length) = strip.shape, lines.shape[:2]
-    flat, width, reach = levels.reshape(-1), levels.shape[1], length // 2
+    h, w = strip.shape
+    count, length = lines.shape[:2]
+    flat = levels.reshape(-1)
+    width = levels.shape[1]
+    reach = length // 2
     steps = lines[:, :, 0] * width + lines[:, :, 1]
     mask = np.zeros((h, w), np.uint8)
     half = ZERO_LEVEL + (faint - ZERO_LEVEL) // 2
@@ -242,11 +253,11 @@ def silhouette_of(
             if row[u] > solid:
                 mask[v, u] = 255
             elif lifted[v, u] != 0:
-                here = (v + reach) * width + u + reach
+                pixel = (v + reach) * width + u + reach
                 for k in range(count):
                     total = 0
                     for n in range(length):
-                        total += flat[here + steps[k, n]]
+                        total += flat[pixel + steps[k, n]]
                     if total > faint * length:
                         mask[v, u] = 255
                         break

@@ -22,7 +22,8 @@ class Loop(NamedTuple):
     @classmethod
     def seen_in(cls, measurement: StripMeasurement) -> Self | None:
         """Loop of a laid strip from its `measurement`; None where the loop is hidden."""
-        tip_x, heights = measurement.tip[0], np.sort(measurement.profile[:, 1:].ravel())
+        tip_x = measurement.tip[0]
+        heights = np.sort(measurement.profile[:, 1:].ravel())
         if len(heights) < TOP or not np.isfinite(tip_x + measurement.contact_x):
             return None
         return cls(float(tip_x), float(heights[-TOP:].mean()), tip_x - measurement.contact_x)
@@ -45,8 +46,12 @@ class LaidWeights(StudyResult):
 
     def excess_length(self, loop: Loop, thickness: float) -> float:
         """Strip length [m] that a `loop` takes up, for layers of `thickness` [m]."""
-        seen = self.constant + self.height * loop.height + self.width * loop.width
-        return seen + self.thickness * thickness
+        return (
+            self.constant
+            + self.height * loop.height
+            + self.width * loop.width
+            + self.thickness * thickness
+        )
 
 
 def laid_length(measurement: StripMeasurement) -> float:
@@ -57,8 +62,8 @@ def laid_length(measurement: StripMeasurement) -> float:
     """
     if len(measurement.profile) == 0:
         return float("nan")
-    contact, release = np.array([(measurement.contact_x, 0.0)]), np.array([measurement.gripper])
-    curve = np.concatenate([contact, measurement.profile[::PROFILE_STRIDE], release])
+    points = measurement.profile[::PROFILE_STRIDE]
+    curve = np.vstack([(measurement.contact_x, 0.0), points, measurement.gripper])
     return float(measurement.contact_x + np.hypot(*np.diff(curve, axis=0).T).sum())
 
 

@@ -36,9 +36,9 @@ class MeasuredFold(NamedTuple):
     @classmethod
     def until(cls, touch: float, t: Array, poses: Array, stamp: Array, profile: Array) -> Self:
         """Select what lies before `touch` [s] of poses (m, 3) and profiles (k, POINTS, 2)."""
-        seen = (stamp < touch - TOUCH_MARGIN) & np.isfinite(profile).all(axis=(1, 2))
+        usable = (stamp < touch - TOUCH_MARGIN) & np.isfinite(profile).all(axis=(1, 2))
         before = t <= touch
-        return cls(t[before], poses[before], stamp[seen], profile[seen])
+        return cls(t[before], poses[before], stamp[usable], profile[usable])
 
     @property
     def usable(self) -> bool:
@@ -53,14 +53,14 @@ class MeasuredFold(NamedTuple):
         """
         share = (self.stamp - self.stamp[0]) / max(self.stamp[-1] - self.stamp[0], 1e-9)
         place = np.minimum((BINS * share).astype(np.intp), BINS - 1)
-        found = np.full((BINS, POINTS, 2), np.nan)
+        means = np.full((BINS, POINTS, 2), np.nan)
         for i in range(BINS):
             rows, t = curves[place == i], self.stamp[place == i]
             if len(rows) >= FEWEST_IMAGES:
                 t = t - t.mean()
                 rate = np.tensordot(t, rows, axes=1) / (t @ t)
-                found[i] = np.median(rows - t[:, None, None] * rate, axis=0)
-        return found
+                means[i] = np.median(rows - t[:, None, None] * rate, axis=0)
+        return means
 
     @property
     def noise(self) -> float:
@@ -85,7 +85,8 @@ YIELD_UNIT = 10.0  # 1/m, yield curvature that makes one unit of ln(1 + y / YIEL
 GRADIENT_STEPS = np.array([0.02, 0.2, 0.2])
 SMALLEST_SIGMA = np.array([0.01, 0.15, 0.15])  # sigma of these in a belief, at least
 POINT_NOISE = 0.0005  # m, of a point's median over a bin
-BIAS_SIGMA, STAMP_SIGMA = 0.0005, 0.005  # m, s: sigma of the images' bias and of their stamps
+BIAS_SIGMA = 0.0005  # m, sigma of the images' bias
+STAMP_SIGMA = 0.005  # s, sigma of their stamps
 IMAGE_SIGMAS = np.array([BIAS_SIGMA, BIAS_SIGMA, BIAS_SIGMA, STAMP_SIGMA])
 
 
@@ -112,8 +113,8 @@ class Agreement:
     @property
     def like_model(self) -> bool:
         """Whether both values are within the limits, so that the policy's strip model applies."""
-        most = AgreementLimits.shipped()
-        return self.residual <= most.residual and self.yield_curvature <= most.yield_curvature
+        limits = AgreementLimits.shipped()
+        return self.residual <= limits.residual and self.yield_curvature <= limits.yield_curvature
 
     def sentence(self) -> str:
         """Text for the operator: whether the strip behaves like its model, and what to do."""
@@ -126,11 +127,15 @@ class Agreement:
 
     def _reason(self) -> str:
         """Text that names the value beyond its limit."""
-        most, off, friction = AgreementLimits.shipped(), 1e3 * self.residual, self.yield_curvature
-        if self.residual > most.residual:
-            return f"its profile is {off:.1f} mm off, up to {1e3 * most.residual:.1f} mm are usual"
+        limits = AgreementLimits.shipped()
+        if self.residual > limits.residual:
+            return (
+                f"its profile is {1e3 * self.residual:.1f} mm off, up to "
+                f"{1e3 * limits.residual:.1f} mm are usual"
+            )
         return (
-            f"its yarns rub as {friction:.0f} 1/m, up to {most.yield_curvature:.0f} 1/m are usual"
+            f"its yarns rub as {self.yield_curvature:.0f} 1/m, up to "
+            f"{limits.yield_curvature:.0f} 1/m are usual"
         )
 
 
@@ -144,26 +149,29 @@ def agreement(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -
     if not fold.usable:
         return None
     measured = fold.bin_curves(fold.profile)
-    known = predicted.bending_length, predicted.retardation_time, predicted.yield_curvature
-    prior = _unknowns(*(estimate.value for estimate in known))
-    low, high = (_unknowns(*(getattr(e, end) for e in known)) for end in ("low", "high"))
+    estimates = (predicted.bending_length, predicted.retardation_time, predicted.yield_curvature)
+    prior = _unknowns(*(estimate.value for estimate in estimates))
+    low = _unknowns(*(estimate.low for estimate in estimates))
+    high = _unknowns(*(estimate.high for estimate in estimates))
     sigma = np.maximum(0.5 * (high - low), SMALLEST_SIGMA)  # half of each predicted interval
-    at, residual = prior, np.nan
+    unknowns = prior
+    residual = np.nan
     for _ in range(PASSES):
-        steps = at + np.diag(GRADIENT_STEPS)  # (3, 3): each parameter changed by its step
-        simulated = [_simulate_profile(_model(strip, each), fold) for each in (at, *steps)]
+        changed = unknowns + np.diag(GRADIENT_STEPS)  # (3, 3): each one changed by its step
+        simulated = [_simulate_profile(_model(strip, each), fold) for each in (unknowns, *changed)]
         if any(curve is None for curve in simulated):
             return None
         curves = np.array(simulated)
-        design, off = _design(curves, fold.spacing), measured - curves[0]
-        valid = np.isfinite(off).all(axis=(1, 2)) & np.isfinite(design).all(axis=(1, 2, 3))
+        design = _design(curves, fold.spacing)
+        errors = measured - curves[0]
+        valid = np.isfinite(errors).all(axis=(1, 2)) & np.isfinite(design).all(axis=(1, 2, 3))
         if not valid.any():
             return None
-        change, left = _solve(design[valid], off[valid], at - prior, sigma)
-        residual = float(np.sqrt(max((left**2).sum(axis=-1).mean() - fold.noise**2, 0.0)))
-        at = at + np.clip(change, -3.0 * sigma, 3.0 * sigma)
-        at[2] = max(at[2], 0.0)  # friction is not negative
-    return Agreement(residual, YIELD_UNIT * float(np.expm1(at[2])))
+        change, remaining = _solve(design[valid], errors[valid], unknowns - prior, sigma)
+        residual = float(np.sqrt(max((remaining**2).sum(axis=-1).mean() - fold.noise**2, 0.0)))
+        unknowns = unknowns + np.clip(change, -3.0 * sigma, 3.0 * sigma)
+        unknowns[2] = max(unknowns[2], 0.0)  # friction is not negative
+    return Agreement(residual, YIELD_UNIT * float(np.expm1(unknowns[2])))
 
 
 def _simulate_profile(model: StripModel, fold: MeasuredFold) -> Array | None:
@@ -175,8 +183,10 @@ def _simulate_profile(model: StripModel, fold: MeasuredFold) -> Array | None:
     motion = rod.trace(path[:, None], DT, SHAPE_STRIDE)
     if rod.failed.any():
         return None
-    kept = slice(SHAPE_STRIDE - 1, None, SHAPE_STRIDE)  # the steps of which there are shapes
-    times, grip, contact = times[kept], path[kept, :2], motion.contact_x[kept, 0]
+    with_shape = slice(SHAPE_STRIDE - 1, None, SHAPE_STRIDE)  # the steps of which there are shapes
+    times = times[with_shape]
+    grip = path[with_shape, :2]
+    contact = motion.contact_x[with_shape, 0]
     j = np.clip(np.searchsorted(times, fold.stamp) - 1, 0, len(times) - 2)
     part = ((fold.stamp - times[j]) / (times[j + 1] - times[j]))[:, None, None]
     arcs = np.broadcast_to(rod.arc(), (len(times), rod.arc().shape[1]))
@@ -207,22 +217,29 @@ def _solve(design: Array, off: Array, moved: Array, sigma: Array) -> tuple[Array
     their prior so far, `sigma` (3,) the prior's standard deviation.
     """
     prior = np.concatenate([sigma, IMAGE_SIGMAS])
-    a, b = design.reshape(-1, len(prior)), off.ravel()
+    a = design.reshape(-1, len(prior))
+    b = off.ravel()
+    distance = np.concatenate([moved, np.zeros(len(IMAGE_SIGMAS))])
     rows = np.vstack([a / POINT_NOISE, np.diag(1.0 / prior)])
-    wanted = np.concatenate(
-        [b / POINT_NOISE, -np.concatenate([moved, np.zeros(len(IMAGE_SIGMAS))]) / prior]
-    )
-    change = np.linalg.lstsq(rows, wanted, rcond=None)[0]
+    target = np.concatenate([b / POINT_NOISE, -distance / prior])
+    change = np.linalg.lstsq(rows, target, rcond=None)[0]
     return change[: len(sigma)], (b - a @ change).reshape(-1, POINTS, 2)
 
 
-def _model(strip: StripFile, at: Array) -> StripModel:
-    """Strip model with the fit's parameters `at` (3,) in place of those of `strip`."""
-    effects = {name: given for name, given in strip.effects.items() if name != "bending_hysteresis"}
-    friction = YIELD_UNIT * float(np.expm1(max(at[2], 0.0)))
+def _model(strip: StripFile, unknowns: Array) -> StripModel:
+    """Model of `strip`, its bending length, time and friction replaced by the fit's (3,)."""
+    effects = {
+        name: parameters
+        for name, parameters in strip.effects.items()
+        if name != "bending_hysteresis"
+    }
+    friction = YIELD_UNIT * float(np.expm1(max(unknowns[2], 0.0)))
     if friction > 0:
         effects["bending_hysteresis"] = {"yield_curvature": friction}
-    changed = {"bending_length": float(np.exp(at[0])), "retardation_time": float(np.exp(at[1]))}
+    changed = {
+        "bending_length": float(np.exp(unknowns[0])),
+        "retardation_time": float(np.exp(unknowns[1])),
+    }
     return describe(strip.model_copy(update={**changed, "effects": effects}))
 
 

@@ -19,7 +19,7 @@ from cell.perception.region import (
 )
 from cell.perception.scene import Appearance
 from cell.perception.settings import PerceptionSettings
-from cell.perception.silhouette import Grip, Side, outer_side, silhouette
+from cell.perception.silhouette import Grip, outer_side, silhouette
 from cell.perception.strip_measurement import StripMeasurement
 from drivers.geometry import arc_lengths
 from drivers.strip.file import StripFile
@@ -98,10 +98,9 @@ class Perception:
         Layers that lie on one another are one piece. Empty where no strip is seen.
         """
         _, smooth, region = self._matte(frame, gripper, around=HAND_DEPTH)
-        found, _ = cv2.findContours(
-            self._mask(smooth, region), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
-        )
-        largest = max(found, key=cv2.contourArea, default=np.empty((0, 1, 2)))
+        mask = self._mask(smooth, region)
+        outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        largest = max(outlines, key=cv2.contourArea, default=np.empty((0, 1, 2)))
         return np.asarray(largest.reshape(-1, 2) + region.origin)
 
     def _matte(
@@ -118,8 +117,9 @@ class Perception:
 
     def _mask(self, smooth: Image, region: Region) -> Image:
         """Mask (h, w) of the strip, 255 inside, from smoothed matte levels (h, w) of `region`."""
-        zone, high = region.crop(self._zone), region.crop(self._above_shadow)
-        return silhouette(smooth, self._faint, zone, high, self._sizes.hanging)
+        zone = region.crop(self._zone)
+        above_shadow = region.crop(self._above_shadow)
+        return silhouette(smooth, self._faint, zone, above_shadow, self._sizes.hanging)
 
     def _curve(
         self, levels: Image, smooth: Image, region: Region, contact: Contact, gripper: Pose
@@ -129,48 +129,44 @@ class Perception:
             return UNSEEN
         if np.hypot(gripper.x - contact.x, gripper.z) < self._settings.little:
             return Curve(np.empty((0, 2)), contact.confidence)
-        side = self._side(smooth, region, contact, gripper)
+        start, grip = self._side_ends(contact, gripper, region)
+        mask = self._mask(smooth, region)
+        side = outer_side(mask, start, grip, self._settings.outline_step, self._sizes)
         if side is None:
             return UNSEEN
         geometry = Geometry(
             self._calibration, self._strip.thickness, self._strip.width, region.origin, self._sizes
         )
         points, visible = midline_points(levels, side, geometry, self._settings.spacing)
-        past = np.flatnonzero(points[:, 0] >= contact.x)
-        lifted = points[past[0] if len(past) else 0 :]
+        first_lifted = int(np.argmax(points[:, 0] >= contact.x)) if len(points) else 0
+        lifted = points[first_lifted:]
         if len(lifted) < FEWEST_POINTS:
             return UNSEEN
-        even = resample(lifted, self._settings.profile_points)
-        missing = np.hypot(*(even[-1] - (gripper.x, gripper.z)))
-        length = contact.x + arc_lengths(even)[-1] + missing
+        midline = resample(lifted, self._settings.profile_points)
+        missing = np.hypot(*(midline[-1] - (gripper.x, gripper.z)))
+        length = contact.x + arc_lengths(midline)[-1] + missing
         error = max(abs(length - self._strip.length), missing - self._settings.reach)
         plausible = np.clip(2 - error / self._settings.length_error, 0.0, 1.0)
-        return Curve(even, float(plausible * visible))
-
-    def _side(self, smooth: Image, region: Region, contact: Contact, gripper: Pose) -> Side | None:
-        """Outer side of the lifted strip in the window; None where it is not visible."""
-        start, grip = self._side_ends(contact, gripper, region)
-        return outer_side(
-            self._mask(smooth, region), start, grip, self._settings.outline_step, self._sizes
-        )
+        return Curve(midline, float(plausible * visible))
 
     def _fold(self, contact: Contact, curve: Curve) -> tuple[tuple[float, float], Gap | None]:
         """Rightmost point [m] of the fold, NaN without a profile, and the gap of its layers."""
         if len(curve.points) == 0:
             return (NAN, NAN), None
         x = np.arange(0.0, max(contact.x, 0.0), self._settings.spacing)
-        whole = np.vstack([np.column_stack([x, self._rest(x)]), curve.points])
-        return fold_tip(whole), layer_gap(whole, arc_lengths(whole), self._settings.gap_opening)
+        midline = np.vstack([np.column_stack([x, self._rest(x)]), curve.points])
+        gap = layer_gap(midline, arc_lengths(midline), self._settings.gap_opening)
+        return fold_tip(midline), gap
 
     def _side_ends(self, contact: Contact, gripper: Pose, region: Region) -> tuple[Array, Grip]:
         """Ends of the outer side in the window: pixel (2,) of the desk contact, and the grip."""
-        along = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
-        held = np.array([gripper.x, gripper.z])
+        approach = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
+        edge = np.array([gripper.x, gripper.z])
         view = self._calibration.viewpoint
-        if (held - view.foot()) @ (along[1], -along[0]) < 0:  # its outer side is the far edge
-            held += view.sweep(self._strip.width) * (view.foot() - held)
-        plane = np.array([(contact.x, 0.0), held, held + 0.01 * along])
-        start, point, after = self._calibration.to_image(plane) - region.origin
-        approach = (after - point) / np.hypot(*(after - point))
+        if (edge - view.foot()) @ (approach[1], -approach[0]) < 0:  # its outer side is the far edge
+            edge += view.sweep(self._strip.width) * (view.foot() - edge)
+        plane = np.array([(contact.x, 0.0), edge, edge + 0.01 * approach])
+        start, point, behind = self._calibration.to_image(plane) - region.origin
+        direction = (behind - point) / np.hypot(*(behind - point))
         clearance = self._settings.gripper_clearance / self._sizes.scale
-        return start, Grip(point, approach, clearance, self._sizes.aside)
+        return start, Grip(point, direction, clearance, self._sizes.aside)

@@ -1,6 +1,7 @@
 """Image regions in which the strip can appear, the hand's mask, and sizes in pixels."""
 
 from dataclasses import dataclass
+from math import ceil
 from typing import Self, TypeVar
 
 import cv2
@@ -96,8 +97,8 @@ class Region:
 
     def cells(self, cell: int) -> tuple[int, int]:
         """Numbers of rows and columns of cells, `cell` [px] wide, that cover the region."""
-        height, width = self.bottom - self.top, self.right - self.left
-        return -(-height // cell), -(-width // cell)  # rounded up
+        rows = ceil((self.bottom - self.top) / cell)
+        return rows, ceil((self.right - self.left) / cell)
 
 
 def strip_region(calibration: Calibration, length: float, gripper: Pose, cell: int) -> Region:
@@ -148,7 +149,8 @@ def without_hand(region: Region, calibration: Calibration, gripper: Pose) -> Ima
     """Mask (h, w) of `region`, 0 where the hand at `gripper` may hide the strip, else 255."""
     approach = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
     aside = np.array([-approach[1], approach[0]])
-    (finger, slim), (hand, wide) = FINGER_SIZE, HAND_SIZE
+    finger, slim = FINGER_SIZE
+    hand, wide = HAND_SIZE
     outline = [(0.0, -slim), (finger, -slim), (finger, -wide), (hand, -wide)]
     outline += [(along, -across) for along, across in reversed(outline)]
     corners = np.array(outline) @ np.stack([approach, aside]) + (gripper.x, gripper.z)

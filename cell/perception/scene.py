@@ -88,7 +88,8 @@ def _refine(samples: Array, colours: Array) -> Array:
 EDGE = 3  # rows of desk that are averaged to either side of the strip
 END_MARGIN = 0.012  # m past the strip's free edge that are replaced too
 DARKEST = 3.0  # summed grey levels, to which darker patches are raised: their ratio is noise
-LIFTED_SHADE, DESK_SHADE = 0.06, 0.15  # shares of brightness by which evened light may be off
+LIFTED_SHADE = 0.06  # share of brightness by which evened light may be off above the desk
+DESK_SHADE = 0.15  # and on it, where the strip throws its own shadow
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,13 +114,13 @@ class Background:
         """
         rows, columns = region.cells(PATCH_PX)
         patches = (region.left, region.top, rows, columns)
-        now, then = brightness(image, *patches), brightness(self.image, *patches)
+        before = np.maximum(brightness(self.image, *patches), DARKEST)
+        ratio = np.asarray(brightness(image, *patches) / before, dtype=np.float32)
         middles = slice(PATCH_PX // 2, None, PATCH_PX)
         clear = visible[middles, middles] > 0
-        known = np.ones((rows, columns), np.float32)
-        known[: clear.shape[0], : clear.shape[1]] = clear
-        ratio = np.asarray(now / np.maximum(then, DARKEST), dtype=np.float32)
-        ratio = self._fill_holes(ratio, known)
+        in_view = np.ones((rows, columns), np.float32)
+        in_view[: clear.shape[0], : clear.shape[1]] = clear
+        ratio = self._fill_holes(ratio, in_view)
         steps = np.rint(np.clip(EVEN_LIGHT * ratio, 1, 255)).astype(np.uint8)
         smooth = cv2.blur(cv2.medianBlur(steps, self.about).astype(np.float32), (3, 3))
         cells = cv2.resize(smooth, (columns * PATCH_PX // CELL_PX, rows * PATCH_PX // CELL_PX))
@@ -166,15 +167,13 @@ def learn_background(
     last = np.minimum(np.ceil(bottom).astype(int), image.shape[0] - EDGE - 1)
     for u, v, end in zip(columns.tolist(), first.tolist(), (last + 1).tolist(), strict=True):
         if v + 1 < end:
-            above, below = (
-                empty[v - EDGE : v, u].mean(axis=0),
-                empty[end : end + EDGE, u].mean(axis=0),
-            )
+            above = empty[v - EDGE : v, u].mean(axis=0)
+            below = empty[end : end + EDGE, u].mean(axis=0)
             share = np.arange(1, end - v + 1)[:, None] / (end - v + 1)
             empty[v:end, u] = np.rint(above + share * (below - above))
     edge = np.interp(np.arange(image.shape[1]), columns, top) - EDGE
-    lying = np.arange(image.shape[0])[:, None] >= edge[None]
-    shade = np.where(lying, DESK_SHADE, LIFTED_SHADE).astype(np.float32)
+    on_desk = np.arange(image.shape[0])[:, None] >= edge[None]
+    shade = np.where(on_desk, DESK_SHADE, LIFTED_SHADE).astype(np.float32)
     return Background(empty, shade, about)
 
 
@@ -218,7 +217,7 @@ class Segmenter:
             min(region.left + CELL_PX * (j + columns), region.right),
             min(region.top + CELL_PX * (i + rows), region.bottom),
         )
-        found = segment(
+        levels = segment(
             image,
             self.background.image,
             self.background.shade,
@@ -228,9 +227,10 @@ class Segmenter:
             self.smooth**2,
             (part.left, part.top),
         )
-        h, w = part.bottom - part.top, part.right - part.left
+        h = part.bottom - part.top
+        w = part.right - part.left
         clear = visible[CELL_PX * i : CELL_PX * i + h, CELL_PX * j : CELL_PX * j + w]
-        return cv2.max(cv2.min(found[:h, :w], clear), ZERO_LEVEL), part
+        return cv2.max(cv2.min(levels[:h, :w], clear), ZERO_LEVEL), part
 
     def _changed_cells(self, image: Image, light: Floats, region: Region) -> Image:
         """Mask (n, m) of the cells that differ from the background, and of their neighbours."""
@@ -249,7 +249,8 @@ class Segmenter:
 
     def separation(self, where: Image) -> Floats:
         """Separation (k, n) [sigma] of the k strip colours from the mask's n pixels."""
-        scene, shade = self.background.image[where > 0], self.background.shade[where > 0]
+        scene = self.background.image[where > 0]
+        shade = self.background.shade[where > 0]
         return np.stack([separation(c, scene, shade, self.smooth) for c in self.colours])
 
 
@@ -274,7 +275,8 @@ def learn_segmenter(
     smooth = max(sensor * NOISE_SHARE, LEAST_NOISE * DIFFERENCE)
     about = Sizes.at_patch(calibration, PATCH_PX).light
     background = learn_background(image, calibration, place, about)
-    colours, scene = palette(samples), background.image[motion_mask(calibration, strip.length) > 0]
+    colours = palette(samples)
+    scene = background.image[motion_mask(calibration, strip.length) > 0]
     noise_of_share = _share_noise(colours, scene, smooth) * sensor
     return Segmenter(colours, background, sensor, smooth, noise_of_share)
 
@@ -294,13 +296,13 @@ def sensor_noise(image: Image) -> float:
     The median over cells of the deviation from a moving average. Cells at either end of the scale
     are left out, since they show none.
     """
-    seen = image.astype(np.float32)
-    rest = seen - cv2.blur(seen, (AVERAGING_WINDOW, AVERAGING_WINDOW))
+    pixels = image.astype(np.float32)
+    noise = pixels - cv2.blur(pixels, (AVERAGING_WINDOW, AVERAGING_WINDOW))
     size = (image.shape[1] // CELL_PX, image.shape[0] // CELL_PX)
-    power = cv2.resize(rest * rest, size, interpolation=cv2.INTER_AREA)
-    level = cv2.resize(seen, size, interpolation=cv2.INTER_AREA)
-    good = power[(level > SCALE_ENDS[0]) & (level < SCALE_ENDS[1])]
-    return float(np.sqrt(np.median(good) / (1 - AVERAGING_WINDOW**-2))) if len(good) else 0.0
+    power = cv2.resize(noise * noise, size, interpolation=cv2.INTER_AREA)
+    level = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
+    inside = power[(level > SCALE_ENDS[0]) & (level < SCALE_ENDS[1])]
+    return float(np.sqrt(np.median(inside) / (1 - AVERAGING_WINDOW**-2))) if len(inside) else 0.0
 
 
 def _share_noise(colours: Array, background: Image, smooth: float) -> float:
@@ -308,7 +310,8 @@ def _share_noise(colours: Array, background: Image, smooth: float) -> float:
 
     `colours` (k, 3) are the strip's, `background` (n, 3) those of the scene.
     """
-    scene, worst = _floats(background), 0.0
+    scene = _floats(background)
+    worst = 0.0
     shade = np.full(len(scene), LIFTED_SHADE, dtype=np.float32)
     for colour in _floats(colours):
         reach, size = discriminants(colour, scene, shade, smooth**2)

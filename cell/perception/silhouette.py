@@ -20,7 +20,8 @@ AT_GRIP = 6  # px from the gripper at which a region needs no bridge to another
 # px of any camera, by the pixel grid and a lens's blur of about a pixel
 SHORTEST_OUTLINE = 12  # shorter ones are noise
 AVERAGE = 4  # along the outline to either side, over which it is averaged
-TIP_ARM, TIP_WIDTH = 8, 5.0  # from a tip both ways, and how near to itself the outline is there
+TIP_ARM = 8  # from a tip both ways along the outline
+TIP_WIDTH = 5.0  # how near to itself the outline is there
 
 Outline = NDArray[np.int32]
 
@@ -66,10 +67,11 @@ def silhouette(levels: Image, faint: float, strip: Image, lifted: Image, length:
     there is no shadow, and an edge-on strip is fainter than its colour. Averaging over `length`
     [px] along the way on which it hangs raises it above the noise.
     """
-    solid, least = (round(ZERO_LEVEL + LEVEL_SPAN * share) for share in (SOLID, faint))
+    solid_level = round(ZERO_LEVEL + LEVEL_SPAN * SOLID)
+    faint_level = round(ZERO_LEVEL + LEVEL_SPAN * faint)
     reach = length // 2
     wide = cv2.copyMakeBorder(levels, reach, reach, reach, reach, cv2.BORDER_REPLICATE)
-    return silhouette_of(wide, strip, lifted, line_offsets(length), solid, least)
+    return silhouette_of(wide, strip, lifted, line_offsets(length), solid_level, faint_level)
 
 
 @lru_cache
@@ -99,12 +101,12 @@ def outer_side(mask: Image, contact: Array, grip: Grip, step: int, sizes: Sizes)
     smooth = moving_average(wrapped, 2 * AVERAGE + 1)
     tangent = np.roll(smooth, -2, axis=0) - np.roll(smooth, 2, axis=0)
     speed = np.hypot(*tangent.T)
-    picked = np.arange(0, end + 1, step)
-    picked = picked[speed[picked] > 0.5]  # where the outline turns back on itself it has no side
+    rows = np.arange(0, end + 1, step)
+    rows = rows[speed[rows] > 0.5]  # where the outline turns back on itself it has no side
     tangent /= np.maximum(speed, 1e-9)[:, None]
     normals = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
     missing = 0.0 if cut.any() else float(np.hypot(*(ring[end] - grip.point)))
-    return Side(smooth[picked], normals[picked], missing)
+    return Side(smooth[rows], normals[rows], missing)
 
 
 def _body(mask: Image, contact: Array, gripper: Array, sizes: Sizes) -> Array | None:
@@ -119,8 +121,8 @@ def _body(mask: Image, contact: Array, gripper: Array, sizes: Sizes) -> Array | 
     body = _nearest(outlines, contact)
     if _bridge_regions(mask, body, outlines, gripper, sizes.bridge):
         body = _nearest(_outlines(mask), contact)
-    for here, there in _facing_tips(body, sizes.bridge):
-        cv2.line(mask, here.tolist(), there.tolist(), 255, 1)
+    for tip, facing_tip in _facing_tips(body, sizes.bridge):
+        cv2.line(mask, tip.tolist(), facing_tip.tolist(), 255, 1)
         body = _nearest(_outlines(mask), contact)
     if len(body) < 4 * AVERAGE:
         return None
@@ -139,12 +141,12 @@ def _bridge_regions(
     bridged = False
     while others and np.hypot(*(body - gripper).T).min() > AT_GRIP:
         pairs = [_closest(body, other) for other in others]
-        lengths = [float(np.hypot(*(here - there))) for here, there in pairs]
+        lengths = [float(np.hypot(*(start - end))) for start, end in pairs]
         nearest = int(np.argmin(lengths))
         if lengths[nearest] > longest:
             break
-        here, there = pairs[nearest]
-        cv2.line(mask, here.tolist(), there.tolist(), 255, 1)
+        start, end = pairs[nearest]
+        cv2.line(mask, start.tolist(), end.tolist(), 255, 1)
         body = np.vstack([body, others.pop(nearest)])
         bridged = True
     return bridged
@@ -152,8 +154,8 @@ def _bridge_regions(
 
 def _outlines(mask: Image) -> list[Outline]:
     """Outlines (n, 2) [px] of the regions of `mask` (h, w), of SHORTEST_OUTLINE points at least."""
-    found, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    return [outline.reshape(-1, 2) for outline in found if len(outline) >= SHORTEST_OUTLINE]
+    outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    return [outline.reshape(-1, 2) for outline in outlines if len(outline) >= SHORTEST_OUTLINE]
 
 
 def _nearest(outlines: list[Outline], point: Array) -> Outline:
@@ -164,14 +166,14 @@ def _nearest(outlines: list[Outline], point: Array) -> Outline:
 def _facing_tips(outline: Outline, longest: float) -> list[tuple[Outline, Outline]]:
     """Pairs of an outline's tips (2,) [px] that face each other over less than `longest` [px]."""
     tips, directions = _tips(outline)
-    found = []
+    pairs = []
     for i, j in combinations(range(len(tips)), 2):
         across = (tips[j] - tips[i]).astype(np.float64)
         length = float(np.hypot(*across))
         aligned = min(directions[i] @ across, -(directions[j] @ across))  # px, cosine times length
         if 0.0 < length < longest and aligned > FACING * length:
-            found.append((tips[i], tips[j]))
-    return found
+            pairs.append((tips[i], tips[j]))
+    return pairs
 
 
 def _tips(outline: Outline) -> tuple[Outline, Array]:
@@ -179,7 +181,8 @@ def _tips(outline: Outline) -> tuple[Outline, Array]:
 
     There its points TIP_ARM before and after are less than TIP_WIDTH apart.
     """
-    after, before = np.roll(outline, -TIP_ARM, axis=0), np.roll(outline, TIP_ARM, axis=0)
+    after = np.roll(outline, -TIP_ARM, axis=0)
+    before = np.roll(outline, TIP_ARM, axis=0)
     outwards = outline - 0.5 * (after + before)
     length = np.hypot(*outwards.T)
     turns = (np.hypot(*(after - before).T) < TIP_WIDTH) & (length > 0.6 * TIP_ARM)
