@@ -4,15 +4,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from cell.benchmark.figures import (
-    force_figure,
-    main_picture,
-    maps_figure,
-    outside,
-    range_figure,
-    repeats_figure,
-    strips_figure,
-)
+from cell.benchmark import figures
 from cell.benchmark.results import MissingPart, Results
 from cell.benchmark.summary import PAPER_POLICIES, PAPER_WORST, claims, misses_text, numeral, rows
 from cell.record.documents import plain
@@ -39,7 +31,7 @@ def write_main_picture(results: Results, path: Path) -> None:
     from matplotlib import rc_context
 
     with rc_context({"svg.fonttype": "path"}):
-        write_file(path, as_png(main_picture(results), DPI))
+        write_file(path, as_png(figures.main_picture(results), DPI))
 
 
 def lines(results: Results) -> list[dict[str, Any]]:
@@ -56,7 +48,7 @@ NOT_IN_SOURCE = "Of the paper, the numbers that its text states are drawn."
 def page_of(results: Results) -> str:
     """Self-contained HTML page of `results`."""
     summary, asked = rows(results), results.asked
-    strays = [(p, *outside(results, p)) for p in PAPER_POLICIES if p in asked.policies]
+    strays = [(p, *figures.outside(results, p)) for p in PAPER_POLICIES if p in asked.policies]
     made_with = {"speed": f"{results.speed:g} m/s", "seed": str(asked.seed)}
     made_with |= {"strips": ", ".join(asked.strips)} | results.made_with
     return page(
@@ -112,9 +104,9 @@ def _hidden_effects(results: Results) -> dict[str, Any]:
 
 
 FIGURES = {
-    "strips": strips_figure,
-    "repeats": repeats_figure,
-    "range": range_figure,
-    "maps": maps_figure,
-    "force": force_figure,
+    "strips": figures.strips_figure,
+    "repeats": figures.repeats_figure,
+    "range": figures.range_figure,
+    "maps": figures.maps_figure,
+    "force": figures.force_figure,
 }

@@ -6,18 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import (
-    Arm,
-    Camera,
-    Configs,
-    FullSpeed,
-    Json,
-    VizOption,
-    ask,
-    length_option,
-    length_parser,
-    writable,
-)
+from cell.cli import options
 from cell.cli.output import print_json
 from cell.config.places import find_configs
 from drivers.errors import ConfigurationError
@@ -59,7 +48,7 @@ PrintTo = Annotated[
 ]
 BoardLength = Annotated[
     float | None,
-    length_option(
+    options.length_option(
         "--measured",
         "Length of all columns of squares by a ruler, as 252.0mm [mm].",
         "mm",
@@ -85,7 +74,7 @@ calibrate = typer.Typer(help=FIRST_LINE)
 def twin(
     context: typer.Context,
     out: Annotated[Path | None, typer.Option(help="Also write the calibration here.")] = None,
-    configs: Configs = None,
+    configs: options.Configs = None,
 ) -> None:
     """Without a further command: calibrate the twin's camera anew, for all later folds."""
     if context.invoked_subcommand is not None:
@@ -107,15 +96,15 @@ def twin(
 def calibrate_camera(
     print_to: PrintTo = None,
     measured: BoardLength = None,
-    camera: Camera = None,
+    camera: options.Camera = None,
     out: Out = None,
     again: From = None,
     without: Without = None,
     resume: Resume = None,
     interactive: Interactive = False,
-    viz: VizOption = "save",
-    configs: Configs = None,
-    as_json: Json = False,
+    viz: options.VizOption = "save",
+    configs: options.Configs = None,
+    as_json: options.Json = False,
 ) -> None:
     """Find the camera's lens from views of a ChArUco board; says which view is next, and why."""
     from cell.calibrate.wizard import ROS, refit_lens
@@ -147,18 +136,18 @@ def calibrate_homography(
     lens: LensFile = None,
     poses: Poses = None,
     accept_anyway: AcceptAnyway = False,
-    arm: Arm = None,
-    full_speed: FullSpeed = False,
-    camera: Camera = None,
+    arm: options.Arm = None,
+    full_speed: options.FullSpeed = False,
+    camera: options.Camera = None,
     out: Out = None,
     again: From = None,
     without: Without = None,
     resume: Resume = None,
     use: Use = False,
     interactive: Interactive = False,
-    viz: VizOption = "save",
-    configs: Configs = None,
-    as_json: Json = False,
+    viz: options.VizOption = "save",
+    configs: options.Configs = None,
+    as_json: options.Json = False,
 ) -> None:
     """Find the camera's map to the strip's plane, and its latency, by touches of the gripper."""
     from calibration.lens import read_lens
@@ -167,7 +156,7 @@ def calibrate_homography(
 
     settings = find_configs(configs).cell()
     if use:
-        writable(configs)
+        options.writable(configs)
     if again is not None:
         folder, speed = out, settings.fold.speed
         verdict = refit_homography(again, without or (), out, speed, accept_anyway=accept_anyway)
@@ -199,12 +188,12 @@ def calibrate_check(
         Path | None,
         typer.Argument(metavar="FILE", help="calibration.yaml [default: the one that folds use]."),
     ] = None,
-    arm: Arm = None,
-    full_speed: FullSpeed = False,
-    camera: Camera = None,
+    arm: options.Arm = None,
+    full_speed: options.FullSpeed = False,
+    camera: options.Camera = None,
     interactive: Interactive = False,
-    configs: Configs = None,
-    as_json: Json = False,
+    configs: options.Configs = None,
+    as_json: options.Json = False,
 ) -> None:
     """Check a calibration: touch a few points again and compare them with the image."""
     from calibration.calibration import load_calibration
@@ -234,7 +223,7 @@ def _ask_length(columns: int) -> float:
 
     def parse(text: str) -> float:
         try:
-            return length_parser("--measured", "mm", SHORTEST_BOARD)(text)
+            return options.length_parser("--measured", "mm", SHORTEST_BOARD)(text)
         except ConfigurationError as error:
             raise typer.BadParameter(str(error)) from None
 
@@ -272,7 +261,9 @@ def _open_devices(
 
     choice = DeviceSelection(arm, camera)
     checks = motion_checks(settings, choice, camera=True)
-    settings, choice = agree_to_slow_motion(settings, choice, ask, checks, full_speed=full_speed)
+    settings, choice = agree_to_slow_motion(
+        settings, choice, options.ask, checks, full_speed=full_speed
+    )
     return settings, open_cell(settings, NO_STRIP, choice, calibrating=True)
 
 

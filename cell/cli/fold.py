@@ -10,22 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from cell.cli.options import (
-    PLANT_HELP,
-    Arm,
-    Camera,
-    Configs,
-    FullSpeed,
-    Json,
-    Runs,
-    VizOption,
-    ask,
-    check_names,
-    check_readable,
-    length_option,
-    policy_names,
-    strip_names,
-)
+from cell.cli import options
 from cell.cli.output import busy, notice, print_json, say
 from cell.config.places import check_recordable, find_configs
 from cell.record.files import REPORT
@@ -51,24 +36,26 @@ StripName = Annotated[
     str,
     typer.Option(
         help="Strip by name, a path to its .yaml file, or `unknown` with --length.",
-        autocompletion=strip_names,
+        autocompletion=options.strip_names,
     ),
 ]
 PolicyName = Annotated[
     str,
     typer.Option(
-        help=f"How the gripper is moved: {', '.join(policy_names())}.", autocompletion=policy_names
+        help=f"How the gripper is moved: {', '.join(options.policy_names())}.",
+        autocompletion=options.policy_names,
     ),
 ]
 Length = Annotated[
     float | None,
-    length_option("--length", "Length of a strip that has no file, as 600mm or 0.6 [m]."),
+    options.length_option("--length", "Length of a strip that has no file, as 600mm or 0.6 [m]."),
 ]
 Thickness = Annotated[
-    float | None, length_option("--thickness", "Its thickness, where calipers are at hand [m].")
+    float | None,
+    options.length_option("--thickness", "Its thickness, where calipers are at hand [m]."),
 ]
 Plants = Annotated[
-    list[str] | None, typer.Option(help=f"{PLANT_HELP}; repeatable.", metavar="PLANT")
+    list[str] | None, typer.Option(help=f"{options.PLANT_HELP}; repeatable.", metavar="PLANT")
 ]
 Specimen = Annotated[
     str | None, typer.Option(help="Name of this piece of fabric, for what the cell learns.")
@@ -98,33 +85,33 @@ def fold(
     thickness: Thickness = None,
     checkpoint: Annotated[Path | None, typer.Option(help="Weights of a learned policy.")] = None,
     plant: Plants = None,
-    arm: Arm = None,
-    camera: Camera = None,
+    arm: options.Arm = None,
+    camera: options.Camera = None,
     repeat: Annotated[int, typer.Option(min=1, help="Folds of each plant.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Seed of fold 0; fold i uses seed + i.")] = 0,
     jobs: Annotated[int, typer.Option(min=1, help="Folds side by side.")] = 1,
-    runs: Runs = Path("runs"),
-    configs: Configs = None,
+    runs: options.Runs = Path("runs"),
+    configs: options.Configs = None,
     frames: Frames = None,
     film: FilmOption = None,
-    viz: VizOption = "save",
+    viz: options.VizOption = "save",
     dry_run: DryRun = False,
     rehearse: Rehearse = False,
     no_truth: NoTruth = False,
-    full_speed: FullSpeed = False,
+    full_speed: options.FullSpeed = False,
     specimen: Specimen = None,
     learning: LearningOption = None,
     until: Until = None,
-    as_json: Json = False,
+    as_json: options.Json = False,
 ) -> None:
     """Fold a strip in half, record the run, and print how well its edges are aligned."""
-    check_names(configs, strip, policy)
+    options.check_names(configs, strip, policy)
     name = _strip_name(strip, length, thickness)
     close_edges = _close_edges(until, learning, rehearse=rehearse)
     configurations = find_configs(configs)
     plant_files = [configurations.plant_path(name_or_path) for name_or_path in plant or []]
     if checkpoint is not None:
-        check_readable(checkpoint, "; name another checkpoint or train one")
+        options.check_readable(checkpoint, "; name another checkpoint or train one")
     if not (dry_run or rehearse):
         check_recordable(runs)
     from cell.devices.devices import DeviceSelection
@@ -214,10 +201,10 @@ def _fold_all(
     from cell.folding.request import with_correction
     from cell.folding.result import FoldResult
 
-    requests = agreed(requests, ask)
+    requests = agreed(requests, options.ask)
     robot = emulation(requests[0].cell, requests[0].choice)
     exit_code = 0
-    attendance = Attendance(report=notice, lay_again=lambda: await_strip(ask))
+    attendance = Attendance(report=notice, lay_again=lambda: await_strip(options.ask))
     if not as_json:
         tell = partial(_print_result, robot=robot)
         attendance = replace(attendance, observe=_progress, tell=tell)
@@ -271,7 +258,7 @@ def _rehearse(request: "Request", *, as_json: bool) -> int:
     from cell.folding.rehearsal import rehearse
     from cell.orchestrator.operator import Interrupt
 
-    (request,) = agreed([request], ask)
+    (request,) = agreed([request], options.ask)
     with Interrupt() as interrupted:
         outcome = rehearse(request, interrupted)
     facts = {"outcome": outcome.name, "reason": outcome.reason, "exit_code": outcome.exit_code}

@@ -9,25 +9,13 @@ from typing import Any
 import numpy as np
 
 from calibration.landmarks import camera_shift
+from cell.orchestrator import steps
 from cell.orchestrator.calibration_phase import begin_calibration, calibrate
 from cell.orchestrator.context import CalibrationContext, Context, FoldContext, ManualContext
 from cell.orchestrator.lay import CLEARANCE, HANGING, TURN_GAIN, edge_place, follow_lay, lay_path
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
 from cell.orchestrator.states import Event, State
-from cell.orchestrator.steps import (
-    SETTLE,
-    Phase,
-    StillPicture,
-    close_hand,
-    drive,
-    move,
-    open_hand,
-    pause,
-    rotate_hand,
-    still_picture,
-    wait_for,
-)
 from cell.orchestrator.wait_until_still import wait_until_still
 from cell.perception.camera_watch import UNWATCHED
 from cell.perception.image_reader import ImageResult, ImageTask, Reader
@@ -47,12 +35,12 @@ BRAKING_SHARE = 0.7  # of the arm's pitch acceleration, to stop the rotation at 
 SLOPE_TRAVEL = 0.01  # m of the lift over which its rotation per metre is measured
 
 
-def preflight(context: FoldContext, record: Recorder, _: Snapshot) -> Phase:
+def preflight(context: FoldContext, record: Recorder, _: Snapshot) -> steps.Phase:
     """Check the image of the strip before it is grasped; raises PreflightRefused."""
     fold = context.settings.fold
     camera_checks = yield from _camera_checks(context)
-    yield from move(Pose(context.strip.length + fold.approach, fold.clear_height, 0.0))
-    picture = yield from still_picture()
+    yield from steps.move(Pose(context.strip.length + fold.approach, fold.clear_height, 0.0))
+    picture = yield from steps.still_picture()
     frame = picture.frame
     strip_checks = yield from _inspect(context.sight, picture)
     record.frame(frame)
@@ -72,7 +60,7 @@ def preflight(context: FoldContext, record: Recorder, _: Snapshot) -> Phase:
 
 
 def _inspect(
-    sight: Reader, picture: StillPicture
+    sight: Reader, picture: steps.StillPicture
 ) -> "Generator[Command, Snapshot, tuple[PreflightCheck, ...]]":
     """Check the image before the grasp; Fault `image_reader_dead` where its reader has ended."""
     sight.submit(ImageTask(picture.frame), picture.time)
@@ -83,22 +71,22 @@ def _inspect(
     return checks
 
 
-def grasp(context: FoldContext, _record: Recorder, _begin: Snapshot) -> Phase:
+def grasp(context: FoldContext, _record: Recorder, _begin: Snapshot) -> steps.Phase:
     """Approach the free edge from beyond and grasp it; raises Fault where the fingers miss it."""
     length = context.strip.length
     approach = context.settings.fold.approach
-    yield from open_hand()
-    yield from move(Pose(length + approach, 2 * approach, 0.0))
-    yield from move(Pose(length + approach, 0.0, 0.0))
-    yield from move(Pose(length, 0.0, 0.0))
-    snapshot = yield from close_hand()
+    yield from steps.open_hand()
+    yield from steps.move(Pose(length + approach, 2 * approach, 0.0))
+    yield from steps.move(Pose(length + approach, 0.0, 0.0))
+    yield from steps.move(Pose(length, 0.0, 0.0))
+    snapshot = yield from steps.close_hand()
     if not snapshot.hand.grasped:
         raise Fault("grasp_missed", "the fingers closed on nothing; lay the edge at x = L")
-    yield from pause(SETTLE)
+    yield from steps.pause(steps.SETTLE)
     return Event.GRASPED
 
 
-def lift(context: FoldContext, record: Recorder, _begin: Snapshot) -> Phase:
+def lift(context: FoldContext, record: Recorder, _begin: Snapshot) -> steps.Phase:
     """Lift the grasped edge along the policy's path while the pitch grows to hanging.
 
     In a run that starts hanging the strip then comes to rest, and measured time begins.
@@ -115,14 +103,14 @@ def lift(context: FoldContext, record: Recorder, _begin: Snapshot) -> Phase:
             return Event.PATH_DONE
         travel = float(follower.progress[0])
         rate = _lift_pitch_rate(travel, speed, pose.pitch, acceleration)
-        snapshot = yield drive(decision, rate)
+        snapshot = yield steps.drive(decision, rate)
     if context.settings.fold.start == "hanging":
         snapshot = yield from wait_until_still(context.settings.fold.longest_rest, record)
         record.begin(snapshot.time)
     return Event.LIFTED
 
 
-def fold(context: FoldContext, record: Recorder, begin: Snapshot) -> Phase:
+def fold(context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase:
     """Command the policy's decision on each image, until the layers touch or the path ends."""
     command = Drive(begin.velocity)
     offsets: list[float] = []
@@ -144,7 +132,7 @@ def fold(context: FoldContext, record: Recorder, begin: Snapshot) -> Phase:
             return Event.PATH_DONE
         # rad/s that takes out the error of pitch, by which the gripper no longer hangs upright
         upright = TURN_GAIN * (HANGING - snapshot.arm.pose.pitch)
-        command = drive(decision, float(decision.pitch_rate[0]) + upright)
+        command = steps.drive(decision, float(decision.pitch_rate[0]) + upright)
 
 
 def _record_prediction(context: FoldContext, record: Recorder, snapshot: Snapshot) -> None:
@@ -162,14 +150,14 @@ def _record_prediction(context: FoldContext, record: Recorder, snapshot: Snapsho
         record.event(snapshot.time, "policy_sees", path="its own")
 
 
-def continue_to_lay(_context: FoldContext, record: Recorder, begin: Snapshot) -> Phase:
+def continue_to_lay(_context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase:
     """Continue to the lay without a pause: a hanging strip at rest would shift the loop by 5 mm."""
     yield from ()
     record.event(begin.time, "touch_seen", x=begin.arm.pose.x, z=begin.arm.pose.z)
     return Event.SETTLED
 
 
-def lay(context: FoldContext, record: Recorder, begin: Snapshot) -> Phase:
+def lay(context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase:
     """Lower the grasped edge past the taut end, push it to its place; Fault without a touch."""
     touch = context.seen_touch
     settings = context.settings.fold
@@ -179,20 +167,20 @@ def lay(context: FoldContext, record: Recorder, begin: Snapshot) -> Phase:
     end = edge_place(touch, context.place)
     path = lay_path(touch, begin.arm.pose, rest, end, settings)
     yield from follow_lay(path, settings.lay_speed, begin)
-    snapshot = yield from move(Pose(end, rest, np.pi))
+    snapshot = yield from steps.move(Pose(end, rest, np.pi))
     record.event(snapshot.time, "laid", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
     return Event.LAID
 
 
-def release(context: FoldContext, record: Recorder, _: Snapshot) -> Phase:
+def release(context: FoldContext, record: Recorder, _: Snapshot) -> steps.Phase:
     """Open the fingers, retreat from the strip, and measure the offset of its edges."""
-    snapshot = yield from open_hand()
+    snapshot = yield from steps.open_hand()
     pose = snapshot.arm.pose
     record.event(snapshot.time, "released", edge_offset=-pose.x)
     retreat = context.settings.fold.approach
-    yield from move(Pose(pose.x - retreat, pose.z, pose.pitch))
-    yield from move(Pose(pose.x - retreat, pose.z + 2 * retreat, pose.pitch))
-    frame = (yield from still_picture()).frame
+    yield from steps.move(Pose(pose.x - retreat, pose.z, pose.pitch))
+    yield from steps.move(Pose(pose.x - retreat, pose.z + 2 * retreat, pose.pitch))
+    frame = (yield from steps.still_picture()).frame
     measurement = yield from _laid_strip(context, frame, pose)
     loop = _visible_loop(context, measurement)
     context.released = True
@@ -219,7 +207,7 @@ def _laid_strip(
     result = context.reader.result()
     if isinstance(result, ImageResult):
         return result.measurement
-    return (yield from wait_for(lambda now: now.view.read)).view.measurement
+    return (yield from steps.wait_for(lambda now: now.view.read)).view.measurement
 
 
 def _visible_loop(context: FoldContext, measurement: StripMeasurement | None) -> Loop | None:
@@ -232,14 +220,14 @@ def _visible_loop(context: FoldContext, measurement: StripMeasurement | None) ->
     return Loop.seen_in(measurement)
 
 
-def move_manually(context: ManualContext, _: Recorder, snapshot: Snapshot) -> Phase:
+def move_manually(context: ManualContext, _: Recorder, snapshot: Snapshot) -> steps.Phase:
     """Carry out the motion of a manual run."""
     context.end = (yield from context.motion(snapshot)).arm.pose
     return Event.MOVED
 
 
-PhaseFactory = Callable[[Recorder, Snapshot], Phase]
-_PHASES: dict[type[Context], dict[State, Callable[[Any, Recorder, Snapshot], Phase]]] = {
+PhaseFactory = Callable[[Recorder, Snapshot], steps.Phase]
+_PHASES: dict[type[Context], dict[State, Callable[[Any, Recorder, Snapshot], steps.Phase]]] = {
     FoldContext: {
         State.PREFLIGHT: preflight,
         State.GRASP: grasp,
@@ -293,11 +281,11 @@ def _camera_checks(
     landmarks = calibration.landmarks
     if landmarks is None:
         return ()
-    yield from open_hand()
-    start = yield from rotate_hand(landmarks.pitch)
-    yield from move(landmarks.pose)
-    frame = (yield from still_picture()).frame
-    yield from move(Pose(start.x, start.z, landmarks.pitch))
-    yield from move(start)
+    yield from steps.open_hand()
+    start = yield from steps.rotate_hand(landmarks.pitch)
+    yield from steps.move(landmarks.pose)
+    frame = (yield from steps.still_picture()).frame
+    yield from steps.move(Pose(start.x, start.z, landmarks.pitch))
+    yield from steps.move(start)
     shift = camera_shift(frame, landmarks, calibration.lens, calibration.homography)
     return (camera_check(shift, context.settings.landmarks),)

@@ -15,22 +15,9 @@ import pyarrow as pa
 
 from calibration.calibration import Calibration, load_calibration
 from cell.perception.strip_measurement import StripMeasurement
+from cell.record import files
 from cell.record.columns import Profile, Sights, Ticks
 from cell.record.events import Event, origin_of, read_events
-from cell.record.files import (
-    CALIBRATION,
-    EVENTS,
-    FILM,
-    PROFILE,
-    RESULT,
-    RUN,
-    SIGHT_STREAM,
-    SIGHTS,
-    TICK_STREAM,
-    TICKS,
-    check_run,
-    is_under_way,
-)
 from cell.record.frames import FrameNote, read_frame, read_index
 from cell.record.header import Header, Result
 from cell.record.tables import Tables, assemble
@@ -114,12 +101,12 @@ class Run:
     def _repr_html_(self) -> str:
         """Film of the run, or else its last kept image, for a notebook."""
         images = [note.file for note in self.kept_images()[::-1] if note.file]
-        picture = next(filter(Path.is_file, (self.folder / FILM, *images)), None)
+        picture = next(filter(Path.is_file, (self.folder / files.FILM, *images)), None)
         text = escape(repr(self))
         if picture is None:
             return text
         content = base64.b64encode(picture.read_bytes()).decode()
-        if picture.name == FILM:
+        if picture.name == files.FILM:
             return f'{text}<br><video controls width="640" src="data:video/mp4;base64,{content}">'
         return f'{text}<br><img width="640" src="data:image/png;base64,{content}">'
 
@@ -131,7 +118,7 @@ class Run:
     @property
     def died(self) -> bool:
         """Whether the run ended without a result and is not under way any more."""
-        return self.result is None and not is_under_way(self.folder)
+        return self.result is None and not files.is_under_way(self.folder)
 
     @_cached_part(())
     def events(self) -> tuple[Event, ...]:
@@ -152,11 +139,13 @@ class Run:
     @_cached_part(Sights.none())
     def sights(self) -> Sights:
         """Columns of the measurements of all images; empty in a laboratory's run."""
-        path = self.folder / SIGHTS
+        path = self.folder / files.SIGHTS
         if path.exists():
             return Sights.parse(read_parquet(path), str(path))
-        if (self.folder / SIGHT_STREAM).exists():
-            return Sights.parse(assemble(self.folder)[SIGHTS], str(self.folder / SIGHT_STREAM))
+        if (self.folder / files.SIGHT_STREAM).exists():
+            return Sights.parse(
+                assemble(self.folder)[files.SIGHTS], str(self.folder / files.SIGHT_STREAM)
+            )
         return Sights.none()
 
     def measurements(self) -> list[StripMeasurement]:
@@ -183,7 +172,7 @@ class Run:
     @_cached_part(None)
     def calibration(self) -> Calibration | None:
         """Calibration of the run's camera; None where it was not stored with the run."""
-        path = self.folder / CALIBRATION
+        path = self.folder / files.CALIBRATION
         return load_calibration(path) if path.exists() else None
 
     @_cached_part(())
@@ -218,7 +207,7 @@ class Run:
 
     def film_stamps(self) -> dict[int, float]:
         """Stamps [s] of the images in the run's film, by their number; none without a film."""
-        notes = self.frame_index() if (self.folder / FILM).is_file() else ()
+        notes = self.frame_index() if (self.folder / files.FILM).is_file() else ()
         return {note.film: note.stamp for note in notes if note.film is not None}
 
     def frames(self) -> Iterator[Frame]:
@@ -253,19 +242,19 @@ def read_broken_run(folder: Path) -> Run:
 
 def read_result(folder: Path) -> Result | None:
     """Read the result of the run in `folder`, None without; ConfigurationError for a broken one."""
-    path = folder / RESULT
+    path = folder / files.RESULT
     return load(path, Result, bare=True) if path.exists() else None
 
 
 def _read(folder: Path, *, lenient: bool) -> Run:
     """Read the run in `folder`; its broken parts are empty if `lenient`, else errors."""
-    check_run(folder)
-    header = load(folder / RUN, Header)
+    files.check_run(folder)
+    header = load(folder / files.RUN, Header)
     reader = PartReader(lenient)
     result = reader.read(lambda: read_result(folder), None)
     tables = _RunTables(folder, header, reader, complete=result is not None and not lenient)
-    ticks = reader.read(lambda: Ticks.parse(*tables.read(TICKS)), Ticks.none())
-    profile = reader.read(lambda: Profile.parse(*tables.read(PROFILE)), Profile.none())
+    ticks = reader.read(lambda: Ticks.parse(*tables.read(files.TICKS)), Ticks.none())
+    profile = reader.read(lambda: Profile.parse(*tables.read(files.PROFILE)), Profile.none())
     return Run(folder, header, ticks, profile, result, reader)
 
 
@@ -288,14 +277,14 @@ class _RunTables:
         streams.
         """
         path = self._folder / name
-        stream = self._folder / TICK_STREAM
+        stream = self._folder / files.TICK_STREAM
         try:
             if path.exists() or self._complete:
                 return read_parquet(path), str(path)
         except ConfigurationError as error:
             if not (self._reader.lenient and stream.is_file()):
                 raise
-            self._reader.problems.append(f"{error}; read from {TICK_STREAM} instead")
+            self._reader.problems.append(f"{error}; read from {files.TICK_STREAM} instead")
         return self._streams[name], str(stream)
 
     @cached_property
@@ -306,10 +295,11 @@ class _RunTables:
         any other run without tables.
         """
         folder = self._folder
-        begun = any((folder / name).exists() for name in (TICK_STREAM, EVENTS))
+        begun = any((folder / name).exists() for name in (files.TICK_STREAM, files.EVENTS))
         if not begun and self._header.config is None:
-            missing = TICKS if not (folder / TICKS).exists() else PROFILE
+            missing = files.TICKS if not (folder / files.TICKS).exists() else files.PROFILE
             raise ConfigurationError(
-                f"{folder}: {missing}: is missing, and there is no {TICK_STREAM} to make it from"
+                f"{folder}: {missing}: is missing, and there is no {files.TICK_STREAM} to make it "
+                "from"
             )
         return assemble(folder)

@@ -10,21 +10,12 @@ from pathlib import Path
 from typing import Any, Self
 
 from cell.perception.strip_measurement import StripMeasurement
+from cell.record import tables
 from cell.record.documents import json_line, write_document
 from cell.record.files import EVENTS, JOINTS, RESULT, RUN, SIGHT_STREAM, TICK_STREAM, Keep
 from cell.record.film import Encoder
 from cell.record.frames import FrameWriter
 from cell.record.header import Header, Result
-from cell.record.tables import (
-    SIGHT_ROWS,
-    TICK_ROWS,
-    StreamFile,
-    Tick,
-    assemble,
-    joint_table,
-    write_parquet,
-    write_tables,
-)
 from drivers.errors import ConfigurationError, Fault
 from drivers.files import new_file, write_all
 from drivers.readers import SCHEMA
@@ -59,8 +50,12 @@ class RunWriter:
         with ExitStack() as opened:
             self._events = opened.enter_context(new_file(folder / EVENTS))
             fcntl.flock(self._events, fcntl.LOCK_EX)
-            self._ticks = opened.enter_context(StreamFile(folder / TICK_STREAM, TICK_ROWS))
-            self._sights = opened.enter_context(StreamFile(folder / SIGHT_STREAM, SIGHT_ROWS))
+            self._ticks = opened.enter_context(
+                tables.StreamFile(folder / TICK_STREAM, tables.TICK_ROWS)
+            )
+            self._sights = opened.enter_context(
+                tables.StreamFile(folder / SIGHT_STREAM, tables.SIGHT_ROWS)
+            )
             self._frames = FrameWriter(folder, frames, patient, film)
             opened.pop_all()
 
@@ -99,9 +94,9 @@ class RunWriter:
         self._header |= facts
         self._described = True
 
-    def tick(self, tick: Tick) -> None:
+    def tick(self, tick: tables.Tick) -> None:
         """Write the row of one control cycle."""
-        row = {name: getattr(tick, name) for name in TICK_ROWS.names if name != "image_age"}
+        row = {name: getattr(tick, name) for name in tables.TICK_ROWS.names if name != "image_age"}
         with self._recording():
             self._ticks.append({**row, "image_age": tick.t - self._newest})
 
@@ -126,7 +121,7 @@ class RunWriter:
     def joints(self, rows: Array, origin: float) -> None:
         """Write a robot's joints at each of its ticks, `rows` (n, 29), t = 0 at `origin` [s]."""
         with self._recording():
-            write_parquet(self.folder / JOINTS, joint_table(rows, origin))
+            tables.write_parquet(self.folder / JOINTS, tables.joint_table(rows, origin))
 
     def finish(self, result: Mapping[str, Any]) -> None:
         """Close the streams, write the tables, and at last result.yaml; allowed twice.
@@ -143,7 +138,7 @@ class RunWriter:
             self.describe(film=self._frames.film_failure)
         with self._recording():
             self._write_described()
-            write_tables(self.folder, assemble(self.folder))
+            tables.write_tables(self.folder, tables.assemble(self.folder))
             write_document(self.folder / RESULT, content)
         self._finished = True
         self._events.close()

@@ -9,19 +9,9 @@ from typing import Any
 import numpy as np
 
 from cell.perception.length_checks import KINDS
+from cell.record import files
 from cell.record.columns import FARTHEST_HAND
 from cell.record.events import Event, Outlook
-from cell.record.files import (
-    CALIBRATION,
-    FILM,
-    OVERLAY,
-    PROFILE,
-    RECORDING,
-    REPORT,
-    RUN,
-    TICKS,
-    is_under_way,
-)
 from cell.record.header import Result
 from cell.record.run import Run, read_broken_run
 from cell.record.truth import read_truth
@@ -41,13 +31,13 @@ from drivers.files import write_file
 from drivers.strip.effects import registry
 
 FILES = (
-    (RECORDING, "the fold in Rerun: rerun run.rrd"),
-    (FILM, "the film of the camera, in step with frames/index.jsonl"),
-    (OVERLAY, "the film with what was read in it"),
-    (CALIBRATION, "the camera's calibration; cell report calibration.yaml draws it"),
-    (TICKS, "gripper, contact and force over time"),
-    (PROFILE, "the strip in every image"),
-    (RUN, "settings and versions"),
+    (files.RECORDING, "the fold in Rerun: rerun run.rrd"),
+    (files.FILM, "the film of the camera, in step with frames/index.jsonl"),
+    (files.OVERLAY, "the film with what was read in it"),
+    (files.CALIBRATION, "the camera's calibration; cell report calibration.yaml draws it"),
+    (files.TICKS, "gripper, contact and force over time"),
+    (files.PROFILE, "the strip in every image"),
+    (files.RUN, "settings and versions"),
 )
 LARGEST_FILM = 8_000_000  # bytes that a page carries
 FREQUENT = 40  # more of one kind are counted, not listed
@@ -76,7 +66,7 @@ def write_report(folder: Path) -> Path:
 
 def write_page(run: Run) -> Path:
     """Write the HTML page of the `run` into its folder, and return the page's path."""
-    path = run.folder / REPORT
+    path = run.folder / files.REPORT
     write_file(path, report(run))
     return path
 
@@ -84,7 +74,7 @@ def write_page(run: Run) -> Path:
 def report(run: Run) -> str:
     """Text of the HTML page of the `run`."""
     policy = f", policy {run.header.policy}" if run.header.policy else ""
-    under_way = is_under_way(run.folder)
+    under_way = files.is_under_way(run.folder)
     truth, spoilt = truth_of(run)
     said = verdict_of(run, truth, under_way)
     died = run.result is None and not under_way and not said.spoilt
@@ -137,11 +127,11 @@ def film_of(run: Run) -> dict[str, Any] | None:
 
     A page with the content can be mailed; a film of more than LARGEST_FILM stays beside it.
     """
-    path = run.folder / FILM
+    path = run.folder / files.FILM
     begin = next((note.stamp for note in run.frame_index() if note.film == 0), None)
     if begin is None or not path.is_file():
         return None
-    source = FILM
+    source = files.FILM
     if path.stat().st_size <= LARGEST_FILM:
         source = f"data:video/mp4;base64,{base64.b64encode(path.read_bytes()).decode()}"
     return {"begin": begin, "source": source, "poster": poster(run), **_measured_curves(run)}

@@ -87,7 +87,7 @@ def test_a_ctrl_c_while_the_record_ends_leaves_it_whole(recorder, monkeypatch) -
             raise KeyboardInterrupt
         write_tables(*arguments)
 
-    monkeypatch.setattr(writer, "write_tables", impatient)
+    monkeypatch.setattr(writer.tables, "write_tables", impatient)
     with pytest.raises(KeyboardInterrupt):
         run_and_record(running(DONE), Devices(), recorder)
     assert read_run(recorder.folder).result.outcome == "path_done"
@@ -99,7 +99,7 @@ def test_a_disk_that_fills_up_at_the_end_is_the_outcome(recorder, monkeypatch) -
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(writer, "write_tables", full)
+    monkeypatch.setattr(writer.tables, "write_tables", full)
     outcome = run_and_record(running(DONE), Devices(), recorder)
     assert (outcome.name, outcome.exit_code) == ("record", 4)
     assert "No space left" in outcome.reason

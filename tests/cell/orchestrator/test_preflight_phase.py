@@ -40,8 +40,8 @@ def test_a_camera_that_nothing_watches_is_an_event_a_warning_and_in_the_list(
 ) -> None:
     found = PreflightCheck(name, True, "1 place, 2 are needed", "put something there")
     monkeypatch.setattr(phases, "_camera_checks", at_once(()))
-    monkeypatch.setattr(phases, "move", at_once(GOOD))
-    monkeypatch.setattr(phases, "still_picture", at_once(StillPicture(1.0, FRAME, POSE)))
+    monkeypatch.setattr(phases.steps, "move", at_once(GOOD))
+    monkeypatch.setattr(phases.steps, "still_picture", at_once(StillPicture(1.0, FRAME, POSE)))
     monkeypatch.setattr(phases, "_inspect", at_once((found,)))
     policy = make_policy("triangular")
     context = FoldContext(CONFIGS.cell().controller, CONFIGS.strip("denim"), policy, None, None)

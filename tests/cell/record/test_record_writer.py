@@ -93,7 +93,7 @@ def test_run_yaml_comes_first_and_result_yaml_last(tmp_path, monkeypatch):
     def refuse(*args):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("cell.record.writer.write_tables", refuse)
+    monkeypatch.setattr("cell.record.writer.tables.write_tables", refuse)
     with pytest.raises(Fault, match="No space left"):
         writer.finish(RESULT)
     assert not (writer.folder / "result.yaml").exists()
