@@ -1,7 +1,7 @@
 """ChArUco calibration board: its settings, detection of its corners, its print in true size."""
 
 from dataclasses import dataclass
-from io import BytesIO, FileIO
+from io import BytesIO
 from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -148,7 +148,8 @@ PAPERS = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "A2": (594.0, 420.0), "A1"
 QUIET_ZONE = 0.5  # squares of white around the pattern
 FOOT = 16.0  # mm under the pattern, for the ruler and the instructions
 SQUARE_PX = 420  # px of a square, a multiple of the 7 modules of a marker: its edges stay sharp
-PLATE_MM, DISC_MM = 14.0, 5.0  # mm, radii of the pointer's dark plate and bright disc
+PLATE_MM = 14.0  # mm, radius of the pointer's dark plate
+DISC_MM = 5.0  # mm, radius of its bright disc
 INCHES_PER_MM = 1 / 25.4  # inches
 
 
@@ -188,23 +189,18 @@ def print_board(settings: BoardSettings, path: Path) -> str:
     """
     from matplotlib.backends.backend_pdf import PdfPages
 
-    figures, content = board_figures(settings), BytesIO()
+    content = BytesIO()
     with PdfPages(content) as pages:
-        for figure in figures:
+        for figure in board_figures(settings):
             pages.savefig(figure)
-    with writing(path), _create(path) as file:
-        write_all(file, content.getvalue())
-    return smallest_sheet(settings)[0]
-
-
-def _create(path: Path) -> FileIO:
-    """Create the file at `path`; ConfigurationError where something exists there."""
     try:
-        return new_file(path)
+        with writing(path), new_file(path) as file:
+            write_all(file, content.getvalue())
     except FileExistsError:
         raise ConfigurationError(
             f"{path}: is there already, and nothing is overwritten; name a new file"
         ) from None
+    return smallest_sheet(settings)[0]
 
 
 def _blank_page(width: float, height: float) -> tuple["Figure", Any]:

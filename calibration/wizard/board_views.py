@@ -7,17 +7,8 @@ import numpy as np
 
 from calibration.board import BoardDetection, BoardSettings, BoardView, find_board
 from calibration.lens import MINIMUM_VIEWS, Lens
-from calibration.wizard.coverage import (
-    Gate,
-    Placement,
-    Sketch,
-    WantedView,
-    coverage,
-    guessed_lens,
-    placement,
-    project_outline,
-    wanted_views,
-)
+from calibration.wizard import coverage
+from calibration.wizard.coverage import Gate, Placement, Sketch, WantedView, guessed_lens
 from calibration.wizard.lens_verdict import LensVerdict, fit_views, lens_verdict
 from calibration.wizard.progress import Mark, Progress, Result, Row
 from drivers.types import Frame, Image
@@ -44,7 +35,7 @@ class BoardViews:
         self._settings = settings
         self._board = settings.board()
         self._detector = cv2.aruco.CharucoDetector(self._board)
-        self._wanted = list(wanted_views(settings.lean, settings.sizes))
+        self._wanted = list(coverage.wanted_views(settings.lean, settings.sizes))
         self._patience = None if patient else settings.patience
         self._tries = 0
         self._count = 0
@@ -61,11 +52,14 @@ class BoardViews:
 
     def tell(self, frame: Frame) -> Result:
         """Process an image of the board; a view is accepted if two in a row agree."""
-        number, self._count = self._count, self._count + 1
+        number = self._count
+        self._count += 1
         look = find_board(frame.image, self._detector, self._board)
         refused = self._refuse(frame, look)
         view = look.view if refused is None else None
-        last, self._last, self._seen = self._last, view, look.view
+        last = self._last
+        self._last = view
+        self._seen = look.view
         if view is not None and last is not None:
             moved = view.distance(last)
             if moved <= self._settings.still:
@@ -90,7 +84,8 @@ class BoardViews:
     def skip(self) -> None:
         """Give up the requested view."""
         self._wanted = self._wanted[1:]
-        self._tries, self._last = 0, None
+        self._tries = 0
+        self._last = None
 
     def take_back(self) -> Row | None:
         """Remove the newest view and request it again; returns its row, None without one."""
@@ -113,19 +108,21 @@ class BoardViews:
 
     def gates(self) -> tuple[Gate, ...]:
         """Coverage requirements, and how far the accepted views meet them."""
-        return coverage(self.views, self._lens or guessed_lens(TYPICAL_SIZE), self._settings)
+        lens = self._lens or guessed_lens(TYPICAL_SIZE)
+        return coverage.gates(self.views, lens, self._settings)
 
     def progress(self, frame: Frame | None = None, result: Result | None = None) -> Progress:
         """Message to observers: request, coverage, `result` of the newest image `frame`, if any."""
-        gates, wanted = self.gates(), self.ask()
+        gates = self.gates()
+        wanted = self.ask()
         missing = [gate for gate in gates if not gate.passed]
         seen = () if self._seen is None or result is None else self._seen.image
         return Progress(
-            "the lens, from a board",
-            "nothing: all is covered" if wanted is None else f"show the board {wanted}",
-            f"still missing: {missing[0]}" if missing else "all is covered; for good measure",
-            frame,
-            result,
+            title="the lens, from a board",
+            request="nothing: all is covered" if wanted is None else f"show the board {wanted}",
+            why=f"still missing: {missing[0]}" if missing else "all is covered; for good measure",
+            frame=frame,
+            result=result,
             answer="" if result is None else result.text("image", "taken"),
             marks=tuple(map(Mark, seen)),
             coverage=gates,
@@ -141,13 +138,14 @@ class BoardViews:
 
     def _sketch(self, wanted: WantedView | None) -> Sketch:
         """Outlines in the image of the requested view and of the newest one."""
-        outline, seen, size = self._settings.outline(), self._seen, self._size or TYPICAL_SIZE
-        enough = seen is not None and len(seen.ids) >= self._settings.corners
-        return Sketch(
-            size,
-            None if wanted is None else wanted.outline(outline, self._lens or guessed_lens(size)),
-            project_outline(seen, outline) if seen is not None and enough else None,
-        )
+        outline = self._settings.outline()
+        size = self._size or TYPICAL_SIZE
+        as_wanted = as_seen = None
+        if wanted is not None:
+            as_wanted = wanted.outline(outline, self._lens or guessed_lens(size))
+        if self._seen is not None and len(self._seen.ids) >= self._settings.corners:
+            as_seen = coverage.project_outline(self._seen, outline)
+        return Sketch(size, as_wanted, as_seen)
 
     def _refuse(self, frame: Frame, look: BoardDetection) -> str | None:
         """Reason why this image shows no usable view, or None."""
@@ -184,18 +182,20 @@ class BoardViews:
         """Store an accepted `view`, refit the lens, and strike the required views that it meets."""
         self._size = (image.shape[1], image.shape[0])
         self._views[number] = view
-        self._last, self._tries = None, 0
+        self._last = None
+        self._tries = 0
         lens = guessed_lens(self._size)
         if len(self._views) >= FEWEST_VIEWS:
             lens = fit_views(self.views, self._size).lens
         self._lens = lens
-        shown = placement(view, self._settings.outline(), lens)
+        shown = coverage.placement(view, self._settings.outline(), lens)
         width = lens.matrix[0, 0] * self._settings.width / view.depth(lens) / lens.width
         self._met[number] = [wanted for wanted in self._wanted if _matches(wanted, shown, width)]
         self._wanted = [wanted for wanted in self._wanted if wanted not in self._met[number]]
 
 
 def _row(number: int, view: BoardView | None, refused: str | None = None) -> Row:
+    """Row of the session's log on image `number`: corners in its `view`, why it is `refused`."""
     corners = [] if view is None else zip(view.ids, view.image, strict=True)
     numbered = tuple((int(corner), float(u), float(v)) for corner, (u, v) in corners)
     return Row(number=number, refused=refused, corners=numbered)

@@ -21,14 +21,14 @@ class WantedView(BoardPlacement):
     __slots__ = ()
 
     def __str__(self) -> str:
-        place = f"{_words(self.y, 'high', 'low')} {_words(self.x, 'left', 'right')}".split()
-        where = " and ".join(word for word in place if word != "middle") or "the middle"
+        places = (_words(self.y, "high", "low"), _words(self.x, "left", "right"))
+        where = " and ".join(word for word in places if word != "middle") or "the middle"
         leans = [
             _lean_words(self.tilt, "top away", "top nearer"),
             _lean_words(self.turn, "right edge away", "right edge nearer"),
             _lean_words(self.roll, "turned clockwise", "turned anticlockwise"),
         ]
-        how = ", ".join(lean for lean in leans if lean) or "facing the camera"
+        how = ", ".join(filter(None, leans)) or "facing the camera"
         return f"{where}, {100 * self.size:.0f} % of the image wide, {how}"
 
     def outline(self, corners: Array, lens: Lens) -> Array:
@@ -69,12 +69,14 @@ def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, .
 
 
 def _words(share: float, low: str, high: str) -> str:
+    """Word for the place at a `share` of the image: `low`, middle or `high`."""
     if abs(share - 0.5) <= MIDDLE_SHARE:
         return "middle"
     return low if share < 0.5 else high
 
 
 def _lean_words(angle: float, positive: str, negative: str) -> str:
+    """Words for a lean by `angle` [rad] to one side or the other; empty where it is flat."""
     if abs(angle) < FLAT_ANGLE:
         return ""
     return f"{positive if angle > 0 else negative} by {degrees(abs(angle)):.0f} deg"
@@ -162,7 +164,8 @@ def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
     """Placement in `view` of a board with outer corners `outline` (4, 2) [m], clockwise."""
     corners = project_outline(view, outline) / (lens.width, lens.height)
     aspect = np.array([lens.width / lens.height, 1.0])
-    top, right = (corners[0] - corners[1]) * aspect, (corners[2] - corners[1]) * aspect
+    top = (corners[0] - corners[1]) * aspect
+    right = (corners[2] - corners[1]) * aspect
     cosine = float(top @ right / (np.linalg.norm(top) * np.linalg.norm(right)))
     x, y = corners.T
     area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))  # shoelace formula
@@ -177,22 +180,24 @@ def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
     )
 
 
-def coverage(views: Sequence[BoardView], lens: Lens, needs: BoardSettings) -> tuple[Gate, ...]:
+def gates(views: Sequence[BoardView], lens: Lens, needs: BoardSettings) -> tuple[Gate, ...]:
     """All requirements on coverage, and how far `views` through `lens` meet them."""
-    seen = [placement(view, needs.outline(), lens) for view in views]
-    x, y, size = np.ptp([(p.x, p.y, p.size) for p in seen] or [(0.0, 0.0, 0.0)], axis=0).tolist()
-    skew, cells = max((p.skew for p in seen), default=0.0), _cell_share(views, lens)
-    tilt, turn = [p.tilt for p in seen], [p.turn for p in seen]
+    placed = [placement(view, needs.outline(), lens) for view in views]
+    x, y, size = np.ptp([(p.x, p.y, p.size) for p in placed] or [(0.0, 0.0, 0.0)], axis=0).tolist()
+    skew = max((p.skew for p in placed), default=0.0)
+    covered = _cell_share(views, lens)
+    tilts = [p.tilt for p in placed]
+    turns = [p.turn for p in placed]
     return (
         Gate("x", x, needs.range_x, "", "show it far left and far right"),
         Gate("y", y, needs.range_y, "", "show it high and low"),
         Gate("size", size, needs.range_size, "", "show it nearer and farther"),
         Gate("skew", skew, needs.skew, "", "lean a corner away"),
-        _lean_gate("its top away", tilt, needs),
-        _lean_gate("its top nearer", [-angle for angle in tilt], needs),
-        _lean_gate("its right edge away", turn, needs),
-        _lean_gate("its right edge nearer", [-angle for angle in turn], needs),
-        Gate("image", cells, needs.covered, "", "bring corners to the image's edges"),
+        _lean_gate("its top away", tilts, needs),
+        _lean_gate("its top nearer", [-angle for angle in tilts], needs),
+        _lean_gate("its right edge away", turns, needs),
+        _lean_gate("its right edge nearer", [-angle for angle in turns], needs),
+        Gate("image", covered, needs.covered, "", "bring corners to the image's edges"),
         Gate("views", float(len(views)), needs.views, "views", "show more"),
     )
 

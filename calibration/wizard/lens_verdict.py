@@ -10,13 +10,14 @@ import numpy as np
 
 from calibration.board import BoardSettings, BoardView
 from calibration.lens import MINIMUM_VIEWS, Lens, LensFit, fit_lens
-from calibration.wizard.coverage import coverage
+from calibration.wizard import coverage
 from calibration.wizard.verdict import Level, Line, Verdict, grade_line, reasons
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 
 NORMAL_STEP = 1e-4  # m, difference for the derivative along the board's normal
-POSE_COLUMNS, CAMERA_COLUMNS = 6, slice(6, 14)  # of cv2.projectPoints' Jacobian: pose, lens but k3
+POSE_COLUMNS = 6  # of cv2.projectPoints' Jacobian
+CAMERA_COLUMNS = slice(6, 14)  # of it: the lens but k3
 BOW_MODES = 3  # of a bow: x^2, y^2, x y
 
 
@@ -59,7 +60,9 @@ def _pose_free_system(view: BoardView, lens: Lens) -> tuple[Array, Array]:
     """Derivatives (2n, 11) by lens and bow, and errors (2n,), less what a pose can explain."""
     error, camera, pose, height = _linearise(view, lens)
     shared = np.hstack([camera, height * np.repeat(_bow_modes(view.board), 2, axis=0)])
-    return shared - pose @ _solution(pose, shared), error - pose @ _solution(pose, error)
+    by_pose = np.linalg.lstsq(pose, shared, rcond=None)[0]
+    error_by_pose = np.linalg.lstsq(pose, error, rcond=None)[0]
+    return shared - pose @ by_pose, error - pose @ error_by_pose
 
 
 def _bow_modes(points: Array) -> Array:
@@ -78,10 +81,6 @@ def _linearise(view: BoardView, lens: Lens) -> tuple[Array, Array, Array, Array]
     error = (np.asarray(view.image) - image.reshape(-1, 2)).ravel()
     height = (raised_image - image).reshape(-1, 1) / NORMAL_STEP
     return error, slopes[:, CAMERA_COLUMNS], slopes[:, :POSE_COLUMNS], height
-
-
-def _solution(design: Array, values: Array) -> Array:
-    return np.asarray(np.linalg.lstsq(design, values, rcond=None)[0])
 
 
 BEND_GRADES = (0.3, 1.0)  # mm between two halves at the board, up to which good, then fair
@@ -150,7 +149,8 @@ def lens_verdict(
         return LensVerdict(views=len(ordered), reasons=(reason,))
     try:
         fit = fit_views(ordered, size)
-        one, other = (fit_views(ordered[start::2], size).lens for start in (0, 1))
+        one = fit_views(ordered[::2], size).lens
+        other = fit_views(ordered[1::2], size).lens
     except ConfigurationError as error:
         return LensVerdict(views=len(ordered), reasons=(str(error),))
     focal = float(fit.lens.matrix[0, 0])
@@ -158,15 +158,19 @@ def lens_verdict(
     depth = float(np.median([view.depth(fit.lens) for view in ordered]))
     bend_mm = 1e3 * _largest_difference(one, other) * depth / focal
     bow_reasons = _bow_reasons(estimate_bow(ordered, fit.lens, settings.outline()), settings)
-    gates = coverage(ordered, fit.lens, settings)
-    found = (
-        *bow_reasons,
-        *(str(gate) for gate in gates if not gate.passed),
-        *(() if bow_reasons else _lens_reasons(fit, split, settings)),  # a bow causes them too
-        *_length_reasons(length, settings),
+    gates = coverage.gates(ordered, fit.lens, settings)
+    refused = [*bow_reasons, *(str(gate) for gate in gates if not gate.passed)]
+    if not bow_reasons:  # a bow causes these, too
+        refused += _lens_reasons(fit, split, settings)
+    refused += _length_reasons(length, settings)
+    return LensVerdict(
+        fit=fit,
+        split=split,
+        bend_mm=bend_mm,
+        views=len(ordered),
+        per_view=dict(sorted(zip(numbers, fit.per_view.tolist(), strict=True))),
+        reasons=tuple(refused),
     )
-    per_view = dict(sorted(zip(numbers, fit.per_view.tolist(), strict=True)))
-    return LensVerdict(fit, split, bend_mm, len(ordered), per_view, reasons=found)
 
 
 def fit_views(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
@@ -174,11 +178,11 @@ def fit_views(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
     return fit_lens([view.board for view in views], [view.image for view in views], size)
 
 
-def _bow_reasons(found: Bow, settings: BoardSettings) -> tuple[str, ...]:
+def _bow_reasons(bow: Bow, settings: BoardSettings) -> tuple[str, ...]:
     """Reasons for refusal: a board that is not flat, which falsifies the focal length."""
     return reasons(
-        (found.height_mm > max(settings.bow_mm, SEEN_SIGMA * found.sigma_mm),
-         f"the board is bent by {found.height_mm:.1f} mm (+- {found.sigma_mm:.1f}), allowed "
+        (bow.height_mm > max(settings.bow_mm, SEEN_SIGMA * bow.sigma_mm),
+         f"the board is bent by {bow.height_mm:.1f} mm (+- {bow.sigma_mm:.1f}), allowed "
          f"{settings.bow_mm:.1f} mm; glue it on glass or another flat and stiff plate")
     )  # fmt: skip
 
@@ -229,7 +233,8 @@ def _largest_difference(one: Lens, other: Lens) -> float:
     """Largest difference [px] of two lenses over the image, after the best plane homography."""
     u, v = np.meshgrid(np.linspace(0.02, 0.98, 12), np.linspace(0.02, 0.98, 8))
     pixels = np.column_stack([u.ravel(), v.ravel()]) * (one.width, one.height)
-    by_one, by_other = one.undistort(pixels), other.undistort(pixels)
+    by_one = one.undistort(pixels)
+    by_other = other.undistort(pixels)
     between, _ = cv2.findHomography(by_other, by_one, 0)
     mapped = cv2.perspectiveTransform(by_other[None], between)[0]
     return float(np.hypot(*(mapped - by_one).T).max())

@@ -78,12 +78,12 @@ class TouchedPoints:
         """
         self._check_size(frame)
         self._tries += 1
-        number, centre = self._queue[0], find_pointer(frame.image)
+        centre = find_pointer(frame.image)
         refused = self._refuse(centre, np.array([pose.x, pose.z]))
         taken = refused is None and self._last is not None
         self._last = None if centre is None else (centre, np.array([pose.x, pose.z]))
         row = Row(
-            number=number,
+            number=self._queue[0],
             refused=refused,
             centre=None if centre is None else (float(centre[0]), float(centre[1])),
             pose=(pose.x, pose.z, pose.pitch),
@@ -101,22 +101,23 @@ class TouchedPoints:
 
         Raises ConfigurationError for a row without a pose.
         """
-        found: dict[tuple[int, bool], Touch] = {}
+        latest: dict[tuple[int, bool], Touch] = {}
         for row, image in rows:
             centre = find_pointer(image)
             if centre is None:
                 return row
-            found[row.number, row.again] = self._touched(row, centre)
-        self._touches = [*found.values()]
-        done = {number for number, _ in found}
-        self._queue = [number for number in self._queue if number not in done]
+            latest[row.number, row.again] = self._touched(row, centre)
+        self._touches = [*latest.values()]
+        touched = {number for number, _ in latest}
+        self._queue = [number for number in self._queue if number not in touched]
         self._repeat_suspects()
         return None
 
     def skip(self) -> None:
         """Give up the requested pose."""
         self._queue = self._queue[1:]
-        self._tries, self._last = 0, None
+        self._tries = 0
+        self._last = None
         self._repeat_suspects()
 
     def take_back(self) -> Row | None:
@@ -125,7 +126,8 @@ class TouchedPoints:
             return None
         dropped = self._touches.pop()
         self._queue = [dropped.number, *self._queue]
-        self._tries, self._last = 0, None
+        self._tries = 0
+        self._last = None
         return Row(number=dropped.number, again=dropped.again, dropped=True)
 
     def verdict(self) -> TouchVerdict:
@@ -217,8 +219,13 @@ class TouchedPoints:
         """The point of `row`, whose image shows the pointer at `centre` (2,) [px]."""
         if row.pose is None:
             raise ConfigurationError(f"told.jsonl: point {row.number} has no pose; leave it out")
-        held = held_out(row.number, self._settings)
-        return Touch(row.number, np.array(row.pose[:2]), centre, held, again=row.again)
+        return Touch(
+            number=row.number,
+            place=np.array(row.pose[:2]),
+            pixel=centre,
+            held_out=held_out(row.number, self._settings),
+            again=row.again,
+        )
 
 
 def _kind(point: Touch) -> MarkKind:

@@ -57,9 +57,10 @@ def touch_plan(settings: TouchSettings) -> tuple[Pose, ...]:
 
 def check_plan(settings: TouchSettings) -> tuple[Pose, ...]:
     """Poses of the pointer that check a calibration: corners and middle of the work area."""
-    xs, zs = (settings.x_min, settings.x_max), (settings.z_min, settings.z_max)
-    middle = (sum(xs) / 2, sum(zs) / 2)
-    places = [(xs[0], zs[0]), (xs[1], zs[0]), middle, (xs[1], zs[1]), (xs[0], zs[1])]
+    left, right = settings.x_min, settings.x_max
+    low, high = settings.z_min, settings.z_max
+    middle = ((left + right) / 2, (low + high) / 2)
+    places = [(left, low), (right, low), middle, (right, high), (left, high)]
     return tuple(Pose(x, z, pi / 2) for x, z in places)
 
 
@@ -119,9 +120,10 @@ class TouchFit:
         texts = {}
         for point in sorted(points, key=lambda p: p.number):
             mapped = self.homography.to_image(point.place)[0]
-            off, (x, z) = mapped - self.lens.undistort(point.pixel)[0], point.place
+            error = np.hypot(*(mapped - self.lens.undistort(point.pixel)[0]))
+            x, z = point.place
             place = f"point {point.number} at x {x:.3f}, z {z:.3f} m"
-            texts[point.number] = f"{place} is {np.hypot(*off):.1f} px off"
+            texts[point.number] = f"{place} is {error:.1f} px off"
         return texts
 
 
@@ -150,9 +152,9 @@ def _sort_others(
     A second touch with the first one's error shows that the map is wrong there; one that is off in
     another way says nothing, and does not judge the map.
     """
-    held = [p for p in newest if p.held_out]
+    kept_out = [p for p in newest if p.held_out]
     outliers = [p for p in newest if not p.held_out and p not in fit.used]
-    outliers += [p for p in held if 1e3 * np.hypot(*fit.error(p)) > settings.worst_mm]
+    outliers += [p for p in kept_out if 1e3 * np.hypot(*fit.error(p)) > settings.worst_mm]
     firsts = {p.number: p for p in touches if not p.again}
     twice = [p for p in newest if p.again and p.number in firsts]
     changes_mm = [1e3 * (fit.error(p) - fit.error(firsts[p.number])) for p in twice]
@@ -162,7 +164,7 @@ def _sort_others(
     repeated = [p for p in outliers if p in alike]
     return replace(
         fit,
-        validation=tuple(p for p in held if p not in outliers or not p.again or p in repeated),
+        validation=tuple(p for p in kept_out if p not in outliers or not p.again or p in repeated),
         outliers=tuple(outliers),
         repeated_outliers=tuple(repeated),
         replaced=tuple(firsts[p.number] for p in twice if p not in outliers),
@@ -180,8 +182,10 @@ def suspects(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -> t
 
 FEWEST_TOUCHES = 3  # touches on either side of a move
 LOSS_SCALE = 0.3  # px, error from which a touch counts less, as it may be an outlier
-INLIER_SIGMA, LEAST_SIGMA = 5.0, 1e-6  # of the errors that count; px, under which none is
-MAP_NUMBERS, UNKNOWNS = 8, 10  # free numbers of a homography; with a shift of the image
+INLIER_SIGMA = 5.0  # of the errors that count
+LEAST_SIGMA = 1e-6  # px, under which none is
+MAP_NUMBERS = 8  # free numbers of a homography
+UNKNOWNS = 10  # with a shift of the image
 MOVE_SIGMA = 3.8  # sigma by which a move is significant; Source: slow tests in test_causes.py
 
 
@@ -240,12 +244,12 @@ def _fit_move(
     matrix = begin.inverse / begin.inverse[2, 2]
     shift = np.median((pixels - begin.to_image(places))[moment:], axis=0)
     start = np.append(matrix.ravel()[:MAP_NUMBERS], shift)
-    found = least_squares(errors, start, loss="cauchy", f_scale=LOSS_SCALE, x_scale="jac")
-    left = errors(found.x)
-    sigma = max(robust_sigma(left), LEAST_SIGMA)
-    sigma = sigma * np.sqrt(len(left) / (len(left) - UNKNOWNS))
-    used = np.abs(left) < INLIER_SIGMA * sigma
-    slopes = found.jac[used] if used.sum() > UNKNOWNS + 2 else found.jac
+    solution = least_squares(errors, start, loss="cauchy", f_scale=LOSS_SCALE, x_scale="jac")
+    remaining = errors(solution.x)
+    sigma = max(robust_sigma(remaining), LEAST_SIGMA)
+    sigma = sigma * np.sqrt(len(remaining) / (len(remaining) - UNKNOWNS))
+    used = np.abs(remaining) < INLIER_SIGMA * sigma
+    slopes = solution.jac[used] if used.sum() > UNKNOWNS + 2 else solution.jac
     covariance = sigma**2 * np.linalg.pinv(slopes.T @ slopes)[MAP_NUMBERS:, MAP_NUMBERS:]
     shift_sigma = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
-    return float(found.cost), found.x[MAP_NUMBERS:], shift_sigma
+    return float(solution.cost), solution.x[MAP_NUMBERS:], shift_sigma

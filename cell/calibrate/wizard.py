@@ -15,27 +15,12 @@ import cv2
 from calibration.calibration import Calibration, save_calibration
 from calibration.landmarks import Landmarks
 from calibration.lens import CameraFile, Lens, write_camera_info, write_opencv
+from calibration.wizard import session
 from calibration.wizard.board_views import BoardViews
 from calibration.wizard.coverage import WantedView
 from calibration.wizard.latency import NOT_MEASURED, latency_verdict
 from calibration.wizard.lens_verdict import LensVerdict
 from calibration.wizard.progress import Observer, draw_picture, ignore
-from calibration.wizard.session import (
-    PICTURE_FILE,
-    POSES_FILE,
-    SESSION_FILE,
-    VERDICT_FILE,
-    Kind,
-    Session,
-    SessionFolder,
-    Task,
-    begin_or_resume,
-    read_latency,
-    read_session,
-    restore,
-    write_image,
-    write_yaml,
-)
 from calibration.wizard.touch_verdict import CheckVerdict, MapVerdict, check_verdict
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import check_plan
@@ -53,9 +38,10 @@ from drivers.types import Frame, Pose
 
 PERIOD = 0.1  # s between processed images
 STALL_TIMEOUT = 2.0  # s without an image after which the camera counts as stalled
-ROS, OPENCV = "camera_info.yaml", "opencv.yaml"
-CALIBRATION_FILE, LANDMARKS_FILE = "calibration.yaml", "landmarks.yaml"
-
+ROS = "camera_info.yaml"
+OPENCV = "opencv.yaml"
+CALIBRATION_FILE = "calibration.yaml"
+LANDMARKS_FILE = "landmarks.yaml"
 POINTER = frozenset({Ask.POINTER_IN, Ask.POINTER_OUT})
 
 Source = Callable[[WantedView], Frame]
@@ -83,7 +69,9 @@ class Wizard:
         `length` [m] is the ruler's length of the board's squares; on the twin it is measured there,
         and a session that goes on knows it.
         """
-        devices, boards, aids = self.devices, self.settings.boards, self.devices.aids
+        devices = self.devices
+        boards = self.settings.boards
+        aids = devices.aids
         devices.camera.connect()
         try:
             live = _live_images(devices)
@@ -100,7 +88,7 @@ class Wizard:
         verdict = views.verdict(keep.session.length)
         _keep_lens(folder, verdict, devices.camera_identity)
         picture = draw_picture((keep.newest or first).image, views.marks)
-        write_image(folder / PICTURE_FILE, picture)
+        session.write_image(folder / session.PICTURE_FILE, picture)
         return verdict
 
     def calibrate_homography(
@@ -115,37 +103,39 @@ class Wizard:
 
         The session is stored in `folder`.
         """
-        settings, devices = self.settings, self.devices
-        if (folder / SESSION_FILE).exists():
-            plan = read_poses(folder / POSES_FILE)
+        settings = self.settings
+        if (folder / session.SESSION_FILE).exists():
+            plan = read_poses(folder / session.POSES_FILE)
         points = TouchedPoints(lens, settings.touches, plan)
         keep = self._open_session(
             "homography",
             folder,
             points,
             (lens.width, lens.height),
-            lens=CameraFile.from_lens(lens, devices.camera_identity),
+            lens=CameraFile.from_lens(lens, self.devices.camera_identity),
             touches=settings.touches,
             latency=settings.latency,
         )
-        write_yaml(folder / POSES_FILE, {"poses": [[p.x, p.z, p.pitch] for p in points.plan]})
+        session.write_yaml(
+            folder / session.POSES_FILE, {"poses": [[p.x, p.z, p.pitch] for p in points.plan]}
+        )
         context = CalibrationContext(
             settings.controller, points, self.operator, keep, remembers=True
         )
-        run_calibration(devices, context, self.interrupted)
+        run_calibration(self.devices, context, self.interrupted)
         verdict = MapVerdict(context.touches, context.latency, settings.fold.speed).accept(
             lens,
             anyway=accept_anyway,
             camera=keep.session.camera,
-            locks=devices.camera_locks(),  # as read back
+            locks=self.devices.camera_locks(),  # as read back
             landmarks=context.landmarks,
         )
         _keep_map(folder, verdict)
         if context.landmarks is not None:
-            write_yaml(folder / LANDMARKS_FILE, context.landmarks.model_dump(mode="json"))
+            session.write_yaml(folder / LANDMARKS_FILE, context.landmarks.model_dump(mode="json"))
         if keep.newest is not None:
             picture = draw_picture(keep.newest.image, points.marks(verdict.touches))
-            write_image(folder / PICTURE_FILE, picture)
+            session.write_image(folder / session.PICTURE_FILE, picture)
         return verdict
 
     def check(self, calibration: Calibration) -> CheckVerdict:
@@ -162,13 +152,18 @@ class Wizard:
         return check_verdict(points.touches, calibration, touches)
 
     def _open_session(
-        self, kind: Kind, folder: Path, task: Task, size: tuple[int, int], **facts: Any
-    ) -> SessionFolder:
+        self,
+        kind: session.Kind,
+        folder: Path,
+        task: session.Task,
+        size: tuple[int, int],
+        **facts: Any,
+    ) -> session.SessionFolder:
         """Begin a session of images of width and height `size` [px] in `folder`, or resume its own.
 
         What it has taken before is given to the `task`.
         """
-        session = Session(
+        stated = session.Session(
             schema=1,
             kind=kind,
             date=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -177,8 +172,8 @@ class Wizard:
             locks=dict(self.devices.camera_locks()),
             **facts,
         )
-        keep = SessionFolder(folder, begin_or_resume(folder, session), self.watch)
-        restore(task, folder, keep.session)
+        keep = session.SessionFolder(folder, session.begin_or_resume(folder, stated), self.watch)
+        session.restore(task, folder, keep.session)
         return keep
 
 
@@ -188,12 +183,12 @@ def refit_lens(folder: Path, without: Collection[int], out: Path | None) -> Lens
     Boards are detected anew in the saved images. Raises ConfigurationError for broken files.
     """
     cv2.setNumThreads(1)  # in several threads the last digits differ from time to time
-    session = read_session(folder, "camera")
-    views = BoardViews(session.boards, size=session.image)
-    restore(views, folder, session, without)
-    verdict = views.verdict(session.length)
+    stored = session.read_session(folder, "camera")
+    views = BoardViews(stored.boards, size=stored.image)
+    session.restore(views, folder, stored, without)
+    verdict = views.verdict(stored.length)
     if out is not None:
-        _keep_lens(out, verdict, session.camera)
+        _keep_lens(out, verdict, stored.camera)
     return verdict
 
 
@@ -212,19 +207,21 @@ def refit_homography(
     or a session without a lens.
     """
     cv2.setNumThreads(1)  # in several threads the last digits differ from time to time
-    session, lens = read_session(folder, "homography"), session_lens(folder)
-    points = TouchedPoints(lens, session.touches, (), fitted=False)
-    restore(points, folder, session, without)
-    touches, latency = points.verdict(), NOT_MEASURED
-    arm, seen = read_latency(folder)
+    stored = session.read_session(folder, "homography")
+    lens = session_lens(folder)
+    points = TouchedPoints(lens, stored.touches, (), fitted=False)
+    session.restore(points, folder, stored, without)
+    touches = points.verdict()
+    latency = NOT_MEASURED
+    arm, pointer = session.read_latency(folder)
     if len(arm) > 0 and touches.homography is not None:
-        latency = latency_verdict(arm, seen, lens, touches.homography, session.latency)
+        latency = latency_verdict(arm, pointer, lens, touches.homography, stored.latency)
     path = folder / LANDMARKS_FILE
     verdict = MapVerdict(touches, latency, speed).accept(
         lens,
         anyway=accept_anyway,
-        camera=session.camera,
-        locks=session.locks,
+        camera=stored.camera,
+        locks=stored.locks,
         landmarks=load(path, Landmarks) if path.exists() else None,
     )
     if out is not None:
@@ -331,9 +328,10 @@ def _live_images(devices: Devices) -> Iterator[Frame]:
     """Yield live images, PERIOD apart, while a person holds the board; Fault if none comes."""
     newest = -1.0
     while True:
-        asked, frame = devices.clock.now(), None
+        start = devices.clock.now()
+        frame = None
         while frame is None:
-            if devices.clock.now() >= asked + STALL_TIMEOUT:
+            if devices.clock.now() >= start + STALL_TIMEOUT:
                 reason = f"no image in {STALL_TIMEOUT:.0f} s; look at the camera's cable"
                 raise Fault("camera_stalled", reason)
             devices.clock.wait_until(devices.clock.now() + PERIOD)
@@ -355,10 +353,10 @@ def read_poses(path: Path) -> tuple[Pose, ...]:
 
 def session_lens(folder: Path) -> Lens:
     """Lens of the homography session in `folder`; raises ConfigurationError where it has none."""
-    session = read_session(folder, "homography")
-    if session.lens is None:
+    stored = session.read_session(folder, "homography")
+    if stored.lens is None:
         raise ConfigurationError(f"{folder}: session.yaml: lens: is missing; add it")
-    return session.lens.lens(f"{folder}: lens")
+    return stored.lens.lens(f"{folder}: lens")
 
 
 def newest_lens(folder: Path, camera: str) -> Path:
@@ -381,7 +379,7 @@ def _keep_lens(folder: Path, verdict: LensVerdict, camera: str) -> None:
         "rms_px": None if fit is None else fit.rms,
         "per_view_px": {str(number): rms for number, rms in verdict.per_view.items()},
     }
-    write_yaml(folder / VERDICT_FILE, content)
+    session.write_yaml(folder / session.VERDICT_FILE, content)
     if fit is not None and verdict.passed:
         write_camera_info(fit.lens, camera, folder / ROS)
         write_opencv(fit.lens, folder / OPENCV)
@@ -395,6 +393,6 @@ def _keep_map(folder: Path, verdict: MapVerdict) -> None:
         "lines": [line.text for line in verdict.lines()],
         "errors_mm": {str(n): error for n, error in verdict.touches.errors_mm.items()},
     }
-    write_yaml(folder / VERDICT_FILE, content)
+    session.write_yaml(folder / session.VERDICT_FILE, content)
     if verdict.calibration is not None:
         save_calibration(verdict.calibration, folder / CALIBRATION_FILE)

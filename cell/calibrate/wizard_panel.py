@@ -107,9 +107,8 @@ class WizardPanel:
         ]
         if self._question:
             head = [Text(self._question, style="bold reverse"), *head]
-        for kept in range(len(self._answers), -1, -1):
-            newest = self._answers[len(self._answers) - kept :]
-            recent = [Text(line, style="dim") for line in newest]
+        for first in range(len(self._answers) + 1):  # the oldest answers give way
+            recent = [Text(line, style="dim") for line in self._answers[first:]]
             panel = Panel(Group(*head, Text(), body, *recent), title=progress.title)
             if len(self._console.render_lines(panel, pad=False)) < self._console.height:
                 break
@@ -204,8 +203,10 @@ class Keys:
         while select.select([number], [], [], seconds)[0]:
             byte = os.read(number, 1)
             self._line += byte
-            if byte in {b"", b"\n"} or _is_single(number):
-                typed, self._line = self._line.decode(errors="replace"), b""
+            single = os.isatty(number) and not termios.tcgetattr(number)[3] & termios.ICANON
+            if single or byte in {b"", b"\n"}:
+                typed = self._line.decode(errors="replace")
+                self._line = b""
                 return CTRL_D if typed in {"", CTRL_D} else typed.strip().lower() or ENTER
         return None
 
@@ -231,11 +232,6 @@ def _descriptor(stream: TextIO) -> int | None:
         return stream.fileno()
     except (OSError, ValueError):
         return None
-
-
-def _is_single(number: int) -> bool:
-    """Whether `number` is a terminal that passes on single keys."""
-    return os.isatty(number) and not termios.tcgetattr(number)[3] & termios.ICANON
 
 
 class Keyboard:
@@ -275,7 +271,8 @@ class Keyboard:
             if key == CTRL_D:
                 raise Interrupted("the input has ended: nobody answers at the cell")
             if key in ANSWERS:
-                self._asked, self._alone = None, self._alone or key == ALONE
+                self._asked = None
+                self._alone = self._alone or key == ALONE
                 self._prompt("")
                 return ANSWERS[key]
             if key is not None:
@@ -304,14 +301,16 @@ class TerminalSession:
 
     def wizard(self, settings: CellFile, devices: Devices, *, interactive: bool) -> Wizard:
         """Wizard for `devices` whose operator answers here; on the twin only if `interactive`."""
-        aids, stop = devices.aids, self.interrupted
-        keyboard = Keyboard(
-            Keys(sys.stdin), self.panel.ask, waits=aids is not None, interrupted=stop
+        aids = devices.aids
+        operator: Operator = Keyboard(
+            Keys(sys.stdin),
+            self.panel.ask,
+            waits=aids is not None,
+            interrupted=self.interrupted,
         )
-        operator: Operator = keyboard
         if aids is not None:
-            operator = TwinOperator(aids, keyboard if interactive else Unattended())
-        return Wizard(settings, devices, operator, self.watch, stop)
+            operator = TwinOperator(aids, operator if interactive else Unattended())
+        return Wizard(settings, devices, operator, self.watch, self.interrupted)
 
 
 @contextmanager
@@ -329,13 +328,13 @@ def wizard_session(folder: Path, kind: str, viz: str) -> Iterator[TerminalSessio
     Raises Interrupted with what is in `folder`, after one Ctrl-C as after two.
     """
     try:
-        with terminal_session() as session, ExitStack() as drawn:
+        with terminal_session() as session, ExitStack() as recordings:
             if viz != "off":
                 from cell.report.viz.wizard import wizard_screen  # Rerun takes a second to import
 
                 folder.mkdir(parents=True, exist_ok=True)
                 screen = wizard_screen(folder, live=viz == "live")
-                session.recording = drawn.enter_context(screen)
+                session.recording = recordings.enter_context(screen)
             yield session
     except (Interrupted, KeyboardInterrupt):
         raise Interrupted(_resume_hint(folder, kind)) from None

@@ -83,16 +83,14 @@ def work(pipe: Connection, prepare: Callable[[], None] | None, dies_with_parent:
         call = _next_call(pipe)
         gc.freeze()  # the libraries' half a million objects, which no collection has to look at
         while True:
-            pipe.send(Result(_carry_out(call, pipe)))
+            stop = (StopSignal(pipe),) if call.stoppable else ()
+            result: Any
+            try:
+                result = call.function(*call.arguments, *stop)
+            except CellError as error:
+                result = error
+            pipe.send(Result(result))
             call = _next_call(pipe)
-
-
-def _carry_out(call: Call, pipe: Connection) -> Any:
-    stop = (StopSignal(pipe),) if call.stoppable else ()
-    try:
-        return call.function(*call.arguments, *stop)
-    except CellError as error:
-        return error
 
 
 def _next_call(pipe: Connection) -> Call:
@@ -121,7 +119,9 @@ class ProcessPool:
     def __init__(
         self, size: int, prepare: Callable[[], None] | None = None, *, dies_with_parent: bool = True
     ) -> None:
-        self._size, self._start = size, (prepare, dies_with_parent)
+        self._size = size
+        self._prepare = prepare
+        self._dies_with_parent = dies_with_parent
         self._idle: list[Child] = []
         self._running: list[_Running] = []
 
@@ -142,7 +142,8 @@ class ProcessPool:
         if self._idle:
             running = _Running(key, self._idle.pop(), time.monotonic())
         else:
-            running = _Running(key, Child(work, *self._start), None)
+            process = Child(work, self._prepare, self._dies_with_parent)
+            running = _Running(key, process, started_at=None)
         self._running.append(running)
         running.process.send(Call(function, arguments, stoppable))
 
@@ -204,7 +205,8 @@ class ProcessPool:
 
     def _forget_all(self) -> list[Child]:
         processes = [*self._idle, *(running.process for running in self._running)]
-        self._idle, self._running = [], []
+        self._idle = []
+        self._running = []
         return processes
 
 

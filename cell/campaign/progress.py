@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from typing import Self
+from contextlib import AbstractContextManager
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn
@@ -20,7 +20,7 @@ def failure_text(record: Record) -> str:
     return f": {record.state.replace('_', ' ')}: {record.reason}"
 
 
-class Meter:
+class Meter(AbstractContextManager["Meter"]):
     """Progress bar of steps, weighted by their cost; off a terminal, lines.
 
     A measured part is a line, and one that failed stays on the screen; a training, whose steps are
@@ -66,9 +66,6 @@ class Meter:
         self._done = float(done)
         due = done % max(1, self._count // LINES) == 0 or done == self._count
         self._show(text + self._time_left(), kept=self._task is None and due)
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         """Remove the bar."""

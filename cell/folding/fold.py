@@ -1,5 +1,8 @@
 """A single fold: opens devices, checks, folds, records, scores by the twin's truth."""
 
+import gc
+import os
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
@@ -17,7 +20,6 @@ from cell.devices.rig_correction import corrected_calibration
 from cell.folding.documents import CHECKPOINT_BYTES, offer_strip, result_content, run_header
 from cell.folding.feasibility import check_feasible
 from cell.folding.fold_trace import FoldTrace
-from cell.folding.realtime import realtime_thread
 from cell.folding.request import Request, memory_of
 from cell.folding.result import FoldResult
 from cell.learning.correction import Correction, experience_of, subject_of
@@ -37,12 +39,15 @@ from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.report.viz.watch import watching
 from drivers.arm.obstacles import desk_end
+from drivers.clock import lock_memory, take_priority, wake_promptly
 from drivers.errors import CellError, ConfigurationError, Fault
 from drivers.files import replace_file, write_all
 from drivers.readers import read_bytes
 from policies.policy import Policy
 from policies.registry import make_policy
 
+PRIORITY = 20  # of 1 to 99, of the loop's thread: far below the process that owns the robot
+SWITCH_INTERVAL = 0.0005  # s after which a thread that computes hands the interpreter on
 Truth = Mapping[str, Any]
 
 
@@ -225,6 +230,34 @@ def run_and_record(
     finally:
         run_suppressed(recorder.close)
     return outcome
+
+
+@contextmanager
+def realtime_thread(real_time: bool) -> Iterator[None]:
+    """Within the block, keep the control loop's thread on time, if the run is in `real_time`.
+
+    It takes precedence over threads that record or show: by real-time priority where this user may
+    have it, else by short slices of processor time. Memory is locked, and objects made before are
+    excluded from garbage collection: to look at half a million of the libraries takes longer than
+    an arm follows a velocity target.
+    """
+    if not real_time:
+        yield
+        return
+    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    lock_memory()
+    if not take_priority(PRIORITY):
+        wake_promptly()
+    gc.collect()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+        sys.setswitchinterval(interval)
+        os.sched_setscheduler(0, policy, parameters)
 
 
 def write_pages(request: Request, result: FoldResult) -> FoldResult:

@@ -91,16 +91,14 @@ class Memory:
 
     def largest_corrections(self) -> tuple[float, float]:
         """Largest corrections [m] of aim and of place in any stored fold."""
-        known = self._all()
-        aim, place = (max(values, key=abs, default=0.0) for values in (
-            (one.aim for one in known), (one.place for one in known)
-        ))  # fmt: skip
-        return aim, place
+        experiences = self._all()
+        aim = max((one.aim for one in experiences), key=abs, default=0.0)
+        return aim, max((one.place for one in experiences), key=abs, default=0.0)
 
     def find(self, run: Path) -> tuple[Experience, ...]:
         """Experiences of the run in the folder `run`, or of that name where it is gone."""
-        key, name = run_key(run), run.resolve().name
-        return tuple(one for one in self._all() if _is_of(one, key, name))
+        key = run_key(run)
+        return tuple(one for one in self._all() if _is_of(one, key, run.resolve().name))
 
     def add(self, experience: Experience) -> None:
         """Append one experience to the file on disk; ConfigurationError where it is refused."""
@@ -132,11 +130,11 @@ class Memory:
         return read_bytes(self.path, LARGEST_LINES).splitlines(keepends=True)
 
     def _all(self) -> tuple[Experience, ...]:
-        found: dict[tuple[str, str], Experience] = {}
-        for line in self._lines():
-            if (one := _experience(line)) is not None:
-                found[one.key or one.run, one.kind] = one
-        return tuple(found.values())
+        """All experiences, oldest first: the latest of each run and instrument."""
+        latest: dict[tuple[str, str], Experience] = {}
+        for experience in filter(None, map(_experience, self._lines())):
+            latest[experience.key or experience.run, experience.kind] = experience
+        return tuple(latest.values())
 
     @contextmanager
     def _file_lock(self) -> Iterator[None]:
@@ -178,14 +176,14 @@ def experience_by_ruler(run: Path, edges: float, memory: Memory) -> Experience:
             f"{run}: result.yaml: edge_offset: is missing, the camera saw no laid edges; "
             "measure a fold that was laid down"
         )
-    known = [one for one in memory.find(run) if one.kind == "camera"]
-    if not known:
+    by_camera = [one for one in memory.find(run) if one.kind == "camera"]
+    if not by_camera:
         raise ConfigurationError(
             f"{run}: this cell did not learn from the run; fold with `--learning on` first"
         )
-    facts = {name: getattr(known[-1], name) for name in ("run", "policy", "strip", "specimen")}
-    rig = edges - result.edge_offset
-    return Experience(**facts, kind="ruler", rig=rig, key=known[-1].key)
+    newest = by_camera[-1]
+    facts = {name: getattr(newest, name) for name in ("run", "key", "policy", "strip", "specimen")}
+    return Experience(**facts, kind="ruler", rig=edges - result.edge_offset)
 
 
 def check_ruler(edges: float, rig: float, settings: LearningSettings) -> None:

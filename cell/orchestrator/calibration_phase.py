@@ -6,21 +6,12 @@ from dataclasses import replace
 from calibration.homography import Homography
 from calibration.landmarks import take_landmarks
 from calibration.wizard.latency import LatencySteps, latency_verdict
+from cell.orchestrator import steps
 from cell.orchestrator.context import CalibrationContext
 from cell.orchestrator.operator import Answer, Ask, Question
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Command, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import Event
-from cell.orchestrator.steps import (
-    Phase,
-    close_hand,
-    is_at,
-    move,
-    open_hand,
-    pause,
-    rotate_hand,
-    still_picture,
-)
 from drivers.arm.obstacles import require_clear
 from drivers.errors import CellError
 from drivers.types import Pose
@@ -34,24 +25,24 @@ POINTER_OUT = Question(Ask.POINTER_OUT, "take the pointer out and keep clear of 
 STEP_REST = 0.3  # s at rest after a step of the latency measurement
 
 
-def begin_calibration(_cell: CalibrationContext, _record: Recorder, _begin: Snapshot) -> Phase:
+def begin_calibration(_cell: CalibrationContext, _: Recorder, _begin: Snapshot) -> steps.Phase:
     """Begin a calibration at once, without a check of a strip."""
-    yield from pause(0.0)
+    yield from steps.pause(0.0)
     return Event.NEEDS_CALIBRATION
 
 
-def calibrate(cell: CalibrationContext, record: Recorder, begin: Snapshot) -> Phase:
+def calibrate(cell: CalibrationContext, record: Recorder, begin: Snapshot) -> steps.Phase:
     """Touch all points; where a map is fitted, measure latency and landmarks too."""
     points = cell.points
     first = replace(begin.arm.commanded, pitch=points.plan[0].pitch)
     require_clear([begin.arm.commanded, first, *points.plan], cell.desk)
-    yield from open_hand()
+    yield from steps.open_hand()
     yield from _wait_for_answer(cell, POINTER_IN)
-    yield from close_hand()
-    yield from rotate_hand(points.plan[0].pitch)
+    yield from steps.close_hand()
+    yield from steps.rotate_hand(points.plan[0].pitch)
     yield from _touch_all(cell, record)
     if not points.fitted:
-        yield from open_hand()
+        yield from steps.open_hand()
         yield from _wait_for_answer(cell, POINTER_OUT)
         return Event.CALIBRATED
     cell.touches = points.verdict()
@@ -75,7 +66,7 @@ def _touch_all(cell: CalibrationContext, record: Recorder) -> Doing:
         elif answer is Answer.AGAIN:
             cell.watch(replace(progress, taken_back=points.take_back()))
         else:
-            yield from move(pose)
+            yield from steps.move(pose)
             yield from _measure_point(cell, record, pose, points.why, stage)
 
 
@@ -91,7 +82,7 @@ def _measure_point(
     result = None
     while result is None or not (result.taken or result.given_up):
         settle = result is None or result.refused is not None
-        picture = yield from still_picture(settle=settle)
+        picture = yield from steps.still_picture(settle=settle)
         result = points.tell(picture.frame, picture.gripper)
         answer = points.answer(result, picture.gripper)
         progress = points.progress(pose, why, stage)
@@ -103,40 +94,40 @@ def _measure_point(
 def _measure_latency(cell: CalibrationContext, homography: Homography) -> Doing:
     """Step the arm back and forth, and measure how late the images show it."""
     yield from _wait_for_answer(cell, STEPS_QUESTION)
-    steps = LatencySteps(cell.settings.latency)
-    while (pose := steps.ask()) is not None:
-        why = f"{steps.left} steps are left, to see how late the images are"
+    latency_steps = LatencySteps(cell.settings.latency)
+    while (pose := latency_steps.ask()) is not None:
+        why = f"{latency_steps.left} steps are left, to see how late the images are"
         cell.watch(cell.points.progress(pose, why, "latency"))
-        yield from _step(steps, pose)
-        steps.record_arrival()
-    cell.watch(replace(cell.points.progress(None, "seen", "latency"), steps=steps))
+        yield from _step(latency_steps, pose)
+        latency_steps.record_arrival()
+    cell.watch(replace(cell.points.progress(None, "seen", "latency"), steps=latency_steps))
     cell.latency = latency_verdict(
-        steps.arm, steps.seen, cell.points.lens, homography, cell.settings.latency
+        latency_steps.arm, latency_steps.seen, cell.points.lens, homography, cell.settings.latency
     )
 
 
-def _step(steps: LatencySteps, pose: Pose) -> Doing:
-    """Move to `pose` and rest there briefly, passing every arm state and image to `steps`."""
+def _step(latency_steps: LatencySteps, pose: Pose) -> Doing:
+    """Move to `pose` and rest there briefly; `latency_steps` gets every arm state and image."""
     arrived: float | None = None
     snapshot = yield MoveTo(pose)
     while arrived is None or snapshot.time < arrived + STEP_REST:
         snapshot = yield MoveTo(pose)
-        steps.tell_arm(snapshot.arm)
+        latency_steps.tell_arm(snapshot.arm)
         if snapshot.view.fresh and snapshot.view.frame is not None:
-            steps.tell_frame(snapshot.view.frame)
-        if arrived is None and is_at(snapshot, pose):
+            latency_steps.tell_frame(snapshot.view.frame)
+        if arrived is None and steps.is_at(snapshot, pose):
             arrived = snapshot.time
 
 
 def _take_landmarks(cell: CalibrationContext, homography: Homography) -> Doing:
     """Store landmarks from an image of the empty hand; none where no finger tip is visible."""
-    yield from open_hand()
+    yield from steps.open_hand()
     yield from _wait_for_answer(cell, POINTER_OUT)
     pose = cell.settings.landmarks.pose
     why = "the empty hand here shows later whether the camera moved"
     cell.watch(cell.points.progress(pose, why, "remember"))
-    yield from move(pose)
-    picture = yield from still_picture()
+    yield from steps.move(pose)
+    picture = yield from steps.still_picture()
     try:
         cell.landmarks = take_landmarks(
             picture.frame, picture.gripper, cell.points.lens, homography

@@ -81,10 +81,8 @@ class FileRecorder(Recorder):
 
     def tick(self, snapshot: Snapshot) -> None:
         """Record a control cycle; none before the lift."""
-        if self._lift is None:
-            return
-        row = Tick.from_state(snapshot.arm, snapshot.state)
-        self._writer.tick(replace(row, t=row.t - self._lift))
+        if self._lift is not None:
+            self._writer.tick(Tick.from_state(snapshot.arm, snapshot.state, self._lift))
 
     def sight(self, measurement: StripMeasurement) -> None:
         """Record the measurement of the strip in one image; none before the lift."""

@@ -44,15 +44,6 @@ class LaidWeights(StudyResult):
     rms: float
     folds: int
 
-    def excess_length(self, loop: Loop, thickness: float) -> float:
-        """Strip length [m] that a `loop` takes up, for layers of `thickness` [m]."""
-        return (
-            self.constant
-            + self.height * loop.height
-            + self.width * loop.width
-            + self.thickness * thickness
-        )
-
 
 def laid_length(measurement: StripMeasurement) -> float:
     """Measured length [m] of a laid strip from edge to edge; NaN without a profile.
@@ -74,4 +65,7 @@ def edge_offset(length: float, thickness: float, loop: Loop) -> float:
     left leaves 2 mm more for the upper layer. What the loop holds follows from its size as seen,
     whatever made it: stiffness, friction between yarns, or a law that nobody knows.
     """
-    return length - 2.0 * loop.tip_x + LaidWeights.shipped().excess_length(loop, thickness)
+    model = LaidWeights.shipped()
+    in_loop = model.constant + model.height * loop.height + model.width * loop.width
+    in_loop += model.thickness * thickness
+    return length - 2.0 * loop.tip_x + in_loop

@@ -44,9 +44,9 @@ class LayerTouch:
     def __init__(self, settings: PerceptionSettings, strip: StripFile) -> None:
         self._settings = settings
         thickness = strip.spread.get("thickness", (strip.thickness, strip.thickness))
-        self._distances = max(thickness[0], THINNEST), max(thickness[1], THINNEST)
+        self._distances = (max(thickness[0], THINNEST), max(thickness[1], THINNEST))
         self._length = strip.length
-        self._most = strip.length + settings.length_error
+        self._most = strip.length + settings.length_error  # m, of a plausible fall
         self._falls: list[Fall] = []
         self._touch: SeenTouch | None = None
 
@@ -57,25 +57,21 @@ class LayerTouch:
         """
         if self._touch is None:
             fall = _fall(measurement, gripper)
-            if fall is not None and self._is_plausible(fall):
+            last = self._falls[-1].time if self._falls else -np.inf
+            if fall is not None and fall.time > last and fall.x + fall.to_grasped < self._most:
                 self._falls = [*self._falls, fall][-self._settings.touch_frames :]
                 self._touch = self._find_touch()
         return self._touch
 
     def resting(self) -> float:
         """Distance [m] at which thick layers rest without touching; NaN where none rest apart."""
-        falls, margin = self._falls, self._settings.touch_margin
-        recent = [fall.gap for fall in falls[-RESTING_FALLS:]]
+        margin = self._settings.touch_margin
+        recent = [fall.gap for fall in self._falls[-RESTING_FALLS:]]
         rests = len(recent) == RESTING_FALLS and max(recent) - min(recent) < margin
         if self._touch is not None or not rests:
             return float("nan")
         distance = float(np.median(recent))
         return distance if distance > self._distances[1] + margin else float("nan")
-
-    def _is_plausible(self, fall: Fall) -> bool:
-        """Whether `fall` is later than all before it, and consistent with the strip's length."""
-        later = not self._falls or fall.time > self._falls[-1].time
-        return later and fall.x + fall.to_grasped < self._most
 
     def _find_touch(self) -> SeenTouch | None:
         """Detect the touch in the falls so far; None while a signal is missing or they disagree."""
@@ -97,8 +93,8 @@ class LayerTouch:
             return None
         x, displacement = self._place_at(time, t)
         confidence = float(np.exp(-apart))
-        seen = SeenTouch(time, x, x + displacement, x, confidence, distance)
-        return seen if self._is_a_fold(seen) else None
+        touch = SeenTouch(time, x, x + displacement, x, confidence, distance)
+        return touch if self._is_a_fold(touch) else None
 
     def _place_at(self, time: float, t: Array) -> tuple[float, float]:
         """Place x [m] of the fold, and displacement [m] there, at `time` among `t` (n,) [s].

@@ -7,27 +7,10 @@ import numpy as np
 
 from calibration.calibration import Calibration
 from calibration.landmarks import CameraShift, LandmarkSettings
+from cell.perception import resting_strip, scene
 from cell.perception.kernels import ZERO_LEVEL, Floats, smooth_matte
 from cell.perception.length_checks import BY_HAND, LengthCheck
 from cell.perception.region import Region, motion_mask
-from cell.perception.resting_strip import (
-    Samples,
-    Underside,
-    inner_pixels,
-    resting_line,
-    sample_scene,
-    strip_shares,
-    underside,
-)
-from cell.perception.scene import (
-    DESK_SHADE,
-    Appearance,
-    Segmenter,
-    learn_segmenter,
-    resting_place,
-    sensor_noise,
-    separation,
-)
 from cell.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Image, frozen
@@ -89,11 +72,16 @@ def check_scope(strip: StripFile) -> tuple[PreflightCheck, ...]:
     )
 
 
-def _check_desk(scene: Segmenter, desk: Array, settings: PerceptionSettings) -> PreflightCheck:
+def _check_desk(
+    segmenter: scene.Segmenter, desk: Array, settings: PerceptionSettings
+) -> PreflightCheck:
     """Check whether each of the strip's colours differs from the desk (3,), lit or in shadow."""
-    apart = min(float(np.linalg.norm(colour - desk)) for colour in scene.colours)
-    shade = np.array([DESK_SHADE], dtype=np.float32)
-    away = min(float(separation(c, desk[None], shade, scene.smooth)[0]) for c in scene.colours)
+    apart = min(float(np.linalg.norm(colour - desk)) for colour in segmenter.colours)
+    shade = np.array([scene.DESK_SHADE], dtype=np.float32)
+    away = min(
+        float(scene.separation(c, desk[None], shade, segmenter.smooth)[0])
+        for c in segmenter.colours
+    )
     mostly = "" if away >= settings.separation else ", mostly as a desk and its shadow do"
     return PreflightCheck(
         "contrast",
@@ -112,7 +100,7 @@ def _check_solid(
 
     The strip's midline rests at a height `rise` [m].
     """
-    least = float(np.quantile(strip_shares(levels, calibration, strip, rise), 0.05))
+    least = float(np.quantile(resting_strip.strip_shares(levels, calibration, strip, rise), 0.05))
     return PreflightCheck(
         "solid",
         least >= SOLID,
@@ -124,11 +112,11 @@ def _check_solid(
 
 
 def _check_background(
-    scene: Segmenter, calibration: Calibration, strip: StripFile
+    segmenter: scene.Segmenter, calibration: Calibration, strip: StripFile
 ) -> PreflightCheck:
     """Check whether the background along the strip's motion differs from the strip's colours."""
     mask = motion_mask(calibration, strip.length)
-    alike = (scene.separation(mask) < SEPARATION).mean(axis=0)
+    alike = (segmenter.separation(mask) < SEPARATION).mean(axis=0)
     share = float(alike.mean())
     place = np.zeros(mask.shape, dtype=np.float32)
     place[mask > 0] = alike
@@ -150,9 +138,9 @@ def _check_background(
     )
 
 
-def _check_exposure(seen: Samples) -> PreflightCheck:
+def _check_exposure(samples: resting_strip.Samples) -> PreflightCheck:
     """Check whether strip, desk and backdrop are neither over- nor underexposed."""
-    pixels = np.vstack([seen.strip, seen.desk, seen.backdrop])
+    pixels = np.vstack([samples.strip, samples.desk, samples.backdrop])
     white = (pixels > WHITE_LEVEL).any(axis=1).mean()
     black = (pixels < BLACK_LEVEL).all(axis=1).mean()
     return PreflightCheck(
@@ -164,20 +152,22 @@ def _check_exposure(seen: Samples) -> PreflightCheck:
     )
 
 
-def _check_place(seen: Underside, strip: StripFile, *, clear: bool) -> PreflightCheck:
+def _check_place(edge: resting_strip.Underside, strip: StripFile, *, clear: bool) -> PreflightCheck:
     """Check whether the strip is visible along its expected place; `clear` marks visible parts."""
-    there = float(seen.present[seen.x < strip.length - END_LENGTH].mean())
+    share = float(edge.present[edge.x < strip.length - END_LENGTH].mean())
     return PreflightCheck(
         "strip lies there",
-        clear and there > PRESENT_SHARE,
-        f"seen along {100 * there:.0f} % of its place",
+        clear and share > PRESENT_SHARE,
+        f"seen along {100 * share:.0f} % of its place",
         "lay the strip along the x-axis, its fixed edge at x = 0, its side on the marked line",
     )
 
 
-def _check_flat(seen: Underside, appearance: Appearance, allowed: float) -> PreflightCheck:
+def _check_flat(
+    edge: resting_strip.Underside, appearance: scene.Appearance, allowed: float
+) -> PreflightCheck:
     """Check whether the strip's edge leaves its smooth line by at most `allowed` [m]."""
-    bump = float(np.abs(seen.z - appearance.rest_height(seen.x))[seen.present].max())
+    bump = float(np.abs(edge.z - appearance.rest_height(edge.x))[edge.present].max())
     return PreflightCheck(
         "flat and straight",
         bump <= allowed,
@@ -186,9 +176,11 @@ def _check_flat(seen: Underside, appearance: Appearance, allowed: float) -> Pref
     )
 
 
-def _check_level(seen: Underside, appearance: Appearance, allowed: float) -> PreflightCheck:
+def _check_level(
+    edge: resting_strip.Underside, appearance: scene.Appearance, allowed: float
+) -> PreflightCheck:
     """Check whether the strip's edge lies at most `allowed` [m] off the desk's plane z = 0."""
-    off = float(np.abs(appearance.rest_height(seen.x[seen.present])).max())
+    off = float(np.abs(appearance.rest_height(edge.x[edge.present])).max())
     return PreflightCheck(
         "on the desk plane",
         off <= allowed,
@@ -198,17 +190,17 @@ def _check_level(seen: Underside, appearance: Appearance, allowed: float) -> Pre
 
 
 def _check_length(
-    seen: Underside, strip: StripFile, allowed: float, residual: float
+    edge: resting_strip.Underside, strip: StripFile, allowed: float, residual: float
 ) -> PreflightCheck:
     """Check whether the free edge lies within `allowed` [m] of the strip's stated length.
 
     `residual` [m] is the error of the calibration's map.
     """
-    error = seen.end - strip.length
+    error = edge.end - strip.length
     return PreflightCheck(
         "length",
         abs(error) <= allowed,
-        f"its free edge is at x = {1e3 * seen.end:.0f} mm, stated length "
+        f"its free edge is at x = {1e3 * edge.end:.0f} mm, stated length "
         f"{1e3 * strip.length:.0f} mm, allowed within {1e3 * allowed:.0f} mm",
         "push the fixed edge to x = 0, or state the strip's own length",
         LengthCheck("free_edge", error, {"map": residual, "laid by hand": BY_HAND}),
@@ -243,7 +235,7 @@ class Preflight:
     """Checks of one image, and the `appearance` learnt from it; None where no strip is visible."""
 
     checks: tuple[PreflightCheck, ...]
-    appearance: Appearance | None
+    appearance: scene.Appearance | None
 
     @property
     def passed(self) -> bool:
@@ -260,48 +252,50 @@ def inspect(
     refused = tuple(check for check in required if not check.passed)
     if refused:
         return Preflight(refused, None)
-    scene, levels, lying, rise = _learn_scene(image, calibration, strip)
-    seen = sample_scene(image, calibration, strip)
+    segmenter, levels, strip_edge, rise = _learn_scene(image, calibration, strip)
+    samples = resting_strip.sample_scene(image, calibration, strip)
     distinct = (
-        _check_exposure(seen),
-        _check_desk(scene, seen.desk_colour, settings),
-        _check_background(scene, calibration, strip),
+        _check_exposure(samples),
+        _check_desk(segmenter, samples.desk_colour, settings),
+        _check_background(segmenter, calibration, strip),
         _check_solid(levels, calibration, strip, max(rise, 0.0)),
     )
-    lies = _check_place(lying, strip, clear=all(check.passed for check in distinct))
-    if not lies.passed:
-        return Preflight((*distinct, lies), None)
-    appearance = Appearance(scene, frozen(resting_line(lying)))
+    presence = _check_place(strip_edge, strip, clear=all(check.passed for check in distinct))
+    if not presence.passed:
+        return Preflight((*distinct, presence), None)
+    appearance = scene.Appearance(segmenter, frozen(resting_strip.resting_line(strip_edge)))
     rests = (
-        _check_flat(lying, appearance, settings.flatness),
-        _check_level(lying, appearance, settings.level),
-        _check_length(lying, strip, settings.length_tolerance, calibration.residual),
+        _check_flat(strip_edge, appearance, settings.flatness),
+        _check_level(strip_edge, appearance, settings.level),
+        _check_length(strip_edge, strip, settings.length_tolerance, calibration.residual),
     )
-    return Preflight((*distinct, lies, *rests), appearance)
+    return Preflight((*distinct, presence, *rests), appearance)
 
 
 def _learn_scene(
     image: Image, calibration: Calibration, strip: StripFile
-) -> tuple[Segmenter, Image, Underside, float]:
+) -> tuple[scene.Segmenter, Image, resting_strip.Underside, float]:
     """Segmenter learnt from `image` (h, w, 3), smoothed matte (h, w), strip found, its rise [m].
 
     The background is learnt pixel by pixel, and the strip's colours one by one: twice, since where
     it rests follows from the first.
     """
-    rise, noise = 0.0, sensor_noise(image)
+    rise = 0.0
+    noise = scene.sensor_noise(image)
     for margin in MARGINS:
-        place = resting_place(calibration, strip, rise, margin)
-        inner = inner_pixels(image, calibration, strip, rise)
-        scene = learn_segmenter(image, noise, inner, calibration, strip, place)
-        levels = smooth_matte(_matte_of(scene, image))
-        lying = underside(levels, calibration, strip)
-        rise = float(np.median(lying.z[lying.present])) if lying.present.any() else rise
-    return scene, levels, lying, rise
+        place = scene.resting_place(calibration, strip, rise, margin)
+        inner = resting_strip.inner_pixels(image, calibration, strip, rise)
+        segmenter = scene.learn_segmenter(image, noise, inner, calibration, strip, place)
+        levels = smooth_matte(_matte_of(segmenter, image))
+        strip_edge = resting_strip.underside(levels, calibration, strip)
+        if strip_edge.present.any():
+            rise = float(np.median(strip_edge.z[strip_edge.present]))
+    return segmenter, levels, strip_edge, rise
 
 
-def _matte_of(scene: Segmenter, image: Image) -> Image:
+def _matte_of(segmenter: scene.Segmenter, image: Image) -> Image:
     """Matte levels (h, w) of the full `image` (h, w, 3), where no hand hides the strip."""
     levels = np.full(image.shape[:2], ZERO_LEVEL, np.uint8)
-    part, region = scene.levels(image, Region.whole(image), np.full_like(levels, 255))
+    part, region = segmenter.levels(image, Region.whole(image), np.full_like(levels, 255))
     region.crop(levels)[:] = part
     return levels

@@ -52,9 +52,12 @@ def crossings(levels: Image, side: Side, band: Array, sizes: Sizes) -> Crossings
     across = strip_share(sampled)
     width = np.clip(band, 1.0, sizes.deep - FAR_ROOM)
     latest = int((OUTSIDE + OUTLINE_ERROR) / STEP) + np.round(width).astype(np.int64)  # sample
-    strength, peak = _peaks(across, _near_band(offsets, width, PEAK_REACH))
+    shares = np.where(_near_band(offsets, width, PEAK_REACH), across, -1.0)
+    peak = shares.argmax(axis=1)  # sample
+    strength = np.maximum(shares.max(axis=1), 0.0)
     level = 0.5 * np.clip(strength, *PLATEAU)
-    j, low = np.arange(len(offsets)), across <= level[:, None]
+    low = across <= level[:, None]
+    j = np.arange(len(offsets))
     rise = np.where(low & (j < np.minimum(np.maximum(peak, 1), latest)[:, None]), j, 0).max(axis=1)
     fall = np.where(low & (j > np.maximum(peak, rise + 1)[:, None]), j, len(j)).min(axis=1)
     inner = np.where(fall < len(j), _level_crossing(across, offsets, fall - 1, level), np.nan)
@@ -68,18 +71,12 @@ def _near_band(offsets: Array, width: Array, reach: float) -> NDArray[np.bool_]:
     return (offsets >= -reach) & (offsets <= width[:, None] + reach)
 
 
-def _peaks(across: Array, within: NDArray[np.bool_]) -> tuple[Array, NDArray[np.intp]]:
-    """Largest share (n,), 0 or more, on each line `across` (n, m) `within` a mask; its sample."""
-    shares = np.where(within, across, -1.0)
-    return np.maximum(shares.max(axis=1), 0.0), shares.argmax(axis=1)
-
-
 def _level_crossing(across: Array, offsets: Array, left: NDArray[np.int64], level: Array) -> Array:
     """Offsets (n,) at which lines cross `level` (n,) between samples `left` (n,) and the next."""
     rows = np.arange(len(across))
-    at, following = across[rows, left], across[rows, np.minimum(left + 1, len(offsets) - 1)]
-    change = following - at
-    part = (level - at) / np.where(np.abs(change) >= 1e-6, change, 1e-6)
+    before = across[rows, left]
+    change = across[rows, np.minimum(left + 1, len(offsets) - 1)] - before
+    part = (level - before) / np.where(np.abs(change) >= 1e-6, change, 1e-6)
     return np.asarray(offsets[left] + (offsets[1] - offsets[0]) * np.clip(part, 0.0, 1.0))
 
 

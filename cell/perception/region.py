@@ -32,11 +32,15 @@ class Sizes:
 
     @classmethod
     def at_patch(cls, calibration: Calibration, patch: int) -> Self:
-        """Sizes for the camera of `calibration`; its brightness is read in patches of `patch` [px].
+        """Sizes for the camera of `calibration`, by what it resolves at the centre of its image.
 
+        Its brightness is read in patches of `patch` [px].
         Windows are at least what a strip of two pixels needs, however coarse the camera is.
         """
-        scale = metres_per_pixel(calibration)
+        lens = calibration.lens
+        u, v = lens.width / 2, lens.height / 2
+        pixel, following = calibration.to_plane(np.array([(u, v), (u + 1, v)]))
+        scale = float(np.hypot(*(following - pixel)))
         return cls(
             scale=scale,
             light=max(_odd(LIGHT_WINDOW / scale / patch), 3),
@@ -45,13 +49,6 @@ class Sizes:
             aside=FINGER_DISTANCE / scale,
             deep=max(PROBE_DEPTH / scale, 8.0),
         )
-
-
-def metres_per_pixel(calibration: Calibration) -> float:
-    """Resolution [m/px] of the calibrated camera at the centre of its image."""
-    lens = calibration.lens
-    middle = np.array([(lens.width / 2, lens.height / 2), (lens.width / 2 + 1, lens.height / 2)])
-    return float(np.hypot(*np.diff(calibration.to_plane(middle), axis=0)[0]))
 
 
 def _odd(size: float) -> int:

@@ -42,16 +42,14 @@ def palette(samples: Array) -> Array:
     unexplained.
     """
     colours = np.median(samples, axis=0)[None]
-    while match_none(samples, colours).mean() > BLENDS and len(colours) < MOST_COLOURS:
+    while len(colours) < MOST_COLOURS:
+        unlike_all = colour_distances(samples, colours).min(axis=1) > OTHER_COLOUR
+        if unlike_all.mean() <= BLENDS:
+            break
         colours = _refine(samples, np.vstack([colours, _worst_explained(samples, colours)]))
     nearest = colour_distances(samples, colours).argmin(axis=1)
     frequent = np.argsort(-np.bincount(nearest, minlength=len(colours)), kind="stable")
     return frozen(colours[frequent])
-
-
-def match_none(samples: Array, colours: Array) -> NDArray[np.bool_]:
-    """Mask (n,) of the samples (n, 3) that resemble none of the colours (k, 3)."""
-    return np.asarray(colour_distances(samples, colours).min(axis=1) > OTHER_COLOUR)
 
 
 def colour_distances(samples: Array, colours: Array) -> Array:

@@ -4,13 +4,13 @@ import os
 import queue
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from math import inf
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 import numpy as np
 
@@ -115,7 +115,7 @@ def _stamp(picture: Any, path: Path) -> float:
     return float(picture.pts * picture.time_base)
 
 
-class FilmWriter:
+class FilmWriter(AbstractContextManager["FilmWriter"]):
     """Writes images of one size to a film file; a kill loses the last image only.
 
     The film has no B-frames; a stamp is kept to 1/90,000 s.
@@ -147,10 +147,6 @@ class FilmWriter:
         picture.time_base = TIME_BASE
         picture.pts = round((stamp - self._begin) / TIME_BASE)
         self._container.mux(self._stream.encode(picture))
-
-    def __enter__(self) -> Self:
-        """Begin the block, after which the film is complete; returns this writer."""
-        return self
 
     def __exit__(self, *_: object) -> None:
         """Flush the encoder, close the file and index it."""
@@ -259,12 +255,7 @@ class AddImage:
     shape: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Ready:
-    """Answer of the film's process: the film is open, has the last image, or is complete."""
-
-
-class FilmProcess:
+class FilmProcess(AbstractContextManager["FilmProcess"]):
     """`FilmWriter` in another process, which completes its film if this process dies."""
 
     def __init__(self, path: Path, encoder: str) -> None:
@@ -282,10 +273,6 @@ class FilmProcess:
         self._image.write(image)
         self._child.send(AddImage(stamp, image.shape))
         self._await_answer()
-
-    def __enter__(self) -> Self:
-        """Begin the block, after which the film is complete; returns this writer."""
-        return self
 
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
         """Wait until the film is complete; raises OSError with the reason where it is not.
@@ -319,13 +306,16 @@ class FilmProcess:
 
 
 def encode(pipe: Connection, path: Path, encoder: str, image: SharedImage) -> None:
-    """Main function of the film's process: encode each shared image until `pipe` is closed."""
+    """Main function of the film's process: encode each shared image until `pipe` is closed.
+
+    Answers True once the film is open, has the image, and is complete.
+    """
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     with FilmWriter(path, encoder) as film:
-        pipe.send(Ready())
+        pipe.send(True)
         os.setpriority(os.PRIO_PROCESS, 0, POLITE)
         with suppress(EOFError, ConnectionResetError):  # the parent has ended: so has the film
             while (message := pipe.recv()) is not None:
                 film.add(message.stamp, image.read(message.shape))
-                pipe.send(Ready())
-    pipe.send(Ready())
+                pipe.send(True)
+    pipe.send(True)

@@ -5,6 +5,7 @@ A stream (Arrow IPC) has one row per message: rows written before a crash can be
 """
 
 from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -60,11 +61,11 @@ class Tick:
     f_z: float = NOT_MEASURED
 
     @classmethod
-    def from_state(cls, arm: ArmState, state: str) -> Self:
-        """Row of a measured arm state; `t` [s] is when the joints were read."""
+    def from_state(cls, arm: ArmState, state: str, begin: float = 0.0) -> Self:
+        """Row of a measured arm state; `t` [s] is when the joints were read, since `begin` [s]."""
         f_x, f_z = arm.force
         return cls(
-            t=arm.stamp,
+            t=arm.stamp - begin,
             x=arm.pose.x,
             z=arm.pose.z,
             pitch=arm.pose.pitch,
@@ -76,7 +77,7 @@ class Tick:
         )
 
 
-class StreamFile:
+class StreamFile(AbstractContextManager["StreamFile"]):
     """Arrow stream being written; `append` returns when the system has the row, or OSError."""
 
     def __init__(self, path: Path, schema: pa.Schema) -> None:
@@ -88,9 +89,6 @@ class StreamFile:
         """Append one row to the stream, a value for each column."""
         rows = pa.array([row], self._row)
         self._write(pa.RecordBatch.from_struct_array(rows).serialize())
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_error: object) -> None:
         self.close()

@@ -15,13 +15,7 @@ from cell.record.events import Event, Outlook
 from cell.record.header import Result
 from cell.record.run import Run, read_broken_run
 from cell.record.truth import read_truth
-from cell.report.figures import (
-    image_ages,
-    outlook_figure,
-    predictions,
-    signals_figure,
-    strip_figure,
-)
+from cell.report import figures
 from cell.report.html import Link, page
 from cell.report.overlay import close_ups, key_pictures, poster, silhouettes
 from cell.report.page_verdict import verdict_of
@@ -88,7 +82,7 @@ def report(run: Run) -> str:
         spoilt=spoilt,
         advice=advice(run) if died else [],
         measures=measures(run),
-        predictions=predictions(run.result),
+        predictions=figures.predictions(run.result),
         film=film_of(run),
         checks=checks(run),
         events=listed_events(run),
@@ -100,16 +94,14 @@ def report(run: Run) -> str:
 
 def _figures(run: Run) -> dict[str, Any]:
     """Pictures and figures (SVG) of the run; empty where the record has nothing to draw."""
-    outlines, outlook, has_ticks = (
-        silhouettes(run),
-        Outlook.from_events(run.events()),
-        run.ticks.t.size > 0,
-    )
+    outlines = silhouettes(run)
+    outlook = Outlook.from_events(run.events())
+    has_ticks = run.ticks.t.size > 0
     return {
         "pictures": key_pictures(run, outlines),
-        "outlook": outlook_figure(run, outlook) if len(outlook.t) > 1 else "",
-        "strip": strip_figure(run, outlines) if has_ticks else "",
-        "signals": signals_figure(run) if has_ticks else "",
+        "outlook": figures.outlook_figure(run, outlook) if len(outlook.t) > 1 else "",
+        "strip": figures.strip_figure(run, outlines) if has_ticks else "",
+        "signals": figures.signals_figure(run) if has_ticks else "",
     }
 
 
@@ -247,7 +239,9 @@ def _check(item: Mapping[str, Any]) -> tuple[str, str, str]:
 
 def _timing_rows(run: Run) -> Rows:
     """Rows of the images' age, and of the longest time between states of a real arm."""
-    rows, ages, timing = [], image_ages(run), run.header.arm_timing
+    rows = Rows()
+    ages = figures.image_ages(run)
+    timing = run.header.arm_timing
     if ages.size:
         middle, largest = milliseconds(float(np.median(ages))), milliseconds(float(ages.max()))
         rows.append(("age of the images when used", f"{middle}, at most {largest}"))

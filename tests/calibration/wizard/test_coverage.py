@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calibration.board import BoardSettings
-from calibration.wizard.coverage import coverage, placement, project_outline, wanted_views
+from calibration.wizard.coverage import gates, placement, project_outline, wanted_views
 from tests.support.board_sessions import LENS, projected, session
 
 SETTINGS = BoardSettings()
@@ -27,6 +27,6 @@ def test_wanted_views_lean_and_roll_every_way_and_together_cover_all() -> None:
     for name in ("tilt", "turn", "roll"):
         angles = [getattr(wanted, name) for wanted in WANTED]
         assert sorted(angles) == pytest.approx(sorted(-angle for angle in angles))
-    gates = coverage([*session(SETTINGS).values()], LENS, SETTINGS)
-    assert all(gate.passed for gate in gates), [str(gate) for gate in gates]
-    assert [gate.name for gate in coverage([], LENS, SETTINGS) if gate.passed] == []
+    covered = gates([*session(SETTINGS).values()], LENS, SETTINGS)
+    assert all(gate.passed for gate in covered), [str(gate) for gate in covered]
+    assert [gate.name for gate in gates([], LENS, SETTINGS) if gate.passed] == []

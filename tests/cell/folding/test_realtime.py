@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from cell.folding.realtime import realtime_thread
+from cell.folding.fold import realtime_thread
 
 
 def test_a_whole_collection_looks_at_no_object_from_before() -> None:
