@@ -15,32 +15,23 @@ from calibration.calibration import Calibration, load_calibration
 from cell.calibrate.calibration_in_use import calibration_of
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
-from cell.folding.fold import fold as fold_once
-from cell.folding.fold import write_pages
+from cell.folding.fold import fold as fold_once, write_pages
 from cell.folding.observe import observe as observe_film
-from cell.folding.prediction import Prediction
-from cell.folding.prediction import predict as predict_fold
+from cell.folding.prediction import Prediction, predict as predict_fold
 from cell.folding.request import Recording, Request
 from cell.folding.result import FoldResult
-from cell.gap.check import Check
-from cell.gap.check import check as check_runs
+from cell.gap.check import Check, check as check_runs
 from cell.gap.fit import FitOptions, fit, quiet
 from cell.gap.report.overlay import write_overlay
 from cell.gap.subject.strip.runs import check_fold
-from cell.gap.verdict.accept import AcceptResult
-from cell.gap.verdict.accept import accept as accept_fit
-from cell.gap.verdict.accept import undo as undo_fit
-from cell.gap.verdict.schema import Verdict
-from cell.gap.verdict.schema import read_verdict as read_verdict_file
+from cell.gap.verdict.accept import AcceptResult, accept as accept_fit, undo as undo_fit
+from cell.gap.verdict.schema import Verdict, read_verdict as read_verdict_file
 from cell.record.columns import Profile, Sights, Ticks
-from cell.record.exchange.export_runs import Format
-from cell.record.exchange.export_runs import export_runs as export_to
+from cell.record.exchange.export_runs import Format, export_runs as export_to
 from cell.record.exchange.import_runs import import_runs as import_from
 from cell.record.files import Keep, run_folder
-from cell.record.listing import RunRow
-from cell.record.listing import list_runs as find_runs
-from cell.record.run import Run
-from cell.record.run import read_run as load_run
+from cell.record.listing import RunRow, list_runs as find_runs
+from cell.record.run import Run, read_run as load_run
 from cell.report.runs_page import write_comparison
 from drivers.errors import ConfigurationError, check_known
 from drivers.strip.describe import load_plant

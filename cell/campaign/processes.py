@@ -12,6 +12,7 @@ from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from enum import StrEnum
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection, wait
 from threading import Thread
@@ -35,14 +36,14 @@ class Call:
     stoppable: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Stop:
-    """Message to a process: stop the stoppable call under way; a second one, stop it at once."""
+class Signal(StrEnum):
+    """Messages without contents: to a process, to stop its call; from it, that it is prepared.
 
+    A second STOP ends a stoppable call at once.
+    """
 
-@dataclass(frozen=True, slots=True)
-class Ready:
-    """Message of a process that has prepared itself for its first call."""
+    STOP = "stop"
+    READY = "ready"
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +80,7 @@ def work(pipe: Connection, prepare: Callable[[], None] | None, dies_with_parent:
     if prepare is not None:
         prepare()
     with suppress(OSError):  # the parent is gone
-        pipe.send(Ready())
+        pipe.send(Signal.READY)
         call = _next_call(pipe)
         gc.freeze()  # the libraries' half a million objects, which no collection has to look at
         while True:
@@ -169,7 +170,7 @@ class ProcessPool:
     def stop(self) -> None:
         """Ask the stoppable calls under way to stop; a second time, to stop at once."""
         for running in self._running:
-            running.process.send(Stop())
+            running.process.send(Signal.STOP)
 
     def close(self) -> None:
         """Let all processes end; stoppable calls stop under control, others are ended in time."""
@@ -192,7 +193,7 @@ class ProcessPool:
             self._remove(running)
             yield running.key, died
             return
-        if isinstance(message, Ready):
+        if message is Signal.READY:
             running.started_at = time.monotonic()
             return
         self._running.remove(running)

@@ -8,8 +8,7 @@ import typer
 
 from cell.cli.options import Configs, Json, Strip, check_names
 from cell.cli.output import busy, notice, print_json
-from cell.config.places import Configs as Found
-from cell.config.places import find_configs
+from cell.config.places import Configs as Found, find_configs
 from cell.record.files import run_folder
 from cell.report.words import plural
 from drivers.errors import ConfigurationError

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from cell.config.drivers import arm_names, camera_names
-from cell.config.places import PACKAGED, find_configs
-from cell.config.places import Configs as Found
+from cell.config.places import PACKAGED, Configs as Found, find_configs
 from cell.record.files import run_folder
 from drivers.errors import ConfigurationError, check_known
 from drivers.plugins import plugin_names

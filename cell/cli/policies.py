@@ -152,8 +152,7 @@ def benchmark(
 
     from cell.benchmark.page import write_main_picture, write_results
     from cell.benchmark.results import BenchmarkSpec, split
-    from cell.benchmark.run import benchmark as measure
-    from cell.benchmark.run import summarise
+    from cell.benchmark.run import benchmark as measure, summarise
     from cell.campaign.progress import Meter
 
     found = find_configs(configs)

@@ -70,12 +70,13 @@ def result_content(outcome: Outcome) -> dict[str, Any]:
         content["foretold"] = asdict(outcome.predicted)
     doubted = disagreements(outcome.witnesses)
     content["witnesses"] = [
-        w.facts() | ({"reason": w.sentence()} if w in doubted else {}) for w in outcome.witnesses
+        check.facts() | ({"reason": check.sentence()} if check in doubted else {})
+        for check in outcome.witnesses
     ]
-    if outcome.agreement is not None:
-        agreed = outcome.agreement
-        facts = {"like_model": agreed.like_model, "reason": agreed.sentence()}
-        content["agreement"] = asdict(agreed) | facts
+    agreement = outcome.agreement
+    if agreement is not None:
+        facts = {"like_model": agreement.like_model, "reason": agreement.sentence()}
+        content["agreement"] = asdict(agreement) | facts
     return content
 
 
@@ -93,9 +94,10 @@ def _replaced_weights(checkpoint: Path | None) -> dict[str, Any]:
     return {"checkpoint": {"file": str(checkpoint), "sha256": digest}}
 
 
-def learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> StripFile:
+def _learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> StripFile:
     """Copy of `strip` with the parameters that a fold estimated, each with interval and source."""
-    length, time = predicted.bending_length, predicted.retardation_time
+    length = predicted.bending_length
+    time = predicted.retardation_time
     friction = predicted.yield_curvature
     source = f"fold {run}, as the policy judged it at the touch"
     notes = {
@@ -107,9 +109,10 @@ def learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> Stri
         effects["bending_hysteresis"] = {"yield_curvature": round(friction.value, 1)}
         key = "effects.bending_hysteresis.yield_curvature"
         notes[key] = f"{friction.low:.0f} to {friction.high:.0f} 1/m"
-    kept = [entry for entry in strip.provenance if entry.key not in notes]
-    new = [Provenance(key=key, source=source, note=f"of its rods, 68 %: {interval}")
-           for key, interval in notes.items()]  # fmt: skip
+    provenance = [entry for entry in strip.provenance if entry.key not in notes]
+    for key, interval in notes.items():
+        note = f"of its rods, 68 %: {interval}"
+        provenance.append(Provenance(key=key, source=source, note=note))
     intervals = {"bending_length": (length.low, length.high)}
     intervals |= {"retardation_time": (time.low, time.high)}
     return strip.model_copy(
@@ -118,7 +121,7 @@ def learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> Stri
             "retardation_time": round(time.value, 4),
             "effects": effects,
             "spread": strip.spread | intervals,
-            "provenance": (*kept, *new),
+            "provenance": tuple(provenance),
         }
     )
 
@@ -128,7 +131,7 @@ def offer_strip(folder: Path, strip: StripFile, predicted: FoldPrediction) -> Pa
 
     Raises ConfigurationError where it cannot be written.
     """
-    learned = learned_strip(strip, predicted, folder.name)
+    learned = _learned_strip(strip, predicted, folder.name)
     content = learned.model_dump(mode="json", by_alias=True)
     path = folder / LEARNED
     write_file(path, dump_yaml(content))

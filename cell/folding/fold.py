@@ -121,7 +121,7 @@ def _new_run(
         header["learning"] = correction.facts()
     keep = request.record.frames or settings.record.frames
     on_twin = devices.plant is not None
-    return RunWriter.create(request.runs, header, keep, patient=on_twin, film=request.record.film)
+    return RunWriter(request.runs, header, keep, patient=on_twin, film=request.record.film)
 
 
 @contextmanager

@@ -33,8 +33,7 @@ from cell.gap.verdict.accept import (
     SUSPECT_PATCH,
     sha256,
 )
-from cell.gap.verdict.compose import deviations
-from cell.gap.verdict.compose import verdict as compose
+from cell.gap.verdict.compose import deviations, verdict as compose
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Values, Verdict
 from drivers.errors import ConfigurationError

@@ -244,17 +244,6 @@ class FilmEncoder:
                 pass
 
 
-@dataclass(frozen=True, slots=True)
-class AddImage:
-    """Message to the film's process: add the shared image, `shape` (h, w, 3), of `stamp` [s].
-
-    None in its place completes the film.
-    """
-
-    stamp: float
-    shape: tuple[int, ...]
-
-
 class FilmProcess(AbstractContextManager["FilmProcess"]):
     """`FilmWriter` in another process, which completes its film if this process dies."""
 
@@ -271,7 +260,7 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
     def add(self, stamp: float, image: Image) -> None:
         """Add `image` (h, w, 3) at a later `stamp` [s]; raises OSError where the film broke off."""
         self._image.write(image)
-        self._child.send(AddImage(stamp, image.shape))
+        self._child.send((stamp, image.shape))
         self._await_answer()
 
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
@@ -306,9 +295,10 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
 
 
 def encode(pipe: Connection, path: Path, encoder: str, image: SharedImage) -> None:
-    """Main function of the film's process: encode each shared image until `pipe` is closed.
+    """Main function of the film's process: encode the shared image of each message from `pipe`.
 
-    Answers True once the film is open, has the image, and is complete.
+    A message is its stamp [s] and shape (h, w, 3), or None for the end of the film. The answer is
+    True once the film is open, has the image, and is complete.
     """
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     with FilmWriter(path, encoder) as film:
@@ -316,6 +306,7 @@ def encode(pipe: Connection, path: Path, encoder: str, image: SharedImage) -> No
         os.setpriority(os.PRIO_PROCESS, 0, POLITE)
         with suppress(EOFError, ConnectionResetError):  # the parent has ended: so has the film
             while (message := pipe.recv()) is not None:
-                film.add(message.stamp, image.read(message.shape))
+                stamp, shape = message
+                film.add(stamp, image.read(shape))
                 pipe.send(True)
     pipe.send(True)

@@ -3,7 +3,7 @@
 import base64
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial, wraps
+from functools import cache, partial, wraps
 from html import escape
 from math import nan
 from pathlib import Path
@@ -252,54 +252,40 @@ def _read(folder: Path, *, lenient: bool) -> Run:
     header = load(folder / files.RUN, Header)
     reader = PartReader(lenient)
     result = reader.read(lambda: read_result(folder), None)
-    tables = _RunTables(folder, header, reader, complete=result is not None and not lenient)
-    ticks = reader.read(lambda: Ticks.parse(*tables.read(files.TICKS)), Ticks.none())
-    profile = reader.read(lambda: Profile.parse(*tables.read(files.PROFILE)), Profile.none())
-    return Run(folder, header, ticks, profile, result, reader)
+    tables_of_streams = cache(partial(_tables_of_streams, folder, header))
 
-
-class _RunTables:
-    """Tables of the run in `folder`, read from their files, or made from the streams of a run.
-
-    Of a `complete` run every file must exist.
-    """
-
-    def __init__(self, folder: Path, header: Header, reader: PartReader, *, complete: bool) -> None:
-        self._folder = folder
-        self._header = header
-        self._reader = reader
-        self._complete = complete
-
-    def read(self, name: str) -> tuple[pa.Table, str]:
+    def table(name: str) -> tuple[pa.Table, str]:
         """Table in the Parquet file `name`, and the path of its source for errors.
 
         One that is missing from an incomplete run, or broken in a lenient one, is made from the
         streams.
         """
-        path = self._folder / name
-        stream = self._folder / files.TICK_STREAM
+        path = folder / name
+        stream = folder / files.TICK_STREAM
         try:
-            if path.exists() or self._complete:
+            if path.exists() or (result is not None and not lenient):
                 return read_parquet(path), str(path)
         except ConfigurationError as error:
-            if not (self._reader.lenient and stream.is_file()):
+            if not (lenient and stream.is_file()):
                 raise
-            self._reader.problems.append(f"{error}; read from {files.TICK_STREAM} instead")
-        return self._streams[name], str(stream)
+            reader.problems.append(f"{error}; read from {files.TICK_STREAM} instead")
+        return tables_of_streams()[name], str(stream)
 
-    @cached_property
-    def _streams(self) -> Tables:
-        """Tables made from the streams of an interrupted run.
+    ticks = reader.read(lambda: Ticks.parse(*table(files.TICKS)), Ticks.none())
+    profile = reader.read(lambda: Profile.parse(*table(files.PROFILE)), Profile.none())
+    return Run(folder, header, ticks, profile, result, reader)
 
-        A run of the cell may have died before its streams were begun. Raises ConfigurationError for
-        any other run without tables.
-        """
-        folder = self._folder
-        begun = any((folder / name).exists() for name in (files.TICK_STREAM, files.EVENTS))
-        if not begun and self._header.config is None:
-            missing = files.TICKS if not (folder / files.TICKS).exists() else files.PROFILE
-            raise ConfigurationError(
-                f"{folder}: {missing}: is missing, and there is no {files.TICK_STREAM} to make it "
-                "from"
-            )
-        return assemble(folder)
+
+def _tables_of_streams(folder: Path, header: Header) -> Tables:
+    """Tables made from the streams of an interrupted run.
+
+    A run of the cell may have died before its streams were begun. Raises ConfigurationError for
+    any other run without tables.
+    """
+    begun = any((folder / name).exists() for name in (files.TICK_STREAM, files.EVENTS))
+    if not begun and header.config is None:
+        missing = files.TICKS if not (folder / files.TICKS).exists() else files.PROFILE
+        raise ConfigurationError(
+            f"{folder}: {missing}: is missing, and there is no {files.TICK_STREAM} to make it from"
+        )
+    return assemble(folder)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from cell.perception.strip_measurement import StripMeasurement
 from cell.record import tables
@@ -33,58 +33,46 @@ class RunWriter:
 
     def __init__(
         self,
-        folder: Path,
-        header: Mapping[str, Any],
-        frames: Keep,
-        patient: bool,
-        film: Encoder | None = None,
-    ) -> None:
-        """Open the files of the run in the new, empty `folder`; see `create`."""
-        self.folder = folder
-        self._newest = float("nan")
-        self._mark = False
-        self._finished = False
-        self._described = False
-        self._header = dict(header)
-        write_document(folder / RUN, header)
-        with ExitStack() as opened:
-            self._events = opened.enter_context(new_file(folder / EVENTS))
-            fcntl.flock(self._events, fcntl.LOCK_EX)
-            self._ticks = opened.enter_context(
-                tables.StreamFile(folder / TICK_STREAM, tables.TICK_ROWS)
-            )
-            self._sights = opened.enter_context(
-                tables.StreamFile(folder / SIGHT_STREAM, tables.SIGHT_ROWS)
-            )
-            self._frames = FrameWriter(folder, frames, patient, film)
-            opened.pop_all()
-
-    @classmethod
-    def create(
-        cls,
         root: Path,
         header: Mapping[str, Any],
         frames: Keep = "key",
         *,
         patient: bool = False,
         film: Encoder | None = None,
-    ) -> Self:
+    ) -> None:
         """Create a run's folder below `root`, named by time, strip and chance.
 
         `patient` lets `frame` wait for the disk and belongs where the clock is virtual; `film`
         names the encoder of a film of all images. Raises ConfigurationError for a header that
         readers would refuse or a folder that cannot be written.
         """
-        content = {"schema": SCHEMA, **header}
-        strip = parse(content, Header, RUN).strip
+        self._newest = float("nan")
+        self._mark = False
+        self._finished = False
+        self._described = False
+        self._header: dict[str, Any] = {"schema": SCHEMA, **header}
+        strip = parse(self._header, Header, RUN).strip
         try:
-            folder = _new_folder(root, strip)
-            return cls(folder, content, frames, patient, film)
+            self.folder = _new_folder(root, strip)
+            write_document(self.folder / RUN, self._header)
+            with ExitStack() as opened:
+                self._open_streams(opened)
+                self._frames = FrameWriter(self.folder, frames, patient, film)
+                opened.pop_all()
         except OSError as error:
             raise ConfigurationError(
                 f"{root}: runs cannot be recorded here: {error.strerror}; "
                 "name another folder with --runs or make room"
             ) from None
+
+    def _open_streams(self, opened: ExitStack) -> None:
+        """Open the streams of the run, which `opened` closes, and lock its events."""
+        self._events = opened.enter_context(new_file(self.folder / EVENTS))
+        fcntl.flock(self._events, fcntl.LOCK_EX)
+        ticks = tables.StreamFile(self.folder / TICK_STREAM, tables.TICK_ROWS)
+        self._ticks = opened.enter_context(ticks)
+        sights = tables.StreamFile(self.folder / SIGHT_STREAM, tables.SIGHT_ROWS)
+        self._sights = opened.enter_context(sights)
 
     def describe(self, **facts: Any) -> None:
         """Add `facts` to run.yaml, once the run has ended, that were not known at its start.

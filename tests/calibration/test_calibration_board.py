@@ -9,8 +9,7 @@ from calibration.board import BoardSettings
 from calibration.wizard.board_views import BoardViews
 from drivers.twin.board import board_frame, board_pose
 from drivers.twin.settings import CameraSettings
-from drivers.types import BoardPlacement as Placement
-from drivers.types import Frame, Image
+from drivers.types import BoardPlacement as Placement, Frame, Image
 
 CAMERA = CameraSettings()
 SETTINGS = BoardSettings()

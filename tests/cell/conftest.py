@@ -153,7 +153,7 @@ def make_run(calibration: Calibration) -> Make:
     """Writes a whole made-up run and returns its folder."""
 
     def make(root: Path, *, frames: Keep = "none", seed: int = 0, **result: Any) -> Path:
-        writer = RunWriter.create(root, HEADER, frames, patient=True)
+        writer = RunWriter(root, HEADER, frames, patient=True)
         save_calibration(calibration, writer.folder / CALIBRATION)
         MadeFold(writer, calibration, seed, pictures=frames != "none").run(9.4)
         writer.finish({**RESULT, **result})
@@ -173,7 +173,7 @@ def finished(make_run: Make, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def killed(calibration: Calibration, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run that was left without a result in the middle of the fold; not to be changed."""
     root = tmp_path_factory.mktemp("killed")
-    writer = RunWriter.create(root, HEADER, "key", patient=True)
+    writer = RunWriter(root, HEADER, "key", patient=True)
     save_calibration(calibration, writer.folder / CALIBRATION)
     MadeFold(writer, calibration).run(4.3)
     writer.close()

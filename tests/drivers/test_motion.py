@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from cell.config.settings import MonitorLimits
 from drivers.errors import ConfigurationError, Fault

@@ -53,7 +53,7 @@ def running(end: Outcome | BaseException) -> SimpleNamespace:
 
 @pytest.fixture
 def recorder(tmp_path: Path) -> FileRecorder:
-    recorder = FileRecorder(RunWriter.create(tmp_path, HEADER, "none"))
+    recorder = FileRecorder(RunWriter(tmp_path, HEADER, "none"))
     recorder.folder = next(tmp_path.iterdir())
     return recorder
 

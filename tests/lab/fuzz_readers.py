@@ -19,8 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from hypothesis import HealthCheck, Phase, given, seed, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, Phase, given, seed, settings, strategies as st
 
 from calibration.calibration import load_calibration, save_calibration
 from cell.config.cell import CellFile
@@ -154,7 +153,7 @@ def fuzz_documents(count: int, start: int, folder: Path) -> Counter[str]:
 def made_run(root: Path) -> Path:
     """A small whole run of the cell with everything in it."""
     header = {**HEADER, "config": find_configs(None).cell().model_dump(mode="json", by_alias=True)}
-    writer = RunWriter.create(root, header, "key", patient=True)
+    writer = RunWriter(root, header, "key", patient=True)
     camera = straight_camera()
     save_calibration(camera, writer.folder / "calibration.yaml")
     writer.event(0.0, "origin")

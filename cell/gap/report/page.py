@@ -32,8 +32,7 @@ from cell.gap.subject.subject import Run
 from cell.gap.verdict.compose import SIGNIFICANT
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import CandidateEntry, Kind, Verdict
-from cell.report.html import Tone
-from cell.report.html import page as document
+from cell.report.html import Tone, page as document
 from cell.report.page_verdict import PageVerdict as Card
 from cell.report.words import NO_VALUE, millimetres
 from drivers.errors import CellError

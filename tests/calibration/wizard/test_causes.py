@@ -8,8 +8,7 @@ from calibration.wizard.latency import LatencySettings, latency_verdict
 from calibration.wizard.lens_verdict import lens_verdict
 from calibration.wizard.touch_verdict import touch_verdict
 from tests.support.board_sessions import LENS, MAP, arm_steps, bent_session, images_of
-from tests.support.touch_sessions import SETTINGS as TOUCHES
-from tests.support.touch_sessions import Camera, touched
+from tests.support.touch_sessions import SETTINGS as TOUCHES, Camera, touched
 
 BOARD, WILD = BoardSettings(), 0.1  # ..., share of loose touches
 

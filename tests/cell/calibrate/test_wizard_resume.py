@@ -23,8 +23,7 @@ from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
 from tests.cell.conftest import straight_camera
 from tests.support.board_sessions import LENS
-from tests.support.twin_calibration import NO_STRIP as NO_LOOK
-from tests.support.twin_calibration import pointer_frame
+from tests.support.twin_calibration import NO_STRIP as NO_LOOK, pointer_frame
 
 pytestmark = pytest.mark.slow
 

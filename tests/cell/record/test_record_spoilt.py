@@ -33,7 +33,7 @@ def whole(calibration, tmp_path_factory) -> Path:
     """A short run with everything in it; not to be changed."""
     config = find_configs(None).cell().model_dump(mode="json", by_alias=True)
     root = tmp_path_factory.mktemp("whole")
-    writer = RunWriter.create(root, {**HEADER, "config": config}, "key", patient=True)
+    writer = RunWriter(root, {**HEADER, "config": config}, "key", patient=True)
     save_calibration(calibration, writer.folder / "calibration.yaml")
     MadeFold(writer, calibration, pictures=False).run(0.6)
     facts = {"sequence": 3, "x": 0.6, "z": 0.01, "time": 0.3, "direction": 1.5, "done": False}

@@ -34,7 +34,7 @@ import os, signal
 from pathlib import Path
 from cell.record.tables import Tick
 from cell.record.writer import RunWriter
-writer = RunWriter.create(Path({str(tmp_path)!r}), {HEADER!r}, "none")
+writer = RunWriter(Path({str(tmp_path)!r}), {HEADER!r}, "none")
 for k in range(200):
     writer.tick(Tick(0.01 * k, 0.6, 0.1, 0.0, 0.6, 0.1, "FOLD"))
     writer.event(0.01 * k, "turn", k=k)
@@ -86,7 +86,7 @@ def test_a_killed_run_reads_as_one_that_lived(make_run, tmp_path):
 
 
 def test_run_yaml_comes_first_and_result_yaml_last(tmp_path, monkeypatch):
-    writer = RunWriter.create(tmp_path, HEADER, "none")
+    writer = RunWriter(tmp_path, HEADER, "none")
     assert (writer.folder / "run.yaml").exists()
     writer.tick(Tick(0.0, 0.6, 0.0, 0.0, 0.6, 0.0, "LIFT"))
 
@@ -104,7 +104,7 @@ def test_run_yaml_comes_first_and_result_yaml_last(tmp_path, monkeypatch):
 
 
 def test_lines_of_events_are_plain_json_without_nan(tmp_path):
-    writer = RunWriter.create(tmp_path, HEADER, "none")
+    writer = RunWriter(tmp_path, HEADER, "none")
     writer.event(0.1, "sight", gap=float("nan"), n=np.int64(3), at=np.array([1.0, 2.0]))
     writer.close()
     line = json.loads((writer.folder / "events.jsonl").read_text())
@@ -115,7 +115,7 @@ def test_folder_that_cannot_be_written_is_one_line_before_the_run(tmp_path):
     blocked = tmp_path / "runs"
     blocked.write_text("a file")
     with pytest.raises(ConfigurationError, match="cannot be recorded here") as caught:
-        RunWriter.create(blocked, HEADER)
+        RunWriter(blocked, HEADER)
     assert "\n" not in str(caught.value)
 
 
@@ -126,7 +126,7 @@ from pathlib import Path
 from cell.record.tables import Tick
 from cell.record.writer import RunWriter
 from drivers.errors import Fault
-writer = RunWriter.create(Path({str(tmp_path)!r}), {HEADER!r}, "none")
+writer = RunWriter(Path({str(tmp_path)!r}), {HEADER!r}, "none")
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))
 try:
@@ -147,14 +147,14 @@ except Fault as fault:
 def test_two_runs_of_one_second_and_chance_get_folders_of_their_own(tmp_path, monkeypatch):
     drawn = iter(["aaaa", "aaaa", "aaaa", "bbbb"])
     monkeypatch.setattr("secrets.token_hex", lambda count: next(drawn))
-    writers = [RunWriter.create(tmp_path, HEADER, "none") for _ in range(2)]
+    writers = [RunWriter(tmp_path, HEADER, "none") for _ in range(2)]
     assert writers[0].folder != writers[1].folder
     for writer in writers:
         writer.close()
 
 
 def test_image_that_cannot_be_written_is_a_fault_once_and_never_blocks(tmp_path, monkeypatch):
-    writer = RunWriter.create(tmp_path, HEADER, "all", patient=True)
+    writer = RunWriter(tmp_path, HEADER, "all", patient=True)
 
     def refuse(image):
         raise OSError(28, "No space left on device")
@@ -173,7 +173,7 @@ def test_every_image_is_kept_bit_for_bit_when_asked(tmp_path):
         Frame(0.1 * k, 0.1 * k + 0.02, "made", k, rng.integers(0, 256, (36, 64, 3), np.uint8))
         for k in range(40)
     ]
-    writer = RunWriter.create(tmp_path, HEADER, "all", patient=True)
+    writer = RunWriter(tmp_path, HEADER, "all", patient=True)
     for frame in frames:
         writer.frame(frame)
     writer.finish({"outcome": "path_done"})
@@ -185,7 +185,7 @@ def test_every_image_is_kept_bit_for_bit_when_asked(tmp_path):
 
 @pytest.mark.parametrize(("keep", "fewest", "most"), [("key", 6, 18), ("none", 0, 0)])
 def test_every_image_is_in_the_index_and_few_are_kept(tmp_path, keep, fewest, most):
-    writer = RunWriter.create(tmp_path, HEADER, keep, patient=True)
+    writer = RunWriter(tmp_path, HEADER, keep, patient=True)
     for k in range(500):
         if k in (100, 320):
             writer.event(0.01 * k, "state", to="FOLD")
@@ -201,7 +201,7 @@ def test_every_image_is_in_the_index_and_few_are_kept(tmp_path, keep, fewest, mo
 
 
 def test_slow_disk_on_hardware_loses_images_but_not_their_place(tmp_path, monkeypatch):
-    writer = RunWriter.create(tmp_path, HEADER, "all")
+    writer = RunWriter(tmp_path, HEADER, "all")
     encode, gate = frames.encode, threading.Event()
 
     def slow(image):

@@ -34,7 +34,7 @@ def frame(sequence: int) -> Frame:
 
 
 def filmed(root: Path, patient: bool = True, count: int = IMAGES):
-    writer = RunWriter.create(root, HEADER, "none", patient=patient, film="libx264")
+    writer = RunWriter(root, HEADER, "none", patient=patient, film="libx264")
     for sequence in range(count):
         writer.frame(frame(sequence))
     writer.finish({"outcome": "path_done"})
@@ -70,7 +70,7 @@ from pathlib import Path
 from cell.record.writer import RunWriter
 from tests.cell.record.test_run_film import frame
 root = Path({str(tmp_path)!r})
-writer = RunWriter.create(root, {HEADER!r}, "none", patient={patient}, film="libx264")
+writer = RunWriter(root, {HEADER!r}, "none", patient={patient}, film="libx264")
 for sequence in range({IMAGES}):
     writer.frame(frame(sequence))
     time.sleep({0 if patient else 0.02})
@@ -119,7 +119,7 @@ def test_film_of_another_process_holds_every_image_at_its_own_time(tmp_path):
 
 
 def test_film_whose_process_is_killed_breaks_off_and_not_the_run(tmp_path):
-    writer = RunWriter.create(tmp_path, HEADER, "none", patient=False, film="libx264")
+    writer = RunWriter(tmp_path, HEADER, "none", patient=False, film="libx264")
     (process,) = children("film")
     os.kill(process, signal.SIGKILL)
     for sequence in range(IMAGES):

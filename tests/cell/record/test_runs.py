@@ -67,7 +67,7 @@ def test_choosing_deletes_nothing_and_removing_deletes_just_the_chosen(four):
 
 
 def test_run_under_way_is_neither_chosen_nor_removed(tmp_path):
-    writer = RunWriter.create(tmp_path, HEADER, "none")
+    writer = RunWriter(tmp_path, HEADER, "none")
     rows = list_runs(tmp_path)
     assert [row.outcome for row in rows] == ["under way"]
     assert to_prune(rows, NOW, keep=0) == ()

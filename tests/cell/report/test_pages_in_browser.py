@@ -41,7 +41,7 @@ def reader() -> Iterator[Browser]:
 def filmed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run with a film, a second of it before its states begin."""
     place = tmp_path_factory.mktemp("filmed")
-    writer = RunWriter.create(place, HEADER, "all", patient=True, film="libx264")
+    writer = RunWriter(place, HEADER, "all", patient=True, film="libx264")
     for k in range(60):
         stamp = k / 30 - 1.0
         image = np.full((72, 128, 3), 4 * k, np.uint8)

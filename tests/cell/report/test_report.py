@@ -104,7 +104,7 @@ def test_page_is_well_formed_and_needs_nothing_else(page, dead_page):
 
 
 def test_film_of_a_run_plays_in_step_with_its_curves(tmp_path):
-    writer = RunWriter.create(tmp_path, HEADER, "none", patient=True, film="libx264")
+    writer = RunWriter(tmp_path, HEADER, "none", patient=True, film="libx264")
     for k in range(12):
         stamp = 0.03 * k - 0.07
         image = np.full((64, 96, 3), 9 * k, np.uint8)
@@ -156,7 +156,7 @@ def test_after_death_at_a_real_arm_the_hand_is_opened_first(killed, tmp_path):
 
 
 def test_run_under_way_is_not_called_dead(tmp_path):
-    writer = RunWriter.create(tmp_path, HEADER, "none")
+    writer = RunWriter(tmp_path, HEADER, "none")
     assert "Still under way" in words(report(read_run(writer.folder)))
     writer.close()
 

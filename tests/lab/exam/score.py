@@ -25,8 +25,7 @@ from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.strip.subject import open_strip
 from cell.gap.subject.subject import Candidate, Subject
 from cell.gap.verdict.confidence import VerdictEvidence
-from cell.gap.verdict.schema import Interval, NamedEffect, Verdict
-from cell.gap.verdict.schema import Kind as VerdictKind
+from cell.gap.verdict.schema import Interval, Kind as VerdictKind, NamedEffect, Verdict
 from drivers.settings import Settings
 from drivers.strip.describe import load_strip
 from drivers.strip.effects import registry

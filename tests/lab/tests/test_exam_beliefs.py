@@ -5,8 +5,7 @@ from itertools import product
 
 from cell.gap.selection.posterior import Beliefs
 from tests.lab.studies.catalogue.beliefs import IMMATERIAL, STUDY, WRONG_SIGMAS, fit_beliefs
-from tests.lab.studies.study import Case as StudyCase
-from tests.lab.studies.study import Outcome
+from tests.lab.studies.study import Case as StudyCase, Outcome
 
 
 def outcome(nats: Callable[[float, float], float]) -> Outcome:

@@ -10,8 +10,7 @@ from cell.gap.subject.run_folders import RunFolder, check_indices
 from cell.gap.subject.strip.preprocessing import FEWEST_POINTS, Images, images_of, smooth_path
 from cell.record.files import PROFILE, RESULT, RUN, TICKS, is_under_way
 from cell.record.header import NOT_FOLDED, Header, Sigma, is_outcome
-from cell.record.run import Run as Recorded
-from cell.record.run import read_run
+from cell.record.run import Run as Recorded, read_run
 from drivers.errors import ConfigurationError, suggestion
 from drivers.geometry import arc_lengths
 from drivers.readers import read_yaml

@@ -11,8 +11,7 @@ from cell.gap.subject.subject import Candidate, Parameter, Quantity, Scope
 from drivers.errors import Unsupported
 from drivers.strip.describe import describe
 from drivers.strip.effects import registry
-from drivers.strip.effects.effect import Effect, Stage
-from drivers.strip.effects.effect import Parameter as Number
+from drivers.strip.effects.effect import Effect, Parameter as Number, Stage
 from drivers.strip.file import StripFile
 from drivers.strip.law import LAW_TERMS, Term
 from drivers.strip.rod.lumping import check

@@ -166,7 +166,7 @@ def test_shadow_ends_where_a_stamp_jumps_by_years_or_is_in_milliseconds(jump: fl
 
 
 def test_film_of_a_run_is_in_its_recording_at_the_cameras_own_times(tmp_path):
-    writer = RunWriter.create(tmp_path, HEADER, "none", patient=True, film="libx264")
+    writer = RunWriter(tmp_path, HEADER, "none", patient=True, film="libx264")
     writer.event(5.0, "origin")
     stamps = [0.06 * k + 0.01 * (k % 3) - 0.2 for k in range(20)]
     for k, stamp in enumerate(stamps):
