@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from cell.campaign import processes
-from cell.campaign.processes import Call, Result, Stop, StopSignal
+from cell.campaign.processes import Call, Result, Signal, StopSignal
 from cell.devices.devices import DeviceSelection
 from cell.folding import batch
 from cell.folding.batch import Attendance, fold_all
@@ -103,10 +103,10 @@ def test_a_fold_in_a_process_is_asked_to_stop_and_then_to_stop_at_once() -> None
     ours, theirs = Pipe()
     told = StopSignal(theirs)
     assert not told()
-    ours.send(Stop())
+    ours.send(Signal.STOP)
     assert told()
     assert told()
-    ours.send(Stop())
+    ours.send(Signal.STOP)
     with pytest.raises(KeyboardInterrupt):
         told()
 
