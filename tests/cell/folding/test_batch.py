@@ -129,8 +129,8 @@ class Fake:
     def __init__(self, *_) -> None:
         self.pipe, self._theirs = Pipe()
 
-    def send(self, message: Call | Stop) -> None:
-        if isinstance(message, Stop):
+    def send(self, message: Call | Signal) -> None:
+        if isinstance(message, Signal):
             self.stop()
             return
         self._number, self._told = message.arguments[0].choice.seed, False
