@@ -1,21 +1,36 @@
-"""Parts of a benchmark: folds through images, and folds of many strips in the rod or the chain."""
+"""Parts of a benchmark, folds through images or of many strips in rod or chain, and its run."""
 
 import hashlib
 from collections.abc import Iterator, Sequence
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
+from pydantic import TypeAdapter
 
 import policies
-from cell.benchmark.results import BenchmarkSpec, EffectFolds, ImageFold, RangeFolds, finite_or_none
+from cell.benchmark.results import (
+    AnyResult,
+    BenchmarkSpec,
+    EffectFolds,
+    ImageFold,
+    MissingPart,
+    RangeFolds,
+    Result,
+    Results,
+    finite_or_none,
+)
 from cell.calibrate.calibration_in_use import calibration_of
-from cell.campaign.journal import digest
-from cell.campaign.run import Part
+from cell.campaign.journal import Record, digest
+from cell.campaign.progress import Meter
+from cell.campaign.run import Engine, Part, carry_out
 from cell.campaign.versions import code
 from cell.config.places import Configs
 from cell.devices.devices import DeviceSelection
+from cell.folding.documents import PACKAGES
 from cell.folding.fold import fold
 from cell.folding.request import Request
+from cell.report.words import millimetres
 from cell.train.evaluation import EngineName, stepper
 from drivers.strip.describe import describe
 from drivers.strip.engine import Stepper
@@ -34,6 +49,8 @@ STRIP_COST = {"rod": 0.03, "chain": 0.3}  # s of a strip of the paper's range
 PLANNING_FOLDS = 16  # folds of the rod, about, that planning takes
 EFFECT_COST, PLANNED_COST = 0.1, 5  # s of a fold with an effect; times as much where it is planned
 IMAGES_COST = 10.0  # s of a fold through images
+JOURNAL = "parts"
+_ANY: TypeAdapter[Result] = TypeAdapter(AnyResult)
 
 
 def parts_of(spec: BenchmarkSpec, configs: Configs, runs: Path) -> tuple[Part, ...]:
@@ -143,3 +160,52 @@ def _strip_with(name: str, rng: np.random.Generator) -> StripFile:
         return plain_strip(rng, bending_hysteresis=draw_friction(rng, *YIELD_RANGE))
     bare = plain_strip(rng)
     return bare.model_copy(update={"effects": {name: draw_effect(name, rng)}}) if name else bare
+
+
+def benchmark(
+    spec: BenchmarkSpec,
+    configs: Configs,
+    folder: Path,
+    runs: Path,
+    *,
+    engine: Engine,
+    again: bool,
+    meter: Meter,
+) -> Results:
+    """Measure the benchmark; parts that `folder` holds are not measured again, unless `again`.
+
+    The folds are recorded in `runs`. Raises ConfigurationError for a folder that cannot be written,
+    and for an invalid configuration.
+    """
+    settings = configs.cell()
+    parts = parts_of(spec, configs, runs)
+    calibration_of(settings)  # made once, not by every fold at once
+    measured = carry_out(parts, folder / JOURNAL, engine, meter, again=again)
+    results = {record.key: _result(record) for record in measured}
+    return Results(
+        schema=1,
+        asked=spec,
+        made_with={
+            "cell": settings.name,
+            "weights": weights_digest(),
+            **{package: version(package) for package in PACKAGES},
+        },
+        speed=settings.fold.speed,
+        results=tuple(results[part.key] for part in parts),
+    )
+
+
+def summarise(record: Record) -> str:
+    """Result of a part in a few words, for the progress report."""
+    if record.outcome is None:
+        return f": {record.reason}"
+    if record.outcome["kind"] == "fold":
+        return f": {millimetres(record.outcome['displacement'], signed=True)}"
+    return ""
+
+
+def _result(record: Record) -> Result:
+    """Result in a part's `record`, MissingPart where it could not be measured."""
+    if record.outcome is None:
+        return MissingPart(part=record.key, reason=record.reason)
+    return _ANY.validate_python(record.outcome, strict=False)

@@ -206,8 +206,7 @@ def fit(
 ) -> None:
     """Name the effects that a model lacks in measured runs; says so where runs cannot decide."""
     file = _subject_file(strip, model, configs, subject)
-    from cell.gap.fit import FitOptions
-    from cell.gap.fit import fit as fit_runs
+    from cell.gap.fit import FitOptions, fit as fit_runs
     from cell.gap.open_subject import option_for
     from cell.gap.report.overlay import write_overlay
     from cell.gap.report.sentence import deviation_text
@@ -241,8 +240,7 @@ def check(
 
     Exit code 2 where `cell gap fit` refuses them.
     """
-    from cell.gap.check import check as check_runs
-    from cell.gap.check import check_page
+    from cell.gap.check import check as check_runs, check_page
     from drivers.files import write_file
 
     file = _subject_file(strip, model, configs, subject)

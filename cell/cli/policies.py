@@ -151,8 +151,8 @@ def benchmark(
     from rich.console import Console
 
     from cell.benchmark.page import write_main_picture, write_results
+    from cell.benchmark.parts import benchmark as measure, summarise
     from cell.benchmark.results import BenchmarkSpec, split
-    from cell.benchmark.run import benchmark as measure, summarise
     from cell.campaign.progress import Meter
 
     found = find_configs(configs)

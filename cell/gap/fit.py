@@ -20,19 +20,7 @@ from cell.gap.report.page import write_report
 from cell.gap.selection import hold_out as hold
 from cell.gap.subject.run_folders import RunFolder, copy_note, find_runs, without_copies
 from cell.gap.subject.subject import Subject
-from cell.gap.verdict.accept import (
-    ACCEPTED,
-    BASE_PATCH,
-    CELL_PATCH,
-    LAW_MODEL_PATCH,
-    LAW_PATCH,
-    MODEL_PATCH,
-    PATCH,
-    PATCHES,
-    RECORD,
-    SUSPECT_PATCH,
-    sha256,
-)
+from cell.gap.verdict import accept
 from cell.gap.verdict.compose import deviations, verdict as compose
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Values, Verdict
@@ -115,23 +103,29 @@ def _with_remarks(verdict: Verdict, subject: Subject, copies: Iterable[str]) -> 
 
 def _write(findings: Findings, verdict: Verdict, file: Path, out: Path) -> None:
     """Write the record, the report and the patches of a fit; its verdict is written last."""
-    record = {"schema": 1, "file": str(file), "file_sha256": sha256(file),
+    record = {"schema": 1, "file": str(file), "file_sha256": accept.sha256(file),
               "effects": [e.name for e in verdict.effects or verdict.suspected],
               "values": [d.parameter for d in verdict.deviates],
               "scatter": [asdict(s) for s in findings.model_tests.scatter],
               "law": findings.law and asdict(findings.law)}  # fmt: skip
-    write_file(out / RECORD, json.dumps(record, indent=1))
+    write_file(out / accept.RECORD, json.dumps(record, indent=1))
     write_report(findings, verdict, out / "report.html")
     if (law := findings.law) is not None:
         terms = {name: {"amount": value} for name, value in law.terms.items()}
-        _write_patch(findings, out, LAW_PATCH, LAW_MODEL_PATCH, (law.base, terms))
+        _write_patch(findings, out, accept.LAW_PATCH, accept.LAW_MODEL_PATCH, (law.base, terms))
     offers_values = bool(verdict.deviates) and not findings.accepted.model.effects
     if verdict.effects or verdict.suspected or offers_values:
-        name = BASE_PATCH if offers_values else PATCH if verdict.effects else SUSPECT_PATCH
+        name = (
+            accept.BASE_PATCH
+            if offers_values
+            else accept.PATCH
+            if verdict.effects
+            else accept.SUSPECT_PATCH
+        )
         values = verdict.values_with(verdict.effects or verdict.suspected)
-        cell_patch = _write_patch(findings, out, name, MODEL_PATCH, values)
+        cell_patch = _write_patch(findings, out, name, accept.MODEL_PATCH, values)
         if cell_patch is not None:
-            write_file(out / CELL_PATCH, dump_yaml(cell_patch))
+            write_file(out / accept.CELL_PATCH, dump_yaml(cell_patch))
 
 
 def _write_patch(
@@ -161,7 +155,7 @@ def _clear(out: Path) -> None:
     if not first.is_dir() or not os.access(first, os.W_OK | os.X_OK):
         what = "cannot be written to" if first.is_dir() else "is a file"
         raise ConfigurationError(f"{out}: {first} {what}; give a folder that can be written")
-    patches = (*PATCHES, CELL_PATCH, MODEL_PATCH, LAW_MODEL_PATCH)
-    pages = (RECORD, "report.html", "overlay.rrd")
-    for name in ("verdict.json", *pages, *patches, ACCEPTED):
+    patches = (*accept.PATCHES, accept.CELL_PATCH, accept.MODEL_PATCH, accept.LAW_MODEL_PATCH)
+    pages = (accept.RECORD, "report.html", "overlay.rrd")
+    for name in ("verdict.json", *pages, *patches, accept.ACCEPTED):
         (out / name).unlink(missing_ok=True)

@@ -1,5 +1,6 @@
 """Phases of a fold: one generator of commands for each state."""
 
+from collections import deque
 from collections.abc import Callable, Generator
 from dataclasses import asdict
 from functools import partial
@@ -16,7 +17,6 @@ from cell.orchestrator.lay import CLEARANCE, HANGING, TURN_GAIN, edge_place, fol
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
 from cell.orchestrator.states import Event, State
-from cell.orchestrator.wait_until_still import wait_until_still
 from cell.perception.camera_watch import UNWATCHED
 from cell.perception.image_reader import ImageResult, ImageTask, Reader
 from cell.perception.laid_fold import LaidWeights, Loop, edge_offset, laid_length
@@ -24,7 +24,8 @@ from cell.perception.length_checks import LengthCheck, compare_grip, held_end_of
 from cell.perception.preflight import PreflightCheck, camera_check
 from cell.perception.strip_measurement import StripMeasurement
 from drivers.errors import Fault, PreflightRefused
-from drivers.types import Frame, Pose, Velocity
+from drivers.geometry import moving_average
+from drivers.types import Array, Frame, Pose, Velocity
 from policies.follower import Follower
 from policies.path import lift_pitch
 from policies.policy import Observation
@@ -33,6 +34,10 @@ from policies.profile import image_profile
 
 BRAKING_SHARE = 0.7  # of the arm's pitch acceleration, to stop the rotation at the lift's end
 SLOPE_TRAVEL = 0.01  # m of the lift over which its rotation per metre is measured
+COMPARED_TIME = 0.5  # s of images that are compared
+FEWEST_IMAGES = 5  # of them
+AVERAGED_IMAGES = 3  # images in a running mean, in which their noise averages out
+REST_TRAVEL = 0.0005  # m that the profile's mean travels, below which a strip rests
 
 
 def preflight(context: FoldContext, record: Recorder, _: Snapshot) -> steps.Phase:
@@ -108,6 +113,59 @@ def lift(context: FoldContext, record: Recorder, _begin: Snapshot) -> steps.Phas
         snapshot = yield from wait_until_still(context.settings.fold.longest_rest, record)
         record.begin(snapshot.time)
     return Event.LIFTED
+
+
+def wait_until_still(longest: float, record: Recorder) -> steps.Motion:
+    """Bring the gripper to rest, upright, and wait at most `longest` [s] until the strip rests.
+
+    The event `hanging` says whether the strip came to rest, and how far it still moved [m].
+    """
+    snapshot = yield from steps.wait_for(lambda now: not now.arm.moving)
+    place = snapshot.arm.commanded
+    snapshot = yield from steps.move(Pose(place.x, place.z, HANGING))
+    start = snapshot.time
+    swing = Swing()
+    while not swing.still and snapshot.time - start < longest:
+        snapshot = yield Hold()
+        swing.add(snapshot, start)
+    facts = {"waited": snapshot.time - start, "still": swing.still, "moved": swing.moved}
+    record.event(snapshot.time, "hanging", **facts)
+    return snapshot
+
+
+class Swing:
+    """Motion of a hanging strip: travel [m] of its profile's mean within COMPARED_TIME."""
+
+    def __init__(self) -> None:
+        self.moved = float("nan")
+        self._means: deque[tuple[float, Array]] = deque()
+
+    @property
+    def still(self) -> bool:
+        """Whether the strip has moved less than REST_TRAVEL over enough images."""
+        return self.moved < REST_TRAVEL
+
+    def add(self, snapshot: Snapshot, since: float) -> None:
+        """Add the profile in `snapshot`, if it is new and from an image after `since` [s]."""
+        measurement = snapshot.view.measurement
+        if not snapshot.view.read or measurement is None or measurement.stamp < since:
+            return
+        mean = image_profile(measurement.profile, measurement.contact_x, measurement.gripper)[
+            0
+        ].mean(axis=0)
+        if not np.isfinite(mean).all():
+            return
+        self._means.append((measurement.stamp, mean))
+        while self._means[0][0] < measurement.stamp - COMPARED_TIME:
+            self._means.popleft()
+        enough = measurement.stamp - since >= COMPARED_TIME and len(self._means) >= FEWEST_IMAGES
+        self.moved = self._travel() if enough else float("nan")
+
+    def _travel(self) -> float:
+        """Largest distance [m] of the profile's running mean from its mean over all images."""
+        means = np.array([mean for _, mean in self._means])
+        smooth = moving_average(means, AVERAGED_IMAGES)
+        return float(np.hypot(*(smooth - means.mean(axis=0)).T).max())
 
 
 def fold(context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase:

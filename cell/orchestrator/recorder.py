@@ -101,16 +101,11 @@ class FileRecorder(Recorder):
         measurement = snapshot.view.measurement
         if measurement is None:
             return
-        self._writer.event(
-            snapshot.time,
-            "decision",
-            sequence=measurement.sequence,
-            x=snapshot.arm.pose.x,
-            z=snapshot.arm.pose.z,
-            time=snapshot.time - self.origin,
-            direction=float(decision.direction[0]),
-            done=bool(decision.done[0]),
-        )
+        pose = snapshot.arm.pose
+        facts = {"sequence": measurement.sequence, "x": pose.x, "z": pose.z}
+        facts |= {"time": snapshot.time - self.origin}
+        facts |= {"direction": float(decision.direction[0]), "done": bool(decision.done[0])}
+        self._writer.event(snapshot.time, "decision", **facts)
 
     def event(self, clock: float, kind: str, **facts: Any) -> None:
         """Record an event at the clock time `clock` [s]."""

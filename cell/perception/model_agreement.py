@@ -129,14 +129,10 @@ class Agreement:
         """Text that names the value beyond its limit."""
         limits = AgreementLimits.shipped()
         if self.residual > limits.residual:
-            return (
-                f"its profile is {1e3 * self.residual:.1f} mm off, up to "
-                f"{1e3 * limits.residual:.1f} mm are usual"
-            )
-        return (
-            f"its yarns rub as {self.yield_curvature:.0f} 1/m, up to "
-            f"{limits.yield_curvature:.0f} 1/m are usual"
-        )
+            usual = f"up to {1e3 * limits.residual:.1f} mm are usual"
+            return f"its profile is {1e3 * self.residual:.1f} mm off, {usual}"
+        usual = f"up to {limits.yield_curvature:.0f} 1/m are usual"
+        return f"its yarns rub as {self.yield_curvature:.0f} 1/m, {usual}"
 
 
 def agreement(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -> Agreement | None:

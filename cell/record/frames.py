@@ -97,8 +97,7 @@ def read_index(folder: Path) -> tuple[FrameNote, ...]:
     try:
         lift = lift_time(folder)
         notes = [_read_note(folder, line, lift) for line in read_json_lines(folder / INDEX)]
-        latest = {note.sequence: note for note in notes}
-        return tuple(latest.values())
+        return tuple({note.sequence: note for note in notes}.values())
     except (KeyError, TypeError, ValueError, OverflowError):
         raise ConfigurationError(
             f"{folder / INDEX}: a line lacks its sequence, stamp or arrival; "

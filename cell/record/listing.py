@@ -80,12 +80,9 @@ class RunRow:
     def __repr__(self) -> str:
         """Name, strip, policy, outcome, displacement and offset of the edges in a line."""
         displacement, edges = self.offsets
-        facts = [self.strip, self.policy, self.outcome]
-        if displacement:
-            facts.append(f"d {displacement} mm")
-        if edges:
-            facts.append(f"edges {edges} mm")
-        return f"<{self.short}: {', '.join(filter(None, facts))}>"
+        lengths = (displacement and f"d {displacement} mm", edges and f"edges {edges} mm")
+        facts = filter(None, (self.strip, self.policy, self.outcome, *lengths))
+        return f"<{self.short}: {', '.join(facts)}>"
 
 
 COLUMNS = ("run", *(field.name for field in fields(RunRow)[1:]))  # the folder by its name

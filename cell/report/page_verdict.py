@@ -9,7 +9,7 @@ from cell.record.files import RESULT, is_under_way
 from cell.record.header import LAID, Result
 from cell.record.run import Run
 from cell.report.html import Tone
-from cell.report.words import millimetres, outcome_title, seconds, side
+from cell.report.words import millimetres, outcome_title, seconds
 
 LINE_BREAK = "\n"
 WARNINGS = frozenset({"camera_unwatched", NOT_LEARNED})  # events that an operator should know of
@@ -127,7 +127,8 @@ def _edges_sentences(offset: float | None, true: object) -> list[str]:
 def _touch_sentence(result: Result, displacement: float, true: object) -> str:
     """Sentence on how the layers met, as measured and in truth."""
     when = "" if result.t_layer_touch is None else f" after {seconds(result.t_layer_touch)}"
-    upper = f"the upper one was {side(displacement)} by {millimetres(abs(displacement))}"
+    longer = "longer" if displacement > 0 else "shorter"
+    upper = f"the upper one was {longer} by {millimetres(abs(displacement))}"
     return f"Where the layers first touched{when}, {upper}{_true_words(true)}."
 
 

@@ -60,8 +60,3 @@ def event_title(kind: str) -> str:
 def outcome_title(outcome: str) -> str:
     """Text of an `outcome` as the start of a sentence; a fault is called by its name."""
     return OUTCOMES.get(outcome, f"Stopped by a fault: {outcome.replace('_', ' ')}")
-
-
-def side(displacement: float) -> str:
-    """Word for the upper layer at a `displacement` d = l1 - l2 [m]: longer or shorter."""
-    return "longer" if displacement > 0 else "shorter"

@@ -14,13 +14,7 @@ import pyarrow as pa
 
 from cell.record.columns import LENGTHS, TIMES
 from cell.record.exchange.import_runs import sources_in
-from cell.record.exchange.mapping import (
-    FACTORS,
-    Table,
-    numbers_of,
-    seconds_of,
-    units_of,
-)
+from cell.record.exchange.mapping import FACTORS, Table, numbers_of, seconds_of, units_of
 from drivers.strip.file import StripFile
 from drivers.types import Array
 

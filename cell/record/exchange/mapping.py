@@ -16,16 +16,7 @@ import pyarrow as pa
 import pyarrow.csv as pc
 from pydantic import Field, field_validator
 
-from cell.record.columns import (
-    ANGLES,
-    COUNTS,
-    FORCES,
-    LENGTHS,
-    TIMES,
-    Profile,
-    Ticks,
-    quantities,
-)
+from cell.record.columns import ANGLES, COUNTS, FORCES, LENGTHS, TIMES, Profile, Ticks, quantities
 from cell.record.documents import plain
 from cell.record.files import CALIBRATION, PROFILE, RESULT, RUN, SIGNALS, TICKS
 from cell.record.header import Load, Sigma

@@ -8,7 +8,6 @@ from xml.etree import ElementTree as Xml
 import pytest
 from typer.testing import CliRunner
 
-from cell.benchmark import run
 from cell.benchmark.page import page_of
 from cell.benchmark.results import Results
 from cell.benchmark.summary import StripNumbers, claims
@@ -34,8 +33,8 @@ def test_benchmark_goes_on_where_it_stopped(
 ) -> None:
     marks = tmp_path / "marks"
     parts = (Fine("one", marks), Fine("three", marks))
-    monkeypatch.setattr(run, "parts_of", lambda *_: parts)
-    monkeypatch.setattr(run, "calibration_of", lambda _: None)
+    monkeypatch.setattr(parts, "parts_of", lambda *_: parts)
+    monkeypatch.setattr(parts, "calibration_of", lambda _: None)
     arguments = ["benchmark", "--quick", "--out", str(tmp_path), "--json", "--picture"]
     arguments += [str(tmp_path / "main.png"), "--configs", str(CONFIGS.folder)]
     first = CliRunner().invoke(app, arguments)

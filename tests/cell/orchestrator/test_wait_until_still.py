@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cell.orchestrator.phases import REST_TRAVEL as AT_REST, wait_until_still
 from cell.orchestrator.snapshot import MoveTo, Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
-from cell.orchestrator.wait_until_still import REST_TRAVEL as AT_REST, wait_until_still
 from cell.perception.strip_measurement import StripMeasurement
 from drivers.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
 from tests.support.made_folds import Notes
