@@ -209,12 +209,20 @@ class ResidualTest:
         """
         residuals = self.estimate.stacked_residuals / self.allowed
         bins = self.bins
-        statistics, clipped, null = _strongest_statistics(
-            [residuals, robust.clip_residuals(residuals)], list(bins.values()), self.noise
-        )
+        rows = list(bins.values())
+        drawn = _sum_and_energy(self.noise, rows)
+
+        def strongest(r: Array) -> Array:
+            pairs = zip(_sum_and_energy(r, rows), drawn, strict=True)
+            signed, energy = (_standardise(values, draws) for values, draws in pairs)
+            return np.where(np.abs(signed) >= energy, signed, energy)
+
+        signed, energy = (_standardise(draws.T, draws).T for draws in drawn)
+        null = np.maximum(np.abs(signed).max(axis=0), energy.max(axis=0))
+        clipped = strongest(robust.clip_residuals(residuals))
         tested = [
             Bin(*place, float(z), _tail(null, abs(z_clipped)))
-            for place, z, z_clipped in zip(bins, statistics, clipped, strict=True)
+            for place, z, z_clipped in zip(bins, strongest(residuals), clipped, strict=True)
         ]
         return sorted(tested, key=lambda each: -abs(each.z))
 
@@ -257,21 +265,11 @@ def _tail(drawn: Array, observed: float) -> float:
     return (1.0 + float((drawn >= observed).sum())) / (1.0 + len(drawn))
 
 
-def _strongest_statistics(
-    residuals: Sequence[Array], rows: Sequence[list[int]], noise: Array
-) -> Iterator[Array]:
-    """Signed mean or energy (k,) of each bin, whichever is stronger, for each of `residuals` (N,).
-
-    Last, the strongest statistic of all bins in each draw (draws,) of `noise` (N, draws).
-    """
-    sums = np.array([noise[i].sum(axis=0) for i in rows])
-    roots = np.sqrt([2.0 * (noise[i] ** 2).sum(axis=0) for i in rows])
-    for r in residuals:
-        signed = _standardise(np.array([r[i].sum() for i in rows]), sums)
-        energy = _standardise(np.sqrt([2.0 * (r[i] ** 2).sum() for i in rows]), roots)
-        yield np.where(np.abs(signed) >= energy, signed, energy)
-    signed_draws, energy_draws = (_standardise(draws.T, draws).T for draws in (sums, roots))
-    yield np.maximum(np.abs(signed_draws).max(axis=0), energy_draws.max(axis=0))
+def _sum_and_energy(residuals: Array, rows: Sequence[list[int]]) -> tuple[Array, Array]:
+    """Sum, and root of twice the sum of squares, of `residuals` (N, ...) in each bin (k, ...)."""
+    sums = np.array([residuals[i].sum(axis=0) for i in rows])
+    roots = np.sqrt([2.0 * (residuals[i] ** 2).sum(axis=0) for i in rows])
+    return sums, roots
 
 
 def _match_sums(

@@ -35,9 +35,9 @@ class Unknowns:
         """Unknowns of a fit of `model` to the runs of `evidence`."""
         every = (*model.parameters, *(p for run in evidence.runs for p in run.local))
         return cls(
-            every,
-            len(model.parameters),
-            tuple(len(run.local) for run in evidence.runs),
+            parameters=every,
+            shared=len(model.parameters),
+            local=tuple(len(run.local) for run in evidence.runs),
             low=np.array([p.low for p in every]),
             high=np.array([p.high for p in every]),
             mean=np.array([p.start for p in every]),

@@ -53,7 +53,8 @@ def projection(
 
     Whitened responses `nuisance` (N, k) may be there by unknown amounts of one standard deviation.
     """
-    unknowns, z, r = estimate.unknowns, estimate.z, estimate.stacked_residuals
+    unknowns, z = estimate.unknowns, estimate.z
+    r = estimate.stacked_residuals
     scale = estimate.scale if robustly else 1.0
     weight = np.sqrt(robust.weights(r / scale)) / scale if robustly else np.ones_like(r)
     free = (z > unknowns.low) & (z < unknowns.high)
@@ -66,4 +67,6 @@ def projection(
     settled = r * weight - jacobian @ (inverse @ (jacobian.T @ (r * weight) + pull))
     spread = np.array([p.spread if p.random else 0.0 for p in unknowns.parameters])
     scatter = (whole * (weight[:, None] * spread))[:, spread > 0.0]
-    return Projection(settled, jacobian, inverse, weight, scatter)
+    return Projection(
+        residual=settled, jacobian=jacobian, inverse=inverse, weight=weight, scatter=scatter
+    )
