@@ -28,9 +28,6 @@ from drivers.errors import ConfigurationError
 from drivers.files import write_file, writing
 from drivers.yaml_text import dump_yaml
 
-Overlay = Callable[[Findings, Verdict, Path], None]
-"""Writes a recording of measured and simulated runs to a path, for a viewer."""
-
 ENGINE_VERSION = "60"  # a fit that another version began starts anew
 
 
@@ -58,12 +55,13 @@ def fit(
     out: Path,
     options: FitOptions = FitOptions(),
     progress: Progress = quiet,
-    overlay: Overlay | None = None,
+    overlay: Callable[[Findings, Verdict, Path], None] | None = None,
 ) -> Verdict:
     """Fit the runs of the subject in `file`; returns the verdict, which it writes into `out`.
 
-    An interrupted fit resumes when it is called again with the same inputs. Raises
-    ConfigurationError, and leaves no verdict, for bad input.
+    `overlay` writes a recording of measured and simulated runs to a path. An interrupted fit
+    resumes when it is called again with the same inputs. Raises ConfigurationError, and leaves no
+    verdict, for bad input.
     """
     began = time.monotonic()
     _clear(out)
