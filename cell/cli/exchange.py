@@ -9,7 +9,7 @@ import typer
 from cell.cli.options import Configs, Json, Strip, check_names
 from cell.cli.output import busy, notice, print_json
 from cell.config.places import Configs as Found, find_configs
-from cell.record.files import run_folder
+from cell.record.files import run_folder, runs_in
 from cell.report.words import plural
 from drivers.errors import ConfigurationError
 
@@ -64,7 +64,10 @@ def import_runs(
     from cell.record.run import read_run
 
     of = f"--strip {read_run(made[0]).header.strip}" if model is None else f"--model {model}"
-    sys.stdout.write(f"next: cell gap check {out} {of} --out {out}-check\n")
+    following = f"cell gap check {out} {of} --out {out}-check"
+    if len(runs_in(out)) == 1:
+        following = f"import a second run into {out}, better ten: a verdict needs some to test it"
+    sys.stdout.write(f"next: {following}\n")
 
 
 def _propose(places: list[Path], out: Path, strip: "StripFile | None") -> None:

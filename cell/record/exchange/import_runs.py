@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from cell.extras import require_library
-from cell.record.columns import LENGTHS, Ticks
+from cell.record.columns import ANGLES, LENGTHS, Ticks
 from cell.record.documents import write_document
 from cell.record.exchange.lerobot import INFO, episodes
 from cell.record.exchange.mapping import (
@@ -123,7 +123,7 @@ def _suggest_change(
     if isinstance(how, SignalMapping):
         return ""
     changes: list[dict[str, Any]] = [{"reversed": True}, {"reversed": False}]
-    changes += [{"unit": unit} for unit in LENGTHS]
+    changes += [{"unit": unit} for unit in (*LENGTHS, *ANGLES)]
     x = ("x", "contact_x")
     tried = [*product(changes, (x, ("z",), (*x, "z"), ("pitch",)))]
     with suppress(ConfigurationError):

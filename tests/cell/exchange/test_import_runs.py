@@ -51,7 +51,7 @@ def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output
     assert "a: 2.99 s; 72 images, touch at 2.80 s" in done.stdout
-    assert "next: cell gap check" in done.stdout
+    assert "next: import a second run into" in done.stdout
     assert "a: starts 12.5 mm from the strip's free edge" in done.stderr
     again = CliRunner().invoke(app, words)
     assert "is there already" in str(again.exception)

@@ -315,8 +315,8 @@ def _check_within(stamps: Array, t: Array, origin: str) -> None:
     off = np.flatnonzero((stamps < t[0] - IMAGE_TIME_MARGIN) | (stamps > t[-1] + IMAGE_TIME_MARGIN))
     if len(off):
         raise ConfigurationError(
-            f"{origin}: is {stamps[off[0]]:g} s, the rows of ticks.parquet span {t[0]:g} to "
-            f"{t[-1]:g} s; give it in s since the run's start"
+            f"{origin}: is {stamps[off[0]]:g} s, the gripper's rows span {t[0]:g} to {t[-1]:g} s; "
+            "give all times of a run in s on one clock, which begins at its start"
         )
 
 
