@@ -171,11 +171,12 @@ def board_figures(settings: BoardSettings) -> "tuple[Figure, Figure]":
     name, (width, height) = smallest_sheet(settings)
     page, axes = _blank_page(width, height)
     square = 1e3 * settings.square
-    left, top = (width - settings.columns * square) / 2, height - QUIET_ZONE * square
+    left = (width - settings.columns * square) / 2
+    top = height - QUIET_ZONE * square
     pixels = (settings.columns * SQUARE_PX, settings.rows * SQUARE_PX)
     pattern = settings.board().generateImage(pixels)
-    right, bottom = left + settings.columns * square, top - settings.rows * square
-    place = (left, right, bottom, top)
+    bottom = top - settings.rows * square
+    place = (left, left + settings.columns * square, bottom, top)
     axes.imshow(pattern, cmap="gray", interpolation="none", extent=place, aspect="auto")
     axes.set(xlim=(0, width), ylim=(0, height))
     _draw_ruler(axes, settings, left, bottom - 6.0, name)

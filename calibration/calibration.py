@@ -112,8 +112,8 @@ def make_calibration(lens: Lens, homography: Homography, **facts: Any) -> Calibr
 
 def change_calibration(calibration: Calibration, **facts: Any) -> Calibration:
     """Copy of `calibration` with other `facts`, keywords of `make_calibration`, and a new id."""
-    kept = {name: getattr(calibration, name) for name in ("lens", "homography", *KEYWORDS)}
-    return make_calibration(**kept | facts)
+    values = {name: getattr(calibration, name) for name in ("lens", "homography", *KEYWORDS)}
+    return make_calibration(**values | facts)
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:
@@ -144,5 +144,6 @@ def _signed_file(lens: Lens, homography: Homography, facts: Mapping[str, Any]) -
 
 
 def _digest(content: dict[str, Any]) -> str:
+    """Id of a calibration: twelve digits of the hash of its `content` but for its date."""
     signed = {key: value for key, value in content.items() if key not in {"id", "date"}}
     return hashlib.sha256(json.dumps(signed, sort_keys=True).encode()).hexdigest()[:12]

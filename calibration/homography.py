@@ -78,17 +78,17 @@ def fit_homography(pixels: Array, points: Array) -> tuple[Homography, NDArray[np
     to_pixels, mask = cv2.findHomography(millimetres, pixels, cv2.RANSAC, RANSAC_THRESHOLD)
     if to_pixels is None:
         raise ConfigurationError("homography: the touched points determine no map; spread them")
-    used = np.ravel(mask).astype(bool)
-    if used.sum() < MINIMUM_INLIERS:
+    inliers = np.ravel(mask).astype(bool)
+    if inliers.sum() < MINIMUM_INLIERS:
         raise ConfigurationError(
-            f"homography: only {used.sum()} of {len(points)} touched points agree; "
+            f"homography: only {inliers.sum()} of {len(points)} touched points agree; "
             "check the pointer and touch again"
         )
-    refit, _ = cv2.findHomography(millimetres[used], pixels[used], 0)
+    refit, _ = cv2.findHomography(millimetres[inliers], pixels[inliers], 0)
     homography = Homography.from_matrix(
         np.diag([1e-3, 1e-3, 1.0]) @ np.linalg.inv(refit)
     )  # to metres
-    return homography, used
+    return homography, inliers
 
 
 def viewpoint(lens: Lens, homography: Homography) -> Viewpoint:
@@ -97,8 +97,8 @@ def viewpoint(lens: Lens, homography: Homography) -> Viewpoint:
     pixels = shares * (lens.width, lens.height)
     plane = homography.to_plane(pixels)
     world = np.column_stack([plane[:, 0], np.zeros(len(plane)), plane[:, 1]])
-    found, rotation, translation = cv2.solvePnP(world, pixels, lens.matrix, None)
-    if not found:
+    solved, rotation, translation = cv2.solvePnP(world, pixels, lens.matrix, None)
+    if not solved:
         raise ConfigurationError("homography: lens and map contradict each other; do both again")
     centre = -cv2.Rodrigues(rotation)[0].T @ translation.ravel()
     if not centre[1] < 0:

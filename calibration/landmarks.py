@@ -99,9 +99,8 @@ class CameraShift:
     @property
     def distance(self) -> float:
         """Larger of the shifts by tip and desk [mm] that are known; NaN where none is."""
-        known = [abs(self.desk), float(np.hypot(self.x, self.z))]
-        finite = [value for value in known if np.isfinite(value)]
-        return max(finite) if finite else float("nan")
+        shifts = (abs(self.desk), float(np.hypot(self.x, self.z)))
+        return max(filter(np.isfinite, shifts), default=float("nan"))
 
 
 def take_landmarks(frame: Frame, pose: Pose, lens: Lens, homography: Homography) -> Landmarks:
@@ -145,8 +144,9 @@ def _desk_patch(grey: Image, x: float, lens: Lens, homography: Homography) -> La
     None at the border of the image, or where the contrast of its strongest edge is weak.
     """
     ends = lens.distort(homography.to_image(np.array([(x, z) for z in DESK_HEIGHTS])))
-    (u, low), (_, high) = ends
-    left, first, last = round(float(u)) - DESK_SIDE // 2, round(float(high)), round(float(low))
+    (u, low), (_, high) = ends.tolist()
+    left = round(u) - DESK_SIDE // 2
+    first, last = round(high), round(low)
     if left < 0 or left + DESK_SIDE > grey.shape[1]:
         return None
     if first < SEARCH_RADIUS or last > len(grey) - SEARCH_RADIUS:
@@ -168,10 +168,10 @@ def _find_shift(grey: Image, mark: Landmark) -> tuple[float, float] | None:
     window = grey[top : mark.top + side + SEARCH_RADIUS, left : mark.left + side + reach_u]
     if window.shape[0] < side or window.shape[1] < side:
         return None
-    found = find_patch(window, patch)
-    if found is None:
+    place = find_patch(window, patch)
+    if place is None:
         return None
-    return left + float(found[0]) - mark.left, top + float(found[1]) - mark.top
+    return left + float(place[0]) - mark.left, top + float(place[1]) - mark.top
 
 
 def find_patch(window: Image, patch: Image) -> Array | None:
@@ -187,8 +187,8 @@ def _peak(scores: Array, at: int) -> float:
     """Offset of the maximum of `scores` (n,) from index `at`, by a parabola through 3 values."""
     if not 0 < at < len(scores) - 1:
         return 0.0
-    before, here, after = (float(score) for score in scores[at - 1 : at + 2])
-    bend = before - 2 * here + after
+    before, peak, after = scores[at - 1 : at + 2].astype(float).tolist()
+    bend = before - 2 * peak + after
     return 0.0 if bend >= 0 else 0.5 * (before - after) / bend
 
 

@@ -116,8 +116,9 @@ def checked_lens(lens: Lens, origin: str) -> Lens:
     distortion finite and bounded.
     """
     sides = np.array([lens.width, lens.height], dtype=np.float64)
-    focal, centre = np.diag(lens.matrix)[:2], lens.matrix[:2, 2]
-    low, high = FOCAL[0] * sides.max(), FOCAL[1] * sides.max()
+    focal = np.diag(lens.matrix)[:2]
+    centre = lens.matrix[:2, 2]
+    low, high = np.multiply(FOCAL, sides.max())
     size = f"{lens.width} x {lens.height} px"
     beyond = ~(np.abs(lens.distortion) <= DISTORTION)
     faults = (  # negated, so that NaN is refused too

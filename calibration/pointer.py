@@ -20,9 +20,10 @@ def find_pointer(image: Image) -> Array | None:
     for level in LIT_LEVELS:
         _, bright = cv2.threshold(darkest, level, 255, cv2.THRESH_BINARY)
         outlines, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-        found = [centre for outline in outlines if (centre := _disc(darkest, outline)) is not None]
-        if found:
-            return found[0] if len(found) == 1 else None
+        discs = [_disc(darkest, outline) for outline in outlines]
+        centres = [centre for centre in discs if centre is not None]
+        if centres:
+            return centres[0] if len(centres) == 1 else None
     return None
 
 

@@ -74,9 +74,9 @@ class LatencySteps:
     """
 
     def __init__(self, settings: LatencySettings) -> None:
-        here = Pose(settings.x, settings.z, pi / 2)
-        there = Pose(settings.x + settings.step, settings.z, pi / 2)
-        self._queue = [(here, there)[k % 2] for k in range(settings.steps + 1)]
+        start = Pose(settings.x, settings.z, pi / 2)
+        end = Pose(settings.x + settings.step, settings.z, pi / 2)
+        self._queue = [(start, end)[k % 2] for k in range(settings.steps + 1)]
         self._arm: list[tuple[float, float, float]] = []
         self._seen: list[tuple[float, float, float]] = []
 
@@ -125,17 +125,17 @@ def latency_verdict(
     """
     if len(arm) < 2 or len(seen) == 0:
         return LatencyVerdict(reasons=("no step of the arm was seen; step again",))
-    stamps, places = seen[:, 0], homography.to_plane(lens.undistort(seen[:, 1:]))
-    inside = (stamps > arm[0, 0] + settings.most) & (stamps < arm[-1, 0])
-    stamps, along = stamps[inside], places[inside, 0]
+    inside = (seen[:, 0] > arm[0, 0] + settings.most) & (seen[:, 0] < arm[-1, 0])
+    stamps = seen[inside, 0]
+    along = homography.to_plane(lens.undistort(seen[:, 1:]))[inside, 0]
     speed = np.interp(stamps, arm[:, 0], np.abs(np.gradient(arm[:, 1], arm[:, 0])))
     moving = int((speed > MOVING_SPEED).sum())
     if moving < settings.images:
         reason = f"{moving} images show the pointer under way, {settings.images} are needed"
         return LatencyVerdict(images=moving, reasons=(f"{reason}; step again, uncover it",))
     latency, misfit = _best_latency(arm, stamps, along, settings.most)
-    halves = [_best_latency(arm, stamps[k::2], along[k::2], settings.most)[0] for k in (0, 1)]
-    verdict = LatencyVerdict(latency, abs(halves[0] - halves[1]), 1e3 * misfit, moving)
+    one, other = (_best_latency(arm, stamps[k::2], along[k::2], settings.most)[0] for k in (0, 1))
+    verdict = LatencyVerdict(latency, abs(one - other), 1e3 * misfit, moving)
     drift = _drift_reasons(arm, stamps, along, latency, settings)
     return replace(verdict, reasons=drift or _reasons(verdict, settings))
 
@@ -153,19 +153,20 @@ def _drift_reasons(
         exposures = stamps - (late + rate * since)
         return np.asarray(along - np.interp(exposures, arm[:, 0], arm[:, 1]) - offset)
 
-    found = least_squares(
+    fit = least_squares(
         errors, (latency, 0.0, 0.0), loss="cauchy", f_scale=DRIFT_LOSS_SCALE, x_scale="jac"
     )
-    rate, noise = found.x[1], np.mean(errors(found.x) ** 2)
-    rate_sigma = float(np.sqrt(noise * np.linalg.pinv(found.jac.T @ found.jac)[1, 1]))
-    lasted = float(np.ptp(stamps))
-    drift = float(rate) * lasted
+    rate = fit.x[1]
+    noise = np.mean(errors(fit.x) ** 2)
+    rate_sigma = float(np.sqrt(noise * np.linalg.pinv(fit.jac.T @ fit.jac)[1, 1]))
+    duration = float(np.ptp(stamps))
+    drift = float(rate) * duration
     if abs(drift) <= settings.uncertainty or abs(rate) < DRIFT_SIGMA * rate_sigma:
         return ()
     return (
-        f"the camera's stamps drift against the arm's, by {1e3 * drift:+.0f} ms over {lasted:.0f} "
-        f"s (allowed {1e3 * settings.uncertainty:.0f} ms): the two do not run by one clock; stamp "
-        "images by the machine's monotonic clock",
+        f"the camera's stamps drift against the arm's, by {1e3 * drift:+.0f} ms over "
+        f"{duration:.0f} s (allowed {1e3 * settings.uncertainty:.0f} ms): the two do not run by "
+        "one clock; stamp images by the machine's monotonic clock",
     )
 
 
@@ -178,14 +179,14 @@ def _best_latency(arm: Array, stamps: Array, along: Array, most: float) -> tuple
     from scipy.optimize import minimize_scalar
 
     def misfit(latency: float) -> float:
-        off = along - np.interp(stamps - latency, arm[:, 0], arm[:, 1])
-        return float(np.std(off))
+        errors = along - np.interp(stamps - latency, arm[:, 0], arm[:, 1])
+        return float(np.std(errors))
 
-    tried = np.arange(-most, most + FIRST_STEP / 2, FIRST_STEP)
-    start = float(tried[np.argmin([misfit(latency) for latency in tried])])
+    latencies = np.arange(-most, most + FIRST_STEP / 2, FIRST_STEP)
+    start = float(latencies[np.argmin([misfit(latency) for latency in latencies])])
     bounds = (start - FIRST_STEP, start + FIRST_STEP)
-    found = minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-6})
-    return float(found.x), float(found.fun)
+    best = minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-6})
+    return float(best.x), float(best.fun)
 
 
 def _reasons(verdict: LatencyVerdict, settings: LatencySettings) -> tuple[str, ...]:

@@ -139,7 +139,8 @@ def draw_picture(image: Image, marks: Iterable[Mark]) -> Image:
 
 def _draw_mark(drawn: Image, mark: Mark) -> None:
     """Draw a dot, or for a point with a label a circle, its error and its label; wild: a cross."""
-    at, colour = _pixel(mark.pixel), COLOURS_BGR[mark.kind]
+    at = _pixel(mark.pixel)
+    colour = COLOURS_BGR[mark.kind]
     if not mark.label:
         cv2.circle(drawn, at, 2, colour, -1, LINE_TYPE)
         return

@@ -67,7 +67,8 @@ class SessionFolder:
 
         Raises ConfigurationError for a folder that cannot be written.
         """
-        self.folder, self.session = folder, session
+        self.folder = folder
+        self.session = session
         self.newest: Frame | None = None
         self._count = len([*(folder / IMAGES_FOLDER).glob("*.png")])
         self._watch = watch
@@ -121,15 +122,15 @@ def begin_or_resume(folder: Path, now: Session) -> Session:
     """Session in `folder`, or `now` in a new one; ConfigurationError where settings differ."""
     if not (folder / SESSION_FILE).exists():
         return now
-    begun = read_session(folder, now.kind)
+    stored = read_session(folder, now.kind)
     for key in ("camera", "image", "locks", "boards", "touches", "latency", "lens"):
-        then, today = getattr(begun, key), getattr(now, key)
-        if then != today:
+        before, today = getattr(stored, key), getattr(now, key)
+        if before != today:
             raise ConfigurationError(
-                f"--resume: {folder / SESSION_FILE}: {key}: is {then}, here it is {today}; set it "
-                "back, or begin a new session"
+                f"--resume: {folder / SESSION_FILE}: {key}: is {before}, here it is {today}; set "
+                "it back, or begin a new session"
             )
-    return begun
+    return stored
 
 
 def read_rows(folder: Path) -> Iterator[Row]:
@@ -156,14 +157,14 @@ def _taken_images(
 
     Raises ConfigurationError for an image that is missing or not of the session's size.
     """
-    kept: list[Row] = []
+    accepted: list[Row] = []
     for row in read_rows(folder) if (folder / ROWS_FILE).exists() else ():
         if row.dropped:
-            mine = (row.number, row.again)
-            kept = [other for other in kept if (other.number, other.again) != mine]
+            identity = (row.number, row.again)
+            accepted = [other for other in accepted if (other.number, other.again) != identity]
         elif row.image is not None:
-            kept.append(row)
-    for row in kept:
+            accepted.append(row)
+    for row in accepted:
         if row.number not in without:
             yield row, _read_image(folder, row, session.image)
 
@@ -179,11 +180,11 @@ def _read_image(folder: Path, row: Row, size: tuple[int, int]) -> Image:
         image = read_picture(path)
     except ConfigurationError as error:
         raise ConfigurationError(f"{error}; or leave it out by its number") from None
-    found = (image.shape[1], image.shape[0])
-    if found != size:
+    stored_size = (image.shape[1], image.shape[0])
+    if stored_size != size:
         raise ConfigurationError(
-            f"{path}: is {found[0]} x {found[1]} px, {folder / SESSION_FILE} says image: "
-            f"[{size[0]}, {size[1]}]; width comes first"
+            f"{path}: is {stored_size[0]} x {stored_size[1]} px, {folder / SESSION_FILE} says "
+            f"image: [{size[0]}, {size[1]}]; width comes first"
         )
     return image
 

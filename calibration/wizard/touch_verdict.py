@@ -67,9 +67,9 @@ class TouchVerdict(Verdict):
                 grade_line(self.displacement_mm, *DISPLACEMENT_GRADES,
                        f"by this a displacement errs by {self.displacement_mm:.2f} mm (rms)"),
             ]  # fmt: skip
-        replaced, left_out = self.wild.values(), self.rejected.values()
-        lines += [Line(Level.FAIR, f"{text}; touched again, where it agrees") for text in replaced]
-        lines += [Line(Level.FAIR, f"{text}; left out") for text in left_out]
+        for text in self.wild.values():
+            lines.append(Line(Level.FAIR, f"{text}; touched again, where it agrees"))
+        lines += [Line(Level.FAIR, f"{text}; left out") for text in self.rejected.values()]
         return [*lines, *self.bad_lines()]
 
 
@@ -155,7 +155,7 @@ class MapVerdict:
         if self.touches.homography is None or (self.reasons and not anyway):
             return self
         latency = self.latency.latency
-        made = make_calibration(
+        calibration = make_calibration(
             lens,
             self.touches.homography,
             residual_mm=self.touches.residual_mm,
@@ -164,7 +164,7 @@ class MapVerdict:
             accepted_anyway=self.reasons,
             **facts,
         )
-        return replace(self, calibration=made)
+        return replace(self, calibration=calibration)
 
     @property
     def passed(self) -> bool:
@@ -250,8 +250,8 @@ def _compose(fit: TouchFit, settings: TouchSettings) -> TouchVerdict:
         wild=fit.describe(fit.replaced),
         clean=not rejected and _rms(errors) <= settings.good_mm,
     )
-    found = (*_map_reasons(verdict, settings), *_point_reasons(fit, settings))
-    return replace(verdict, reasons=found)
+    refused = (*_map_reasons(verdict, settings), *_point_reasons(fit, settings))
+    return replace(verdict, reasons=refused)
 
 
 def _halves_mm(points: Sequence[Touch], lens: Lens, settings: TouchSettings) -> float:
@@ -315,4 +315,5 @@ def _point_reasons(fit: TouchFit, settings: TouchSettings) -> tuple[str, ...]:
 
 
 def _rms(values: Array) -> float:
+    """Root mean square of `values` (n,); NaN without any."""
     return float(np.sqrt(np.mean(values**2))) if len(values) else NAN

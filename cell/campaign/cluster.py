@@ -51,12 +51,14 @@ class Cluster:
         Raises ConfigurationError for an address without a usable cluster or a worker of other
         versions, WorkersLost where the cluster stays away.
         """
-        left = {(part.key, part.of): part for part in parts}
+        unfinished = {(part.key, part.of): part for part in parts}
         patience = CONNECT_TIMEOUT
-        while left:
+        while unfinished:
             with _silence_dask(), connect(self.address, patience) as client:
-                for record in _run_until_lost(client, list(left.values()), folder, self.limit):
-                    left.pop((record.key, record.of), None)
+                for record in _run_until_lost(
+                    client, list(unfinished.values()), folder, self.limit
+                ):
+                    unfinished.pop((record.key, record.of), None)
                     yield record
             patience = ABSENCE
 
@@ -138,15 +140,16 @@ def _run_until_lost(
     """Yield records until all parts have one or the scheduler is gone; a part for each thread."""
     from distributed import wait
 
-    waiting, killed = parts[::-1], Counter[str]()  # popped from the end: in the order of parts
-    here = versions()
+    waiting = parts[::-1]  # popped from the end: in the order of parts
+    killed = Counter[str]()
+    client_versions = versions()
     running: dict[Future[str], Part] = {}
     last_seen = time.monotonic()
     while (waiting or running) and client.status == "running":
         threads = _thread_count(client)
         while waiting and len(running) < max(threads, 1):
             part = waiting.pop()
-            arguments = (part, str(folder.resolve()), here, limit)
+            arguments = (part, str(folder.resolve()), client_versions, limit)
             running[client.submit(remote, *arguments, pure=False)] = part
         with suppress(TimeoutError, CancelledError), client.as_current():
             wait(list(running), timeout=POLL_INTERVAL, return_when="FIRST_COMPLETED")
@@ -192,8 +195,8 @@ def _store_record(
     finally:
         future.release()
     journal = Journal(folder)
-    known = journal.get(record.key, record.of)
-    if known is None or not known.done:
+    stored = journal.get(record.key, record.of)
+    if stored is None or not stored.done:
         journal.put(record)
     return record
 
@@ -234,12 +237,11 @@ def _check(client: "Client", address: str, patience: float) -> None:
         raise ConfigurationError(
             f"--cluster: {address}: has no workers; start some with `dask worker {address}`"
         ) from None
-    here = versions()
-    for worker, there in client.run(versions, on_error="return").items():
-        if there != here:
-            raise ConfigurationError(
-                f"--cluster: {worker}: {_different_versions(here, there)}; install the same there"
-            )
+    expected = versions()
+    for worker, found in client.run(versions, on_error="return").items():
+        if found != expected:
+            difference = _different_versions(expected, found)
+            raise ConfigurationError(f"--cluster: {worker}: {difference}; install the same there")
 
 
 def _different_versions(expected: Mapping[str, str], found: object) -> str:

@@ -80,8 +80,8 @@ class Journal:
 
     def records(self) -> tuple[Record, ...]:
         """All records that can be read, by file name."""
-        found = map(_read, sorted(self.folder.glob("[!.]*.json")))
-        return tuple(record for record in found if record is not None)
+        records = map(_read, sorted(self.folder.glob("[!.]*.json")))
+        return tuple(record for record in records if record is not None)
 
     def forget(self, keys: Iterable[tuple[str, str]]) -> None:
         """Remove the records with these pairs (key, of)."""
@@ -90,6 +90,7 @@ class Journal:
 
 
 def _read(path: Path) -> Record | None:
+    """Record in the file at `path`; None where it cannot be read."""
     try:
         return Record.model_validate_json(read_bytes(path, LARGEST_RECORD))
     except (OSError, ValidationError, ConfigurationError):

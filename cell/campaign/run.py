@@ -53,18 +53,21 @@ def measure(part: Part, folder: Path) -> Record:
     cannot be written.
     """
     journal = Journal(folder)
-    known = journal.get(part.key, part.of)
-    if known is not None and known.done:
-        return known
-    begun, before, outcome, reason = time.perf_counter(), os.times(), None, ""
+    record = journal.get(part.key, part.of)
+    if record is not None and record.done:
+        return record
+    start = time.perf_counter()
+    processor_start = sum(os.times()[:4])
+    outcome = None
+    reason = ""
     try:
         outcome = plain(dict(part.function(*part.arguments)))
     except CellError as error:
         reason = str(error)
     except Exception as error:  # noqa: BLE001  an edge: the other parts go on
         reason = str(Unexpected(error))
-    passed, spent = time.perf_counter() - begun, sum(os.times()[:4]) - sum(before[:4])
-    cost = Cost(wall=passed, processor=spent)  # of this process and of its children that ended
+    processor = sum(os.times()[:4]) - processor_start  # s, with that of children that ended
+    cost = Cost(wall=time.perf_counter() - start, processor=processor)
     state: State = "failed" if outcome is None else "measured"
     return store_record(part, folder, state, outcome=outcome, reason=reason, cost=cost)
 
@@ -129,7 +132,8 @@ def measure_in(
     A part that outlives its `limit` [s], or kills its process twice, is set aside. Raises CellError
     where a record cannot be stored.
     """
-    waiting, deaths = deque(parts), Counter[str]()
+    waiting = deque(parts)
+    deaths = Counter[str]()
     while waiting or pool.is_busy:
         while waiting and pool.has_room:
             part = waiting.popleft()
@@ -159,20 +163,21 @@ def carry_out(
     where the journal cannot be written or the workers are gone, KeyboardInterrupt from the
     keyboard; finished parts are kept in either case.
     """
-    journal, wanted = Journal(folder), {(part.key, part.of): part for part in parts}
+    journal = Journal(folder)
+    by_name = {(part.key, part.of): part for part in parts}
     if again:
-        journal.forget(wanted)
-    found = {name: journal.get(*name) for name in wanted}
-    known = {name: record for name, record in found.items() if record and record.done}
-    done = sum(wanted[name].cost for name in known)
-    meter.begin(len(parts), len(known), sum(part.cost for part in parts), done)
-    yield from known.values()
-    left = [part for name, part in wanted.items() if name not in known]
-    if not left:
+        journal.forget(by_name)
+    stored = {name: journal.get(*name) for name in by_name}
+    finished = {name: record for name, record in stored.items() if record and record.done}
+    finished_cost = sum(by_name[name].cost for name in finished)
+    meter.begin(len(parts), len(finished), sum(part.cost for part in parts), finished_cost)
+    yield from finished.values()
+    unfinished = [part for name, part in by_name.items() if name not in finished]
+    if not unfinished:
         return
     make_folder(folder)
-    for record in engine.measure(left, folder):
-        meter.finish(wanted[record.key, record.of].cost, record)
+    for record in engine.measure(unfinished, folder):
+        meter.finish(by_name[record.key, record.of].cost, record)
         yield record
 
 

@@ -32,12 +32,7 @@ from cell.gap.forward_selection import (
 )
 from cell.gap.selection.choice import choose, join_overlapping, rivals
 from cell.gap.selection.likelihood import ALPHA, Fits, holm, likelihood_scale
-from cell.gap.selection.posterior import (
-    Posterior,
-    floor_responses,
-    posterior,
-    spike_responses,
-)
+from cell.gap.selection.posterior import Posterior, floor_responses, posterior, spike_responses
 from cell.gap.selection.screening import (
     ProbeResponses,
     detection_limits,

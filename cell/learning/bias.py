@@ -54,11 +54,11 @@ def bias(
     learner = _Learner(settings)
     for experience in experiences:
         learner.learn(experience)
-    found = learner.bias(strip, specimen)
-    if found.since is None and learner.epoch:
-        parts = averaged_parts(found.parts, learner.epoch, strip, specimen, settings)
-        found = replace(found, seen=sum(parts), parts=parts)
-    return replace(found, laid=laid_offset(learner.epoch, found.rig, settings))
+    learned = learner.bias(strip, specimen)
+    if learned.since is None and learner.epoch:
+        parts = averaged_parts(learned.parts, learner.epoch, strip, specimen, settings)
+        learned = replace(learned, seen=sum(parts), parts=parts)
+    return replace(learned, laid=laid_offset(learner.epoch, learned.rig, settings))
 
 
 class _Learner:
@@ -78,7 +78,8 @@ class _Learner:
         if experience.kind == "ruler":
             self._rows.append(((self._rig,), experience.rig, self._settings.ruler))
             return
-        surprise, before = self._surprise(experience), self._previous_fold
+        surprise = self._surprise(experience)
+        before = self._previous_fold
         self._previous_fold = (surprise, experience)
         if (
             before is not None  # two folds in a row deviate to the same side
@@ -96,7 +97,8 @@ class _Learner:
         if abs(surprise) <= OUTLIER_SIGMAS:
             self._rows.pop(self._epoch_rows[-1])
         self._change_runs.append(first.run)
-        self._epoch_rows, self.epoch = [], []
+        self._epoch_rows = []
+        self.epoch = []
         self._add(first)
 
     def _surprise(self, experience: Experience) -> float:
@@ -196,8 +198,8 @@ def averaged_parts(
     off = off + settings.specimen**2 * same + noise
     usual = settings.usual**2 * (pieces == f"{strip}/{specimen}") @ np.linalg.solve(null, y)
     p_off = expit(_log_density(y, off) - _log_density(y, null) + logit(settings.off))
-    of_cell, of_strip, of_specimen = (float(p_off * part) for part in parts)
-    return of_cell, of_strip, of_specimen + float((1.0 - p_off) * usual)
+    cell_bias, strip_bias, specimen_bias = (float(p_off * part) for part in parts)
+    return cell_bias, strip_bias, specimen_bias + float((1.0 - p_off) * usual)
 
 
 def laid_offset(experiences: Sequence[Experience], rig: float, settings: LearningSettings) -> float:
@@ -206,13 +208,13 @@ def laid_offset(experiences: Sequence[Experience], rig: float, settings: Learnin
     Weighs two models with prior odds `settings.off`: an offset of about `changed`, or none and an
     error of the camera of about `laid` for each specimen.
     """
-    known = [e for e in experiences if e.edges is not None and abs(e.edges) < settings.limit]
-    if not known:
+    seen_edges = [e for e in experiences if e.edges is not None and abs(e.edges) < settings.limit]
+    if not seen_edges:
         return 0.0
     from scipy.special import expit, logit
 
-    seen = np.array([e.edges for e in known], dtype=float) + rig
-    pieces = _specimens(known)
+    seen = np.array([e.edges for e in seen_edges], dtype=float) + rig
+    pieces = _specimens(seen_edges)
     # covariances of the measured offsets: without and with a fault of the rig
     null = settings.laid**2 * (pieces[:, None] == pieces)
     null = null + settings.repeat**2 * np.eye(len(seen))

@@ -107,9 +107,9 @@ def subject_of(policy: str, checkpoint: Path | None, strip: str, specimen: str |
 def learned_correction(memory: Memory, subject: Subject, settings: LearningSettings) -> Correction:
     """Correction learned for `subject`, within `settings.limit`; ConfigurationError if unread."""
     mine = [one for one in memory.experiences() if one.policy == subject.policy]
-    found = bias(mine, subject.strip, subject.specimen, settings)
-    seen, place = np.clip([found.seen, found.laid], -settings.limit, settings.limit).tolist()
-    return Correction(seen, 0.0, found, place)
+    learned = bias(mine, subject.strip, subject.specimen, settings)
+    seen, place = np.clip([learned.seen, learned.laid], -settings.limit, settings.limit).tolist()
+    return Correction(seen=seen, unseen=0.0, learned=learned, place=place)
 
 
 def experience_of(
@@ -121,7 +121,8 @@ def experience_of(
     folds that were stopped, and predictions made blind are left out. A strip that is unlike the
     model teaches too: it comes out the same way again.
     """
-    predicted, touch = outcome.predicted, outcome.touch
+    predicted = outcome.predicted
+    touch = outcome.touch
     if touch is None or outcome.name not in TEACHING:
         return None
     if predicted is not None and predicted.blind:

@@ -17,13 +17,13 @@ def summary_rows(
         (e.policy, e.strip, e.specimen) for e in experiences
     ):
         mine = [one for one in experiences if one.policy == policy]
-        found = bias(mine, strip, specimen, settings)
+        learned = bias(mine, strip, specimen, settings)
         folds = [one for one in mine if (one.strip, one.specimen) == (strip, specimen)]
         row: dict[str, Any] = {"policy": policy, "strip": strip, "specimen": specimen}
         row |= {"folds": sum(one.kind == "camera" for one in folds)}
-        row |= {"bias": found.seen, "sigma": found.sigma}
-        row |= dict(zip(("cell", "of_strip", "of_specimen"), found.parts, strict=True))
-        row |= {"unseen": found.rig, "laid": found.laid, "since": found.since}
+        row |= {"bias": learned.seen, "sigma": learned.sigma}
+        row |= dict(zip(("cell", "of_strip", "of_specimen"), learned.parts, strict=True))
+        row |= {"unseen": learned.rig, "laid": learned.laid, "since": learned.since}
         rows.append(row)
     return rows
 

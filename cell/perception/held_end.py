@@ -67,9 +67,12 @@ class Clip:
         """Learn the clip at the end of `strip` from `image` (h, w, 3) at rest; None without one."""
         end = np.array([strip.length, 0.0])
         span, height = FACE
-        held = sample_rectangle(image, calibration, (end[0] + span[0], end[0] + span[1]), height)
-        colour, seen = np.median(held, axis=0), sample_scene(image, calibration, strip)
-        around = np.stack([np.median(seen.strip, axis=0), seen.desk_colour])
+        clip_pixels = sample_rectangle(
+            image, calibration, (end[0] + span[0], end[0] + span[1]), height
+        )
+        colour = np.median(clip_pixels, axis=0)
+        samples = sample_scene(image, calibration, strip)
+        around = np.stack([np.median(samples.strip, axis=0), samples.desk_colour])
         if colour_distances(around, colour[None]).min() < APART:
             return None
         face = _face(image, calibration, colour, Pose(strip.length, 0.0, 0.0))
@@ -80,18 +83,18 @@ class Clip:
 
     def find(self, image: Image, calibration: Calibration, last: Pose) -> Pose | None:
         """Pose of the strip's end by its clip in `image` (h, w, 3), near `last`; None if hidden."""
-        seen = _face(image, calibration, self.colour, last)
-        if seen is None or not SMALLEST < seen.area / self.face.area < LARGEST:
+        face = _face(image, calibration, self.colour, last)
+        if face is None or not SMALLEST < face.area / self.face.area < LARGEST:
             return None
-        pitch = seen.axis - self.face.axis
+        pitch = face.axis - self.face.axis
         cosine, sine = np.cos(pitch), np.sin(pitch)
-        x, z = seen.front - np.array([(cosine, -sine), (sine, cosine)]) @ self.face.front
+        x, z = face.front - np.array([(cosine, -sine), (sine, cosine)]) @ self.face.front
         return Pose(float(x), float(z), float(pitch))
 
 
 def _face(image: Image, calibration: Calibration, colour: Array, last: Pose) -> Face | None:
     """Largest region of a `colour` (3,) BGR near the `last` end; None without one."""
-    along = np.array([np.cos(last.pitch), np.sin(last.pitch)])
+    direction = np.array([np.cos(last.pitch), np.sin(last.pitch)])
     corners = np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)]) * WINDOW + (last.x, last.z)
     size = (calibration.lens.width, calibration.lens.height)
     pixels = calibration.to_image(corners)
@@ -103,14 +106,14 @@ def _face(image: Image, calibration: Calibration, colour: Array, last: Pose) -> 
     away = colour_distances(part.reshape(-1, 3).astype(np.float64), colour[None])
     mask = (away.reshape(part.shape[:2]) < ALIKE).astype(np.uint8)
     mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    _, labels, found, _ = cv2.connectedComponentsWithStats(mask)
-    if len(found) < 2:
+    _, labels, pieces, _ = cv2.connectedComponentsWithStats(mask)
+    if len(pieces) < 2:
         return None
-    v, u = np.nonzero(labels == 1 + int(np.argmax(found[1:, cv2.CC_STAT_AREA])))
+    v, u = np.nonzero(labels == 1 + int(np.argmax(pieces[1:, cv2.CC_STAT_AREA])))
     places = calibration.to_plane(np.column_stack([u + left, v + top]))
     middle = places.mean(axis=0)
-    spread, ways = np.linalg.eigh(np.cov((places - middle).T))
-    axis = ways[:, 1] if ways[:, 1] @ along > 0 else -ways[:, 1]
+    spread, axes = np.linalg.eigh(np.cov((places - middle).T))
+    axis = axes[:, 1] if axes[:, 1] @ direction > 0 else -axes[:, 1]
     front = middle + np.quantile((places - middle) @ axis, FRONT) * axis
     slenderness = float(np.sqrt(spread[1] / max(spread[0], 1e-12)))
     return Face(float(len(u)), front, float(np.arctan2(axis[1], axis[0])), slenderness)
@@ -140,24 +143,25 @@ class HeldEnd:
         appearance: Appearance,
         clip: Clip | None = None,
     ) -> None:
-        self._calibration, self._clip = calibration, clip
+        self._calibration = calibration
+        self._clip = clip
         self._perception = Perception(calibration, settings, strip, appearance)
-        self._strip, self._length = strip, strip.length
+        self._strip = strip
         self._to_mouth = np.zeros(2)  # m, from where the clip's face says that the mouth is
         self._past: list[tuple[float, Pose]] = []
 
     def measure(self, frame: Frame) -> HeldMeasurement:
         """Measure the strip and its held end in `frame`, which is later than all before it."""
-        last = self._past[-1][1] if self._past else Pose(self._length, 0.0, 0.0)
+        last = self._past[-1][1] if self._past else Pose(self._strip.length, 0.0, 0.0)
         clip = self._clip
-        held = None if clip is None else clip.find(frame.image, self._calibration, last)
-        if clip is not None and held is not None:
-            best = self._at_mouth(frame, clip, held)
+        face = None if clip is None else clip.find(frame.image, self._calibration, last)
+        if clip is not None and face is not None:
+            best = self._at_mouth(frame, clip, face)
         else:
             best = self._search(frame)
         if best.end is not None:
             self._past = [*self._past[-2:], (frame.stamp, best.end)]
-        sure = held is not None or best.measurement.confidence >= PROFILE_CONFIDENCE
+        sure = face is not None or best.measurement.confidence >= PROFILE_CONFIDENCE
         return best if sure else replace(best, end=None)
 
     def _at_mouth(self, frame: Frame, clip: Clip, face: Pose) -> HeldMeasurement:
@@ -185,23 +189,24 @@ class HeldEnd:
 
     def _search(self, frame: Frame) -> HeldMeasurement:
         """Measure from guesses of the held end's pose, until one gives a sure profile."""
-        first, *others = self._guesses(frame.stamp)
+        first, *guesses = self._guesses(frame.stamp)
         best = self._iterate(frame, first)
-        for guess in others:
+        for guess in guesses:
             if best.end is not None and best.measurement.confidence >= PROFILE_CONFIDENCE:
                 break
-            found = self._iterate(frame, guess)
-            if found.measurement.confidence > best.measurement.confidence:
-                best = found
+            measured = self._iterate(frame, guess)
+            if measured.measurement.confidence > best.measurement.confidence:
+                best = measured
         return best
 
     def _guesses(self, stamp: float) -> Iterator[Pose]:
         """Guesses of the held end's pose: extrapolated, last, and nearby; at first, just lifted."""
         if not self._past:
-            yield Pose(self._length, 0.0, 0.0)
+            length = self._strip.length
+            yield Pose(length, 0.0, 0.0)
             for height in LIFTS:
                 pitch = min(height / UPRIGHT_HEIGHT, 1.0) * np.pi / 2
-                yield Pose(self._length - height / 2, height, pitch)
+                yield Pose(length - height / 2, height, pitch)
             return
         last = self._past[-1][1]
         expected = self._predict(stamp)
@@ -239,11 +244,11 @@ class HeldEnd:
         if len(curve) < 2:
             return None
         along = measurement.contact_x + arc_lengths(curve)
-        within = curve[along <= self._length]
+        within = curve[along <= self._strip.length]
         if len(within) < 2:
             return None
-        (x, z), way = _extrapolate(within, self._length - float(along[len(within) - 1]))
-        return Pose(float(x), float(z), float(np.arctan2(way[1], way[0])))
+        (x, z), slope = _extrapolate(within, self._strip.length - float(along[len(within) - 1]))
+        return Pose(float(x), float(z), float(np.arctan2(slope[1], slope[0])))
 
 
 def _extrapolate(curve: Array, distance: float | Array) -> tuple[Array, Array]:
@@ -255,9 +260,9 @@ def _extrapolate(curve: Array, distance: float | Array) -> tuple[Array, Array]:
     back = along - along[-1]
     last = back >= max(-END_LENGTH, float(back[0]))
     fit = np.polynomial.polynomial.polyfit(back[last], curve[last], min(2, last.sum() - 1))
-    slope = np.polynomial.polynomial.polyder(fit)
-    place, way = (np.polynomial.polynomial.polyval(distance, of) for of in (fit, slope))
-    return np.asarray(place), np.asarray(way)
+    place = np.polynomial.polynomial.polyval(distance, fit)
+    slope = np.polynomial.polynomial.polyval(distance, np.polynomial.polynomial.polyder(fit))
+    return np.asarray(place), np.asarray(slope)
 
 
 def find_end(

@@ -46,8 +46,8 @@ def extract_midline(image: Image, count: int = 200) -> Midline:
     mask, width = _find_object(_brightness(small))
     rough = _level_centres(mask, _geodesic_distance(mask), 0.5 * width)
     fine = _centre(_brightness(small), even_points(_smooth(rough, 2), count), width)
-    whole = _to_ends(mask, fine, width)
-    return Midline((even_points(whole, count) + 0.5) * scale - 0.5, width * scale)
+    midline = _to_ends(mask, fine, width)
+    return Midline((even_points(midline, count) + 0.5) * scale - 0.5, width * scale)
 
 
 def _brightness(image: Image) -> Image:
@@ -89,11 +89,11 @@ def _geodesic_distance(mask: Mask) -> Array:
     height, width = mask.shape
     rows, columns, lengths = [], [], []
     for dv, du in ((0, 1), (1, 0), (1, 1), (-1, 1)):  # half of a pixel's eight neighbours
-        here = index[max(0, -dv) : height - max(0, dv), : width - du]
-        there = index[max(0, dv) : height - max(0, -dv), du:]
-        joined = (here >= 0) & (there >= 0)
-        rows.append(here[joined])
-        columns.append(there[joined])
+        pixel = index[max(0, -dv) : height - max(0, dv), : width - du]
+        neighbour = index[max(0, dv) : height - max(0, -dv), du:]
+        joined = (pixel >= 0) & (neighbour >= 0)
+        rows.append(pixel[joined])
+        columns.append(neighbour[joined])
         lengths.append(np.full(joined.sum(), np.hypot(du, dv)))
     count = int(mask.sum())
     links = (np.concatenate(rows), np.concatenate(columns))
@@ -142,9 +142,9 @@ def _to_ends(mask: Mask, points: Array, width: float) -> Array:
     cut = np.flatnonzero(mask[:, 0])
     entry = np.array([0.0, cut.mean()])
     clear = np.hypot(*(points - entry).T) > 0.8 * width
-    kept = points[int(np.argmax(clear)) :]
-    tip = kept[-1]
-    onward = tip - kept[-END_POINTS]
+    beyond = points[int(np.argmax(clear)) :]
+    tip = beyond[-1]
+    onward = tip - beyond[-END_POINTS]
     onward /= np.linalg.norm(onward)
     steps = tip + np.arange(1.0, 2 * width)[:, None] * onward
     cells = np.rint(steps).astype(int)
@@ -152,4 +152,4 @@ def _to_ends(mask: Mask, points: Array, width: float) -> Array:
     inside = np.zeros(len(steps), dtype=bool)
     inside[within] = mask[cells[within, 1], cells[within, 0]]
     last = len(inside) if inside.all() else int(np.argmin(inside))
-    return np.vstack([entry, kept, steps[:last]])
+    return np.vstack([entry, beyond, steps[:last]])

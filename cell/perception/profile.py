@@ -158,13 +158,13 @@ def _by_far_edge(
     return np.asarray(np.where(np.isfinite(behind), mixed, predicted))
 
 
-def _far_offset(differences: Array, most: float) -> float:
+def _far_offset(differences: Array, limit: float) -> float:
     """Median [m] of `differences` (n,) between a midline by the near edge and the predicted one.
 
-    Only those under `most` [m] count; errors of stated width and thickness cause it.
+    Only those under `limit` [m] count; errors of stated width and thickness cause it.
     """
-    both = differences[np.abs(differences) < most]
-    return float(np.median(both)) if len(both) >= 10 else 0.0
+    close = differences[np.abs(differences) < limit]
+    return float(np.median(close)) if len(close) >= 10 else 0.0
 
 
 def _average_in_order(points: Array, tangents: Array, spacing: float) -> Array:

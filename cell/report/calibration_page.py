@@ -83,8 +83,8 @@ def write_session_page(folder: Path) -> Path:
 
 def _pictures(folder: Path, calibration: Calibration | None) -> list[KeyPicture]:
     """Image from the session or run in `folder` with the strip's plane drawn in; none without."""
-    kept = (folder / PICTURE_FILE, *sorted(folder.glob("frames/*.png")))
-    path = next(filter(Path.is_file, kept), None)
+    images = (folder / PICTURE_FILE, *sorted(folder.glob("frames/*.png")))
+    path = next(filter(Path.is_file, images), None)
     if path is None:
         return []
     image = read_picture(path)

@@ -121,17 +121,18 @@ def name_artists(figure: Any) -> None:
 
 def readings(figure: Any) -> str:
     """Attribute `data-chart` for a figure's SVG: axes, curves, cells as JSON; empty if none."""
-    found = [_axes(axes, figure) for axes in figure.axes]
-    read = [facts for facts in found if facts["curves"] or facts["cells"]]
-    text = json.dumps(read, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-    return f'data-chart="{escape(text)}"' if read else ""
+    all_axes = [_axes(axes, figure) for axes in figure.axes]
+    drawn = [facts for facts in all_axes if facts["curves"] or facts["cells"]]
+    text = json.dumps(drawn, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    return f'data-chart="{escape(text)}"' if drawn else ""
 
 
 def _axes(axes: Any, figure: Any) -> Facts:
     """Facts of one axes for the page's script: place, axis limits, curves, cells, texts."""
     shared = axes.get_shared_x_axes().get_siblings(axes)
     (left, bottom), (right, top) = axes.bbox.min, axes.bbox.max
-    x, y = _axis(axes.xaxis, axes.get_xlim()), _axis(axes.yaxis, axes.get_ylim())
+    x = _axis(axes.xaxis, axes.get_xlim())
+    y = _axis(axes.yaxis, axes.get_ylim())
     return {
         "id": axes.get_gid(),
         "box": [*_svg_point(figure, left, top), *_svg_point(figure, right, bottom)],
@@ -196,7 +197,7 @@ def _curves(axes: Any) -> Iterator[Facts]:
 
 def _bars(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
     """Cells of the bars: two corners [pt] of each, across the axes, and a label with its value."""
-    whole = axes.bbox
+    axes_box = axes.bbox
     for container in axes.containers:
         label = container.get_label()
         name = "" if label.startswith("_") else f"{label} "
@@ -206,10 +207,10 @@ def _bars(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
             along_y = (y, patch.get_y(), patch.get_height())
             is_named = not patch.reading.startswith("_")
             if is_named or container.orientation == "vertical":
-                corners = ((box.x0, whole.y1), (box.x1, whole.y0))
+                corners = ((box.x0, axes_box.y1), (box.x1, axes_box.y0))
                 label = f"{_span_text(*along_x)}: {name}{_value_text(*along_y)}"
             else:
-                corners = ((whole.x0, box.y1), (whole.x1, box.y0))
+                corners = ((axes_box.x0, box.y1), (axes_box.x1, box.y0))
                 label = f"{_span_text(*along_y)}: {name}{_value_text(*along_x)}"
             places = (value for corner in corners for value in _svg_point(figure, *corner))
             yield [*places, patch.reading if is_named else label]
@@ -254,11 +255,11 @@ def _mesh_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[An
             ends = axes.transData.transform(corners[[i, i + 1], [j, j + 1]])
             (left, right), (low, high) = np.sort(ends, axis=0).T
             middle = axes.transData.inverted().transform(ends.mean(axis=0))
-            at = (
+            coordinates = (
                 f"{axis['name'] or 'y'} {v:.3g} {axis['unit']}".strip()
                 for axis, v in zip((x, y), middle, strict=True)
             )
-            label = f"{', '.join(at)}: {_number(value) if np.isfinite(value) else 'none'}"
+            label = f"{', '.join(coordinates)}: {_number(value) if np.isfinite(value) else 'none'}"
             yield [*_svg_point(figure, left, high), *_svg_point(figure, right, low), label]
 
 

@@ -107,13 +107,13 @@ def signals_figure(run: Run) -> str:
 
 def _draw_outlines(axes: Any, outlines: Sequence[Silhouette]) -> None:
     """Draw outlines of the strip while it is laid and when it lies, as it fills the image."""
-    shown = set[str]()
+    drawn_states = set[str]()
     for outline in outlines:
-        label = None if outline.state in shown else outline.state
-        shown.add(outline.state)
+        label = None if outline.state in drawn_states else outline.state
+        drawn_states.add(outline.state)
         colour = GREEN if outline.state == "LAY" else PURPLE
         axes.fill(*(1e3 * outline.plane).T, fc=colour, ec=colour, alpha=0.5, lw=0.8, label=label)
-    if shown:
+    if drawn_states:
         axes.legend(loc="upper right", handlelength=1.2)
 
 
@@ -128,9 +128,9 @@ def _draw_desk(axes: Any, run: Run) -> None:
 
 def _draw_path(axes: Any, ticks: Ticks) -> None:
     """Draw the commanded and the measured path of the gripper."""
-    commanded, measured = 1e3 * ticks.x_cmd, 1e3 * ticks.x
-    axes.plot(commanded, 1e3 * ticks.z_cmd, color=MUTED, lw=0.8, ls=(0, (1, 2)), gid="commanded")
-    axes.plot(measured, 1e3 * ticks.z, color=INK, lw=1.5, gid="gripper")
+    commanded = {"color": MUTED, "lw": 0.8, "ls": (0, (1, 2)), "gid": "commanded"}
+    axes.plot(1e3 * ticks.x_cmd, 1e3 * ticks.z_cmd, **commanded)
+    axes.plot(1e3 * ticks.x, 1e3 * ticks.z, color=INK, lw=1.5, gid="gripper")
     if ticks.t.size:
         axes.plot(1e3 * ticks.x[-1], 1e3 * ticks.z[-1], "o", mfc=PAPER, mec=INK, ms=5)
         early = ticks.t.size // 5
@@ -173,10 +173,10 @@ def _draw_coordinate(axes: Any, ticks: Ticks, sights: Sights, axis: Literal["x",
     """Draw x of gripper, contact and fold tip over time, or z of both and the layers' gap."""
     axes.plot(ticks.t, 1e3 * getattr(ticks, axis), color=INK, label=f"gripper {axis}")
     if axis == "x":
-        t, contact = ticks.t, 1e3 * ticks.contact_x
-        seen = np.isfinite(contact)
-        if seen.any():
-            axes.plot(t[seen], contact[seen], ".", color=BLUE, ms=2.2, label="contact x")
+        visible = np.isfinite(ticks.contact_x)
+        if visible.any():
+            contact = 1e3 * ticks.contact_x[visible]
+            axes.plot(ticks.t[visible], contact, ".", color=BLUE, ms=2.2, label="contact x")
     tips = 1e3 * fold_tips(sights, ticks)[:, "xz".index(axis)]
     lines = [(tips, GREEN, f"fold tip {axis}")]
     lines += [(1e3 * sights.gap, ORANGE, "gap of the layers")] if axis == "z" else []
@@ -190,8 +190,8 @@ def image_ages(run: Run) -> Array:
     """Ages (n,) [s] of the newest image in the control cycles of a `run` that measure images."""
     ticks = run.ticks
     reading = np.array([state in READING for state in ticks.state], dtype=bool)
-    used = reading if reading.any() else np.ones(ticks.t.size, dtype=bool)
-    return np.asarray(ticks.image_age[used & np.isfinite(ticks.image_age)])
+    rows = reading if reading.any() else np.ones(ticks.t.size, dtype=bool)
+    return np.asarray(ticks.image_age[rows & np.isfinite(ticks.image_age)])
 
 
 def predictions(result: Result | None) -> list[tuple[str, str]]:

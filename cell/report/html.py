@@ -52,19 +52,23 @@ def jpeg_text(image: "Image", width: int = 640, quality: int = 82) -> str:
 
 @cache
 def _environment() -> "Environment":
-    """Jinja2 environment with the filters of the pages."""
+    """Jinja2 environment of the pages: the function `file`, the filters keep_units, with_code.
+
+    Its filter `urlencode` takes a path's bytes, which Jinja2's own one would replace by UTF-8.
+    """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    made = Environment(
+    environment = Environment(
         loader=PackageLoader("cell", ""),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters |= {"keep_units": _keep_units, "with_code": _with_code, "urlencode": _address}
-    made.globals["file"] = _file
-    return made
+    environment.filters |= {"keep_units": _keep_units, "with_code": _with_code}
+    environment.filters["urlencode"] = _address
+    environment.globals["file"] = _file
+    return environment
 
 
 def _file(name: str) -> "Markup":
@@ -84,8 +88,8 @@ def _keep_units(text: str) -> "Markup":
     from markupsafe import Markup, escape
 
     signed = str(escape(text)).replace("± ", "±&nbsp;")
-    kept = re.sub(rf"(?<=\d) (?={UNITS}(?!\w))", "&nbsp;", signed)
-    return Markup(kept)  # noqa: S704 escaped above
+    joined = re.sub(rf"(?<=\d) (?={UNITS}(?!\w))", "&nbsp;", signed)
+    return Markup(joined)  # noqa: S704 escaped above
 
 
 def _with_code(line: str) -> "Markup":

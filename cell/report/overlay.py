@@ -60,7 +60,8 @@ class KeyPicture:
 
 def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPicture, ...]:
     """Up to SHOWN_IMAGES readable images of a run, its measurements and `outlines` drawn in."""
-    calibration, pictures = run.calibration(), []
+    calibration = run.calibration()
+    pictures = []
     for note, recorded in _readable(evenly_chosen(run.kept_images(), SHOWN_IMAGES)):
         image = recorded
         if calibration is not None and calibration.lens.fits(recorded):
@@ -93,18 +94,19 @@ def _key_picture(image: Image, width: int, caption: str, note: FrameNote) -> Key
 
 def close_ups(run: Run) -> tuple[KeyPicture, ...]:
     """Readable images at the layers' touch and at the end, cropped by the run's calibration."""
-    kept = run.kept_images()
-    calibration, touch = run.calibration(), None if run.result is None else run.result.t_layer_touch
-    if not kept or calibration is None:
+    notes = run.kept_images()
+    calibration = run.calibration()
+    if not notes or calibration is None:
         return ()
-    chosen = {"at the end": kept[-1]}
+    touch = None if run.result is None else run.result.t_layer_touch
+    chosen = {"at the end": notes[-1]}
     if touch is not None:
-        first = min(kept, key=lambda note: abs(note.stamp - touch))
-        chosen = {"where the layers touch": first} | chosen
+        nearest = min(notes, key=lambda note: abs(note.stamp - touch))
+        chosen = {"where the layers touch": nearest} | chosen
     reach = float(np.max(run.ticks.x, initial=0.1))
     pictures = []
-    for words, shown in chosen.items():
-        for note, image in _readable([shown]):
+    for words, chosen_note in chosen.items():
+        for note, image in _readable([chosen_note]):
             if calibration.lens.fits(image):
                 part = _laid_part(image, calibration, reach)
                 caption = f"{words}  ·  image at {seconds(note.stamp)}"
@@ -166,8 +168,8 @@ def draw_sight(
         cv2.polylines(drawn, [pixels], False, PROFILE_BGR, 3, cv2.LINE_AA, shift=SUBPIXEL_BITS)
     for point, colour in ((np.array([contact_x, 0.0]), CONTACT_BGR), (tip, TIP_BGR)):
         for centre in _pixels(point[None], calibration):
-            radius, place = EIGHTHS * MARK_RADIUS, tuple(centre.tolist())
-            cv2.circle(drawn, place, radius, colour, 4, cv2.LINE_AA, shift=SUBPIXEL_BITS)
+            radius = EIGHTHS * MARK_RADIUS
+            cv2.circle(drawn, centre.tolist(), radius, colour, 4, cv2.LINE_AA, SUBPIXEL_BITS)
     return drawn
 
 
@@ -204,7 +206,8 @@ def _with_outline(image: Image, sequence: int, outlines: Sequence[Silhouette]) -
 
 def _caption(note: FrameNote, run: Run) -> str:
     """Caption of an image: its time, the run's state, and the measured contact."""
-    words, sights = [seconds(note.stamp)], run.sights()
+    words = [seconds(note.stamp)]
+    sights = run.sights()
     if note.stamp < 0:
         words.append("before the lift")
     elif run.ticks.state:
@@ -228,16 +231,16 @@ def silhouettes(run: Run) -> tuple[Silhouette, ...]:
 
 def _outlines(run: Run) -> Iterator[Silhouette]:
     """Yield outlines of the strip, by the appearance learnt from the image before the grasp."""
-    kept = run.kept_images()
-    laying = [note for note in kept if state_at(run, note.stamp) in SILHOUETTE_STATES]
-    flat = next((note for note in kept if note.stamp < 0), None)
+    notes = run.kept_images()
+    laying = [note for note in notes if state_at(run, note.stamp) in SILHOUETTE_STATES]
+    flat = next((note for note in notes if note.stamp < 0), None)
     before = None if flat is None else read_frame(flat)
     calibration = run.calibration()
     if not laying or before is None or calibration is None or run.header.strip_file is None:
         return
     strip = parse(run.header.strip_file, StripFile, "run.yaml: strip_file")
-    stated = (run.header.config or {}).get("perception", {})
-    settings = parse(stated, PerceptionSettings, "run.yaml: config: perception")
+    settings_text = (run.header.config or {}).get("perception", {})
+    settings = parse(settings_text, PerceptionSettings, "run.yaml: config: perception")
     appearance = inspect(before, calibration, settings, strip).appearance
     if appearance is None:
         return

@@ -33,17 +33,16 @@ class PageVerdict:
 
 def _sigma_lines(run: Run, *, laid: bool) -> str:
     """One sigma of displacement or `laid` edges, and the calibration's error, a line each."""
-    sigma, source = run.header.sigma.displacement, "stated in run.yaml"
+    sigma = f"± {millimetres(run.header.sigma.displacement)} stated in run.yaml"
     if laid and run.header.sigma.edge_offset is not None:
-        sigma, source = run.header.sigma.edge_offset, "camera"
-    calibration, stated = run.calibration(), run.header.calibration
-    error = None if stated is None else stated.error
+        sigma = f"± {millimetres(run.header.sigma.edge_offset)} camera"
+    calibration = run.calibration()
+    error = None if run.header.calibration is None else run.header.calibration.error
     if calibration is not None:
         error = calibration.residual
-    known = "calibration error not recorded"
-    if error is not None:
-        known = f"± {millimetres(error)} calibration"
-    return f"± {millimetres(sigma)} {source}{LINE_BREAK}{known}"
+    if error is None:
+        return f"{sigma}{LINE_BREAK}calibration error not recorded"
+    return f"{sigma}{LINE_BREAK}± {millimetres(error)} calibration"
 
 
 def verdict(run: Run) -> str:

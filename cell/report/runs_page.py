@@ -54,18 +54,18 @@ def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
 
 def _cells(row: RunRow, place: Path) -> tuple[str | Link, ...]:
     """Table cells of a run in the list."""
-    lasted = "" if row.duration is None else f"{row.duration:.1f}"
+    duration = "" if row.duration is None else f"{row.duration:.1f}"
     outcome = row.outcome.replace("_", " ")
-    said = " · ".join(filter(None, (row.tags, row.note)))
-    cells = (*row.offsets[::-1], outcome, row.policy, row.strip, lasted, said)
+    notes = " · ".join(filter(None, (row.tags, row.note)))
+    cells = (*row.offsets[::-1], outcome, row.policy, row.strip, duration, notes)
     return (_link(row, place, row.short), *cells)
 
 
 def _thumbnail(row: RunRow) -> str:
     """Last kept image of a run, small, as JPEG in text form; empty where none can be read."""
     try:
-        kept = [note.file for note in read_index(row.folder) if note.file is not None]
-        image = read_picture(kept[-1]) if kept else None
+        images = [note.file for note in read_index(row.folder) if note.file is not None]
+        image = read_picture(images[-1]) if images else None
     except ConfigurationError:
         return ""
     return "" if image is None else jpeg_text(image, THUMBNAIL_WIDTH, quality=60)
@@ -135,17 +135,17 @@ def _verdict(
 
 def _ranked(names: Sequence[str], offsets: Sequence[float | None]) -> str:
     """Text of the runs with the NAMED smallest offsets [m]; those without one are left out."""
-    known = [(abs(v), name, v) for name, v in zip(names, offsets, strict=True) if v is not None]
-    nearest = (f"{name}: {millimetres(v, signed=True)}" for _, name, v in sorted(known)[:NAMED])
+    ranked = [(abs(v), name, v) for name, v in zip(names, offsets, strict=True) if v is not None]
+    nearest = (f"{name}: {millimetres(v, signed=True)}" for _, name, v in sorted(ranked)[:NAMED])
     return ", ".join(nearest)
 
 
 def _numbers(row: RunRow, truth: Mapping[str, Any], place: Path) -> tuple[str | Link, ...]:
     """Table cells of a run in the comparison: outcome, lengths as measured and in truth, touch."""
     lengths = (row.displacement, truth.get("displacement"), row.edge_offset)
-    shown = (millimetres(v, signed=True) for v in (*lengths, truth.get("edge_offset")))
+    texts = (millimetres(v, signed=True) for v in (*lengths, truth.get("edge_offset")))
     outcome = row.outcome.replace("_", " ")
-    return (_link(row, place, row.short.split()[0]), outcome, *shown, seconds(row.touch))
+    return (_link(row, place, row.short.split()[0]), outcome, *texts, seconds(row.touch))
 
 
 def _link(row: RunRow, place: Path, name: str) -> str | Link:
@@ -161,8 +161,8 @@ def _differences(runs: Sequence[Run], truths: Sequence[Mapping[str, Any]]) -> li
     """
     settings = []
     for run, truth in zip(runs, truths, strict=True):
-        known = {"cell": run.header.config or {}, "plant": truth.get("plant", {})}
-        texts = {key: setting_text(key, value) for key, value in flatten(known)}
+        contents = {"cell": run.header.config or {}, "plant": truth.get("plant", {})}
+        texts = {key: setting_text(key, value) for key, value in flatten(contents)}
         settings.append(dict(settings_rows(run)) | texts)
     parts = [{key.partition(".")[0] for key in each} for each in settings]
     shared = set.intersection(*parts)  # a run of others states no cell, policy or versions
@@ -190,8 +190,8 @@ def _shapes(runs: Sequence[Run]) -> str:
             for time in times if curves else ():
                 _, points = min(curves, key=lambda curve: abs(curve[0] - time))
                 near = points[(np.abs(points) < FARTHEST_HAND).all(axis=1)]
-                said = f"{_short_name(run)}, {time:.1f} s"
-                axes.plot(*(1e3 * near).T, **look, lw=0.7, gid=said)
+                label = f"{_short_name(run)}, {time:.1f} s"
+                axes.plot(*(1e3 * near).T, **look, lw=0.7, gid=label)
                 if number == 0 and len(near):
                     axes.annotate(f"{time:.1f} s", 1e3 * near[-1], (3, 0), fontsize=8,
                                   textcoords="offset points")  # fmt: skip

@@ -13,12 +13,7 @@ from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.selection.choice import needed_models
 from cell.gap.selection.likelihood import Fits
 from cell.gap.selection.posterior import posterior
-from cell.gap.selection.screening import (
-    probe_equations,
-    ranked_pairs,
-    ranked_singles,
-    run_probes,
-)
+from cell.gap.selection.screening import probe_equations, ranked_pairs, ranked_singles, run_probes
 from cell.gap.selection.search import Search
 from cell.gap.subject.subject import Subject
 

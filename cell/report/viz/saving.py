@@ -51,14 +51,14 @@ def send_blueprint(recording: rr.RecordingStream, blueprint: Any) -> None:
     `RecordingStream.send_blueprint` does the same, but Rerun 0.41 keeps the stream that it makes of
     the layout, with two threads and 0.8 MB, for as long as the process lives.
     """
-    held = rr.RecordingStream._from_native(
+    layout = rr.RecordingStream._from_native(
         bindings.new_blueprint(recording.get_application_id(), False, False, True)
     )
-    held.set_time("blueprint", sequence=0)
-    blueprint._log_to_stream(held)
-    storage = held.memory_recording().storage
+    layout.set_time("blueprint", sequence=0)
+    blueprint._log_to_stream(layout)
+    storage = layout.memory_recording().storage
     bindings.send_blueprint(storage, True, True, recording=recording.to_native())
-    bindings.disconnect(recording=held.to_native())
+    bindings.disconnect(recording=layout.to_native())
 
 
 def _pass_on(pipe: int, file: FileIO, failures: list[OSError]) -> None:

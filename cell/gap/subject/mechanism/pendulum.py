@@ -32,13 +32,7 @@ from cell.gap.subject.mechanism.read_mechanism import (
 )
 from cell.gap.subject.mechanism.recordings import Recording, Signal, check_angle
 from cell.gap.subject.mechanism.subject import Case
-from cell.gap.subject.run_folders import (
-    RunFolder,
-    check_indices,
-    check_time,
-    column,
-    read_table,
-)
+from cell.gap.subject.run_folders import RunFolder, check_indices, check_time, column, read_table
 from cell.gap.subject.subject import NamedValues, Parameter
 from cell.record.files import RUN
 from cell.record.header import SwingRun

@@ -9,12 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.gap.subject.mechanism.mechanism_file import MechanismFile
-from cell.gap.subject.run_folders import (
-    RunFolder,
-    check_time,
-    column,
-    read_table,
-)
+from cell.gap.subject.run_folders import RunFolder, check_time, column, read_table
 from cell.gap.subject.subject import Samples, Words
 from cell.record.files import JOINTS, RUN, SIGNALS
 from cell.record.header import Load, MechanismRun
