@@ -81,7 +81,6 @@ def plain(place: Path, head: str = "t,x,z", rows: object = None, **how: str) -> 
 
 def in_metres(place: Path, **changes: object) -> Path:
     """A mapping for `plain`, and for the touch of `foreign`."""
-    units = {"t": "s", "x": "m", "z": "m"}
-    columns = {name: {"column": name, "unit": unit} for name, unit in units.items()}
+    columns = {n: {"column": n, "unit": unit} for n, unit in {"t": "s", "x": "m", "z": "m"}.items()}
     ticks = {"file": "tip.csv", "columns": columns}
     return mapping(place, **{"ticks": ticks, "profile": None, "contact": None} | changes)

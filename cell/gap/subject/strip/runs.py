@@ -326,7 +326,7 @@ def _check_held(folder: Path, run: Recorded, touch: Touch | None, strip: StripFi
         if np.size(off) and (median := float(np.median(off))) > most:
             raise ConfigurationError(
                 f"{folder / file}: {what} {median:.2g}, at most {most:g} is believable; "
-                "give lengths in m, along the strip from its fixed edge"
+                "give m and rad, x along the strip from its fixed edge"
             )
 
 
