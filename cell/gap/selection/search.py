@@ -106,10 +106,10 @@ class Search:
                 joint = score.joined_to(fit)
                 after = before - unit * score.gain
                 is_new = fits.of(frozenset(joint.names)) is None
-                if is_new and unit * score.gain > MIN_GAIN * likelihood.inefficiency:
-                    expected[joint.names] = min(
-                        (after, joint), expected.get(joint.names, (after, joint)), key=itemgetter(0)
-                    )
+                promises = unit * score.gain > MIN_GAIN * likelihood.inefficiency
+                leads = joint.names not in expected or after <= expected[joint.names][0]
+                if is_new and promises and leads:
+                    expected[joint.names] = (after, joint)
         order = sorted(expected.values(), key=itemgetter(0))
         scores = [score for _, score in order[: BUDGET.additions * len(models)]]
         if len(models) > 1:
@@ -131,10 +131,9 @@ class Search:
             tasks.append(_few_steps(model, base.evidence, points[1:] or points))
         estimates = [best(tried) for tried in run_all(self.simulate, tasks)]
         dispersion = min((e.scale for e in estimates), default=1.0)
-        order = sorted(range(len(estimates)), key=lambda i: estimates[i].objective_at(dispersion))
-        return [
-            Score(scores[i].names, scores[i].gain, {}, origin=estimates[i]) for i in order[:most]
-        ]
+        pairs = zip(scores, estimates, strict=True)
+        order = sorted(pairs, key=lambda each: each[1].objective_at(dispersion))
+        return [Score(s.names, s.gain, {}, origin=estimate) for s, estimate in order[:most]]
 
     def other_signs(self, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:
         """`fits` with `models` refitted from the other sign of each two-sided effect with a place.
