@@ -73,30 +73,32 @@ def observe(
     cannot be read, shows no such strip, board or clip, or is of another camera than the
     calibration, and leaves no folder then.
     """
-    found = find_configs(configs)
-    cell, strip = found.cell(), found.strip(strip_name)
+    configurations = find_configs(configs)
+    cell, strip = configurations.cell(), configurations.strip(strip_name)
     settings = cell.perception
     if isinstance(calibration, Path):
         calibration = load_calibration(calibration)
     check_free(folder)
-    begin, by_board = 0.0, calibration is None
+    begin = 0.0
+    by_board = calibration is None
     if calibration is None:
         calibration, begin = calibrate_film(film, Film(film).frames(), cell.boards, strip)
     frames = _frames(film, calibration, begin)
-    if (first := next(frames, None)) is None:
+    first = next(frames, None)
+    if first is None:
         raise ConfigurationError(f"{film}: holds no image")
     appearance = _appearance(first, film, calibration, settings, strip)
     clip = _clip(first, film, calibration, strip) if by_board else None
     follow = HeldEnd(calibration, settings, strip, appearance, clip)
-    with new_folder(folder) as made:
-        with FilmWriter(made / OVERLAY) as overlay:
+    with new_folder(folder) as new_run:
+        with FilmWriter(new_run / OVERLAY) as overlay:
             overlay.add(first.stamp, first.image)
             layers = LayerTouch(settings, strip)
-            read, touch = _read(frames, follow, layers, calibration, overlay, progress)
-        _check_enough(read, film)
-        _write(made, read, _held_path(read, strip), strip, calibration, touch)
-        write_document(made / RUN, _header(cell, strip, calibration, read))
-    return FilmMeasurement(folder, begin, len(read), sum(map(_is_confident, read)), touch)
+            measured, touch = _read(frames, follow, layers, calibration, overlay, progress)
+        _check_enough(measured, film)
+        _write(new_run, measured, _held_path(measured, strip), strip, calibration, touch)
+        write_document(new_run / RUN, _header(cell, strip, calibration, measured))
+    return FilmMeasurement(folder, begin, len(measured), sum(map(_is_confident, measured)), touch)
 
 
 def _frames(film: Path, calibration: Calibration, begin: float) -> Iterator[Frame]:
@@ -157,29 +159,29 @@ def _read(
     progress: Progress,
 ) -> tuple[list[HeldMeasurement], SeenTouch | None]:
     """Measure the images up to the layer touch; returns the measurements, and the touch or None."""
-    read: list[HeldMeasurement] = []
+    measured: list[HeldMeasurement] = []
     touch: SeenTouch | None = None
     for frame in frames:
         image = frame.image
         if touch is None:
             held = follow.measure(frame.restamp(-calibration.latency))
-            read.append(held)
+            measured.append(held)
             image = _draw_measurement(image, held, calibration)
             if held.end is not None and _is_confident(held):
                 touch = layers.update(held.measurement, held.end)
         overlay.add(frame.stamp, image)
         progress(frame.stamp)
-    return read, touch
+    return measured, touch
 
 
 def _draw_measurement(image: Image, held: HeldMeasurement, calibration: Calibration) -> Image:
     """Copy of `image` (h, w, 3) with its measurement drawn, and a cross at the held end."""
-    seen = held.measurement
-    curve = seen.profile if _is_confident(held) else np.empty((0, 2))
-    drawn = draw_sight(image, calibration, curve, seen.contact_x, np.array(seen.tip))
+    strip = held.measurement
+    curve = strip.profile if _is_confident(held) else np.empty((0, 2))
+    drawn = draw_sight(image, calibration, curve, strip.contact_x, np.array(strip.tip))
     if held.end is not None:
-        at = calibration.to_image(np.array([[held.end.x, held.end.z]]))[0]
-        place = (round(float(at[0])), round(float(at[1])))
+        pixel = calibration.to_image(np.array([[held.end.x, held.end.z]]))[0]
+        place = (round(float(pixel[0])), round(float(pixel[1])))
         cv2.drawMarker(drawn, place, (0, 255, 255), cv2.MARKER_CROSS, 24, 3)
     return drawn
 
@@ -189,12 +191,12 @@ def _is_confident(held: HeldMeasurement) -> bool:
     return held.end is not None and held.measurement.confidence >= PROFILE_CONFIDENCE
 
 
-def _check_enough(read: Sequence[HeldMeasurement], film: Path) -> None:
+def _check_enough(measured: Sequence[HeldMeasurement], film: Path) -> None:
     """Raise ConfigurationError where too few images show the lifted strip."""
-    found = sum(map(_is_confident, read))
-    if found < FEWEST_IMAGES:
+    count = sum(map(_is_confident, measured))
+    if count < FEWEST_IMAGES:
         raise ConfigurationError(
-            f"{film}: the lifted strip was found in {found} of {len(read)} images, at least "
+            f"{film}: the lifted strip was found in {count} of {len(measured)} images, at least "
             f"{FEWEST_IMAGES} are needed; light it evenly, hold the camera still, or calibrate it "
             "again"
         )
@@ -202,14 +204,14 @@ def _check_enough(read: Sequence[HeldMeasurement], film: Path) -> None:
 
 def _write(
     folder: Path,
-    read: Sequence[HeldMeasurement],
+    measured: Sequence[HeldMeasurement],
     path: tuple[Array, ...],
     strip: StripFile,
     calibration: Calibration,
     touch: SeenTouch | None,
 ) -> None:
     """Write tables, calibration and result of the run: t = 0 is the film's first image."""
-    rows = [sight_row(held.measurement) for held in read if _is_confident(held)]
+    rows = [sight_row(held.measurement) for held in measured if _is_confident(held)]
     sights = pa.Table.from_pylist(rows, SIGHT_ROWS)
     t, x, z, pitch = path
     stamps, contacts = np.asarray(sights["stamp"]), np.asarray(sights["contact_x"])
@@ -225,10 +227,10 @@ def _write(
 
 
 def _header(
-    cell: CellFile, strip: StripFile, calibration: Calibration, read: Sequence[HeldMeasurement]
+    cell: CellFile, strip: StripFile, calibration: Calibration, measured: Sequence[HeldMeasurement]
 ) -> dict[str, object]:
     """Content of run.yaml for a film: noise of its measurements, and the calibration."""
-    period = float(np.median(np.diff([held.measurement.stamp for held in read])))
+    period = float(np.median(np.diff([held.measurement.stamp for held in measured])))
     floors = SIGMA_FLOORS | {"touch_time": period}
     return {
         "schema": 1,
@@ -242,12 +244,12 @@ def _header(
 
 
 def _held_path(
-    read: Sequence[HeldMeasurement], strip: StripFile
+    measured: Sequence[HeldMeasurement], strip: StripFile
 ) -> tuple[Array, Array, Array, Array]:
     """Path of the held end: times (n,) [s], x and z (n,) [m], pitch (n,) [rad], from flat on."""
-    ends = [(held.measurement.stamp, held.end) for held in read if held.end is not None]
+    ends = [(held.measurement.stamp, held.end) for held in measured if held.end is not None]
     lift, lying = ends[0][0], Pose(strip.length, 0.0, 0.0)
-    before = [held.measurement for held in read if held.measurement.stamp < lift]
+    before = [held.measurement for held in measured if held.measurement.stamp < lift]
     flat = [image.stamp for image in before if image.contact_x > strip.length - FLAT_LENGTH]
     resting = [(stamp, lying) for stamp in sorted({0.0, *flat[-1:]}) if stamp < lift]
     rows = [(stamp, pose.x, pose.z, pose.pitch) for stamp, pose in [*resting, *ends]]
