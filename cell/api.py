@@ -40,6 +40,7 @@ from drivers.strip.effects.effect import Effect
 from drivers.strip.file import StripFile
 
 Place = str | Path
+Places = Place | Sequence[Place]
 
 
 def fold(
@@ -82,9 +83,9 @@ def predict(
     return predict_fold(request)
 
 
-def compare(runs: Sequence[Place], out: Place = "compare.html") -> Path:
+def compare(runs: Places, out: Place = "compare.html") -> Path:
     """Write the HTML page that compares `runs`, as `cell report` does; returns the page's path."""
-    return write_comparison([run_folder(str(run)) for run in runs], Path(out))
+    return write_comparison([run_folder(str(run)) for run in _listed(runs)], Path(out))
 
 
 def read_run(folder: Place) -> Run:
@@ -108,13 +109,13 @@ def table(part: Ticks | Profile | Sights) -> pa.Table:
 
 
 def import_runs(
-    places: Sequence[Place], out: Place, mapping: Place | None = None, configs: Place | None = None
+    places: Places, out: Place, mapping: Place | None = None, configs: Place | None = None
 ) -> tuple[Path, ...]:
     """Convert tables, MCAP files or LeRobot data sets to checked run folders; returns these."""
     config = find_configs(configs)
     check = partial(check_fold, config.strip_names(), config.strip)
     return import_from(
-        [Path(place) for place in places],
+        _listed(places),
         None if mapping is None else Path(mapping),
         Path(out),
         check,
@@ -122,10 +123,10 @@ def import_runs(
     )
 
 
-def export_runs(runs: Sequence[Place], kind: Format, out: Place) -> tuple[Path, ...]:
+def export_runs(runs: Places, kind: Format, out: Place) -> tuple[Path, ...]:
     """Write `runs` in the format `kind` into the new folder `out`; returns the files."""
     check_known("kind", kind, get_args(Format))
-    return export_to([run_folder(str(run)) for run in runs], kind, Path(out))
+    return export_to([run_folder(str(run)) for run in _listed(runs)], kind, Path(out))
 
 
 def observe(
@@ -147,7 +148,7 @@ def observe(
 
 
 def fit_gap(
-    runs: Sequence[Place],
+    runs: Places,
     out: Place,
     *,
     strip: str | None = None,
@@ -167,19 +168,16 @@ def fit_gap(
     if (strip is None) == (model is None):
         raise ConfigurationError("give a strip or a model, one of the two")
     file = _subject_file(model or strip or "", configs)
-    folders = [Path(run) for run in runs]
     options = FitOptions(hold_out, without, jobs=jobs)
-    return fit(folders, file, Path(out), options, progress, write_overlay)
+    return fit(_listed(runs), file, Path(out), options, progress, write_overlay)
 
 
-def check(
-    runs: Sequence[Place], subject: Place, jobs: int = 1, configs: Place | None = None
-) -> Check:
+def check(runs: Places, subject: Place, jobs: int = 1, configs: Place | None = None) -> Check:
     """Check recordings before a fit: sampling, clocks, duplicates, and what the runs can show.
 
     `subject` is a strip by name, or the file of a strip or mechanism.
     """
-    return check_runs([Path(run) for run in runs], _subject_file(subject, configs), jobs)
+    return check_runs(_listed(runs), _subject_file(subject, configs), jobs)
 
 
 def accept(
@@ -231,3 +229,8 @@ def read_calibration(path: Place) -> Calibration:
 def effects() -> Mapping[str, Effect]:
     """Library of effects by name, with the effects of installed plug-ins."""
     return registry()
+
+
+def _listed(places: Places) -> list[Path]:
+    """Paths of `places`, of which a single one need not be in a list."""
+    return [Path(places)] if isinstance(places, str | Path) else [Path(each) for each in places]

@@ -135,6 +135,7 @@ def held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
             (words[key], *(f"{side[key]:.3g}" for side in sides),
              " then ".join(f"{side[key]:.2g}" for side in beyond))
             for key in beyond[0]
+            if key in gap.before
         ],
         "leaves": any(excess.any() for excess in by_run.values()),
         "bars": figures.run_bars(names, by_run) if len(names) > 1 else "",

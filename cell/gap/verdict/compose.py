@@ -111,11 +111,16 @@ def _interval(p: Parameter, value: float, half: float) -> ValueWithUnit:
 
 def _gap(findings: Findings) -> Gap:
     """Residuals on held-out runs before and after, their floor, and by how much they shrink."""
-    held_out, quantities = findings.held_out_fits, findings.subject.scope.quantities
+    held_out = findings.held_out_fits
+    quantities = findings.subject.scope.quantities
+    before = held_out_gap.sizes(held_out.before, quantities)
+    after = held_out_gap.sizes(held_out.after, quantities)
+    floor = {**held_out_gap.floor(held_out.before.evidence, quantities), "excess": 0.0}
+    known = [key for key in floor if key in before and key in after]  # a touch in all, or in none
     return Gap(
-        before=held_out_gap.sizes(held_out.before, quantities),
-        after=held_out_gap.sizes(held_out.after, quantities),
-        floor={**held_out_gap.floor(held_out.before.evidence, quantities), "excess": 0.0},
+        before={key: before[key] for key in known},
+        after={key: after[key] for key in known},
+        floor={key: floor[key] for key in known},
         shrink=held_out.shrink.value,
         shrink_low=held_out.shrink.low,
         shrink_high=held_out.shrink.high,

@@ -158,7 +158,7 @@ def test_comments_separators_and_times_of_a_table_are_read(tmp_path, head, row) 
     [
         ({"x": {"reversed": True}}, "; reversed: false for x of ticks and profile"),
         ({"x": {"offset": 1.2}}, "; reversed: false, offset: 0.0 for x of ticks and profile"),
-        ({"x": {"unit": "cm"}, "z": {"unit": "mm"}}, "; unit: m for x of ticks and profile"),
+        ({"x": {"unit": "cm"}, "z": {"unit": "mm"}}, "; unit: m for x and z of ticks and profile"),
         ({"z": {"offset": 0.05}}, "from its fixed edge"),
         ({"z": {"factor": 9.0}}, "edge; unit: cm for z of ticks and profile"),
     ],

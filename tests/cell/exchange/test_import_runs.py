@@ -61,6 +61,7 @@ def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
     ("table", "column", "change", "said"),
     [
         ("ticks", "t", {"unit": "mm"}, "t: unit 'mm' is not known"),
+        ("ticks", "z", {"unit": "um", "offset": 0.0}, "z: rises less than 0.01 m"),
         ("profile", "t", {"offset": 0.9}, "points.parquet: x, z: half the midlines end off"),
         ("profile", "x", {"offset": 0.027}, "points.parquet: x, z: half the midlines end beside"),
         ("ticks", "pitch", {"column": "Fx", "unit": "deg"}, "half the midlines leave its pitch"),
@@ -74,7 +75,7 @@ def test_what_contradicts_a_held_strip_is_refused(tmp_path, table, column, chang
     columns[column] = columns.get(column, {}) | change
     how = mapping(tmp_path, **{table: MAPPING[table] | {"columns": columns}})
     with pytest.raises(ConfigurationError, match=said):
-        cell.import_runs([foreign(tmp_path / "a")], tmp_path / "runs", how)
+        cell.import_runs(foreign(tmp_path / "a"), tmp_path / "runs", how)
 
 
 @pytest.mark.parametrize(

@@ -30,11 +30,11 @@ TOUCHED = NOT_FOLDED | {"layer_touch"}  # the touch is a measurement, whatever c
 LEAST = 30  # rows of a usable run
 FEWEST_RUNS = 2  # that can be fitted and checked
 LONGEST_PERIOD = 0.02  # s between rows, slower than any servo; the contract asks for 0.01
+LEAST_RISE = 0.01  # m above the desk, of a gripper that folds
 START_TOLERANCE = 0.03  # m from where a run must start
 START_NOTED = 0.006  # m, beyond which a start is remarked on, as preflight allows a strip's length
 HANGING_TOLERANCE = 0.3  # rad of pitch from upright at a hanging start
-IMAGE_TIME_MARGIN = 1.0  # s, no image is so long before the first or after the last row
-TOUCH_TIME_MARGIN = 1.0  # s after the last row in which a touch may still be stated
+TIME_MARGIN = 1.0  # s, no image or touch is so long before the first or after the last row
 HELD = 0.03  # m by which half of the places may contradict one strip held at its end
 BESIDE = 0.015  # m beside the gripper within which half of the midlines end
 TURN = 1.2  # rad from the gripper's pitch within which they do
@@ -312,7 +312,7 @@ def _check_times(folder: Path, run: Recorded) -> None:
 
 def _check_within(stamps: Array, t: Array, origin: str) -> None:
     """Refuse stamps (k,) [s] far outside the span of the rows' times `t` (m,) [s]."""
-    off = np.flatnonzero((stamps < t[0] - IMAGE_TIME_MARGIN) | (stamps > t[-1] + IMAGE_TIME_MARGIN))
+    off = np.flatnonzero((stamps < t[0] - TIME_MARGIN) | (stamps > t[-1] + TIME_MARGIN))
     if len(off):
         raise ConfigurationError(
             f"{origin}: is {stamps[off[0]]:g} s, the gripper's rows span {t[0]:g} to {t[-1]:g} s; "
@@ -342,6 +342,8 @@ def _reaches(run: Recorded, touch: Touch | None, strip: StripFile) -> Iterator[C
         apart = np.hypot(x[0] - strip.length, z[0])
         yield TICKS, f"x: a flat {at} off x {strip.length:g}, z 0 m by", apart, START_TOLERANCE
     yield TICKS, "z: half the path lies under the desk by", -z, START_TOLERANCE
+    if run.result is not None:
+        yield TICKS, f"z: rises less than {LEAST_RISE:g} m, by", LEAST_RISE - z.max(), 0.0
     yield TICKS, "x, z: half lie beyond the strip by", np.hypot(x, z) - strip.length, HELD
     lifted = (np.hypot(x - contact, z) - (strip.length - contact))[seen]
     yield TICKS, "contact_x: half the contacts are too far from the gripper by", lifted, HELD
@@ -351,7 +353,7 @@ def _reaches(run: Recorded, touch: Touch | None, strip: StripFile) -> Iterator[C
     differs, allowed = abs(run.result.displacement - (l1 - l2)), DISPLACEMENT_SIGMAS * sigma
     yield RESULT, "displacement: differs from l1 - l2 by", differs, TOUCH_ROUNDING + allowed
     yield RESULT, "l1, l2: are longer than the strip by", l1 + l2 - strip.length, HELD
-    moments = touch.time + TOUCH_TIME_MARGIN * np.linspace(-1, 1, 41)  # noted by a stopwatch
+    moments = touch.time + TIME_MARGIN * np.linspace(-1, 1, 41)  # noted by a stopwatch
     layer = np.hypot(np.interp(moments, t, x) - l2, np.interp(moments, t, z))
     yield RESULT, "l1: ends before the gripper by", float(layer.min()) - l1, HELD
 
@@ -391,9 +393,6 @@ def _touch(folder: Path, run: Recorded) -> Touch | None:
     if len(numbers) < len(stated):
         return None
     time, _, l1, l2 = numbers
-    if len(run.ticks.t) and not run.ticks.t[0] < time <= run.ticks.t[-1] + TOUCH_TIME_MARGIN:
-        raise ConfigurationError(
-            f"{folder / RESULT}: t_layer_touch: is {time:g} s, the rows span {run.ticks.t[0]:g} to "
-            f"{run.ticks.t[-1]:g} s; give it in s since the run's start"
-        )
+    if len(run.ticks.t):
+        _check_within(frozen([time]), run.ticks.t, f"{folder / RESULT}: t_layer_touch")
     return Touch(time, x=l2, to_grasped=l1, to_fixed=l2)
