@@ -18,6 +18,7 @@ CONTRAST = 40  # grey levels between object and background
 FLUFF = 0.35  # of the width: threads thinner than this are not the object
 BORDER = 8  # px by which the object is continued over the left border
 END_POINTS = 8  # points of the midline that give the direction to the tip
+FEWEST_LEVELS = 3  # half widths along an object that has a line to trace
 
 Mask = NDArray[np.bool_]
 
@@ -45,6 +46,8 @@ def extract_midline(image: Image, count: int = 200) -> Midline:
     small = cv2.resize(image, None, fx=1 / scale, fy=1 / scale, interpolation=cv2.INTER_AREA)
     mask, width = _find_object(_brightness(small))
     rough = _level_centres(mask, _geodesic_distance(mask), 0.5 * width)
+    if len(rough) < FEWEST_LEVELS:
+        raise ConfigurationError("picture: what enters at its left border is no strip")
     fine = _centre(_brightness(small), even_points(_smooth(rough, 2), count), width)
     midline = _to_ends(mask, fine, width)
     return Midline((even_points(midline, count) + 0.5) * scale - 0.5, width * scale)
@@ -79,6 +82,8 @@ def _width(bright: Image) -> float:
     """Width [px] of the objects in a mask (h, w): twice their depth along the middle."""
     depth = cv2.distanceTransform(bright, cv2.DIST_L2, 5)
     ridge = depth[(depth > 1) & (depth >= cv2.dilate(depth, np.ones((3, 3))))]
+    if not len(ridge):
+        raise ConfigurationError("picture: no bright object is wider than two pixels")
     return 2 * float(np.percentile(ridge, 75))
 
 

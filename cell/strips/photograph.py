@@ -95,20 +95,26 @@ def read_photograph(path: Path, overhang: float) -> Photograph:
 
 
 def _trace_midline(path: Path, image: Image) -> Midline:
-    """Midline of the strip, traced as bright before dark, then as dark before bright."""
+    """Midline of the strip in `image`, traced as bright before dark, then as dark before bright.
+
+    Where both fail, ConfigurationError reports the bright trace's reason.
+    """
     reasons = []
     for bright_strip in (image, cv2.bitwise_not(image)):
         try:
-            rough = extract_midline(bright_strip, ROUGHLY)
-            if rough.width < THICKEST_SHARE * rough.length:
-                count = int(np.clip(rough.length / (TRACED * rough.width), ROUGHLY, MOST_TRACED))
-                return extract_midline(bright_strip, count)
-            reasons.append("picture: what enters at its left border is too thick for a strip")
+            return _trace_bright(bright_strip)
         except ConfigurationError as error:
-            reasons.append(str(error))
-        except ValueError:  # an object that is hardly longer than wide has no line to trace
-            reasons.append("picture: what enters at its left border is no strip")
+            reasons.append(error)
     raise ConfigurationError(f"{path}: {reasons[0]}")
+
+
+def _trace_bright(image: Image) -> Midline:
+    """Midline of a bright strip from the left border; ConfigurationError for anything thicker."""
+    rough = extract_midline(image, ROUGHLY)
+    if rough.width < THICKEST_SHARE * rough.length:
+        count = int(np.clip(rough.length / (TRACED * rough.width), ROUGHLY, MOST_TRACED))
+        return extract_midline(image, count)
+    raise ConfigurationError("picture: what enters at its left border is too thick for a strip")
 
 
 def _average_points(traced: Array, travel: Array, arc: Array) -> Array:

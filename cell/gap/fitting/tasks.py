@@ -86,7 +86,7 @@ class SimulationCache:
         answers = _read(path, key)
         if answers is None:
             answers = list(self._simulate(requests))
-            _write(path, key, answers)
+            _store_answers(path, key, answers)
         return answers
 
     def erase(self) -> None:
@@ -122,23 +122,23 @@ def _read(path: Path, key: str) -> list[Residuals] | None:
         with np.load(path, allow_pickle=False) as stored:
             if str(stored["key"]) != key:
                 return None
-            edges = np.cumsum(stored["counts"])[:-1]
-            means, squares = np.split(stored["mean"], edges), np.split(stored["square"], edges)
+            edges = np.cumsum(stored["counts"])
+            means, squares = (np.split(stored[part], edges)[:-1] for part in ("mean", "square"))
     except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError):
         return None
     return [Residuals(m, s) for m, s in zip(means, squares, strict=True)]
 
 
-def _write(path: Path, key: str, answers: Sequence[Residuals]) -> None:
-    """Store the residuals `answers` to the requests of the hash `key` at `path`."""
+def _store_answers(path: Path, key: str, answers: Sequence[Residuals]) -> None:
+    """Store the `answers`, maybe none, to requests of the hash `key`; the file appears whole."""
     partial = path.with_suffix(".part")
     with writing(path, "make room, leave the folder where it is, and run the command again"):
         with partial.open("wb") as file:
             np.savez(
                 file,
                 key=np.array(key),
-                counts=np.array([len(a.mean) for a in answers]),
-                mean=np.concatenate([a.mean for a in answers]),
-                square=np.concatenate([a.square for a in answers]),
+                counts=np.array([len(a.mean) for a in answers], dtype=np.int64),
+                mean=np.concatenate([np.zeros(0), *(a.mean for a in answers)]),
+                square=np.concatenate([np.zeros(0), *(a.square for a in answers)]),
             )
         partial.replace(path)

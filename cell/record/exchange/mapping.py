@@ -48,9 +48,10 @@ LARGEST_TABLE = 64 * MEGABYTE
 # null: every cell is empty
 NUMBER_TYPES = (pa.types.is_floating, pa.types.is_integer, pa.types.is_null)
 COMMENT = re.compile(r"^[ \t]*(?:#|%|//).*\n?", re.MULTILINE)
+PREAMBLE = re.compile(r"\A((?:[ \t\r]*(?:(?:#|%|//).*)?\n)*)")  # comments and blank lines
 SEPARATOR = re.compile(r"sep=(.)\r?\n")  # a spreadsheet's first line
 MARKS = ";\t|,"  # between columns, of equally many the likeliest first
-DECIMAL_COMMA = re.compile(r"(?m)(?:^|[;\t|]) *-?\d+,\d+(?:[eE][-+]?\d+)? *(?:$|[;\t|\r])")
+DECIMAL_COMMA = re.compile(r"(?m)(?:^|(?<=[;\t|])) *-?\d+,\d+(?:[eE][-+]?\d+)? *(?=$|[;\t|\r])")
 EMPTY = ("", "nan", "NaN", "NA")  # cells of a CSV without a value
 ISO = " or times as 2026-01-31T12:00:00.250"
 FILE = re.compile(r"[^/\\]+\.(csv|txt|tsv|parquet)")
@@ -238,22 +239,19 @@ def read_columns(
 
 
 def _csv(path: Path, table: Table[Any]) -> pa.Table:
-    """Read the CSV file at `path`; what separates columns and decimals is guessed unless stated.
+    """Read the CSV file at `path` as `table` states, without its comments and blank lines.
 
-    Comments are left out, but one before a first row of numbers has the names of the columns.
+    Where the first row is of numbers, the last comment before it has the names of the columns.
     """
     content = read_text(path, LARGEST_TABLE, "cp1252").removeprefix("\ufeff")  # or as of Windows
     if "\0" in content:
         raise ConfigurationError(f"{path}: is not UTF-8 text; save it as CSV in UTF-8")
     stated = SEPARATOR.match(content)
-    rows = COMMENT.sub("", content[stated.end() if stated else 0 :])
-    head = rows.partition("\n")[0]
-    delimiter = stated[1] if stated else table.delimiter or max(MARKS, key=head.count)
-    is_comma = delimiter != "," and DECIMAL_COMMA.search(rows) is not None
-    decimal = table.decimal or ("," if is_comma else ".")
-    if all(map(_is_number, head.replace(decimal, ".").split(delimiter))):
-        names = content.partition(head)[0].rpartition("\n")[0].rpartition("\n")[2]
-        rows = f"{names.lstrip('#%/ ')}\n{rows}" if COMMENT.match(names) else rows
+    _, preamble, rest = PREAMBLE.split(content[stated.end() if stated else 0 :])
+    rows = COMMENT.sub("", rest)
+    delimiter, decimal = _guess_marks(rows, stated[1] if stated else table.delimiter, table.decimal)
+    if all(map(_is_number, rows.partition("\n")[0].replace(decimal, ".").split(delimiter))):
+        rows = f"{_names_in_comment(preamble)}\n{rows}"
     parse = pc.ParseOptions(delimiter=delimiter)
     convert = pc.ConvertOptions(decimal_point=decimal, null_values=list(EMPTY))
     try:
@@ -265,6 +263,22 @@ def _csv(path: Path, table: Table[Any]) -> pa.Table:
         raise ConfigurationError(
             f"{path}: cannot be read as CSV with {delimiter!r} between columns: {reason}"
         ) from None
+
+
+def _guess_marks(rows: str, delimiter: str | None, decimal: str | None) -> tuple[str, str]:
+    """Delimiter and decimal mark of CSV `rows`, guessed where they are not stated (None).
+
+    A cell with a decimal comma counts as no delimiter, unless it is the whole first row.
+    """
+    head = rows.partition("\n")[0]
+    found = delimiter or max(MARKS, key=(DECIMAL_COMMA.sub("", head).strip(" \r") or head).count)
+    has_commas = found != "," and DECIMAL_COMMA.search(rows) is not None
+    return found, decimal or ("," if has_commas else ".")
+
+
+def _names_in_comment(preamble: str) -> str:
+    """Text of the last comment of `preamble`, what precedes a table's rows; empty without one."""
+    return preamble.rstrip("\r\n ").rpartition("\n")[2].lstrip("#%/ ")
 
 
 def _is_number(text: str) -> bool:

@@ -138,18 +138,22 @@ def test_paths_and_names_of_a_data_set_are_those_that_it_states(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    ("head", "row"),
+    ("head", "row", "decimal"),
     [
-        ("sep=;\nt;x;z", "{:.3f};{:f};{:f}"),
-        ("# two lines\n# t,x,z", "{:.3f},{:f},{:f}"),
-        ("t;x;z;Höhe", "{:.3f};{:f};{:f};1"),
-        ("t,x,z,a|b", "2026-01-31T12:00:{:06.3f}Z,{:f},{:f},1"),
-        ("% log\nt,x,z\n# in metres", "2026-01-31 12:00:{:06.3f},{:f},{:f}"),
+        ("sep=;\nt;x;z", "{:.3f};{:f};{:f}", "."),
+        ("# two lines\n# t,x,z", "{:.3f},{:f},{:f}", "."),
+        ("# first {:.3f},{:f},{:f}\n# t,x,z", "{:.3f},{:f},{:f}", "."),
+        ("# t;x;z", "{:.3f};{:f};{:f}", ","),
+        ("# t\tx\tz\r\n\r", "{:.3f}\t{:f}\t{:f}\r", ","),
+        ("\n# note\n\nt,x,z", "{:.3f},{:f},{:f}", "."),
+        ("t;x;z;Höhe", "{:.3f};{:f};{:f};1", "."),
+        ("t,x,z,a|b", "2026-01-31T12:00:{:06.3f}Z,{:f},{:f},1", "."),
+        ("% log\nt,x,z\n# in metres", "2026-01-31 12:00:{:06.3f},{:f},{:f}", "."),
     ],
 )
-def test_comments_separators_and_times_of_a_table_are_read(tmp_path, head, row) -> None:
-    rows = [row.format(*each) for each in zip(T, X, Z, strict=True)]
-    folder = plain(tmp_path / "a", head, rows, encoding="cp1252")
+def test_comments_separators_and_times_of_a_table_are_read(tmp_path, head, row, decimal) -> None:
+    rows = [row.format(*each).replace(".", decimal) for each in zip(T, X, Z, strict=True)]
+    folder = plain(tmp_path / "a", head.format(T[0], X[0], Z[0]), rows, encoding="cp1252")
     assert off([folder], in_metres(tmp_path), tmp_path / "runs") < 1e-6
 
 

@@ -20,6 +20,11 @@ def test_a_folder_that_was_deleted_meanwhile_is_one_clear_line(tmp_path) -> None
         cache([])
 
 
+def test_a_round_without_requests_is_kept_like_any_other(tmp_path) -> None:
+    for simulate in (list, None):
+        assert SimulationCache(simulate, tmp_path / "rounds" / "key")([]) == []
+
+
 def test_answers_for_a_run_are_not_taken_for_the_same_run_corrected_otherwise(tmp_path) -> None:
     words, ones = np.array(["profile"] * 2), np.ones(2)
     samples = Samples(words, words, words, words, ones, ones, ones, ones, np.zeros(2, np.int64))

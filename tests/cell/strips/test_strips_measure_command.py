@@ -91,6 +91,7 @@ def test_measure_writes_the_bending_length_and_where_it_comes_from(
         (("--photo", "{text}", "--overhang", 0.1), "not a picture"),
         (("--photo", "{empty}", "--overhang", 0.1), "not a picture"),
         (("--photo", "{dark}", "--overhang", 0.1), "no bright object"),
+        (("--photo", "{edge}", "--overhang", 0.1), "no bright object is wider than two pixels"),
         (("--photo", "{blob}", "--overhang", 0.1), "no strip"),
         (("--photo", "{level}", "--overhang", 0.1), "out of range"),
         (("--photo", "{rising}", "--overhang", 0.1), "does not hang like a strip"),
@@ -113,6 +114,7 @@ def bad_pictures(folder: Path) -> dict[str, Path]:
     drawn = {
         "dark": None,
         "blob": ([(0, 300), (60, 300)], 200),
+        "edge": ([(599, 0), (599, 799)], 1),
         "level": ([(0, 400), (500, 400)], 20),
         "rising": ([(0, 600), (200, 580), (400, 400), (450, 100)], 20),
     }
