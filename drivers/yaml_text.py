@@ -101,16 +101,12 @@ class BoundedLoader(_Loader):
         self._sizes: dict[str, int] = {}
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        """Next node of the document; an alias counts as many nodes as what it stands for."""
+        """Next node of the document; MarkedYAMLError beyond DEPTH or MOST_NODES."""
         event: Any = self.peek_event()  # type: ignore[no-untyped-call]
-        anchor: Any = getattr(event, "anchor", None)
         if self.check_event(yaml.AliasEvent):
-            if anchor in self.anchors and anchor not in self._sizes:
-                raise _error_at(
-                    event, f"alias {anchor!r} stands within what it names; write it out"
-                )
-            self._count(event, self._sizes.get(anchor, 1))
+            self._count_alias(event)
             return super().compose_node(parent, index)
+        anchor: Any = getattr(event, "anchor", None)
         before = self._nodes
         self._count(event, 1)
         self._depth += 1
@@ -137,13 +133,18 @@ class BoundedLoader(_Loader):
         seen: set[Hashable] = set()
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode) or key.tag in KEYLESS_TAGS:
-                problem = "a key must be a word"
-                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
+                raise _error_at(key, "a key must be a word")
             if key.value in seen:
-                problem = f"key {key.value!r} is given twice; keep one"
-                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
+                raise _error_at(key, f"key {key.value!r} is given twice; keep one")
             seen.add(key.value)
         return super().construct_mapping(node, deep)
+
+    def _count_alias(self, event: Any) -> None:
+        """Count an alias as many nodes as what it stands for; MarkedYAMLError within itself."""
+        anchor = event.anchor
+        if anchor in self.anchors and anchor not in self._sizes:
+            raise _error_at(event, f"alias {anchor!r} stands within what it names; write it out")
+        self._count(event, self._sizes.get(anchor, 1))
 
     def _count(self, event: Any, nodes: int) -> None:
         self._nodes += nodes

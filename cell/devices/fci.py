@@ -35,11 +35,7 @@ CATCHING_UP = 0.02  # s per tick for strip and camera to catch up with a robot's
 
 
 def fci_devices(
-    settings: CellFile,
-    strip: StripFile,
-    choice: DeviceSelection,
-    *,
-    calibrating: bool = False,
+    settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool = False
 ) -> Devices:
     """Devices with the robot at the cell's address, or with an emulated one started here.
 

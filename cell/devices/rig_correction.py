@@ -28,7 +28,7 @@ def corrected_calibration(
 ) -> Calibration:
     """Copy of `calibration` that compensates the camera and desk effects of cell.yaml.
 
-    Places, contact_x and stamps are those over the true desk. Without such effects the same object
+    Points lie on the true desk, stamps are true times. Without such effects the same object
     is returned; with some, a calibration with an id of its own and without landmarks, which are
     valid only for the uncorrected one.
     """
@@ -39,6 +39,7 @@ def corrected_calibration(
     # from measured to true points x, z [m], in homogeneous coordinates
     origin, x, z = true_points(model, np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]))
     to_true = np.array([[*(x - origin), 0.0], [*(z - origin), 0.0], [*origin, 1.0]]).T
+    # the bias is of measured lengths, each 1 + scale times the true one
     true_bias = observation.contact_bias / (1.0 + observation.scale)
     return change_calibration(
         calibration,

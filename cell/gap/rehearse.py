@@ -100,7 +100,7 @@ def rehearsal_plan(
 def _new_plan(
     inputs: str, file: Path, folders: Sequence[RunFolder], excess: float, empty: int, jobs: int
 ) -> Plan:
-    """Plan of a rehearsal, as `rehearsal_plan` states, by a refit of the strip to its runs."""
+    """Plan by a refit of the strip to its runs: copies that leave `excess` [sigma], `empty` others."""
     strip = load_strip(file)
     measured = read_runs(folders, strip)
     subject = StripSubject(strip, measured, jobs)
@@ -108,7 +108,7 @@ def _new_plan(
     values = {p.name: float(v) for p, v in zip(subject.scope.base, base.shared, strict=True)}
     usable = [run for run in measured if run.usable]
     copies, unseen = copies_with_each_effect(as_fitted(strip, values), usable, excess)
-    blank = [
+    copies_without_effect = [
         HiddenCopy(key=f"{NO_EFFECT}-{i}", effect=NO_EFFECT, values={}, seed=i)
         for i in range(empty)
     ]
@@ -118,7 +118,7 @@ def _new_plan(
         runs=tuple(str(run.path) for run in folders),
         base=values,
         scatter={s.name: s.value for s in reml_spreads(base)},
-        copies=(*copies, *blank),
+        copies=(*copies, *copies_without_effect),
         unseen=tuple(unseen),
     )
 

@@ -24,6 +24,7 @@ def strip_share(levels: Array | Image) -> Array:
 
 
 CELL_PX = 8  # px, side of a cell, by which change is detected
+FIRST_ROW, ROW_STEP = 1, 4  # px, the rows of a cell that are compared
 PATCH_PX = 2 * CELL_PX  # px, side of a patch, by which light is read
 EVEN_LIGHT = 120  # level of light as bright as at preflight
 SHADE = 0.15  # relative change of the strip's brightness as it bends
@@ -91,37 +92,39 @@ def brightness(image: Image, left: int, top: int, rows: int, columns: int) -> Fl
     return patches
 
 
+@kernel
+def _row_difference(pixels: Image, scene: Image, light: Any) -> Any:
+    """Summed |difference| of a cell's row of `pixels` to the `scene`, in 1 / EVEN_LIGHT levels."""
+    total = np.int32(0)
+    for c in range(3 * CELL_PX):
+        total += abs(np.int32(pixels[c]) * np.int32(EVEN_LIGHT) - np.int32(scene[c]) * light)
+    return total
+
+
 @entry
 def changed_cells(
     image: Image, background: Image, light: Image, left: int, top: int, limit: float
 ) -> Image:
-    """Mask (n, m), 1 where a cell differs by more than `limit` [grey levels] per channel, else 0.
+    """Mask (n, m) of cells that differ from the background: 1 where changed, else 0.
 
-    The difference is the mean over the cell's pixels.
-    Every fourth row of the images (h, 3 w) counts, B, G, R in turn; `light` (n, m) is that of the
-    cells, of which the first begins at column `left` and row `top` [px].
+    The images (h, 3 w) hold B, G, R in turn; `light` (n, m) is that of the cells, the first of
+    which begins at column `left` and row `top` [px]. A cell is changed where the mean over every
+    ROW_STEP-th of its rows differs by more than `limit` [grey levels] per channel; one that the
+    right border cuts never is, one that the lower border cuts is judged by its rows inside.
     """
     rows, columns = light.shape
     changed = np.zeros((rows, columns), np.uint8)
     inside = min(columns, (image.shape[1] // 3 - left) // CELL_PX)
     for i in range(rows):
-        differences = np.zeros(columns, np.int32)
-        lines = 0
-        for v in range(top + CELL_PX * i + 1, min(top + CELL_PX * (i + 1), image.shape[0]), 4):
-            lines += 1
-            for j in range(inside):
-                first = 3 * (left + CELL_PX * j)
-                pixels = image[v, first:]
-                scene = background[v, first:]
-                cell_light = np.int32(light[i, j])
-                total = np.int32(0)
-                for c in range(3 * CELL_PX):
-                    evened = np.int32(pixels[c]) * np.int32(EVEN_LIGHT)
-                    total += abs(evened - np.int32(scene[c]) * cell_light)
-                differences[j] += total
-        threshold = limit * EVEN_LIGHT * 3 * CELL_PX * lines
+        above = top + CELL_PX * i
+        sampled = range(above + FIRST_ROW, min(above + CELL_PX, image.shape[0]), ROW_STEP)
+        threshold = limit * EVEN_LIGHT * 3 * CELL_PX * len(sampled)
         for j in range(inside):
-            changed[i, j] = differences[j] > threshold
+            first = 3 * (left + CELL_PX * j)
+            total, level = np.int32(0), np.int32(light[i, j])
+            for v in sampled:
+                total += _row_difference(image[v, first:], background[v, first:], level)
+            changed[i, j] = total > threshold
     return changed
 
 

@@ -121,9 +121,8 @@ def _level_centres(mask: Mask, distance: Array, step: float) -> Array:
 
 def _smooth(points: Array, reach: int) -> Array:
     """Moving average of points (n, 2) over 2 reach + 1 of them; the end points stay."""
-    before = 2 * points[0] - points[reach:0:-1]  # the points mirrored at either end
-    after = 2 * points[-1] - points[-2 : -reach - 2 : -1]
-    return moving_average(np.vstack([before, points, after]), 2 * reach + 1)
+    mirrored = np.pad(points, ((reach, reach), (0, 0)), "reflect", reflect_type="odd")
+    return moving_average(mirrored, 2 * reach + 1)
 
 
 def _centre(grey: Image, points: Array, width: float) -> Array:

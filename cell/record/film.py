@@ -248,7 +248,7 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
     """`FilmWriter` in another process, which completes its film if this process dies."""
 
     def __init__(self, path: Path, encoder: str) -> None:
-        """Start the process, wait until the film at `path` is open; raises OSError if it is not."""
+        """Start the encoder's process; OSError if it cannot open the film at `path`."""
         self._image = SharedImage()
         self._child = Child(encode, path, encoder, self._image)
         try:

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
+from operator import index
 from pathlib import Path
 from typing import Any
 
@@ -116,11 +117,11 @@ def read_frame(note: FrameNote) -> Frame | None:
 
 
 def _read_note(folder: Path, line: dict[str, Any], lift: float) -> FrameNote:
-    """Index entry from one line of the index; times are relative to the `lift` [s], if finite."""
-    sequence = int(line["sequence"])
-    begin = lift if isfinite(lift) else 0.0
-    stamp = float(line["stamp"]) - begin
-    arrival = float(line["arrival"]) - begin
+    """Index entry from a `line`, times after `lift` [s] if finite; ValueError without a number."""
+    sequence = index(line["sequence"])
+    zero = lift if isfinite(lift) else 0.0
+    stamp = float(line["stamp"]) - zero
+    arrival = float(line["arrival"]) - zero
     if sequence < 0 or not (isfinite(stamp) and isfinite(arrival)):
         raise ValueError("an image has no number or no time")
     file = frame_file(folder, sequence)

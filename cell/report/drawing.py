@@ -2,9 +2,7 @@
 
 The figure stays the one drawing: Matplotlib's SVG, useful without a script, with text as text and
 colours by CSS. D3 (281 kB, inlined once) takes it over in the browser (`chart.js`), which reads
-values off the paths, so that no second copy of the data travels. Vega-Lite (898 kB), Plotly (1,120
-kB), ECharts (715 kB), Observable Plot (209 kB beside D3) and uPlot (51 kB) show nothing without a
-script; mpld3 (48 kB beside D3) draws Matplotlib's figures without offsets, dark or narrow pages.
+values off the paths, so that no second copy of the data travels.
 """
 
 import io
@@ -97,9 +95,9 @@ def as_png(figure: Any, dpi: int) -> bytes:
 def page_svg(text: str) -> str:
     """Convert an SVG document to an element that inherits width, fonts and colours of its page."""
     svg = text[text.index("<svg") :].strip()
-    svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
-    svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", svg, count=1)
-    svg = re.sub(r" ?font-family: [^;\"]*;?", "", svg)
+    for side in ("width", "height"):
+        svg = re.sub(rf'(<svg[^>]*?) {side}="[^"]*"', r"\1", svg, count=1)
+    svg = re.sub(r" ?font-family: [^;\"]*;?", "", svg)  # a style's fonts, to its `;` or last quote
     for colour, variable in VARIABLES.items():
         svg = svg.replace(colour, f"var({variable})")
     return svg

@@ -95,10 +95,7 @@ def read_photograph(path: Path, overhang: float) -> Photograph:
 
 
 def _trace_midline(path: Path, image: Image) -> Midline:
-    """Midline of the strip in `image`, traced as bright before dark, then as dark before bright.
-
-    Where both fail, ConfigurationError reports the bright trace's reason.
-    """
+    """Midline of a bright, or else of a dark strip; of two failures the first is reported."""
     reasons = []
     for bright_strip in (image, cv2.bitwise_not(image)):
         try:

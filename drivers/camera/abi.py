@@ -191,7 +191,6 @@ class Ioctl(IntEnum):
 
     QUERYCAP = _request(_IOC_READ, 0, Capability)
     ENUM_FMT = _request(_IOC_READ | _IOC_WRITE, 2, FormatDescription)
-    G_FMT = _request(_IOC_READ | _IOC_WRITE, 4, Format)
     S_FMT = _request(_IOC_READ | _IOC_WRITE, 5, Format)
     REQBUFS = _request(_IOC_READ | _IOC_WRITE, 8, BufferRequest)
     QUERYBUF = _request(_IOC_READ | _IOC_WRITE, 9, Buffer)

@@ -75,7 +75,7 @@ class Repeats:
 
     @property
     def drifts(self) -> bool:
-        """Whether repeats differ by more than noise, and significantly by a drift."""
+        """Whether repeats differ beyond noise, by base parameters that drift from run to run."""
         return self.p < ALPHA and max(self.scatter.values(), default=1.0) > 1.0
 
 

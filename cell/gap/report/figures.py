@@ -74,7 +74,7 @@ def _scenes(subject: Subject, estimate: Estimate) -> Sequence[Scene | None]:
 
 
 def heat_map(places: Sequence[Bin]) -> str:
-    """Figure (SVG text) of the residuals' strength in each bin: places by conditions."""
+    """Figure (SVG text) of |z|, the sigma beyond noise, in each bin: places by conditions."""
     rows = sorted({(p.channel, p.zone, p.phase) for p in places})
     columns = sorted({p.condition for p in places})
     grid = np.full((len(rows), len(columns)), np.nan)

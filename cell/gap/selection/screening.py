@@ -69,7 +69,7 @@ class Score:
 
     @property
     def _origin_values(self) -> dict[str, Array]:
-        """Values (k,) by effect of the fit to extend, for the effects that stay."""
+        """Values (k,), by effect of this score, that the fit `origin` has; empty without one."""
         if self.origin is None:
             return {}
         _, effects = self.origin.model.split(self.origin.shared)

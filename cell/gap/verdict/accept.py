@@ -111,12 +111,7 @@ def sha256(path: Path) -> str:
 
 
 def accept(
-    out: Path,
-    file: Path,
-    cell_file: Path | None = None,
-    *,
-    law: bool = False,
-    force: bool = False,
+    out: Path, file: Path, cell_file: Path | None = None, *, law: bool = False, force: bool = False
 ) -> AcceptResult:
     """Apply the patch of the fit in `out` to the subject's `file` and, if needed, to the cell file.
 

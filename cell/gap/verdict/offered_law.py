@@ -40,11 +40,7 @@ class OfferedLaw:
 
 
 def offered_law(
-    subject: Subject,
-    simulate: Simulate,
-    fits: Fits,
-    before: Estimate,
-    rng: np.random.Generator,
+    subject: Subject, simulate: Simulate, fits: Fits, before: Estimate, rng: np.random.Generator
 ) -> OfferedLaw | None:
     """Most probable stable law, beside the base of `fits`, that explains the estimate `before`.
 
@@ -64,13 +60,17 @@ def offered_law(
 
 
 def _fit_laws(subject: Subject, simulate: Simulate, fits: Fits) -> Fits:
-    """Fit the most promising laws, and add them to `fits`."""
-    fit = fits.base.estimate
+    """Copy of `fits` with the laws of one and two terms that a linear screen ranks highest.
+
+    The best of each size are extended, to MOST_TERMS.
+    """
+    base = fits.base.estimate
     terms = [t for t in subject.scope.terms if len(t.parameters) == 1]
-    probed = run_all(simulate, [run_probes(fit, t) for t in terms])
-    equations = probe_equations(projection(fit), probed)
+    probed = run_all(simulate, [run_probes(base, t) for t in terms])
+    equations = probe_equations(projection(base), probed)
     scores = [*ranked_singles(equations)[:SINGLES], *ranked_pairs(equations, PAIRS)]
     fits = Search(simulate, terms, probed).fit_scored_models(fits, scores)
+    # a term is linear in its amount: beside others its response at null is enough
     search = Search(simulate, [replace(t, probes=()) for t in terms], probed)
     for size in range(1, MOST_TERMS):
         fits = search.extend(fits, fits.near_best(size)[:1])

@@ -339,7 +339,7 @@ class Episode(Source):
         self.fps = float(info["fps"])
 
     def images(self) -> Iterator[tuple[int, Frame]]:
-        """Images of the film with the row of each; of a repeated one the first after its stamp."""
+        """Yield images (h, w, 3) of the film, each with its row of the frames, without repeats."""
         rows = set(range(len(self.frames)))
         if CAMERA_STAMP in self.frames.column_names:
             taken = np.unique(self.frames[CAMERA_STAMP].to_numpy())

@@ -62,7 +62,8 @@ def send_blueprint(recording: rr.RecordingStream, blueprint: Any) -> None:
 
 
 def _pass_on(pipe: int, file: FileIO, failures: list[OSError]) -> None:
-    """Write the bytes from `pipe` into `file`; after a failure they are read and discarded."""
+    """Write the bytes from `pipe` into `file`; an OSError is appended to `failures`."""
+    # after a failure bytes are read and discarded: a full pipe would block its writer for good
     while content := os.read(pipe, CHUNK_SIZE):
         try:
             if not failures:

@@ -111,8 +111,8 @@ def random_weave(depth: float, rng: np.random.Generator) -> Weave:
 class Projection:
     """Image of a midline at y = 0, `near` (m, 2) [px], and vectors from there in pixels.
 
-    `along` (m, 2) [px] is a sample's piece of the curve, `half` (m, 2) half a thickness along the
-    normal, `motion` (m, 2) the path during the exposure, empty at rest.
+    `along` (m, 2) [px] is the curve from a point to the next, `half` (m, 2) half of the strip's
+    thickness along the normal, `motion` (m, 2) the path during the exposure, empty at rest.
     """
 
     near: Array

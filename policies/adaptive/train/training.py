@@ -139,7 +139,7 @@ class TrialResult:
 
 
 def calibrate_sigmas(critic: Critic, shard: Shard) -> tuple[Critic, TrialResult]:
-    """Copy of `critic` with sigmas scaled to its errors in `shard`, and the trial's results."""
+    """Copy of `critic`, sigmas scaled to its errors in the folds of `shard`, and their results."""
     ratios = error_ratios(critic, shard)
     # sigma's factors with which the shares within 1 and 1.96 sigma are nearest to normal
     needed = [[np.quantile(r, share) / sigmas for share, sigmas in COVERAGES] for r in ratios]

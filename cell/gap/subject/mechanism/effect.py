@@ -74,11 +74,10 @@ class Effect:
         fits = mechanism.mode.name in self.modes and self.possible(mechanism)
         return fits and bool(self.parameters(mechanism))
 
-    def edits(self, mechanism: Mechanism) -> bool:
+    def by_fields(self, mechanism: Mechanism) -> bool:
         """Whether edited fields of the model of `mechanism` express the whole effect."""
-        if self.edit is None or self.read is not None:
-            return False
-        return self.law is None or mechanism.mode.fields
+        is_edit = self.edit is not None and self.read is None
+        return is_edit and (self.law is None or mechanism.mode.fields)
 
     def candidate(self, mechanism: Mechanism) -> Candidate:
         """Candidate effect of `mechanism`, screened one parameter at a time from small to large."""

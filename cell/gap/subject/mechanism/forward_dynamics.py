@@ -198,7 +198,7 @@ class ForwardDynamics(MechanismSubject):
         names = [c.name for c in (*self._candidates(), *describing_terms(m))]
         known = map(effect_of, (*names, *opened.file.effects))
         # effects and terms whose laws a simulation adds to MuJoCo's own forces
-        self._laws = frozenset(e.name for e in known if e.law is not None and not e.edits(m))
+        self._laws = frozenset(e.name for e in known if e.law is not None and not e.by_fields(m))
         self._settle = round((opened.file.start.settle or 0.0) / self._mechanism.step)
         self._split_model: SplitModel | None = None
         self.runs = tuple(map(self._run, opened.recordings))

@@ -47,7 +47,7 @@ def expressed_by_mjcf(
 ) -> dict[str, Any]:
     """The `content` of a file that names the accepted model, less effects that this expresses."""
     model = Path(opened.file.model).with_name(f"{opened.file.name}-accepted.xml")
-    expressed = {name for name in effects if effect_of(name).edits(opened.mechanism)}
+    expressed = {name for name in effects if effect_of(name).by_fields(opened.mechanism)}
     left = {name: v for name, v in content["effects"].items() if name not in expressed}
     return {**content, "model": str(model), "effects": left}
 
@@ -61,7 +61,7 @@ def accepted_xml(opened: MechanismData, base: Mapping[str, float], effects: Name
         b.put(fields, base[b.parameter.name])
     for name, values in effects.items():
         effect = effect_of(name)
-        if effect.edits(m) and effect.edit is not None:
+        if effect.by_fields(m) and effect.edit is not None:
             effect.edit(m, ordered_values(effect, m, values), fields)
     fields.finish()
     root = ET.fromstring(m.source.text)  # noqa: S314  checked when it was read

@@ -245,7 +245,7 @@ class MechanismSubject(Subject):
         if not values.any():
             return
         m = self._mechanism
-        if effect.edit is not None and (effect.law is None or effect.edits(m)):
+        if effect.edit is not None and (effect.law is None or effect.by_fields(m)):
             effect.edit(m, values, fields)
         elif effect.law is not None:
             at, table = torques().at[effect.name], effect.table(m, values)
@@ -276,7 +276,7 @@ class MechanismSubject(Subject):
     def patch(
         self, base: Mapping[str, float], effects: NamedValues, source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
-        """Content of the file with refitted base and named effects; None for the cell's."""
+        """Content of the mechanism's file, refitted; None, as cell.yaml has no effects of it."""
         content = self.opened.file.model_dump(mode="json", by_alias=True, exclude_none=True)
         accepted = accepted_content(self.opened, content, base, effects, source)
         return expressed_by_mjcf(self.opened, accepted, effects), None

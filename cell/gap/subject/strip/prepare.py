@@ -89,12 +89,12 @@ class PreparedFold:
         path = self.lifted_path if has_hysteresis else self.path
         return Job.of(hashed, path, self.residuals.run.contact_height, self.resolution)
 
-    def correct(self, residuals: Residuals, run: Run, local: Array) -> Residuals:
-        """Residuals corrected to those of a fine rod, at values `local` (k,) of the run."""
+    def correct(self, residuals: Residuals, run: Run, run_values: Array) -> Residuals:
+        """`residuals` of the coarse rod less its grid error, moved linearly to `run_values` (k,)."""
         mean = residuals.mean - self.linearisation.grid_error
-        for p, value in zip(run.local, local, strict=True):
+        for p, value in zip(run.local, run_values, strict=True):
             mean = mean + value * self.linearisation.slopes[p.name]
-        return Residuals(mean, residuals.square + mean**2 - residuals.mean**2)
+        return residuals.shifted_to(mean)
 
 
 def prepare_runs(
