@@ -255,11 +255,8 @@ def _held_path(
     rows = [(stamp, pose.x, pose.z, pose.pitch) for stamp, pose in [*resting, *ends]]
     stamps, x, z, pitch = np.array(rows).T
     t = np.arange(stamps[0], stamps[-1], ROW_PERIOD)
-    path = (_smooth(values) for values in (x, z, np.unwrap(pitch)))
+    path = np.stack([x, z, np.unwrap(pitch)])
+    if len(stamps) >= SMOOTHED:  # each image by a parabola through it and its neighbours
+        path = savgol_filter(path, SMOOTHED, 2)
     x, z, pitch = (PchipInterpolator(stamps, values)(t) for values in path)
     return t, x, z, pitch
-
-
-def _smooth(values: Array) -> Array:
-    """`values` (n,) of successive images, each by a parabola through it and its neighbours."""
-    return np.asarray(savgol_filter(values, SMOOTHED, 2)) if len(values) >= SMOOTHED else values

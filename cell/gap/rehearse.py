@@ -100,7 +100,7 @@ def rehearsal_plan(
 def _new_plan(
     inputs: str, file: Path, folders: Sequence[RunFolder], excess: float, empty: int, jobs: int
 ) -> Plan:
-    """Plan by a refit of the strip to its runs: copies that leave `excess` [sigma], `empty` others."""
+    """Plan by a refit of the strip: copies that leave `excess` [sigma], and `empty` without."""
     strip = load_strip(file)
     measured = read_runs(folders, strip)
     subject = StripSubject(strip, measured, jobs)

@@ -107,10 +107,9 @@ def changed_cells(
 ) -> Image:
     """Mask (n, m) of cells that differ from the background: 1 where changed, else 0.
 
-    The images (h, 3 w) hold B, G, R in turn; `light` (n, m) is that of the cells, the first of
-    which begins at column `left` and row `top` [px]. A cell is changed where the mean over every
-    ROW_STEP-th of its rows differs by more than `limit` [grey levels] per channel; one that the
-    right border cuts never is, one that the lower border cuts is judged by its rows inside.
+    Images (h, 3 w) are B, G, R in turn; `light` (n, m) is the cells', the first of which begins at
+    column `left`, row `top` [px]. Changed is one whose mean over every ROW_STEP-th row differs by
+    more than `limit` [grey levels] per channel; one that the right border cuts never is.
     """
     rows, columns = light.shape
     changed = np.zeros((rows, columns), np.uint8)

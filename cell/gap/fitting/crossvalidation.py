@@ -124,7 +124,8 @@ def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[list[Predicti
     keep = [i for i in range(len(estimate.evidence.runs)) if i not in fold] or list(fold)
     shared, undetermined = on_runs(estimate, keep)
     unseen = estimate.on(fold).evidence
-    own = Point(np.zeros(0), tuple(_own_unknowns(estimate, i, shared) for i in fold))
+    moved, local = shared - estimate.shared, estimate.point.local
+    own = Point(np.zeros(0), tuple(local[i] + _own_response(estimate, i) @ moved for i in fold))
     raw = yield requests(estimate.model.holding(shared), unseen.runs, own)
     penalty = np.array([_random_loss(r, v) for r, v in zip(unseen.runs, own.local, strict=True)])
     penalty[0] += undetermined.sum()
@@ -185,13 +186,6 @@ def _deviations(kept: Estimate, shared: Array, undetermined: Mask) -> Array:
     variances, axes = np.linalg.eigh(of_shared)
     deviations[free] = axes * np.sqrt(np.maximum(variances, 0.0))
     return deviations
-
-
-def _own_unknowns(estimate: Estimate, i: int, shared: Array) -> Array:
-    """Unknowns (k,) of run number `i`, refitted linearly to new `shared` values (P,)."""
-    return np.asarray(
-        estimate.point.local[i] + _own_response(estimate, i) @ (shared - estimate.shared)
-    )
 
 
 def _own_response(estimate: Estimate, i: int) -> Array:

@@ -176,10 +176,6 @@ class Residuals:
     mean: Array
     square: Array
 
-    def shifted_to(self, mean: Array) -> "Residuals":
-        """Copy with `mean` (n,), every reading of a sample moved by as much as its mean."""
-        return Residuals(mean, self.square + mean**2 - self.mean**2)  # E[(r + d)^2]
-
 
 @dataclass(frozen=True, slots=True)
 class Quantity:

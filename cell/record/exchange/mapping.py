@@ -251,7 +251,8 @@ def _csv(path: Path, table: Table[Any]) -> pa.Table:
     rows = COMMENT.sub("", rest)
     delimiter, decimal = _guess_marks(rows, stated[1] if stated else table.delimiter, table.decimal)
     if all(map(_is_number, rows.partition("\n")[0].replace(decimal, ".").split(delimiter))):
-        rows = f"{_names_in_comment(preamble)}\n{rows}"
+        names = preamble.rstrip("\r\n ").rpartition("\n")[2].lstrip("#%/ ")
+        rows = f"{names}\n{rows}"
     parse = pc.ParseOptions(delimiter=delimiter)
     convert = pc.ConvertOptions(decimal_point=decimal, null_values=list(EMPTY))
     try:
@@ -274,11 +275,6 @@ def _guess_marks(rows: str, delimiter: str | None, decimal: str | None) -> tuple
     found = delimiter or max(MARKS, key=(DECIMAL_COMMA.sub("", head).strip(" \r") or head).count)
     has_commas = found != "," and DECIMAL_COMMA.search(rows) is not None
     return found, decimal or ("," if has_commas else ".")
-
-
-def _names_in_comment(preamble: str) -> str:
-    """Text of the last comment of `preamble`, what precedes a table's rows; empty without one."""
-    return preamble.rstrip("\r\n ").rpartition("\n")[2].lstrip("#%/ ")
 
 
 def _is_number(text: str) -> bool:

@@ -90,11 +90,11 @@ class PreparedFold:
         return Job.of(hashed, path, self.residuals.run.contact_height, self.resolution)
 
     def correct(self, residuals: Residuals, run: Run, run_values: Array) -> Residuals:
-        """`residuals` of the coarse rod less its grid error, moved linearly to `run_values` (k,)."""
+        """`residuals` of a coarse rod less grid error, moved linearly to `run_values` (k,)."""
         mean = residuals.mean - self.linearisation.grid_error
         for p, value in zip(run.local, run_values, strict=True):
             mean = mean + value * self.linearisation.slopes[p.name]
-        return residuals.shifted_to(mean)
+        return Residuals(mean, residuals.square + mean**2 - residuals.mean**2)  # E[(r + d)^2]
 
 
 def prepare_runs(
