@@ -60,10 +60,7 @@ def offered_law(
 
 
 def _fit_laws(subject: Subject, simulate: Simulate, fits: Fits) -> Fits:
-    """Copy of `fits` with the laws of one and two terms that a linear screen ranks highest.
-
-    The best of each size are extended, to MOST_TERMS.
-    """
+    """Copy of `fits` with laws of one and two terms, best by a linear screen, and longer ones."""
     base = fits.base.estimate
     terms = [t for t in subject.scope.terms if len(t.parameters) == 1]
     probed = run_all(simulate, [run_probes(base, t) for t in terms])

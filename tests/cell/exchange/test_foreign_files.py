@@ -141,8 +141,7 @@ def test_paths_and_names_of_a_data_set_are_those_that_it_states(tmp_path: Path) 
     ("head", "row", "decimal"),
     [
         ("sep=;\nt;x;z", "{:.3f};{:f};{:f}", "."),
-        ("# two lines\n# t,x,z", "{:.3f},{:f},{:f}", "."),
-        ("# first {:.3f},{:f},{:f}\n# t,x,z", "{:.3f},{:f},{:f}", "."),
+        ("# two lines\n# {:.3f},{:f},{:f}\n# t,x,z", "{:.3f},{:f},{:f}", "."),
         ("# t;x;z", "{:.3f};{:f};{:f}", ","),
         ("# t\tx\tz\r\n\r", "{:.3f}\t{:f}\t{:f}\r", ","),
         ("\n# note\n\nt,x,z", "{:.3f},{:f},{:f}", "."),
