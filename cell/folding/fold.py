@@ -41,7 +41,7 @@ from cell.report.viz.watch import watching
 from drivers.arm.obstacles import desk_end
 from drivers.clock import lock_memory, take_priority, wake_promptly
 from drivers.errors import CellError, ConfigurationError, Fault
-from drivers.files import replace_file, write_all
+from drivers.files import append_line, replace_file
 from drivers.readers import read_bytes
 from policies.policy import Policy
 from policies.registry import make_policy
@@ -190,8 +190,8 @@ def _learn(request: Request, outcome: Outcome, folder: Path) -> str:
     except ConfigurationError as error:
         failure = f"nothing was learned: {error}"
         note = {"t": outcome.duration, "kind": NOT_LEARNED, "reason": failure}
-        with suppress(OSError), (folder / EVENTS).open("ab", buffering=0) as events:
-            write_all(events, json_line(note))
+        with suppress(OSError):
+            append_line(folder / EVENTS, json_line(note))
         return failure
     return ""
 

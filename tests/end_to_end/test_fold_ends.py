@@ -79,7 +79,7 @@ def test_the_second_ctrl_c_is_recorded(recorder: FileRecorder) -> None:
 def test_a_ctrl_c_while_the_record_ends_leaves_it_whole(recorder, monkeypatch) -> None:
     from cell.record import writer
 
-    write_tables, pressed = writer.write_tables, []
+    write_tables, pressed = writer.tables.write_tables, []
 
     def impatient(*arguments) -> None:
         if not pressed:
