@@ -32,15 +32,15 @@ def test_benchmark_goes_on_where_it_stopped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     marks = tmp_path / "marks"
-    parts = (Fine("one", marks), Fine("three", marks))
-    monkeypatch.setattr(parts, "parts_of", lambda *_: parts)
-    monkeypatch.setattr(parts, "calibration_of", lambda _: None)
+    fine = (Fine("one", marks), Fine("three", marks))
+    monkeypatch.setattr("cell.benchmark.parts.parts_of", lambda *_: fine)
+    monkeypatch.setattr("cell.benchmark.parts.calibration_of", lambda _: None)
     arguments = ["benchmark", "--quick", "--out", str(tmp_path), "--json", "--picture"]
     arguments += [str(tmp_path / "main.png"), "--configs", str(CONFIGS.folder)]
     first = CliRunner().invoke(app, arguments)
     assert first.exit_code == 0, first.output
     assert sorted(marks.read_text().split()) == ["one", "three"]
-    parts = (*parts, Fine("later", marks))
+    fine = (*fine, Fine("later", marks))
     assert CliRunner().invoke(app, arguments).exit_code == 0
     assert sorted(marks.read_text().split()) == ["later", "one", "three"]
     kept = json.loads((tmp_path / "benchmark.json").read_text())
