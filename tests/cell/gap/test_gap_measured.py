@@ -20,7 +20,7 @@ def test_triple_pendulum_has_air_drag_and_dry_friction(tmp_path: Path) -> None:
     verdict = fit([triple / "runs"], triple / "pendulum.yaml", tmp_path / "out")
     found = [(e.name, verdict.posterior.inclusion[e.name] > 0.999) for e in verdict.effects]
     assert (verdict.verdict, dict(found)) == ("named", {"air_drag": True, "dry_friction": True})
-    assert min(e.confidence for e in verdict.effects) > 0.6  # the rest is smooth: an unknown third
+    assert min(e.confidence for e in verdict.effects) > 0.8
     assert 1.5 < verdict.gap.before["angle_mrad"] < 3.0
     assert verdict.gap.after["angle_mrad"] <= 0.9
     assert verdict.gap.shrink_low > 0.4
