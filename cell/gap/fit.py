@@ -28,7 +28,7 @@ from drivers.errors import ConfigurationError
 from drivers.files import write_file, writing
 from drivers.yaml_text import dump_yaml
 
-ENGINE_VERSION = "60"  # a fit that another version began starts anew
+ENGINE_VERSION = "61"  # a fit that another version began starts anew
 
 
 def quiet(stage: str, share: float) -> None:

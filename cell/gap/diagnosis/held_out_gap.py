@@ -104,15 +104,15 @@ def sizes(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, f
 def rms_by_run(estimate: Estimate, quantities: Mapping[str, Quantity]) -> list[float]:
     """Root mean square residual of each run, in units of noise, floor and tolerance together.
 
-    A true model leaves about 1 in these units, by which outliers are bounded.
+    A true model leaves about 1 in these units, by which outliers are bounded. Channels weigh alike.
     """
     evidence = estimate.evidence
-    rms = []
+    bounded = []
     for run, r, scale in zip(evidence.runs, estimate.residuals, evidence.scales, strict=True):
         tolerance = np.array([quantities[str(name)].tolerance for name in run.samples.quantity])
-        bounded = robust.bound(r * scale / np.hypot(scale, tolerance))
-        rms.append(float(np.sqrt(np.mean(np.square(bounded)))))
-    return rms
+        bounded.append(robust.bound(r * scale / np.hypot(scale, tolerance)))
+    squares = run_squares(replace(estimate, residuals=tuple(bounded)))
+    return [float(np.sqrt(square)) for square in squares]
 
 
 def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrink:

@@ -30,10 +30,10 @@ class VerdictEvidence:
 
     `log_odds` [nats] are the posterior's of the effect, or of its class; `gain` [nats] is how
     much better unseen runs are predicted, `worst` that of the run or quantity that gains least.
-    `left` is the rms that no law accounts for, in units of noise and floor, in the middle of the
-    runs; `correlation` that of neighbours in time in it, in fitted or held-out runs, where it is
-    larger. `strain` is the largest deviation of the base from what the file states, in prior
-    standard deviations.
+    `left` is the rms that no law accounts for in the middle of the runs, in units of noise and
+    floor, over channels that weigh alike; `correlation` that of neighbours in time in it, in fitted
+    or held-out runs, where it is larger. `strain` is the largest deviation of the base from what
+    the file states, in prior standard deviations.
     """
 
     log_odds: float
