@@ -18,7 +18,7 @@ from policies.adaptive.critic import (
     UNIT,
     Critic,
 )
-from policies.adaptive.features import CHANNELS, COUNT, PROFILE_CHANNELS, STATE_SIZE, TIP_CHANNEL
+from policies.adaptive.features import CHANNELS, STATE_SIZE
 from policies.adaptive.train.shard import CriticSettings, Shard
 from policies.profile import POINTS
 
@@ -73,16 +73,6 @@ def whitening(shard: Shard) -> tuple[Array, Array]:
     return mean, scale[:, None] * vectors / np.sqrt(np.maximum(values, 0.0) + SMALLEST_SPREAD**2)
 
 
-def input_mask(settings: CriticSettings) -> Array:
-    """Mask (COUNT,) of the critic's inputs: 1 for inputs that `settings` allow, else 0."""
-    mask = np.ones(COUNT)
-    values, rates = mask[STATE_SIZE : STATE_SIZE + CHANNELS], mask[STATE_SIZE + CHANNELS :]
-    for part in (values, rates):
-        part[TIP_CHANNEL] = settings.tip
-        part[PROFILE_CHANNELS] = settings.profile
-    return mask
-
-
 def fit(
     shard: Shard, settings: CriticSettings, epochs: int, seed: int, start: Critic | None
 ) -> Critic:
@@ -102,8 +92,10 @@ def fit(
 
 def _fit(shard: Shard, settings: CriticSettings, epochs: int, start: Critic | None) -> Critic:
     """Fit by Adam with a cosine schedule, adding newly drawn biases to each batch's inputs."""
-    mean, whiten = (start.weights["mean"], start.weights["whiten"]) if start else whitening(shard)
-    whiten = whiten * input_mask(settings)[:, None]
+    if start is None:
+        mean, whiten = whitening(shard)
+    else:
+        mean, whiten = start.weights["mean"], start.weights["whiten"]
     network = Network(len(mean), settings.memory, settings.hidden)
     if start is not None:
         network.load_state_dict({n: torch.tensor(start.weights[n]) for n in network.state_dict()})

@@ -20,7 +20,7 @@ from policies.adaptive.critic import OUTPUTS, YIELD_UNIT, Critic, CriticPredicti
 from policies.adaptive.features import COUNT, RISE_AT
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import IMAGE_SENSING, TRAINING
-from policies.strip_sampling import STRIP_LENGTH, plain_strip, random_strip
+from policies.strip_sampling import STRIP_LENGTH, random_strip
 
 ABSURD = 0.2  # m, to which displacements are clipped
 RATES, TRIAL_RATE = (45.0, 75.0), 60.0  # Hz, of the camera in training and in trials
@@ -121,9 +121,7 @@ class CriticSettings(Settings):
     In the first round rises are drawn at random; in later ones the critic steers, until at a
     random moment the rise is moved by `perturbation` [m] (one sigma) and kept. Every second shard
     folds strips of 0.6 m, the others one length within `adaptive.LENGTH_RANGE`. A last round of
-    `trials` shards folds without perturbation and as images are, to set the sigmas. `friction`
-    (and other effects) in training, `profile`, `tip` and `memory` can be left out, to measure
-    what each contributes.
+    `trials` shards folds without perturbation and as images are, to set the sigmas.
     """
 
     seed: int = Field(0, ge=0)
@@ -136,9 +134,6 @@ class CriticSettings(Settings):
     segments: int = Field(100, ge=20)
     memory: int = Field(32, ge=0)
     hidden: tuple[int, int] = (128, 96)
-    friction: bool = True
-    profile: bool = True
-    tip: bool = True
 
     @property
     def rounds(self) -> int:
@@ -180,10 +175,9 @@ def simulate(settings: CriticSettings, turn: int, number: int, critic: Critic | 
     thread, as its rounding depends on the number of threads.
     """
     rng = np.random.default_rng([settings.seed, turn, number])
-    draw = random_strip if settings.friction else plain_strip
     length = STRIP_LENGTH if number % 2 == 0 else float(rng.uniform(*LENGTH_RANGE))
     with threadpool_limits(1, user_api="blas"):
-        strips = [draw(rng, length) for _ in range(settings.folds)]
+        strips = [random_strip(rng, length) for _ in range(settings.folds)]
         rich = np.array([needs_terms(describe(strip)) for strip in strips])
         parts = [
             _fold_strips(settings, [strips[i] for i in np.flatnonzero(kind)], turn, critic, rng)

@@ -17,7 +17,6 @@ TINY = CriticSettings(
     perturbation=(0.0,),
     epochs=(2,),
     segments=20,
-    friction=False,
 )
 
 
