@@ -32,9 +32,8 @@ def replacing(path: Path) -> Iterator[Path]:
         with scratch.open("rb") as written:
             os.fsync(written.fileno())
         scratch.replace(path)
-    except BaseException:  # Ctrl-C too: no scratch file stays behind
+    finally:  # no scratch file stays behind
         scratch.unlink(missing_ok=True)
-        raise
     sync_folder(path.parent)
 
 

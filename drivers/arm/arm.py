@@ -1,7 +1,7 @@
 """Driver of a Franka arm that moves the gripper's point and pitch in the plane of the strip."""
 
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from typing import Any
 
 import numpy as np
@@ -69,11 +69,10 @@ class FciArm:
         self._child = Child(run_loop, self._access, self._origin(), self._commands, self._reports)
         self._commands.close()  # the memory stays mapped
         self._reports.close()
-        try:
+        with ExitStack() as undo:  # after Ctrl-C nobody would end the robot's process later
+            undo.callback(self._child.close, END_PATIENCE)
             self._receive(self._child, self._access.settings.start)
-        except BaseException:  # Ctrl-C too: nobody would end the robot's process later
-            self._child.close(END_PATIENCE)
-            raise
+            undo.pop_all()
         self._start_time = self._clock.now()
 
     def join(self) -> None:

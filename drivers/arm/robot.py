@@ -34,6 +34,7 @@ CAUSES: tuple[tuple[type[Exception], Cause], ...] = (
     (franka.FrankaException, Cause.LIBRARY),
     (RuntimeError, Cause.NETWORK),  # raised by the library when its connection is lost
 )
+LIBRARY_ERRORS = (franka.FrankaException, RuntimeError, ValueError)
 IDENTITY = np.eye(4).ravel().tolist()
 ERROR_NAMES = tuple(name for name in dir(franka.Errors) if not name.startswith("_"))
 
@@ -161,10 +162,10 @@ def _library_errors(explain: Callable[[Cause], ArmFault | None]) -> Iterator[Non
     """Context that raises library errors as ArmFault, of `explain` or by the error's class."""
     try:
         yield
-    except (franka.FrankaException, RuntimeError, ValueError) as error:
+    except LIBRARY_ERRORS as error:
         cause = next(cause for kind, cause in CAUSES if isinstance(error, kind))
         state_fault = None
-        with suppress(Exception):  # the first error is the one that is reported
+        with suppress(*LIBRARY_ERRORS):  # the first error is the one that is reported
             state_fault = explain(cause)
         words = one_line(error)
         if state_fault is not None:

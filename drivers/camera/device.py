@@ -7,6 +7,7 @@ import os
 import select
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -189,11 +190,11 @@ class Device:
             fd = kernel.open(path)
         except OSError as error:
             raise translate_error(error, path, "opening it", users_of(path)) from None
-        try:
-            return cls(kernel, path, fd, _identity(kernel, path, fd))
-        except BaseException:  # Ctrl-C too: an open device stays busy for others
-            kernel.close(fd)
-            raise
+        with ExitStack() as undo:  # an open device stays busy for others
+            undo.callback(kernel.close, fd)
+            device = cls(kernel, path, fd, _identity(kernel, path, fd))
+            undo.pop_all()
+        return device
 
     def call(self, request: Ioctl, argument: A, doing: str) -> A:
         """Make the ioctl `request` and return the `argument` that the kernel filled.

@@ -2,7 +2,7 @@
 
 import errno
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import Self
 
@@ -60,11 +60,10 @@ class Stream:
         Raises CameraBusy, CameraLost or CameraFaulty, and then leaves nothing mapped.
         """
         stream = cls(device)
-        try:
+        with ExitStack() as undo:  # a camera that streams refuses the next user
+            undo.callback(stream.stop)
             stream._begin(buffers)
-        except BaseException:  # Ctrl-C too: a camera that streams refuses the next user
-            stream.stop()
-            raise
+            undo.pop_all()
         return stream
 
     def take(self) -> Capture | None:
@@ -156,12 +155,12 @@ class Session:
         Raises CameraLost, CameraBusy, CameraFaulty or CameraRefused.
         """
         device = Device.open(kernel, settings.device)
-        try:
+        with ExitStack() as undo:  # an open device stays busy for others
+            undo.callback(device.close)
             setup = set_up(device, settings)
-            return cls(device, settings, setup, Stream.start(device, settings.buffers))
-        except BaseException:  # Ctrl-C too: an open device stays busy for others
-            device.close()
-            raise
+            session = cls(device, settings, setup, Stream.start(device, settings.buffers))
+            undo.pop_all()
+        return session
 
     def wait(self, seconds: float) -> Capture | None:
         """Next frame of the stream, or None where none arrives within `seconds`.
