@@ -15,28 +15,30 @@ from drivers.errors import ConfigurationError
 from drivers.strip.model import SOFTEST, StripModel, scale_rigidity, with_field
 from drivers.types import Array, frozen
 
+Apply = Callable[[StripModel, float], StripModel]
+
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """Generic term of a strip's equations: its unit, its range and the model field it changes.
+    """Generic term of a strip's equations: its unit, its range and how it changes a model.
 
-    `size` [unit] is the smallest amount visible in ten runs, `most` the largest of any strip,
-    `least` the lowest (`-most` unless stated). `added` is the path of the model's field to which
-    the amount is added, or a function that applies it to a model.
+    `size` [unit] is the smallest amount visible in ten runs, `least` and `most` bound the amount of
+    any strip; `apply(model, amount)` is a copy of the model with the term.
     """
 
     name: str
     sentence: str
     unit: str
     size: float
+    least: float
     most: float
-    added: str | Callable[[StripModel, float], StripModel]
-    least: float | None = None
+    apply: Apply
 
-    @property
-    def low(self) -> float:
-        """Lowest allowed amount, in `unit`."""
-        return -self.most if self.least is None else self.least
+
+def adds_to(path: str) -> Apply:
+    """Function `apply` of a term that adds its amount to the model's field at a dotted `path`."""
+    read = attrgetter(path)
+    return lambda model, amount: with_field(model, path, read(model) + amount)
 
 
 def _add_force(model: StripModel, amount: float) -> StripModel:
@@ -59,6 +61,18 @@ def _add_compliance(model: StripModel, amount: float) -> StripModel:
     return with_field(model, "mechanics.stretch_stiffness", stiffness)
 
 
+def _stiffen_towards_grip(model: StripModel, amount: float) -> StripModel:
+    return scale_rigidity(model, 1.0 + amount * _position(model))
+
+
+def _stiffen_middle(model: StripModel, amount: float) -> StripModel:
+    return scale_rigidity(model, 1.0 + amount * _arch(model))
+
+
+def _stiffen_with_use(model: StripModel, amount: float) -> StripModel:
+    return scale_rigidity(model, max(SOFTEST, 1.0 + amount * model.index))
+
+
 def _position(model: StripModel) -> Array:
     """Relative arc length (CELLS,) of the cells, from -1/2 at the fixed edge to 1/2 at the grip."""
     return np.asarray(model.mechanics.cells / model.mechanics.length - 0.5)
@@ -70,38 +84,49 @@ def _arch(model: StripModel) -> Array:
 
 
 _TERMS = (
-    Term("term_curvature", "moment over stiffness as curvature^3", "m^2", 2e-5, 1e-3,
-         "mechanics.law.cubic", least=-5e-6),
-    Term("term_rate", "moment over stiffness as rate of curvature squared", "m s^2", 1e-4, 0.01,
-         "mechanics.law.quadratic_damping", least=0.0),
-    Term("term_sign", "moment over stiffness as the sign of the rate", "1/m", 0.5, 100.0,
-         "mechanics.law.yield_curvature", least=0.0),
-    Term("term_fading", "share of the moment that fades within a second", "1", 0.03, 0.8,
-         "mechanics.law.relaxing", least=0.0),
-    Term("term_speed", "force as normal speed squared", "1", 0.5, 10.0,
-         "mechanics.drag.coefficient", least=0.0),
-    Term("term_force", "steady force along the desk per mass", "m/s^2", 0.05, 2.0, _add_force),
-    Term("term_weight", "weight growing towards the grip", "1", 0.05, 1.8, _add_weight_gradient),
-    Term("term_place", "stiffness growing towards the grip", "1", 0.2, 1.8,
-         lambda model, amount: scale_rigidity(model, 1.0 + amount * _position(model))),
-    Term("term_middle", "stiffness greater in the middle", "1", 0.2, 5.0,
-         lambda model, amount: scale_rigidity(model, 1.0 + amount * _arch(model)), least=-0.9),
-    Term("term_run", "stiffness growing with the run", "1", 0.005, 0.3,
-         lambda model, amount: scale_rigidity(model, max(SOFTEST, 1.0 + amount * model.index))),
-    Term("term_even", "rest curvature everywhere", "1/m", 0.5, 30.0, "mechanics.rest_curvature"),
-    Term("term_set", "rest curvature growing towards the grip", "1/m", 1.0, 30.0, _add_curl),
-    Term("term_length", "strip longer than stated", "m", 3e-4, 0.02, "mechanics.length"),
-    Term("term_give", "strip longer by its pull", "1/N", 0.01, 2.0, _add_compliance, least=0.0),
-    Term("term_clock", "images older than their stamps", "s", 0.003, 0.1,
-         "observation.camera_latency"),
-    Term("term_side", "images shifted along the desk", "m", 3e-4, 0.03, "observation.shift_x"),
-    Term("term_view", "images shifted upwards", "m", 3e-4, 0.03, "observation.shift_z"),
-    Term("term_contact", "contacts seen farther along the desk", "m", 5e-4, 0.03,
-         "observation.contact_bias"),
-    Term("term_zoom", "images magnified", "1", 5e-4, 0.05, "observation.scale"),
-    Term("term_reach", "grip farther along the desk than the arm reports", "m", 3e-4, 0.03,
-         "rig.grip_x"),
-    Term("term_lift", "grip higher than the arm reports", "m", 3e-4, 0.03, "rig.grip_z"),
+    Term(name="term_curvature", sentence="moment over stiffness as curvature^3", unit="m^2",
+         size=2e-5, least=-5e-6, most=1e-3, apply=adds_to("mechanics.law.cubic")),
+    Term(name="term_rate", sentence="moment over stiffness as rate of curvature squared",
+         unit="m s^2", size=1e-4, least=0.0, most=0.01,
+         apply=adds_to("mechanics.law.quadratic_damping")),
+    Term(name="term_sign", sentence="moment over stiffness as the sign of the rate", unit="1/m",
+         size=0.5, least=0.0, most=100.0, apply=adds_to("mechanics.law.yield_curvature")),
+    Term(name="term_fading", sentence="share of the moment that fades within a second", unit="1",
+         size=0.03, least=0.0, most=0.8, apply=adds_to("mechanics.law.relaxing")),
+    Term(name="term_speed", sentence="force as normal speed squared", unit="1", size=0.5,
+         least=0.0, most=10.0, apply=adds_to("mechanics.drag.coefficient")),
+    Term(name="term_force", sentence="steady force along the desk per mass", unit="m/s^2",
+         size=0.05, least=-2.0, most=2.0, apply=_add_force),
+    Term(name="term_weight", sentence="weight growing towards the grip", unit="1", size=0.05,
+         least=-1.8, most=1.8, apply=_add_weight_gradient),
+    Term(name="term_place", sentence="stiffness growing towards the grip", unit="1", size=0.2,
+         least=-1.8, most=1.8, apply=_stiffen_towards_grip),
+    Term(name="term_middle", sentence="stiffness greater in the middle", unit="1", size=0.2,
+         least=-0.9, most=5.0, apply=_stiffen_middle),
+    Term(name="term_run", sentence="stiffness growing with the run", unit="1", size=0.005,
+         least=-0.3, most=0.3, apply=_stiffen_with_use),
+    Term(name="term_even", sentence="rest curvature everywhere", unit="1/m", size=0.5, least=-30.0,
+         most=30.0, apply=adds_to("mechanics.rest_curvature")),
+    Term(name="term_set", sentence="rest curvature growing towards the grip", unit="1/m", size=1.0,
+         least=-30.0, most=30.0, apply=_add_curl),
+    Term(name="term_length", sentence="strip longer than stated", unit="m", size=3e-4, least=-0.02,
+         most=0.02, apply=adds_to("mechanics.length")),
+    Term(name="term_give", sentence="strip longer by its pull", unit="1/N", size=0.01, least=0.0,
+         most=2.0, apply=_add_compliance),
+    Term(name="term_clock", sentence="images older than their stamps", unit="s", size=0.003,
+         least=-0.1, most=0.1, apply=adds_to("observation.camera_latency")),
+    Term(name="term_side", sentence="images shifted along the desk", unit="m", size=3e-4,
+         least=-0.03, most=0.03, apply=adds_to("observation.shift_x")),
+    Term(name="term_view", sentence="images shifted upwards", unit="m", size=3e-4, least=-0.03,
+         most=0.03, apply=adds_to("observation.shift_z")),
+    Term(name="term_contact", sentence="contacts seen farther along the desk", unit="m", size=5e-4,
+         least=-0.03, most=0.03, apply=adds_to("observation.contact_bias")),
+    Term(name="term_zoom", sentence="images magnified", unit="1", size=5e-4, least=-0.05,
+         most=0.05, apply=adds_to("observation.scale")),
+    Term(name="term_reach", sentence="grip farther along the desk than the arm reports", unit="m",
+         size=3e-4, least=-0.03, most=0.03, apply=adds_to("rig.grip_x")),
+    Term(name="term_lift", sentence="grip higher than the arm reports", unit="m", size=3e-4,
+         least=-0.03, most=0.03, apply=adds_to("rig.grip_z")),
 )  # fmt: skip
 LAW_TERMS: Mapping[str, Term] = MappingProxyType({term.name: term for term in _TERMS})
 """The generic terms by name, in the order in which they apply."""
@@ -111,11 +136,7 @@ def with_law(model: StripModel, amounts: Mapping[str, float]) -> StripModel:
     """Copy of `model` with `amounts` of generic terms added, by name; unknown ones are ignored."""
     for name, term in LAW_TERMS.items():
         if amount := amounts.get(name):
-            if isinstance(term.added, str):
-                total = attrgetter(term.added)(model) + amount
-                model = with_field(model, term.added, total)
-            else:
-                model = term.added(model, amount)
+            model = term.apply(model, amount)
     return model
 
 
@@ -127,8 +148,8 @@ def check_law(amounts: Mapping[str, float], origin: str) -> None:
                 f"{origin}: law.{name}: is unknown; allowed: {', '.join(LAW_TERMS)}"
             )
         term = LAW_TERMS[name]
-        if not term.low <= amount <= term.most:
+        if not term.least <= amount <= term.most:
             raise ConfigurationError(
                 f"{origin}: law.{name}: {amount:g} is out of range; "
-                f"allowed: {term.low:g} to {term.most:g} {term.unit}"
+                f"allowed: {term.least:g} to {term.most:g} {term.unit}"
             )

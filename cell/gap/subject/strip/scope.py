@@ -46,7 +46,7 @@ def _places(strip: StripFile, lifted: float) -> tuple[float, ...]:
 def _term_candidate(term: Term) -> Candidate:
     """Candidate for a generic term of the law, with its amount as the only parameter."""
     step = SECANT * term.size
-    amount = Parameter("amount", term.unit, 0.0, term.low, term.most, step=step, spread=term.most)
+    amount = Parameter("amount", term.unit, 0.0, term.least, term.most, step=step, spread=term.most)
     sizes = term.size * (term.most / term.size) ** np.array(TRIED)
     probes = tuple(((float(size),),) for size in sizes)
     return Candidate(term.name, term.sentence, "strip", (amount,), probes)
