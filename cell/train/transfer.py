@@ -89,6 +89,11 @@ def transfer(
             "needed; see the reasons in its journal"
         )
     bias, quality = fit_transfer(FoldedBatch.from_rows(rows))
-    origin = {"transfer": bias.facts(), "seed": seed, "code": code(), "left_out": asdict(quality)}
+    origin = {
+        "transfer": {"bias": bias.model_dump()},
+        "seed": seed,
+        "code": code(),
+        "left_out": asdict(quality),
+    }
     save_critic(out, critic, facts | {THROUGH_IMAGES: origin})
     return {"checkpoint": str(out), **{key: origin[key] for key in ("transfer", "left_out")}}

@@ -4,21 +4,19 @@ The critic's displacement has a bias, predicted minus true, in folds unlike its 
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field
 
-from drivers.settings import StudyResult
+from drivers.settings import Settings, StudyResult
 from drivers.types import Array
 from policies.adaptive.critic import Belief
 
 REFERENCE_LOG_LENGTH = math.log(0.02)  # ln of m, bending length at which its term is zero
 REFERENCE_THICKNESS = 1e-3  # m, thickness at which its term is zero
-LARGEST_NUMBER = 100.0  # above every plausible coefficient
+Coefficient = Annotated[float, Field(gt=-100.0, lt=100.0)]  # as any plausible one is
 
 
 class Untrained(StudyResult):
@@ -35,8 +33,7 @@ class Untrained(StudyResult):
     folds: int
 
 
-@dataclass(frozen=True, slots=True)
-class CriticBias:
+class CriticBias(Settings):
     """Bias [m] of the critic's displacement, linear in ln bending length and thickness.
 
     Constant `always` [m], `of_length` [m] per unit of ln bending length, `of_thickness` per m of
@@ -45,27 +42,12 @@ class CriticBias:
     The default corrects nothing, as for folds like those of the training.
     """
 
-    always: float = 0.0
-    of_length: float = 0.0
-    of_thickness: float = 0.0
-    sigma: float = 1.0
-    unmeasured: float = 0.0
-    untrained: float = 0.0
-
-    @classmethod
-    def read(cls, facts: Mapping[str, Any]) -> Self:
-        """Bias from the values `facts` of its fields; raises ValueError where they are invalid."""
-        try:
-            bias = TypeAdapter(cls).validate_python(facts)
-        except ValidationError as error:
-            raise ValueError(str(error.errors()[0]["msg"])) from None
-        if not all(abs(number) < LARGEST_NUMBER for number in asdict(bias).values()):
-            raise ValueError(f"needs all numbers below {LARGEST_NUMBER:g}")
-        return bias
-
-    def facts(self) -> dict[str, Any]:
-        """Plain values of this bias, for the checkpoint."""
-        return {"bias": asdict(self)}
+    always: Coefficient = 0.0
+    of_length: Coefficient = 0.0
+    of_thickness: Coefficient = 0.0
+    sigma: Coefficient = 1.0
+    unmeasured: Coefficient = 0.0
+    untrained: Coefficient = 0.0
 
     def estimate(self, belief: Belief, thickness: float | None) -> Array:
         """Bias (n,) [m] for n strips estimated as `belief`; `thickness` [m] is None if unknown."""

@@ -2,7 +2,6 @@
 
 import json
 import zipfile
-from dataclasses import replace
 from io import BytesIO
 from pathlib import Path as FilePath
 from typing import Any
@@ -49,10 +48,10 @@ def load_bias(path: FilePath | None = None) -> CriticBias:
     if found is None:
         return CriticBias()
     try:
-        bias = CriticBias.read(found["transfer"]["bias"])
+        bias = CriticBias.model_validate(found["transfer"]["bias"])
     except (ValueError, KeyError, TypeError):
         raise _broken(place, f"{THROUGH_IMAGES} holds no transfer") from None
-    return replace(bias, untrained=Untrained.shipped().added)
+    return bias.model_copy(update={"untrained": Untrained.shipped().added})
 
 
 def save_critic(path: FilePath, critic: Critic, facts: dict[str, Any]) -> None:

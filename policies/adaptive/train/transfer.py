@@ -59,7 +59,15 @@ def fit_transfer(batch: FoldedBatch) -> tuple[CriticBias, FitQuality]:
     beyond = batch.thickness - REFERENCE_THICKNESS
     unmeasured = abs(coefficients[2]) * float(np.sqrt(np.mean(beyond**2)))
     quality = FitQuality(count, _round(np.sqrt(np.mean(errors**2))))
-    return CriticBias(*map(_round, (*coefficients, sigma, unmeasured))), quality
+    always, of_length, of_thickness = map(_round, coefficients)
+    bias = CriticBias(
+        always=always,
+        of_length=of_length,
+        of_thickness=of_thickness,
+        sigma=_round(sigma),
+        unmeasured=_round(unmeasured),
+    )
+    return bias, quality
 
 
 def _cross_validated_errors(batch: FoldedBatch) -> Array:
