@@ -143,10 +143,11 @@ def _go(
     """Bring the robot to `joints` (7,) [rad], at the speed of a first run unless `full_speed`."""
     from cell.arm.manual_motion import robot_task
     from cell.arm.run_settings import FIRST_RUN_SPEED
-    from drivers.arm.joint_requests import go_to
+    from drivers.arm.joint_requests import GoTo, go_to
 
     share = 1.0 if full_speed else FIRST_RUN_SPEED
-    go_to(robot_task(settings), list(joints), share, recover=recover, reset_tool=reset_tool)
+    request = GoTo(list(joints), share, recover=recover, reset_tool=reset_tool)
+    go_to(robot_task(settings), request)
 
 
 def _at_address(settings: "CellFile", choice: "DeviceSelection") -> bool:

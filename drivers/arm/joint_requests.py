@@ -44,29 +44,24 @@ FORCE_CAP, MOMENT_CAP, TORQUE_CAP = 100.0, 100.0, 87.0  # N, N m, N m: most that
 
 @dataclass(frozen=True, slots=True)
 class GoTo:
-    """Request for a motion to `joints` (7,) [rad] at a `share` of full speed, as by `go_to`."""
+    """Request for a motion of the robot to `joints` (7,) [rad] at a `share` of full speed.
+
+    `recover` first resets a reflex and retreats from what presses on the gripper; `reset_tool` sets
+    the cell's tool and reads it back.
+    """
 
     joints: list[float]
     share: float
-    recover: bool
-    reset_tool: bool
+    recover: bool = False
+    reset_tool: bool = False
 
 
-def go_to(
-    access: RobotAccess,
-    joints: list[float],
-    share: float,
-    *,
-    recover: bool = False,
-    reset_tool: bool = False,
-) -> None:
-    """Bring the robot to `joints` (7,) [rad] at a `share` of full speed and wait; raises Fault.
+def go_to(access: RobotAccess, request: GoTo) -> None:
+    """Move the robot as `request` states, and wait until it rests there; raises Fault.
 
-    `recover` first resets a reflex and retreats from what presses on the gripper; `reset_tool` sets
-    the cell's tool and reads it back. The path goes around where a straight one in joint space
-    meets the arm itself, desk, clamp or floor. Interrupting this function ends the motion.
+    The path goes around where a straight one in joint space meets the arm itself, desk, clamp or
+    floor. Interrupting this function ends the motion.
     """
-    request = GoTo(joints=joints, share=share, recover=recover, reset_tool=reset_tool)
     _run_in_process(access, request)
 
 

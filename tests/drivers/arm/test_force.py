@@ -10,7 +10,7 @@ pytest.importorskip("pylibfranka", reason="the robot's library is not installed"
 
 from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.force import DriftMonitor, ForceGuard, Tare
-from drivers.arm.joint_requests import go_to, retreat
+from drivers.arm.joint_requests import GoTo, go_to, retreat
 from drivers.arm.mailbox import CommandKind
 from drivers.arm.obstacles import solids_of
 from drivers.arm.settings import FciSettings
@@ -136,10 +136,10 @@ def test_arm_that_is_pressed_does_not_go_home_by_itself_and_retreats_when_asked_
     with served(push=Wall().force) as server:
         felt(server)
         with pytest.raises(Fault, match=r"feels 20\.0 N at rest.*--recover") as fault:
-            go_to(task(server), near(-0.1), 1.0)
+            go_to(task(server), GoTo(near(-0.1), 1.0))
         assert fault.value.name == "arm_pressed"
         assert server.robot.ticks == 0
-        go_to(task(server), near(-0.1), 1.0, recover=True)
+        go_to(task(server), GoTo(near(-0.1), 1.0, recover=True))
         assert server.robot.posture.q == pytest.approx(near(-0.1), abs=1e-3)
         thresholds = server.robot.configuration.thresholds
         assert thresholds.force_nominal[1, 0] == COLLISION.force_upper  # tight again

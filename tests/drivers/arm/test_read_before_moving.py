@@ -11,7 +11,7 @@ pytest.importorskip("pylibfranka", reason="the robot's library is not installed"
 from drivers.arm.arm import FciArm
 from drivers.arm.checks import read_description, require_limits
 from drivers.arm.failure import ArmFault
-from drivers.arm.joint_requests import go_to, hand_pose
+from drivers.arm.joint_requests import GoTo, go_to, hand_pose
 from drivers.errors import Fault
 from drivers.fci_server.server import RobotServer
 from drivers.fci_server.wire import Mode, Reflex
@@ -53,7 +53,7 @@ def acts(server: RobotServer):
     """Everything that connects: the plane's motions, the way home, the touched points."""
     return (
         FciArm(task(server), TwinClock()).connect,
-        lambda: go_to(task(server), near(), 1.0),
+        lambda: go_to(task(server), GoTo(near(), 1.0)),
         lambda: hand_pose(task(server)),
     )
 
@@ -67,7 +67,7 @@ def test_tool_and_load_left_by_another_program_are_refused_with_both_values(left
 
 
 def test_tool_is_reset_where_that_is_asked_for_and_the_arm_then_goes_home(left) -> None:
-    go_to(task(left), near(0.0), 1.0, reset_tool=True)
+    go_to(task(left), GoTo(near(0.0), 1.0, reset_tool=True))
     assert left.robot.configuration.load_mass == 0.0
     assert np.array_equal(left.robot.configuration.nominal_to_tool, np.eye(4))
     assert left.robot.posture.q == pytest.approx(near(0.0), abs=1e-4)
@@ -101,7 +101,7 @@ def test_each_property_of_the_tool_is_read(changes, words: tuple[str, ...]) -> N
 def test_reset_cannot_override_what_desk_states() -> None:
     with served() as server:
         server.robot.configuration = replace(server.robot.configuration, hand_mass=0.9)
-        fault = refused(server, lambda: go_to(task(server), near(), 1.0, reset_tool=True))
+        fault = refused(server, lambda: go_to(task(server), GoTo(near(), 1.0, reset_tool=True)))
         assert fault.name == "arm_tool_differs"
 
 

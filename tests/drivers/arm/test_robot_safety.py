@@ -19,7 +19,7 @@ from drivers.arm.failure import Cause
 from drivers.arm.force import ForceGuard
 from drivers.arm.hand import FciHand
 from drivers.arm.joint_motion import follow_joints
-from drivers.arm.joint_requests import go_to
+from drivers.arm.joint_requests import GoTo, go_to
 from drivers.arm.mailbox import CommandKind
 from drivers.arm.plane import StripPlane
 from drivers.arm.reach import PredictedMotion, ReachGuard
@@ -73,7 +73,7 @@ def test_collision_thresholds_are_set_before_the_plane_s_motion() -> None:
 
 def test_collision_thresholds_are_set_before_the_way_home() -> None:
     with served() as server:
-        go_to(task(server), near(), 1.0)
+        go_to(task(server), GoTo(near(), 1.0))
         assert_collision_thresholds(server)
 
 
@@ -81,7 +81,7 @@ def test_guard_stops_the_way_home() -> None:
     push = ContactFault(kind="contact", at=60, force=(0.0, 0.0, 20.0))
     with served(faults=[push]) as server:
         with pytest.raises(Fault, match=r"20\.0 N, allowed 15\.0 N") as fault:
-            go_to(task(server), near(0.3), 1.0)
+            go_to(task(server), GoTo(near(0.3), 1.0))
         assert fault.value.name == "arm_contact"
         assert server.robot.posture.q[0] < near(0.2)[0]
         assert server.robot.posture.at_rest
@@ -114,7 +114,7 @@ def test_force_is_tared_at_rest_in_each_posture_of_the_way_home(monkeypatch, rat
     monkeypatch.setattr(
         requests, "TerminationFlag", lambda: SimpleNamespace(is_set=False, check=bool)
     )
-    request = requests.GoTo(near(0.04), 1.0, recover=False, reset_tool=False)
+    request = GoTo(near(0.04), 1.0)
     given = SimpleNamespace(address="", settings=FciSettings(), installation=INSTALLATION)
     pipe = SimpleNamespace(poll=lambda: False, send=lambda _: None)
     requests.carry_out(pipe, given, request)
@@ -195,7 +195,7 @@ def test_pressed_user_stop_is_named_and_nothing_moves() -> None:
     with served() as server:
         server.robot.press_user_stop()
         with pytest.raises(Fault) as fault:
-            go_to(task(server), near(), 1.0)
+            go_to(task(server), GoTo(near(), 1.0))
         assert fault.value.name == "arm_user_stop"
         assert server.robot.ticks == 0
 
@@ -279,7 +279,7 @@ def test_signal_to_all_processes_brakes_the_arm_and_does_not_drop_it(number: int
 
 def test_way_home_that_was_asked_to_end_says_that_it_did_not_arrive() -> None:
     with served() as server, ThreadPoolExecutor(1) as beside:
-        gone = beside.submit(go_to, task(server), near(0.3), 0.2)
+        gone = beside.submit(go_to, task(server), GoTo(near(0.3), 0.2))
         deadline = time.monotonic() + 60.0
         while server.robot.ticks < 100 and time.monotonic() < deadline:
             time.sleep(0.005)

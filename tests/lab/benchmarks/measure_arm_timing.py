@@ -33,7 +33,7 @@ from cell.folding.fold import fold
 from cell.folding.request import Recording
 from cell.record.run import read_run
 from drivers.arm.joint_log import Timing
-from drivers.arm.joint_requests import go_to
+from drivers.arm.joint_requests import GoTo, go_to
 from drivers.arm.process import PRIORITY, RobotAccess, apply_realtime
 from drivers.arm.settings import RealTime
 from drivers.errors import Fault
@@ -164,7 +164,7 @@ def go_home(task: RobotAccess, joints: list[float]) -> None:
     """Bring the robot to `joints`; a machine that loses packets may need several tries."""
     for _ in range(TRIES):
         with suppress(Fault):
-            go_to(task, joints, 1.0, recover=True)
+            go_to(task, GoTo(joints, 1.0, recover=True))
             return
     raise SystemExit(f"the robot did not come home in {TRIES} tries: too many packets are lost")
 
