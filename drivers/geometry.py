@@ -54,4 +54,12 @@ def even_points(points: Array, count: int) -> Array:
     """Points (count, 2) [m] at equal arc lengths along the polyline through `points` (n, 2) [m]."""
     travel = arc_lengths(points)
     places = np.linspace(0.0, travel[-1], count)
-    return np.stack([np.interp(places, travel, points[:, c]) for c in range(2)], axis=1)
+    return interpolate_columns(places, travel, points)
+
+
+def interpolate_columns(at: Array | float, x: Array, columns: Array) -> Array:
+    """Values (..., k) of `columns` (n, k), given at increasing `x` (n,), at the places `at` (...,).
+
+    Linear in between, held beyond the first and the last.
+    """
+    return np.stack([np.interp(at, x, column) for column in columns.T], axis=-1)

@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from drivers.geometry import arc_lengths
+from drivers.geometry import arc_lengths, interpolate_columns
 from drivers.strip.observation import LIFT_TRAVEL
 from drivers.types import Array, frozen
 
@@ -34,9 +34,7 @@ class Path:
 
     def at(self, travel: Array | float) -> Array:
         """Points (..., 2) x, z [m] at distances `travel` (...,) [m], clamped to the path's ends."""
-        x = np.interp(travel, self.travel, self.points[:, 0])
-        z = np.interp(travel, self.travel, self.points[:, 1])
-        return np.stack([x, z], axis=-1)
+        return interpolate_columns(travel, self.travel, self.points)
 
     def poses(self, travel: Array | float) -> Array:
         """Gripper poses (..., 3) x, z [m], pitch [rad] at distances `travel` (...,) [m]."""

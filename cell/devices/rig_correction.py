@@ -9,6 +9,7 @@ from calibration.calibration import Calibration, change_calibration
 from calibration.homography import Homography
 from cell.config.cell import CellFile
 from cell.devices.devices import Devices
+from drivers.geometry import interpolate_columns
 from drivers.protocols import Arm, Hand
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
@@ -128,7 +129,7 @@ class CorrectedArm:
             return np.asarray(measured.pose.as_array() + travel)
         stamps = np.array([report.stamp for report in self._reports])
         poses = np.array([report.pose.as_array() for report in self._reports])
-        return np.array([np.interp(measured.stamp + ahead, stamps, column) for column in poses.T])
+        return interpolate_columns(measured.stamp + ahead, stamps, poses)
 
     def _offset_velocity(self, rate: Velocity) -> Array:
         """Velocity (3,) [m/s, m/s, rad/s] of the rig's offsets as the arm moves at `rate`."""

@@ -17,6 +17,7 @@ from cell.orchestrator.steps import Motion, close_hand, move, open_hand
 from drivers.arm.reach import densify, plan_reach
 from drivers.errors import ConfigurationError
 from drivers.franka.inverse_kinematics import ELBOW_JOINT
+from drivers.geometry import interpolate_columns
 from drivers.installation import MotionLimits
 from drivers.strip.file import StripFile
 from drivers.types import Array, Pose, Velocity
@@ -73,8 +74,8 @@ class Rehearsal:
         snapshot = yield Drive(Velocity(0.0, 0.0, 0.0))
         start = snapshot.time
         while (time := snapshot.time - start) < due[-1] + min(RAMP, due[-1]):
-            target = _pose_at(_eased_time(time, due[-1]), due, poses)
-            ahead = _pose_at(_eased_time(time + LOOKAHEAD, due[-1]), due, poses)
+            eased = [_eased_time(time, due[-1]), _eased_time(time + LOOKAHEAD, due[-1])]
+            target, ahead = interpolate_columns(np.array(eased), due, poses)
             error = target - snapshot.arm.commanded.as_array()
             rate = np.clip((ahead - target) / LOOKAHEAD + GAIN * error, -fastest, fastest)
             snapshot = yield Drive(Velocity(*rate.tolist()))
@@ -125,8 +126,3 @@ def _eased_time(time: float, duration: float) -> float:
     if time < ramp:
         return time**2 / (2 * ramp)
     return duration - left**2 / (2 * ramp) if left < ramp else time - ramp / 2
-
-
-def _pose_at(time: float, due: Array, poses: Array) -> Array:
-    """Pose (3,) at `time` [s] among `poses` (n, 3) at the times `due` (n,) [s]."""
-    return np.array([np.interp(time, due, column) for column in poses.T])

@@ -13,6 +13,7 @@ from cell.perception.camera_watch import FrozenImages
 from cell.perception.image_reader import ImageResult, ImageTask, Reader
 from cell.perception.strip_measurement import SeenTouch, StripMeasurement
 from drivers.errors import Fault
+from drivers.geometry import interpolate_columns
 from drivers.protocols import Camera
 from drivers.types import ArmState, Frame, Pose
 
@@ -40,7 +41,7 @@ class ArmHistory:
         pair = (states[after - 1], states[min(after, last)])
         times = [state.stamp for state in pair]
         poses = np.array([state.pose.as_array() for state in pair])
-        return Pose(*(float(np.interp(stamp, times, poses[:, axis])) for axis in range(3)))
+        return Pose.from_array(interpolate_columns(stamp, np.array(times), poses))
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from cell.perception.resting_strip import sample_plane, sample_rectangle, sample
 from cell.perception.scene import Appearance, colour_distances
 from cell.perception.settings import PerceptionSettings
 from cell.perception.strip_measurement import StripMeasurement
-from drivers.geometry import arc_lengths
+from drivers.geometry import arc_lengths, interpolate_columns
 from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Image, Pose
 
@@ -181,7 +181,7 @@ class HeldEnd:
             place = find_end(
                 frame.image, self._calibration, self._strip.thickness, line.T, clip.colour
             )
-            mouth = np.array([np.interp(place, distances + AROUND[0], axis) for axis in line])
+            mouth = interpolate_columns(place, distances + AROUND[0], line.T)
             if np.hypot(*(mouth - (face.x, face.z))) < FARTHEST:  # not where it is NaN
                 self._to_mouth = mouth - (face.x, face.z)
         x, z = (float(value) for value in np.array([face.x, face.z]) + self._to_mouth)

@@ -6,6 +6,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from drivers.geometry import interpolate_columns
 from drivers.robust import MAD
 from drivers.settings import StudyResult
 from drivers.strip.describe import describe
@@ -173,7 +174,7 @@ def agreement(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -
 def _simulate_profile(model: StripModel, fold: MeasuredFold) -> Array | None:
     """Binned profile (BINS, POINTS, 2) of one model: alone, as the preflight compiled the rod."""
     times = np.arange(fold.t[0] + DT, fold.t[-1] + 0.5 * DT, DT)
-    path = np.stack([np.interp(times, fold.t, column) for column in fold.poses.T], axis=1)
+    path = interpolate_columns(times, fold.t, fold.poses)
     rod = Rod(SEGMENTS, strict=False)
     rod.reset([model])
     motion = rod.trace(path[:, None], DT, SHAPE_STRIDE)

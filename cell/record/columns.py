@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from drivers.errors import ConfigurationError
+from drivers.geometry import interpolate_columns
 from drivers.types import Array, Pose, frozen
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
@@ -118,8 +119,8 @@ class Ticks(Columns):
 
     def pose_at(self, stamp: float) -> Pose:
         """Gripper pose at `stamp` [s], interpolated between ticks."""
-        columns = (self.x, self.z, self.pitch)
-        return Pose(*(float(np.interp(stamp, self.t, column)) for column in columns))
+        poses = np.stack([self.x, self.z, self.pitch], axis=1)
+        return Pose.from_array(interpolate_columns(stamp, self.t, poses))
 
 
 @dataclass(frozen=True, slots=True)

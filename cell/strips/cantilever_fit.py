@@ -12,6 +12,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from cell.strips.photograph import Photograph
+from drivers.geometry import interpolate_columns
 from drivers.strip.cantilever import HangingStrip, NoRest, hanging_shape, hinges
 from drivers.types import Array
 
@@ -61,7 +62,7 @@ class RestCurvaturePrior:
             return constant
         count = int(np.clip(overhang / (KNOT_SPACING * width), 4, MOST_KNOTS)) + 1
         knots = np.linspace(0.0, overhang, count)
-        tents = np.stack([np.interp(arc, knots, row) for row in np.eye(count)], axis=1)
+        tents = interpolate_columns(arc, knots, np.eye(count))
         return np.concatenate([constant, self.spread * tents], axis=1)
 
 

@@ -10,7 +10,7 @@ from scipy.signal import savgol_coeffs, savgol_filter
 
 from cell.perception.midline import Midline, extract_midline
 from drivers.errors import ConfigurationError
-from drivers.geometry import arc_lengths
+from drivers.geometry import arc_lengths, interpolate_columns
 from drivers.readers import read_picture
 from drivers.robust import robust_sigma
 from drivers.types import Array, Image
@@ -120,9 +120,7 @@ def _average_points(traced: Array, travel: Array, arc: Array) -> Array:
     edges = np.clip(np.stack([arc - reach, arc + reach]), 0.0, travel[-1])
     steps = np.diff(travel)[:, None] * 0.5 * (traced[1:] + traced[:-1])
     sums = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
-    before, after = (
-        np.stack([np.interp(edge, travel, sums[:, c]) for c in range(2)], axis=1) for edge in edges
-    )
+    before, after = (interpolate_columns(edge, travel, sums) for edge in edges)
     return np.asarray((after - before) / np.diff(edges, axis=0).T)
 
 

@@ -11,6 +11,7 @@ from drivers.franka import limits
 from drivers.franka.collision import Box, Solids, self_clearance
 from drivers.franka.inverse_kinematics import straight
 from drivers.franka.kinematics import HOME
+from drivers.geometry import interpolate_columns
 from drivers.installation import Installation
 from drivers.types import Array, Pose
 
@@ -52,7 +53,7 @@ def require_clear(path: list[Pose], end: float) -> None:
     """
     corners = np.array([pose.as_array() for pose in path])
     times = np.linspace(0.0, len(path) - 1, PATH_CHECKS * (len(path) - 1) + 1)
-    poses = np.stack([np.interp(times, np.arange(len(path)), axis) for axis in corners.T], axis=1)
+    poses = interpolate_columns(times, np.arange(len(path), dtype=np.float64), corners)
     heights = desk_clearance(poses, end)
     deepest = int(np.argmin(heights))
     if heights[deepest] > min(0.0, heights[0] - LEAVING):

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from drivers.geometry import interpolate_columns
 from drivers.strip.engine import Touch
 from drivers.strip.model import Observation, Rig, StripModel
 from drivers.types import Array
@@ -117,14 +118,14 @@ def mean_force(t: Array, force: Array) -> Array:
 
     total = cumulative_trapezoid(force, t, axis=0, initial=0.0)
     ends = [np.clip(t + side * FORCE_WINDOW / 2, t[0], t[-1]) for side in (-1, 1)]
-    first, last = (np.stack([np.interp(end, t, c) for c in total.T], axis=1) for end in ends)
+    first, last = (interpolate_columns(end, t, total) for end in ends)
     return np.asarray((last - first) / np.maximum(ends[1] - ends[0], SHORTEST_WINDOW)[:, None])
 
 
 def reported_force(observation: Observation, t: Array, true_t: Array, force: Array) -> Array:
     """Reported force (m, 2) [N] at `t` (m,) [s] for a true `force` (k, 2) at `true_t` (k,) [s]."""
     then = t - observation.force_delay
-    reported = np.stack([np.interp(then, true_t, column) for column in force.T], axis=1)
+    reported = interpolate_columns(then, true_t, force)
     return np.asarray(reported + np.array([observation.force_x, observation.force_z]))
 
 

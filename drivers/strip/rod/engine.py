@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import SimulationNotConverged, SimulationNotFinite
+from drivers.geometry import interpolate_columns
 from drivers.strip.engine import Observables, StripMotion, Touch
 from drivers.strip.model import StripModel
 from drivers.strip.observation import true_path
@@ -258,7 +259,7 @@ def _true_path(model: StripModel, path: GripperPath) -> GripperPath:
 def _sample(path: GripperPath, dt: float, count: int) -> Array:
     """Poses (count, 3) of `path` at the ends of `count` steps of `dt` [s]; the last one repeats."""
     times = path.t[0] + dt * np.arange(1, count + 1)
-    return np.stack([np.interp(times, path.t, path.poses[:, c]) for c in range(3)], axis=-1)
+    return interpolate_columns(times, path.t, path.poses)
 
 
 def _motion_of_strip(

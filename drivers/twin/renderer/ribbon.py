@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.geometry import interpolate_columns
 from drivers.twin.renderer.kernels import Rows, interpolate, sample_surface
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
@@ -65,7 +66,7 @@ def expose(scenes: Sequence[Scene], spacing: float) -> Curve:
     motion = None
     if first.points is not last.points:
         shift = (last.points - first.points) * (len(scenes) / (len(scenes) - 1))
-        motion = np.stack([np.interp(s, middle.arc, shift[:, j]) for j in range(2)], axis=-1)
+        motion = interpolate_columns(s, middle.arc, shift)
     return Curve(s, points, derivatives / size[:, None], motion)
 
 

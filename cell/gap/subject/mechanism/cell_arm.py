@@ -13,6 +13,7 @@ from cell.gap.subject.mechanism.model import tip
 from cell.gap.subject.mechanism.read_mechanism import MechanismData
 from cell.gap.subject.mechanism.subject import content_of
 from cell.gap.subject.subject import NamedValues, Run
+from drivers.geometry import interpolate_columns
 from drivers.types import Array
 
 # N m/rad of the robot's joint impedance. Source: setJointImpedance in libfranka's examples.
@@ -60,10 +61,10 @@ class CellArm(InverseDynamics):
         requests = [replace(self.stated(run, e), base=about) for e in ({name: values}, {})]
         with_effect, without = self.predict([self._case(r) for r in requests])
         content = content_of(run)
-        q = np.array([np.interp(content.cut.t, content.motion.t, x) for x in content.motion.q.T])
+        q = interpolate_columns(content.cut.t, content.motion.t, content.motion.q)
         torque, tracking = np.split(with_effect - without, [len(self._mechanism.torques)])
         readings = readings_of([(effect_of(name), values)], self._mechanism)
-        return tip_displacement(self.opened, q.T, torque, tracking, readings)
+        return tip_displacement(self.opened, q, torque, tracking, readings)
 
 
 def tip_displacement(

@@ -20,6 +20,7 @@ from cell.gap.subject.mechanism.read_mechanism import MechanismData, start_of
 from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal
 from cell.gap.subject.mechanism.subject import Case, Content, MechanismSubject
 from drivers.errors import ConfigurationError
+from drivers.geometry import interpolate_columns
 from drivers.types import Array, frozen
 
 TOGETHER = 256  # simulations of a batch
@@ -62,13 +63,13 @@ class Commands:
         """Mean commands (steps, actuators) in each time step of `step` [s], `delay` [s] late."""
         if not self.u.shape[1]:
             return np.zeros((steps, 0))
-        edges = np.arange(steps + 1) * step - delay
+        edges = np.asarray(np.arange(steps + 1) * step - delay, dtype=np.float64)
         ends = np.append(self.t[1:], max(self.t[-1], edges[-1]) + 1.0)  # the last is held
         held = np.cumsum(self.u * (ends - self.t)[:, None], axis=0)
         integral = np.concatenate([np.zeros((1, self.u.shape[1])), held])
         times = np.append(self.t, ends[-1])
         before = np.minimum(edges - self.t[0], 0.0)[:, None] * self.u[0]  # the first is held, too
-        total = np.array([np.interp(edges, times, column) for column in integral.T]).T + before
+        total = interpolate_columns(edges, times, integral) + before
         return np.asarray(np.diff(total, axis=0) / step)
 
 

@@ -21,7 +21,6 @@ from cell.gap.subject.mechanism.model import Mechanism, ModelFields
 from cell.gap.subject.mechanism.motion import (
     Motion,
     cutoff_of,
-    interpolate_columns,
     link_motion,
     motion_of,
     true_motion,
@@ -32,6 +31,7 @@ from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal, averag
 from cell.gap.subject.mechanism.subject import Case, Content, MechanismSubject, content_of
 from cell.gap.subject.subject import Run, Words
 from drivers.errors import ConfigurationError
+from drivers.geometry import interpolate_columns
 from drivers.strip.rod.compiled import entry
 from drivers.types import Array
 

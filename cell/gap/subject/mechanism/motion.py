@@ -12,6 +12,7 @@ from cell.gap.subject.mechanism.closed_loops import ClosedLoops
 from cell.gap.subject.mechanism.effect import Readings
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.mechanism.recordings import Recording
+from drivers.geometry import interpolate_columns
 from drivers.types import Array, frozen
 
 ORDER = 3  # of the Butterworth filter, run forth and back
@@ -180,11 +181,6 @@ def true_motion(motion: Motion, errors: Readings,
     bias = np.array([errors.bias.get(name, 0.0) for name in mechanism.encoders])
     scale = 1.0 + np.array([errors.scale.get(name, 0.0) for name in mechanism.encoders])
     return (q - bias) / scale, v / scale, a / scale
-
-
-def interpolate_columns(at: Array, t: Array, columns: Array) -> Array:
-    """Values (k, n) at times `at` (k,) [s] of `columns` (m, n) over `t` (m,) [s], held at ends."""
-    return np.array([np.interp(at, t, column) for column in columns.T]).T
 
 
 def link_motion(motion: Motion, deflection: Array, q: Array, v: Array,

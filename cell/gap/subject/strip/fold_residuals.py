@@ -9,6 +9,7 @@ from cell.gap.subject.strip.layout import Layout, Part
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.simulation import SimulatedMotion
 from cell.gap.subject.subject import Residuals
+from drivers.geometry import interpolate_columns
 from drivers.strip.engine import Touch
 from drivers.strip.midline_residuals import group_means, nearest_ends, signed_distances
 from drivers.strip.model import StripModel
@@ -128,9 +129,9 @@ def simulated_touch(run: MeasuredRun, model: StripModel, motion: SimulatedMotion
     """Simulated touch of the layers as the images of `run` would show it; None without one."""
     if motion.touch is None:
         return None
-    grip = np.array([np.interp(motion.touch.time, motion.t, c) for c in motion.poses.T])
+    grip = interpolate_columns(motion.touch.time, motion.t, motion.poses)
     stamp = image_stamp(model.observation, motion.touch.time)
-    reported = np.array([np.interp(stamp, run.t, c) for c in run.poses.T])
+    reported = interpolate_columns(stamp, run.t, run.poses)
     return measured_touch(model, motion.touch, grip, reported)
 
 

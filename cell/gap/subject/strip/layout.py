@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.subject import Samples, Words
+from drivers.geometry import interpolate_columns
 from drivers.types import Array
 from policies.path import TAKEOVER_HEIGHT
 
@@ -56,9 +57,7 @@ def zones(s: Array, length: float) -> Words:
 def _averaged_motion(run: MeasuredRun, t: Array) -> tuple[Array, Array]:
     """Speed (n,) [m/s] of the averaged motion at `t` (n,) [s], and its x component, backwards."""
     ends = [np.clip(t + side * AVERAGING_TIME / 2, run.t[0], run.t[-1]) for side in (-1, 1)]
-    before, after = (
-        np.stack([np.interp(e, run.t, run.poses[:, c]) for c in range(2)], axis=1) for e in ends
-    )
+    before, after = (interpolate_columns(end, run.t, run.poses[:, :2]) for end in ends)
     rate = (after - before) / np.maximum(ends[1] - ends[0], 1e-9)[:, None]
     return np.hypot(*rate.T), rate[:, 0]
 

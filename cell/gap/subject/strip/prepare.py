@@ -29,6 +29,7 @@ from cell.gap.subject.strip.simulation import (
     hashed_path,
 )
 from cell.gap.subject.subject import Residuals, Run, Samples
+from drivers.geometry import interpolate_columns
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
@@ -260,9 +261,8 @@ def _lifted_path(path: GripperPath, run: MeasuredRun) -> GripperPath:
     travel = run.travel[: len(path.t)]
     share = travel / LEAVING_TRAVEL
     lying = share < 1.0
-    along, up = (
-        np.interp(LEAVING_TRAVEL, travel, column) - column[0] for column in path.poses.T[:2]
-    )
+    places = path.poses[:, :2]
+    along, up = interpolate_columns(LEAVING_TRAVEL, travel, places) - places[0]
     pushes_strip = -along > STEEP * up
     if path.hanging or lying.all() or not pushes_strip:
         return path
@@ -300,5 +300,5 @@ def _is_replicate(longer: PreparedFold, fold: PreparedFold) -> bool:
 
 def _is_near(longer: GripperPath, path: GripperPath) -> bool:
     """Whether the poses of `path` lie within PATH_TOLERANCE of those of `longer` at equal times."""
-    expected = np.stack([np.interp(path.t, longer.t, c) for c in longer.poses.T], axis=1)
+    expected = interpolate_columns(path.t, longer.t, longer.poses)
     return bool((np.abs(path.poses - expected) < PATH_TOLERANCE).all())

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from cell.record.columns import Profile
+from drivers.geometry import interpolate_columns
 from drivers.types import Array, frozen
 
 SMOOTHING_STEP = 0.005  # s between the points that are smoothed
@@ -29,7 +30,7 @@ def smooth_path(t: Array, poses: Array, sigma: float) -> tuple[Array, Array]:
     more points. A servo's limited jerk bends a path too little for the narrow one to blunt it.
     """
     even = np.arange(t[0], t[-1] + 0.5 * SMOOTHING_STEP, SMOOTHING_STEP)
-    rough = np.stack([np.interp(even, t, poses[:, c]) for c in range(3)], axis=1)
+    rough = interpolate_columns(even, t, poses)
     half = int(np.clip(NARROWEST_HALF * (sigma / QUIET_NOISE) ** 0.4, NARROWEST_HALF, WIDEST_HALF))
     half = min(half, (len(even) - 1) // 2)
     smooth = _parabolic_smoothing(rough, half) if half > 1 else rough

@@ -12,7 +12,7 @@ from cell.record.files import PROFILE, RESULT, RUN, TICKS, is_under_way
 from cell.record.header import NOT_FOLDED, Header, Sigma, is_outcome
 from cell.record.run import Run as Recorded, read_run
 from drivers.errors import ConfigurationError, suggestion
-from drivers.geometry import arc_lengths
+from drivers.geometry import arc_lengths, interpolate_columns
 from drivers.readers import read_yaml
 from drivers.strip.engine import Touch
 from drivers.strip.file import StripFile
@@ -252,7 +252,7 @@ def _measured_run(name: str, run: Recorded, touch: Touch | None, strip: StripFil
     stamp = np.where(np.isfinite(ticks.contact_t), ticks.contact_t, ticks.t)
     force = np.stack([ticks.f_x, ticks.f_z], axis=1)
     reported = np.isfinite(force).any(axis=1)
-    grip = np.stack([np.interp(run.profile.t, ticks.t, poses[:, c]) for c in range(2)], axis=1)
+    grip = interpolate_columns(run.profile.t, ticks.t, poses[:, :2])
     return MeasuredRun(
         name, header.condition or name,
         t=t, poses=smooth, travel=frozen(arc_lengths(smooth[:, :2])),

@@ -8,6 +8,7 @@ from cell.gap.subject.strip.prepare import PreparedFold
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.simulation import SimulatedMotion
 from cell.gap.subject.subject import Curve, Scene, TimeSeries, Track
+from drivers.geometry import interpolate_columns
 from drivers.strip.engine import Touch
 from drivers.strip.model import StripModel
 from drivers.strip.observation import imaged_time, measured_contact, measured_points
@@ -21,7 +22,7 @@ CONTACT_SIGNAL, DISTANCE_SIGNAL = "contact [mm]", "distance from the measured mi
 def measured_scene(run: MeasuredRun) -> Scene:
     """Drawing of a measured fold, up to the touch of its layers or to its last row."""
     images, t = run.images, run.t[run.t <= run.end][::DRAWN_STRIDE]
-    grip = np.stack([np.interp(t, run.t, run.poses[:, c]) for c in range(2)], axis=1)
+    grip = interpolate_columns(t, run.t, run.poses[:, :2])
     visible = _images_before_end(run)
     before_end = run.contact_t <= run.end
     contact_t = run.contact_t[before_end]

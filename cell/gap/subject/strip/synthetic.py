@@ -15,7 +15,7 @@ from cell.record.documents import write_document
 from cell.record.files import PROFILE, RESULT, RUN, TICKS
 from cell.record.header import Sigma
 from cell.record.tables import place_contacts, write_parquet
-from drivers.geometry import arc_lengths
+from drivers.geometry import arc_lengths, interpolate_columns
 from drivers.readers import SCHEMA
 from drivers.strip.describe import describe
 from drivers.strip.engine import StripMotion, Touch
@@ -165,7 +165,7 @@ def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Images:
     s = np.arange(0.0, arc[-1], POINT_SPACING)
     points, places = [], []
     for shape in shapes:
-        curve = np.stack([np.interp(s, arc, shape[:, c]) for c in range(2)], axis=1)
+        curve = interpolate_columns(s, arc, shape)
         lifted = s >= s[np.argmax(curve[:, 1] > height)]
         points.append(curve[lifted])
         places.append(s[lifted])
@@ -223,9 +223,9 @@ def _touch(fold: Fold, errors: Instruments, rng: np.random.Generator) -> Touch |
     if touch is None:
         return None
     stamp = image_stamp(fold.model.observation, touch.time)
-    grip = [np.interp(touch.time, fold.motion.t, c) for c in fold.motion.poses.T]
-    reported = [np.interp(stamp, fold.path.t, c) for c in fold.path.poses.T]
-    measured = measured_touch(fold.model, touch, np.array(grip), np.array(reported))
+    grip = interpolate_columns(touch.time, fold.motion.t, fold.motion.poses)
+    reported = interpolate_columns(stamp, fold.path.t, fold.path.poses)
+    measured = measured_touch(fold.model, touch, grip, reported)
     # equal errors of l1 and l2 whose difference, the displacement, has its stated noise
     l1, l2 = rng.normal([measured.to_grasped, measured.to_fixed], errors.displacement / np.sqrt(2))
     time = measured.time + rng.normal(0.0, errors.touch_time)
