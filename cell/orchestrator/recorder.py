@@ -6,7 +6,6 @@ from typing import Any
 from cell.orchestrator.snapshot import Snapshot
 from cell.perception.strip_measurement import StripMeasurement
 from cell.record.events import LIFT, ORIGIN
-from cell.record.tables import Tick
 from cell.record.writer import RunWriter
 from drivers.types import Array, Frame
 from policies.policy import Decision
@@ -82,7 +81,8 @@ class FileRecorder(Recorder):
     def tick(self, snapshot: Snapshot) -> None:
         """Record a control cycle; none before the lift."""
         if self._lift is not None:
-            self._writer.tick(Tick.from_state(snapshot.arm, snapshot.state, self._lift))
+            arm = replace(snapshot.arm, stamp=snapshot.arm.stamp - self._lift)
+            self._writer.tick(arm, snapshot.state)
 
     def sight(self, measurement: StripMeasurement) -> None:
         """Record the measurement of the strip in one image; none before the lift."""

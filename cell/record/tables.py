@@ -1,14 +1,12 @@
 """Streams written during a run, and Parquet tables made from them with identical bytes.
 
-A stream (Arrow IPC) has one row per message: rows written before a crash can be read after it. A
-`Tick` is a row of the stream of ticks.
+A stream (Arrow IPC) has one row per message: rows written before a crash can be read after it.
 """
 
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -23,7 +21,7 @@ from drivers.arm.joint_log import JOINT_FIELDS
 from drivers.errors import ConfigurationError
 from drivers.files import new_file, replacing, write_all
 from drivers.readers import MEGABYTE, SCHEMA, read_bytes
-from drivers.types import ArmState, Array
+from drivers.types import Array
 
 TIME_ROUNDING = 1e-9  # s
 END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
@@ -39,42 +37,6 @@ SIGHT_ROWS = pa.schema(
     [(name, pa.int64() if name == "sequence" else NUMBER) for name in quantities(Sights)]
     + [("profile_x", POINTS_TYPE), ("profile_z", POINTS_TYPE)]
 )
-NOT_MEASURED = float("nan")
-
-
-@dataclass(frozen=True, slots=True)
-class Tick:
-    """Row of ticks.parquet: pose, command, force and state of the cell in one control cycle.
-
-    Measured `x`, `z` [m] and `pitch` [rad] at `t` [s], commanded `x_cmd`, `z_cmd` [m], force `f_x`,
-    `f_z` [N] on the gripper; NaN where not measured.
-    """
-
-    t: float
-    x: float
-    z: float
-    pitch: float
-    x_cmd: float
-    z_cmd: float
-    state: str
-    f_x: float = NOT_MEASURED
-    f_z: float = NOT_MEASURED
-
-    @classmethod
-    def from_state(cls, arm: ArmState, state: str, begin: float = 0.0) -> Self:
-        """Row of a measured arm state; `t` [s] is when the joints were read, since `begin` [s]."""
-        f_x, f_z = arm.force
-        return cls(
-            t=arm.stamp - begin,
-            x=arm.pose.x,
-            z=arm.pose.z,
-            pitch=arm.pose.pitch,
-            x_cmd=arm.commanded.x,
-            z_cmd=arm.commanded.z,
-            state=state,
-            f_x=f_x,
-            f_z=f_z,
-        )
 
 
 class StreamFile(AbstractContextManager["StreamFile"]):

@@ -20,7 +20,7 @@ from drivers.errors import ConfigurationError, Fault
 from drivers.files import new_file, write_all
 from drivers.readers import SCHEMA
 from drivers.settings import parse
-from drivers.types import Array, Frame
+from drivers.types import ArmState, Array, Frame
 
 
 class RunWriter:
@@ -82,11 +82,14 @@ class RunWriter:
         self._header |= facts
         self._described = True
 
-    def tick(self, tick: tables.Tick) -> None:
-        """Write the row of one control cycle."""
-        row = {name: getattr(tick, name) for name in tables.TICK_ROWS.names if name != "image_age"}
+    def tick(self, arm: ArmState, state: str) -> None:
+        """Write the row of one control cycle: the measured `arm`, in a `state` of the run."""
+        f_x, f_z = arm.force
+        row = {"t": arm.stamp, "x": arm.pose.x, "z": arm.pose.z, "pitch": arm.pose.pitch}
+        row |= {"x_cmd": arm.commanded.x, "z_cmd": arm.commanded.z, "f_x": f_x, "f_z": f_z}
+        row |= {"image_age": arm.stamp - self._newest}
         with self._recording():
-            self._ticks.append({**row, "image_age": tick.t - self._newest})
+            self._ticks.append({**row, "state": state})
 
     def sight(self, measurement: StripMeasurement) -> None:
         """Write the measurement of the strip in one image."""

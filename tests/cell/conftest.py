@@ -1,6 +1,7 @@
 """A made-up fold, written through the recorder: plausible curves, no physics."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,11 @@ from calibration.homography import Homography
 from calibration.lens import Lens
 from cell.perception.strip_measurement import StripMeasurement
 from cell.record.files import CALIBRATION, Keep
-from cell.record.tables import Tick
 from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
-from drivers.types import Array, Frame, Image
+from drivers.types import Array, Frame, Image, Pose
 from policies.path import triangular
+from tests.support.plain_cell import ARM
 
 LENGTH, SPEED = 0.6, 0.1
 RESULT = {
@@ -122,7 +123,8 @@ class MadeFold:
             self._state = state
         x, z, pitch = self._path.poses(travel)
         shake = self._rng.normal(0, 1e-4, 2)
-        self.writer.tick(Tick(t, x + shake[0], z + shake[1], float(pitch), x, z, state))
+        measured = Pose(x + shake[0], z + shake[1], float(pitch))
+        self.writer.tick(replace(ARM, stamp=t, pose=measured, commanded=Pose(x, z, 0.0)), state)
 
     def image(self, t: float) -> None:
         x, z = self._path.at(min(t * SPEED, 0.752))

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from cell.record import frames
+from cell.record.files import EVENTS, PROFILE, SIGHTS, TICKS
 from cell.record.run import read_run
-from cell.record.tables import Tick
 from cell.record.writer import RunWriter
 from drivers.errors import ConfigurationError, Fault
 from drivers.types import Frame
 from tests.cell.conftest import HEADER, RESULT
+from tests.support.plain_cell import ARM
 
 
 def small_frame(sequence: int) -> Frame:
@@ -31,19 +32,19 @@ def hand_over_and_finish(writer: RunWriter, count: int) -> None:
 def test_killed_process_leaves_every_row_it_wrote(tmp_path):
     script = f"""
 import os, signal
+from dataclasses import replace
 from pathlib import Path
-from cell.record.tables import Tick
+from tests.support.plain_cell import ARM
 from cell.record.writer import RunWriter
 writer = RunWriter(Path({str(tmp_path)!r}), {HEADER!r}, "none")
 for k in range(200):
-    writer.tick(Tick(0.01 * k, 0.6, 0.1, 0.0, 0.6, 0.1, "FOLD"))
+    writer.tick(replace(ARM, stamp=0.01 * k), "FOLD")
     writer.event(0.01 * k, "turn", k=k)
 os.kill(os.getpid(), signal.SIGKILL)
 """
     done = subprocess.run([sys.executable, "-c", script], check=False)
     assert done.returncode == -signal.SIGKILL
-    (folder,) = tmp_path.iterdir()
-    run = read_run(folder)
+    run = read_run(*tmp_path.iterdir())
     assert run.died
     assert run.ticks.t.size == 200
     assert len(run.events()) == 200
@@ -65,11 +66,8 @@ def test_any_cut_of_the_streams_can_still_be_read(killed, tmp_path):
 
 def test_same_fold_gives_the_same_bytes(make_run, tmp_path):
     first, second = make_run(tmp_path), make_run(tmp_path)
-    for name in ("ticks.parquet", "profile.parquet", "sights.parquet", "events.jsonl"):
+    for name in (TICKS, PROFILE, SIGHTS, EVENTS, frames.INDEX):
         assert (first / name).read_bytes() == (second / name).read_bytes(), name
-    assert (first / "frames/index.jsonl").read_bytes() == (
-        second / "frames/index.jsonl"
-    ).read_bytes()
 
 
 def test_a_killed_run_reads_as_one_that_lived(make_run, tmp_path):
@@ -88,7 +86,7 @@ def test_a_killed_run_reads_as_one_that_lived(make_run, tmp_path):
 def test_run_yaml_comes_first_and_result_yaml_last(tmp_path, monkeypatch):
     writer = RunWriter(tmp_path, HEADER, "none")
     assert (writer.folder / "run.yaml").exists()
-    writer.tick(Tick(0.0, 0.6, 0.0, 0.0, 0.6, 0.0, "LIFT"))
+    writer.tick(ARM, "LIFT")
 
     def refuse(*args):
         raise OSError(28, "No space left on device")
@@ -122,8 +120,9 @@ def test_folder_that_cannot_be_written_is_one_line_before_the_run(tmp_path):
 def test_disk_that_fills_up_stops_the_run_and_keeps_what_it_took(tmp_path):
     script = f"""
 import resource, signal
+from dataclasses import replace
 from pathlib import Path
-from cell.record.tables import Tick
+from tests.support.plain_cell import ARM
 from cell.record.writer import RunWriter
 from drivers.errors import Fault
 writer = RunWriter(Path({str(tmp_path)!r}), {HEADER!r}, "none")
@@ -131,15 +130,14 @@ signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))
 try:
     for k in range(1000):
-        writer.tick(Tick(0.01 * k, 0.6, 0.1, 0.0, 0.6, 0.1, "FOLD"))
+        writer.tick(replace(ARM, stamp=0.01 * k), "FOLD")
 except Fault as fault:
     print(fault.name, k)
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
     name, written = done.stdout.split()
     assert name == b"record"
-    (folder,) = tmp_path.iterdir()
-    run = read_run(folder)
+    run = read_run(*tmp_path.iterdir())
     assert run.died
     assert run.ticks.t.size == int(written) > 10
 

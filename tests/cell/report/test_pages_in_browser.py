@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -14,16 +15,16 @@ from cell.benchmark.page import page_of
 from cell.gap.report.page import write_report as write_gap_report
 from cell.record.listing import list_runs
 from cell.record.run import read_run
-from cell.record.tables import Tick
 from cell.record.writer import RunWriter
 from cell.report.calibration_page import write_calibration_report
 from cell.report.page import write_report
 from cell.report.runs_page import write_comparison, write_runs_page
-from drivers.types import Frame
+from drivers.types import Frame, Pose
 from tests.cell.conftest import HEADER
 from tests.support.browser import FOUND, LOOKS, Browser, Look, browser
 from tests.support.curves import Curves, bump, hidden, judged
 from tests.support.made_results import measured
+from tests.support.plain_cell import ARM
 
 pytestmark = [
     pytest.mark.slow,
@@ -46,7 +47,7 @@ def filmed(tmp_path_factory: pytest.TempPathFactory) -> Path:
         stamp = k / 30 - 1.0
         image = np.full((72, 128, 3), 4 * k, np.uint8)
         writer.frame(Frame(stamp, stamp + 0.02, "made", k, image))
-        writer.tick(Tick(k / 60, 0.6 - 0.01 * k, 0.1, 0.0, 0.6, 0.1, "FOLD"))
+        writer.tick(replace(ARM, stamp=k / 60, pose=Pose(0.6 - 0.01 * k, 0.1, 0.0)), "FOLD")
     writer.finish({"outcome": "path_done"})
     return writer.folder
 

@@ -4,7 +4,7 @@ import base64
 import json
 import re
 import shutil
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from html import unescape
 from html.parser import HTMLParser
 
@@ -19,7 +19,6 @@ from cell.cli.app import app
 from cell.record.files import EVENTS
 from cell.record.listing import read_row
 from cell.record.run import read_run
-from cell.record.tables import Tick
 from cell.record.writer import RunWriter
 from cell.report.calibration_page import write_calibration_report
 from cell.report.page import advice, report, write_report
@@ -28,6 +27,7 @@ from cell.report.runs_page import write_comparison, write_runs_page
 from drivers.types import Frame
 from policies.prediction import Estimate, FoldPrediction
 from tests.cell.conftest import HEADER
+from tests.support.plain_cell import ARM
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 PREDICTED = asdict(
@@ -109,7 +109,7 @@ def test_film_of_a_run_plays_in_step_with_its_curves(tmp_path):
         stamp = 0.03 * k - 0.07
         image = np.full((64, 96, 3), 9 * k, np.uint8)
         writer.frame(Frame(stamp, stamp + 0.02, "made", k, image))
-        writer.tick(Tick(0.01 * k, 0.6, 0.1, 0.0, 0.6, 0.1, "FOLD"))
+        writer.tick(replace(ARM, stamp=0.01 * k), "FOLD")
     writer.finish({"outcome": "path_done"})
     text = write_report(writer.folder).read_text()
     assert outline(text).crossed == []
