@@ -1,6 +1,5 @@
 """Implements `cell gap fit`: from measured runs and a subject's file to verdict and patches."""
 
-import hashlib
 import itertools
 import json
 import os
@@ -11,14 +10,14 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from cell.gap.check import inputs_digest, refuse
-from cell.gap.fitting.tasks import SimulationCache
+from cell.gap.check import refuse
+from cell.gap.fitting.tasks import CountedSimulation
 from cell.gap.forward_selection import Progress
 from cell.gap.investigate import investigate
 from cell.gap.open_subject import open_subject
 from cell.gap.report.page import write_report
 from cell.gap.selection import hold_out as hold
-from cell.gap.subject.run_folders import RunFolder, copy_note, find_runs, without_copies
+from cell.gap.subject.run_folders import copy_note, find_runs, without_copies
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict import accept
 from cell.gap.verdict.compose import deviations, verdict as compose
@@ -27,8 +26,6 @@ from cell.gap.verdict.schema import Values, Verdict
 from drivers.errors import ConfigurationError
 from drivers.files import write_file, writing
 from drivers.yaml_text import dump_yaml
-
-ENGINE_VERSION = "61"  # a fit that another version began starts anew
 
 
 def quiet(stage: str, share: float) -> None:
@@ -59,9 +56,8 @@ def fit(
 ) -> Verdict:
     """Fit the runs of the subject in `file`; returns the verdict, which it writes into `out`.
 
-    `overlay` writes a recording of measured and simulated runs to a path. An interrupted fit
-    resumes when it is called again with the same inputs. Raises ConfigurationError, and leaves no
-    verdict, for bad input.
+    `overlay` writes a recording of measured and simulated runs to a path. Raises
+    ConfigurationError, and leaves no verdict, for bad input.
     """
     began = time.monotonic()
     _clear(out)
@@ -72,10 +68,9 @@ def fit(
         refuse(distinct)
     subject = open_subject(file, distinct, options.jobs, options.without)
     named = [copies.get(name, name) for name in options.hold_out]
-    key = _key(file, distinct, [*named, *options.without])
     with writing(f"{out}", "give a folder that can be written"):
         out.mkdir(parents=True, exist_ok=True)
-    simulate = SimulationCache(subject.simulate, out / ".rounds" / key)
+    simulate = CountedSimulation(subject.simulate)
     with threadpool_limits(1, "blas"):  # matrices are small: threads only wait for each other
         held = hold.held_out(subject, simulate, named)
         findings = investigate(subject, held, simulate, progress)
@@ -86,7 +81,6 @@ def fit(
     if overlay is not None:
         overlay(findings, verdict, out / "overlay.rrd")
     write_file(out / "verdict.json", verdict.to_json())
-    simulate.erase()
     progress("done", 1.0)
     return verdict
 
@@ -139,12 +133,6 @@ def _write_patch(
     if text is not None:
         write_file(out / model, text)
     return cell_patch
-
-
-def _key(file: Path, runs: Sequence[RunFolder], held: Sequence[str]) -> str:
-    """Hash of everything that the simulations of a fit depend on, the name of their cache."""
-    given = "\0".join([ENGINE_VERSION, inputs_digest(file, runs), *held])
-    return hashlib.sha256(given.encode()).hexdigest()[:16]
 
 
 def _clear(out: Path) -> None:
