@@ -278,7 +278,7 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
         remedy = "mend the file that it names"
         findings.append(Finding(what="unreadable", words=line, remedy=remedy, level="bad"))
     else:
-        again = "make it again"
+        again = "mend its mapping, or make it again"
         findings += [Finding(what="run", words=words, remedy=again) for words in subject.notes]
         findings += identifiable(subject)
     names = [run.name for run in runs]

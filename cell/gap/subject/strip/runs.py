@@ -31,17 +31,22 @@ LEAST = 30  # rows of a usable run
 FEWEST_RUNS = 2  # that can be fitted and checked
 LONGEST_PERIOD = 0.02  # s between rows, slower than any servo; the contract asks for 0.01
 LEAST_RISE = 0.01  # m above the desk, of a gripper that folds
-START_TOLERANCE = 0.03  # m from where a run must start
-START_NOTED = 0.006  # m, beyond which a start is remarked on, as preflight allows a strip's length
-HANGING_TOLERANCE = 0.3  # rad of pitch from upright at a hanging start
 TIME_MARGIN = 1.0  # s, no image or touch is so long before the first or after the last row
-HELD = 0.03  # m by which half of the places may contradict one strip held at its end
-BESIDE = 0.015  # m beside the gripper within which half of the midlines end
-TURN = 1.2  # rad from the gripper's pitch within which they do
+# Limits in m, rad and s, beyond which what is off is noted and refused, or refused alone
+START = (0.006, 0.03)  # from where a run must start, as preflight allows a strip's length
+HANGING = (0.3,)  # of pitch from upright at a hanging start
+HELD = (0.03,)  # by which half of the places may contradict one strip held at its end
+TURN = (1.2,)  # from the gripper's pitch within which half of the midlines end
+SHIFTS = (0.01, 0.015)  # by which midlines lie off gripper or desk
+DELAYS = (0.07, 0.2)  # by which midlines are late or early for the gripper's path
+SPREADS = np.array([0.06, 0.005])  # s, m: of delays and of shifts in x
+END_ERROR = 0.0006  # m of a run's midlines at their ends, in common
+LAYER = (0.03, np.inf)  # by which l1 differs from the way to the gripper
+NOTICED = 0.1  # s by which a touch is usually noticed too early or late
 TOUCH_ROUNDING = 1e-3  # m by which displacement and l1 - l2 may differ as they are rounded
 DISPLACEMENT_SIGMAS = 5  # standard deviations by which they may differ besides
-Contradiction = tuple[str, str, Array | float, float]
-"""File, what of it is off, by how much (n,), and how much of that is believable [m, rad]."""
+Contradiction = tuple[str, str, Array | float, tuple[float, ...]]
+"""File, what of it is off, by how much (n,) [m, rad, s], and the limits of that."""
 
 
 def _check_noise(origin: Path, run: Recorded) -> None:
@@ -202,10 +207,11 @@ def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measur
     _check_times(folder, recorded)
     touch = _touch(folder, recorded)
     usable = len(recorded.ticks.t) >= LEAST
-    if usable:
-        _check_held(folder, recorded, touch, strip)
-    run = _measured_run(name, recorded, touch, strip) if usable else _short_run(name, recorded)
-    return recorded.header, replace(run, notes=_notes(name, recorded, strip, usable=usable))
+    if not usable:
+        words = f"{name}: has {len(recorded.ticks.t)} rows only and is left out"
+        return recorded.header, replace(_short_run(name, recorded), notes=(words,))
+    notes = (*_check_held(folder, name, recorded, touch, strip), *_notes(name, recorded))
+    return recorded.header, replace(_measured_run(name, recorded, touch, strip), notes=notes)
 
 
 def check_fold(
@@ -276,18 +282,10 @@ def _short_run(name: str, run: Recorded) -> MeasuredRun:
     )  # fmt: skip
 
 
-def _notes(name: str, run: Recorded, strip: StripFile, *, usable: bool) -> tuple[str, ...]:
-    """Remarks for the operator on a run that is short, starts apart, or ended without a touch."""
-    if not usable:
-        return (f"{name}: has {len(run.ticks.t)} rows only and is left out",)
+def _notes(name: str, run: Recorded) -> tuple[str, ...]:
+    """Remark for the operator on a run that ended without a touch."""
     if run.result is None:
         return (f"{name}: died after {run.ticks.t[-1]:.1f} s and is used as far as it goes",)
-    off = float(np.hypot(run.ticks.x[0] - strip.length, run.ticks.z[0]))
-    if run.header.start == "flat" and off > START_NOTED:
-        return (
-            f"{name}: starts {1e3 * off:.1f} mm from the strip's free edge on the desk, x "
-            f"{1e3 * strip.length:g}, z 0 mm; are `start` and, in a mapping, `offset` right?",
-        )
     if run.result.outcome not in TOUCHED | {"path_done"}:
         return (f"{name}: ended with {run.result.outcome} and is used as far as it goes",)
     return ()
@@ -320,13 +318,24 @@ def _check_within(stamps: Array, t: Array, origin: str) -> None:
         )
 
 
-def _check_held(folder: Path, run: Recorded, touch: Touch | None, strip: StripFile) -> None:
-    """Refuse places that contradict one strip held at its end: from the desk it leads there."""
-    for file, what, off, most in (*_reaches(run, touch, strip), *_misses_of_midlines(run)):
-        if np.size(off) and (median := float(np.median(off))) > most:
+def _check_held(
+    folder: Path, name: str, run: Recorded, touch: Touch | None, strip: StripFile
+) -> Iterator[str]:
+    """Notes on places that are off for one strip held at its end, from the desk to the gripper.
+
+    Raises ConfigurationError where they contradict it.
+    """
+    for file, what, off, limits in (*_reaches(run, touch, strip), *_misses_of_midlines(run)):
+        median = float(np.median(off)) if np.size(off) else -np.inf
+        if median > limits[-1]:
             raise ConfigurationError(
-                f"{folder / file}: {what} {median:.2g}, at most {most:g} is believable; "
-                "give m and rad, x along the strip from its fixed edge"
+                f"{folder / file}: {what} {median:.2g}, at most {limits[-1]:g} is believable; "
+                "give m, rad and s, x along the strip from its fixed edge"
+            )
+        if median > limits[0]:
+            yield (
+                f"{name}: {what} {median:.2g}, at most {limits[0]:g} is usual; are "
+                "`start`, columns (l1 and l2?), `offset` and `late` of the mapping right?"
             )
 
 
@@ -336,14 +345,14 @@ def _reaches(run: Recorded, touch: Touch | None, strip: StripFile) -> Iterator[C
     seen, at = np.isfinite(contact), f"start at x {x[0]:.3f}, z {z[0]:.3f} m is"
     if run.header.start == "hanging":
         upright, far = abs(run.ticks.pitch[0] - np.pi / 2), np.hypot(x[0], z[0]) - strip.length
-        yield TICKS, "pitch: a hanging start is off pi/2 by", upright, HANGING_TOLERANCE
-        yield TICKS, f"x: a hanging {at} beyond the strip by", far, START_TOLERANCE
+        yield TICKS, "pitch: a hanging start is off pi/2 by", upright, HANGING
+        yield TICKS, f"x: a hanging {at} beyond the strip by", far, START
     else:
         apart = np.hypot(x[0] - strip.length, z[0])
-        yield TICKS, f"x: a flat {at} off x {strip.length:g}, z 0 m by", apart, START_TOLERANCE
-    yield TICKS, "z: half the path lies under the desk by", -z, START_TOLERANCE
+        yield TICKS, f"x: a flat {at} off x {strip.length:g}, z 0 m by", apart, START
+    yield TICKS, "z: half the path lies under the desk by", -z, START
     if run.result is not None:
-        yield TICKS, f"z: rises less than {LEAST_RISE:g} m, by", LEAST_RISE - z.max(), 0.0
+        yield TICKS, f"z: rises less than {LEAST_RISE:g} m, by", LEAST_RISE - z.max(), (0.0,)
     yield TICKS, "x, z: half lie beyond the strip by", np.hypot(x, z) - strip.length, HELD
     lifted = (np.hypot(x - contact, z) - (strip.length - contact))[seen]
     yield TICKS, "contact_x: half the contacts are too far from the gripper by", lifted, HELD
@@ -351,35 +360,52 @@ def _reaches(run: Recorded, touch: Touch | None, strip: StripFile) -> Iterator[C
         return
     l1, l2, sigma = touch.to_grasped, touch.to_fixed, run.header.sigma.displacement
     differs, allowed = abs(run.result.displacement - (l1 - l2)), DISPLACEMENT_SIGMAS * sigma
-    yield RESULT, "displacement: differs from l1 - l2 by", differs, TOUCH_ROUNDING + allowed
+    yield RESULT, "displacement: differs from l1 - l2 by", differs, (TOUCH_ROUNDING + allowed,)
     yield RESULT, "l1, l2: are longer than the strip by", l1 + l2 - strip.length, HELD
-    moments = touch.time + TIME_MARGIN * np.linspace(-1, 1, 41)  # noted by a stopwatch
-    layer = np.hypot(np.interp(moments, t, x) - l2, np.interp(moments, t, z))
+    late = TIME_MARGIN * np.linspace(-1, 1, 41)  # as a stopwatch
+    layer = np.hypot(np.interp(touch.time + late, t, x) - l2, np.interp(touch.time + late, t, z))
     yield RESULT, "l1: ends before the gripper by", float(layer.min()) - l1, HELD
+    apart = np.abs(layer - l1)[np.abs(late) < NOTICED].min()
+    yield RESULT, "l1: differs from the way from the touch to the gripper by", apart, LAYER
 
 
 def _misses_of_midlines(run: Recorded) -> Iterator[Contradiction]:
-    """By how much [m], [rad] the midlines miss gripper, pitch and contact.
+    """By how much [m], [s], [rad] the midlines miss desk, gripper, its pitch and contacts.
 
-    They end at the gripper or before it, as it hides the strip, but not beside it.
+    They begin on the desk, where they are seen to it, and end at the gripper or before it, as it
+    hides the strip, but not beside it: there a shift in x or a delay shows.
     """
     curves, ticks = {t: curve @ (1, 1j) for t, curve in run.profile.curves()}, run.ticks
     if not curves:
         return
-    x, z, pitch = (np.interp([*curves], ticks.t, c) for c in (ticks.x, ticks.z, ticks.pitch))
-    off = np.array([curve[-1] for curve in curves.values()]) - x - 1j * z
+    t, path = np.array([*curves]), ticks.x + 1j * ticks.z
+    off = np.array([curve[-1] for curve in curves.values()]) - np.interp(t, ticks.t, path)
     yield PROFILE, "x, z: half the midlines end off the gripper by", np.abs(off), HELD
     along = np.array([c[-1] - c[-1 - len(c) // FEWEST_POINTS] for c in curves.values()])
-    off, turn = off * np.exp(-1j * np.angle(along)), np.angle(along * np.exp(-1j * pitch))
-    beside = abs(float(np.median(off.imag[along != 0]))) if along.any() else 0.0
-    yield PROFILE, "x, z: half the midlines end beside the gripper by", beside, BESIDE
+    turn = np.angle(along * np.exp(-1j * np.interp(t, ticks.t, ticks.pitch)))
     yield PROFILE, "x, z: half the midlines leave its pitch by", np.abs(turn[along != 0]), TURN
+    lifted = np.interp(t, ticks.t, ticks.z) > HELD[0]
+    begins = np.array([curve[0].imag for curve in curves.values()])[lifted]
+    up = float(np.median(begins)) - run.header.contact_height if len(begins) else 0.0
+    up *= up < HELD[0]  # others see the upper part alone
+    step = np.interp(t + 0.05, ticks.t, path) - np.interp(t - 0.05, ticks.t, path)
+    beside = np.stack([off - 1j * up, -step / 0.1, np.ones(len(t))]) * np.exp(-1j * np.angle(along))
+    apart = abs(float(np.median(beside[0].imag)))
+    yield PROFILE, "x, z: half the midlines end beside the gripper by", apart, SHIFTS[1:]
+    near = beside.imag.T[np.abs(beside[0].imag) < HELD[0]] / (END_ERROR * np.sqrt(len(t)))
+    rows = np.concatenate([near, np.column_stack([np.zeros(2), np.diag(1 / SPREADS)])])
+    late, out = map(float, np.linalg.lstsq(rows[:, 1:], rows[:, 0])[0])
+    for what, size, limits in (
+        (f"z: half the midlines begin {'above' if up > 0 else 'under'} the desk by", up, SHIFTS),
+        (f"x: the midlines end {'outside' if out > 0 else 'inside'} the path by", out, SHIFTS),
+        (f"t: the midlines {'lag behind' if late > 0 else 'lead'} the gripper by", late, DELAYS),
+    ):
+        yield PROFILE, what, abs(size), limits
     if (seen := np.isfinite(ticks.contact_x)).any():
         stamp = np.where(np.isfinite(ticks.contact_t), ticks.contact_t, ticks.t)[seen]
-        contacts = zip(
-            curves.values(), np.interp([*curves], stamp, ticks.contact_x[seen]), strict=True
-        )
-        low = [np.abs(c - contact).min() for c, contact in contacts if c[0].imag < HELD]
+        contacts = np.interp(t, stamp, ticks.contact_x[seen])
+        pairs = zip(curves.values(), contacts, strict=True)
+        low = [np.abs(c - contact).min() for c, contact in pairs if c[0].imag < HELD[0]]
         yield TICKS, "contact_x: half the contacts lie off the midlines by", np.array(low), HELD
 
 

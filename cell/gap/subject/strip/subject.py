@@ -41,10 +41,12 @@ from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
 from drivers.strip.law import LAW_TERMS, with_law
 from drivers.strip.model import Observation, StripModel
+from drivers.types import Array
 
 DIGITS = 6  # significant digits of a fitted number
 QUANTILE = 0.02  # of the contacts of a run that may lie before its lift-off, as outliers
 DESCRIBED = 256  # models that are kept
+SWAPPED, FARTHER = 5.0, 2.0  # sigma, and times those of the other way, of l1 and l2 swapped
 PORTION = 64  # motions that are held at once
 AGEING = frozenset({"ageing", "term_run"})
 """Effects and terms that depend on the number of the run: all others share one description."""
@@ -271,4 +273,25 @@ def open_strip(
     Raises ConfigurationError for a broken file or run, or an effect that the library lacks.
     """
     strip = load_strip(path)
-    return StripSubject(strip, read_runs(folders, strip), jobs, without=without)
+    subject = StripSubject(strip, read_runs(folders, strip), jobs, without=without)
+    subject.notes = (*subject.notes, *_swap_notes(subject))
+    return subject
+
+
+def _swap_notes(subject: StripSubject) -> tuple[str, ...]:
+    """Note that l1 and l2 seem swapped, where the stated strip is far nearer to their opposite."""
+    base, off = np.array([p.start for p in subject.scope.base]), list[Array]()
+    requests = [Request(run, base, {}, np.zeros(len(run.local))) for run in subject.runs]
+    for run, residuals in zip(subject.runs, subject.simulate(requests), strict=True):
+        if (touch := cast(PreparedFold, run.content).residuals.run.touch) is not None:
+            both = np.stack([residuals.mean, residuals.mean - 2 * touch.displacement], axis=1)
+            sigma = np.hypot(run.samples.noise, run.samples.floor)[:, None]
+            rows = (run.samples.quantity == "displacement") & np.isfinite(residuals.mean)
+            off.extend((both / sigma)[rows])
+    stated, swapped = np.linalg.norm(off, axis=0) / np.sqrt(len(off)) if off else (0.0, 0.0)
+    if stated <= max(SWAPPED, FARTHER * swapped):
+        return ()
+    return (
+        f"l1 and l2 of the touches seem swapped: the stated strip is {stated:.0f} sigma off their "
+        f"displacements, and {swapped:.1f} if they are; are the columns the right way round?",
+    )

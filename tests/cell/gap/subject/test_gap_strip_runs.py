@@ -10,6 +10,7 @@ import pytest
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from cell.gap.subject.strip.subject import open_strip
+from drivers.readers import read_yaml
 from tests.support.gap_strip_cases import STRIP, denim, folds, written
 from tests.support.run_edits import edit_yaml
 
@@ -47,6 +48,14 @@ def test_a_run_that_died_is_named_and_used(runs: Path) -> None:
     died = strip.runs[0].samples
     assert len(died) > 20
     assert "layer_touch" not in died.channel
+
+
+def test_distances_of_a_touch_in_each_others_columns_are_told(runs: Path) -> None:
+    result = first(runs) / "result.yaml"
+    found = read_yaml(result)
+    swapped = {"l1": found["l2"], "l2": found["l1"], "displacement": -found["displacement"]}
+    edit_yaml(result, **swapped)
+    assert "l1 and l2 of the touches seem swapped" in open_strip(STRIP, find_runs([runs])).notes[-1]
 
 
 def test_a_run_that_died_at_once_is_named_and_left_out(runs: Path) -> None:
