@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.gap.subject.subject import Candidate, Parameter, Request, Residuals, Scope
+from cell.gap.subject.subject import Candidate, Parameter, Request, Residuals, Run, Scope
 from drivers.types import Array
 from tests.support import curves
 from tests.support.curves import LAWS, Curves, Law, T, bump, hidden, judged, wave
@@ -94,6 +94,22 @@ def leaning(t: np.ndarray, speed: float, _: int) -> np.ndarray:
     return 5.0 * (t - 0.5) * bump(t, speed, 0)
 
 
+class Touched(Curves):
+    """Curves whose last sample is a touch, a channel of its own."""
+
+    @property
+    def scope(self) -> Scope:
+        whole = super().scope
+        return replace(
+            whole, quantities=dict.fromkeys(("angle", "touch"), whole.quantities["angle"])
+        )
+
+    def run(self, index: int, condition: str, y: Array) -> Run:
+        words = np.array(["angle"] * 59 + ["touch"])
+        run = super().run(index, condition, y)
+        return replace(run, samples=replace(run.samples, channel=words, quantity=words))
+
+
 def astray(*runs: int) -> Law:
     """A hidden bump, and runs that besides went another way."""
     law = hidden(bump, 0.3)
@@ -119,6 +135,13 @@ def test_one_run_that_went_another_way_is_told_and_does_not_hide_what_the_others
 def test_where_two_runs_go_another_way_the_cause_stays_open() -> None:
     _, verdict = judged(Curves(astray(4, 5), repeats=1))
     assert verdict.verdict == "unexplained"
+
+
+@pytest.mark.parametrize(("off", "kind"), [(0.0, "named"), (0.3, "unexplained")])
+def test_a_touch_that_is_off_in_all_runs_is_not_lost_among_points(off: float, kind: str) -> None:
+    law = hidden(bump, 0.3)
+    _, verdict = judged(Touched(lambda t, s, i: law(t, s, i) + off * (t == 1.0)))
+    assert verdict.verdict == kind
 
 
 @pytest.mark.usefixtures("single")
