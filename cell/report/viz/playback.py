@@ -49,13 +49,13 @@ class LogLine:
 def moments_of(run: Run) -> Iterator[TickView | LogLine]:
     """Yield ticks and log lines of a run in the order of time."""
     origin = run.origin()
-    words: Iterator[TickView | LogLine] = (
+    log: Iterator[TickView | LogLine] = (
         LogLine(event.t + origin, log_text(event.kind, event.facts), event.kind == "fault", event.t)
         for event in sorted(run.events(), key=lambda event: event.t)
         if event.kind not in EVERY_FRAME
     )
     ticks: Iterator[TickView | LogLine] = _ticks(run, origin)
-    yield from heapq.merge(words, ticks, key=lambda item: item.clock)
+    yield from heapq.merge(log, ticks, key=lambda item: item.clock)
 
 
 def _ticks(run: Run, origin: float) -> Iterator[TickView]:
@@ -66,7 +66,8 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
     while frame is not None and frame.stamp < 0:
         yield TickView(frame.stamp + origin, np.nan, 0, "", no_pose, image=frame.image)
         frame = next(frames, None)
-    ticks, outlook = run.ticks, Outlook.from_events(run.events())
+    ticks = run.ticks
+    outlook = Outlook.from_events(run.events())
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
     later_frames = frames if frame is None else chain([frame], frames)
     news = zip(
@@ -94,5 +95,6 @@ def _newest_at(times: Array, stamped: Iterator[tuple[float, Item]]) -> Iterator[
     for t in times:
         newest: Item | None = None
         while following is not None and following[0] <= t:
-            newest, following = following[1], next(stamped, None)
+            newest = following[1]
+            following = next(stamped, None)
         yield newest

@@ -8,7 +8,7 @@ import os
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -51,8 +51,7 @@ SEEN_SIGNALS = {"along/contact_x": CONTACT_RGBA, "along/tip_x": TIP_RGBA, "above
 SEEN_SIGNALS |= {"above/gap": SEEN_RGBA}
 OUTLOOK_SIGNALS = {f"outlook/{name}": MODEL_RGBA for name in COLUMN_NAMES}
 OUTLOOK_SIGNALS["outlook/displacement"] = SEEN_RGBA
-SIGNALS = (HAND_SIGNALS, SEEN_SIGNALS, OUTLOOK_SIGNALS)  # colours by name; those of a tick first
-# mm, ms, 1/m
+# units: mm, ms, 1/m
 SIGNAL_SCALES = {name: 1.0 if "yield_curvature" in name else MM for name in OUTLOOK_SIGNALS}
 STATE_COLOURS = {state: int(shade[1:] + "ff", 16) for state, shade in STATE_SHADES.items()}
 STEP = 0.005  # s
@@ -96,37 +95,33 @@ def open_recording(
     name: str = RECORDING,
     *,
     live: bool = False,
-    viewer: Callable[[str], None] | None = None,
 ) -> Iterator[rr.RecordingStream]:
     """Open a Rerun recording of a run in the file `name` of `folder`; complete after the block.
 
-    `live` serves it too, and `viewer` opens a viewer on the served address. Raises OSError,
-    RuntimeError or ValueError when the file cannot be written.
+    `live` opens a viewer on it too. Raises OSError, RuntimeError or ValueError when the file cannot
+    be written.
     """
-    with bare_recording("cell", folder / name, live=live, viewer=viewer) as recording:
+    with bare_recording("cell", folder / name, live=live) as recording:
         send_blueprint(recording, blueprint(filmed=not live and (folder / FILM).is_file()))
         yield recording
 
 
 @contextmanager
-def bare_recording(
-    application: str, path: Path, *, live: bool, viewer: Callable[[str], None] | None
-) -> Iterator[rr.RecordingStream]:
+def bare_recording(application: str, path: Path, *, live: bool) -> Iterator[rr.RecordingStream]:
     """Open a Rerun recording without a layout in the file at `path`; complete after the block.
 
-    `live` also serves it on loopback and starts `viewer`, by default Rerun's own, there; without a
-    viewer the file is still written. Raises OSError where the file cannot be written.
+    `live` also serves it on loopback and starts Rerun's viewer there. Raises OSError where the file
+    cannot be written.
     """
     recording = rr.RecordingStream(application, recording_id=ascii(path.parent.name).strip("'"))
-    servers = (
-        [rr.GrpcServerSink("127.0.0.1", free_port(), server_memory_limit=SERVER_MEMORY)]
-        if live
-        else []
-    )
-    with saving(recording, path, *servers):
-        for server in servers:
-            with suppress(OSError):  # without a viewer the file is still written
-                (viewer or open_viewer)(server.uri)
+    if not live:
+        with saving(recording, path):
+            yield recording
+        return
+    server = rr.GrpcServerSink("127.0.0.1", free_port(), server_memory_limit=SERVER_MEMORY)
+    with saving(recording, path, server):
+        with suppress(OSError):  # without a viewer the file is still written
+            open_viewer(server.uri)
         yield recording
 
 
@@ -138,6 +133,39 @@ def open_viewer(address: str) -> None:
     subprocess.run([*command, "analytics", "disable"], check=False, **quiet)  # noqa: S603  ours
     arguments = ("--connect", address, "--memory-limit", VIEWER_MEMORY)
     subprocess.Popen([*command, *arguments], start_new_session=True, **quiet)  # noqa: S603  ours
+
+
+class Signals:
+    """Group of signals of a recording, buffered over ticks and sent to it in one piece."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self._names = tuple(names)
+        self._times: list[float] = []
+        self._ticks: list[int] = []
+        self._rows: list[Sequence[float]] = []
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def add(self, tick: TickView, values: Sequence[float]) -> None:
+        """Buffer the `values` at a `tick` of the run, one for each signal, in SI units."""
+        self._times.append(tick.t)
+        self._ticks.append(tick.tick)
+        self._rows.append(values)
+
+    def send(self, recording: rr.RecordingStream) -> None:
+        """Send what is buffered to `recording`, in the units of its plots."""
+        if not self._rows:
+            return
+        times = [
+            rr.TimeColumn("t", duration=self._times),
+            rr.TimeColumn("tick", sequence=self._ticks),
+        ]
+        for name, signal in zip(self._names, np.array(self._rows).T, strict=True):
+            columns = rr.Scalars.columns(scalars=SIGNAL_SCALES.get(name, MM) * signal)
+            recording.send_columns(f"signals/{name}", times, columns)
+        for buffered in (self._times, self._ticks, self._rows):
+            buffered.clear()
 
 
 class Screen:
@@ -153,9 +181,11 @@ class Screen:
         self._to = recording
         self._calibration = calibration
         self._shadow = None if strip is None else Shadow(strip)
-        self._rows: list[list[tuple[float, int, list[float]]]] = [[] for _ in SIGNALS]
+        self._hand = Signals(HAND_SIGNALS)
+        self._seen = Signals(SEEN_SIGNALS)
+        self._outlook = Signals(OUTLOOK_SIGNALS)
         self._track: list[Array] = []
-        self._state: tuple[str, bool] = ("", False)
+        self._drawn_state: tuple[str, bool] = ("", False)  # with whether measured time had begun
         self._log_surroundings(1.0 if strip is None else strip.length)
 
     def draw(self, item: TickView | LogLine) -> None:
@@ -174,8 +204,8 @@ class Screen:
         """Draw what is new at a tick: state, image, measurement, prediction, motion."""
         self._to.set_time("tick", sequence=tick.tick)
         has_begun = math.isfinite(tick.t)
-        if tick.state and (tick.state, has_begun) != self._state:
-            self._state = (tick.state, has_begun)
+        if tick.state and (tick.state, has_begun) != self._drawn_state:
+            self._drawn_state = (tick.state, has_begun)
             self._to.log("cell/state", rr.StateChange(state=tick.state))
         if tick.image is not None:
             self._to.log("camera/image", jpeg(tick.image))
@@ -187,27 +217,16 @@ class Screen:
             return
         if tick.measurement is not None:
             seen = tick.measurement
-            self._buffer(tick, SEEN_SIGNALS, [seen.contact_x, *seen.tip, seen.gap])
+            self._seen.add(tick, [seen.contact_x, *seen.tip, seen.gap])
             self._to.log("strip/measured", _curve(seen.profile, SEEN_RGBA, 2.0))
         if tick.outlook is not None:
-            self._buffer(tick, OUTLOOK_SIGNALS, tick.outlook.tolist())
+            self._outlook.add(tick, tick.outlook.tolist())
         self._draw_motion(tick)
 
     def finish(self) -> None:
         """Send the signals that are still buffered."""
-        for rows, names in zip(self._rows, SIGNALS, strict=True):
-            if not rows:
-                continue
-            t, ticks, values = zip(*rows, strict=True)
-            rows.clear()
-            times = [rr.TimeColumn("t", duration=t), rr.TimeColumn("tick", sequence=ticks)]
-            for name, signal in zip(names, np.array(values).T, strict=True):
-                columns = rr.Scalars.columns(scalars=SIGNAL_SCALES.get(name, MM) * signal)
-                self._to.send_columns(f"signals/{name}", times, columns)
-
-    def _buffer(self, tick: TickView, names: dict[str, int], values: list[float]) -> None:
-        """Store `values` of the signals `names` at a tick until they are sent."""
-        self._rows[SIGNALS.index(names)].append((tick.t, tick.tick, values))
+        for signals in (self._hand, self._seen, self._outlook):
+            signals.send(self._to)
 
     def log_verdict(self, run: Run) -> None:
         """Add the text of the verdict on `run`."""
@@ -263,14 +282,16 @@ class Screen:
 
     def _draw_motion(self, moment: TickView) -> None:
         """Draw the gripper, its path and the simulated strip."""
-        x, z = float(moment.pose[0]), float(moment.pose[1])
-        self._buffer(moment, HAND_SIGNALS, [x, z])
-        shape = NO_SHAPE if self._shadow is None else self._shadow.follow(moment.t, moment.pose)
+        place = moment.pose[:2]
+        self._hand.add(moment, place.tolist())
+        shape = NO_SHAPE
+        if self._shadow is not None:
+            shape = self._shadow.follow(moment.t, moment.pose)
         if moment.tick % TICKS_BETWEEN_POSES == 0:
-            self._track.append(TO_VIEW * (x, z))
-            self._to.log("gripper", rr.Points2D([TO_VIEW * (x, z)], colors=HAND_RGBA, radii=6.0))
+            self._track.append(TO_VIEW * place)
+            self._to.log("gripper", rr.Points2D([TO_VIEW * place], colors=HAND_RGBA, radii=6.0))
             self._to.log("strip/twin", _curve(shape, MODEL_RGBA, 1.2))
-        if len(self._rows[0]) >= BATCH_TICKS:
+        if len(self._hand) >= BATCH_TICKS:
             track = rr.LineStrips2D([self._track], colors=HAND_RGBA, radii=0.8)
             self._to.log("gripper/path", track)
             self.finish()
@@ -278,9 +299,8 @@ class Screen:
 
 def _curve(points: Array, colour: int, radius: float) -> Any:
     """Line through points (n, 2) [m] for a flat view, drawn with `radius` [mm]."""
-    return rr.LineStrips2D(
-        [TO_VIEW * points] if len(points) > 1 else [], colors=colour, radii=radius
-    )
+    lines = [TO_VIEW * points] if len(points) > 1 else []
+    return rr.LineStrips2D(lines, colors=colour, radii=radius)
 
 
 def jpeg(image: Image) -> Any:
@@ -350,7 +370,8 @@ class Shadow:
     """Rod simulated beside a real strip from t = 0, where both lie flat or hang still."""
 
     def __init__(self, strip: StripFile) -> None:
-        self._rod, self._model = Rod(SEGMENTS), describe(strip)
+        self._rod = Rod(SEGMENTS)
+        self._model = describe(strip)
         self._steps = 0
         self._last: tuple[float, Array] | None = None
         try:

@@ -3,7 +3,7 @@
 import math
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -24,38 +24,31 @@ IMAGE_PERIOD = 0.1  # s
 CLOSING_TIMEOUT = 30.0  # s to draw the queue after the run
 
 
-class Viz:
+class LiveView:
     """Observer that shows a run in Rerun without blocking it; drops old ticks when it lags.
 
     It writes run.rrd into the run's folder, serves it on loopback and opens a viewer there. The
     viewer connects to us, so that one that hangs or dies cannot block anything.
-    `failure` is the reason why nothing is recorded any more, `dropped` counts what was skipped.
+    `failure` is the reason why nothing is recorded any more.
     """
 
-    def __init__(
-        self,
-        folder: Path,
-        strip: StripFile,
-        viewer: Callable[[str], None] | None = None,
-        *,
-        hanging: bool = False,
-    ) -> None:
+    def __init__(self, folder: Path, strip: StripFile, *, hanging: bool = False) -> None:
         """Show a run with the calibration from its folder; without one, images have no overlays.
 
         Measured time begins with the lift, or with the fold in a run that starts `hanging`.
-        `viewer` opens a viewer on an address; by default Rerun's own.
         """
-        self.dropped = 0
         self.failure = ""
         self._waiting: deque[TickView | LogLine] = deque()
-        self._news, self._over = threading.Event(), threading.Event()
-        self._begins = State.FOLD if hanging else State.LIFT
-        self._origin, self._ticks = math.nan, 0
-        self._next_image, self._sequence = -math.inf, -1
+        self._news = threading.Event()
+        self._over = threading.Event()
+        self._first_measured = State.FOLD if hanging else State.LIFT
+        self._origin = math.nan
+        self._ticks = 0
+        self._next_image = -math.inf  # s, when the next image may be shown
+        self._sequence = -1  # number of the newest measured image
         self._predicted: FoldPrediction | None = None
-        arguments = (folder, strip, viewer)
         self._thread = threading.Thread(
-            target=self._draw_queue, args=arguments, name="viz", daemon=True
+            target=self._draw_queue, args=(folder, strip), name="viz", daemon=True
         )
         self._thread.start()
 
@@ -66,8 +59,10 @@ class Viz:
             measurement = None
         if measurement is not None:
             self._sequence = measurement.sequence
-        before, self._predicted = self._predicted, snapshot.predicted
-        is_new = self._predicted is not None and self._predicted is not before
+        outlook = None
+        if snapshot.predicted is not None and snapshot.predicted is not self._predicted:
+            outlook = row_of(asdict(snapshot.predicted))
+        self._predicted = snapshot.predicted
         self._ticks += 1
         self._put(
             TickView(
@@ -78,13 +73,13 @@ class Viz:
                 pose=snapshot.arm.pose.as_array(),
                 measurement=measurement,
                 image=self._image(snapshot),
-                outlook=row_of(asdict(self._predicted)) if is_new and self._predicted else None,
+                outlook=outlook,
             )
         )
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
         """Queue an event of the run for drawing, at `time` [s] of the cell's clock."""
-        if kind == "state" and facts.get("state") == self._begins:
+        if kind == "state" and facts.get("state") == self._first_measured:
             self._origin = time
         self._put(LogLine(time, log_text(kind, facts), kind == "fault", time - self._origin))
 
@@ -113,13 +108,10 @@ class Viz:
             return
         if len(self._waiting) >= WAITING:
             self._waiting.popleft()
-            self.dropped += 1
         self._waiting.append(item)
         self._news.set()
 
-    def _draw_queue(
-        self, folder: Path, strip: StripFile, viewer: Callable[[str], None] | None
-    ) -> None:
+    def _draw_queue(self, folder: Path, strip: StripFile) -> None:
         """Draw the queue until the run is over; Rerun is imported here, during the run."""
         from cell.record.run import read_broken_run
         from cell.report.viz.recording import Screen, open_recording
@@ -127,7 +119,7 @@ class Viz:
         path = folder / CALIBRATION
         try:
             calibration = load_calibration(path) if path.exists() else None
-            with open_recording(folder, live=True, viewer=viewer) as recording:
+            with open_recording(folder, live=True) as recording:
                 screen = Screen(recording, calibration, strip)
                 while self._waiting or not self._over.is_set():
                     self._news.wait()
@@ -146,13 +138,13 @@ class Viz:
 @contextmanager
 def watching(
     folder: Path, strip: StripFile, *, live: bool, hanging: bool = False
-) -> Iterator[tuple[Viz, ...]]:
+) -> Iterator[tuple[LiveView, ...]]:
     """Observers that show the fold in `folder` in Rerun within the block; none unless `live`."""
     if not live:
         yield ()
         return
-    viz = Viz(folder, strip, hanging=hanging)
+    view = LiveView(folder, strip, hanging=hanging)
     try:
-        yield (viz,)
+        yield (view,)
     finally:
-        viz.close()
+        view.close()

@@ -1,6 +1,6 @@
 """Recording of a calibration for Rerun: image with measurements, coverage, next request."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -18,12 +18,9 @@ WANTED_RGBA = 0xFFAA32FF
 
 
 @contextmanager
-def wizard_screen(
-    folder: Path, *, live: bool = False, viewer: Callable[[str], None] | None = None
-) -> Iterator["WizardScreen"]:
-    """Draw a wizard's steps into wizard.rrd of `folder`; if `live`, `viewer` opens it too."""
-    path = folder / WIZARD_RECORDING
-    with bare_recording("cell-wizard", path, live=live, viewer=viewer) as recording:
+def wizard_screen(folder: Path, *, live: bool = False) -> Iterator["WizardScreen"]:
+    """Draw a wizard's steps into wizard.rrd of `folder`; if `live`, a viewer opens on it too."""
+    with bare_recording("cell-wizard", folder / WIZARD_RECORDING, live=live) as recording:
         send_blueprint(recording, _blueprint())
         yield WizardScreen(recording)
 

@@ -1,6 +1,7 @@
 import shutil
 import threading
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -13,8 +14,9 @@ from cell.orchestrator.vision import View
 from cell.perception.strip_measurement import StripMeasurement
 from cell.record.run import read_run
 from cell.record.writer import RunWriter
+from cell.report.viz import recording
 from cell.report.viz.recording import Screen, Shadow, viz_from_run
-from cell.report.viz.watch import WAITING, Viz
+from cell.report.viz.watch import WAITING, LiveView
 from drivers.strip.file import StripFile
 from drivers.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
 from tests.cell.conftest import HEADER
@@ -52,11 +54,13 @@ def snapshot(k: int, state: State = State.FOLD, every: int = 2) -> Snapshot:
     return Snapshot(time, state, 0.0, arm, hand, view)
 
 
-def unseen(_address: str) -> None:
+@pytest.fixture(autouse=True)
+def unseen(monkeypatch) -> None:
     """A viewer that nobody opens."""
+    monkeypatch.setattr(recording, "open_viewer", lambda _: None)
 
 
-def watch(viz: Viz, count: int) -> None:
+def watch(viz: LiveView, count: int) -> None:
     viz.handle_event(0.0, "state", {"state": State.LIFT, "event": "grasped"})
     for k in range(count):
         viz.handle_tick(snapshot(k, State.LIFT if k < 50 else State.FOLD))
@@ -89,13 +93,12 @@ def test_dead_run_is_shown_as_far_as_it_goes(killed, tmp_path):
 
 
 def test_watched_fold_is_recorded(tmp_path):
-    viz = Viz(tmp_path, STRIP, unseen)
+    viz = LiveView(tmp_path, STRIP)
     watch(viz, 200)
     viz.handle_event(1.99, "fault", {"name": "stale_image", "reason": "too old"})
     viz.close(60)
     rows = entities(tmp_path / "run.rrd")
     assert viz.failure == ""
-    assert viz.dropped == 0
     assert rows["/strip/measured"] == 100
     assert rows["/cell/state"] == 2 + 1
     assert rows["/log"] == 2
@@ -104,7 +107,7 @@ def test_watched_fold_is_recorded(tmp_path):
 
 def test_overlay_is_drawn_where_the_runs_calibration_puts_it(tmp_path, calibration):
     save_calibration(calibration, tmp_path / "calibration.yaml")
-    viz = Viz(tmp_path, STRIP, unseen)
+    viz = LiveView(tmp_path, STRIP)
     watch(viz, 40)
     viz.close(60)
     rows = entities(tmp_path / "run.rrd")
@@ -112,7 +115,7 @@ def test_overlay_is_drawn_where_the_runs_calibration_puts_it(tmp_path, calibrati
     assert rows["/camera/image"] == 4
     changed = (tmp_path / "calibration.yaml").read_text().replace("camera: made", "camera: other")
     (tmp_path / "calibration.yaml").write_text(changed)
-    viz = Viz(tmp_path, STRIP, unseen)
+    viz = LiveView(tmp_path, STRIP)
     viz.close(60)
     assert "changed by hand" in viz.failure
 
@@ -126,24 +129,21 @@ def test_thread_that_hangs_drops_the_oldest_and_holds_nothing_up(tmp_path, monke
         drawn.append(item)
 
     monkeypatch.setattr(Screen, "draw", slow)
-    viz = Viz(tmp_path, STRIP, unseen)
+    viz = LiveView(tmp_path, STRIP)
     viz.handle_tick(snapshot(0))
     assert stuck.wait(60)
     for k in range(1, WAITING + 301):
         viz.handle_tick(snapshot(k))
     viz.close(timeout=0.01)
-    assert viz.dropped == 300
     gate.set()
     viz.close(60)
     assert [item.tick for item in drawn] == [1, *range(302, WAITING + 302)]
     assert sum(item.image is not None for item in drawn) <= 17
 
 
-def test_machine_without_a_viewer_still_writes_the_file(tmp_path):
-    def missing(address: str) -> None:
-        raise FileNotFoundError("rerun")
-
-    viz = Viz(tmp_path, STRIP, viewer=missing)
+def test_machine_without_a_viewer_still_writes_the_file(tmp_path, monkeypatch):
+    monkeypatch.setattr(recording, "open_viewer", Mock(side_effect=FileNotFoundError("rerun")))
+    viz = LiveView(tmp_path, STRIP)
     watch(viz, 20)
     viz.close(60)
     assert viz.failure == ""
@@ -151,7 +151,7 @@ def test_machine_without_a_viewer_still_writes_the_file(tmp_path):
 
 
 def test_file_that_cannot_be_written_ends_the_view_and_not_the_fold(tmp_path):
-    viz = Viz(tmp_path / "nowhere", STRIP, unseen)
+    viz = LiveView(tmp_path / "nowhere", STRIP)
     viz.close(60)
     watch(viz, 20)
     assert "not recorded any more" in viz.failure
