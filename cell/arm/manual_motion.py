@@ -11,7 +11,7 @@ from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.run import Run
 from cell.orchestrator.snapshot import Snapshot
-from cell.orchestrator.steps import Motion, move, open_hand
+from cell.orchestrator.steps import Motion, move
 from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 from drivers.types import Pose
@@ -50,19 +50,9 @@ def jog(x: float, z: float, pitch: float) -> Callable[[Snapshot], Motion]:
     return motion
 
 
-def to_pose(pose: Pose) -> Callable[[Snapshot], Motion]:
-    """Motion of the gripper to rest at `pose`."""
-    return lambda _: move(pose)
-
-
-def open_fingers(_: Snapshot) -> Motion:
-    """Motion that opens the fingers of the hand."""
-    return open_hand()
-
-
-def home_pose(settings: CellFile, strip: StripFile) -> Pose:
-    """Pose of the gripper at its home, over the edge of `strip`."""
-    return Pose(strip.length, settings.twin.arm.home_height, 0.0)
+def to_home(settings: CellFile, strip: StripFile) -> Callable[[Snapshot], Motion]:
+    """Motion of the gripper to rest at its home, over the edge of `strip`."""
+    return lambda _: move(Pose(strip.length, settings.twin.arm.home_height, 0.0))
 
 
 def home_joints(settings: CellFile, strip: StripFile) -> tuple[float, ...]:

@@ -9,7 +9,7 @@ from cell.config.settings import CellSettings, FoldSettings
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import is_real
 from cell.doctor.check import Check
-from cell.doctor.doctor import refuse_failed
+from cell.doctor.doctor import motion_checks, refuse_failed
 from drivers.errors import PreflightRefused
 from drivers.installation import MotionLimits
 from drivers.settings import parse
@@ -43,16 +43,21 @@ def agree_to_slow_motion(
     settings: CellFile,
     choice: DeviceSelection,
     ask: Callable[[str], str],
-    checks: Iterable[Check],
     *,
     full_speed: bool,
+    checked: bool = True,
+    camera: bool = False,
 ) -> tuple[CellFile, DeviceSelection]:
     """Settings and selection of a motion by hand or a calibration, after the `consent` to it.
 
-    A real robot has the speeds of a first run, unless `full_speed`.
+    The doctor checks a real robot first unless `checked` is false, and the `camera` if asked. The
+    robot has the speeds of a first run, unless `full_speed`.
     """
+    checks = motion_checks(settings, choice, camera=camera) if checked else ()
     choice = consent(settings, choice, ask, checks)
-    return slow_down(settings) if choice.agreed and not full_speed else settings, choice
+    if choice.agreed and not full_speed:
+        settings = slow_down(settings)
+    return settings, choice
 
 
 def await_strip(ask: Callable[[str], str]) -> None:

@@ -44,9 +44,9 @@ def home(
     settings, choice = _agree_to_motion(found.cell(), arm, full_speed, recover=recover)
     lying = found.strip(strip)
     if not _at_address(settings, choice):
-        _move(settings, choice, manual_motion.to_pose(manual_motion.home_pose(settings, lying)))
+        _move(settings, choice, manual_motion.to_home(settings, lying))
     joints = manual_motion.home_joints(settings, lying)
-    _go(settings, joints, full_speed=full_speed, recover=recover, reset_tool=reset_tool)
+    _go_to(joints, settings, full_speed=full_speed, recover=recover, reset_tool=reset_tool)
     _print_result("the arm is home", settings, choice)
 
 
@@ -61,11 +61,11 @@ def park(
     from cell.devices.open import NO_STRIP
     from drivers.franka.kinematics import HOME
 
-    found = find_configs(configs).cell()
-    settings, choice = _agree_to_motion(found, arm, full_speed, recover=recover)
+    stated = find_configs(configs).cell()
+    settings, choice = _agree_to_motion(stated, arm, full_speed, recover=recover)
     if not _at_address(settings, choice):
-        _move(settings, choice, manual_motion.to_pose(manual_motion.home_pose(settings, NO_STRIP)))
-    _go(settings, HOME.tolist(), full_speed=full_speed, recover=recover)
+        _move(settings, choice, manual_motion.to_home(settings, NO_STRIP))
+    _go_to(HOME.tolist(), settings, full_speed=full_speed, recover=recover)
     _print_result("the arm is parked", settings, choice)
 
 
@@ -88,10 +88,10 @@ def jog(
 
 def open_hand(arm: Arm = None, configs: Configs = None) -> None:
     """Open the fingers of the hand."""
-    from cell.arm import manual_motion
+    from cell.orchestrator import steps
 
     settings, choice = _agree_to_motion(find_configs(configs).cell(), arm, full_speed=False)
-    _move(settings, choice, manual_motion.open_fingers, "the fingers are open")
+    _move(settings, choice, lambda _: steps.open_hand(), "the fingers are open")
 
 
 def register(strip: Strip = "denim", configs: Configs = None) -> None:
@@ -103,15 +103,16 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
     from cell.arm.register import TOUCH_POINTS, mounting_from_points, write_mounting
 
     found = find_configs(configs)
-    task, lying = robot_task(found.cell()), found.strip(strip)
+    robot = robot_task(found.cell())
+    length = found.strip(strip).length
     from drivers.arm.joint_requests import hand_pose
 
     touched = []
     for number, point in enumerate(TOUCH_POINTS, start=1):
         if not ask(f"{number} of 3: guide the finger tips to {point}, then press Enter: "):
             raise ConfigurationError("the input ended before Enter was pressed; nothing is changed")
-        touched.append(hand_pose(task)[12:15])  # the translation of a transform by columns
-    mounting = mounting_from_points(np.array(touched), lying.length)
+        touched.append(hand_pose(robot)[12:15])  # the translation of a transform by columns
+    mounting = mounting_from_points(np.array(touched), length)
     path = write_mounting(found, mounting)
     sys.stdout.write(f"registered: {mounting}\n  {path}; the old mounting stands beside it\n")
 
@@ -125,16 +126,14 @@ def _agree_to_motion(
     """
     from cell.arm.run_settings import agree_to_slow_motion
     from cell.devices.devices import DeviceSelection
-    from cell.doctor.doctor import motion_checks
 
     choice = DeviceSelection(arm=arm)
-    checks = () if recover else motion_checks(settings, choice)
-    return agree_to_slow_motion(settings, choice, ask, checks, full_speed=full_speed)
+    return agree_to_slow_motion(settings, choice, ask, full_speed=full_speed, checked=not recover)
 
 
-def _go(
-    settings: "CellFile",
+def _go_to(
     joints: "Sequence[float]",
+    settings: "CellFile",
     *,
     full_speed: bool,
     recover: bool,
@@ -165,8 +164,10 @@ def _move(
     from cell.arm.manual_motion import move_manually
 
     outcome = move_manually(settings, choice, motion)
-    ended = f"{outcome.name}: {outcome.reason}"
-    _print_result(done if done and outcome.exit_code == 0 else ended, settings, choice)
+    text = f"{outcome.name}: {outcome.reason}"
+    if done and outcome.exit_code == 0:
+        text = done
+    _print_result(text, settings, choice)
     sys.exit(outcome.exit_code)
 
 

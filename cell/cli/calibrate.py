@@ -257,12 +257,10 @@ def _open_devices(
     from cell.arm.run_settings import agree_to_slow_motion
     from cell.devices.devices import DeviceSelection
     from cell.devices.open import NO_STRIP, open_cell
-    from cell.doctor.doctor import motion_checks
 
     choice = DeviceSelection(arm, camera)
-    checks = motion_checks(settings, choice, camera=True)
     settings, choice = agree_to_slow_motion(
-        settings, choice, options.ask, checks, full_speed=full_speed
+        settings, choice, options.ask, full_speed=full_speed, camera=True
     )
     return settings, open_cell(settings, NO_STRIP, choice, calibrating=True)
 
