@@ -3,7 +3,7 @@
 import math
 import sys
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -12,7 +12,7 @@ import typer
 
 from cell.cli import options
 from cell.cli.output import busy, notice, print_json, say
-from cell.config.places import check_recordable, find_configs
+from cell.config.places import Configs, check_recordable, find_configs
 from cell.record.files import REPORT
 from drivers.errors import CellError, ConfigurationError
 
@@ -78,113 +78,118 @@ Rehearse = Annotated[
 ]
 
 
-def fold(
-    strip: StripName,
-    policy: PolicyName = "adaptive",
-    length: Length = None,
-    thickness: Thickness = None,
-    checkpoint: Annotated[Path | None, typer.Option(help="Weights of a learned policy.")] = None,
-    plant: Plants = None,
-    arm: options.Arm = None,
-    camera: options.Camera = None,
-    repeat: Annotated[int, typer.Option(min=1, help="Folds of each plant.")] = 1,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of fold 0; fold i uses seed + i.")] = 0,
-    jobs: Annotated[int, typer.Option(min=1, help="Folds side by side.")] = 1,
-    runs: options.Runs = Path("runs"),
-    configs: options.Configs = None,
-    frames: Frames = None,
-    film: FilmOption = None,
-    viz: options.VizOption = "save",
-    dry_run: DryRun = False,
-    rehearse: Rehearse = False,
-    no_truth: NoTruth = False,
-    full_speed: options.FullSpeed = False,
-    specimen: Specimen = None,
-    learning: LearningOption = None,
-    until: Until = None,
-    as_json: options.Json = False,
-) -> None:
+@dataclass(frozen=True, slots=True)
+class FoldOptions:
+    """Options of `cell fold` as they were given, lengths in m."""
+
+    strip: StripName
+    policy: PolicyName = "adaptive"
+    length: Length = None
+    thickness: Thickness = None
+    checkpoint: Annotated[Path | None, typer.Option(help="Weights of a learned policy.")] = None
+    plant: Plants = None
+    arm: options.Arm = None
+    camera: options.Camera = None
+    repeat: Annotated[int, typer.Option(min=1, help="Folds of each plant.")] = 1
+    seed: Annotated[int, typer.Option(min=0, help="Seed of fold 0; fold i uses seed + i.")] = 0
+    jobs: Annotated[int, typer.Option(min=1, help="Folds side by side.")] = 1
+    runs: options.Runs = Path("runs")
+    configs: options.Configs = None
+    frames: Frames = None
+    film: FilmOption = None
+    viz: options.VizOption = "save"
+    dry_run: DryRun = False
+    rehearse: Rehearse = False
+    no_truth: NoTruth = False
+    full_speed: options.FullSpeed = False
+    specimen: Specimen = None
+    learning: LearningOption = None
+    until: Until = None
+    as_json: options.Json = False
+
+    def strip_name(self) -> str:
+        """Name of the strip; one without a file is named by its length and thickness."""
+        if (self.strip == "unknown") != (self.length is not None):
+            raise ConfigurationError(
+                "--length: goes with `--strip unknown`, which needs it; other strips have a file"
+            )
+        if self.thickness is not None and self.length is None:
+            raise ConfigurationError(
+                "--thickness: goes with `--strip unknown`; other strips have a file that states it"
+            )
+        if self.length is None:
+            return self.strip
+        from cell.config.unmeasured_strip import unmeasured_name
+
+        return unmeasured_name(self.length, self.thickness)
+
+    def close_edges(self) -> float | None:
+        """Offset [m] of the edges that ends a series of folds, by `--until`; None without it.
+
+        Raises ConfigurationError beside options with which no fold corrects the next one.
+        """
+        if self.until is None:
+            return None
+        from cell.config.length import metres
+
+        offset = metres("--until", self.until, LARGEST_OFFSET)
+        if self.rehearse:
+            raise ConfigurationError("--until: folds on the desk; leave it or --rehearse out")
+        if self.learning not in {None, "on", "auto"}:
+            raise ConfigurationError(
+                "--until: corrects each fold by those before; use --learning on"
+            )
+        return offset
+
+    def request(self, configurations: Configs, strip: str) -> "Request":
+        """Request of the first fold, of the strip called `strip`, with its learned correction."""
+        from cell.devices.devices import DeviceSelection
+        from cell.folding.request import Learning, Recording, Request, with_correction
+
+        settings = configurations.cell()
+        encoder = self.film or settings.record.film
+        film = None if encoder == "none" else encoder
+        request = Request(
+            cell=settings,
+            strip=configurations.strip(strip),
+            policy=self.policy,
+            runs=self.runs,
+            choice=DeviceSelection(self.arm, self.camera, seed=self.seed),
+            checkpoint=self.checkpoint,
+            full_speed=self.full_speed,
+            record=Recording(self.frames, film, not self.no_truth, self.viz),
+            learning=Learning(self.specimen),
+        )
+        default_learning = None if self.until is None else "on"
+        return with_correction(request, self.learning or default_learning)
+
+
+@options.taking(FoldOptions)
+def fold(given: FoldOptions) -> None:
     """Fold a strip in half, record the run, and print how well its edges are aligned."""
-    options.check_names(configs, strip, policy)
-    name = _strip_name(strip, length, thickness)
-    close_edges = _close_edges(until, learning, rehearse=rehearse)
-    configurations = find_configs(configs)
-    plant_files = [configurations.plant_path(name_or_path) for name_or_path in plant or []]
-    if checkpoint is not None:
-        options.check_readable(checkpoint, "; name another checkpoint or train one")
-    if not (dry_run or rehearse):
-        check_recordable(runs)
-    from cell.devices.devices import DeviceSelection
-    from cell.folding.request import (
-        Learning,
-        Recording,
-        Request,
-        check_request,
-        doubts_about,
-        repetitions,
-        with_correction,
-    )
+    options.check_names(given.configs, given.strip, given.policy)
+    name = given.strip_name()
+    close_edges = given.close_edges()
+    configurations = find_configs(given.configs)
+    plant_files = [configurations.plant_path(name_or_path) for name_or_path in given.plant or []]
+    if given.checkpoint is not None:
+        options.check_readable(given.checkpoint, "; name another checkpoint or train one")
+    if not (given.dry_run or given.rehearse):
+        check_recordable(given.runs)
+    from cell.folding.request import check_request, doubts_about, repetitions
     from drivers.strip.describe import load_plant
 
-    settings = configurations.cell()
-    encoder = film or settings.record.film
-    base = Request(
-        cell=settings,
-        strip=configurations.strip(name),
-        policy=policy,
-        runs=runs,
-        choice=DeviceSelection(arm, camera, seed=seed),
-        checkpoint=checkpoint,
-        full_speed=full_speed,
-        record=Recording(frames, None if encoder == "none" else encoder, not no_truth, viz),
-        learning=Learning(specimen),
-    )
-    default_learning = None if until is None else "on"
-    base = with_correction(base, learning or default_learning)
-    requests = repetitions(base, [load_plant(path) for path in plant_files], repeat)
+    base = given.request(configurations, name)
+    requests = repetitions(base, [load_plant(path) for path in plant_files], given.repeat)
     check_request(requests[0])
     for doubt in doubts_about(requests):
         notice(doubt)
-    if dry_run:
-        _predict(base, as_json=as_json)
-    elif rehearse:
-        sys.exit(_rehearse(base, as_json=as_json))
+    if given.dry_run:
+        _predict(base, as_json=given.as_json)
+    elif given.rehearse:
+        sys.exit(_rehearse(base, as_json=given.as_json))
     else:
-        sys.exit(_fold_all(requests, jobs, close_edges, as_json=as_json))
-
-
-def _close_edges(until: str | None, learning: str | None, *, rehearse: bool) -> float | None:
-    """Parse `--until`, the edges' offset [m] that ends a series of folds; None without it.
-
-    Raises ConfigurationError beside options with which no fold corrects the next one.
-    """
-    if until is None:
-        return None
-    from cell.config.length import metres
-
-    offset = metres("--until", until, LARGEST_OFFSET)
-    if rehearse:
-        raise ConfigurationError("--until: folds on the desk; leave it or --rehearse out")
-    if learning not in {None, "on", "auto"}:
-        raise ConfigurationError("--until: corrects each fold by those before; use --learning on")
-    return offset
-
-
-def _strip_name(strip: str, length: float | None, thickness: float | None) -> str:
-    """Name of the strip; one without a file is named by `length` and `thickness` [m]."""
-    if (strip == "unknown") != (length is not None):
-        raise ConfigurationError(
-            "--length: goes with `--strip unknown`, which needs it; other strips have a file"
-        )
-    if thickness is not None and length is None:
-        raise ConfigurationError(
-            "--thickness: goes with `--strip unknown`; other strips have a file that states it"
-        )
-    if length is None:
-        return strip
-    from cell.config.unmeasured_strip import unmeasured_name
-
-    return unmeasured_name(length, thickness)
+        sys.exit(_fold_all(requests, given.jobs, close_edges, as_json=given.as_json))
 
 
 def _fold_all(

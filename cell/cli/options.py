@@ -3,9 +3,11 @@
 import os
 import sys
 from contextlib import contextmanager
+from functools import wraps
+from inspect import signature
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
@@ -20,7 +22,22 @@ if TYPE_CHECKING:
 
     from cell.campaign.run import Engine
 
+T = TypeVar("T")
 INTERRUPTED_CODE = 130  # exit code
+
+
+def taking(options: type[T]) -> "Callable[[Callable[[T], None]], Callable[..., None]]":
+    """Decorate a command with many options, which takes them as one dataclass `options`."""
+
+    def decorate(command: "Callable[[T], None]") -> "Callable[..., None]":
+        @wraps(command)
+        def take(**given: Any) -> None:
+            command(options(**given))
+
+        vars(take)["__signature__"] = signature(options)  # by which Typer knows the options
+        return take
+
+    return decorate
 
 
 def length_parser(option: str, bare: str = "m", least: float = -inf) -> "Callable[[str], float]":
