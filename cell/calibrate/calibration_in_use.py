@@ -56,18 +56,6 @@ def calibration_of(
     return made
 
 
-def calibrate_anew(
-    settings: CellFile, interrupted: Callable[[], bool] = lambda: False
-) -> tuple[Calibration, Path]:
-    """Calibrate the twin and store the result for later runs; returns it and its path."""
-    from cell.calibrate.wizard import calibrate_twin
-
-    path = calibration_file(settings)
-    made = calibrate_twin(settings, interrupted)
-    save_calibration(made, path)
-    return made, path
-
-
 @contextmanager
 def _file_lock(path: Path) -> Iterator[None]:
     """Within the block, lock the file at `path` against other processes, where locks exist."""

@@ -80,11 +80,15 @@ def twin(
     if context.invoked_subcommand is not None:
         return
     from calibration.calibration import save_calibration
-    from cell.calibrate.calibration_in_use import calibrate_anew
+    from cell.calibrate.calibration_in_use import calibration_file
+    from cell.calibrate.wizard import calibrate_twin
     from cell.orchestrator.operator import Interrupt
 
+    settings = find_configs(configs).cell()
+    path = calibration_file(settings)
     with Interrupt() as interrupted:
-        made, path = calibrate_anew(find_configs(configs).cell(), interrupted)
+        made = calibrate_twin(settings, interrupted)
+    save_calibration(made, path)
     if out is not None:
         save_calibration(made, out)
     sys.stdout.write(

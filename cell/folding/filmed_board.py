@@ -5,6 +5,7 @@ The board gives lens and plane; the strip's own ends and its line on the desk gi
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -69,7 +70,10 @@ def _views_until_still(
     """Views of the board, and the first image after the board in which nothing moves."""
     board = boards.board()
     detector = cv2.aruco.CharucoDetector(board)
-    views, before, board_gone, due = list[BoardView](), None, 0.0, 0.0
+    views = list[BoardView]()
+    before: Image | None = None
+    last_seen = 0.0  # s, stamp of the last image with a part of the board
+    due = 0.0
     for frame in frames:
         if frame.stamp < due:
             continue
@@ -79,10 +83,10 @@ def _views_until_still(
             views.append(seen.view)
         small = cv2.resize(frame.image, SMALL, interpolation=cv2.INTER_AREA)
         if seen.markers:
-            board_gone = frame.stamp
+            last_seen = frame.stamp
         elif views and before is not None and _is_still(before, small):
             return views, frame
-        if frame.stamp > board_gone + PATIENCE:
+        if frame.stamp > last_seen + PATIENCE:
             break
         before = small
     raise ConfigurationError(f"{film}: {NEVER_STILL if views else NO_BOARD.format(boards.corners)}")
@@ -106,8 +110,10 @@ def _calibrate_by_board(
             f"at least {FEWEST_STANDING} and {FEWEST_TILTED} are needed; let it stand for a second "
             "as the film begins, then tilt it slowly as you take it away"
         )
-    board, seen = (np.vstack([getattr(v, part) for v in standing]) for part in ("board", "image"))
-    on_board, in_image = [board, *(v.board for v in tilted)], [seen, *(v.image for v in tilted)]
+    board = np.vstack([view.board for view in standing])
+    image = np.vstack([view.image for view in standing])
+    on_board = [board, *(view.board for view in tilted)]
+    in_image = [image, *(view.image for view in tilted)]
     fit = fit_lens(on_board, in_image, (shape[1], shape[0]), FIXED)
     deviation = fit.focal_deviation / fit.lens.matrix[0, 0]
     if not deviation <= boards.focal:
@@ -115,11 +121,13 @@ def _calibrate_by_board(
             f"{film}: the board gives the focal length within {1e2 * deviation:.1f} %, "
             f"{1e2 * boards.focal:g} % are needed; tilt it further as you take it away, slowly"
         )
-    upright, ideal = board[:, :2] * (1, -1), fit.lens.undistort(seen)  # the board's y is down
-    plane, _ = fit_homography(ideal, upright)
-    off = PLANE_ERROR + float(np.hypot(*(plane.to_plane(ideal) - upright).T).mean())
-    facts = {"residual_mm": 1e3 * off, "date": "", "camera": f"film {film.name}"}
-    return make_calibration(fit.lens, plane, **facts)
+    upright = board[:, :2] * (1, -1)  # the board's y is down
+    pixels = fit.lens.undistort(image)
+    plane, _ = fit_homography(pixels, upright)
+    misses = np.hypot(*(plane.to_plane(pixels) - upright).T)  # m
+    residual = PLANE_ERROR + float(misses.mean())
+    camera = f"film {film.name}"
+    return make_calibration(fit.lens, plane, residual_mm=1e3 * residual, date="", camera=camera)
 
 
 def _aligned(film: Path, image: Image, calibration: Calibration, strip: StripFile) -> Calibration:
@@ -127,12 +135,11 @@ def _aligned(film: Path, image: Image, calibration: Calibration, strip: StripFil
 
     Clamp and clip hide about as much of one end as of the other: the middle is kept.
     """
-    left, right, colour = _find_strip(film, image, calibration, strip)
+    seen = _find_strip(film, image, calibration, strip)
     for _ in range(ROUNDS):
-        length = float(np.hypot(*(right - left)))
-        calibration = _with_axis(calibration, left, right, length)
-        left, right = _find_ends(image, calibration, length, strip, colour)
-    length = float(np.hypot(*(right - left)))
+        calibration = _with_axis(calibration, seen, seen.length)
+        seen = _find_ends(image, calibration, seen, strip.thickness)
+    length = seen.length
     if not abs(length / strip.length - 1) <= PRINTED:
         raise ConfigurationError(
             f"{film}: the strip is {1e3 * length:.0f} mm long by the board, its file says "
@@ -140,30 +147,46 @@ def _aligned(film: Path, image: Image, calibration: Calibration, strip: StripFil
             "at 100 %, stand it in the plane of the strip's edge, and measure the strip from "
             "its clamp to its clip, both of which need colours of their own"
         )
-    return _with_axis(calibration, left, right, strip.length)
+    return _with_axis(calibration, seen, strip.length)
 
 
-def _with_axis(calibration: Calibration, left: Array, right: Array, length: float) -> Calibration:
-    """Calibration whose x axis runs from `left` to `right` (2,) [m], the middle at `length` / 2."""
-    along = (right - left) / np.hypot(*(right - left))
+class _SeenStrip(NamedTuple):
+    """Strip in the board's plane: its left and right end (2,) [m], its colour (3,) in the image."""
+
+    left: Array
+    right: Array
+    colour: Array
+
+    @property
+    def length(self) -> float:
+        """Distance [m] between both ends."""
+        return float(np.hypot(*(self.right - self.left)))
+
+
+def _with_axis(calibration: Calibration, seen: _SeenStrip, length: float) -> Calibration:
+    """Calibration whose x axis runs along the `seen` strip, with its middle at `length` / 2 [m]."""
+    along = (seen.right - seen.left) / seen.length
     turn = np.array([(along[0], along[1]), (-along[1], along[0])])
     move = np.eye(3)
-    move[:2, :2], move[:2, 2] = turn, (length / 2, 0.0) - turn @ (left + right) / 2
+    move[:2, :2] = turn
+    move[:2, 2] = (length / 2, 0.0) - turn @ (seen.left + seen.right) / 2
     homography = Homography.from_matrix(move @ calibration.homography.matrix)
     return change_calibration(calibration, homography=homography)
 
 
-def _find_strip(
-    film: Path, image: Image, calibration: Calibration, strip: StripFile
-) -> tuple[Array, Array, Array]:
-    """Left and right end (2,) [m] of the piece of the strip's colour, roughly, and its colour."""
+def _find_strip(film: Path, image: Image, calibration: Calibration, strip: StripFile) -> _SeenStrip:
+    """Find the piece of the strip's colour whose length is nearest to the strip's, roughly."""
     height, width = image.shape[:2]
     rim = calibration.to_plane(np.array([(0, 0), (1, 0), (0, 1), (1, 1)]) * (width - 1, height - 1))
-    x, z = (np.arange(*ends, RASTER) for ends in zip(rim.min(axis=0), rim.max(axis=0), strict=True))
+    low = rim.min(axis=0)
+    high = rim.max(axis=0)
+    x = np.arange(low[0], high[0], RASTER)
+    z = np.arange(low[1], high[1], RASTER)
     plane = sample_plane(image, calibration, np.stack(np.meshgrid(x, z), axis=-1))
-    away = colour_distances(plane.reshape(-1, 3), np.array([strip.colour[::-1]], dtype=np.float64))
+    stated = np.array([strip.colour[::-1]], dtype=np.float64)  # BGR
+    distances = colour_distances(plane.reshape(-1, 3), stated)
     for limit in LIMITS:
-        mask = (away < limit).reshape(plane.shape[:2]).astype(np.uint8)
+        mask = (distances < limit).reshape(plane.shape[:2]).astype(np.uint8)
         mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 9)))
         _, labels, pieces, _ = cv2.connectedComponentsWithStats(mask)
         wide, high = pieces[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].T
@@ -173,7 +196,7 @@ def _find_strip(
             v, u = np.nonzero(labels == best)
             line = np.polynomial.Polynomial.fit(x[u], z[v], 1)
             left, right = (np.array([end, line(end)]) for end in (x[u.min()], x[u.max()]))
-            return left, right, np.median(plane[v, u], axis=0)
+            return _SeenStrip(left, right, np.median(plane[v, u], axis=0))
     raise ConfigurationError(
         f"{film}: no strip of {1e3 * strip.length:.0f} mm and of the colour {list(strip.colour)} "
         f"lies in the plane of the board, the nearest piece is {1e3 * lengths[best]:.0f} mm; lay "
@@ -182,23 +205,26 @@ def _find_strip(
 
 
 def _find_ends(
-    image: Image, calibration: Calibration, length: float, strip: StripFile, colour: Array
-) -> tuple[Array, Array]:
-    """Both ends (2,) [m] of the resting midline, where a strip of a `colour` (3,) lies nearly.
+    image: Image, calibration: Calibration, seen: _SeenStrip, thickness: float
+) -> _SeenStrip:
+    """Find the ends of the resting midline more exactly, of a strip `seen` to lie along x from 0.
 
-    `length` [m] is how long it appears. Its lower border is sampled, then its ends are searched.
+    Its lower border is sampled, then its ends are searched. `thickness` [m] is that of the strip.
     """
+    length = seen.length
     x = np.linspace(0.06, 0.94, 120) * length
     down = np.arange(PROBE, -PROBE, -FINE)
     rows = sample_plane(image, calibration, np.stack(np.broadcast_arrays(x[:, None], down), -1))
-    low = PROBE - FINE * np.array([colour_edge(row, colour) for row in rows])
+    border = PROBE - FINE * np.array([colour_edge(row, seen.colour) for row in rows])
     ends = []
     for end, outward in ((0.0, -1.0), (length, 1.0)):
-        seen = np.isfinite(low) & (np.abs(x - end) < NEAR_END * length)
-        slope, start = theilslopes(low[seen], x[seen])[:2] if seen.any() else (0.0, 0.0)
+        near = np.isfinite(border) & (np.abs(x - end) < NEAR_END * length)
+        slope, start = 0.0, 0.0
+        if near.any():
+            slope, start, *_ = theilslopes(border[near], x[near])
         along = end + outward * np.arange(-WITHIN, BEYOND, FINE)
-        line = np.column_stack([along, start + slope * along + strip.thickness / 2])
-        place = find_end(image, calibration, strip.thickness, line)
+        line = np.column_stack([along, start + slope * along + thickness / 2])  # the midline
+        place = find_end(image, calibration, thickness, line)
         x_end = end if np.isnan(place) else along[0] + outward * place
-        ends.append(np.array([x_end, start + slope * x_end + strip.thickness / 2]))
-    return ends[0], ends[1]
+        ends.append(np.array([x_end, start + slope * x_end + thickness / 2]))
+    return seen._replace(left=ends[0], right=ends[1])

@@ -237,11 +237,6 @@ class Preflight:
     checks: tuple[PreflightCheck, ...]
     appearance: scene.Appearance | None
 
-    @property
-    def passed(self) -> bool:
-        """Whether every check passed."""
-        return self.appearance is not None and all(check.passed for check in self.checks)
-
 
 def inspect(
     frame: Frame, calibration: Calibration, settings: PerceptionSettings, strip: StripFile

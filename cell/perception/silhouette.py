@@ -30,13 +30,11 @@ Outline = NDArray[np.int32]
 class Side:
     """Outer side of the strip in the image window, in order from desk contact to gripper.
 
-    `points` (n, 2) [px], unit `normals` (n, 2) out of the strip; `missing` [px] from its end to the
-    grip.
+    `points` (n, 2) [px], unit `normals` (n, 2) out of the strip.
     """
 
     points: Array
     normals: Array
-    missing: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,8 +103,7 @@ def outer_side(mask: Image, contact: Array, grip: Grip, step: int, sizes: Sizes)
     rows = rows[speed[rows] > 0.5]  # where the outline turns back on itself it has no side
     tangent /= np.maximum(speed, 1e-9)[:, None]
     normals = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
-    missing = 0.0 if cut.any() else float(np.hypot(*(ring[end] - grip.point)))
-    return Side(smooth[rows], normals[rows], missing)
+    return Side(smooth[rows], normals[rows])
 
 
 def _body(mask: Image, contact: Array, gripper: Array, sizes: Sizes) -> Array | None:
