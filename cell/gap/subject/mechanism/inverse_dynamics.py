@@ -196,10 +196,21 @@ class InverseDynamics(MechanismSubject):
             rows = [self._torques(model, case, q, v, inverse),
                     self._tracking(motion, case, deflection)]  # fmt: skip
             return motion.below_cutoff(np.vstack(rows), case.content.cut.t)
+        load = self._loads(motion, model, inverse) if gears else inverse
         for bend, values in gears:
-            q, v, a = link_motion(motion, bend(inverse, values), q, v, a)
+            q, v, a = link_motion(motion, bend(load, values), q, v, a)
             inverse = _inverse_dynamics(model, q, v, a)
         return motion.below_cutoff(self._torques(model, case, q, v, inverse), case.content.cut.t)
+
+    def _loads(self, motion: Motion, model: Any, inverse: Array) -> Array:
+        """Torques (m, joints) that gears bear: as read, or `inverse` where no motor is read.
+
+        Those of the motors' own motion differ from them where links resonate on their gears.
+        """
+        loads, sensors = inverse.copy(), TorqueSensors(self._mechanism, model, motion.forces)
+        for sensor, reading in zip(self._mechanism.torques, motion.torques, strict=False):
+            loads[:, sensor.joint] = sensors.torque_per_reading(sensor) * reading
+        return loads
 
     def _torques(self, model: Any, case: Case, q: Array, v: Array, inverse: Array) -> Array:
         """Readings (torques, m) that balance `inverse` (m, joints) less the torques of effects."""
