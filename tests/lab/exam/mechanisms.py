@@ -232,8 +232,11 @@ def open_rig(folder: Path, name: str, *, rocks: bool = False) -> Rig:
 
 
 def make_runs(folder: Path, name: str, hidden: Sequence[str], size: float, seed: int,
-              out: Path) -> Path:  # fmt: skip
-    """Write the model `name` of `folder` and runs with `hidden` causes to `out`; its file."""
+              out: Path, noise: float = 1.0) -> Path:  # fmt: skip
+    """Write the model `name` of `folder` and runs with `hidden` causes to `out`; its file.
+
+    Their `noise` is that of `_measured` times this.
+    """
     rng, rig = np.random.default_rng(seed), open_rig(folder, name)
     rig.weight = weights(rig, seed)
     home, known = _source(folder, name)
@@ -256,7 +259,7 @@ def make_runs(folder: Path, name: str, hidden: Sequence[str], size: float, seed:
         for cause in hidden:
             if cause in READINGS:
                 READINGS[cause](columns, rig, size, rng)
-        table = _measured(columns, rig, rng)
+        table = _measured(columns, rig, rng, noise)
         write_run(out / "study-runs" / f"{k:02d}", table, {"mechanism": "study", "index": k})
     return out / "study.yaml"
 
@@ -360,14 +363,17 @@ def _command(rig: Rig, place: Array, force: Array) -> Array:
     return np.where(m.actuator_ctrllimited > 0, np.clip(u, *m.actuator_ctrlrange.T), u)
 
 
-def _measured(columns: Columns, rig: Rig, rng: np.random.Generator) -> Columns:
-    """Columns (m,) as a log has them, with noise: by joints' names, or `q1` and motors' names."""
+def _measured(columns: Columns, rig: Rig, rng: np.random.Generator, share: float) -> Columns:
+    """Columns (m,) as a log has them, by joints' names, or `q1` and motors' names.
+
+    Noise of a `share` of the usual is added.
+    """
     m, n, forward = rig.model, len(columns["t"]), rig.mode == "forward"
     found = {"t": columns["t"]}
     for i, key in enumerate(rig.keys):
         name = f"q{i + 1}" if forward else m.joint(i).name
-        found[name] = columns[key] + rng.normal(0.0, ANGLE, n)
+        found[name] = columns[key] + share * rng.normal(0.0, ANGLE, n)
     for i, (weight, gear) in enumerate(zip(rig.weight, rig.gear, strict=True)):
-        noise = rng.normal(0.0, 0.25 * TORQUE * weight, n)
+        noise = share * rng.normal(0.0, 0.25 * TORQUE * weight, n)
         found[f"t{i + 1}"] = (columns[f"t{i + 1}"] + noise) / gear
     return {**found, **{m.actuator(i).name: columns[f"u{i}"] for i in range(m.nu * forward)}}

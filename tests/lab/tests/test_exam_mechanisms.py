@@ -17,12 +17,14 @@ def verdict(kind: str, *names: str, ambiguous: Any = ()) -> Verdict:
 
 
 @pytest.mark.parametrize(
-    ("kind", "hidden", "found", "by_class", "false", "base"),
+    ("kind", "hidden", "found", "by_class", "false", "counted"),
     [
         ("nothing", [], verdict("no_gap"), True, False, None),
-        ("one effect", ["a"], verdict("named", "a"), True, False, None),
-        ("one effect", ["a"], verdict("ambiguous", ambiguous=[["a", "b"]]), True, False, None),
-        ("one effect", ["a"], verdict("named", "a", "b"), False, True, None),
+        ("one effect", ["a"], verdict("named", "a"), True, False, True),
+        ("one effect", ["a"], verdict("ambiguous", ambiguous=[["a", "b"]]), True, False, True),
+        ("one effect", ["a"], verdict("named", "a", "b"), False, True, False),
+        ("one effect", ["a"], verdict("no_gap"), False, False, False),
+        ("one effect", ["a"], verdict("no_gap"), True, False, None),
         ("two effects", ["a", "b"], verdict("named", "a", ambiguous=[["b"]]), True, False, None),
         ("outside", ["x"], verdict("unexplained", ambiguous=[["a", "b"]]), True, False, None),
         ("outside", ["x"], verdict("ambiguous", ambiguous=[["a", "b"]]), False, True, None),
@@ -32,9 +34,10 @@ def verdict(kind: str, *names: str, ambiguous: Any = ()) -> Verdict:
         ("wrong base", ["wrong_com"], verdict("no_gap"), True, False, None),
     ],
 )
-def test_a_verdict_is_scored(kind, hidden, found, by_class, false, base) -> None:
-    expected = {"by_class": by_class, "false": false, "base": base}
-    assert mechanisms.score(kind, hidden, found, shown=base is not None) == expected
+def test_a_verdict_is_scored(kind, hidden, found, by_class, false, counted) -> None:
+    scored = mechanisms.score(kind, hidden, found, shown=counted is not None)
+    bar = scored["single" if kind == "one effect" else "base"]
+    assert (scored["by_class"], scored["false"], bar) == (by_class, false, counted)
 
 
 @pytest.mark.parametrize("name", LISTS["chains"])

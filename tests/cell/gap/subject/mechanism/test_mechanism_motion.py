@@ -25,7 +25,8 @@ def truths(weight: np.ndarray) -> dict[str, dict[str, float]]:
     """True parameters of the library by cause, for joints of typical torques (2,) [N m]."""
     each = {cause: (key, share * weight) for cause, (key, share) in SHARES.items()}
     each |= {"torque_bias": ("torque", exam.BIAS * weight * (-1, 1)),
-             "torque_constant": ("error", np.full(2, exam.CONSTANT_ERROR))}  # fmt: skip
+             "torque_constant": ("error", np.full(2, exam.CONSTANT_ERROR)),
+             "joint_elasticity": ("compliance", exam.TWIST / weight)}  # fmt: skip
     by_joint = {
         cause: {f"{key}_j{i + 1}": float(value) for i, value in enumerate(values)}
         for cause, (key, values) in each.items()
