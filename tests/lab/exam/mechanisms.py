@@ -53,7 +53,6 @@ class Rig:
 
     model: Any
     mode: str
-    joints: int  # driven ones
     driven: list[int]
     actuators: list[int]
     gear: Array
@@ -120,36 +119,36 @@ FIELDS = {  # MuJoCo's field, and share of a joint's torque at size one
 
 def _constant(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
     """Hidden error of motor constants, larger than stated, which are known to 10 to 20 %."""
-    for i in range(rig.joints):
+    for i in range(len(rig.driven)):
         columns[f"t{i + 1}"] /= 1.0 + CONSTANT_ERROR * size
 
 
 def _torque_bias(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
-    for i in range(rig.joints):
+    for i in range(len(rig.driven)):
         columns[f"t{i + 1}"] += (-1) ** i * BIAS * size * rig.weight[i]
 
 
 def _encoder_bias(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
-    columns[f"j{rig.joints}"] += ENCODER_BIAS * size
+    columns[f"j{len(rig.driven)}"] += ENCODER_BIAS * size
 
 
 def _bolt(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
     """Foreign cause: a loose bolt, a gap of the last joint that opens where its load is large."""
-    load = columns[f"t{rig.joints}"] / rig.weight[-1]
-    columns[f"j{rig.joints}"] += 0.06 * size * np.sign(load) * (np.abs(load) > 0.25)
+    load = columns[f"t{len(rig.driven)}"] / rig.weight[-1]
+    columns[f"j{len(rig.driven)}"] += 0.06 * size * np.sign(load) * (np.abs(load) > 0.25)
 
 
 def _cable(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
     """Foreign cause: a cable that catches at one angle of the last joint, and pulls only there."""
-    near = np.exp(-(((columns[f"j{rig.joints}"] - 0.2) / 0.08) ** 2))
-    columns[f"t{rig.joints}"] += 0.3 * size * rig.weight[-1] * near
+    near = np.exp(-(((columns[f"j{len(rig.driven)}"] - 0.2) / 0.08) ** 2))
+    columns[f"t{len(rig.driven)}"] += 0.3 * size * rig.weight[-1] * near
 
 
 def _supply(columns: Columns, rig: Rig, size: float, rng: np.random.Generator) -> None:
     """Foreign cause: a supply voltage that wanders, and torques estimated from currents with it."""
     steps, t = rng.standard_normal(8), columns["t"]
     slow = np.interp(t, np.linspace(0.0, t[-1], 8), steps)
-    for i in range(rig.joints):
+    for i in range(len(rig.driven)):
         columns[f"t{i + 1}"] *= 1.0 + 0.08 * size * slow
 
 
@@ -227,16 +226,12 @@ def open_rig(folder: Path, name: str, *, rocks: bool = False) -> Rig:
     bare = [m.joint(joint).id for joint in known.get("motors", ())] or range(rocks, m.njnt)
     pairs = pairs or dict.fromkeys(bare, -1)
     gear = [m.actuator_gear[a, 0] if a >= 0 else 1.0 for a in pairs.values()]
-    n = len(pairs)
-    return Rig(m, mode, n, list(pairs), list(pairs.values()), np.array(gear), np.ones(n))
+    return Rig(m, mode, list(pairs), list(pairs.values()), np.array(gear), np.ones(len(gear)))
 
 
 def make_runs(folder: Path, name: str, hidden: Sequence[str], size: float, seed: int,
               out: Path, noise: float = 1.0) -> Path:  # fmt: skip
-    """Write the model `name` of `folder` and runs with `hidden` causes to `out`; its file.
-
-    Their `noise` is that of `_measured` times this.
-    """
+    """Write model `name` of `folder`, and runs with `hidden` causes and `noise`, to `out`; file."""
     rng, rig = np.random.default_rng(seed), open_rig(folder, name)
     rig.weight = weights(rig, seed)
     home, known = _source(folder, name)
@@ -267,7 +262,7 @@ def make_runs(folder: Path, name: str, hidden: Sequence[str], size: float, seed:
 def weights(rig: Rig, seed: int) -> Array:
     """Typical torques (driven,) [N m] of the joints, twice their spread in a motion of `seed`."""
     plain = _simulate(rig, _places(rig, np.random.default_rng(seed), 1.0))
-    return 2.0 * np.array([plain[f"t{i + 1}"].std() for i in range(rig.joints)])
+    return 2.0 * np.array([plain[f"t{i + 1}"].std() for i in range(len(rig.driven))])
 
 
 def _content(rig: Rig, model: str) -> dict[str, Any]:
@@ -297,7 +292,7 @@ def _content(rig: Rig, model: str) -> dict[str, Any]:
 
 def _places(rig: Rig, rng: np.random.Generator, pace: float | None) -> Array:
     """Wanted places (k, driven) at each step: there and back in range, at a drawn pace if None."""
-    m, n = rig.model, rig.joints
+    m, n = rig.model, len(rig.driven)
     low, high = m.jnt_range[rig.driven].T
     limited, start = m.jnt_limited[rig.driven] > 0, m.qpos0[m.jnt_qposadr[rig.driven]]
     slides = m.jnt_type[rig.driven] == mujoco.mjtJoint.mjJNT_SLIDE
@@ -349,7 +344,7 @@ def _simulate(rig: Rig, wanted: Array, delay: float = 0.0) -> Columns:
         for _ in range(FINER - 1 if forward else 0):
             mujoco.mj_step(m, data)
     table = np.array([row for row in rows if row[0] >= 0.0]).T
-    keys = ["t", *rig.keys, *(f"t{i + 1}" for i in range(rig.joints)),
+    keys = ["t", *rig.keys, *(f"t{i + 1}" for i in range(len(rig.driven))),
             *(f"u{i}" for i in range(m.nu))]  # fmt: skip
     return dict(zip(keys, table, strict=True))
 
@@ -364,10 +359,7 @@ def _command(rig: Rig, place: Array, force: Array) -> Array:
 
 
 def _measured(columns: Columns, rig: Rig, rng: np.random.Generator, share: float) -> Columns:
-    """Columns (m,) as a log has them, by joints' names, or `q1` and motors' names.
-
-    Noise of a `share` of the usual is added.
-    """
+    """Columns (m,) as a log has them: by joints' names, or `q1` and motors'; `share` of noise."""
     m, n, forward = rig.model, len(columns["t"]), rig.mode == "forward"
     found = {"t": columns["t"]}
     for i, key in enumerate(rig.keys):

@@ -53,10 +53,9 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 def measure(case: Values) -> Values:
     """Score the verdict on a case; also returns its processor time `cpu` [s]."""
-    folder = Path(os.environ.get(FOLDER, ""))
     with TemporaryDirectory() as place:
         out = Path(place) / "model"
-        file = make_runs(folder, case["model"], case["hidden"], case["size"], case["seed"], out)
+        file = runs_of(case, out)
         began = time.process_time()
         options = FitOptions(without=case["without"])
         verdict = fit([out / "study-runs"], file, Path(place) / "out", options)
@@ -72,19 +71,22 @@ def measure(case: Values) -> Values:
             "suspected": [e.name for e in verdict.suspected]}  # fmt: skip
 
 
+def runs_of(case: Values, out: Path, noise: float = 1.0) -> Path:
+    """File of the mechanism of a case, and its runs beside it, written to `out`."""
+    asked = (case[key] for key in ("model", "hidden", "size", "seed"))
+    return make_runs(Path(os.environ.get(FOLDER, "")), *asked, out, noise)
+
+
 def power(case: Values, out: Path) -> float:
     """Standard deviations by which the hidden causes of a case, without noise, move its runs.
 
     What a refit of the base takes up is counted by how far that carries it from the file, as the
     page counts what it calls detectable: from DETECTED_SIGMA on.
     """
-    folder = Path(os.environ.get(FOLDER, ""))
-    hidden, size, seed = case["hidden"], case["size"], case["seed"]
-    file = make_runs(folder, case["model"], hidden, size, seed, out, noise=0.0)
+    file = runs_of(case, out, noise=0.0)
     subject = open_subject(file, find_runs([out / "study-runs"]), 1)
     stated = stated_estimate(subject, subject.simulate)
-    rows = zip(stated.raw, stated.evidence.scales, strict=True)
-    moved = np.concatenate([whiten(residuals, scale) for residuals, scale in rows])
+    moved = np.concatenate(list(map(whiten, stated.raw, stated.evidence.scales)))
     return float(np.sqrt(moved @ projection(stated).unabsorbed(moved)))
 
 
@@ -98,9 +100,9 @@ def score(
 ) -> dict[str, bool | None]:
     """Whether a verdict on `hidden` causes is right by class, names falsely, and tells a base.
 
-    Right is no gap where nothing is hidden, unexplained where the library has no such cause, and
-    for a wrong base that its gap is told without a cause. What is not `shown` to be detectable is
-    no gap as well, and counts for no bar of bases and single effects. None: nothing to tell.
+    Right is no gap where nothing is hidden, unexplained where the library has no such cause, for a
+    wrong base that its gap is told without a cause. What is not `shown` may be no gap: bars are
+    None for it.
     """
     named = {e.name for e in verdict.effects}
     every = named.union(*verdict.ambiguous)
@@ -133,8 +135,8 @@ def accepted(case: Values, values: Values) -> Values:
 
 def fail(case: Values) -> Values:
     """Score of a case that ends without a verdict: right in nothing."""
-    told = {"wrong base": {"base": False}, "one effect": {"single": False}}.get(case["kind"], {})
-    return {"by_class": False, "false": False, case["kind"]: False, **told}
+    bar = {"wrong base": "base", "one effect": "single"}.get(case["kind"], "by_class")
+    return {"by_class": False, "false": False, case["kind"]: False, bar: False}
 
 
 def judge(outcomes: Sequence[Outcome]) -> str:

@@ -1,39 +1,28 @@
 """Measured motion: filtered as its torques are, and as sure as its encoders are."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 import yaml
 
 from cell.gap.open_subject import open_mechanism
-from cell.gap.subject.mechanism.effects import effect_of, ordered_values
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.run_folders import find_runs, read_table
-from cell.gap.subject.subject import Request
 from tests.lab.exam import mechanisms as exam
 from tests.support.mechanisms import PRESCRIBED, left, make_arm, write_run
 
-CUTOFF, WIDTH = 60.0, 0.06
 MODEL, SEED = "chain-2", 3
 NOISE = 0.29  # of a run without a cause, in what its file states: a third more
-SHARES = {  # the library's parameter of each joint, for a cause of size one; of its typical torque
-    "dry_friction": ("torque", 0.06), "quadratic_damping": ("coefficient", 0.03),
-    "cable_spring": ("stiffness", 0.15), "armature": ("inertia", 0.01),
-}  # fmt: skip
 
 
-def truths(weight: np.ndarray) -> dict[str, dict[str, float]]:
-    """True parameters of the library by cause, for joints of typical torques (2,) [N m]."""
-    each = {cause: (key, share * weight) for cause, (key, share) in SHARES.items()}
-    each |= {"torque_bias": ("torque", exam.BIAS * weight * (-1, 1)),
-             "torque_constant": ("error", np.full(2, exam.CONSTANT_ERROR)),
-             "joint_elasticity": ("compliance", exam.TWIST / weight)}  # fmt: skip
-    by_joint = {
-        cause: {f"{key}_j{i + 1}": float(value) for i, value in enumerate(values)}
-        for cause, (key, values) in each.items()
-    }
-    single = {"payload": {"mass": exam.PAYLOAD * 1.7}, "sensor_delay": {"time": exam.DELAY},
-              "encoder_bias": {"bias_j2": exam.ENCODER_BIAS}}  # fmt: skip
-    return by_joint | single
+def truths(weight: np.ndarray) -> dict[str, Sequence[float] | np.ndarray]:
+    """True values of the library by cause, for joints of typical torques (2,) [N m]."""
+    shares = {cause: share * weight for cause, (_, share) in exam.FIELDS.items()}
+    return {**shares, "torque_bias": exam.BIAS * weight * (-1, 1),
+            "torque_constant": [exam.CONSTANT_ERROR] * 2, "joint_elasticity": exam.TWIST / weight,
+            "payload": [exam.PAYLOAD * 1.7], "sensor_delay": [exam.DELAY],
+            "encoder_bias": [0.0, exam.ENCODER_BIAS]}  # fmt: skip
 
 
 @pytest.mark.parametrize("hidden", ["nothing", *truths(np.ones(2))])
@@ -47,8 +36,7 @@ def test_hidden_effect_of_a_mechanism_has_the_librarys_values(tmp_path, monkeypa
         assert left(mechanism) < NOISE
         return
     truth = truths(exam.weights(exam.open_rig(tmp_path, MODEL), SEED))[hidden]
-    values = ordered_values(effect_of(hidden), mechanism.opened.mechanism, truth)
-    assert left(mechanism, **{hidden: values}) < NOISE
+    assert left(mechanism, **{hidden: truth}) < NOISE
     assert left(mechanism) > 3.0 * NOISE
 
 
@@ -87,8 +75,7 @@ def standing(tmp_path) -> MechanismSubject:
         head = {"mechanism": "one", "index": k}
         write_run(tmp_path / "runs" / f"{k}", {"t": t, "j": q, "tau": given}, head)
     (tmp_path / "one.xml").write_text(STANDING)
-    content = {"schema": 1, "kind": "mechanism", "name": "one", "model": "one.xml",
-               "mode": "prescribed", "inputs": {"j": "position"},
+    content = {**PRESCRIBED, "name": "one", "model": "one.xml", "inputs": {"j": "position"},
                "signals": {"tau": {"actuator": "m", "is": "torque", "sigma": 0.01}},
                "uncertain": [{"actuator": "m", "field": "gain", "spread": "5%"}]}  # fmt: skip
     (tmp_path / "one.yaml").write_text(yaml.safe_dump(content))
@@ -97,8 +84,7 @@ def standing(tmp_path) -> MechanismSubject:
 
 def test_friction_holds_a_joint_that_stands_up_to_its_limit(standing):
     run = standing.runs[0]
-    (found,) = standing.simulate([Request(run, np.ones(1), {"dry_friction": np.array([0.5, 0.0])},
-                                          np.zeros(0))])  # fmt: skip
+    (found,) = standing.simulate([standing.stated(run, {"dry_friction": np.array([0.5, 0.0])})])
     t = run.samples.t
     assert np.abs(found.mean[(t > 3.5) & (t < 6.5)]).max() < 0.01
     assert found.mean[t > 7.5] == pytest.approx(0.2, abs=0.01)
