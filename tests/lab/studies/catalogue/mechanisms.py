@@ -73,8 +73,8 @@ def measure(case: Values) -> Values:
 
 def runs_of(case: Values, out: Path, noise: float = 1.0) -> Path:
     """File of the mechanism of a case, and its runs beside it, written to `out`."""
-    asked = (case[key] for key in ("model", "hidden", "size", "seed"))
-    return make_runs(Path(os.environ.get(FOLDER, "")), *asked, out, noise)
+    home = Path(os.environ.get(FOLDER, ""))
+    return make_runs(home, case["model"], case["hidden"], case["size"], case["seed"], out, noise)
 
 
 def power(case: Values, out: Path) -> float:
