@@ -150,7 +150,7 @@ def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int
 def rehearse(
     runs: RunFolders,
     strip: Strip,
-    out: Annotated[Path, typer.Option("--out", help="Folder of plan, outcomes and page.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder of outcomes and page.")],
     excess: Annotated[
         float, typer.Option(min=0.3, max=20.0, help="Gap that a hidden effect leaves, in noise.")
     ] = 2.5,
@@ -171,9 +171,7 @@ def rehearse(
 
     threads = _threads(jobs)
     chosen = engine(threads, cluster, COPY_TIMEOUT)
-    planned = rehearsal.rehearsal_plan(
-        runs, _strip_file(strip, configs), out, excess, empty, threads
-    )
+    planned = rehearsal.rehearsal_plan(runs, _strip_file(strip, configs), excess, empty, threads)
     console = None if as_json else Console(stderr=True)
     with resumable(out), Meter(console, rehearsal.progress_line) as meter:
         records = rehearsal.rehearse(planned, out, chosen, meter)

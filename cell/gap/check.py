@@ -1,6 +1,5 @@
 """Checks of `cell gap check`: whether recordings can be fitted, and what they can identify."""
 
-import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
@@ -26,12 +25,10 @@ from cell.report.html import page
 from cell.report.page_verdict import PageVerdict
 from cell.report.words import plural
 from drivers.errors import ConfigurationError
-from drivers.readers import LARGEST_TEXT, read_bytes, read_yaml
 from drivers.types import Array
 
 SPARSE_COLUMNS = frozenset({"t", "contact_x", "contact_t", "pitch", "f_x", "f_z"})
 """Columns that hold numbers in some rows alone, or need not be there (formats.md)."""
-INPUT_FILES = ("run.yaml", "result.yaml", *TABLES)
 PROBE_SIGMA = 3.0  # that the largest probe of an effect must show, beyond what the base absorbs
 LARGEST_CORRELATION = 0.995  # of two responses: beyond it runs cannot separate the effects
 IDENTIFIABLE = "not identifiable"
@@ -197,10 +194,9 @@ def complaints(tables: Mapping[str, Mapping[str, Array]]) -> Iterator[Finding]:
 
 
 class Check(Entry):
-    """Content of check.json: findings on recordings, and the hash of the inputs they hold for."""
+    """Content of check.json: the names of the runs that were checked, and findings on them."""
 
     schema_: Annotated[int, Field(alias="schema")] = 1
-    inputs: str
     runs: list[str]
     findings: list[Finding]
 
@@ -220,18 +216,6 @@ class Check(Entry):
     def to_json(self) -> str:
         """JSON text of check.json."""
         return self.model_dump_json(by_alias=True, indent=1) + "\n"
-
-
-def inputs_digest(file: Path, runs: Sequence[RunFolder]) -> str:
-    """Hash of all that a fit of `runs` reads: the subject's `file`, its model, the recordings."""
-    content = hashlib.sha256(read_bytes(file, LARGEST_TEXT))
-    model = file.parent / str(read_yaml(file).get("model", "."))
-    content.update(model.read_bytes() if model.is_file() else b"")
-    for run in runs:
-        for path in (run.path / name for name in INPUT_FILES):
-            data = path.read_bytes() if path.is_file() else b"absent"
-            content.update(path.name.encode() + data)
-    return content.hexdigest()[:16]
 
 
 def recordings(runs: Sequence[RunFolder]) -> list[Finding]:
@@ -281,8 +265,7 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
         again = "mend its mapping, or make it again"
         findings += [Finding(what="run", words=words, remedy=again) for words in subject.notes]
         findings += identifiable(subject)
-    names = [run.name for run in runs]
-    return Check(inputs=inputs_digest(file, runs), runs=names, findings=findings)
+    return Check(runs=[run.name for run in runs], findings=findings)
 
 
 def identifiable(subject: Subject) -> Iterator[Finding]:

@@ -20,21 +20,18 @@ from cell.campaign.journal import Record
 from cell.campaign.progress import Meter
 from cell.campaign.run import Engine, Part, carry_out
 from cell.campaign.versions import verdicts
-from cell.gap.check import inputs_digest
 from cell.gap.effect_size import GapModel, draw_strengths, indistinguishable_from
 from cell.gap.fit import fit
 from cell.gap.fitting.base_fit import refit_base
 from cell.gap.fitting.model import Model, evidence
 from cell.gap.fitting.reml import reml_spreads
-from cell.gap.subject.run_folders import RunFolder, find_runs, without_copies
+from cell.gap.subject.run_folders import find_runs, without_copies
 from cell.gap.subject.strip.measurement_errors import KNOWN_EFFECTS
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
 from cell.gap.subject.strip.subject import StripSubject
 from cell.gap.subject.strip.synthetic import Instruments, rod_folds, write_fold
-from drivers.errors import ConfigurationError
-from drivers.files import replace_file, writing
-from drivers.readers import read_json
-from drivers.settings import Settings, parse
+from drivers.files import replace_file
+from drivers.settings import Settings
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
@@ -42,7 +39,7 @@ from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import GripperPath
 from drivers.types import frozen
 
-PLAN, JOURNAL, PAGE = "plan.json", "journal", "rehearsal.md"
+JOURNAL, PAGE = "journal", "rehearsal.md"
 NO_EFFECT = "nothing"
 COPY_COST = 30.0  # s of one core, about
 SEGMENTS, STEP = 240, 0.002  # of the copies' rod, s: finer than any grid of the model
@@ -61,10 +58,9 @@ class HiddenCopy(Settings):
 class Plan(Settings):
     """Plan of a rehearsal: the refitted strip, its run-to-run spreads, and the copies to make.
 
-    `inputs` is the digest of runs and strip file; `unseen` are effects too small to leave the gap.
+    `unseen` are effects that leave no such gap at any believable size.
     """
 
-    inputs: str
     file: str
     runs: tuple[str, ...]
     base: dict[str, float]
@@ -73,34 +69,13 @@ class Plan(Settings):
     unseen: tuple[str, ...]
 
 
-def rehearsal_plan(
-    paths: Sequence[Path], file: Path, folder: Path, excess: float, empty: int, jobs: int
-) -> Plan:
-    """Plan of a rehearsal that `folder` holds for these inputs, or a new one that is stored there.
+def rehearsal_plan(paths: Sequence[Path], file: Path, excess: float, empty: int, jobs: int) -> Plan:
+    """Plan of a rehearsal of the runs at `paths`, by a refit of the strip in `file`.
 
     It has every effect of the library at the size that leaves an excess gap of `excess` [sigma],
-    and `empty` copies with nothing hidden. Raises ConfigurationError for what is no strip, and
-    where the folder holds another plan.
+    and `empty` copies with nothing hidden. Raises ConfigurationError for what is no strip.
     """
     folders, _ = without_copies(find_runs(paths))
-    stored = folder / PLAN
-    inputs = f"{inputs_digest(file, folders)}-{excess:g}-{empty}"
-    if stored.is_file():
-        held = parse(read_json(stored), Plan, str(stored))
-        if held.inputs != inputs:
-            raise ConfigurationError(f"--out: {folder} holds another rehearsal; name a new folder")
-        return held
-    made = _new_plan(inputs, file, folders, excess, empty, jobs)
-    with writing(f"--out: {folder}"):
-        folder.mkdir(parents=True, exist_ok=True)
-        replace_file(stored, made.model_dump_json(indent=1).encode())
-    return made
-
-
-def _new_plan(
-    inputs: str, file: Path, folders: Sequence[RunFolder], excess: float, empty: int, jobs: int
-) -> Plan:
-    """Plan by a refit of the strip: copies that leave `excess` [sigma], and `empty` without."""
     strip = load_strip(file)
     measured = read_runs(folders, strip)
     subject = StripSubject(strip, measured, jobs)
@@ -113,7 +88,6 @@ def _new_plan(
         for i in range(empty)
     ]
     return Plan(
-        inputs=inputs,
         file=str(file.resolve()),
         runs=tuple(str(run.path) for run in folders),
         base=values,
@@ -265,7 +239,7 @@ def _summary(
     )  # fmt: skip
     if plan.unseen:
         yield f"At no believable size do these runs show: {', '.join(plan.unseen)}."
-    yield f"Inputs {plan.inputs}; of other runs it says nothing."
+    yield "Of other runs it says nothing."
 
 
 def write_page(plan: Plan, records: Sequence[Record], folder: Path) -> Path:

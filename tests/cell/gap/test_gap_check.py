@@ -74,11 +74,8 @@ def test_a_fit_refuses_a_stuck_reading_unless_asked(runs: Path, tmp_path: Path) 
 
 
 @pytest.mark.slow
-def test_a_check_belongs_to_its_inputs_and_says_what_cannot_be_read(runs: Path) -> None:
-    before, ticks = check([runs], STRIP), runs / "00-normal" / "ticks.parquet"
-    edit_column(ticks, "z", lambda z: z + 1e-6)
-    assert check([runs], STRIP).inputs != before.inputs
-    edit_column(ticks, "t", lambda t: t[::-1])
+def test_a_check_says_what_cannot_be_read(runs: Path) -> None:
+    edit_column(runs / "00-normal" / "ticks.parquet", "t", lambda t: t[::-1])
     broken = check([runs], STRIP)
     assert broken.level == "bad"
     assert [f.what for f in broken.findings if f.level == "bad"] == ["unreadable"]

@@ -26,7 +26,7 @@ def made(runs: Path) -> Plan:
     few = {name: registry()[name] for name in ("desk_tilt", "grip_slip")}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rehearse, "registry", lambda: few)
-        return rehearsal_plan([runs], STRIP, runs.parent / "rehearsal", 2.5, 2, 1)
+        return rehearsal_plan([runs], STRIP, 2.5, 2, 1)
 
 
 @pytest.mark.slow
