@@ -105,19 +105,21 @@ def _write(findings: Findings, verdict: Verdict, file: Path, out: Path) -> None:
     if (law := findings.law) is not None:
         terms = {name: {"amount": value} for name, value in law.terms.items()}
         _write_patch(findings, out, accept.LAW_PATCH, accept.LAW_MODEL_PATCH, (law.base, terms))
-    offers_values = bool(verdict.deviates) and not findings.accepted.model.effects
-    if verdict.effects or verdict.suspected or offers_values:
-        name = (
-            accept.BASE_PATCH
-            if offers_values
-            else accept.PATCH
-            if verdict.effects
-            else accept.SUSPECT_PATCH
-        )
+    if (name := _patch_name(findings, verdict)) is not None:
         values = verdict.values_with(verdict.effects or verdict.suspected)
         cell_patch = _write_patch(findings, out, name, accept.MODEL_PATCH, values)
         if cell_patch is not None:
             write_file(out / accept.CELL_PATCH, dump_yaml(cell_patch))
+
+
+def _patch_name(findings: Findings, verdict: Verdict) -> str | None:
+    """Name of the patch with what was found; None where nothing was."""
+    if verdict.effects:
+        return accept.PATCH
+    if verdict.suspected:
+        return accept.SUSPECT_PATCH
+    offers_values = verdict.deviates and not findings.accepted.model.effects
+    return accept.BASE_PATCH if offers_values else None
 
 
 def _write_patch(

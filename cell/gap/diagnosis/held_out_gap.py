@@ -9,7 +9,7 @@ import numpy as np
 from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Point
-from cell.gap.fitting.tasks import Simulate, run_all
+from cell.gap.fitting.tasks import Simulate, run_one
 from cell.gap.subject.subject import Quantity, Words
 from drivers.types import Array
 
@@ -29,7 +29,7 @@ def fit_held_out(simulate: Simulate, estimate: Estimate, evidence: Evidence) -> 
     """Fit of `estimate` to other runs, shared values fixed: only the runs' unknowns are free."""
     model = estimate.model.holding(estimate.shared)
     start = Point(np.zeros(0), evidence.start())
-    return run_all(simulate, [refit(model, evidence, start)])[0]
+    return run_one(simulate, refit(model, evidence, start))
 
 
 def floor(evidence: Evidence, quantities: Mapping[str, Quantity]) -> dict[str, float]:

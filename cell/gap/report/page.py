@@ -196,7 +196,7 @@ def page(findings: Findings, verdict: Verdict, out: Path) -> str:
         held=held_out_values(findings, verdict),
         where=place_values(findings),
         remains=remaining_values(findings, verdict),
-        repeats=scatter_rows(findings),
+        repeats=_scatter_table(findings),
         experiments=_experiments_table(verdict),
         candidates=candidate_values(findings, verdict),
         base=base_values(findings, verdict),
@@ -265,6 +265,13 @@ def _next_commands(findings: Findings, verdict: Verdict, out: Path) -> list[str]
                     f"of the gap on held-out runs; `cell gap accept {fit} --law` adds it, `cell "
                     f"gap undo {fit}` takes it back.")  # fmt: skip
     return todo
+
+
+def _scatter_table(findings: Findings) -> list[tuple[str, ...]] | None:
+    """Rows on what differs from run to run; None for a subject in whose runs nothing may."""
+    if not any(p.random for run in findings.subject.runs for p in run.local):
+        return None
+    return scatter_rows(findings.model_tests.scatter, findings.subject.scope.scatter)
 
 
 def _experiments_table(verdict: Verdict) -> list[tuple[str, ...]] | None:

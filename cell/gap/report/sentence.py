@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from cell.gap.fitting.reml import Spread
 from cell.gap.subject.strip.measurement_errors import KNOWN_EFFECTS
-from cell.gap.subject.subject import Quantity
+from cell.gap.subject.subject import Quantity, ScatterSource
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Deviation, ValueWithUnit, Verdict
 
@@ -202,16 +202,16 @@ def capitalised(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def scatter_rows(findings: Findings) -> list[tuple[str, ...]] | None:
-    """Table rows on quantities that differ from run to run; None if none may.
+def scatter_rows(
+    spreads: Iterable[Spread], sources: Sequence[ScatterSource]
+) -> list[tuple[str, ...]]:
+    """Table rows on quantities that differ from run to run, those of `spreads` in `sources`.
 
-    What differs, its spread with interval, its remedy.
+    What differs, its spread, the interval of that, and its remedy.
     """
-    if not any(p.random for run in findings.subject.runs for p in run.local):
-        return None
-    known = {e.name: e for e in findings.subject.scope.scatter}
+    known = {source.name: source for source in sources}
     rows: list[tuple[str, ...]] = []
-    for s in findings.model_tests.scatter:
+    for s in (each for each in spreads if each.name in known):
         factor, shown = SPREAD_UNITS.get(s.unit, (1.0, s.unit))
         value, low, high = (number_text(factor * v, 2) for v in (s.value, s.low, s.high))
         of = known[s.name]
@@ -220,11 +220,6 @@ def scatter_rows(findings: Findings) -> list[tuple[str, ...]] | None:
 
 
 def remedy_lines(scatter: Iterable[Spread]) -> Iterator[str]:
-    """Lines on what differs from run to run, one for each spread in `scatter`, with its remedy."""
-    known = {e.name: e for e in KNOWN_EFFECTS}
-    for s in (each for each in scatter if each.name in known):
-        factor, shown = SPREAD_UNITS.get(s.unit, (1.0, s.unit))
-        yield (
-            f"{known[s.name].sentence} differs by {number_text(factor * s.value, 2)} {shown} from "
-            f"run to run; {known[s.name].remedy}, or make each motion four times"
-        )
+    """Lines on what differs from run to run in folds of a strip, each with its remedy."""
+    for what, size, _, remedy in scatter_rows(scatter, KNOWN_EFFECTS):
+        yield f"{what} differs by {size} from run to run; {remedy}, or make each motion four times"

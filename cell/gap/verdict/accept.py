@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from cell.config.settings import CellSettings
 from cell.gap.fitting.reml import Spread
 from cell.gap.subject.mechanism.mechanism_file import MechanismFile
+from cell.gap.verdict.schema import fit_folder
 from drivers.errors import ConfigurationError
 from drivers.files import lock_folders, write_file
 from drivers.readers import MEGABYTE, read_bytes, read_json, read_text, read_yaml
@@ -120,7 +121,7 @@ def accept(
     first. Raises ConfigurationError where `file` is not the fitted one or has changed since, where
     there is nothing to accept, or where a patch is incomplete.
     """
-    with lock_folders([out_folder(out), *_folders(file, cell_file)]):
+    with lock_folders([fit_folder(out), *_folders(file, cell_file)]):
         record = _read_fit_record(out)
         _restore_interrupted(out, file, cell_file)
         patch = _patch(out, law=law, force=force)
@@ -195,7 +196,7 @@ def undo(out: Path, file: Path, cell_file: Path | None = None) -> AcceptResult:
 
     Raises ConfigurationError when a file has changed since. An interrupted undo is finished.
     """
-    accepted = out_folder(out) / ACCEPTED
+    accepted = fit_folder(out) / ACCEPTED
     with lock_folders([out, *_folders(file, cell_file)]):
         if not accepted.exists():
             raise ConfigurationError(f"{out}: was not accepted, so there is nothing to undo")
@@ -271,14 +272,6 @@ def _folders(*files: Path | None) -> list[Path]:
     return [p.parent for p in files if p is not None and p.parent.is_dir()]
 
 
-def out_folder(out: Path) -> Path:
-    """The folder `out` of a fit; raises ConfigurationError where there is none."""
-    if not out.is_dir():
-        what = "is a file" if out.exists() else "no such folder"
-        raise ConfigurationError(f"{out}: {what}; name the folder that `cell gap fit --out` wrote")
-    return out
-
-
 def _check_patch(patch: Path) -> None:
     """Refuse a patch that is not a whole file of a strip, a pendulum or a mechanism."""
     kind = read_yaml(patch).get("kind")
@@ -323,7 +316,7 @@ def _check_writable(paths: Iterable[Path]) -> None:
 
 def _read_fit_record(out: Path) -> FitRecord:
     """Record of the fit in `out`; ConfigurationError where it is missing or broken."""
-    path = out_folder(out) / RECORD
+    path = fit_folder(out) / RECORD
     try:
         return read_stored(path, FitRecord)
     except ConfigurationError:

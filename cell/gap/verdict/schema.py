@@ -15,6 +15,7 @@ from drivers.readers import MEGABYTE, read_json
 from drivers.settings import parse
 
 LARGEST_VERDICT = 8 * MEGABYTE
+NAME_FOLDER = "name the folder that `cell gap fit --out` wrote"
 Kind = Literal["named", "ambiguous", "no_gap", "unexplained"]
 Values = tuple[Mapping[str, float], NamedValues]
 """Values of the base by name, and of effects by parameter."""
@@ -209,9 +210,15 @@ def _meter(value: float, other: float) -> str:
 
 def read_verdict(path: Path) -> Verdict:
     """Verdict in the file at `path`; ConfigurationError where it is missing or broken."""
-    out = path.parent
+    fit_folder(path.parent)
     if not path.exists():
-        what = f"{path}: is missing" if out.is_dir() else f"{out}: no such folder"
-        what = f"{out}: is a file" if out.is_file() else what
-        raise ConfigurationError(f"{what}; name the folder that `cell gap fit --out` wrote")
+        raise ConfigurationError(f"{path}: is missing; {NAME_FOLDER}")
     return parse(read_json(path, LARGEST_VERDICT), Verdict, str(path))
+
+
+def fit_folder(out: Path) -> Path:
+    """The folder `out` of a fit; raises ConfigurationError where there is none."""
+    if not out.is_dir():
+        what = "is a file" if out.exists() else "no such folder"
+        raise ConfigurationError(f"{out}: {what}; {NAME_FOLDER}")
+    return out
