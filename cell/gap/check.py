@@ -25,6 +25,7 @@ from cell.report.html import page
 from cell.report.page_verdict import PageVerdict
 from cell.report.words import plural
 from drivers.errors import ConfigurationError
+from drivers.readers import read_yaml
 from drivers.types import Array
 
 SPARSE_COLUMNS = frozenset({"t", "contact_x", "contact_t", "pitch", "f_x", "f_z"})
@@ -246,8 +247,10 @@ def refuse(runs: Sequence[RunFolder]) -> None:
 def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
     """Check the runs at `paths` of the subject that `file` describes, without fitting anything.
 
-    Raises ConfigurationError where there are no runs; what else cannot be read is a finding.
+    Raises ConfigurationError where there are no runs, or `file` is not YAML; what else cannot be
+    read is a finding.
     """
+    read_yaml(file)
     runs, copies = without_copies(find_runs(paths, fewest=1))
     measure_again = "measure again; a copy says nothing new"
     findings = [
