@@ -10,6 +10,7 @@ from cell.benchmark.summary import PAPER_MEANS, PAPER_WORST, REPEATABILITY, nume
 from cell.report.drawing import GREEN, INK, MUTED, PAPER, RULE, as_svg, canvas
 from cell.report.words import MINUS
 from policies.registry import look_of
+from policies.rollout import Misses
 from policies.strip_sampling import DAMPING_RATIO, STIFFNESS_RANGE
 
 PAGE_WIDTH = 8.4  # inch, of a page
@@ -17,6 +18,7 @@ NOTE = 8.0  # points
 BAND = "#7fa98f"
 DASHES = (0, (4, 3))
 DISPLACEMENT = "d = l₁ − l₂  [mm]"
+FEEDBACK_LIMIT = 1e3 * PAPER_WORST["feedback"]  # mm
 
 
 def colour(policy: str) -> str:
@@ -55,9 +57,6 @@ def policy_rows(axes: Any, policies: Sequence[str], foot: float = 0.0) -> None:
 def zero(axes: Any) -> None:
     """Draw the line of d = 0, where the layers are aligned."""
     axes.axvline(0.0, color=INK, lw=0.8, zorder=1)
-
-
-FEEDBACK_LIMIT = 1e3 * PAPER_WORST["feedback"]
 
 
 def strips_figure(results: Results) -> str:
@@ -121,12 +120,14 @@ def range_figure(results: Results) -> str:
 
 def outside(results: Results, policy: str) -> tuple[int, int]:
     """Number of strips outside the simulated range of `policy`, and of all strips."""
-    folds, over = 1e3 * displacements(results.folds(policy)), results.over_range(policy, "rod")
-    folds = folds[np.isfinite(folds)]
-    if over is None or folds.size == 0 or not np.isfinite(over.displacement_grid).any():
+    seen = displacements(results.folds(policy))
+    seen = seen[np.isfinite(seen)]
+    over = results.over_range(policy, "rod")
+    if over is None or seen.size == 0 or not np.isfinite(over.displacement_grid).any():
         return 0, 0
-    low, high = 1e3 * np.nanmin(over.displacement_grid), 1e3 * np.nanmax(over.displacement_grid)
-    return int(np.sum((folds < low) | (folds > high))), folds.size
+    below = seen < np.nanmin(over.displacement_grid)
+    above = seen > np.nanmax(over.displacement_grid)
+    return int(np.sum(below | above)), seen.size
 
 
 def _draw_strips(axes: Any, results: Results) -> None:
@@ -137,7 +138,8 @@ def _draw_strips(axes: Any, results: Results) -> None:
     for row in range(len(strips)):
         axes.axhline(row, color=RULE, lw=0.6, zorder=0)
     for policy in results.asked.policies:
-        folds, mark = results.folds(policy), dot(policy)
+        folds = results.folds(policy)
+        mark = dot(policy)
         rows = [strips.index(fold.strip) for fold in folds]
         front = 6 - 0.2 * mark["ms"]  # smaller markers lie over larger ones
         d = 1e3 * displacements(folds)
@@ -256,10 +258,9 @@ def _draw_map(axes: Any, folds: RangeFolds) -> Any:
     axes.grid(visible=False)
     for spine in axes.spines.values():
         spine.set_visible(False)
-    size = np.abs(folds.displacement_grid[np.isfinite(folds.displacement_grid)])
-    mean, worst = (size.mean(), size.max()) if size.size else (np.nan, np.nan)
+    misses = Misses.from_displacements(folds.displacement_grid)
     axes.set_title(folds.policy, fontsize=9.5, color=colour(folds.policy), loc="left", pad=25)
-    caption = f"mean {numeral(float(mean))}\nworst {numeral(float(worst))}"
+    caption = f"mean {numeral(misses.mean)}\nworst {numeral(misses.worst)}"
     axes.text(0, 1.03, caption, transform=axes.transAxes, fontsize=8.2, color=MUTED)
     axes.set_xlabel("stiffness  [N m/rad]", fontsize=8)
     return colours

@@ -100,17 +100,26 @@ class Row:
     def strip_cells(self) -> tuple[str, ...]:
         """Cells of the table of strips: policy, folds, mean, from, to, worst, on, error, differ."""
         s = self.strips
-        numbers = [numeral(value, signed=True) for value in (s.mean, s.low, s.high)]
-        tail = numeral(s.worst), s.worst_strip, numeral(s.misread), numeral(self.spread)
-        return self.policy, f"{s.folded} of {s.of}", *numbers, *tail
+        return (
+            self.policy,
+            f"{s.folded} of {s.of}",
+            *(numeral(length, signed=True) for length in (s.mean, s.low, s.high)),
+            numeral(s.worst),
+            s.worst_strip,
+            numeral(s.misread),
+            numeral(self.spread),
+        )
 
     def range_cells(self) -> tuple[str, ...]:
         """Cells of the table of the paper's range: |d| in the rod and on the chain, the pull."""
-        rod, chain = self.rod, self.chain
-        numbers = [numeral(value) for value in (rod.mean, rod.quantile_95, rod.worst)]
-        pull = NO_VALUE if np.isnan(rod.force) else f"{rod.force:.2f}"
-        on_chain = numeral(chain.mean), numeral(chain.worst)
-        return self.policy, *numbers, str(rod.untouched), *on_chain, pull
+        rod = self.rod
+        return (
+            self.policy,
+            *(numeral(length) for length in (rod.mean, rod.quantile_95, rod.worst)),
+            str(rod.untouched),
+            *(numeral(length) for length in (self.chain.mean, self.chain.worst)),
+            NO_VALUE if np.isnan(rod.force) else f"{rod.force:.2f}",
+        )
 
 
 def rows(results: Results) -> tuple[Row, ...]:
@@ -196,7 +205,8 @@ def _limit_claim(folds: tuple[ImageFold, ...], count: int, who: str, limit: floa
 
 def _sign_claim(folds: tuple[ImageFold, ...], count: int, policy: str) -> Claim:
     """Claim that d has the sign of the paper's mean for `policy` on each of `count` strips."""
-    d, stated = displacements(folds), PAPER_MEANS[policy]
+    d = displacements(folds)
+    stated = PAPER_MEANS[policy]
     word = "positive" if stated > 0 else "negative"
     agreeing = int(np.sum(stated * d > 0))
     mean = float(np.nanmean(d)) if np.isfinite(d).any() else None
@@ -233,23 +243,25 @@ def claim_lines(results: Results) -> Iterator[str]:
     """Lines on the paper's claims, and on parts that are missing."""
     for claim in claims(results):
         yield f"{'held' if claim.held else 'not held':9}{claim.says}\n           {claim.here}"
-    for refused in (r for r in results.results if isinstance(r, MissingPart)):
-        yield f"missing  {refused.part}: {refused.reason}"
+    for result in results.results:
+        if isinstance(result, MissingPart):
+            yield f"missing  {result.part}: {result.reason}"
 
 
 def tables(results: Results) -> Iterator[Table]:
     """Tables of folds through images and over the paper's range, as (columns, rows, title)."""
-    summary, strips = rows(results), plural(len(results.asked.strips), "strip")
+    summary = rows(results)
+    strips = plural(len(results.asked.strips), "strip")
     yield (
         ("policy", "folds", "mean", "from", "to", "worst", "on", "error", "differ"),
         [row.strip_cells() for row in summary],
         f"{strips}, folded through images: displacement in mm "
         "(error: seen − true, at most; differ: folds of one strip, most among them)",
     )
-    side, chain = results.asked.extent.grid, results.asked.extent.chain
+    size = results.asked.extent
     yield (
         ("policy", "mean", "95 %", "worst", "no touch", "chain", "its worst", "force N"),
         [row.range_cells() for row in summary],
-        f"The paper's range, state-based: |d| in mm, {side} x {side} in the rod, "
-        f"{chain} x {chain} on the chain",
+        f"The paper's range, state-based: |d| in mm, {size.grid} x {size.grid} in the rod, "
+        f"{size.chain} x {size.chain} on the chain",
     )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cell.cli.options import Configs, Json, Runs
-from cell.cli.output import notice, print_json, while_busy
+from cell.cli.output import notice, print_json, say, while_busy
 from cell.config.places import find_configs
 from drivers.errors import ConfigurationError, PreflightRefused
 
@@ -33,14 +33,13 @@ def doctor(
     from cell.doctor.check import Grade
     from cell.doctor.doctor import checks
 
-    red = False
+    has_failed = False
     found = checks(find_configs(configs), DeviceSelection(), runs, seconds)
     for number, check in enumerate(while_busy("checking", found), start=1):
-        red = red or check.state is Grade.FAIL
-        line = json.dumps(check.line(number)) if as_json else check.text(number)
-        sys.stdout.write(f"{line}\n")
+        has_failed = has_failed or check.state is Grade.FAIL
+        say(check.line(number), check.text(number), as_json=as_json)
         sys.stdout.flush()
-    if red:
+    if has_failed:
         sys.exit(PreflightRefused.exit_code)
 
 
@@ -92,8 +91,9 @@ def _grab(settings: "V4l2Settings", path: Path, *, as_json: bool) -> None:
     if as_json:
         print_json({"file": path, **_grab_line(taken)})
         return
-    counts, picture = taken.counts, taken.setup.picture
-    locks = ", ".join(f"{name} {value}" for name, value in taken.setup.locks.items()) or "nothing"
+    counts = taken.counts
+    picture = taken.setup.picture
+    locks = ", ".join(f"{name} {value}" for name, value in taken.setup.locks.items())
     sys.stdout.write(
         f"{path}: {picture.format} {picture.width}x{picture.height} of {settings.device}\n"
         f"  {taken.rate:.1f} Hz by the stamps, {picture.rate:g} agreed; known "
@@ -101,7 +101,7 @@ def _grab(settings: "V4l2Settings", path: Path, *, as_json: bool) -> None:
         f"{taken.frame.stamp_source}\n"
         f"  {counts.arrived} frames, {counts.missing} missing, {counts.corrupt} corrupt, "
         f"{counts.restamped} without a stamp to trust\n"
-        f"  locked: {locks}\n"
+        f"  locked: {locks or 'nothing'}\n"
     )
 
 
@@ -149,8 +149,8 @@ def _camera_lines(entry: "CameraReport") -> Iterator[str]:
     """Yield lines on one camera: formats, controls, and settings for cell.yaml."""
     from drivers.camera.formats import READABLE_FORMATS
 
-    who = entry.identity
-    yield f"{entry.device}: {who.card} ({who.driver}, {who.bus})"
+    identity = entry.identity
+    yield f"{entry.device}: {identity.card} ({identity.driver}, {identity.bus})"
     yield "  formats"
     yield from (f"    {mode} Hz" for mode in entry.modes if mode.format in READABLE_FORMATS)
     others = {mode.format: None for mode in entry.modes if mode.format not in READABLE_FORMATS}
@@ -159,8 +159,8 @@ def _camera_lines(entry: "CameraReport") -> Iterator[str]:
     yield "  controls"
     for control in entry.controls:
         value = "-" if control.value is None else control.value
-        why = "" if control.obstacle is None else f"; {control.obstacle}"
-        yield f"    {control.name} {value} ({control.allowed}{why})"
+        obstacle = "" if control.obstacle is None else f"; {control.obstacle}"
+        yield f"    {control.name} {value} ({control.allowed}{obstacle})"
     section = _mode_facts(entry)
     if section is None:
         yield "  offers no format that this driver reads"

@@ -83,8 +83,8 @@ def _memory_of(settings: "CellFile", run: Path) -> "Memory":
     """Memory that has learned from `run`: that of the twin, or else of the real cell."""
     from cell.learning.experience import Memory
 
-    real, twin = (Memory(settings.name, twin=of_twin) for of_twin in (False, True))
-    return twin if twin.find(run) else real
+    twin = Memory(settings.name, twin=True)
+    return twin if twin.find(run) else Memory(settings.name)
 
 
 def _learn_from_ruler(settings: "CellFile", run: Path, edges: str, *, sure: bool) -> None:
@@ -92,7 +92,8 @@ def _learn_from_ruler(settings: "CellFile", run: Path, edges: str, *, sure: bool
     from cell.config.length import metres
     from cell.learning.experience import check_ruler, experience_by_ruler
 
-    offset, memory = metres("--edges", edges, LONGEST_EDGES), _memory_of(settings, run)
+    offset = metres("--edges", edges, LONGEST_EDGES)
+    memory = _memory_of(settings, run)
     experience = experience_by_ruler(run, offset, memory)
     if not sure:
         check_ruler(offset, experience.rig, settings.learning)
@@ -104,12 +105,17 @@ def _learn_from_ruler(settings: "CellFile", run: Path, edges: str, *, sure: bool
 
 def _forget(settings: "CellFile", memory: "Memory", run: Path | None) -> None:
     """Set aside what was learned from `run`, or everything."""
-    aside = memory.forget() if run is None else _memory_of(settings, run).forget(run)
-    if aside is None and run is not None:
+    if run is not None:
+        memory = _memory_of(settings, run)
+    aside = memory.forget(run)
+    if aside is not None:
+        sys.stdout.write(f"set aside: {aside}\n")
+    elif run is None:
+        sys.stdout.write("nothing was learned yet\n")
+    else:
         raise ConfigurationError(
             f"{run}: nothing was learned from this run; `cell learn list` names those that taught"
         )
-    sys.stdout.write("nothing was learned yet\n" if aside is None else f"set aside: {aside}\n")
 
 
 def _list(memory: "Memory", *, as_json: bool) -> None:

@@ -63,8 +63,8 @@ def train(
     and ends with folds of the chain through images, which correct what it learned in the rod. After
     an interruption run the command again to resume; the weights are the same.
     """
-    adaptive = policy == "adaptive"
-    if checkpoint is not None and not adaptive:
+    is_adaptive = policy == "adaptive"
+    if checkpoint is not None and not is_adaptive:
         raise ConfigurationError("--checkpoint: is for --policy adaptive; leave it out")
     from rich.console import Console
 
@@ -73,26 +73,37 @@ def train(
     from cell.extras import require_library
 
     if checkpoint is None:
-        require_library("torch" if adaptive else "cmaes")
+        require_library("torch" if is_adaptive else "cmaes")
     from cell.train.run import train as train_in
     from cell.train.transfer import TIME_LIMIT, transfer
     from policies.adaptive.train.shard import CriticSettings
     from policies.train.objective import TrainingSettings
 
-    size = {"generations": generations, "population": population, "strips": strips}
-    settings = CriticSettings(seed=seed) if adaptive else TrainingSettings(seed=seed, **size)
-    folder = out or Path("runs/training") / (f"adaptive-{seed}" if adaptive else f"seed-{seed}")
-    workers = engine(jobs or (1 if cluster else cores()), cluster, TIME_LIMIT)
-    console, trained, corrected = Console(stderr=True), None, dict[str, Any]()
+    settings: TrainingSettings | CriticSettings
+    if is_adaptive:
+        settings = CriticSettings(seed=seed)
+        name = f"adaptive-{seed}"
+    else:
+        settings = TrainingSettings(
+            seed=seed, generations=generations, population=population, strips=strips
+        )
+        name = f"seed-{seed}"
+    folder = out or Path("runs/training") / name
+    default_jobs = 1 if cluster else cores()
+    workers = engine(jobs or default_jobs, cluster, TIME_LIMIT)
+    console = Console(stderr=True)
+    trained: Trained | None = None
+    corrected = dict[str, Any]()
     with resumable(folder):
         if checkpoint is None:
             trained = train_in(settings, folder, workers, grid, console)
             checkpoint = trained.checkpoint
-        if adaptive:
+        if is_adaptive:
             with Meter(console) as meter:
                 corrected = transfer(checkpoint, folder, seed, folds, workers, meter)
     if as_json:
-        print_json((trained.line() if trained else {"schema": 1}) | corrected)
+        line = {"schema": 1} if trained is None else trained.line()
+        print_json(line | corrected)
     else:
         _print_training(policy, trained, corrected)
 
@@ -101,8 +112,9 @@ def _print_training(policy: str, trained: "Trained | None", corrected: Mapping[s
     """Print the evaluation of the `trained` weights, if any, and of their correction, if any."""
     from cell.train.evaluation import tables
 
-    for table in () if trained is None else tables(trained.evaluations, trained.effects):
-        print_table(*table)
+    if trained is not None:
+        for table in tables(trained.evaluations, trained.effects):
+            print_table(*table)
     if corrected:
         held_out = corrected["left_out"]
         sys.stdout.write(
@@ -219,7 +231,8 @@ def serve(
     given = {"lock_step": lock_step} | ({} if address is None else {"address": address})
     settings = parse(given, ServerSettings, "cell twin serve")
     server = RobotServer(settings, faults=() if faults is None else load_faults(faults))
-    host, clock = server.address, "lock-step" if lock_step else "wall clock"
+    host = server.address
+    clock = "lock-step" if lock_step else "wall clock"
     facts = {"address": host, "arm": 1337, "hand": 1338, "clock": clock}
     say(facts, f"arm at {host}:1337, hand at {host}:1338, {clock}", as_json=as_json)
     if not ip_address(host).is_loopback:

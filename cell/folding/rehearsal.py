@@ -42,14 +42,16 @@ class Rehearsal:
 
     def motion(self, _: Snapshot) -> Motion:
         """Move through approach, grasp, fold, lay, release and retreat, without a strip."""
-        begin, end = APPROACH_POINT - 1, len(self.path) - 2
-        yield from move(Pose(*self.path[0].tolist()))
+        last = len(self.path) - 1
+        grasp = APPROACH_POINT - 1
+        release = last - 1
+        yield from move(Pose.from_array(self.path[0]))
         yield from open_hand()
-        yield from self._follow(0, begin)
+        yield from self._follow(0, grasp)
         yield from close_hand()
-        yield from self._follow(begin, end)
+        yield from self._follow(grasp, release)
         yield from open_hand()
-        return (yield from self._follow(end, len(self.path) - 1))
+        return (yield from self._follow(release, last))
 
     def _follow(self, first: int, last: int) -> Motion:
         """Move on the path from `first` to `last` with a stop at each corner, not to cut it."""
@@ -79,7 +81,7 @@ class Rehearsal:
             error = target - snapshot.arm.commanded.as_array()
             rate = np.clip((ahead - target) / LOOKAHEAD + GAIN * error, -fastest, fastest)
             snapshot = yield Drive(Velocity(*rate.tolist()))
-        return (yield from move(Pose(*poses[-1].tolist())))
+        return (yield from move(Pose.from_array(poses[-1])))
 
 
 def rehearsal(
@@ -91,8 +93,11 @@ def rehearsal(
     With an `elbow` [rad] a Franka arm must reach the path. Raises ConfigurationError where the
     workspace or the arm ends below the fold.
     """
-    raised, speeds = np.add(path, (0.0, HOVER_HEIGHT, 0.0))[OVER_POINT:-1], speeds[OVER_POINT:-1]
-    top, ceiling = float(raised[:, 1].max()), settings.installation.workspace.z[1]
+    used = slice(OVER_POINT, -1)
+    raised = path[used] + (0.0, HOVER_HEIGHT, 0.0)
+    speeds = speeds[used]
+    top = float(raised[:, 1].max())
+    ceiling = settings.installation.workspace.z[1]
     if top > ceiling:
         raise ConfigurationError(
             f"--rehearse: the fold of {strip.name} in the air reaches z {top:.2f} m, the workspace "

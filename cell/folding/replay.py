@@ -1,11 +1,12 @@
 """Repetition of a run's perception and decisions on its stored images and measurements."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
 from calibration.calibration import Calibration, load_calibration
 from cell.config.cell import CellFile
@@ -51,7 +52,7 @@ def replay(folder: Path) -> Replay:
     run = read_run(folder)
     settings = _header_entry(run, "config", CellFile)
     strip = _header_entry(run, "strip_file", StripFile)
-    decided = [_Decision.read(event, run) for event in run.events() if event.kind == "decision"]
+    decided = [_decision(event, run) for event in run.events() if event.kind == "decision"]
     if not decided:
         raise ConfigurationError(f"{folder}: nothing was decided in this run, nothing to replay")
     if run.ticks.t.size == 0:
@@ -73,18 +74,19 @@ class _Decision:
     direction: float
     done: bool
 
-    @classmethod
-    def read(cls, event: Event, run: Run) -> Self:
-        """Decision in `event` of `run`; ConfigurationError where the record was changed."""
-        try:
-            facts = {field.name: event.facts[field.name] for field in fields(cls)}
-            numbers = {name: float(facts[name]) for name in ("time", "x", "z", "direction")}
-            return cls(sequence=int(facts["sequence"]), done=bool(facts["done"]), **numbers)
-        except (KeyError, TypeError, ValueError, OverflowError):
-            raise ConfigurationError(
-                f"{run.folder / EVENTS}: the decision at {event.t:.2f} s is not whole; "
-                "it was changed after the run"
-            ) from None
+
+_DECISION = TypeAdapter(_Decision)
+
+
+def _decision(event: Event, run: Run) -> _Decision:
+    """Decision in `event` of `run`; ConfigurationError where the record was changed."""
+    try:
+        return _DECISION.validate_python(event.facts)
+    except ValidationError:
+        raise ConfigurationError(
+            f"{run.folder / EVENTS}: the decision at {event.t:.2f} s is not whole; "
+            "it was changed after the run"
+        ) from None
 
 
 def _repeat_perception(
@@ -92,19 +94,20 @@ def _repeat_perception(
 ) -> tuple[int, list[str]]:
     """Measure the stored images again; returns their number, and differences from the record."""
     frames = run.frames()
-    before = next(frames, None)
-    if before is None and run.frame_index():
+    first = next(frames, None)
+    if first is None and run.frame_index():
         return 0, []
-    if before is None:
+    if first is None:
         raise ConfigurationError(f"{run.folder / INDEX}: lists no image; it belongs to the run")
-    if before.stamp >= 0:
+    if first.stamp >= 0:
         raise ConfigurationError(f"{run.folder}: the picture before the grasp was not kept")
     calibration = load_calibration(run.folder / CALIBRATION)
-    appearance = inspect(before, calibration, settings.perception, strip).appearance
+    appearance = inspect(first, calibration, settings.perception, strip).appearance
     if appearance is None:
         return 0, ["the picture before the grasp shows no strip now"]
     perception = Perception(calibration, settings.perception, strip, appearance)
-    images, differences = 0, list[str]()
+    images = 0
+    differences = list[str]()
     for frame in frames:
         _check_size(run, frame, calibration)
         then = measured.get(frame.sequence)
@@ -117,26 +120,28 @@ def _repeat_perception(
 
 def _check_size(run: Run, frame: Frame, calibration: Calibration) -> None:
     """Raise ConfigurationError for a stored image of another size than the calibration."""
-    found, lens = frame.image.shape, calibration.lens
-    if found[:2] != (lens.height, lens.width):
+    height, width, _ = frame.image.shape
+    lens = calibration.lens
+    if (height, width) != (lens.height, lens.width):
         raise ConfigurationError(
-            f"{frame_file(run.folder, frame.sequence)}: is {found[1]} x {found[0]} pixels, the "
+            f"{frame_file(run.folder, frame.sequence)}: is {width} x {height} pixels, the "
             f"calibration is for {lens.width} x {lens.height}; it was changed after the run"
         )
 
 
 def _differences(now: StripMeasurement, then: StripMeasurement) -> Iterator[str]:
     """Yield a text for each value that is measured differently `now` than it was `then`."""
-    for name, value in _values(now).items():
-        before = _values(then)[name]
-        if not np.isclose(value, before, rtol=0, atol=POSE_ROUNDING, equal_nan=True):
-            yield f"image {now.sequence}: {name} was {before:.6f}, is {value:.6f} m"
+    recorded = _lengths(then)
+    for name, value in _lengths(now).items():
+        if not np.isclose(value, recorded[name], rtol=0, atol=POSE_ROUNDING, equal_nan=True):
+            yield f"image {now.sequence}: {name} was {recorded[name]:.6f}, is {value:.6f} m"
 
 
-def _values(seen: StripMeasurement) -> dict[str, float]:
+def _lengths(seen: StripMeasurement) -> dict[str, float]:
     """Measured lengths [m] by their column in the record."""
-    (tip_x, tip_z), gap, gap_x = seen.tip, seen.gap, seen.gap_x
-    return {"contact_x": seen.contact_x, "tip_x": tip_x, "tip_z": tip_z, "gap": gap, "gap_x": gap_x}
+    tip_x, tip_z = seen.tip
+    gap = {"gap": seen.gap, "gap_x": seen.gap_x}
+    return {"contact_x": seen.contact_x, "tip_x": tip_x, "tip_z": tip_z} | gap
 
 
 def _other_decisions(

@@ -56,16 +56,8 @@ class FoldResult:
     @classmethod
     def refusal(cls, request: Request, error: CellError) -> Self:
         """Result of a fold that did not begin because of `error`; nothing was recorded."""
-        stop = StopReason.from_error(error)
-        return cls(
-            run="",
-            strip=request.strip.name,
-            policy=request.policy,
-            seed=request.choice.seed,
-            outcome=stop.name,
-            reason=stop.reason,
-            exit_code=stop.exit_code,
-        )
+        outcome = Outcome.stopped_by(StopReason.from_error(error), 0.0)
+        return cls.from_outcome(request, outcome, {})
 
     @classmethod
     def from_outcome(cls, request: Request, outcome: Outcome, truth: Mapping[str, Any]) -> Self:

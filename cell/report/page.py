@@ -232,9 +232,11 @@ def _steps_at_the_arm(run: Run) -> list[str]:
 
 def _check(item: Mapping[str, Any]) -> tuple[str, str, str]:
     """Table row (name, result, reason) of one check; a remedy where it failed."""
-    passed, reason = bool(item.get("passed")), str(item.get("reason", ""))
-    why = reason if passed else f"{reason}; {item.get('remedy', '')}"
-    return str(item.get("name", "")), "pass" if passed else "fail", why
+    name = str(item.get("name", ""))
+    reason = str(item.get("reason", ""))
+    if item.get("passed"):
+        return name, "pass", reason
+    return name, "fail", f"{reason}; {item.get('remedy', '')}"
 
 
 def _timing_rows(run: Run) -> Rows:
@@ -243,8 +245,9 @@ def _timing_rows(run: Run) -> Rows:
     ages = figures.image_ages(run)
     timing = run.header.arm_timing
     if ages.size:
-        middle, largest = milliseconds(float(np.median(ages))), milliseconds(float(ages.max()))
-        rows.append(("age of the images when used", f"{middle}, at most {largest}"))
+        largest = milliseconds(float(ages.max()))
+        text = f"{milliseconds(float(np.median(ages)))}, at most {largest}"
+        rows.append(("age of the images when used", text))
     if timing is not None:
         longest = f"at most {milliseconds(1e-3 * timing.longest_ms)}"
         rows.append(("from state to state of the arm", longest))
@@ -264,9 +267,10 @@ def flatten(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str,
 
 def setting_text(key: str, value: Any) -> str:
     """Text of the setting `key`: lengths in mm, effects with their unit, long lists by length."""
-    *_, group, effect, name = ("", "", *key.split("."))
-    if group == "effects" and effect in registry():
-        units = {p.name: p.unit for p in registry()[effect].parameters if p.unit != "1"}
+    *groups, name = key.split(".")
+    if groups[-2:-1] == ["effects"] and groups[-1] in registry():
+        parameters = registry()[groups[-1]].parameters
+        units = {p.name: p.unit for p in parameters if p.unit != "1"}
         return f"{value:g} {units.get(name, '')}".strip()
     if key.startswith("sigma.") and name not in SIGNAL_UNITS and isinstance(value, float):
         return millimetres(value)
@@ -294,5 +298,8 @@ def _value(name: str, value: Any) -> str:
         return text if len(text) <= LONGEST_TEXT else f"{text[: LONGEST_TEXT - 3]}..."
     if name in LENGTH_NAMES:
         return millimetres(value, signed=name in SIGNED)
-    unit, digits = SIGNAL_UNITS.get(name, ""), ".3g" if isinstance(value, float) else ""
-    return milliseconds(value) if unit == "s" else f"{value:{digits}} {unit}".strip()
+    unit = SIGNAL_UNITS.get(name, "")
+    if unit == "s":
+        return milliseconds(value)
+    digits = ".3g" if isinstance(value, float) else ""
+    return f"{value:{digits}} {unit}".strip()
