@@ -12,7 +12,7 @@ import drivers.strip.effects
 from cell.campaign.progress import Meter
 from cell.campaign.run import measure
 from cell.cli.options import policy_names as typed_policies
-from cell.config.drivers import arms, cameras
+from cell.config.drivers import all_drivers
 from cell.config.places import CHECKOUT_CONFIGS, find_configs
 from cell.config.settings import DriverChoice
 from cell.devices.devices import DeviceSelection
@@ -186,7 +186,7 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]
     """Where packages of somebody else are installed; what was found before is forgotten, and again
     afterwards.
     """
-    scanned = (registry, entries, causes, arms, cameras, catalogue.studies, *OF_MECHANISMS)
+    scanned = (registry, entries, causes, all_drivers, catalogue.studies, *OF_MECHANISMS)
     for found in scanned:
         found.cache_clear()
     monkeypatch.syspath_prepend(tmp_path)

@@ -17,9 +17,7 @@ from cell.record.files import REPORT
 from drivers.errors import CellError, ConfigurationError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from rich.status import Status
+    from collections.abc import Callable, Iterator, Sequence
 
     from cell.folding.request import Request
     from cell.folding.result import FoldResult
@@ -284,8 +282,8 @@ def _predict(request: "Request", *, as_json: bool) -> None:
 class _ProgressLine:
     """Observer that shows a run on one line of the terminal."""
 
-    def __init__(self, status: "Status", strip: str) -> None:
-        self._status = status
+    def __init__(self, show: "Callable[[str], None]", strip: str) -> None:
+        self._show = show
         self._strip = strip
         self._count = 0
 
@@ -300,13 +298,12 @@ class _ProgressLine:
         measurement = snapshot.view.measurement
         if measurement is not None and math.isfinite(measurement.contact_x):
             text += f"   desk contact {1e3 * measurement.contact_x:4.0f} mm"
-        self._status.update(text)
+        self._show(text)
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
         """Print a fault on a line of its own, which stays; other events are not shown."""
         if kind == "fault":
-            text = f"{time:.2f} s  {facts['name']}: {facts['reason']}"
-            self._status.console.print(text, markup=False, soft_wrap=True)
+            sys.stderr.write(f"{time:.2f} s  {facts['name']}: {facts['reason']}\n")
 
 
 @contextmanager
@@ -315,7 +312,5 @@ def _progress(strip: str) -> "Iterator[tuple[Observer, ...]]":
     if not sys.stderr.isatty():
         yield ()
         return
-    from rich.console import Console
-
-    with Console(stderr=True).status("opening the cell") as status:
-        yield (_ProgressLine(status, strip),)
+    with busy("opening the cell") as show:
+        yield (_ProgressLine(show, strip),)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
-from cell.config.drivers import arm_names, camera_names
+from cell.config.drivers import Kind, driver_names
 from cell.config.places import PACKAGED, Configs as Found, find_configs
 from cell.record.files import run_folder
 from drivers.errors import ConfigurationError, check_known
@@ -101,15 +101,17 @@ def check_readable(path: Path, remedy: str = "") -> None:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror}{remedy}") from None
 
 
-def _choice_of(kind: str, names: tuple[str, ...]) -> Any:
-    """Option whose value is one of `names`, the drivers of a `kind` of device."""
+def _driver_option(kind: Kind) -> Any:
+    """Option whose value is the name of a driver of this `kind` of device."""
+    names = driver_names(kind)
 
     def check(value: str) -> str:
         if value not in names:
             raise typer.BadParameter(f"{value!r} is not one of {', '.join(map(repr, names))}.")
         return value
 
-    return typer.Option(help=f"{kind} driver.", parser=check, metavar=f"<{'|'.join(names)}>")
+    device = kind.removesuffix("s").capitalize()
+    return typer.Option(help=f"{device} driver.", parser=check, metavar=f"<{'|'.join(names)}>")
 
 
 Strip = Annotated[
@@ -119,8 +121,8 @@ Strip = Annotated[
     ),
 ]
 PLANT_HELP = "Strip on the twin's desk: a name in configs/plants, or a path to a .yaml file"
-Arm = Annotated[str | None, _choice_of("Arm", arm_names())]
-Camera = Annotated[str | None, _choice_of("Camera", camera_names())]
+Arm = Annotated[str | None, _driver_option("arms")]
+Camera = Annotated[str | None, _driver_option("cameras")]
 Run = Annotated[
     Path, typer.Argument(metavar="RUN", parser=run_folder, help="A run folder, or last.")
 ]

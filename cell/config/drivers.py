@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
+from drivers.errors import check_known
 from drivers.plugins import plugin_names, plugins
 
 
@@ -31,37 +32,34 @@ class Driver:
         return loaded
 
 
-ARMS = MappingProxyType(
+Kind = Literal["arms", "cameras"]
+DRIVERS: Mapping[Kind, Mapping[str, Driver]] = MappingProxyType(
     {
-        "twin": Driver("cell.devices.twin:twin_devices", real=False),
-        "fci": Driver("cell.devices.fci:fci_devices", library="pylibfranka"),
+        "arms": {
+            "twin": Driver("cell.devices.twin:twin_devices", real=False),
+            "fci": Driver("cell.devices.fci:fci_devices", library="pylibfranka"),
+        },
+        "cameras": {
+            "twin": Driver("cell.devices.twin:with_twin_camera", real=False),
+            "v4l2": Driver("cell.devices.real_camera:with_real_camera", section="camera"),
+        },
     }
 )
-CAMERAS = MappingProxyType(
-    {
-        "twin": Driver("cell.devices.twin:with_twin_camera", real=False),
-        "v4l2": Driver("cell.devices.real_camera:with_real_camera", section="camera"),
-    }
-)
+
+
+def driver(kind: Kind, name: str) -> Driver:
+    """Driver that operators call `name`; ConfigurationError for an unknown name."""
+    known = all_drivers(kind)
+    check_known(kind.removesuffix("s"), name, known)
+    return known[name]
 
 
 @cache
-def arms() -> Mapping[str, Driver]:
-    """Drivers of arms, by the name that operators use."""
-    return {**ARMS, **plugins("arms", Driver, ARMS)}
+def all_drivers(kind: Kind) -> Mapping[str, Driver]:
+    """Drivers of this `kind`, with those of plug-ins, by the name that operators use."""
+    return {**DRIVERS[kind], **plugins(kind, Driver, DRIVERS[kind])}
 
 
-@cache
-def cameras() -> Mapping[str, Driver]:
-    """Drivers of cameras, by the name that operators use."""
-    return {**CAMERAS, **plugins("cameras", Driver, CAMERAS)}
-
-
-def arm_names() -> tuple[str, ...]:
-    """Names of the drivers of arms; no plug-in is imported."""
-    return (*ARMS, *plugin_names("arms"))
-
-
-def camera_names() -> tuple[str, ...]:
-    """Names of the drivers of cameras; no plug-in is imported."""
-    return (*CAMERAS, *plugin_names("cameras"))
+def driver_names(kind: Kind) -> tuple[str, ...]:
+    """Names of the drivers of this `kind`; no plug-in is imported."""
+    return (*DRIVERS[kind], *plugin_names(kind))

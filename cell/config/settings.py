@@ -1,5 +1,6 @@
 """Settings of the controller in cell.yaml: drivers, installation, speeds, limits, learning."""
 
+from functools import partial
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
@@ -8,7 +9,7 @@ from calibration.board import BoardSettings
 from calibration.landmarks import LandmarkSettings
 from calibration.wizard.latency import LatencySettings
 from calibration.wizard.touches import TouchSettings
-from cell.config.drivers import arm_names, camera_names
+from cell.config.drivers import Kind, driver_names
 from cell.perception.settings import PerceptionSettings
 from cell.record.files import Keep
 from cell.record.film import Encoder
@@ -19,14 +20,16 @@ from drivers.settings import Metres, Seconds, Settings, Speed
 from policies.path import TAKEOVER_HEIGHT
 
 
-def _check_driver(name: str, known: tuple[str, ...]) -> str:
+def _check_driver(kind: Kind, name: str) -> str:
+    """The `name` of a driver of this `kind`; raises ValueError for an unknown one."""
+    known = driver_names(kind)
     if name not in known:
         raise ValueError(f"must be one of {', '.join(known)}")
     return name
 
 
-ArmName = Annotated[str, AfterValidator(lambda name: _check_driver(name, arm_names()))]
-CameraName = Annotated[str, AfterValidator(lambda name: _check_driver(name, camera_names()))]
+ArmName = Annotated[str, AfterValidator(partial(_check_driver, "arms"))]
+CameraName = Annotated[str, AfterValidator(partial(_check_driver, "cameras"))]
 
 
 class DriverChoice(Settings):

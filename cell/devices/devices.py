@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from calibration.wizard.coverage import WantedView
-from cell.config.drivers import Driver, arms, cameras
+from cell.config.drivers import Driver, driver
 from cell.config.settings import CellSettings
-from drivers.errors import check_known
 from drivers.installation import MotionLimits
 from drivers.protocols import Arm, Camera, Clock, Hand
 from drivers.strip.file import StripFile
@@ -96,9 +95,7 @@ class DeviceSelection:
 
     def arm_driver(self, settings: CellSettings) -> Driver:
         """Driver of the selected arm, or else of the one in cell.yaml."""
-        name = self.arm or settings.drivers.arm
-        check_known("arm", name, arms())
-        return arms()[name]
+        return driver("arms", self.arm or settings.drivers.arm)
 
     def motion_limits(self, settings: CellSettings) -> MotionLimits:
         """Motion limits of the selected arm: the cell's, for a robot also its own."""
@@ -108,6 +105,4 @@ class DeviceSelection:
 
     def camera_driver(self, settings: CellSettings) -> Driver:
         """Driver of the selected camera, or else of the one in cell.yaml."""
-        name = self.camera or settings.drivers.camera
-        check_known("camera", name, cameras())
-        return cameras()[name]
+        return driver("cameras", self.camera or settings.drivers.camera)
