@@ -19,14 +19,12 @@ from drivers.types import Pose
 if TYPE_CHECKING:
     from drivers.arm.process import RobotAccess
 
-Asked = Callable[[], bool]
-
 
 def move_manually(
     settings: CellFile,
     choice: DeviceSelection,
     motion: Callable[[Snapshot], Motion],
-    interrupted: Asked = lambda: False,
+    interrupted: Callable[[], bool] = lambda: False,
     strip: StripFile = NO_STRIP,
 ) -> Outcome:
     """Open the cell, carry out one `motion`, close it; CellError for errors before the motion."""

@@ -8,6 +8,7 @@ import typer
 
 from cell.cli import options
 from cell.cli.output import print_json
+from cell.config.length import metres
 from cell.config.places import find_configs
 from drivers.errors import ConfigurationError
 
@@ -227,7 +228,7 @@ def _ask_length(columns: int) -> float:
 
     def parse(text: str) -> float:
         try:
-            return options.length_parser("--measured", "mm", SHORTEST_BOARD)(text)
+            return metres("--measured", text, bare="mm", least=SHORTEST_BOARD)
         except ConfigurationError as error:
             raise typer.BadParameter(str(error)) from None
 

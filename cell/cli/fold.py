@@ -12,6 +12,7 @@ import typer
 
 from cell.cli import options
 from cell.cli.output import busy, notice, print_json, say
+from cell.config.length import metres
 from cell.config.places import Configs, check_recordable, find_configs
 from cell.record.files import REPORT
 from drivers.errors import CellError, ConfigurationError
@@ -128,8 +129,6 @@ class FoldOptions:
         """
         if self.until is None:
             return None
-        from cell.config.length import metres
-
         offset = metres("--until", self.until, LARGEST_OFFSET)
         if self.rehearse:
             raise ConfigurationError("--until: folds on the desk; leave it or --rehearse out")

@@ -9,6 +9,7 @@ import typer
 
 from cell.cli.options import Configs, Json
 from cell.cli.output import print_json
+from cell.config.length import metres
 from cell.config.places import find_configs
 from drivers.errors import ConfigurationError, suggestion
 
@@ -89,7 +90,6 @@ def _memory_of(settings: "CellFile", run: Path) -> "Memory":
 
 def _learn_from_ruler(settings: "CellFile", run: Path, edges: str, *, sure: bool) -> None:
     """Learn from the ruler's offset `edges` of the laid edges of `run`."""
-    from cell.config.length import metres
     from cell.learning.experience import check_ruler, experience_by_ruler
 
     offset = metres("--edges", edges, LONGEST_EDGES)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 import typer
 
 from cell.config.drivers import Kind, driver_names
+from cell.config.length import metres
 from cell.config.places import PACKAGED, Configs as Found, find_configs
 from cell.record.files import run_folder
 from drivers.errors import ConfigurationError, check_known
@@ -40,21 +41,13 @@ def taking(options: type[T]) -> "Callable[[Callable[[T], None]], Callable[..., N
     return decorate
 
 
-def length_parser(option: str, bare: str = "m", least: float = -inf) -> "Callable[[str], float]":
-    """Parser of an `option` that takes a length of `least` [m] or more, such as 3.5mm."""
-
-    def parse(text: str) -> float:
-        from cell.config.length import metres
-
-        return metres(option, str(text), bare=bare, least=least)
-
-    return parse
-
-
 def length_option(option: str, says: str, bare: str = "m", least: float = -inf) -> Any:
     """Option that takes a length of `least` [m] or more with a unit, in metres for the command."""
-    parser = length_parser(option, bare, least)
-    return typer.Option(option, parser=parser, metavar="LENGTH", help=says)
+
+    def parse(text: str) -> float:
+        return metres(option, str(text), bare=bare, least=least)
+
+    return typer.Option(option, parser=parse, metavar="LENGTH", help=says)
 
 
 def policy_names() -> list[str]:

@@ -4,7 +4,6 @@ A stream (Arrow IPC) has one row per message: rows written before a crash can be
 """
 
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +38,7 @@ SIGHT_ROWS = pa.schema(
 )
 
 
-class StreamFile(AbstractContextManager["StreamFile"]):
+class StreamFile:
     """Arrow stream being written; `append` returns when the system has the row, or OSError."""
 
     def __init__(self, path: Path, schema: pa.Schema) -> None:
@@ -51,9 +50,6 @@ class StreamFile(AbstractContextManager["StreamFile"]):
         """Append one row to the stream, a value for each column."""
         rows = pa.array([row], self._row)
         self._write(pa.RecordBatch.from_struct_array(rows).serialize())
-
-    def __exit__(self, *_error: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Close the stream; allowed twice."""

@@ -69,10 +69,10 @@ class RunWriter:
         """Open the streams of the run, which `opened` closes, and lock its events."""
         self._events = opened.enter_context(new_file(self.folder / EVENTS))
         fcntl.flock(self._events, fcntl.LOCK_EX)
-        ticks = tables.StreamFile(self.folder / TICK_STREAM, tables.TICK_ROWS)
-        self._ticks = opened.enter_context(ticks)
-        sights = tables.StreamFile(self.folder / SIGHT_STREAM, tables.SIGHT_ROWS)
-        self._sights = opened.enter_context(sights)
+        self._ticks = tables.StreamFile(self.folder / TICK_STREAM, tables.TICK_ROWS)
+        opened.callback(self._ticks.close)
+        self._sights = tables.StreamFile(self.folder / SIGHT_STREAM, tables.SIGHT_ROWS)
+        opened.callback(self._sights.close)
 
     def describe(self, **facts: Any) -> None:
         """Add `facts` to run.yaml, once the run has ended, that were not known at its start.

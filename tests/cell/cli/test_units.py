@@ -9,7 +9,7 @@ import typer
 import yaml
 
 from cell.cli.app import app
-from cell.cli.options import length_parser
+from cell.config.length import metres
 from cell.config.places import CHECKOUT_CONFIGS
 from tests.support.commands import run
 
@@ -38,7 +38,7 @@ def test_every_option_that_takes_a_length_says_in_which_unit_a_bare_number_is() 
     [("m", "0.6"), ("m", "600mm"), ("m", "60 cm"), ("m", "0.6m"), ("m", "6e-1"), ("mm", "600")],
 )
 def test_length_may_carry_its_unit_and_else_has_that_of_the_option(bare: str, text: str) -> None:
-    assert length_parser("--length", bare)(text) == pytest.approx(0.6)
+    assert metres("--length", text, bare=bare) == pytest.approx(0.6)
 
 
 def test_strip_is_made_from_lengths_as_a_ruler_shows_them(tmp_path, monkeypatch) -> None:
