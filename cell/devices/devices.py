@@ -1,17 +1,24 @@
 """Devices of a cell as the orchestrator uses them, and their selection."""
 
+from bisect import bisect_right
+from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+import numpy as np
+
 from calibration.wizard.coverage import WantedView
 from cell.config.drivers import Driver, driver
 from cell.config.settings import CellSettings
+from drivers.geometry import interpolate_columns
 from drivers.installation import MotionLimits
 from drivers.protocols import Arm, Camera, Clock, Hand
 from drivers.strip.file import StripFile
-from drivers.types import Array, Frame, frozen
+from drivers.types import ArmState, Array, Frame, Pose, frozen
+
+STATES_KEPT = 256  # of the arm, for the gripper's pose at an earlier moment
 
 
 class Closable(Protocol):
@@ -68,6 +75,27 @@ class Devices:
         with ExitStack() as left:
             for device in (*reversed(self.others), self.camera, self.arm):
                 left.callback(device.close)
+
+
+class ArmHistory:
+    """The last STATES_KEPT measured states of the arm, oldest first."""
+
+    def __init__(self) -> None:
+        self._states: deque[ArmState] = deque(maxlen=STATES_KEPT)
+
+    def add(self, state: ArmState) -> None:
+        """Append the newest measured state of the arm."""
+        self._states.append(state)
+
+    def pose_at(self, stamp: float) -> Pose:
+        """Gripper pose at `stamp` [s], interpolated between measured states of the arm."""
+        states = self._states
+        last = len(states) - 1
+        after = bisect_right(states, stamp, 1, max(last, 1), key=lambda state: state.stamp)
+        pair = (states[after - 1], states[min(after, last)])
+        times = [state.stamp for state in pair]
+        poses = np.array([state.pose.as_array() for state in pair])
+        return Pose.from_array(interpolate_columns(stamp, np.array(times), poses))
 
 
 class Plant(Protocol):

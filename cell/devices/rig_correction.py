@@ -1,6 +1,5 @@
 """Compensation of known errors of the rig: inverse effects on calibration and arm."""
 
-from collections import deque
 from dataclasses import replace
 
 import numpy as np
@@ -8,8 +7,7 @@ import numpy as np
 from calibration.calibration import Calibration, change_calibration
 from calibration.homography import Homography
 from cell.config.cell import CellFile
-from cell.devices.devices import Devices
-from drivers.geometry import interpolate_columns
+from cell.devices.devices import ArmHistory, Devices
 from drivers.protocols import Arm, Hand
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
@@ -59,9 +57,6 @@ def corrected_devices(devices: Devices, settings: CellFile, strip: StripFile) ->
     return replace(devices, arm=CorrectedArm(devices.arm, devices.hand, rig))
 
 
-MEMORY = 256  # reports kept to interpolate earlier poses of the gripper
-
-
 class CorrectedArm:
     """Arm that wraps another arm and compensates its known errors `rig`.
 
@@ -73,7 +68,7 @@ class CorrectedArm:
         self._arm = arm
         self._hand = hand
         self._rig = rig
-        self._reports: deque[ArmState] = deque(maxlen=MEMORY)
+        self._reports = ArmHistory()
         self._offsets = GrowingOffsets(rig)
         self._reported = np.zeros(3)
 
@@ -84,7 +79,7 @@ class CorrectedArm:
     def state(self) -> ArmState:
         """Newest measured state of the arm, with the gripper's true pose."""
         measured = self._arm.state()
-        self._reports.append(measured)
+        self._reports.add(measured)
         self._reported = reported = self._at_stamp(measured)
         if self._offsets.start is None and self._hand.state().grasped:
             self._offsets.start = reported
@@ -127,9 +122,7 @@ class CorrectedArm:
             rate = measured.velocity
             travel = ahead * np.array([rate.vx, rate.vz, rate.pitch_rate])
             return np.asarray(measured.pose.as_array() + travel)
-        stamps = np.array([report.stamp for report in self._reports])
-        poses = np.array([report.pose.as_array() for report in self._reports])
-        return interpolate_columns(measured.stamp + ahead, stamps, poses)
+        return self._reports.pose_at(measured.stamp + ahead).as_array()
 
     def _offset_velocity(self, rate: Velocity) -> Array:
         """Velocity (3,) [m/s, m/s, rad/s] of the rig's offsets as the arm moves at `rate`."""

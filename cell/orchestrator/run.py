@@ -8,7 +8,7 @@ from dataclasses import replace
 from types import FrameType
 from typing import Protocol
 
-from cell.devices.devices import Devices
+from cell.devices.devices import ArmHistory, Devices
 from cell.orchestrator.context import Context
 from cell.orchestrator.monitors import Rules, check_all, slow_for_images
 from cell.orchestrator.outcome import INTERRUPTED, Outcome, StopReason
@@ -18,7 +18,7 @@ from cell.orchestrator.safe_stop import SafeStop, run_suppressed
 from cell.orchestrator.snapshot import CloseHand, Command, Drive, Hold, MoveTo, OpenHand, Snapshot
 from cell.orchestrator.states import Event, Machine, State
 from cell.orchestrator.steps import Phase
-from cell.orchestrator.vision import MEASURED_STATES, RECORDED, ArmHistory, View, Vision
+from cell.orchestrator.vision import MEASURED_STATES, RECORDED, View, Vision
 from drivers.errors import Fault
 from drivers.types import ZERO_VELOCITY
 

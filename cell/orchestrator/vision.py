@@ -1,47 +1,21 @@
 """Vision of a run: measurement, layer touch and warnings from the newest camera image."""
 
-from bisect import bisect_right
-from collections import deque
 from dataclasses import dataclass, replace
 from math import nan
 
-import numpy as np
-
 from cell.config.settings import MonitorLimits
+from cell.devices.devices import ArmHistory
 from cell.orchestrator.states import State
 from cell.perception.camera_watch import FrozenImages
 from cell.perception.image_reader import ImageResult, ImageTask, Reader
 from cell.perception.strip_measurement import SeenTouch, StripMeasurement
 from drivers.errors import Fault
-from drivers.geometry import interpolate_columns
 from drivers.protocols import Camera
-from drivers.types import ArmState, Frame, Pose
+from drivers.types import Frame
 
 MEASURED_STATES = frozenset({State.LIFT, State.FOLD, State.TOUCHED})
 RECORDED = MEASURED_STATES | {State.LAY, State.RELEASE}
-STATES_KEPT = 64  # of the arm, for the gripper's pose at an image's stamp
 IDLE_IMAGE_PERIOD = 0.1  # s between images where nothing is measured in them
-
-
-class ArmHistory:
-    """The last STATES_KEPT measured states of the arm, oldest first."""
-
-    def __init__(self) -> None:
-        self._states: deque[ArmState] = deque(maxlen=STATES_KEPT)
-
-    def add(self, state: ArmState) -> None:
-        """Append the newest measured state of the arm."""
-        self._states.append(state)
-
-    def pose_at(self, stamp: float) -> Pose:
-        """Gripper pose at `stamp` [s], interpolated between measured states of the arm."""
-        states = self._states
-        last = len(states) - 1
-        after = bisect_right(states, stamp, 1, max(last, 1), key=lambda state: state.stamp)
-        pair = (states[after - 1], states[min(after, last)])
-        times = [state.stamp for state in pair]
-        poses = np.array([state.pose.as_array() for state in pair])
-        return Pose.from_array(interpolate_columns(stamp, np.array(times), poses))
 
 
 @dataclass(frozen=True, slots=True)

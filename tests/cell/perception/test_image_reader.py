@@ -11,8 +11,9 @@ import pytest
 
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.config.settings import MonitorLimits
+from cell.devices.devices import ArmHistory
 from cell.orchestrator.states import State
-from cell.orchestrator.vision import ArmHistory, View, Vision
+from cell.orchestrator.vision import View, Vision
 from cell.perception.image_reader import ImageTask, ProcessReader, StripInputs
 from cell.perception.settings import PerceptionSettings
 from drivers.errors import Fault
@@ -116,11 +117,10 @@ class OneFrame:
 
 
 def test_a_fold_is_judged_and_then_read_by_the_process(process) -> None:
-    arm = ArmState(1.5, 1.5, "made", POSE, ZERO_VELOCITY, POSE, moving=False, expired=False)
     process.submit(ImageTask(image(40)), 1.6)
     assert awaited(process.result)[0].passed
     history, vision = ArmHistory(), Vision(OneFrame(), MonitorLimits())
-    history.add(arm)
+    history.add(ArmState(1.5, 1.5, "made", POSE, ZERO_VELOCITY, POSE, False, False))
     first = vision.update(State.FOLD, 1.6, history, process)
     assert first.fresh
     assert first.read or first.reading_since == 1.6
