@@ -1,6 +1,6 @@
 """Compiled loops over pixels: changed cells, share of strip in each pixel, mask of the strip."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -26,6 +26,7 @@ def strip_share(levels: Array | Image) -> Array:
 CELL_PX = 8  # px, side of a cell, by which change is detected
 FIRST_ROW, ROW_STEP = 1, 4  # px, the rows of a cell that are compared
 PATCH_PX = 2 * CELL_PX  # px, side of a patch, by which light is read
+LIT_PX = (PATCH_PX // 2 - 3, PATCH_PX // 2 + 1)  # px, rows and columns of a patch that are read
 EVEN_LIGHT = 120  # level of light as bright as at preflight
 SHADE = 0.15  # relative change of the strip's brightness as it bends
 # separation below which a colour cannot be distinguished from the background
@@ -35,20 +36,37 @@ Floats = NDArray[np.float32]
 Offsets = NDArray[np.int64]
 
 
-def _fisher(
-    mixed: Any, of_strip: Any, of_scene: Any, shade: Any, variance: Any
-) -> tuple[Any, Any, Any]:
-    """Fisher's linear discriminant of strip and scene: factors a and b of the two colours.
+class Picture(NamedTuple):
+    """Picture of the cell, and what is known of its background and light.
 
-    Its direction is (a strip + b scene) / det; det, returned too, is the scatter's determinant.
-    The products of colours are `mixed` (strip by scene), `of_strip` and `of_scene`; the scatter is
-    the sensor's `variance`, SHADE of the strip's brightness and `shade` of the scene's.
+    `image`, `background` (height, width, 3) BGR and the background's `shade` (height, width) are
+    whole. `light` (n + 2, m + 2) is that of n by m cells and of a border of one; the first cell
+    inside begins at `corner`, column and row [px].
     """
-    bending = np.float32(SHADE * SHADE)
-    p = variance + bending * of_strip
-    q = variance + shade * shade * of_scene
-    cross = np.float32(SHADE) * shade * mixed
-    return q + bending * mixed, -(p + shade * shade * mixed), p * q - cross * cross
+
+    image: Image
+    background: Image
+    shade: Floats
+    light: Floats
+    corner: tuple[int, int]
+
+
+def _fisher(
+    strip_scene: Any, strip_strip: Any, scene_scene: Any, shade: Any, variance: Any
+) -> tuple[Any, Any, Any]:
+    """Factors a, b and det of Fisher's linear discriminant w = (a c + b s) / det.
+
+    Of a strip's colour c and a scene's colour s, w = S^-1 (c - s), with the scatter
+    S = variance I + SHADE^2 c c' + shade^2 s s' of sensor, strip and scene. The first three
+    arguments are the products c's, c'c and s's.
+    """
+    strip_shade = np.float32(SHADE * SHADE)
+    strip_scatter = variance + strip_shade * strip_strip
+    scene_scatter = variance + shade * shade * scene_scene
+    cross = np.float32(SHADE) * shade * strip_scene
+    a = scene_scatter + strip_shade * strip_scene
+    b = -(strip_scatter + shade * shade * strip_scene)
+    return a, b, strip_scatter * scene_scatter - cross * cross
 
 
 _compiled_fisher = kernel(_fisher)
@@ -62,11 +80,11 @@ def discriminants(
     Also returns the length (n,) of Fisher's linear discriminant. `shade` (n,) is the share of
     brightness by which the background may differ, `variance` the sensor's [grey levels squared].
     """
-    mixed = (scene * colour).sum(axis=1)
-    of_strip = (colour * colour).sum()
-    of_scene = (scene * scene).sum(axis=1)
-    a, b, det = _fisher(mixed, of_strip, of_scene, shade, np.float32(variance))
-    separation = (a * (of_strip - mixed) + b * (mixed - of_scene)) / det
+    strip_scene = (scene * colour).sum(axis=1)
+    strip_strip = (colour * colour).sum()
+    scene_scene = (scene * scene).sum(axis=1)
+    a, b, det = _fisher(strip_scene, strip_strip, scene_scene, shade, np.float32(variance))
+    separation = (a * (strip_strip - strip_scene) + b * (strip_scene - scene_scene)) / det
     direction = (a / det)[:, None] * colour + (b / det)[:, None] * scene
     return np.maximum(separation, 0), np.sqrt((direction * direction).sum(axis=1))
 
@@ -75,20 +93,20 @@ def discriminants(
 def brightness(image: Image, left: int, top: int, rows: int, columns: int) -> Floats:
     """Brightness (rows, columns), summed over the channels, of each patch of `image` (h, w, 3).
 
-    A mean of 4 pixels about its middle; the first patch begins at column `left`, row `top` [px].
+    The mean of the pixels in the rows and columns LIT_PX of a patch; the first patch begins at
+    column `left`, row `top` [px].
     """
     patches = np.empty((rows, columns), np.float32)
-    half = PATCH_PX // 2
     for i in range(rows):
         for j in range(columns):
             total = np.int32(0)
-            for v in range(2):
-                row = min(top + PATCH_PX * i + half + 4 * v - 3, image.shape[0] - 1)
-                for u in range(2):
-                    column = min(left + PATCH_PX * j + half + 4 * u - 3, image.shape[1] - 1)
-                    for c in range(3):
-                        total += np.int32(image[row, column, c])
-            patches[i, j] = np.float32(total) / 4
+            for down in LIT_PX:
+                v = min(top + PATCH_PX * i + down, image.shape[0] - 1)
+                for right in LIT_PX:
+                    u = min(left + PATCH_PX * j + right, image.shape[1] - 1)
+                    for channel in range(3):
+                        total += np.int32(image[v, u, channel])
+            patches[i, j] = np.float32(total) / (len(LIT_PX) * len(LIT_PX))
     return patches
 
 
@@ -104,23 +122,23 @@ def changed_cells(
     """
     rows, columns = light.shape
     changed = np.zeros((rows, columns), np.uint8)
-    inside = min(columns, (image.shape[1] // 3 - left) // CELL_PX)
+    whole_columns = min(columns, (image.shape[1] // 3 - left) // CELL_PX)
     for i in range(rows):
-        above = top + CELL_PX * i
-        sampled = range(above + FIRST_ROW, min(above + CELL_PX, image.shape[0]), ROW_STEP)
+        begin = top + CELL_PX * i
+        compared_rows = range(begin + FIRST_ROW, min(begin + CELL_PX, image.shape[0]), ROW_STEP)
         differences = np.zeros(columns, np.int32)
-        for v in sampled:
-            for j in range(inside):
+        for v in compared_rows:
+            for j in range(whole_columns):
                 first = 3 * (left + CELL_PX * j)
                 pixels, scene = image[v, first:], background[v, first:]
                 level = np.int32(light[i, j])
-                total = np.int32(0)
+                difference = np.int32(0)
                 for c in range(3 * CELL_PX):  # in a function of its own this takes thrice as long
                     evened = np.int32(pixels[c]) * np.int32(EVEN_LIGHT)
-                    total += abs(evened - np.int32(scene[c]) * level)
-                differences[j] += total
-        threshold = limit * EVEN_LIGHT * 3 * CELL_PX * len(sampled)
-        for j in range(inside):
+                    difference += abs(evened - np.int32(scene[c]) * level)
+                differences[j] += difference
+        threshold = limit * EVEN_LIGHT * 3 * CELL_PX * len(compared_rows)
+        for j in range(whole_columns):
             changed[i, j] = differences[j] > threshold
     return changed
 
@@ -141,74 +159,61 @@ def _light_at(light: Floats, v: int, u: int) -> Any:
 
 
 @kernel
-def _load_cell(
-    image: Image,
-    background: Image,
-    shade: Floats,
-    light: Floats,
-    corner: tuple[int, int],
-    cell: tuple[int, int],
-    pixels: Floats,
-) -> None:
-    """Write seven features of each pixel of one `cell`, row and column, to `pixels` (7, CELL_PX^2).
+def _load_cell(picture: Any, row: int, column: int, pixels: Floats) -> None:
+    """Write seven features of each pixel of the cell at `row`, `column` to `pixels` (7, CELL_PX^2).
 
     0 to 2: B, G, R at even light minus the background's; 3 to 5: the background's; 6: its shade.
-    `corner` is the column and row [px] of the first cell; pixels past the image repeat its border.
+    Pixels past the image repeat its border.
     """
+    height, width = picture.shade.shape
     for n in range(CELL_PX * CELL_PX):
-        v = CELL_PX * cell[0] + n // CELL_PX
-        u = CELL_PX * cell[1] + n % CELL_PX
-        y = min(corner[1] + v, image.shape[0] - 1)
-        x = min(corner[0] + u, image.shape[1] - 1)
-        gain = np.float32(EVEN_LIGHT) / _light_at(light, v, u)
-        for c in range(3):
-            scene = np.float32(background[y, x, c])
-            pixels[c, n] = np.float32(image[y, x, c]) * gain - scene
-            pixels[3 + c, n] = scene
-        pixels[6, n] = shade[y, x]
+        v = CELL_PX * row + n // CELL_PX
+        u = CELL_PX * column + n % CELL_PX
+        y = min(picture.corner[1] + v, height - 1)
+        x = min(picture.corner[0] + u, width - 1)
+        gain = np.float32(EVEN_LIGHT) / _light_at(picture.light, v, u)
+        for channel in range(3):
+            scene = np.float32(picture.background[y, x, channel])
+            pixels[channel, n] = np.float32(picture.image[y, x, channel]) * gain - scene
+            pixels[3 + channel, n] = scene
+        pixels[6, n] = picture.shade[y, x]
 
 
 @kernel
 def _shares(pixels: Floats, colours: Floats, variance: Any, shares: Floats) -> None:
     """Write the share of strip in each of `pixels` (7, n) to `shares` (n,).
 
-    It is the largest over the strip's `colours` (k, 3), of those that the scene does not resemble.
-    Without branches in the inner loop, so that it is compiled to vectors of pixels.
+    With p a pixel's colour it is w'(p - s) / w'(c - s), w the discriminant of `_fisher`: the
+    largest over the strip's `colours` (k, 3), of those that the scene does not resemble. Without
+    branches in the inner loop, so that it is compiled to vectors of pixels.
     """
-    d0, d1, d2, s0, s1, s2 = pixels[0], pixels[1], pixels[2], pixels[3], pixels[4], pixels[5]
+    over_b, over_g, over_r = pixels[0], pixels[1], pixels[2]
+    back_b, back_g, back_r = pixels[3], pixels[4], pixels[5]
     shade = pixels[6]
     shares[:] = 0
     for k in range(len(colours)):
-        c0, c1, c2 = colours[k, 0], colours[k, 1], colours[k, 2]
-        of_strip = c0 * c0 + c1 * c1 + c2 * c2
+        b, g, r = colours[k, 0], colours[k, 1], colours[k, 2]
+        strip_strip = b * b + g * g + r * r
         for n in range(CELL_PX * CELL_PX):
-            of_scene = s0[n] * s0[n] + s1[n] * s1[n] + s2[n] * s2[n]
-            along = d0[n] * s0[n] + d1[n] * s1[n] + d2[n] * s2[n]
-            mixed = s0[n] * c0 + s1[n] * c1 + s2[n] * c2
-            a, b, det = _compiled_fisher(mixed, of_strip, of_scene, shade[n], variance)
-            reach = a * (of_strip - mixed) + b * (mixed - of_scene)
-            share = (a * (d0[n] * c0 + d1[n] * c1 + d2[n] * c2) + b * along) / reach
-            distinct = reach > np.float32(LEAST_SEPARATION * LEAST_SEPARATION) * det
+            scene_scene = back_b[n] * back_b[n] + back_g[n] * back_g[n] + back_r[n] * back_r[n]
+            over_scene = over_b[n] * back_b[n] + over_g[n] * back_g[n] + over_r[n] * back_r[n]
+            strip_scene = back_b[n] * b + back_g[n] * g + back_r[n] * r
+            over_strip = over_b[n] * b + over_g[n] * g + over_r[n] * r
+            of_strip, of_scene, det = _compiled_fisher(
+                strip_scene, strip_strip, scene_scene, shade[n], variance
+            )
+            apart = of_strip * (strip_strip - strip_scene) + of_scene * (strip_scene - scene_scene)
+            share = (of_strip * over_strip + of_scene * over_scene) / apart
+            distinct = apart > np.float32(LEAST_SEPARATION * LEAST_SEPARATION) * det
             shares[n] = share if distinct & (share > shares[n]) else shares[n]
 
 
 @entry
-def segment(
-    image: Image,
-    background: Image,
-    shade: Floats,
-    light: Floats,
-    cells: Image,
-    colours: Floats,
-    variance: float,
-    corner: tuple[int, int],
-) -> Image:
+def segment(picture: Picture, cells: Image, colours: Floats, variance: float) -> Image:
     """Matte levels (CELL_PX n, CELL_PX m) of the strip in those `cells` (n, m) that are not 0.
 
-    Other cells have ZERO_LEVEL.
-    The images (height, width, 3) and `shade` (height, width) are whole, `light` (n + 2, m + 2)
-    that of the cells and a border of one, of which the first inside begins at `corner`, column
-    and row [px]. Of `colours` (k, 3) the one counts that a pixel shows most of.
+    Other cells have ZERO_LEVEL. Of the strip's `colours` (k, 3) the one counts that a pixel shows
+    most of; `variance` [grey levels squared] is the sensor's.
     """
     rows, columns = cells.shape
     levels = np.full((rows * CELL_PX, columns * CELL_PX), ZERO_LEVEL, np.uint8)
@@ -218,7 +223,7 @@ def segment(
         for j in range(columns):
             if cells[i, j] == 0:
                 continue
-            _load_cell(image, background, shade, light, corner, (i, j), pixels)
+            _load_cell(picture, i, j, pixels)
             _shares(pixels, colours, np.float32(variance), shares)
             for n in range(CELL_PX * CELL_PX):
                 level = np.float32(ZERO_LEVEL) + np.float32(LEVEL_SPAN) * shares[n]
@@ -237,27 +242,27 @@ def silhouette_of(
     exceeds `faint` along one of `lines` (k, n, 2) of rows and columns. The levels have a border
     that is as wide as the lines reach.
     """
-    h, w = strip.shape
+    height, width = strip.shape
     count, length = lines.shape[:2]
-    flat = levels.reshape(-1)
-    width = levels.shape[1]
     reach = length // 2
-    steps = lines[:, :, 0] * width + lines[:, :, 1]
-    mask = np.zeros((h, w), np.uint8)
-    half = ZERO_LEVEL + (faint - ZERO_LEVEL) // 2
-    for v in range(h):
-        row = levels[v + reach, reach : reach + w]
-        for u in range(w):
-            if row[u] <= half or strip[v, u] == 0:
+    stride = levels.shape[1]
+    flat_levels = levels.reshape(-1)
+    flat_steps = lines[:, :, 0] * stride + lines[:, :, 1]
+    least_level = ZERO_LEVEL + (faint - ZERO_LEVEL) // 2  # of a pixel, whatever lies around it
+    mask = np.zeros((height, width), np.uint8)
+    for v in range(height):
+        row = levels[v + reach, reach : reach + width]
+        for u in range(width):
+            if row[u] <= least_level or strip[v, u] == 0:
                 continue
             if row[u] > solid:
                 mask[v, u] = 255
             elif lifted[v, u] != 0:
-                pixel = (v + reach) * width + u + reach
+                pixel = (v + reach) * stride + u + reach
                 for k in range(count):
                     total = 0
                     for n in range(length):
-                        total += flat[pixel + steps[k, n]]
+                        total += flat_levels[pixel + flat_steps[k, n]]
                     if total > faint * length:
                         mask[v, u] = 255
                         break

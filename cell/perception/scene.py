@@ -15,6 +15,7 @@ from cell.perception.kernels import (
     PATCH_PX,
     ZERO_LEVEL,
     Floats,
+    Picture,
     brightness,
     changed_cells,
     discriminants,
@@ -215,16 +216,15 @@ class Segmenter:
             min(region.left + CELL_PX * (j + columns), region.right),
             min(region.top + CELL_PX * (i + rows), region.bottom),
         )
-        levels = segment(
-            image,
-            self.background.image,
-            self.background.shade,
-            np.ascontiguousarray(light[i : i + rows + 2, j : j + columns + 2]),
-            np.ascontiguousarray(cells[i : i + rows, j : j + columns]),
-            _floats(self.colours),
-            self.smooth**2,
-            (part.left, part.top),
+        picture = Picture(
+            image=image,
+            background=self.background.image,
+            shade=self.background.shade,
+            light=np.ascontiguousarray(light[i : i + rows + 2, j : j + columns + 2]),
+            corner=(part.left, part.top),
         )
+        part_cells = np.ascontiguousarray(cells[i : i + rows, j : j + columns])
+        levels = segment(picture, part_cells, _floats(self.colours), self.smooth**2)
         h = part.bottom - part.top
         w = part.right - part.left
         clear = visible[CELL_PX * i : CELL_PX * i + h, CELL_PX * j : CELL_PX * j + w]
