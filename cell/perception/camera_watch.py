@@ -114,10 +114,11 @@ class CameraWatch:
         if not watched:
             reason += ": a camera that is nudged in this fold would not be noticed"
         return PreflightCheck(
-            CAMERA_WATCHED if watched else UNWATCHED,
-            True,
-            reason,
-            "put something with a pattern where the strip does not hide it, or light it better",
+            name=CAMERA_WATCHED if watched else UNWATCHED,
+            passed=True,
+            reason=reason,
+            remedy="put something with a pattern where the strip does not hide it, or light it "
+            "better",
         )
 
     def shift(self, image: Image, gripper: Pose) -> float:

@@ -93,7 +93,14 @@ class LayerTouch:
             return None
         x, displacement = self._place_at(time, t)
         confidence = float(np.exp(-apart))
-        touch = SeenTouch(time, x, x + displacement, x, confidence, distance)
+        touch = SeenTouch(
+            time=time,
+            x=x,
+            to_grasped=x + displacement,
+            to_fixed=x,
+            confidence=confidence,
+            distance=distance,
+        )
         return touch if self._is_a_fold(touch) else None
 
     def _place_at(self, time: float, t: Array) -> tuple[float, float]:
@@ -126,7 +133,12 @@ def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:
     ahead, behind = points[j - 1, 0], points[j, 0]
     share = (ahead - measurement.gap_x) / (ahead - behind)
     to_grasped = remaining[j - 1] + share * (remaining[j] - remaining[j - 1])
-    return Fall(measurement.stamp, measurement.gap, measurement.gap_x, float(to_grasped))
+    return Fall(
+        time=measurement.stamp,
+        gap=measurement.gap,
+        x=measurement.gap_x,
+        to_grasped=float(to_grasped),
+    )
 
 
 def _closing_time(t: Array, gap: Array, level: float, end: float) -> tuple[float, float] | None:

@@ -135,7 +135,11 @@ class Perception:
         if side is None:
             return UNSEEN
         geometry = Geometry(
-            self._calibration, self._strip.thickness, self._strip.width, region.origin, self._sizes
+            calibration=self._calibration,
+            thickness=self._strip.thickness,
+            width=self._strip.width,
+            origin=region.origin,
+            sizes=self._sizes,
         )
         points, visible = midline_points(levels, side, geometry, self._settings.spacing)
         first_lifted = int(np.argmax(points[:, 0] >= contact.x)) if len(points) else 0

@@ -47,11 +47,11 @@ def _check_size(image: Image, calibration: Calibration) -> PreflightCheck:
     """Check whether the image (h, w, 3) has the calibration's size."""
     lens = calibration.lens
     return PreflightCheck(
-        "picture fits calibration",
-        image.shape[:2] == (lens.height, lens.width),
-        f"the picture is {image.shape[1]} x {image.shape[0]} pixels, "
+        name="picture fits calibration",
+        passed=image.shape[:2] == (lens.height, lens.width),
+        reason=f"the picture is {image.shape[1]} x {image.shape[0]} pixels, "
         f"the calibration is for {lens.width} x {lens.height}",
-        "set the camera to the calibrated size, or calibrate again",
+        remedy="set the camera to the calibrated size, or calibrate again",
     )
 
 
@@ -59,11 +59,11 @@ def check_scope(strip: StripFile) -> tuple[PreflightCheck, ...]:
     """Check whether perception is validated for a strip as wide and as thick as `strip`."""
     return tuple(
         PreflightCheck(
-            key,
-            low <= value <= high,
-            f"is {1e3 * value:g} mm, images are read of strips of {1e3 * low:g} to "
+            name=key,
+            passed=low <= value <= high,
+            reason=f"is {1e3 * value:g} mm, images are read of strips of {1e3 * low:g} to "
             f"{1e3 * high:g} mm",
-            f"fold another cut of the fabric, or correct `{key}` in the strip's file",
+            remedy=f"fold another cut of the fabric, or correct `{key}` in the strip's file",
         )
         for key, value, (low, high) in (
             ("width", strip.width, WIDTH_RANGE),
@@ -84,12 +84,12 @@ def _check_desk(
     )
     mostly = "" if away >= settings.separation else ", mostly as a desk and its shadow do"
     return PreflightCheck(
-        "contrast",
-        apart >= settings.contrast and away >= settings.separation,
-        f"strip and desk differ by {apart:.0f} grey levels{mostly}, {settings.contrast:.0f} "
+        name="contrast",
+        passed=apart >= settings.contrast and away >= settings.separation,
+        reason=f"strip and desk differ by {apart:.0f} grey levels{mostly}, {settings.contrast:.0f} "
         f"are needed; their separation is {away:.1f}, {settings.separation:.1f} is needed",
-        "check that a strip lies there; lay a mat under it that has another colour, not only "
-        "another brightness",
+        remedy="check that a strip lies there; lay a mat under it that has another colour, not "
+        "only another brightness",
     )
 
 
@@ -102,12 +102,12 @@ def _check_solid(
     """
     least = float(np.quantile(resting_strip.strip_shares(levels, calibration, strip, rise), 0.05))
     return PreflightCheck(
-        "solid",
-        least >= SOLID,
-        f"where it shows least, {100 * max(least, 0.0):.0f} % of the strip stands out from the "
-        f"desk, {100 * SOLID:.0f} % are needed",
-        "part of its pattern looks like the desk: lay a mat under it that differs from each of its "
-        "colours",
+        name="solid",
+        passed=least >= SOLID,
+        reason=f"where it shows least, {100 * max(least, 0.0):.0f} % of the strip stands out from "
+        f"the desk, {100 * SOLID:.0f} % are needed",
+        remedy="part of its pattern looks like the desk: lay a mat under it that differs from each "
+        "of its colours",
     )
 
 
@@ -123,18 +123,20 @@ def _check_background(
     x, z = calibration.to_plane(_densest_pixel(place)[None])[0]
     if share > MOSTLY:
         return PreflightCheck(
-            "contrast",
-            False,
-            f"what lies in the strip's place looks like {100 * share:.0f} % of the background",
-            "check that a strip lies there, its side on the marked line; if it does, hang a cloth "
-            "of another colour behind the desk",
+            name="contrast",
+            passed=False,
+            reason=f"what lies in the strip's place looks like {100 * share:.0f} % of the "
+            "background",
+            remedy="check that a strip lies there, its side on the marked line; if it does, hang a "
+            "cloth of another colour behind the desk",
         )
     return PreflightCheck(
-        "background",
-        share <= ALIKE_SHARE,
-        f"{100 * share:.0f} % of what is behind the strip's way has its colour, allowed "
+        name="background",
+        passed=share <= ALIKE_SHARE,
+        reason=f"{100 * share:.0f} % of what is behind the strip's way has its colour, allowed "
         f"{100 * ALIKE_SHARE:.0f} %; most of it at x = {1e3 * x:.0f} mm, z = {1e3 * z:.0f} mm",
-        "take away or cover what stands there, or hang a cloth of another colour behind the desk",
+        remedy="take away or cover what stands there, or hang a cloth of another colour behind the "
+        "desk",
     )
 
 
@@ -144,11 +146,11 @@ def _check_exposure(samples: resting_strip.Samples) -> PreflightCheck:
     white = (pixels > WHITE_LEVEL).any(axis=1).mean()
     black = (pixels < BLACK_LEVEL).all(axis=1).mean()
     return PreflightCheck(
-        "exposure",
-        max(white, black) <= BURNT,
-        f"{100 * white:.0f} % of the picture is burnt out and {100 * black:.0f} % black, allowed "
-        f"{100 * BURNT:.0f} % of each",
-        "expose shorter where it is burnt out, longer or with more light where it is black",
+        name="exposure",
+        passed=max(white, black) <= BURNT,
+        reason=f"{100 * white:.0f} % of the picture is burnt out and {100 * black:.0f} % black, "
+        f"allowed {100 * BURNT:.0f} % of each",
+        remedy="expose shorter where it is burnt out, longer or with more light where it is black",
     )
 
 
@@ -156,10 +158,11 @@ def _check_place(edge: resting_strip.Underside, strip: StripFile, *, clear: bool
     """Check whether the strip is visible along its expected place; `clear` marks visible parts."""
     share = float(edge.present[edge.x < strip.length - END_LENGTH].mean())
     return PreflightCheck(
-        "strip lies there",
-        clear and share > PRESENT_SHARE,
-        f"seen along {100 * share:.0f} % of its place",
-        "lay the strip along the x-axis, its fixed edge at x = 0, its side on the marked line",
+        name="strip lies there",
+        passed=clear and share > PRESENT_SHARE,
+        reason=f"seen along {100 * share:.0f} % of its place",
+        remedy="lay the strip along the x-axis, its fixed edge at x = 0, its side on the marked "
+        "line",
     )
 
 
@@ -169,10 +172,11 @@ def _check_flat(
     """Check whether the strip's edge leaves its smooth line by at most `allowed` [m]."""
     bump = float(np.abs(edge.z - appearance.rest_height(edge.x))[edge.present].max())
     return PreflightCheck(
-        "flat and straight",
-        bump <= allowed,
-        f"its edge leaves a smooth line by {1e3 * bump:.1f} mm, allowed {1e3 * allowed:.1f} mm",
-        "smooth the strip out, lay it straight along the line",
+        name="flat and straight",
+        passed=bump <= allowed,
+        reason=f"its edge leaves a smooth line by {1e3 * bump:.1f} mm, allowed {1e3 * allowed:.1f} "
+        "mm",
+        remedy="smooth the strip out, lay it straight along the line",
     )
 
 
@@ -182,10 +186,10 @@ def _check_level(
     """Check whether the strip's edge lies at most `allowed` [m] off the desk's plane z = 0."""
     off = float(np.abs(appearance.rest_height(edge.x[edge.present])).max())
     return PreflightCheck(
-        "on the desk plane",
-        off <= allowed,
-        f"its edge lies {1e3 * off:.1f} mm off z = 0, allowed {1e3 * allowed:.1f} mm",
-        "lay the near edge on the marked line; if it is, calibrate the camera again",
+        name="on the desk plane",
+        passed=off <= allowed,
+        reason=f"its edge lies {1e3 * off:.1f} mm off z = 0, allowed {1e3 * allowed:.1f} mm",
+        remedy="lay the near edge on the marked line; if it is, calibrate the camera again",
     )
 
 
@@ -198,12 +202,12 @@ def _check_length(
     """
     error = edge.end - strip.length
     return PreflightCheck(
-        "length",
-        abs(error) <= allowed,
-        f"its free edge is at x = {1e3 * edge.end:.0f} mm, stated length "
+        name="length",
+        passed=abs(error) <= allowed,
+        reason=f"its free edge is at x = {1e3 * edge.end:.0f} mm, stated length "
         f"{1e3 * strip.length:.0f} mm, allowed within {1e3 * allowed:.0f} mm",
-        "push the fixed edge to x = 0, or state the strip's own length",
-        LengthCheck("free_edge", error, {"map": residual, "laid by hand": BY_HAND}),
+        remedy="push the fixed edge to x = 0, or state the strip's own length",
+        witness=LengthCheck("free_edge", error, {"map": residual, "laid by hand": BY_HAND}),
     )
 
 
@@ -220,10 +224,13 @@ def camera_check(shift: CameraShift, settings: LandmarkSettings) -> PreflightChe
     desk = f", the desk's line by {shift.desk:+.1f} mm" if np.isfinite(shift.desk) else ""
     moved = f"the gripper appears moved by x {shift.x:+.1f}, z {shift.z:+.1f} mm{desk}"
     return PreflightCheck(
-        "camera stands where it was calibrated",
-        bool(seen and shift.distance <= settings.moved_mm),
-        f"{moved}, allowed {settings.moved_mm:.1f} mm" if seen else "the gripper is not seen there",
-        "look whether camera, zoom, focus or robot were touched; fasten them, calibrate again",
+        name="camera stands where it was calibrated",
+        passed=bool(seen and shift.distance <= settings.moved_mm),
+        reason=f"{moved}, allowed {settings.moved_mm:.1f} mm"
+        if seen
+        else "the gripper is not seen there",
+        remedy="look whether camera, zoom, focus or robot were touched; fasten them, calibrate "
+        "again",
     )
 
 

@@ -64,7 +64,7 @@ class Contact:
         tool = thresholds.force_nominal if steady else thresholds.force_accelerating
         joint_flags = np.greater(np.abs(torque), joints).astype(np.float64)
         tool_flags = np.greater(np.abs(wrench), tool).astype(np.float64)
-        return cls(wrench, torque, joint_flags, tool_flags)
+        return cls(wrench=wrench, torque=torque, joint_flags=joint_flags, tool_flags=tool_flags)
 
     @property
     def reflex(self) -> Reflex | None:
@@ -74,7 +74,12 @@ class Contact:
         return Reflex.JOINT_REFLEX if self.joint_flags[1].any() else None
 
 
-NO_CONTACT = Contact(np.zeros(6), np.zeros(7), np.zeros((2, 7)), np.zeros((2, 6)))
+NO_CONTACT = Contact(
+    wrench=np.zeros(6),
+    torque=np.zeros(7),
+    joint_flags=np.zeros((2, 7)),
+    tool_flags=np.zeros((2, 6)),
+)
 
 
 Push = Callable[[Array, float], Array]

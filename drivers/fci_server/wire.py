@@ -203,7 +203,7 @@ class MoveRequest:
     def read(cls, payload: bytes) -> Self:
         """Parse the payload (113 bytes) of a request for a motion."""
         controller, generator, *deviations, use_async = MOVE.unpack(payload)[:9]
-        return cls(controller, generator, tuple(deviations), bool(use_async))
+        return cls(controller, generator, tuple(deviations), use_async=bool(use_async))
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,10 +244,10 @@ def usable(numbers: Array | tuple[float, ...]) -> bool:
 
 
 ARM_FRAMING = Framing(
-    Command,
-    Struct("<III"),
-    Struct("<B"),
-    {
+    commands=Command,
+    header=Struct("<III"),
+    status=Struct("<B"),
+    sizes={
         Command.CONNECT: 4,
         Command.MOVE: 113,
         Command.STOP_MOVE: 0,
@@ -263,8 +263,8 @@ ARM_FRAMING = Framing(
     },
 )
 HAND_FRAMING = Framing(
-    HandCommand,
-    hand_protocol.HEADER,
-    Struct("<H"),
-    {command: layout.size for command, layout in hand_protocol.PAYLOAD.items()},
+    commands=HandCommand,
+    header=hand_protocol.HEADER,
+    status=Struct("<H"),
+    sizes={command: layout.size for command, layout in hand_protocol.PAYLOAD.items()},
 )

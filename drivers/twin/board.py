@@ -58,7 +58,9 @@ def board_frame(
     rng = np.random.default_rng((seed, sequence, 0xB0))
     pixels = noisy(blur(image, settings.lens_blur), settings.noise, rng)
     pixels.setflags(write=False)
-    return Frame(0.0, settings.transport_delay, SOURCE, sequence, pixels)
+    return Frame(
+        stamp=0.0, arrival=settings.transport_delay, source=SOURCE, sequence=sequence, image=pixels
+    )
 
 
 def _draw_board(

@@ -17,12 +17,12 @@ THIRD = 1 / 3
 
 @dataclass(frozen=True, slots=True)
 class Standard:
-    """Standard motion for any strip: what it `reveals`, `speed` [m/s], path `shape`, `parts`."""
+    """Standard motion for any strip: what it `reveals`, path `shape`, `parts`, `speed` [m/s]."""
 
     reveals: str
-    speed: float
     shape: Callable[[float], Path]
     parts: Sequence[Part]
+    speed: float = 0.10
 
     def over(self, length: float, speed: float | None = None) -> Motion:
         """Motion over a strip of `length` [m], at the standard speed or at `speed` [m/s]."""
@@ -47,26 +47,25 @@ WHOLE = (Go(1.0),)
 
 STANDARD: Mapping[str, Standard] = MappingProxyType(
     {
-        "normal": Standard("everything a little", 0.10, MIDDLE, WHOLE),
-        "slow-low": Standard("stiffness and friction between yarns", 0.05, LOW, WHOLE),
-        "fast": Standard("damping, air drag, latency", 0.15, MIDDLE, WHOLE),
-        "high": Standard("stiffness by curvature, and what gives way to a pull", 0.10, HIGH, WHOLE),
-        "hold": Standard("creep", 0.10, MIDDLE, (Go(0.45), Rest(2.0), Go(1.0))),
-        "there-and-back": Standard(
-            "friction between yarns", 0.10, MIDDLE, (Go(0.6), Go(0.3), Go(1.0))
-        ),
+        "normal": Standard("everything a little", MIDDLE, WHOLE),
+        "slow-low": Standard("stiffness and friction between yarns", LOW, WHOLE, speed=0.05),
+        "fast": Standard("damping, air drag, latency", MIDDLE, WHOLE, speed=0.15),
+        "high": Standard("stiffness by curvature, and what gives way to a pull", HIGH, WHOLE),
+        "hold": Standard("creep", MIDDLE, (Go(0.45), Rest(2.0), Go(1.0))),
+        "there-and-back": Standard("friction between yarns", MIDDLE, (Go(0.6), Go(0.3), Go(1.0))),
         "shake": Standard(
-            "damping and its law", 0.10, MIDDLE, (Go(0.42), Shake(0.010, 2.0, 4), Go(1.0))
+            "damping and its law", MIDDLE, (Go(0.42), Shake(0.010, 2.0, cycles=4), Go(1.0))
         ),
         "early-shake": Standard(
-            "damping and stiffness near the grip", 0.10, MIDDLE,
-            (Go(0.22), Shake(0.006, 3.0, 6), Go(1.0)),
+            "damping and stiffness near the grip",
+            MIDDLE,
+            (Go(0.22), Shake(0.006, 3.0, cycles=6), Go(1.0)),
         ),
         "taut-lift": Standard(
-            "length, stretch, grip, scale", 0.10, circular, (Go(THIRD), Rest(0.5), Go(0.16))
+            "length, stretch, grip, scale", circular, (Go(THIRD), Rest(0.5), Go(0.16))
         ),
     }
-)  # fmt: skip
+)
 REFERENCE_RUN = "normal"
 """Folded first and last: the difference between the two shows a change with use."""
 REPEATED_RUN = "taut-lift"

@@ -170,7 +170,7 @@ LOOKS: Mapping[str, Look] = {
     "stripes": Look(BLUE_MAT, pattern=STRIPES),
     "two-colours": Look(BLUE_MAT, pattern=HALVES),
     "white-checks": Look(GREY_DESK, pattern=WHITE_CHECKS),  # as white as the wall
-    "workshop": Look(BENCH, THINGS, SIDE_LAMP, MAINS, HALVES),
+    "workshop": Look(colours=BENCH, things=THINGS, lamp=SIDE_LAMP, flicker=MAINS, pattern=HALVES),
 }
 
 
