@@ -53,18 +53,18 @@ def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, .
     right, left, high, low = 0.84, 0.16, 0.27, 0.73
     return (
         WantedView(0.5, 0.5, near),
-        WantedView(left, high, near, 0.5 * lean, 0.5 * lean),
-        WantedView(right, low, near, -0.5 * lean, -0.5 * lean),
-        WantedView(left, low, far, -0.5 * lean, 0.5 * lean),
-        WantedView(right, high, far, 0.5 * lean, -0.5 * lean),
+        WantedView(left, high, near, tilt=0.5 * lean, turn=0.5 * lean),
+        WantedView(right, low, near, tilt=-0.5 * lean, turn=-0.5 * lean),
+        WantedView(left, low, far, tilt=-0.5 * lean, turn=0.5 * lean),
+        WantedView(right, high, far, tilt=0.5 * lean, turn=-0.5 * lean),
         WantedView(0.6, 0.5, far, tilt=lean, roll=0.1),
         WantedView(0.4, 0.5, far, tilt=-lean, roll=-0.1),
         WantedView(0.65, 0.5, near, turn=lean, roll=0.1),
         WantedView(0.35, 0.5, near, turn=-lean, roll=-0.1),
-        WantedView(right, 0.5, near, 0.8 * lean, 0.8 * lean, 0.2),
-        WantedView(left, 0.5, near, -0.8 * lean, -0.8 * lean, -0.2),
-        WantedView(0.5, high, near, 0.8 * lean, -0.8 * lean, 0.3),
-        WantedView(0.5, low, near, -0.8 * lean, 0.8 * lean, -0.3),
+        WantedView(right, 0.5, near, tilt=0.8 * lean, turn=0.8 * lean, roll=0.2),
+        WantedView(left, 0.5, near, tilt=-0.8 * lean, turn=-0.8 * lean, roll=-0.2),
+        WantedView(0.5, high, near, tilt=0.8 * lean, turn=-0.8 * lean, roll=0.3),
+        WantedView(0.5, low, near, tilt=-0.8 * lean, turn=0.8 * lean, roll=-0.3),
     )
 
 
@@ -106,13 +106,13 @@ class Placement:
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """Coverage that views must reach: `have` of `need` in `unit`, and `advice` to the operator."""
+    """Coverage that views must reach: `have` of `need` [`unit`], and `advice` to the operator."""
 
     name: str
     have: float
     need: float
-    unit: str
     advice: str
+    unit: str = ""
 
     @property
     def share(self) -> float:
@@ -183,22 +183,23 @@ def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
 def gates(views: Sequence[BoardView], lens: Lens, needs: BoardSettings) -> tuple[Gate, ...]:
     """All requirements on coverage, and how far `views` through `lens` meet them."""
     placed = [placement(view, needs.outline(), lens) for view in views]
-    x, y, size = np.ptp([(p.x, p.y, p.size) for p in placed] or [(0.0, 0.0, 0.0)], axis=0).tolist()
+    no_view = [(0.0, 0.0, 0.0)]  # spans nothing, before the first view
+    x, y, size = np.ptp([(p.x, p.y, p.size) for p in placed] or no_view, axis=0).tolist()
     skew = max((p.skew for p in placed), default=0.0)
     covered = _cell_share(views, lens)
     tilts = [p.tilt for p in placed]
     turns = [p.turn for p in placed]
     return (
-        Gate("x", x, needs.range_x, "", "show it far left and far right"),
-        Gate("y", y, needs.range_y, "", "show it high and low"),
-        Gate("size", size, needs.range_size, "", "show it nearer and farther"),
-        Gate("skew", skew, needs.skew, "", "lean a corner away"),
+        Gate("x", x, needs.range_x, "show it far left and far right"),
+        Gate("y", y, needs.range_y, "show it high and low"),
+        Gate("size", size, needs.range_size, "show it nearer and farther"),
+        Gate("skew", skew, needs.skew, "lean a corner away"),
         _lean_gate("its top away", tilts, needs),
         _lean_gate("its top nearer", [-angle for angle in tilts], needs),
         _lean_gate("its right edge away", turns, needs),
         _lean_gate("its right edge nearer", [-angle for angle in turns], needs),
-        Gate("image", covered, needs.covered, "", "bring corners to the image's edges"),
-        Gate("views", float(len(views)), needs.views, "views", "show more"),
+        Gate("image", covered, needs.covered, "bring corners to the image's edges"),
+        Gate("views", float(len(views)), needs.views, "show more", unit="views"),
     )
 
 
@@ -206,7 +207,7 @@ def _lean_gate(name: str, angles: Sequence[float], needs: BoardSettings) -> Gate
     """Requirement that enough views lean by `angles` [rad] beyond the threshold."""
     count = float(sum(angle > needs.tilted for angle in angles))
     advice = f"lean {name} by {degrees(needs.tilted):.0f} deg or more"
-    return Gate(name, count, needs.tilted_views, "views", advice)
+    return Gate(name, count, needs.tilted_views, advice, unit="views")
 
 
 def _cell_share(views: Sequence[BoardView], lens: Lens) -> float:

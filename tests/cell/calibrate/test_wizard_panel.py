@@ -9,8 +9,8 @@ from calibration.wizard.progress import Progress, Result, Row
 from cell.calibrate.wizard_panel import WizardPanel
 
 GATES = (
-    Gate("x", 0.2, 0.5, "", "show it far left and far right"),
-    Gate("its top away", 2.0, 2.0, "views", "lean its top away"),
+    Gate("x", 0.2, 0.5, "show it far left and far right"),
+    Gate("its top away", 2.0, 2.0, "lean its top away", "views"),
 )
 
 
