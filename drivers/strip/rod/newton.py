@@ -56,33 +56,45 @@ def pair(work: Any, r: int, first: int) -> Any:
 def assemble(block: Any, r: int, rate: Any) -> None:
     """Assemble and eliminate the x and z rows of the tangent matrix for node row `r`.
 
-    The angle at row r turns with p(r-1) per x(r-1), -(p(r-1) + p(r)) per x(r), p(r) per x(r+1), p
-    the normal over the length, written o, p, q for r - 2, r - 1, r; k is d(moment)/d(angle); S a
-    segment's own stiffness.
+    A = sum_j k_j t_j t_j' + S + inertia over the angles j = r - 1, r, r + 1, with k_j =
+    d(moment)/d(angle), t_j the angle's turn per motion of the nodes, S the stiffness of the two
+    segments. With n(r) the turn of segment r, its normal over its length, angle r turns with n(r-1)
+    per motion of node r - 1, -(n(r-1) + n(r)) per that of node r, and n(r) per that of node r + 1.
     """
     work, band = block.work, block.band
-    k0, k1 = load(work, r - 1, at.TANGENT), load(work, r, at.TANGENT)
-    k2 = load(work, r + 1, at.TANGENT)
-    (ox, oz), (px, pz) = pair(work, r - 2, at.TURN_X), pair(work, r - 1, at.TURN_X)
-    qx, qz = pair(work, r, at.TURN_X)
-    sx, sz, tx, tz = px + qx, pz + qz, ox + px, oz + pz
-    k0x, k0z, k1x, k1z = k0 * px, k0 * pz, k1 * sx, k1 * sz
+    k_left, k_here = load(work, r - 1, at.TANGENT), load(work, r, at.TANGENT)
+    k_right = load(work, r + 1, at.TANGENT)
+    far_x, far_z = pair(work, r - 2, at.TURN_X)
+    left_x, left_z = pair(work, r - 1, at.TURN_X)
+    right_x, right_z = pair(work, r, at.TURN_X)
+    here_x, here_z = left_x + right_x, left_z + right_z
+    before_x, before_z = far_x + left_x, far_z + left_z
+    left_moment_x, left_moment_z = k_left * left_x, k_left * left_z
+    here_moment_x, here_moment_z = k_here * here_x, k_here * here_z
     inertia = load(block.nature, r, at.MASS) * rate * rate
     reaction, support = desk_reaction(block, r)
-    gx, gz = residual(block, r, inertia, reaction)
-    (bxx, bxz), bzz = pair(work, r - 1, at.S_XX), load(work, r - 1, at.S_ZZ)
-    (cxx, cxz), czz = pair(work, r, at.S_XX), load(work, r, at.S_ZZ)
-    dxx = fma(k2 * qx, qx, fma(k1x, sx, fma(k0x, px, inertia))) + (bxx + cxx)
-    dxz = fma(k2 * qx, qz, fma(k1x, sz, fma(k0x, pz, bxz))) + cxz
-    dzz = fma(k2 * qz, qz, fma(k1z, sz, fma(k0z, pz, inertia))) + (bzz + czz)
+    force_x, force_z = residual(block, r, inertia, reaction)
+    (s_left_xx, s_left_xz), s_left_zz = pair(work, r - 1, at.S_XX), load(work, r - 1, at.S_ZZ)
+    (s_right_xx, s_right_xz), s_right_zz = pair(work, r, at.S_XX), load(work, r, at.S_ZZ)
+    xx = fma(here_moment_x, here_x, fma(left_moment_x, left_x, inertia))
+    xz = fma(here_moment_x, here_z, fma(left_moment_x, left_z, s_left_xz))
+    zz = fma(here_moment_z, here_z, fma(left_moment_z, left_z, inertia))
+    xx = fma(k_right * right_x, right_x, xx) + (s_left_xx + s_right_xx)
+    xz = fma(k_right * right_x, right_z, xz) + s_right_xz
+    zz = fma(k_right * right_z, right_z, zz) + (s_left_zz + s_right_zz)
     if block.terms is not None:
-        (rx, rz), (rxx, rxz, rzz) = air_drag(block, r, rate)
-        gx, gz = gx + rx, gz + rz
-        dxx, dxz, dzz = dxx + rxx, dxz + rxz, dzz + rzz
-    axx, axz = -fma(k1x, px, fma(k0x, tx, bxx)), -fma(k1x, pz, fma(k0x, tz, bxz))
-    azx, azz = -fma(k1z, px, fma(k0z, tx, bxz)), -fma(k1z, pz, fma(k0z, tz, bzz))
-    eliminate(band, 2 * r, (k0x * ox, k0x * oz, axx, axz), dxx, gx)
-    eliminate_fifth(band, 2 * r + 1, (k0z * ox, k0z * oz, azx, azz, dxz), dzz + support, gz)
+        (drag_x, drag_z), (drag_xx, drag_xz, drag_zz) = air_drag(block, r, rate)
+        force_x, force_z = force_x + drag_x, force_z + drag_z
+        xx, xz, zz = xx + drag_xx, xz + drag_xz, zz + drag_zz
+    # against the motion of node r - 1; that of node r - 2 acts by the angle r - 1 alone
+    before_xx = -fma(here_moment_x, left_x, fma(left_moment_x, before_x, s_left_xx))
+    before_xz = -fma(here_moment_x, left_z, fma(left_moment_x, before_z, s_left_xz))
+    before_zx = -fma(here_moment_z, left_x, fma(left_moment_z, before_x, s_left_xz))
+    before_zz = -fma(here_moment_z, left_z, fma(left_moment_z, before_z, s_left_zz))
+    row_x = left_moment_x * far_x, left_moment_x * far_z, before_xx, before_xz
+    row_z = left_moment_z * far_x, left_moment_z * far_z, before_zx, before_zz, xz
+    eliminate(band, 2 * r, row_x, xx, force_x)
+    eliminate_fifth(band, 2 * r + 1, row_z, zz + support, force_z)
 
 
 @kernel
