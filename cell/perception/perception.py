@@ -1,6 +1,7 @@
 """Measurement of one strip in camera frames: desk contact, profile, fold tip, gap of layers."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -29,6 +30,17 @@ from drivers.types import Array, Frame, Image, Pose
 NAN = float("nan")
 HAND_DEPTH = 0.015  # m around the hand's front in which its side may be visible
 FEWEST_POINTS = 8  # of the lifted midline, from which it is a profile
+
+
+class Matte(NamedTuple):
+    """Matte of the strip in a `region` of a frame: `levels` (h, w) as read, and the same `smooth`.
+
+    Grey levels are of the strip's share in a pixel, see `kernels.strip_share`.
+    """
+
+    levels: Image
+    smooth: Image
+    region: Region
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +87,9 @@ class Perception:
 
         Never raises because of an image: what is not seen is NaN with confidence 0.
         """
-        levels, smooth, region = self._matte(frame, gripper)
-        contact = find_contact(smooth, self._line, region.origin)
-        curve = self._curve(levels, smooth, region, contact, gripper)
+        matte = self._matte(frame, gripper)
+        contact = find_contact(matte.smooth, self._line, matte.region.origin)
+        curve = self._curve(matte, contact, gripper)
         tip, gap = self._fold(contact, curve)
         return StripMeasurement(
             stamp=frame.stamp,
@@ -97,40 +109,35 @@ class Perception:
 
         Layers that lie on one another are one piece. Empty where no strip is seen.
         """
-        _, smooth, region = self._matte(frame, gripper, around=HAND_DEPTH)
-        mask = self._mask(smooth, region)
-        outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        matte = self._matte(frame, gripper, around=HAND_DEPTH)
+        outlines, _ = cv2.findContours(self._mask(matte), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         largest = max(outlines, key=cv2.contourArea, default=np.empty((0, 1, 2)))
-        return np.asarray(largest.reshape(-1, 2) + region.origin)
+        return np.asarray(largest.reshape(-1, 2) + matte.region.origin)
 
-    def _matte(
-        self, frame: Frame, gripper: Pose, around: float = 0.0
-    ) -> tuple[Image, Image, Region]:
-        """Matte levels (h, w), smoothed ones, their region; `around` the hand [m] is masked."""
+    def _matte(self, frame: Frame, gripper: Pose, around: float = 0.0) -> Matte:
+        """Matte of `frame` where the strip can be, but for the hand and `around` [m] about it."""
         region = strip_region(self._calibration, self._strip.length, gripper, CELL_PX)
         visible = without_hand(region, self._calibration, gripper)
         if around > 0:
             side = 2 * round(around / self._sizes.scale) + 1
             visible = cv2.erode(visible, np.ones((side, side), np.uint8))
         levels, region = self._scene.levels(frame.image, region, visible)
-        return levels, smooth_matte(levels), region
+        return Matte(levels, smooth_matte(levels), region)
 
-    def _mask(self, smooth: Image, region: Region) -> Image:
-        """Mask (h, w) of the strip, 255 inside, from smoothed matte levels (h, w) of `region`."""
-        zone = region.crop(self._zone)
-        above_shadow = region.crop(self._above_shadow)
-        return silhouette(smooth, self._faint, zone, above_shadow, self._sizes.hanging)
+    def _mask(self, matte: Matte) -> Image:
+        """Mask (h, w) of the strip in the matte's region, 255 inside."""
+        zone = matte.region.crop(self._zone)
+        above_shadow = matte.region.crop(self._above_shadow)
+        return silhouette(matte.smooth, self._faint, zone, above_shadow, self._sizes.hanging)
 
-    def _curve(
-        self, levels: Image, smooth: Image, region: Region, contact: Contact, gripper: Pose
-    ) -> Curve:
-        """Midline of the lifted strip from the matte `levels` (h, w) of `region`."""
+    def _curve(self, matte: Matte, contact: Contact, gripper: Pose) -> Curve:
+        """Midline of the lifted strip, from its `contact` with the desk to the gripper."""
         if not np.isfinite(contact.x):
             return UNSEEN
         if np.hypot(gripper.x - contact.x, gripper.z) < self._settings.little:
             return Curve(np.empty((0, 2)), contact.confidence)
-        start, grip = self._side_ends(contact, gripper, region)
-        mask = self._mask(smooth, region)
+        start, grip = self._side_ends(contact, gripper, matte.region)
+        mask = self._mask(matte)
         side = outer_side(mask, start, grip, self._settings.outline_step, self._sizes)
         if side is None:
             return UNSEEN
@@ -138,20 +145,26 @@ class Perception:
             calibration=self._calibration,
             thickness=self._strip.thickness,
             width=self._strip.width,
-            origin=region.origin,
+            origin=matte.region.origin,
             sizes=self._sizes,
         )
-        points, visible = midline_points(levels, side, geometry, self._settings.spacing)
+        points, visible = midline_points(matte.levels, side, geometry, self._settings.spacing)
         first_lifted = int(np.argmax(points[:, 0] >= contact.x)) if len(points) else 0
         lifted = points[first_lifted:]
         if len(lifted) < FEWEST_POINTS:
             return UNSEEN
         midline = resample(lifted, self._settings.profile_points)
-        missing = np.hypot(*(midline[-1] - (gripper.x, gripper.z)))
+        return Curve(midline, self._plausibility(midline, contact, gripper) * visible)
+
+    def _plausibility(self, midline: Array, contact: Contact, gripper: Pose) -> float:
+        """Confidence, 0 to 1, in a `midline` (n, 2) [m] by its length and its end at the gripper.
+
+        It is 1 up to an error of `length_error`, and 0 from twice that on.
+        """
+        missing = float(np.hypot(*(midline[-1] - (gripper.x, gripper.z))))
         length = contact.x + arc_lengths(midline)[-1] + missing
         error = max(abs(length - self._strip.length), missing - self._settings.reach)
-        plausible = np.clip(2 - error / self._settings.length_error, 0.0, 1.0)
-        return Curve(midline, float(plausible * visible))
+        return float(np.clip(2 - error / self._settings.length_error, 0.0, 1.0))
 
     def _fold(self, contact: Contact, curve: Curve) -> tuple[tuple[float, float], Gap | None]:
         """Rightmost point [m] of the fold, NaN without a profile, and the gap of its layers."""

@@ -1,6 +1,7 @@
 """Checks of the image before the grasp: the right strip lies there, flat and well visible."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -254,33 +255,44 @@ def inspect(
     refused = tuple(check for check in required if not check.passed)
     if refused:
         return Preflight(refused, None)
-    segmenter, levels, strip_edge, rise = _learn_scene(image, calibration, strip)
+    learnt = _learn_scene(image, calibration, strip)
     samples = resting_strip.sample_scene(image, calibration, strip)
     distinct = (
         _check_exposure(samples),
-        _check_desk(segmenter, samples.desk_colour, settings),
-        _check_background(segmenter, calibration, strip),
-        _check_solid(levels, calibration, strip, max(rise, 0.0)),
+        _check_desk(learnt.segmenter, samples.desk_colour, settings),
+        _check_background(learnt.segmenter, calibration, strip),
+        _check_solid(learnt.levels, calibration, strip, max(learnt.rise, 0.0)),
     )
-    presence = _check_place(strip_edge, strip, clear=all(check.passed for check in distinct))
+    edge = learnt.edge
+    presence = _check_place(edge, strip, clear=all(check.passed for check in distinct))
     if not presence.passed:
         return Preflight((*distinct, presence), None)
-    appearance = scene.Appearance(segmenter, frozen(resting_strip.resting_line(strip_edge)))
+    appearance = scene.Appearance(learnt.segmenter, frozen(resting_strip.resting_line(edge)))
     rests = (
-        _check_flat(strip_edge, appearance, settings.flatness),
-        _check_level(strip_edge, appearance, settings.level),
-        _check_length(strip_edge, strip, settings.length_tolerance, calibration.residual),
+        _check_flat(edge, appearance, settings.flatness),
+        _check_level(edge, appearance, settings.level),
+        _check_length(edge, strip, settings.length_tolerance, calibration.residual),
     )
     return Preflight((*distinct, presence, *rests), appearance)
 
 
-def _learn_scene(
-    image: Image, calibration: Calibration, strip: StripFile
-) -> tuple[scene.Segmenter, Image, resting_strip.Underside, float]:
-    """Segmenter learnt from `image` (h, w, 3), smoothed matte (h, w), strip found, its rise [m].
+class LearntScene(NamedTuple):
+    """Segmenter learnt from an image of a strip at rest, and what it finds in the same image.
 
-    The background is learnt pixel by pixel, and the strip's colours one by one: twice, since where
-    it rests follows from the first.
+    `levels` (h, w) are the smoothed matte; `edge` the strip's near edge along its underside, and
+    `rise` [m] the edge's median height.
+    """
+
+    segmenter: scene.Segmenter
+    levels: Image
+    edge: resting_strip.Underside
+    rise: float
+
+
+def _learn_scene(image: Image, calibration: Calibration, strip: StripFile) -> LearntScene:
+    """Learn the background of `image` (h, w, 3) pixel by pixel, and the strip's colours.
+
+    Twice, since where the strip rests follows from the first time.
     """
     rise = 0.0
     noise = scene.sensor_noise(image)
@@ -289,10 +301,10 @@ def _learn_scene(
         inner = resting_strip.inner_pixels(image, calibration, strip, rise)
         segmenter = scene.learn_segmenter(image, noise, inner, calibration, strip, place)
         levels = smooth_matte(_matte_of(segmenter, image))
-        strip_edge = resting_strip.underside(levels, calibration, strip)
-        if strip_edge.present.any():
-            rise = float(np.median(strip_edge.z[strip_edge.present]))
-    return segmenter, levels, strip_edge, rise
+        edge = resting_strip.underside(levels, calibration, strip)
+        if edge.present.any():
+            rise = float(np.median(edge.z[edge.present]))
+    return LearntScene(segmenter, levels, edge, rise)
 
 
 def _matte_of(segmenter: scene.Segmenter, image: Image) -> Image:
