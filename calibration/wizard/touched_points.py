@@ -85,10 +85,11 @@ class TouchedPoints:
         row = Row(
             number=self._queue[0],
             refused=refused,
-            centre=None if centre is None else (float(centre[0]), float(centre[1])),
             pose=(pose.x, pose.z, pose.pitch),
             again=taken and self.again,
         )
+        if centre is not None:
+            row = row.model_copy(update={"centre": tuple(centre.tolist())})
         if centre is not None and taken:
             self._touches.append(self._touched(row, centre))
         given_up = not taken and self._tries >= self._settings.patience
@@ -150,17 +151,18 @@ class TouchedPoints:
         `stage` names what the calibration does now, for the operator.
         """
         touched = {point.number: point for point in self._touches}
+        plan = []
+        for number, pose in enumerate(self.plan):
+            state = ">" if pose == wanted else _state(touched.get(number))
+            plan.append(PlannedPoint(pose.x, pose.z, state))
         return Progress(
-            f"the map to the plane: {stage}",
-            "nothing" if wanted is None else f"the arm goes to {_place(wanted)}",
-            why,
+            title=f"the map to the plane: {stage}",
+            request="nothing" if wanted is None else f"the arm goes to {_place(wanted)}",
+            why=why,
             marks=tuple(
                 Mark(point.pixel, _kind(point), str(point.number)) for point in self._touches
             ),
-            plan=tuple(
-                PlannedPoint(pose.x, pose.z, ">" if pose == wanted else _state(touched.get(number)))
-                for number, pose in enumerate(self.plan)
-            ),
+            plan=tuple(plan),
         )
 
     def answer(self, result: Result, pose: Pose) -> str:
@@ -170,12 +172,15 @@ class TouchedPoints:
 
     def marks(self, verdict: TouchVerdict) -> tuple[Mark, ...]:
         """Marks of all points with their errors by the map of `verdict`, and of outliers."""
-        return tuple(
-            Mark(p.pixel, MarkKind.WILD, str(p.number))
-            if p.number in verdict.rejected or (p.number in verdict.wild and not p.again)
-            else Mark(p.pixel, _kind(p), str(p.number), self._error(p, verdict))
-            for p in self._touches
-        )
+        marks = []
+        for point in self._touches:
+            label = str(point.number)
+            replaced = point.number in verdict.wild and not point.again
+            if replaced or point.number in verdict.rejected:
+                marks.append(Mark(point.pixel, MarkKind.WILD, label))
+            else:
+                marks.append(Mark(point.pixel, _kind(point), label, self._error(point, verdict)))
+        return tuple(marks)
 
     def _error(self, point: Touch, verdict: TouchVerdict) -> Array | None:
         """Error (2,) [px] of a point in the image by the verdict's map; None without a map."""
@@ -236,7 +241,9 @@ def _state(point: Touch | None) -> str:
     """Character of a planned pose for the terminal: its touch, or that it is to come."""
     if point is None:
         return "."
-    return "x" if point.again else "h" if point.held_out else "o"
+    if point.again:
+        return "x"
+    return "h" if point.held_out else "o"
 
 
 def _place(pose: Pose) -> str:

@@ -50,5 +50,6 @@ def reasons(*facts: tuple[bool, str]) -> tuple[str, ...]:
 
 def grade_line(value: float, good: float, fair: float, text: str) -> Line:
     """Line with `text`, graded by `value`: good up to `good`, fair up to `fair`, else bad."""
-    level = Level.GOOD if value <= good else Level.FAIR if value <= fair else Level.BAD
-    return Line(level, text)
+    if value <= good:
+        return Line(Level.GOOD, text)
+    return Line(Level.FAIR if value <= fair else Level.BAD, text)

@@ -109,12 +109,13 @@ class CameraWatch:
     def check(self) -> PreflightCheck:
         """Passing check that states whether enough patches are known to notice camera motion."""
         count = len(self.patches)
-        watched = count >= FEWEST_PATCHES
+        name = CAMERA_WATCHED
         reason = f"{count} static patches are visible, {FEWEST_PATCHES} are needed"
-        if not watched:
+        if count < FEWEST_PATCHES:
+            name = UNWATCHED
             reason += ": a camera that is nudged in this fold would not be noticed"
         return PreflightCheck(
-            name=CAMERA_WATCHED if watched else UNWATCHED,
+            name=name,
             passed=True,
             reason=reason,
             remedy="put something with a pattern where the strip does not hide it, or light it "

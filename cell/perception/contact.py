@@ -96,7 +96,7 @@ def _lying_end(ends: NDArray[np.int64], strip: NDArray[np.int64]) -> int:
     """
     begins = strip[np.searchsorted(strip, ends[:-1] + 1)]
     lying = ends[1:][(ends[1:] - begins) * SAMPLE_SPACING >= LYING_LENGTH]
-    return int(lying[-1] if len(lying) else ends[0])
+    return int(np.append(ends[0], lying)[-1])
 
 
 def _sharpness(along: Array, end: int, reach: int) -> float:

@@ -146,11 +146,7 @@ def agreement(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -
     if not fold.usable:
         return None
     measured = fold.bin_curves(fold.profile)
-    estimates = (predicted.bending_length, predicted.retardation_time, predicted.yield_curvature)
-    prior = _unknowns(*(estimate.value for estimate in estimates))
-    low = _unknowns(*(estimate.low for estimate in estimates))
-    high = _unknowns(*(estimate.high for estimate in estimates))
-    sigma = np.maximum(0.5 * (high - low), SMALLEST_SIGMA)  # half of each predicted interval
+    prior, sigma = _prior(predicted)
     unknowns = prior
     residual = np.nan
     for _ in range(PASSES):
@@ -169,6 +165,15 @@ def agreement(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -
         unknowns = unknowns + np.clip(change, -3.0 * sigma, 3.0 * sigma)
         unknowns[2] = max(unknowns[2], 0.0)  # friction is not negative
     return Agreement(residual, YIELD_UNIT * float(np.expm1(unknowns[2])))
+
+
+def _prior(predicted: FoldPrediction) -> tuple[Array, Array]:
+    """Mean and standard deviation (3,) of the fit's unknowns, as a policy has predicted them."""
+    estimates = (predicted.bending_length, predicted.retardation_time, predicted.yield_curvature)
+    low = _unknowns(*(estimate.low for estimate in estimates))
+    high = _unknowns(*(estimate.high for estimate in estimates))
+    sigma = np.maximum(0.5 * (high - low), SMALLEST_SIGMA)  # half of each predicted interval
+    return _unknowns(*(estimate.value for estimate in estimates)), sigma
 
 
 def _simulate_profile(model: StripModel, fold: MeasuredFold) -> Array | None:

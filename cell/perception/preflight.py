@@ -222,14 +222,17 @@ def _densest_pixel(alike: Floats) -> Array:
 def camera_check(shift: CameraShift, settings: LandmarkSettings) -> PreflightCheck:
     """Check whether the camera was moved, by the apparent `shift` of its landmarks."""
     seen = np.isfinite([shift.x, shift.z]).all()
-    desk = f", the desk's line by {shift.desk:+.1f} mm" if np.isfinite(shift.desk) else ""
-    moved = f"the gripper appears moved by x {shift.x:+.1f}, z {shift.z:+.1f} mm{desk}"
+    reason = "the gripper is not seen there"
+    if seen:
+        desk = f", the desk's line by {shift.desk:+.1f} mm" if np.isfinite(shift.desk) else ""
+        reason = (
+            f"the gripper appears moved by x {shift.x:+.1f}, z {shift.z:+.1f} mm{desk}, "
+            f"allowed {settings.moved_mm:.1f} mm"
+        )
     return PreflightCheck(
         name="camera stands where it was calibrated",
         passed=bool(seen and shift.distance <= settings.moved_mm),
-        reason=f"{moved}, allowed {settings.moved_mm:.1f} mm"
-        if seen
-        else "the gripper is not seen there",
+        reason=reason,
         remedy="look whether camera, zoom, focus or robot were touched; fasten them, calibrate "
         "again",
     )

@@ -123,8 +123,9 @@ def _body(mask: Image, contact: Array, gripper: Array, sizes: Sizes) -> Array | 
         body = _nearest(_outlines(mask), contact)
     if len(body) < 4 * AVERAGE:
         return None
-    area = cv2.contourArea(body.reshape(-1, 1, 2), oriented=True)
-    return np.asarray((body if area < 0 else body[::-1]), dtype=np.float64)
+    if cv2.contourArea(body.reshape(-1, 1, 2), oriented=True) >= 0:  # clockwise
+        body = body[::-1]
+    return np.asarray(body, dtype=np.float64)
 
 
 def _bridge_regions(

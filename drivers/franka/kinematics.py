@@ -54,7 +54,9 @@ _COSINE, _SINE, _FIXED = _fixed_parts()
 def offset_in_frame(joint: int) -> tuple[float, float]:
     """Offset d of joint number `joint`, from 0, as (y, z) [m] in the frame before that joint."""
     _, d, alpha = PARAMETERS[joint].tolist()
-    return (d, 0.0) if alpha < 0 else (-d, 0.0) if alpha > 0 else (0.0, d)
+    if alpha == 0:
+        return 0.0, d
+    return (d, 0.0) if alpha < 0 else (-d, 0.0)
 
 
 def frames(q: Array) -> Array:
