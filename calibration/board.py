@@ -153,14 +153,14 @@ DISC_MM = 5.0  # mm, radius of its bright disc
 INCHES_PER_MM = 1 / 25.4  # inches
 
 
-def smallest_sheet(settings: BoardSettings) -> tuple[str, tuple[float, float]]:
-    """Name, width and height [mm] of the smallest paper for the board; or ConfigurationError."""
+def smallest_sheet(settings: BoardSettings) -> str:
+    """Name, one of PAPERS, of the smallest paper for the board; or ConfigurationError."""
     square = 1e3 * settings.square
     wide = (settings.columns + 2 * QUIET_ZONE) * square
     high = (settings.rows + 2 * QUIET_ZONE) * square + FOOT
     for name, (width, height) in PAPERS.items():
         if wide <= width and high <= height:
-            return name, (width, height)
+            return name
     raise ConfigurationError(
         f"board: {wide:.0f} x {high:.0f} mm fit on no sheet up to A1; make the squares smaller"
     )
@@ -168,7 +168,8 @@ def smallest_sheet(settings: BoardSettings) -> tuple[str, tuple[float, float]]:
 
 def board_figures(settings: BoardSettings) -> "tuple[Figure, Figure]":
     """Matplotlib figures in true size: the page of the board and the page of the pointer."""
-    name, (width, height) = smallest_sheet(settings)
+    name = smallest_sheet(settings)
+    width, height = PAPERS[name]
     page, axes = _blank_page(width, height)
     square = 1e3 * settings.square
     left = (width - settings.columns * square) / 2
@@ -201,7 +202,7 @@ def print_board(settings: BoardSettings, path: Path) -> str:
         raise ConfigurationError(
             f"{path}: is there already, and nothing is overwritten; name a new file"
         ) from None
-    return smallest_sheet(settings)[0]
+    return smallest_sheet(settings)
 
 
 def _blank_page(width: float, height: float) -> tuple["Figure", Any]:

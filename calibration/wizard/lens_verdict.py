@@ -3,7 +3,7 @@ reasons for failure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -58,11 +58,11 @@ def estimate_bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
 
 def _pose_free_system(view: BoardView, lens: Lens) -> tuple[Array, Array]:
     """Derivatives (2n, 11) by lens and bow, and errors (2n,), less what a pose can explain."""
-    error, camera, pose, height = _linearise(view, lens)
-    shared = np.hstack([camera, height * np.repeat(_bow_modes(view.board), 2, axis=0)])
-    by_pose = np.linalg.lstsq(pose, shared, rcond=None)[0]
-    error_by_pose = np.linalg.lstsq(pose, error, rcond=None)[0]
-    return shared - pose @ by_pose, error - pose @ error_by_pose
+    of = _linearise(view, lens)
+    shared = np.hstack([of.camera, of.height * np.repeat(_bow_modes(view.board), 2, axis=0)])
+    by_pose = np.linalg.lstsq(of.pose, shared, rcond=None)[0]
+    error_by_pose = np.linalg.lstsq(of.pose, of.error, rcond=None)[0]
+    return shared - of.pose @ by_pose, of.error - of.pose @ error_by_pose
 
 
 def _bow_modes(points: Array) -> Array:
@@ -71,8 +71,20 @@ def _bow_modes(points: Array) -> Array:
     return np.stack([x * x, y * y, x * y], axis=1)
 
 
-def _linearise(view: BoardView, lens: Lens) -> tuple[Array, Array, Array, Array]:
-    """Errors (2n,) [px] of corners, derivatives by camera (2n, 8), pose (2n, 6), height (2n, 1)."""
+class Linearised(NamedTuple):
+    """Errors (2n,) [px] of a view's n corners, and the derivatives of the corners' images.
+
+    By the lens (2n, 8), the board's `pose` (2n, 6), and a corner's `height` (2n, 1) over the board.
+    """
+
+    error: Array
+    camera: Array
+    pose: Array
+    height: Array
+
+
+def _linearise(view: BoardView, lens: Lens) -> Linearised:
+    """Linearise the images of a view's corners about its best pose, for a flat board."""
     board = np.asarray(view.board, dtype=np.float64)
     _, rotation, shift = cv2.solvePnP(board, view.image, lens.matrix, lens.distortion)
     image, slopes = cv2.projectPoints(board, rotation, shift, lens.matrix, lens.distortion)
@@ -80,7 +92,7 @@ def _linearise(view: BoardView, lens: Lens) -> tuple[Array, Array, Array, Array]
     raised_image, _ = cv2.projectPoints(raised, rotation, shift, lens.matrix, lens.distortion)
     error = (np.asarray(view.image) - image.reshape(-1, 2)).ravel()
     height = (raised_image - image).reshape(-1, 1) / NORMAL_STEP
-    return error, slopes[:, CAMERA_COLUMNS], slopes[:, :POSE_COLUMNS], height
+    return Linearised(error, slopes[:, CAMERA_COLUMNS], slopes[:, :POSE_COLUMNS], height)
 
 
 BEND_GRADES = (0.3, 1.0)  # mm between two halves at the board, up to which good, then fair
@@ -156,7 +168,6 @@ def lens_verdict(
     focal = float(fit.lens.matrix[0, 0])
     split = abs(float(one.matrix[0, 0] - other.matrix[0, 0])) / focal
     depth = float(np.median([view.depth(fit.lens) for view in ordered]))
-    bend_mm = 1e3 * _largest_difference(one, other) * depth / focal
     bow_reasons = _bow_reasons(estimate_bow(ordered, fit.lens, settings.outline()), settings)
     gates = coverage.gates(ordered, fit.lens, settings)
     refused = [*bow_reasons, *(str(gate) for gate in gates if not gate.passed)]
@@ -166,7 +177,7 @@ def lens_verdict(
     return LensVerdict(
         fit=fit,
         split=split,
-        bend_mm=bend_mm,
+        bend_mm=1e3 * _largest_difference(one, other) * depth / focal,
         views=len(ordered),
         per_view=dict(sorted(zip(numbers, fit.per_view.tolist(), strict=True))),
         reasons=tuple(refused),

@@ -105,7 +105,7 @@ class Port(ABC, Generic[K]):
         """Listen at `address` for requests in `framing`, of protocol `version`."""
         self._poll = poll
         self._framing = framing
-        self._address = address
+        self.address = address
         self.version = version
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -216,7 +216,7 @@ class Port(ABC, Generic[K]):
         if not compatible:
             guest.send(reply)
             self._refuse(guest, reset=False)
-        elif self.client is not None or not guest.open_datagrams(self._address, port):
+        elif self.client is not None or not guest.open_datagrams(self.address, port):
             self._refuse(guest)
         else:
             del self._guests[guest.fileno()]

@@ -102,10 +102,11 @@ class RobotServer:
         self._lock_step = settings.lock_step
         self._poll = select.epoll()
         try:
-            self.address, self._arm, self._hand_port = self._bind(settings.address)
+            self._arm, self._hand_port = self._bind(settings.address)
         except ConfigurationError:
             self._poll.close()
             raise
+        self.address = self._arm.address
         self._disturbance = Disturbance(faults, self.robot, self._arm, self._freeze)
         self._waker, self._bell = socket.socketpair()
         self._bell.setblocking(False)
@@ -155,7 +156,7 @@ class RobotServer:
         finally:
             self._disconnect()
 
-    def _bind(self, address: str | None) -> tuple[str, ArmPort, HandPort]:
+    def _bind(self, address: str | None) -> tuple[ArmPort, HandPort]:
         """Open both ports at `address`, or at the first loopback address where they are free.
 
         Raises ConfigurationError where they are in use.
@@ -164,8 +165,7 @@ class RobotServer:
         candidates = [f"127.77.{x}.{y}" for x in range(10) for y in range(1, 251)]
         for candidate in [address] if address else candidates:
             try:
-                arm, hand = self._open(candidate)
-                return candidate, arm, hand
+                return self._open(candidate)
             except OSError as error:
                 reason = error.strerror or str(error)
         raise ConfigurationError(
