@@ -1,7 +1,7 @@
 """Camera latency from steps of the arm: the pointer in images against the arm's positions."""
 
 from dataclasses import dataclass, replace
-from math import pi
+from math import nan, pi
 
 import numpy as np
 from pydantic import Field
@@ -16,7 +16,6 @@ from drivers.types import ArmState, Array, Frame, Pose
 APART_GRADES = (2.0, 5.0)  # ms between two halves of the images, up to which good, then fair
 DRIFT_LOSS_SCALE = 5e-4  # m, error from which an image counts less
 DRIFT_SIGMA = 6.0  # sigma by which a drift must differ from zero
-NAN = float("nan")
 MOVING_SPEED = 0.02  # m/s of the pointer from which an image reveals the latency
 FIRST_STEP = 0.005  # s between the latencies that are tried first
 
@@ -47,9 +46,9 @@ class LatencyVerdict(Verdict):
     between image and arm at the best latency, `images` the number taken in motion.
     """
 
-    latency: float = NAN
-    apart: float = NAN
-    misfit_mm: float = NAN
+    latency: float = nan
+    apart: float = nan
+    misfit_mm: float = nan
     images: int = 0
 
     def lines(self, speed: float) -> list[Line]:

@@ -3,6 +3,7 @@ reasons for failure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import nan
 from typing import Any, NamedTuple
 
 import cv2
@@ -98,7 +99,6 @@ def _linearise(view: BoardView, lens: Lens) -> Linearised:
 BEND_GRADES = (0.3, 1.0)  # mm between two halves at the board, up to which good, then fair
 SEEN_SIGMA = 4.0  # sigma by which a bow or a difference of the halves is significant
 OFF_CENTRE = 0.15  # share of the image by which a principal point may lie off its centre
-NAN = float("nan")
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,8 +111,8 @@ class LensVerdict(Verdict):
     """
 
     fit: LensFit | None = None
-    split: float = NAN
-    bend_mm: float = NAN
+    split: float = nan
+    bend_mm: float = nan
     views: int = 0
     per_view: Mapping[int, float] = field(default_factory=dict)
 

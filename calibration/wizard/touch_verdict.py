@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from math import isnan
+from math import isnan, nan
 from typing import Any
 
 import cv2
@@ -18,7 +18,6 @@ from calibration.wizard.verdict import Level, Line, Verdict, grade_line, reasons
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 
-NAN = float("nan")
 # mm, up to which good, then fair: worst point, difference of halves, effect on the displacement
 WORST_GRADES, HALVES_GRADES, DISPLACEMENT_GRADES = (0.5, 1.0), (0.5, 1.5), (1.0, 2.0)
 HALF_POINTS = 6  # points from which half a map is still worth comparing
@@ -41,11 +40,11 @@ class TouchVerdict(Verdict):
     """
 
     homography: Homography | None = None
-    residual_mm: float = NAN
-    median_mm: float = NAN
-    worst_mm: float = NAN
-    halves_mm: float = NAN
-    displacement_mm: float = NAN
+    residual_mm: float = nan
+    median_mm: float = nan
+    worst_mm: float = nan
+    halves_mm: float = nan
+    displacement_mm: float = nan
     used: int = 0
     held_out: int = 0
     errors_mm: dict[int, float] = field(default_factory=dict)
@@ -117,8 +116,8 @@ def check_verdict(
     off_mm = 1e3 * np.reshape(off, (-1, 2))
     values = np.hypot(*off_mm.T)
     errors = {touch.number: float(error) for touch, error in zip(touches, values, strict=True)}
-    median = float(np.median(values)) if len(values) else NAN
-    worst = float(values.max()) if len(values) else NAN
+    median = float(np.median(values)) if len(values) else nan
+    worst = float(values.max()) if len(values) else nan
     if len(values) < FEWEST_POINTS:
         few = f"{len(values)} points were touched, at least {FEWEST_POINTS} must decide; touch more"
         return CheckVerdict(errors, median, worst, reasons=(few,))
@@ -239,7 +238,7 @@ def _compose(fit: TouchFit, settings: TouchSettings) -> TouchVerdict:
     verdict = TouchVerdict(
         homography=fit.homography,
         residual_mm=_rms(errors),
-        median_mm=float(np.median(errors)) if len(errors) else NAN,
+        median_mm=float(np.median(errors)) if len(errors) else nan,
         worst_mm=float(errors.max(initial=0.0)),
         halves_mm=_halves_mm(points, fit.lens, settings),
         displacement_mm=DISPLACEMENT_FACTOR * _rms(1e3 * held_out[:, 0]),
@@ -264,7 +263,7 @@ def _halves_mm(points: Sequence[Touch], lens: Lens, settings: TouchSettings) -> 
     maps = []
     for half in (order[::2], order[1::2]):
         if len(half) < HALF_POINTS:
-            return NAN
+            return nan
         pixels = lens.undistort(np.array([ordered[i].pixel for i in half]))
         places_mm = 1e3 * np.array([ordered[i].place for i in half])
         to_pixels, _ = cv2.findHomography(places_mm, pixels, 0)
@@ -316,4 +315,4 @@ def _point_reasons(fit: TouchFit, settings: TouchSettings) -> tuple[str, ...]:
 
 def _rms(values: Array) -> float:
     """Root mean square of `values` (n,); NaN without any."""
-    return float(np.sqrt(np.mean(values**2))) if len(values) else NAN
+    return float(np.sqrt(np.mean(values**2))) if len(values) else nan

@@ -1,7 +1,7 @@
 """Detection of a frozen camera, and of a camera that was moved since the preflight."""
 
 from dataclasses import dataclass
-from math import hypot
+from math import hypot, nan
 from typing import Self
 
 import cv2
@@ -70,7 +70,6 @@ PATCH_SIGMA = 0.3  # px, standard deviation of a patch's place by its structure 
 NOISE_WINDOW = 1.5  # px over which noise is averaged
 CAMERA_WATCHED = "camera is watched"  # name of the check
 UNWATCHED = "camera is not watched"  # its name where too few patches are known
-NAN = float("nan")
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,13 +131,13 @@ class CameraWatch:
         shifts = self._find_all(image, gripper)
         visible = np.isfinite(shifts[:, 0])
         if np.count_nonzero(visible) < FEWEST_PATCHES:
-            return NAN
+            return nan
         shifts = shifts[visible]
         weights = self.weights[visible]
         common = np.quantile(shifts, 0.5, axis=0, weights=weights, method="inverted_cdf")
         alike = np.hypot(*(shifts - common).T) <= ALONG
         if np.count_nonzero(alike) < FEWEST_PATCHES or 2 * weights[alike].sum() <= weights.sum():
-            return NAN
+            return nan
         corner = self.corners[visible][:1]
         to_plane = self.calibration.to_plane
         return float(np.hypot(*(to_plane(corner + common) - to_plane(corner))[0]))
@@ -146,7 +145,7 @@ class CameraWatch:
     def _find_all(self, image: Image, gripper: Pose) -> Array:
         """Shifts (n, 2) [px] of the patches in `image`, NaN of those hidden or not found."""
         clear = without_hand(Region.whole(image), self.calibration, gripper)
-        moved = np.full(self.corners.shape, NAN)
+        moved = np.full(self.corners.shape, nan)
         for i, (u, v) in enumerate(self.corners.astype(int).tolist()):
             if clear[v : v + PATCH_SIZE, u : u + PATCH_SIZE].all():
                 window = image[
@@ -195,7 +194,7 @@ def _find_shift(window: Image, patch: Image) -> Array:
     """
     place = find_patch(window, patch)
     if place is None or not ((place >= 0.5) & (place <= 2 * SEARCH_RADIUS - 0.5)).all():
-        return np.full(2, NAN)
+        return np.full(2, nan)
     return place - SEARCH_RADIUS
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from math import nan
 from typing import Self
 
 import cv2
@@ -36,7 +37,6 @@ FINE = 0.00025  # m between samples along a line on which the strip's end is sea
 AROUND = 0.02, 0.03  # m of that line before and after the end of the profile
 ROWS = 5  # of the image in which it is searched
 BESIDE = 0.001  # m to either side, where a line may miss a clip's narrow mouth
-NAN = float("nan")
 EDGE_ON = 0.002  # m, apparent width of a strip's face up to which it is seen edge on
 SURE, UNLIKE = 0.004, 4.0  # m of foreign colour that end the strip; colour distance of it [sigma]
 SEARCH_STEPS = (-0.03, -0.015, 0.015, 0.03)  # m about the expected end, where it is not found
@@ -280,7 +280,7 @@ def find_end(
     rows = sample_plane(image, calibration, line + offsets[:, None, None] * aside)
     starts = np.median(rows[:, : len(line) // 4], axis=1)
     edges = np.array([colour_edge(*pair, clip) for pair in zip(rows, starts, strict=True)])
-    return FINE * float(np.median(edges[np.isfinite(edges)])) if np.isfinite(edges).any() else NAN
+    return FINE * float(np.median(edges[np.isfinite(edges)])) if np.isfinite(edges).any() else nan
 
 
 def colour_edge(row: Array, colour: Array, beyond: Array | None = None) -> float:
@@ -297,7 +297,7 @@ def colour_edge(row: Array, colour: Array, beyond: Array | None = None) -> float
     start = int(np.argmin(foreign))  # a row may begin in a shadow
     runs = np.flatnonzero(np.convolve(foreign[start:], np.ones(length), "valid") == length)
     if foreign[start] or len(runs) == 0:
-        return NAN
+        return nan
     end = start + runs[0] + length
     change = np.median(row[end - length // 2 : end], axis=0) - colour
     progress = (row[start:end] - colour) @ change / (change @ change)

@@ -7,7 +7,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import nan
 from multiprocessing.connection import Connection
-from typing import Protocol
 
 import cv2
 import numpy as np
@@ -106,29 +105,12 @@ class ImageTask:
         return measurer.measure(self.frame, self.gripper, touches=self.touches)
 
 
-class Reader(Protocol):
-    """Protocol of a measurer of images: submit one image at a time, fetch its result when ready."""
-
-    latency: float
-    """How much earlier than its stamp an image shows the world [s]."""
-
-    @property
-    def busy_since(self) -> float | None:
-        """Time [s] at which the image being measured was submitted; None while idle."""
-
-    @property
-    def failure(self) -> str:
-        """Reason why no more images are measured; empty while the reader works."""
-
-    def submit(self, request: ImageTask, now: float) -> None:
-        """Begin to measure the image of `request`; Fault `image_size` for one of another size."""
-
-    def result(self) -> Answer | None:
-        """Measurement or checks of the last image, returned once; None until they are ready."""
-
-
 class InlineReader:
-    """Measures images within a cycle of the control loop, for runs on a virtual clock."""
+    """Measures images within a cycle of the control loop, for runs on a virtual clock.
+
+    `latency` [s] is how much earlier than its stamp an image shows the world. It is never busy and
+    never fails.
+    """
 
     busy_since: float | None = None
     failure = ""
@@ -153,7 +135,8 @@ class ProcessReader:
     """Measures images in a separate process, for runs on the wall clock.
 
     The process is given one image at a time, in shared memory. Nothing waits for it: one that hangs
-    keeps its answer, and one that dies states its `failure`.
+    keeps its answer, and one that dies states its `failure`. `busy_since` is the time [s] at which
+    the image being measured was submitted, None while idle; `latency` is as of `InlineReader`.
     """
 
     def __init__(self, inputs: StripInputs, maker: Maker = Measurer) -> None:
@@ -208,6 +191,9 @@ class ProcessReader:
         """End the process that measures images, and free the shared memory."""
         self._child.close()
         self._image.close()
+
+
+Reader = InlineReader | ProcessReader
 
 
 def read_images(

@@ -133,12 +133,7 @@ def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:
     ahead, behind = points[j - 1, 0], points[j, 0]
     share = (ahead - measurement.gap_x) / (ahead - behind)
     to_grasped = remaining[j - 1] + share * (remaining[j] - remaining[j - 1])
-    return Fall(
-        time=measurement.stamp,
-        gap=measurement.gap,
-        x=measurement.gap_x,
-        to_grasped=float(to_grasped),
-    )
+    return Fall(measurement.stamp, measurement.gap, measurement.gap_x, float(to_grasped))
 
 
 def _closing_time(t: Array, gap: Array, level: float, end: float) -> tuple[float, float] | None:

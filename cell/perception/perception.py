@@ -1,6 +1,7 @@
 """Measurement of one strip in camera frames: desk contact, profile, fold tip, gap of layers."""
 
 from dataclasses import dataclass
+from math import nan
 from typing import NamedTuple
 
 import cv2
@@ -27,7 +28,6 @@ from drivers.strip.file import StripFile
 from drivers.strip.shape import Gap, fold_tip, layer_gap
 from drivers.types import Array, Frame, Image, Pose
 
-NAN = float("nan")
 HAND_DEPTH = 0.015  # m around the hand's front in which its side may be visible
 FEWEST_POINTS = 8  # of the lifted midline, from which it is a profile
 
@@ -99,8 +99,8 @@ class Perception:
             profile=curve.points,
             profile_confidence=curve.confidence,
             tip=tip,
-            gap=gap.height if gap else NAN,
-            gap_x=gap.x if gap else NAN,
+            gap=gap.height if gap else nan,
+            gap_x=gap.x if gap else nan,
             gripper=(gripper.x, gripper.z),
         )
 
@@ -169,7 +169,7 @@ class Perception:
     def _fold(self, contact: Contact, curve: Curve) -> tuple[tuple[float, float], Gap | None]:
         """Rightmost point [m] of the fold, NaN without a profile, and the gap of its layers."""
         if len(curve.points) == 0:
-            return (NAN, NAN), None
+            return (nan, nan), None
         x = np.arange(0.0, max(contact.x, 0.0), self._settings.spacing)
         midline = np.vstack([np.column_stack([x, self._rest(x)]), curve.points])
         gap = layer_gap(midline, arc_lengths(midline), self._settings.gap_opening)

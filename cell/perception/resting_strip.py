@@ -1,6 +1,7 @@
 """Measurement of the resting strip in one image: colours, underside, free edge."""
 
 from dataclasses import dataclass
+from math import nan
 
 import cv2
 import numpy as np
@@ -19,7 +20,6 @@ FACE = 0.7  # share of the strip's face, from the near edge on, that shows its c
 INNER = (0.3, 0.6)  # shares of the strip's length well inside it
 DEGREE = 3  # of the polynomial that the homography's remainder follows
 PAST_END = 0.06  # m past its stated length up to which the strip is searched
-NAN = float("nan")
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +127,7 @@ def underside(levels: Image, calibration: Calibration, strip: StripFile) -> Unde
     part = (0.5 - before) / np.maximum(across[rows, first] - before, 1e-6)
     low = z[0] + (first - 1 + part) * (z[1] - z[0])
     found = is_strip.any(axis=1) & (first > 0)
-    height = np.where(found, low + strip.thickness / 2, NAN)
+    height = np.where(found, low + strip.thickness / 2, nan)
     return Underside(x, height, _free_edge(levels, calibration, strip))
 
 
@@ -137,7 +137,7 @@ def _free_edge(levels: Image, calibration: Calibration, strip: StripFile) -> flo
     heights = np.array([0.0, 0.0005, 0.001])
     along = strip_share(sample_plane(levels, calibration, _grid(x, heights)).max(axis=1))
     inside = np.flatnonzero(along > 0.5)
-    return float(x[inside[-1]]) if len(inside) else NAN
+    return float(x[inside[-1]]) if len(inside) else nan
 
 
 def resting_line(seen: Underside) -> Array:

@@ -1,6 +1,6 @@
 """Limits that the emulated robot enforces on commands: joints, tool, elbow, collisions."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import hypot, inf
 
 import numpy as np
@@ -14,6 +14,7 @@ from drivers.types import Array, frozen
 
 # Clients limit their rates by the state, which the wire rounds.
 LIMIT_FACTOR = 1.01  # float32 of the state costs a few tenths of 1 %
+TOOL_LOW, TOOL_HIGH = frozen([-1.0, -1.0, -0.5]), frozen([1.0, 1.0, 1.4])  # m, of the tool's space
 LEVER = 1.3  # m at most by which a point of the arm moves per rad of any joint
 DEEPER = 1e-6  # m by which a touch must grow to count again: the arm may leave it
 
@@ -54,20 +55,6 @@ TOOL_REFLEXES = (
     Reflex.CARTESIAN_MOTION_GENERATOR_VELOCITY_DISCONTINUITY,
     Reflex.CARTESIAN_MOTION_GENERATOR_ACCELERATION_DISCONTINUITY,
 )
-
-
-@dataclass(frozen=True, slots=True)
-class ToolSpace:
-    """Box in the robot's base in which the tool may move, by two corners (3,) [m]."""
-
-    low: Array = field(default_factory=lambda: frozen([-1.0, -1.0, -0.5]))
-    high: Array = field(default_factory=lambda: frozen([1.0, 1.0, 1.4]))
-
-    def check(self, pose: Array) -> None:
-        """Raise Violation for a tool pose (4, 4) in the base outside the box."""
-        place = pose[:3, 3]
-        if np.minimum(place - self.low, self.high - place).min() < 0:
-            raise Violation(Reflex.CARTESIAN_POSITION_LIMITS_VIOLATION)
 
 
 class BodyCheck:
@@ -114,6 +101,13 @@ def check_joints(q: Array, old: Rates, new: Rates, reflexes: JointReflexes) -> N
     slowest, fastest = limits.velocity_bounds(q)
     if np.minimum(new.velocity - slowest, fastest - new.velocity).min() < -_BRAKING:
         raise Violation(reflexes.velocity)
+
+
+def check_place(pose: Array) -> None:
+    """Raise Violation for a tool pose (4, 4) in the base outside of TOOL_LOW to TOOL_HIGH."""
+    place = pose[:3, 3]
+    if np.minimum(place - TOOL_LOW, TOOL_HIGH - place).min() < 0:
+        raise Violation(Reflex.CARTESIAN_POSITION_LIMITS_VIOLATION)
 
 
 def check_tool_rates(old: Rates, new: Rates) -> None:

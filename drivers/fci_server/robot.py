@@ -14,7 +14,7 @@ import numpy as np
 from drivers.fci_server.configuration import SETTERS, Configuration, configure
 from drivers.fci_server.dynamics import Dynamics, LaggingArm
 from drivers.fci_server.generators import extrapolate, follow, readable
-from drivers.fci_server.limits import BodyCheck, ToolSpace, Violation
+from drivers.fci_server.limits import BodyCheck, Violation, check_place
 from drivers.fci_server.posture import Posture
 from drivers.fci_server.wire import (
     Command,
@@ -74,12 +74,7 @@ class Contact:
         return Reflex.JOINT_REFLEX if self.joint_flags[1].any() else None
 
 
-NO_CONTACT = Contact(
-    wrench=np.zeros(6),
-    torque=np.zeros(7),
-    joint_flags=np.zeros((2, 7)),
-    tool_flags=np.zeros((2, 6)),
-)
+NO_CONTACT = Contact(np.zeros(6), np.zeros(7), np.zeros((2, 7)), np.zeros((2, 6)))
 
 
 Push = Callable[[Array, float], Array]
@@ -112,7 +107,6 @@ class EmulatedRobot:
     """Emulated robot; `ticks` counts the commands that it has executed, `time` is in [ms]."""
 
     posture: Posture
-    box: ToolSpace = field(default_factory=ToolSpace)
     push: Push | None = None
     body: BodyCheck = field(default_factory=BodyCheck)
     trailing: LaggingArm | None = None
@@ -221,7 +215,7 @@ class EmulatedRobot:
         motion.missed = 0
         try:
             posture = follow(motion.generator, self.posture, command, tool, not motion.started)
-            self.box.check(posture.reached)
+            check_place(posture.reached)
             self.body.check(posture.q)
         except Violation as violation:
             self.reflex(violation.reflex)
@@ -296,15 +290,14 @@ class EmulatedRobot:
 
 def resting_robot(
     start: Array | None = None,
-    box: ToolSpace | None = None,
     push: Push | None = None,
     solids: Solids | None = None,
 ) -> EmulatedRobot:
     """Emulated robot at rest with joints `start` (7,) [rad], by default in its home posture.
 
-    Its tool may move in `box`, its body between `solids`; `push` gives the force on its tool.
+    Its body may move between `solids`; `push` gives the force on its tool.
     """
     configuration = Configuration()
     posture = Posture.resting(np.array(HOME if start is None else start), configuration.tool)
     body = BodyCheck(solids)
-    return EmulatedRobot(posture, box or ToolSpace(), push, body, configuration=configuration)
+    return EmulatedRobot(posture, push=push, body=body, configuration=configuration)

@@ -96,7 +96,7 @@ class RobotServer:
         solids: Solids | None = None,
     ) -> None:
         settings = settings or ServerSettings()
-        self.robot = resting_robot(start, None, push, solids)
+        self.robot = resting_robot(start, push, solids)
         self.hand = EmulatedHand(between)
         _give_mechanics(self.robot, settings)
         self._lock_step = settings.lock_step

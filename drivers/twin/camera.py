@@ -99,16 +99,11 @@ class TwinCamera:
         return round(self._stamp(sequence) + self._delay, CLOCK_DIGITS)
 
     def _frame(self, sequence: int) -> Frame:
+        """Render frame number `sequence`, which can no longer change."""
         stamp = self._stamp(sequence)
         image = self._renderer.render(self._exposure(stamp - self._latency), sequence)
         image.setflags(write=False)
-        return Frame(
-            stamp=stamp,
-            arrival=self._arrival(sequence),
-            source=SOURCE,
-            sequence=sequence,
-            image=image,
-        )
+        return Frame(stamp, self._arrival(sequence), SOURCE, sequence, image)
 
     def _exposure(self, middle: float) -> list[Scene]:
         """Scenes at the middles of equal parts of the exposure around `middle` [s], from 0 s on."""

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from drivers.fci_server.limits import ToolSpace
 from drivers.fci_server.robot import resting_robot
 from drivers.fci_server.wire import (
     Generator,
@@ -143,9 +142,10 @@ def test_joint_brakes_before_its_end_or_a_reflex_does() -> None:
     assert robot.posture.q[0] < limits.POSITION_HIGH[0]
 
 
-def test_tool_leaves_its_workspace_by_a_reflex() -> None:
-    box = ToolSpace(low=np.array([0.0, -0.05, 0.0]), high=np.array([1.0, 0.05, 1.0]))
-    robot = moving(Generator.CARTESIAN_VELOCITY, box=box)
+def test_tool_leaves_its_workspace_by_a_reflex(monkeypatch) -> None:
+    monkeypatch.setattr("drivers.fci_server.limits.TOOL_LOW", (0.0, -0.05, 0.0))
+    monkeypatch.setattr("drivers.fci_server.limits.TOOL_HIGH", (1.0, 0.05, 1.0))
+    robot = moving(Generator.CARTESIAN_VELOCITY)
     ramped(robot, (0, 0.1, 0, 0, 0, 0), 1500)
     assert errors(robot) == {Reflex.CARTESIAN_POSITION_LIMITS_VIOLATION}
     while not robot.posture.at_rest:
