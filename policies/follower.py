@@ -76,8 +76,6 @@ class PathPolicy:
     def __init__(self, name: str, path: Callable[[float], Path]) -> None:
         self.name = name
         self.path = path
-        self._speed = 0.0
-        self._follower: Follower | None = None
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
         """Compute the path for `strip`, and start `count` grippers at its beginning."""
@@ -86,13 +84,8 @@ class PathPolicy:
 
     def lift(self) -> Path:
         """Path of the lift: the policy's path."""
-        return self._active_follower().path
+        return self._follower.path
 
     def decide(self, observation: Observation) -> Decision:
         """Command the grippers along the path at the speed given to `reset`; done at its end."""
-        return self._active_follower().decide(observation.x, observation.z, self._speed)
-
-    def _active_follower(self) -> Follower:
-        if self._follower is None:
-            raise RuntimeError(f"{self.name}: reset before the first decision")
-        return self._follower
+        return self._follower.decide(observation.x, observation.z, self._speed)

@@ -1,9 +1,9 @@
 """A calibration session as a folder: settings, images, measurements, verdict."""
 
 import json
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Any, Literal
 
 import cv2
 import numpy as np
@@ -11,8 +11,10 @@ from pydantic import ConfigDict, Field
 
 from calibration.board import BoardSettings
 from calibration.lens import CameraFile
+from calibration.wizard.board_views import BoardViews
 from calibration.wizard.latency import LatencySettings
 from calibration.wizard.progress import Observer, Progress, Row, ignore
+from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
 from drivers.errors import ConfigurationError
 from drivers.files import append_line, write_file, writing
@@ -189,14 +191,7 @@ def _read_image(folder: Path, row: Row, size: tuple[int, int]) -> Image:
     return image
 
 
-class Task(Protocol):
-    """Protocol of a calibration by ask and tell that a session can restore."""
-
-    subject: str
-    """What its images show."""
-
-    def restore(self, rows: Iterable[tuple[Row, Image]]) -> Row | None:
-        """Accept what a session's images (h, w, 3) show; returns a refused row, or None."""
+Task = BoardViews | TouchedPoints
 
 
 def restore(task: Task, folder: Path, session: Session, without: Collection[int] = ()) -> None:

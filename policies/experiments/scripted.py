@@ -28,21 +28,19 @@ class Scripted:
     def __init__(self, name: str, draw: Callable[[float, float], Motion]) -> None:
         self.name = name
         self._draw = draw
-        self._motion: Motion | None = None
-        self._start_times: Array = np.zeros(0)
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
         """Create the motion for `strip` at `speed` [m/s], for `count` grippers at its start."""
         self._motion = self._draw(strip.length, speed)
-        self._start_times = np.full(count, np.nan)
+        self._start_times: Array = np.full(count, np.nan)  # NaN before the first decision
 
     def lift(self) -> Path:
         """Path of the lift: that of the motion."""
-        return self._active_motion().path
+        return self._motion.path
 
     def decide(self, observation: Observation) -> Decision:
         """Command the motion's velocity with position feedback; done at the motion's end."""
-        motion = self._active_motion()
+        motion = self._motion
         points = np.stack([observation.x, observation.z], axis=-1)
         if np.isnan(self._start_times).any():
             travel = np.linspace(0.0, motion.path.length, SEARCH_SAMPLES)
@@ -58,8 +56,3 @@ class Scripted:
         speed = np.where(done, 0.0, np.minimum(np.hypot(*velocity.T), FASTEST_COMMAND))
         direction = np.arctan2(velocity[:, 1], velocity[:, 0]) % (2 * np.pi)
         return Decision(direction, speed, np.zeros(len(points)), done)
-
-    def _active_motion(self) -> Motion:
-        if self._motion is None:
-            raise RuntimeError(f"{self.name}: reset before the first decision")
-        return self._motion

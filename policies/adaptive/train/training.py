@@ -30,7 +30,8 @@ COVERAGES = ((0.68, ONE), (0.95, TWO))  # share of outcomes, and sigmas that are
 class CriticTraining:
     """Training of the critic in a folder, resumed where the folder holds the same settings.
 
-    Raises ConfigurationError for a folder of other settings, or one that cannot be written.
+    At its end `trial` holds the results of the trial folds. Raises ConfigurationError for a folder
+    of other settings, or one that cannot be written.
     """
 
     known = 0  # steps done before: those in the folder are passed at once
@@ -39,8 +40,7 @@ class CriticTraining:
         self.settings = settings
         self.folder = folder
         self.checkpoint = folder / CHECKPOINT
-        self._critic: Critic | None = None  # of the last round, calibrated by the trial at the end
-        self._trial: TrialResult | None = None
+        self._critic: Critic | None = None  # of the last round
         TrainingJournal(folder / SETTINGS, settings)
 
     @property
@@ -50,17 +50,8 @@ class CriticTraining:
 
     @property
     def policy(self) -> Adaptive:
-        """Policy `adaptive` with the trained critic; RuntimeError before the training has ended."""
-        if self._critic is None or self._trial is None:
-            raise RuntimeError("the training has not run to its end")
-        return Adaptive(self._critic)
-
-    @property
-    def trial(self) -> "TrialResult":
-        """Results of the trial folds; RuntimeError before the training has ended."""
-        if self._trial is None:
-            raise RuntimeError("the training has not run to its end")
-        return self._trial
+        """Policy `adaptive` with the critic of the training that has run to its end."""
+        return Adaptive(self._calibrated)
 
     def run(self, executor: Executor) -> Iterator[str]:
         """Run the remaining steps, with folds by `executor`, and save the weights; yields texts."""
@@ -103,9 +94,9 @@ class CriticTraining:
         """Set the critic's sigmas by the trials and save the weights."""
         shards = [self._load(self.settings.rounds, n) for n in range(self.settings.trials)]
         last = load_critic(self.folder / f"critic-{self.settings.rounds - 1}.npz")
-        self._critic, self._trial = calibrate_sigmas(last, concatenate(shards))
-        facts = {"settings": self.settings.model_dump(mode="json"), "trial": asdict(self._trial)}
-        save_critic(self.checkpoint, self._critic, {"training": facts})
+        self._calibrated, self.trial = calibrate_sigmas(last, concatenate(shards))
+        facts = {"settings": self.settings.model_dump(mode="json"), "trial": asdict(self.trial)}
+        save_critic(self.checkpoint, self._calibrated, {"training": facts})
 
     def _path(self, turn: int, number: int) -> FilePath:
         return self.folder / f"piece-{turn}-{number:02d}.npz"
