@@ -67,14 +67,7 @@ def modes_of(device: Device) -> Iterator[Mode]:
             height = size.steps[4] if steps else size.steps[1]
             rates = _rates(device, number, width, height)
             text = described.description.decode(errors="replace")
-            yield Mode(
-                format=letters(number),
-                description=text,
-                width=width,
-                height=height,
-                rates=rates,
-                steps=steps,
-            )
+            yield Mode(letters(number), text, width, height, rates, steps=steps)
 
 
 def _rates(device: Device, number: int, width: int, height: int) -> tuple[float, ...]:

@@ -7,12 +7,12 @@ nodes with `Mechanics.mean` and `Mechanics.total`.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from drivers.errors import ConfigurationError, Unsupported
+from drivers.errors import ConfigurationError
 from drivers.strip.file import GRAVITY
 from drivers.types import Array, frozen
 
@@ -236,19 +236,3 @@ def scale_rigidity(model: StripModel, factor: Array | float) -> StripModel:
 
 
 Effects = Mapping[str, Mapping[str, float]]
-SIMULATED_FIELDS: dict[type, str] = {
-    Mechanics: "length width thickness rigidity viscosity rest_curvature linear_density law"
-    " stretch_stiffness drag adhesion",  # adhesion acts from the touch on: a rod's end
-    BendingLaw: "cubic fifth yield_curvature stiffness_ratio gradual quadratic_damping relaxing"
-    " relaxation_time",
-    Boundary: "gravity edge_friction grip_force grip_compliance",
-}
-
-
-def check_simulated(engine: str, model: StripModel) -> None:
-    """Raise Unsupported for a field of `model` that is set and not among SIMULATED_FIELDS."""
-    for part in (model.mechanics, model.mechanics.law, model.boundary):
-        for each in fields(part):
-            is_simulated = each.name in SIMULATED_FIELDS[type(part)].split()
-            if not is_simulated and getattr(part, each.name) != each.default:
-                raise Unsupported(engine, each.name)

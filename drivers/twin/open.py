@@ -74,8 +74,7 @@ def open_twin(
     """Create a twin at rest, the strip `plant` on its desk, the hand open above the grasped edge.
 
     The same `seed` gives the same bytes. `index` is the number of runs that this specimen has
-    already been through. Raises Unsupported for a plant or an effect that the chain cannot
-    simulate.
+    already been through.
     """
     desk = open_desk(TwinClock(), settings, plant, cell_effects, seed, index, staging)
     (arm_seed,) = np.random.SeedSequence(seed).spawn(1)

@@ -99,13 +99,7 @@ class Rod:
         observed = self._step_all(poses, dt, shapes, max(every, 1))
         tip = observed[:, :, at.TIP_X : at.TIP_Z + 1]
         grip = observed[:, :, at.GRIP_X : at.GRIP_Z + 1]
-        return Trace(
-            contact_x=observed[:, :, at.CONTACT_X],
-            tip=tip,
-            holding_force=observed[:, :, at.HOLDING],
-            grip_force=grip,
-            shapes=shapes,
-        )
+        return Trace(observed[:, :, at.CONTACT_X], tip, observed[:, :, at.HOLDING], grip, shapes)
 
     def retire(self, retired: NDArray[np.bool_]) -> None:
         """End the strips of mask `retired` (n,): they keep their shapes and cost no more time."""

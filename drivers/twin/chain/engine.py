@@ -178,10 +178,7 @@ class Chain:
         self._time = 0.0
 
     def reset(self, models: Sequence[StripModel]) -> None:
-        """Lay the strips flat and at rest, gripped at (stated length, 0) with pitch 0, at time 0.
-
-        Raises Unsupported for what a chain cannot represent.
-        """
+        """Lay the strips flat and at rest, gripped at (stated length, 0), pitch 0, at time 0."""
         self._models = tuple(models)
         self._strips = [ChainStrip(model, self._links, self._foreign) for model in models]
         self._time = 0.0

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.strip.model import StripModel, check_simulated
+from drivers.strip.model import StripModel
 from drivers.twin.chain.lumps import Lumps
 from drivers.types import Array
 
@@ -83,10 +83,8 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
     """Build a MuJoCo spec of `model` as a chain of `links` links, flat along +x, held at its end.
 
     Body i + 1 has its origin at node i; the last one is the tip, welded to the gripper. Without
-    `layers` only the desk carries the strip, with them its layers rest on each other. Raises
-    Unsupported for a model that a chain cannot represent.
+    `layers` only the desk carries the strip, with them its layers rest on each other.
     """
-    check_simulated("chain", model)
     lumps = Lumps.from_model(model, links)
     gap = model.mechanics.touch_gap
     spec = mujoco.MjSpec()

@@ -1,6 +1,6 @@
 """The rod keeps the seam of every engine, and strips side by side do not know of each other."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ import pytest
 from drivers.errors import SimulationNotConverged, SimulationNotFinite, Unsupported
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import SIMULATED_FIELDS, Boundary
+from drivers.strip.model import Boundary
 from drivers.strip.rod.batch import flat_batch
 from drivers.strip.rod.engine import GripperPath, Rod, simulate_all
 from drivers.strip.rod.static import fit_length
@@ -78,19 +78,10 @@ def test_settings_and_poses_that_cannot_be_are_refused() -> None:
             rod.step(poses, DT)
 
 
-def test_part_of_a_description_that_the_rod_does_not_know_is_refused(monkeypatch) -> None:
-    @dataclass(frozen=True)
-    class Magnetic(Boundary):
-        field: float = 0.0
-
-    model = paper_model(0.1)
-    rod = Rod(40)
-    monkeypatch.setitem(SIMULATED_FIELDS, Magnetic, SIMULATED_FIELDS[Boundary])
-    rod.reset([replace(model, boundary=Magnetic())])
-    with pytest.raises(Unsupported, match="the rod cannot simulate field"):
-        rod.reset([replace(model, boundary=Magnetic(field=1.0))])
+def test_gravity_that_does_not_press_on_the_desk_is_refused() -> None:
+    model = replace(paper_model(0.1), boundary=Boundary(gravity=(0.0, 1.0)))
     with pytest.raises(Unsupported, match="does not press on the desk"):
-        rod.reset([replace(model, boundary=Boundary(gravity=(0.0, 1.0)))])
+        Rod(40).reset([model])
 
 
 def test_motions_in_a_batch_are_those_of_one_at_a_time() -> None:
