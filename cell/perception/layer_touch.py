@@ -93,14 +93,8 @@ class LayerTouch:
             return None
         x, displacement = self._place_at(time, t)
         confidence = float(np.exp(-apart))
-        touch = SeenTouch(
-            time=time,
-            x=x,
-            to_grasped=x + displacement,
-            to_fixed=x,
-            confidence=confidence,
-            distance=distance,
-        )
+        to_grasped = x + displacement
+        touch = SeenTouch(time, x, to_grasped, x, confidence=confidence, distance=distance)
         return touch if self._is_a_fold(touch) else None
 
     def _place_at(self, time: float, t: Array) -> tuple[float, float]:

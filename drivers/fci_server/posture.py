@@ -51,15 +51,7 @@ class Posture:
         """Posture at joints `q` (7,) [rad], with the tool (4, 4) commanded to rest at its pose."""
         reached, jacobian = pose_and_jacobian(q, tool)
         swing = np.array([q[ELBOW_JOINT], 0.0, 0.0])
-        return cls(
-            q=q,
-            joints=joints,
-            reached=reached,
-            jacobian=jacobian,
-            pose=reached,
-            tool=zero_rates(6),
-            swing=swing,
-        )
+        return cls(q, joints, reached, jacobian, pose=reached, tool=zero_rates(6), swing=swing)
 
     @classmethod
     def resting(cls, q: Array, tool: Array) -> Self:
