@@ -4,7 +4,6 @@ Elastic gears or play split each joint into motor and link.
 """
 
 import copy
-import xml.etree.ElementTree as ET
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,7 +14,7 @@ from mujoco.batch import Batch, SimulationError
 
 from cell.gap.subject.mechanism.effects import describing_terms, effect_of, torques
 from cell.gap.subject.mechanism.model import BatchFields, Mechanism, ModelFields
-from cell.gap.subject.mechanism.model_source import compile_model
+from cell.gap.subject.mechanism.model_source import Source, compile_model
 from cell.gap.subject.mechanism.read_mechanism import MechanismData, start_of
 from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal
 from cell.gap.subject.mechanism.subject import Case, Content, MechanismSubject
@@ -88,46 +87,33 @@ def commands_of(recording: Recording, inputs: Sequence[str], actuators: Sequence
 
 
 class SplitModel:
-    """MuJoCo model in which each joint is a motor and a link with a flexible joint between them.
+    """MuJoCo model in which each joint is a motor, with a flexible joint to its link behind it.
 
     `motor` (joints,) are the indices of the motors' degrees of freedom.
     """
 
     def __init__(self, mechanism: Mechanism, name: str) -> None:
         self._mechanism = mechanism
-        base = mechanism.model
-        self._model = compile_model(mechanism.source, name, base.nuser_jnt, mechanism.step,
-                                    self._text(mechanism))  # fmt: skip
+        self._model = compile_model(self._source(), name, mechanism.model.nuser_jnt,
+                                    mechanism.step, self._add_flexible_joints)  # fmt: skip
         self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
-        names = [j.name for j in mechanism.joints]
-        self._joint = np.array([self._model.joint(n).id for n in names])
-        every = [self._model.joint(i).name for i in range(self._model.njnt)]
-        self._flex = np.array([i for i, name in enumerate(every) if name.endswith(FLEX)])
-        self._body = np.array([self._model.body(n).id for n in _body_names(base)])
+        self._joint = np.array([self._model.joint(j.name).id for j in mechanism.joints])
+        self._flex = np.setdiff1d(np.arange(self._model.njnt), self._joint)
+        self._flex_dof: Array = self._model.jnt_dofadr[self._flex]
+        for field in ("dof_armature", "dof_frictionloss", "dof_dampingpoly"):
+            getattr(self._model, field)[self._flex_dof] = 0.0  # whatever the model's defaults are
         self.motor: Array = self._model.jnt_dofadr[self._joint]
 
-    def _text(self, mechanism: Mechanism) -> str:
-        """MJCF text of the model with a flexible joint between each joint and its body."""
-        root = ET.fromstring(mechanism.source.spec().to_xml())  # noqa: S314  our own text
-        bodies = list(root.iter("body"))
-        for body, name in zip(bodies, _body_names(mechanism.model)[1:], strict=True):
-            body.set("name", name)
-        for body in bodies:
-            joint = body.find("joint")
-            if joint is None or not joint.get("name"):
-                continue
-            inner = ET.Element("body", {k: v for k, v in body.attrib.items() if k == "name"})
-            for child in list(body):
-                if child is not joint:
-                    body.remove(child)
-                    inner.append(child)
-            body.set("name", f"{body.get('name', '')}{FLEX}_{joint.get('name')}")
-            kept = {k: v for k, v in joint.attrib.items() if k in ("type", "axis", "pos", "class")}
-            inner.insert(0, ET.Element("joint", {**kept, "name": joint.get("name", "") + FLEX}))
-            inertial = {"pos": "0 0 0", "mass": "1e-6", "diaginertia": "1e-9 1e-9 1e-9"}
-            body.insert(0, ET.Element("inertial", inertial))
-            body.append(inner)
-        return ET.tostring(root, encoding="unicode")
+    def _source(self) -> Source:
+        """Model to which flexible joints are added."""
+        return self._mechanism.source
+
+    def _add_flexible_joints(self, spec: Any) -> None:
+        """Add to each joint of a specification another about the same axis, of the same body."""
+        for joint in spec.joints:
+            flex = joint.parent.add_joint(name=joint.name + FLEX, type=joint.type)
+            flex.axis, flex.pos = joint.axis, joint.pos
+            flex.limited = mujoco.mjtLimited.mjLIMITED_FALSE
 
     def model(self, case: Case, *, rigid: bool) -> Any:
         """MuJoCo model of a case with split joints, or a `rigid` twin with the same integrator."""
@@ -142,7 +128,7 @@ class SplitModel:
         found = copy.copy(self._model)
         found.opt.gravity[:], found.opt.density = edited.opt.gravity, edited.opt.density
         for name in BODY:
-            getattr(found, name)[self._body] = getattr(edited, name)
+            getattr(found, name)[:] = getattr(edited, name)
         for name in DOF:
             getattr(found, name)[self.motor] = getattr(edited, name)
         for name in ACTUATOR:
@@ -157,7 +143,6 @@ class SplitModel:
         `edited` is the same case without flexible joints.
         """
         inertia = self._mechanism.inertia
-        dof = self._model.jnt_dofadr[self._flex]
         elastic, gap = case.readings.elastic, case.readings.gap
         compliance = np.zeros(len(inertia)) if elastic is None else elastic
         stiffness = np.minimum(1.0 / np.maximum(compliance, LEAST_COMPLIANCE), STIFFEST * inertia)
@@ -171,7 +156,9 @@ class SplitModel:
             found.jnt_range[self._flex] = 0.5 * np.outer(gap, (-1.0, 1.0)) * has_play[:, None]
             found.jnt_limited[self._flex] = has_play
         found.jnt_stiffness[self._flex] = stiffness
-        found.dof_damping[dof] = 2.0 * DAMPED * np.sqrt(np.maximum(stiffness, 1.0) * motor_inertia)
+        found.dof_damping[self._flex_dof] = (
+            2.0 * DAMPED * np.sqrt(np.maximum(stiffness, 1.0) * motor_inertia)
+        )
         self._set_law_parameters(found, edited)
 
     def _set_law_parameters(self, found: Any, edited: Any) -> None:
@@ -181,11 +168,6 @@ class SplitModel:
         found.jnt_user[:, 0] = found.njnt
         found.jnt_user[:, 1], found.jnt_user[:, 2] = found.jnt_qposadr, found.jnt_dofadr
         found.jnt_user[:, 3] = float(np.mean(edited.jnt_user[:, 3]))
-
-
-def _body_names(model: Any) -> list[str]:
-    """Names of all bodies in order; a body without a name is called by its number."""
-    return [model.body(i).name or f"body{FLEX}_{i}" for i in range(model.nbody)]
 
 
 class ForwardDynamics(MechanismSubject):

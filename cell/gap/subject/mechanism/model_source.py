@@ -4,6 +4,7 @@ import math
 import os
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,11 +33,11 @@ class Source:
     within: Path | None = None
     motors: tuple[str, ...] = ()
 
-    def spec(self, text: str | None = None) -> Any:
-        """MuJoCo specification of the model, or of its changed `text`."""
-        spec = mujoco.MjSpec.from_string(text or self.text)
+    def spec(self) -> Any:
+        """MuJoCo specification of the model."""
+        spec = mujoco.MjSpec.from_string(self.text)
         spec.modelfiledir = "" if self.folder is None else f"{self.folder}/"
-        for joint in self.motors if text is None else ():
+        for joint in self.motors:
             motor = spec.add_actuator(name=joint, target=joint)
             motor.trntype = mujoco.mjtTrn.mjTRN_JOINT
         return spec
@@ -161,13 +162,15 @@ def _check_spec(spec: Any, source: Source, origin: str) -> None:
 
 
 def compile_model(source: Source, origin: str, slots: int, step: float,
-                  text: str | None = None) -> Any:  # fmt: skip
-    """Compile a model, or its changed `text`, with `slots` user numbers a joint and `step` [s].
+                  edit: Callable[[Any], None] = lambda _: None) -> Any:  # fmt: skip
+    """Compile a model with `slots` user numbers a joint and `step` [s].
 
-    RK4 replaces the Euler integrator. Raises ConfigurationError for a model that does not load.
+    `edit` changes its specification. RK4 replaces the Euler integrator. Raises ConfigurationError
+    for a model that does not load.
     """
     try:
-        spec = source.spec(text)
+        spec = source.spec()
+        edit(spec)
         _check_spec(spec, source, origin)
         spec.nuser_jnt = slots
         spec.option.timestep = step

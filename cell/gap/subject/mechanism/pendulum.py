@@ -1,6 +1,5 @@
 """Reads a pendulum's file and its measured swings as a mechanism, a chain of hinges."""
 
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -58,22 +57,25 @@ class PendulumData(MechanismData):
 class PivotModel(SplitModel):
     """Model of a chain of hinges whose pivot slides sideways on a spring."""
 
-    def _text(self, mechanism: Mechanism) -> str:
-        """MJCF text of the chain with a slide at its pivot."""
-        root = ET.fromstring(mechanism.source.text)  # noqa: S314  our own text
-        (first,) = root.findall("worldbody/body")
-        first.insert(0, ET.Element("joint", {"name": FLEX, "type": "slide", "axis": "1 0 0"}))
-        return ET.tostring(root, encoding="unicode")
+    def _source(self) -> Source:
+        """The chain with a slide at its pivot, before the hinge, for joints move in their order."""
+        text = self._mechanism.source.text
+        return Source(
+            text.replace("<joint", f'<joint name="{FLEX}" type="slide" axis="1 0 0"/><joint', 1)
+        )
+
+    def _add_flexible_joints(self, spec: Any) -> None:
+        """Add no other flexible joint than the pivot's."""
 
     def _set_gears(self, found: Any, edited: Any, case: Case) -> None:
         """Set the stiffness [N/m] and damping of the pivot, and lengths and springs as `edited`."""
         mass = float(edited.body_mass.sum())
         compliance = np.maximum(np.asarray(case.readings.elastic), LEAST_COMPLIANCE)
         stiffness = np.minimum(1.0 / compliance, STIFFEST * mass)
-        found.body_pos[self._body] = edited.body_pos
+        found.body_pos[:] = edited.body_pos
         found.jnt_stiffness[self._joint] = edited.jnt_stiffness
         found.jnt_stiffness[self._flex] = stiffness
-        found.dof_damping[self._flex] = 2.0 * DAMPED * np.sqrt(stiffness * mass)
+        found.dof_damping[self._flex_dof] = 2.0 * DAMPED * np.sqrt(stiffness * mass)
         self._set_law_parameters(found, edited)
 
 
