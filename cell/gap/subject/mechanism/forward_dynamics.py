@@ -11,6 +11,7 @@ from typing import Any
 import mujoco
 import numpy as np
 from mujoco.batch import Batch, SimulationError
+from scipy.interpolate import CubicHermiteSpline
 
 from cell.gap.subject.mechanism.effects import describing_terms, effect_of, torques
 from cell.gap.subject.mechanism.model import BatchFields, Mechanism, ModelFields
@@ -35,20 +36,6 @@ BODY = ("body_mass", "body_ipos", "body_iquat", "body_inertia")
 DOF = ("dof_damping", "dof_dampingpoly", "dof_armature", "dof_frictionloss", "dof_solimp")
 ACTUATOR = ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange")
 CONST = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature", "qpos_spring")
-
-
-def interpolate(states: Array, t: Array, step: float) -> tuple[Array, Array]:
-    """Positions and rates (joints, k) at times `t` (k,) [s] between steps of `step` [s].
-
-    `states` (steps + 1, 2, joints) are interpolated by cubic Hermite polynomials in position,
-    linearly in rate.
-    """
-    k = np.minimum((t / step).astype(np.int64), len(states) - 2)
-    u = (t / step - k)[:, None]
-    (a, va), (b, vb) = states[k].swapaxes(0, 1), states[k + 1].swapaxes(0, 1)
-    va, vb, rise = step * va, step * vb, b - a
-    q = a + u * (va + u * (3 * rise - 2 * va - vb + u * (va + vb - 2 * rise)))
-    return q.T, ((va + u * (vb - va)) / step).T
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,11 +223,15 @@ class ForwardDynamics(MechanismSubject):
                           groups: Sequence[Sequence[int]]) -> dict[int, Array]:  # fmt: skip
         """Signals (signals, k) by number of case, for `groups` of cases that move alike."""
         simulated, control, batch = self._simulate([cases[i] for i, *_ in groups])
-        found = {}
+        found, grid = {}, frozen(np.arange(simulated.shape[1]) * self._mechanism.step)
         for row, (group, states) in enumerate(zip(groups, simulated, strict=True)):
-            for i in group if np.abs(states).max() < POSITION_LIMIT else ():
+            if not np.abs(states).max() < POSITION_LIMIT:
+                continue
+            places, rates = states.swapaxes(0, 1)
+            positions = CubicHermiteSpline(grid, places, rates)
+            for i in group:
                 t = np.maximum(cases[i].content.cut.t - cases[i].readings.delay, 0.0)
-                q, v = interpolate(states, t, self._mechanism.step)
+                q, v = positions(t).T, interpolate_columns(t, grid, rates).T
                 found[i] = self._read(cases[i], t, q, v, control[row], batch, row)
         return found
 
