@@ -14,7 +14,7 @@ from mujoco.batch import Batch, SimulationError
 from scipy.interpolate import CubicHermiteSpline
 
 from cell.gap.subject.mechanism.effects import describing_terms, effect_of, torques
-from cell.gap.subject.mechanism.model import BatchFields, Mechanism, ModelFields
+from cell.gap.subject.mechanism.model import Mechanism, edited_model
 from cell.gap.subject.mechanism.model_source import Source, compile_model
 from cell.gap.subject.mechanism.read_mechanism import MechanismData, start_of
 from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal
@@ -35,7 +35,6 @@ THIRD = 1.0 / 3.0  # of its noise, by which halving the time step may move a sig
 BODY = ("body_mass", "body_ipos", "body_iquat", "body_inertia")
 DOF = ("dof_damping", "dof_dampingpoly", "dof_armature", "dof_frictionloss", "dof_solimp")
 ACTUATOR = ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange")
-CONST = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature", "qpos_spring")
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,10 +103,7 @@ class SplitModel:
 
     def model(self, case: Case, *, rigid: bool) -> Any:
         """MuJoCo model of a case with split joints, or a `rigid` twin with the same integrator."""
-        edited = copy.copy(self._mechanism.model)
-        fields = ModelFields(edited)
-        case.edit(fields)
-        fields.finish()
+        edited = edited_model(self._mechanism.model, case.edit)
         if rigid:
             edited.opt.integrator = self._model.opt.integrator
             mujoco.mj_setConst(edited, mujoco.MjData(edited))
@@ -171,6 +167,7 @@ class ForwardDynamics(MechanismSubject):
         self._laws = frozenset(e.name for e in known if e.law is not None and not e.by_fields(m))
         self._settle = round((opened.file.start.settle or 0.0) / self._mechanism.step)
         self._split_model: SplitModel | None = None
+        self._data = mujoco.MjData(m.model)
         self.runs = tuple(map(self._run, opened.recordings))
 
     def check(self, origin: str) -> None:
@@ -222,7 +219,7 @@ class ForwardDynamics(MechanismSubject):
     def _predict_together(self, cases: Sequence[Case],
                           groups: Sequence[Sequence[int]]) -> dict[int, Array]:  # fmt: skip
         """Signals (signals, k) by number of case, for `groups` of cases that move alike."""
-        simulated, control, batch = self._simulate([cases[i] for i, *_ in groups])
+        simulated, control, models = self._simulate([cases[i] for i, *_ in groups])
         found, grid = {}, frozen(np.arange(simulated.shape[1]) * self._mechanism.step)
         for row, (group, states) in enumerate(zip(groups, simulated, strict=True)):
             if not np.abs(states).max() < POSITION_LIMIT:
@@ -232,24 +229,22 @@ class ForwardDynamics(MechanismSubject):
             for i in group:
                 t = np.maximum(cases[i].content.cut.t - cases[i].readings.delay, 0.0)
                 q, v = positions(t).T, interpolate_columns(t, grid, rates).T
-                found[i] = self._read(cases[i], t, q, v, control[row], batch, row)
+                found[i] = self._read(cases[i], t, q, v, control[row], models[row])
         return found
 
-    def _simulate(self, cases: Sequence[Case]) -> tuple[Array, Array, Batch]:
-        """States (n, steps + 1, 2, joints) of n cases, their commands, and the batch of models."""
+    def _simulate(self, cases: Sequence[Case]) -> tuple[Array, Array, list[Any]]:
+        """States (n, steps + 1, 2, joints) of n cases, their commands, and their edited models."""
         step = self._mechanism.step
         span = max(float(c.content.cut.t[-1]) for c in cases)
         steps = int(np.ceil(span / step)) + 2
         control = np.array([self._control(c, steps) for c in cases])
-        batch = Batch(self._mechanism.model, len(cases), self._jobs)
-        for i, case in enumerate(cases):
-            case.edit(BatchFields(batch.expand, i))
-        if any(batch.expanded(name) is not None for name in CONST):
-            batch.set_const()
-        states = self._roll_out(batch, cases, control)
+        models = [edited_model(self._mechanism.model, case.edit) for case in cases]
+        for model in models:
+            mujoco.mj_setConst(model, self._data)
+        states = self._roll_out(models, cases, control)
         if any(_has_soft_gears(c) for c in cases):
             self._add_soft_gears(cases, control, states)
-        return states, control, batch
+        return states, control, models
 
     def _control(self, case: Case, steps: int) -> Array:
         """Commands (settle + steps, actuators) of a case, the first one held while it settles."""
@@ -259,9 +254,12 @@ class ForwardDynamics(MechanismSubject):
         return np.concatenate([np.repeat(found[:1], self._settle, axis=0), found])
 
     def _roll_out(
-        self, batch: Batch, cases: Sequence[Case], control: Array, embed: Array | None = None
-    ) -> Array:
+        self, models: Sequence[Any], cases: Sequence[Case], control: Array,
+        embed: Array | None = None,
+    ) -> Array:  # fmt: skip
         """States (n, steps + 1, 2, joints) of the joints, or of those that `embed` numbers."""
+        batch = Batch(models[0], len(models), self._jobs)
+        batch.set_models(models)
         q = np.array([c.start[0] for c in cases])
         v = np.array([c.start[1] for c in cases])
         into = np.arange(q.shape[1]) if embed is None else embed
@@ -287,23 +285,20 @@ class ForwardDynamics(MechanismSubject):
         found = []
         for rigid, embed in ((False, self._split_model.motor), (True, None)):
             models = [self._split_model.model(case, rigid=rigid) for case in some]
-            batch = Batch(models[0], len(some), self._jobs)
-            batch.set_models(models)
-            found.append(self._roll_out(batch, some, u, embed))
+            found.append(self._roll_out(models, some, u, embed))
         soft, rigid_twin = found
         states[rows] += soft - rigid_twin
 
-    def _read(self, case: Case, t: Array, q: Array, v: Array, control: Array, batch: Batch,
-              row: int) -> Array:  # fmt: skip
+    def _read(self, case: Case, t: Array, q: Array, v: Array, control: Array, model: Any) -> Array:
         """Sensor readings (signals, k) at times t (k,) [s], from states q, v (joints, k) then."""
         signals, errors = self.opened.signals, case.readings
         rows = np.empty((len(signals), len(t)))
         sensors: dict[str, Array] = {}
         if any(s.kind in ("site", "sensor") for s in signals):
-            sensors = self._read_sensors(batch.get_model(row), q, v)
+            sensors = self._read_sensors(model, q, v)
         for k, signal in enumerate(signals):
             if signal.kind == "torque":
-                rows[k] = self._torque(signal, batch, row, q, v, control, t)
+                rows[k] = self._torque(signal, model, q, v, control, t)
             elif signal.kind in ("site", "sensor"):
                 rows[k] = sensors[signal.name]
             else:
@@ -314,15 +309,12 @@ class ForwardDynamics(MechanismSubject):
                 rows[k] += bias
         return rows
 
-    def _torque(self, signal: Signal, batch: Batch, row: int, q: Array, v: Array, control: Array,
-                t: Array) -> Array:  # fmt: skip
+    def _torque(
+        self, signal: Signal, model: Any, q: Array, v: Array, control: Array, t: Array
+    ) -> Array:
         """Motor torque (k,) from states; MuJoCo records that of an inner stage."""
-        actuator, joint, model = signal.actuator, signal.joint, self._mechanism.model
-        edited = [batch.expanded(name) for name in ACTUATOR]  # a copy of the model would take long
-        gain, bias, limits = (
-            getattr(model, name)[actuator] if field is None else field[row, actuator]
-            for name, field in zip(ACTUATOR, edited, strict=True)
-        )
+        actuator, joint = signal.actuator, signal.joint
+        gain, bias, limits = (getattr(model, name)[actuator] for name in ACTUATOR)
         gear = model.actuator_gear[actuator, 0]
         step = np.minimum((t / self._mechanism.step).astype(int), len(control) - 1 - self._settle)
         u = control[self._settle + step, actuator]

@@ -1,5 +1,6 @@
 """Compiled model of a mechanism: its joints with typical sizes, and its editable fields."""
 
+import copy
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Self
@@ -158,8 +159,11 @@ def tip(mechanism: Mechanism, body: int) -> Array:
     return np.array(max(places, key=lambda p: float(np.linalg.norm(p))))
 
 
-class ModelFields:
-    """Fields of one MuJoCo model, edited in place; `finish` writes edited options back."""
+class Fields:
+    """Arrays of a MuJoCo model by its names (`dof_damping`, `opt.gravity`), edited in place.
+
+    `finish` writes edited options back.
+    """
 
     def __init__(self, model: Any) -> None:
         self.model = model
@@ -180,20 +184,13 @@ class ModelFields:
             setattr(self.model.opt, name.removeprefix(OPTION), float(value))
 
 
-class BatchFields:
-    """Fields of simulation `i` of a MuJoCo batch, copied per simulation when first edited."""
-
-    def __init__(self, expand: Callable[[str], Array], i: int) -> None:
-        self._expand, self._i = expand, i
-
-    def __getitem__(self, name: str) -> Array:
-        """Array of the field called `name` for this simulation."""
-        found: Array = self._expand(name)[self._i, ...]
-        return found
-
-
-Fields = ModelFields | BatchFields
-"""Arrays of a model by MuJoCo's names (`dof_damping`, `opt.gravity`), to be edited in place."""
+def edited_model(model: Any, edit: Callable[[Fields], None]) -> Any:
+    """Copy of a MuJoCo model whose fields `edit` has changed."""
+    found = copy.copy(model)
+    fields = Fields(found)
+    edit(fields)
+    fields.finish()
+    return found
 
 
 def scale_gain(fields: Fields, actuator: int, factor: float) -> None:

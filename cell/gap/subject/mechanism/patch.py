@@ -1,6 +1,5 @@
 """Writes an accepted mechanism: effects that MJCF can express to its model, others to its file."""
 
-import copy
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
@@ -11,7 +10,7 @@ import mujoco
 import numpy as np
 
 from cell.gap.subject.mechanism.effects import effect_of, ordered_values
-from cell.gap.subject.mechanism.model import Mechanism, ModelFields
+from cell.gap.subject.mechanism.model import Fields, Mechanism, edited_model
 from cell.gap.subject.mechanism.read_mechanism import LIMITLESS, MechanismData
 from cell.gap.subject.subject import NamedValues
 from drivers.types import Array
@@ -55,15 +54,16 @@ def expressed_by_mjcf(
 def accepted_xml(opened: MechanismData, base: Mapping[str, float], effects: NamedValues) -> str:
     """MJCF text of the model with the refitted base and the effects that its fields can express."""
     m = opened.mechanism
-    edited = copy.copy(m.model)
-    fields = ModelFields(edited)
-    for b in opened.base:
-        b.put(fields, base[b.parameter.name])
-    for name, values in effects.items():
-        effect = effect_of(name)
-        if effect.by_fields(m) and effect.edit is not None:
-            effect.edit(m, ordered_values(effect, m, values), fields)
-    fields.finish()
+
+    def edit(fields: Fields) -> None:
+        for b in opened.base:
+            b.put(fields, base[b.parameter.name])
+        for name, values in effects.items():
+            effect = effect_of(name)
+            if effect.by_fields(m) and effect.edit is not None:
+                effect.edit(m, ordered_values(effect, m, values), fields)
+
+    edited = edited_model(m.model, edit)
     root = ET.fromstring(m.source.text)  # noqa: S314  checked when it was read
     if root.tag != "mujoco" or m.source.motors:  # else as its owner wrote it
         root = ET.fromstring(m.source.spec().to_xml())  # noqa: S314
