@@ -14,7 +14,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from cell.gap.subject.mechanism.model import Fields, add_point, tip
+from cell.gap.subject.mechanism.model import add_point, tip
 from cell.gap.subject.mechanism.model_source import read_source
 from drivers.errors import ConfigurationError
 from drivers.files import replace_file
@@ -79,7 +79,7 @@ Reading = Callable[[Columns, Rig, float, np.random.Generator], None]
 def _payload(rig: Rig, size: float, _: np.random.Generator) -> None:
     m, last = rig.model, int(np.max(rig.model.jnt_bodyid))
     mass = PAYLOAD * size * float(m.body_mass[m.body_weldid > 0].sum())
-    add_point(Fields(m), last, mass, tip(rig, last))  # type: ignore[arg-type]
+    add_point(m, last, mass, tip(rig, last))  # type: ignore[arg-type]
 
 
 def _tilt(rig: Rig, size: float, _: np.random.Generator) -> None:

@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from cell.gap.subject.mechanism.model import FORWARD, PRESCRIBED, Fields, Mechanism
+from cell.gap.subject.mechanism.model import FORWARD, PRESCRIBED, Mechanism
 from cell.gap.subject.subject import Candidate, Parameter
 from drivers.types import Array
 
@@ -59,7 +59,7 @@ class Effect:
     shape: Parameters = lambda _: ()
     keys: int = 0
     law: Callable[..., Array] | None = None
-    edit: Callable[[Mechanism, Array, Fields], None] | None = None
+    edit: Callable[[Mechanism, Array, Any], None] | None = None
     read: Callable[[Mechanism, Array, Readings], None] | None = None
     path: Callable[[Mechanism, Array, Array, Array, Array], Array] | None = None
     possible: Callable[[Mechanism], bool] = lambda _: True
@@ -160,12 +160,12 @@ def put_by_encoder(key: str) -> Callable[[Mechanism, Array, Readings], None]:
     return read
 
 
-def add_to(field: str) -> Callable[[Mechanism, Array, Fields], None]:
+def add_to(field: str) -> Callable[[Mechanism, Array, Any], None]:
     """Function that adds each joint's first value to a model's `field` at its degree of freedom."""
 
-    def edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
+    def edit(mechanism: Mechanism, values: Array, edited: Any) -> None:
         for joint, value in zip(mechanism.joints, values, strict=False):
-            fields[field].reshape(mechanism.model.nv, -1)[joint.dof, 0] += value
+            getattr(edited, field).reshape(mechanism.model.nv, -1)[joint.dof, 0] += value
 
     return edit
 

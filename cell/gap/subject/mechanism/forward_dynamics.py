@@ -14,7 +14,7 @@ from mujoco.batch import Batch, SimulationError
 from scipy.interpolate import CubicHermiteSpline
 
 from cell.gap.subject.mechanism.effects import describing_terms, effect_of, torques
-from cell.gap.subject.mechanism.model import Mechanism, edited_model
+from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.mechanism.model_source import Source, compile_model
 from cell.gap.subject.mechanism.read_mechanism import MechanismData, start_of
 from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal
@@ -103,7 +103,7 @@ class SplitModel:
 
     def model(self, case: Case, *, rigid: bool) -> Any:
         """MuJoCo model of a case with split joints, or a `rigid` twin with the same integrator."""
-        edited = edited_model(self._mechanism.model, case.edit)
+        edited = case.edited(self._mechanism.model)
         if rigid:
             edited.opt.integrator = self._model.opt.integrator
             mujoco.mj_setConst(edited, mujoco.MjData(edited))
@@ -238,7 +238,7 @@ class ForwardDynamics(MechanismSubject):
         span = max(float(c.content.cut.t[-1]) for c in cases)
         steps = int(np.ceil(span / step)) + 2
         control = np.array([self._control(c, steps) for c in cases])
-        models = [edited_model(self._mechanism.model, case.edit) for case in cases]
+        models = [case.edited(self._mechanism.model) for case in cases]
         for model in models:
             mujoco.mj_setConst(model, self._data)
         states = self._roll_out(models, cases, control)

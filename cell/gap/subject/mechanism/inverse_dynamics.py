@@ -17,7 +17,7 @@ from cell.gap.subject.mechanism.closed_loops import ClosedLoops, transmissions
 from cell.gap.subject.mechanism.effect import Readings
 from cell.gap.subject.mechanism.effects import torques
 from cell.gap.subject.mechanism.effects.friction import DRY_FRICTION, dry_law, dry_limit
-from cell.gap.subject.mechanism.model import Mechanism, edited_model
+from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.mechanism.motion import (
     Motion,
     cutoff_of,
@@ -182,7 +182,7 @@ class InverseDynamics(MechanismSubject):
 
     def _signals(self, case: Case) -> Array:
         """Signals (signals, k) of one case at its readings: torques, and trackings if compared."""
-        model = edited_model(self._model, case.edit)
+        model = case.edited(self._model)
         motion: Motion = case.content.motion
         q, v, a = true_motion(motion, case.readings, self._mechanism)
         inverse = self._inverse(motion, model, case.readings, q, v, a)

@@ -1,6 +1,5 @@
 """Compiled model of a mechanism: its joints with typical sizes, and its editable fields."""
 
-import copy
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Self
@@ -17,7 +16,6 @@ POSES = 24  # at which weights and inertias are taken
 LEAST_TORQUE = 1e-9  # N m, typical torque of a joint that neither weight nor motion loads
 TURN = 2.0 * np.pi  # rad
 LEAST_WEIGHT = 1e-12  # N m, weight by which a joint without gravity would swing
-OPTION = "opt."  # prefix of the names of fields that are options of a model
 SMOOTH = 0.02  # rad/s over which compiled dry friction changes sign in a simulation
 SMOOTHED = 0.02  # of a joint's typical rate: the same along measured motion
 Names = Sequence[str]
@@ -159,53 +157,19 @@ def tip(mechanism: Mechanism, body: int) -> Array:
     return np.array(max(places, key=lambda p: float(np.linalg.norm(p))))
 
 
-class Fields:
-    """Arrays of a MuJoCo model by its names (`dof_damping`, `opt.gravity`), edited in place.
-
-    `finish` writes edited options back.
-    """
-
-    def __init__(self, model: Any) -> None:
-        self.model = model
-        self._numbers: dict[str, Array] = {}
-
-    def __getitem__(self, name: str) -> Array:
-        """Array of the field called `name`, to be edited in place."""
-        if not name.startswith(OPTION):
-            return np.asarray(getattr(self.model, name))
-        value = getattr(self.model.opt, name.removeprefix(OPTION))
-        if isinstance(value, np.ndarray):
-            return value
-        return self._numbers.setdefault(name, np.array(float(value)))
-
-    def finish(self) -> None:
-        """Write edited scalar options into the model."""
-        for name, value in self._numbers.items():
-            setattr(self.model.opt, name.removeprefix(OPTION), float(value))
-
-
-def edited_model(model: Any, edit: Callable[[Fields], None]) -> Any:
-    """Copy of a MuJoCo model whose fields `edit` has changed."""
-    found = copy.copy(model)
-    fields = Fields(found)
-    edit(fields)
-    fields.finish()
-    return found
-
-
-def scale_gain(fields: Fields, actuator: int, factor: float) -> None:
+def scale_gain(edited: Any, actuator: int, factor: float) -> None:
     """Multiply gain and bias of actuator number `actuator` by a `factor`."""
-    fields["actuator_gainprm"][actuator, :3] *= factor
-    fields["actuator_biasprm"][actuator, :3] *= factor
+    edited.actuator_gainprm[actuator, :3] *= factor
+    edited.actuator_biasprm[actuator, :3] *= factor
 
 
-def add_point(fields: Fields, body: int, mass: float, place: Array) -> None:
+def add_point(edited: Any, body: int, mass: float, place: Array) -> None:
     """Add a point `mass` [kg] at `place` (3,) [m] in a body's frame to its mass and inertia."""
-    stated, com = float(fields["body_mass"][body]), np.array(fields["body_ipos"][body])
+    stated, com = float(edited.body_mass[body]), np.array(edited.body_ipos[body])
     rotation = np.zeros(9)
-    mujoco.mju_quat2Mat(rotation, np.array(fields["body_iquat"][body]))
+    mujoco.mju_quat2Mat(rotation, np.array(edited.body_iquat[body]))
     axes = rotation.reshape(3, 3)
-    inertia = axes @ np.diag(fields["body_inertia"][body]) @ axes.T
+    inertia = axes @ np.diag(edited.body_inertia[body]) @ axes.T
     offset = np.asarray(place) - com
     reduced = stated * mass / (stated + mass)  # parallel axes, about the common centre of mass
     inertia += reduced * (offset @ offset * np.eye(3) - np.outer(offset, offset))
@@ -214,10 +178,10 @@ def add_point(fields: Fields, body: int, mass: float, place: Array) -> None:
         vectors[:, 0] *= -1.0
     quat = np.zeros(4)
     mujoco.mju_mat2Quat(quat, vectors.ravel())
-    fields["body_mass"][body] = stated + mass
-    fields["body_ipos"][body] = com + offset * mass / (stated + mass)
-    fields["body_iquat"][body] = quat
-    fields["body_inertia"][body] = values
+    edited.body_mass[body] = stated + mass
+    edited.body_ipos[body] = com + offset * mass / (stated + mass)
+    edited.body_iquat[body] = quat
+    edited.body_inertia[body] = values
 
 
 def check_joints(model: Any, origin: str) -> None:

@@ -1,5 +1,6 @@
 """Writes an accepted mechanism: effects that MJCF can express to its model, others to its file."""
 
+import copy
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
@@ -10,7 +11,7 @@ import mujoco
 import numpy as np
 
 from cell.gap.subject.mechanism.effects import effect_of, ordered_values
-from cell.gap.subject.mechanism.model import Fields, Mechanism, edited_model
+from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.mechanism.read_mechanism import LIMITLESS, MechanismData
 from cell.gap.subject.subject import NamedValues
 from drivers.types import Array
@@ -54,16 +55,13 @@ def expressed_by_mjcf(
 def accepted_xml(opened: MechanismData, base: Mapping[str, float], effects: NamedValues) -> str:
     """MJCF text of the model with the refitted base and the effects that its fields can express."""
     m = opened.mechanism
-
-    def edit(fields: Fields) -> None:
-        for b in opened.base:
-            b.put(fields, base[b.parameter.name])
-        for name, values in effects.items():
-            effect = effect_of(name)
-            if effect.by_fields(m) and effect.edit is not None:
-                effect.edit(m, ordered_values(effect, m, values), fields)
-
-    edited = edited_model(m.model, edit)
+    edited = copy.copy(m.model)
+    for b in opened.base:
+        b.put(edited, base[b.parameter.name])
+    for name, values in effects.items():
+        effect = effect_of(name)
+        if effect.by_fields(m) and effect.edit is not None:
+            effect.edit(m, ordered_values(effect, m, values), edited)
     root = ET.fromstring(m.source.text)  # noqa: S314  checked when it was read
     if root.tag != "mujoco" or m.source.motors:  # else as its owner wrote it
         root = ET.fromstring(m.source.spec().to_xml())  # noqa: S314

@@ -17,7 +17,6 @@ from cell.gap.subject.mechanism.mechanism_file import (
 )
 from cell.gap.subject.mechanism.model import (
     MODES,
-    Fields,
     Joint,
     Mechanism,
     Mode,
@@ -67,7 +66,7 @@ class BaseParameter:
     """
 
     parameter: Parameter
-    put: Callable[[Fields, float], None]
+    put: Callable[[Any, float], None]
     field: str = ""
     owner: str = ""
     by_run: float | None = None
@@ -153,7 +152,7 @@ def _spread_width(spread: float | str, size: float) -> float:
 
 def _access(
     field: str, mechanism: Mechanism, i: int, axis: str
-) -> tuple[float, Callable[[Fields, float], None], float]:
+) -> tuple[float, Callable[[Any, float], None], float]:
     """Start value, setter and typical size, to which percentages refer, of owner `i`'s `field`."""
     model: Any = mechanism.model
     if field == "mass":
@@ -177,26 +176,24 @@ def _access(
     return start, setter_of(name, (at,)), start or size
 
 
-def setter_of(
-    field: str, at: tuple[Any, ...], sign: float = 1.0
-) -> Callable[[Fields, float], None]:
+def setter_of(field: str, at: tuple[Any, ...], sign: float = 1.0) -> Callable[[Any, float], None]:
     """Function that sets the place `at` of a model's `field` to a value times `sign`."""
 
-    def put(fields: Fields, value: float) -> None:
-        fields[field][at] = sign * value
+    def put(edited: Any, value: float) -> None:
+        getattr(edited, field)[at] = sign * value
 
     return put
 
 
-def _set_mass(fields: Fields, i: int, value: float) -> None:
+def _set_mass(edited: Any, i: int, value: float) -> None:
     """Set a body's mass [kg], and scale its inertia in proportion."""
-    _scale_inertia(fields, i, value / float(fields["body_mass"][i]))
-    fields["body_mass"][i] = value
+    _scale_inertia(edited, i, value / float(edited.body_mass[i]))
+    edited.body_mass[i] = value
 
 
-def _scale_inertia(fields: Fields, i: int, factor: float) -> None:
+def _scale_inertia(edited: Any, i: int, factor: float) -> None:
     """Multiply the inertia of body number `i` by a `factor`."""
-    fields["body_inertia"][i] *= factor
+    edited.body_inertia[i] *= factor
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,6 @@
 """Mechanism as a subject of the gap engine: measured signals compared with predicted ones."""
 
+import copy
 from abc import abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +18,7 @@ from cell.gap.subject.mechanism.effects import (
     group_by_effect,
     torques,
 )
-from cell.gap.subject.mechanism.model import Fields, add_point
+from cell.gap.subject.mechanism.model import add_point
 from cell.gap.subject.mechanism.patch import accepted_content, accepted_xml, expressed_by_mjcf
 from cell.gap.subject.mechanism.read_mechanism import (
     MechanismData,
@@ -88,11 +89,17 @@ class Case:
     """
 
     content: Content
-    edit: Callable[[Fields], None]
+    edit: Callable[[Any], None]
     readings: Readings
     paths: Sequence[tuple[Effect, Array]]
     start: tuple[Array, Array]
     motion: Hashable
+
+    def edited(self, model: Any) -> Any:
+        """Copy of a MuJoCo `model` as the case edits it."""
+        found = copy.copy(model)
+        self.edit(found)
+        return found
 
 
 class MechanismSubject(Subject):
@@ -230,26 +237,26 @@ class MechanismSubject(Subject):
         return start
 
     def _edit(self, load: Load | None, base: Array,
-              effects: Sequence[tuple[Effect, Array]], fields: Fields) -> None:  # fmt: skip
+              effects: Sequence[tuple[Effect, Array]], edited: Any) -> None:  # fmt: skip
         """Put values (k,) of the base, the run's load and effects into the fields of a model."""
         for b, value in zip(self.opened.base, base, strict=True):
-            b.put(fields, float(value))
+            b.put(edited, float(value))
         if load is not None:
             body = self._mechanism.model.body(load.body).id
-            add_point(fields, body, load.mass, np.array(load.com))
+            add_point(edited, body, load.mass, np.array(load.com))
         for effect, values in effects:
-            self._apply_effect(effect, values, fields)
+            self._apply_effect(effect, values, edited)
 
-    def _apply_effect(self, effect: Effect, values: Array, fields: Fields) -> None:
+    def _apply_effect(self, effect: Effect, values: Array, edited: Any) -> None:
         """Edit the fields by an effect, or write the values (k,) of its compiled law to them."""
         if not values.any():
             return
         m = self._mechanism
         if effect.edit is not None and (effect.law is None or effect.by_fields(m)):
-            effect.edit(m, values, fields)
+            effect.edit(m, values, edited)
         elif effect.law is not None:
             at, table = torques().at[effect.name], effect.table(m, values)
-            fields["jnt_user"][: table.shape[1], at : at + len(table)] = table.T
+            edited.jnt_user[: table.shape[1], at : at + len(table)] = table.T
 
     def draw_measured(self, run: Run) -> Scene:
         """Drawing of the measured signals of `run`."""

@@ -1,11 +1,12 @@
 """Effects on bodies: their mass and its place, the air, and gravity in a tilted frame."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from cell.gap.subject.mechanism.effect import Effect, add_to, per_joint, single_parameter
-from cell.gap.subject.mechanism.model import MODES, PLANAR, Fields, Mechanism, add_point, tip
+from cell.gap.subject.mechanism.model import MODES, PLANAR, Mechanism, add_point, tip
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
@@ -18,11 +19,11 @@ def _moving_bodies(mechanism: Mechanism) -> list[int]:
     return [i for i in range(1, model.nbody) if model.body_weldid[i] and model.body_mass[i] > 0.0]
 
 
-def _edit_inertia(mechanism: Mechanism, values: Array, fields: Fields) -> None:
+def _edit_inertia(mechanism: Mechanism, values: Array, edited: Any) -> None:
     """Scale mass and inertia of each moving body by 1 + its error."""
     for i, error in zip(_moving_bodies(mechanism), values, strict=True):
-        fields["body_mass"][i] *= 1.0 + error
-        fields["body_inertia"][i] *= 1.0 + error
+        edited.body_mass[i] *= 1.0 + error
+        edited.body_inertia[i] *= 1.0 + error
 
 
 def _com_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
@@ -31,20 +32,20 @@ def _com_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     return tuple(p for axis in "xyz" for p in single_parameter(axis, "m", size, signed=True))
 
 
-def _edit_com(mechanism: Mechanism, values: Array, fields: Fields) -> None:
-    fields["body_ipos"][mechanism.last_body] += values
+def _edit_com(mechanism: Mechanism, values: Array, edited: Any) -> None:
+    edited.body_ipos[mechanism.last_body] += values
 
 
-def _edit_drag(mechanism: Mechanism, values: Array, fields: Fields) -> None:
-    fields["opt.density"][...] += AIR * values[0]
+def _edit_drag(mechanism: Mechanism, values: Array, edited: Any) -> None:
+    edited.opt.density += AIR * values[0]
 
 
-def _lean(fields: Fields, x: float, y: float) -> None:
+def _lean(edited: Any, x: float, y: float) -> None:
     """Rotate the gravity of a model by `x` [rad] about x, then by `y` [rad] about y."""
-    gx, gy, gz = (float(g) for g in fields["opt.gravity"])
+    gx, gy, gz = (float(g) for g in edited.opt.gravity)
     gy, gz = gy * np.cos(x) - gz * np.sin(x), gy * np.sin(x) + gz * np.cos(x)
     gx, gz = gx * np.cos(y) + gz * np.sin(y), gz * np.cos(y) - gx * np.sin(y)
-    fields["opt.gravity"][:] = gx, gy, gz
+    edited.opt.gravity[:] = gx, gy, gz
 
 
 ARMATURE = Effect(
@@ -66,7 +67,7 @@ PAYLOAD = Effect(
     parameters=lambda m: single_parameter(
         "mass", "kg", 0.01 * max(m.model.body_mass[_moving_bodies(m)])
     ),
-    edit=lambda m, values, fields: add_point(fields, m.last_body, values[0], tip(m, m.last_body)),
+    edit=lambda m, values, edited: add_point(edited, m.last_body, values[0], tip(m, m.last_body)),
     revealed_by="the same motion at several speeds",
 )
 COM_ERROR = Effect(
@@ -97,7 +98,7 @@ BASE_TILT = Effect(
     parameters=lambda _: tuple(
         p for axis in "xy" for p in single_parameter(axis, "rad", 0.002, signed=True, high=150.0)
     ),
-    edit=lambda _, values, fields: _lean(fields, *map(float, values)),
+    edit=lambda _, values, edited: _lean(edited, *map(float, values)),
     revealed_by="hold still in several poses, with a level on the base",
 )
 FRAME_TILT = replace(
@@ -106,7 +107,7 @@ FRAME_TILT = replace(
     sentence="the frame stands tilted",
     source="rotation of gravity in the plane of motion",
     parameters=lambda _: single_parameter("angle", "rad", 0.002, signed=True, high=100.0),
-    edit=lambda _, values, fields: _lean(fields, 0.0, -float(values[0])),
+    edit=lambda _, values, edited: _lean(edited, 0.0, -float(values[0])),
     modes=(PLANAR.name,),
     revealed_by="let it hang still and read the angle",
 )

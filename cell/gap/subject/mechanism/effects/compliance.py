@@ -10,7 +10,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.signal import cont2discrete, lfilter
 
 from cell.gap.subject.mechanism.effect import Effect, per_joint, single_parameter
-from cell.gap.subject.mechanism.model import PLANAR, PRESCRIBED, Fields, Mechanism
+from cell.gap.subject.mechanism.model import PLANAR, PRESCRIBED, Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
@@ -24,16 +24,16 @@ def _spring_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
     return -p[at] * (q - p[at + 1])
 
 
-def _edit_spring(mechanism: Mechanism, values: Array, fields: Fields) -> None:
+def _edit_spring(mechanism: Mechanism, values: Array, edited: Any) -> None:
     """Add a spring in parallel to each joint's own, at their common position of rest."""
     table = CABLE_SPRING.table(mechanism, values)
     for i, joint in enumerate(mechanism.joints):
         added, rest = table[:, i]
         if added != 0.0:
-            own, own_rest = fields["jnt_stiffness"][i], fields["qpos_spring"][joint.qpos]
+            own, own_rest = edited.jnt_stiffness[i], edited.qpos_spring[joint.qpos]
             common_rest = (own * own_rest + added * rest) / (own + added)
-            fields["qpos_spring"][joint.qpos] = common_rest
-            fields["jnt_stiffness"][i] += added
+            edited.qpos_spring[joint.qpos] = common_rest
+            edited.jnt_stiffness[i] += added
 
 
 def _sway_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:

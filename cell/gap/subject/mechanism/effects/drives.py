@@ -11,17 +11,17 @@ from cell.gap.subject.mechanism.effect import (
     put_by_encoder,
     single_parameter,
 )
-from cell.gap.subject.mechanism.model import FORWARD, MODES, Fields, Mechanism, scale_gain
+from cell.gap.subject.mechanism.model import FORWARD, MODES, Mechanism, scale_gain
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
 ORDER = 6.0  # periods of a torque ripple in a turn, where nothing says otherwise
 
 
-def _edit_constant(mechanism: Mechanism, values: Array, fields: Fields) -> None:
+def _edit_constant(mechanism: Mechanism, values: Array, edited: Any) -> None:
     """Scale gain and bias of each motor by 1 + its error."""
     for joint, error in zip(mechanism.driven.joints, values, strict=True):
-        scale_gain(fields, joint.actuator, 1.0 + error)
+        scale_gain(edited, joint.actuator, 1.0 + error)
 
 
 def bias_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
@@ -53,13 +53,13 @@ def _saturation_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     )  # fmt: skip
 
 
-def _edit_saturation(mechanism: Mechanism, values: Array, fields: Fields) -> None:
+def _edit_saturation(mechanism: Mechanism, values: Array, edited: Any) -> None:
     """Narrow the force range of each motor to its largest torque."""
     for joint, inverse in zip(mechanism.driven.joints, values, strict=True):
         if inverse != 0.0:
             most = 1.0 / inverse
-            low, high = fields["actuator_forcerange"][joint.actuator]
-            fields["actuator_forcerange"][joint.actuator] = (max(low, -most), min(high, most))
+            low, high = edited.actuator_forcerange[joint.actuator]
+            edited.actuator_forcerange[joint.actuator] = (max(low, -most), min(high, most))
 
 
 TORQUE_CONSTANT = Effect(

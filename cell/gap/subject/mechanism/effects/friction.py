@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from cell.gap.subject.mechanism.effect import Effect, add_to, per_joint, single_parameter
-from cell.gap.subject.mechanism.model import FORWARD, MODES, PRESCRIBED, Fields, Mechanism
+from cell.gap.subject.mechanism.model import FORWARD, MODES, PRESCRIBED, Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.strip.rod.compiled import entry
 from drivers.types import Array
@@ -94,8 +94,8 @@ def _yielding(q: Array, stiffness: Array, most: Array) -> Array:
     return out
 
 
-def _edit_pairs(mechanism: Mechanism, values: Array, fields: Fields) -> None:
-    fields["pair_friction"][:, :2] += values[0]
+def _edit_pairs(mechanism: Mechanism, values: Array, edited: Any) -> None:
+    edited.pair_friction[:, :2] += values[0]
 
 
 DRY_FRICTION = Effect(
