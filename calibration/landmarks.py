@@ -17,7 +17,7 @@ from drivers.readers import LARGEST_SIDE, picture_sides
 from drivers.settings import Settings
 from drivers.types import Array, Frame, Image, Pose
 
-TIP_SIDE, DESK_SIDE = 96, 28  # px, picture_sides of the patches
+TIP_SIDE, DESK_SIDE = 96, 28  # px, sides of the patches
 SEARCH_RADIUS = 40  # px around a landmark's old position in which it is searched
 DESK_HEIGHTS = (0.010, 0.060)  # m, z over which the desk's edge is searched, above a lying strip
 DESK_RANGE, DESK_PATCHES = (0.05, 0.55), 7  # m, x over which patches of the desk's edge lie

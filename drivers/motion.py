@@ -176,24 +176,27 @@ class MotionProfile:
         self, target: Numbers, blocked: frozenset[int] = frozenset(), *, gently: bool = False
     ) -> None:
         """Plan to velocity `target` (3,), softly near it if `gently`; `blocked` axes brake hard."""
-        request, synchronization = self._request, ruckig.Synchronization
+        request = self._request
         request.control_interface = ruckig.ControlInterface.Velocity
-        request.target_velocity = [0.0 if i in blocked else rate for i, rate in enumerate(target)]
-        request.per_dof_synchronization = [
-            synchronization.No if i in blocked else synchronization.Phase for i in range(3)
-        ]
+        velocity = list(target)
+        synchronization = [ruckig.Synchronization.Phase] * len(velocity)
+        for axis in blocked:
+            velocity[axis] = 0.0
+            synchronization[axis] = ruckig.Synchronization.No
+        request.target_velocity = velocity
+        request.per_dof_synchronization = synchronization
         self._target = target
         self._blocked = blocked
         straight = any(target) and not blocked and not any(self._acceleration)
         change = [w - v for w, v in zip(target, self._velocity, strict=True)]
         _limit(request, self._limits, change if straight else _STILL)
         if gently:
-            request.max_acceleration = [
-                limit
-                if i in blocked
-                else min(limit, max(abs(change[i]) / CORRECTION_TIME, ACCELERATION_FLOOR * limit))
-                for i, limit in enumerate(request.max_acceleration)
-            ]
+            acceleration = list(request.max_acceleration)
+            for axis, limit in enumerate(acceleration):
+                if axis not in blocked:
+                    soft = max(abs(change[axis]) / CORRECTION_TIME, ACCELERATION_FLOOR * limit)
+                    acceleration[axis] = min(limit, soft)
+            request.max_acceleration = acceleration
         self._calculate(request, self._plan, self._state)
         self._elapsed = 0
 

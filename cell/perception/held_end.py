@@ -25,7 +25,7 @@ END_LENGTH = 0.04  # m at the profile's end from which it is extrapolated
 MOST_STEPS = 5.0  # times the last motion of the end, by which it is extrapolated
 UPRIGHT_HEIGHT = 0.1  # m of lift after which the end hangs upright
 LIFTS = (0.03, 0.045, 0.06, 0.08)  # m, heights at which a newly lifted end is searched
-FACE = (0.004, 0.011), (0.0, 0.003)  # m along and above the strip's end: pixels of the clip
+FACE = ((0.004, 0.011), (0.0, 0.003))  # m along and above the strip's end: pixels of the clip
 ALIKE = 4.0  # standard deviations: colour distance up to which a pixel belongs to the clip
 APART = 8.0  # standard deviations of a clip's colour from those of strip and desk, at least
 FRONT = 0.05  # quantile of the face along its axis at which its front lies
@@ -34,11 +34,12 @@ WINDOW = 0.08  # m about the end's last place in which the clip is searched
 SMALLEST, LARGEST = 0.3, 3.0  # allowed area of the face over that at rest
 SLENDER = 1.5  # length over height of the visible face, at least, for a known axis
 FINE = 0.00025  # m between samples along a line on which the strip's end is searched
-AROUND = 0.02, 0.03  # m of that line before and after the end of the profile
+AROUND = (0.02, 0.03)  # m of that line before and after the end of the profile
 ROWS = 5  # of the image in which it is searched
 BESIDE = 0.001  # m to either side, where a line may miss a clip's narrow mouth
 EDGE_ON = 0.002  # m, apparent width of a strip's face up to which it is seen edge on
-SURE, UNLIKE = 0.004, 4.0  # m of foreign colour that end the strip; colour distance of it [sigma]
+SURE = 0.004  # m of foreign colour that end the strip
+UNLIKE = 4.0  # standard deviations: colour distance from which a colour is foreign
 SEARCH_STEPS = (-0.03, -0.015, 0.015, 0.03)  # m about the expected end, where it is not found
 
 

@@ -32,15 +32,9 @@ class Cause(StrEnum):
     COMMAND = "arm_command", "this is an error of the cell; keep the record"
     LIBRARY = "arm_library", "keep the record; the library's own words are above"
     SILENT = "arm_silent", "check robot and network, then start again"
-    CELL_SILENT = (
-        "arm_cell_silent",
-        "find what held the cell up; the arm braked by itself",
-    )
+    CELL_SILENT = ("arm_cell_silent", "find what held the cell up; the arm braked by itself")
     REACH = "arm_out_of_reach", "stay nearer to the robot: see `cell fold --dry-run --arm fci`"
-    NOT_FINITE = (
-        "arm_pose_not_finite",
-        "keep the record and look for an update of the robot",
-    )
+    NOT_FINITE = ("arm_pose_not_finite", "keep the record and look for an update of the robot")
     LOST = "arm_driver_lost", "start again; the motion ended with the process"
     ENDED = "arm_driver_ended", "the arm braked by itself; start again"
     PLACE = "arm_out_of_place", "bring the arm into the strip's plane with `cell home`"

@@ -26,12 +26,16 @@ PATH_CHECKS = 200  # poses checked on a straight path: 5 mm apart at most in a w
 ARM_CLEARANCE = 0.03
 POSTURE_SPACING = 0.03  # rad at most between postures that are checked
 CLEARANCE_TOLERANCE = 1e-3  # m, allowed approach where a path starts or ends too near
-LEG_RISE, RISES = 0.05, (0.1, 0.2, 0.3)  # m of one upward leg, and total rises to try
+LEG_RISE = 0.05  # m of one upward leg
+RISES = (0.1, 0.2, 0.3)  # m in all, to try
 PATH_STEP = 0.005  # m
 JOINT_ROOM = 0.03  # rad from a joint's end
 
 # Of the cell, in its frame [m]. Desk and clamp are to be checked by hand on the first day.
-DESK_EDGE, CLAMP_LENGTH, CLAMP_HEIGHT, DESK_DEPTH, FLOOR_SIZE = 0.3, 0.08, 0.04, 1.0, 3.0
+DESK_EDGE = 0.3  # to either side of the strip's plane
+DESK_DEPTH = 1.0
+CLAMP_LENGTH, CLAMP_HEIGHT = 0.08, 0.04  # behind the strip's fixed edge, and above the desk
+FLOOR_SIZE = 3.0
 UNDER = 0.1  # m under the desk: published shapes of the wrist reach 9 cm below a hand lying flat
 
 

@@ -166,7 +166,8 @@ class FadingOffset:
         if self._age >= FADE_TICKS:
             return NO_OFFSET
         self._age += 1
-        share, duration = self._age / FADE_TICKS, FADE_TICKS * TICK
+        share = self._age / FADE_TICKS
+        duration = FADE_TICKS * TICK
         remaining = (1.0 - share) ** 3
         weights = (
             remaining * (1.0 + 3.0 * share + 6.0 * share**2),

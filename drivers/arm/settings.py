@@ -10,7 +10,8 @@ from drivers.settings import Settings
 RealTime = Literal["enforce", "priority", "ignore"]
 Force = Annotated[float, Field(gt=0, le=100)]
 PRESSED = 0.5  # of a thickness that calipers measured: the fingers press harder
-HEM_LAYERS, LOOSENESS = 2.0, 0.001  # of a hem; m by which a fabric is thicker than measured
+HEM_LAYERS = 2.0
+LOOSENESS = 0.001  # m by which a fabric is thicker than measured
 Length = Annotated[float, Field(ge=-0.5, le=0.5)]
 
 

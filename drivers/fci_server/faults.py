@@ -142,6 +142,7 @@ class Disturbance:
             self._apply(self._waiting.pop(0))
 
     def _apply(self, fault: Fault) -> None:
+        """Let `fault` begin."""
         robot = self._robot
         match fault:
             case ReflexFault():

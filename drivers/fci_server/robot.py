@@ -289,9 +289,7 @@ class EmulatedRobot:
 
 
 def resting_robot(
-    start: Array | None = None,
-    push: Push | None = None,
-    solids: Solids | None = None,
+    start: Array | None = None, push: Push | None = None, solids: Solids | None = None
 ) -> EmulatedRobot:
     """Emulated robot at rest with joints `start` (7,) [rad], by default in its home posture.
 

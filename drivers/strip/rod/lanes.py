@@ -65,6 +65,8 @@ def _operands(builder: Any, number: Any, args: Any) -> list[Any]:
 
 
 def _arithmetic(op: Any, instruction: str) -> None:
+    """Let `op` of lanes, or of lanes and a scalar, be compiled to LLVM's `instruction`."""
+
     @infer_global(op)
     class _Template(AbstractTemplate):  # type: ignore[misc]
         def generic(self, args: Any, kws: Any) -> Any:

@@ -23,7 +23,8 @@ from policies.sensing import IMAGE_SENSING, TRAINING
 from policies.strip_sampling import STRIP_LENGTH, random_strip
 
 ABSURD = 0.2  # m, to which displacements are clipped
-RATES, TRIAL_RATE = (45.0, 75.0), 60.0  # Hz, of the camera in training and in trials
+RATES = (45.0, 75.0)  # Hz, range of the camera's rates in training
+TRIAL_RATE = 60.0  # Hz
 INPUT_STRIDE = 4  # decisions between inputs that are kept
 LATEST = 5.8  # s after the first decision, until which rises are switched
 NEVER = 1_000_000  # decisions, more than any fold has
