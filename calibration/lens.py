@@ -121,6 +121,7 @@ def checked_lens(lens: Lens, origin: str) -> Lens:
     low, high = np.multiply(FOCAL, sides.max())
     size = f"{lens.width} x {lens.height} px"
     beyond = ~(np.abs(lens.distortion) <= DISTORTION)
+    square_pixels = np.array([[focal[0], 0.0, centre[0]], [0.0, focal[1], centre[1]], [0, 0, 1.0]])
     faults = (  # negated, so that NaN is refused too
         (sides.max() > LARGEST_SIDE,
          f"image_width, image_height: are {size}, at most {LARGEST_SIDE}"),
@@ -130,6 +131,8 @@ def checked_lens(lens: Lens, origin: str) -> Lens:
         (not ((centre >= -sides) & (centre <= 2.0 * sides)).all(),
          f"camera_matrix: the centre is u {centre[0]:g}, v {centre[1]:g} px, far outside of an "
          f"image of {size}"),
+        (not np.array_equal(lens.matrix, square_pixels),
+         "camera_matrix: has no skew and 0, 0, 1 in its last row"),
         (beyond.any(),
          f"distortion_coefficients: hold {lens.distortion[np.argmax(beyond)]:g}, allowed "
          f"-{DISTORTION:g} to {DISTORTION:g}"),
@@ -200,7 +203,8 @@ class CameraFile(Settings):
 
 
 OPENCV = "!!opencv-matrix"  # a tag of OpenCV's files, which no other reader of YAML knows
-NODE_NAMES = ("image_width", "image_height", "camera_matrix", "distortion_coefficients")
+SIZES = ("image_width", "image_height")
+MATRICES = ("camera_matrix", "distortion_coefficients")
 COEFFICIENTS = (4, 5)  # plumb bob, without and with k3
 # keys of OpenCV's files that give the coefficients another meaning, and values that do not
 MODEL_KEYS = {
@@ -242,18 +246,25 @@ def _read_opencv(path: Path, text: str) -> Lens:
     """Lens in an OpenCV file's `text`; ConfigurationError where it cannot be read."""
     try:
         store = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        missing = [name for name in NODE_NAMES if store.getNode(name).empty()]
+        missing = [name for name in (*SIZES, *MATRICES) if store.getNode(name).empty()]
         if missing:
             raise ConfigurationError(f"{path}: {missing[0]}: is missing; add it")
         _check_model(path, store)
-        width, height = (int(store.getNode(name).real()) for name in NODE_NAMES[:2])
-        matrix, distortion = (np.array(store.getNode(name).mat()) for name in NODE_NAMES[2:])
+        width, height = (_pixels(path, name, store.getNode(name)) for name in SIZES)
+        matrix, distortion = (np.array(store.getNode(name).mat()) for name in MATRICES)
         store.release()
     except (cv2.error, SystemError):  # OpenCV's parser raises the one inside of the other
         raise ConfigurationError(
             f"{path}: cannot be read as a file of OpenCV; write it with cv2.FileStorage"
         ) from None
     return _check_matrices(path, (width, height), matrix.astype(np.float64), distortion.ravel())
+
+
+def _pixels(path: Path, name: str, node: cv2.FileNode) -> int:
+    """Side [px] of the images that `node` states; ConfigurationError for no positive integer."""
+    if not node.isInt() or node.real() <= 0:
+        raise ConfigurationError(f"{path}: {name}: must be a positive whole number of pixels")
+    return int(node.real())
 
 
 def _check_model(path: Path, store: cv2.FileStorage) -> None:
@@ -280,6 +291,4 @@ def _check_matrices(path: Path, size: tuple[int, int], matrix: Array, distortion
             f"{path}: distortion_coefficients: are {len(distortion)} numbers, allowed are 4 or 5 "
             "(plumb bob); calibrate with this model"
         )
-    if min(size) <= 0:
-        raise ConfigurationError(f"{path}: image_width, image_height: must be positive")
     return checked_lens(Lens(*size, frozen(matrix), frozen([*distortion, 0.0][:5])), str(path))

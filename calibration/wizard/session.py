@@ -208,7 +208,10 @@ def restore(task: Task, folder: Path, session: Session, without: Collection[int]
 
 
 class StepsFile(Settings):
-    """Content of latency.json: `arm` [[t, x, z]] and `seen` [[t, u, v]] during the arm's steps."""
+    """Content of latency.json, recorded during the arm's steps.
+
+    `arm` has rows t [s], x, z [m] of the gripper, `seen` rows t [s], u, v [px] of the pointer.
+    """
 
     model_config = ConfigDict(extra="ignore")  # a program writes it
 

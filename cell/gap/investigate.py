@@ -130,9 +130,10 @@ class Investigation:
         return Models(base_fit, screen, replace(fits, library=screen.library))
 
     def judge_base(self, coarse: Evidence, start: Point, scatter: Sequence[Spread]) -> BaseFit:
-        """Fit the model without effects to the runs `coarse` by the fine simulation, from `start`.
+        """Fit the model without effects to `coarse` runs, corrected for the coarse simulation.
 
-        Its residuals are tested against noise, repeats and priors; `scatter` is passed on.
+        The fit begins at `start`; its residuals are tested against noise, repeats and priors.
+        `scatter` stands in the result as it is.
         """
         model = Model(self.subject.scope.base)
         base = refit_fine(self.subject, self.simulate, model, coarse, start)

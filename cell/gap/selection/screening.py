@@ -255,7 +255,7 @@ def _gain_bounds(form: NormalEquations, groups: Sequence[Columns]) -> Array:
 
 
 def _inverse(matrix: Array) -> Array:
-    """Inverse of a small symmetric matrix; of one number, its reciprocal."""
+    """Pseudo-inverse of a small symmetric matrix; of one number its reciprocal, at most 1e300."""
     if matrix.shape == (1, 1):
         return np.asarray(1.0 / np.maximum(matrix, 1e-300))
     return np.asarray(np.linalg.pinv(matrix, rcond=1e-10, hermitian=True))
