@@ -45,7 +45,7 @@ def strip_at(u: float, v: float) -> StripFile:
 
 
 def grid(n: int) -> list[StripFile]:
-    """Strips of the paper's range on an n x n logarithmic grid, ordered by stiffness first."""
+    """Strips of the paper's range on an n x n logarithmic grid of stiffness, then damping."""
     places = np.linspace(0.0, 1.0, n)
     return [strip_at(u, v) for u in places for v in places]
 

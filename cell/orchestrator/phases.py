@@ -162,10 +162,10 @@ class Swing:
         self.moved = self._travel() if enough else float("nan")
 
     def _travel(self) -> float:
-        """Largest distance [m] of the profile's running mean from its mean over all images."""
+        """Largest distance [m] of the profile's running mean from its mean over the kept images."""
         means = np.array([mean for _, mean in self._means])
-        smooth = moving_average(means, AVERAGED_IMAGES)
-        return float(np.hypot(*(smooth - means.mean(axis=0)).T).max())
+        offsets = moving_average(means, AVERAGED_IMAGES) - means.mean(axis=0)
+        return float(np.linalg.norm(offsets, axis=1).max())
 
 
 def fold(context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase:

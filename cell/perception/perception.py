@@ -29,6 +29,7 @@ from drivers.strip.shape import Gap, fold_tip, layer_gap
 from drivers.types import Array, Frame, Image, Pose
 
 HAND_DEPTH = 0.015  # m around the hand's front in which its side may be visible
+TANGENT_STEP = 0.01  # m between two points that show a direction in the image
 FEWEST_POINTS = 8  # of the lifted midline, from which it is a profile
 
 
@@ -177,13 +178,23 @@ class Perception:
 
     def _side_ends(self, contact: Contact, gripper: Pose, region: Region) -> tuple[Array, Grip]:
         """Ends of the outer side in the window: pixel (2,) of the desk contact, and the grip."""
-        approach = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
-        edge = np.array([gripper.x, gripper.z])
-        view = self._calibration.viewpoint
-        if (edge - view.foot()) @ (approach[1], -approach[0]) < 0:  # its outer side is the far edge
-            edge += view.sweep(self._strip.width) * (view.foot() - edge)
-        plane = np.array([(contact.x, 0.0), edge, edge + 0.01 * approach])
+        tangent = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
+        edge = self._outer_edge(gripper, tangent)
+        plane = np.array([(contact.x, 0.0), edge, edge + TANGENT_STEP * tangent])
         start, point, behind = self._calibration.to_image(plane) - region.origin
         direction = (behind - point) / np.hypot(*(behind - point))
         clearance = self._settings.gripper_clearance / self._sizes.scale
         return start, Grip(point, direction, clearance, self._sizes.aside)
+
+    def _outer_edge(self, gripper: Pose, tangent: Array) -> Array:
+        """Place (2,) [m] at the gripper of the strip's edge that its outer side shows.
+
+        It is the far edge where the strip, of direction `tangent` (2,), turns its face to the
+        camera.
+        """
+        edge = np.array([gripper.x, gripper.z])
+        view = self._calibration.viewpoint
+        normal = np.array([tangent[1], -tangent[0]])
+        if (edge - view.foot()) @ normal < 0:
+            return np.asarray(edge + view.sweep(self._strip.width) * (view.foot() - edge))
+        return edge

@@ -110,7 +110,10 @@ class RunWriter:
             write_all(self._events, json_line({"t": t, "kind": kind, **facts}))
 
     def joints(self, rows: Array, origin: float) -> None:
-        """Write a robot's joints at each of its ticks, `rows` (n, 29), t = 0 at `origin` [s]."""
+        """Write a robot's joints at each of its ticks, `rows` (n, 29), t = 0 at `origin` [s].
+
+        Columns are t [s], then q, dq, q_d, tau_J of seven joints [rad, rad/s, rad, N m].
+        """
         with self._recording():
             tables.write_parquet(self.folder / JOINTS, tables.joint_table(rows, origin))
 

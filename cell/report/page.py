@@ -87,7 +87,7 @@ def report(run: Run) -> str:
         checks=checks(run),
         events=listed_events(run),
         files=[(Link(n, n), what) for n, what in FILES if (run.folder / n).is_file()],
-        facts=settings_rows(run),
+        facts=[(key, setting_text(key, value)) for key, value in stated_settings(run)],
         **_figures(run),
     )
 
@@ -170,12 +170,15 @@ def _result_rows(result: Result, noticed: float | None) -> Rows:
     return rows
 
 
-def settings_rows(run: Run) -> Rows:
-    """Table rows (key, text) of what run.yaml states: keys joined by dots, no empty values."""
+def stated_settings(run: Run) -> list[tuple[str, Any]]:
+    """Pairs (key, value) of what run.yaml states: keys joined by dots, no empty values."""
     content = run.header.model_dump(by_alias=True, exclude_none=True, exclude_unset=True)
-    rows = [(key, setting_text(key, value)) for key, value in flatten(content)]
-    unlearned = {"0", "None"}  # values of a fold that nothing was corrected in
-    return [(k, v) for k, v in rows if v and not (k.startswith("learning.") and v in unlearned)]
+    unlearned = (0, None)  # values of a fold that nothing was corrected in
+    return [
+        (key, value)
+        for key, value in flatten(content)
+        if value not in ("", []) and not (key.startswith("learning.") and value in unlearned)
+    ]
 
 
 def checks(run: Run) -> list[tuple[str, str, str]]:
@@ -266,12 +269,15 @@ def flatten(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str,
 
 
 def setting_text(key: str, value: Any) -> str:
-    """Text of the setting `key`: lengths in mm, effects with their unit, long lists by length."""
+    """Text of the setting `key`: known lengths in mm, effects with their unit, long lists counted.
+
+    Values of any type have one: run.yaml may be damaged.
+    """
     *groups, name = key.split(".")
-    if groups[-2:-1] == ["effects"] and groups[-1] in registry():
-        parameters = registry()[groups[-1]].parameters
-        units = {p.name: p.unit for p in parameters if p.unit != "1"}
-        return f"{value:g} {units.get(name, '')}".strip()
+    match groups:
+        case [*_, "effects", effect] if effect in registry() and isinstance(value, int | float):
+            units = {p.name: p.unit for p in registry()[effect].parameters if p.unit != "1"}
+            return f"{value:g} {units.get(name, '')}".strip()
     if key.startswith("sigma.") and name not in SIGNAL_UNITS and isinstance(value, float):
         return millimetres(value)
     if isinstance(value, list | tuple):

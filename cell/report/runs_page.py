@@ -15,7 +15,7 @@ from cell.record.listing import RunRow, read_row
 from cell.record.run import Run, read_broken_run
 from cell.report.drawing import MUTED, as_svg, canvas
 from cell.report.html import Link, jpeg_text, page
-from cell.report.page import film_of, flatten, setting_text, settings_rows, truth_of
+from cell.report.page import film_of, flatten, setting_text, stated_settings, truth_of
 from cell.report.page_verdict import PageVerdict
 from cell.report.words import NO_VALUE, millimetres, plural, seconds
 from drivers.errors import ConfigurationError
@@ -162,18 +162,23 @@ def _differences(runs: Sequence[Run], truths: Sequence[Mapping[str, Any]]) -> li
     settings = []
     for run, truth in zip(runs, truths, strict=True):
         contents = {"cell": run.header.config or {}, "plant": truth.get("plant", {})}
-        texts = {key: setting_text(key, value) for key, value in flatten(contents)}
-        settings.append(dict(settings_rows(run)) | texts)
+        settings.append(dict(stated_settings(run)) | dict(flatten(contents)))
     parts = [{key.partition(".")[0] for key in each} for each in settings]
     shared = set.intersection(*parts)  # a run of others states no cell, policy or versions
     known = dict.fromkeys(key for each in settings for key in each if key not in PER_RUN_KEYS)
     keys = [key for key in known if key.partition(".")[0] in shared]
     rows = [
-        (re.sub(r"\beffects\.|[._]", " ", key), *(s.get(key, NO_VALUE) for s in settings))
+        (re.sub(r"\beffects\.|[._]", " ", key), *_distinct_texts(key, settings))
         for key in keys
+        if any(each.get(key) != settings[0].get(key) for each in settings)
     ]
-    heading = ("setting", *(_short_name(run) for run in runs))
-    return [heading, *(row for row in rows if len(set(row[1:])) > 1)]
+    return [("setting", *(_short_name(run) for run in runs)), *rows]
+
+
+def _distinct_texts(key: str, settings: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Texts of the setting `key` in each run; unrounded where rounded ones would be equal."""
+    texts = [setting_text(key, each[key]) if key in each else NO_VALUE for each in settings]
+    return texts if len(set(texts)) > 1 else [str(each.get(key)) for each in settings]
 
 
 def _shapes(runs: Sequence[Run]) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from math import inf
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
@@ -18,14 +19,11 @@ from drivers.types import frozen
 
 
 def describe(strip: StripFile, cell_effects: Effects | None = None, index: int = 0) -> StripModel:
-    """Build the physical model of `strip` with its effects and `cell_effects` of the cell.
+    """Build the physical model of `strip` with its effects and, over these, `cell_effects`.
 
     `index` is the number of runs that this specimen has already been through.
     """
-    effects = {**strip.effects, **(cell_effects or {})}
-    # Text, because the inputs hold dicts, which have no hash; and repr keeps -0.0 and 0.0 apart.
-    key = f"{strip!r} {sorted(effects.items())!r} {index}"
-    return _build_model(_Inputs(key, strip, effects, index))
+    return _build_model(_Inputs.of(strip, {**strip.effects, **(cell_effects or {})}, index))
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +34,11 @@ class _Inputs:
     strip: StripFile = field(compare=False)
     effects: Effects = field(compare=False)
     index: int = field(compare=False)
+
+    @classmethod
+    def of(cls, strip: StripFile, effects: Effects, index: int) -> Self:
+        """Inputs with their text as key: dicts have no hash, and repr keeps -0.0 and 0.0 apart."""
+        return cls(f"{strip!r} {sorted(effects.items())!r} {index}", strip, effects, index)
 
 
 @lru_cache(maxsize=16)

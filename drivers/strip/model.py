@@ -118,9 +118,9 @@ class Mechanics:
 
     def total(self, values: Array, edges: Array) -> Array:
         """Integral (n,) of a per-cell field (CELLS,) over the spans of `edges` (n + 1,) [m]."""
-        cells = np.linspace(0.0, self.length, len(values) + 1)
-        integral = np.concatenate([[0.0], np.cumsum(values) * (self.length / len(values))])
-        return np.diff(np.interp(edges, cells, integral))
+        borders = np.linspace(0.0, self.length, len(values) + 1)
+        up_to_border = np.concatenate([[0.0], np.cumsum(values) * (self.length / len(values))])
+        return np.diff(np.interp(edges, borders, up_to_border))
 
     def mean(self, values: Array, edges: Array) -> Array:
         """Mean (n,) of a per-cell field (CELLS,) over the spans between `edges` (n + 1,) [m]."""

@@ -190,14 +190,17 @@ class ResidualTest:
         return {place: some for place, some in rows.items() if len(some) >= FEWEST_SAMPLES}
 
     def misfit(self) -> float:
-        """p-value of the largest mean square residual over channels and conditions."""
-        r = robust.clip_residuals(self.estimate.stacked_residuals / self.allowed)
+        """p-value of the largest mean square residual over channels and conditions.
+
+        Mean squares are standardised by those of the noise draws.
+        """
+        clipped = robust.clip_residuals(self.estimate.stacked_residuals / self.allowed)
         places = (place for run in self.estimate.evidence.runs for place in _places(run))
         rows = _rows_by((channel, condition) for channel, _, _, condition in places).values()
-        observed = np.array([np.mean(r[i] ** 2) for i in rows])
+        observed = np.array([np.mean(clipped[i] ** 2) for i in rows])
         drawn = np.array([np.mean(self.noise[i] ** 2, axis=0) for i in rows])
-        null = _standardise(drawn.T, drawn).max(axis=1)
-        return _tail(null, float(_standardise(observed, drawn).max()))
+        largest_drawn = _standardise(drawn.T, drawn).max(axis=1)
+        return _tail(largest_drawn, float(_standardise(observed, drawn).max()))
 
     def test_bins(self) -> list[Bin]:
         """Test each bin for residuals beyond noise; returns all bins, the strongest first.

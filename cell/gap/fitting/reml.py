@@ -297,7 +297,7 @@ def with_unknowns(estimate: Estimate, complete: Evidence) -> tuple[Evidence, Poi
 def estimate_spreads(
     simulate: Simulate, estimate: Estimate, complete: Evidence
 ) -> tuple[Spread, ...]:
-    """REML estimates of the spreads of all random unknowns of `complete`, near `estimate`.
+    """REML estimates of the spreads of all random unknowns of the runs `complete`, near `estimate`.
 
     The estimate may hold some of the unknowns only: it is refitted with all of them first, so that
     its residuals are noise.

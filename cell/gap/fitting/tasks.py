@@ -63,6 +63,6 @@ class CountedSimulation:
         self.total = 0
 
     def __call__(self, requests: Sequence[Request]) -> Sequence[Residuals]:
-        """Residuals of `requests`, as `simulate` answers them."""
+        """Simulate `requests`, add their number to `total`, and return their residuals in order."""
         self.total += len(requests)
         return self._simulate(requests)

@@ -275,13 +275,16 @@ def _scatter_table(findings: Findings) -> list[tuple[str, ...]] | None:
 
 
 def _experiments_table(verdict: Verdict) -> list[tuple[str, ...]] | None:
-    """Rows (run, models that it separates, by how many sigma, minutes); None where decided."""
+    """Rows (run, models that it separates, by how many sigma, minutes); None where decided.
+
+    Empty where no run would separate them.
+    """
     if verdict.verdict in ("named", "no_gap") and not verdict.ambiguous:
         return None
     return [
-        (a.experiment, f"{a.separates[0]} from {a.separates[1]}",
-         f"{a.expected_sigma:.1f}", f"{a.minutes:.1f}")
-        for a in verdict.advice[:LISTED_EXPERIMENTS]
+        (advised.experiment, " from ".join(advised.separates),
+         f"{advised.expected_sigma:.1f}", f"{advised.minutes:.1f}")
+        for advised in verdict.advice[:LISTED_EXPERIMENTS]
     ]  # fmt: skip
 
 

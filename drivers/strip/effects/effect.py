@@ -109,15 +109,18 @@ class Effect:
     looks_like: frozenset[str] = frozenset()
 
     def sizes(self, strip: StripFile) -> tuple[float, ...]:
-        """Typical values of the effect's first parameter for `strip`, clipped to its range."""
-        switch = self.parameters[0]
+        """Typical values of the effect's first parameter for `strip`, the weakest effect first.
+
+        They are clipped to its range; where none are stated, ASSUMED_SIZES of its upper end.
+        """
+        first = self.parameters[0]
         if self.typical is not None:
-            sizes = self.typical(strip)
+            typical = self.typical(strip)
         else:
-            sizes = tuple(share * switch.high for share in ASSUMED_SIZES)
-            if switch.null is None:  # a limit, such as a friction: the smaller, the stronger
-                sizes = sizes[::-1]
-        return tuple(float(np.clip(size, switch.low, switch.high)) for size in sizes)
+            typical = tuple(share * first.high for share in ASSUMED_SIZES)
+            if first.null is None:  # a limit, such as a friction: the smaller, the stronger
+                typical = typical[::-1]
+        return tuple(float(np.clip(size, first.low, first.high)) for size in typical)
 
     def complete(self, values: Mapping[str, float]) -> dict[str, float]:
         """Copy of `values` with the defaults of all parameters that it lacks."""

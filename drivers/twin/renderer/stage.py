@@ -15,6 +15,8 @@ from drivers.types import Array, Image
 Field = NDArray[np.float32]
 BACKDROP_DISTANCE = 1.2  # m behind the near edge
 CLAMP = (-0.030, -0.001, 0.008)  # m: from x, to x, height of the bar that holds the fixed edge
+CLAMP_FRONT, CLAMP_BACK = -0.004, 0.02  # m: its front's depth, and how far it is behind the strip
+CLAMP_SHADES = (1.1, 0.72)  # brightness of its top and of its front
 SIDE_BRIGHTNESS = 0.82  # brightness of a box's sides over that of its front
 THING_TEXTURE = 0.05  # variation of a thing's brightness, a share
 CABLE_PIECES = 24  # straight pieces between two points of a cable
@@ -53,7 +55,7 @@ def stage(
     _cover(canvas, bgr(around.panel).astype(np.float32) * np.ones_like(canvas), front)
     np.minimum(canvas * light(settings)[..., None] + 0.5, 255, out=canvas)
     image = canvas.astype(np.uint8)
-    _clamp(image, settings, optics, look)
+    _draw_clamp(image, settings, optics, look)
     return image
 
 
@@ -114,17 +116,18 @@ def _desk(
     return np.asarray(colour * shade[..., None], dtype=np.float32)
 
 
-def _clamp(image: Image, settings: CameraSettings, optics: Optics, look: StripLook) -> None:
+def _draw_clamp(image: Image, settings: CameraSettings, optics: Optics, look: StripLook) -> None:
     """Draw the bar that clamps the fixed edge, beyond the strip's end, into `image`."""
     left, right, height = CLAMP
+    top_shade, front_shade = CLAMP_SHADES
     floor = -look.thickness / 2
     colour = bgr(settings.surroundings.clamp) * settings.gain
     corners = np.array([(left, floor), (right, floor), (right, height), (left, height)])
-    back = optics.plane(corners[2:], look.width + 0.02)
-    front = optics.plane(corners, -0.004)
+    back = optics.plane(corners[2:], look.width + CLAMP_BACK)
+    front = optics.plane(corners, CLAMP_FRONT)
     hull = cv2.convexHull(np.concatenate([front, back]).astype(np.float32))[:, 0]
-    fill(image, hull, colour * 1.1)
-    fill(image, front, colour * 0.72)
+    fill(image, hull, colour * top_shade)
+    fill(image, front, colour * front_shade)
 
 
 def fill(image: Image, outline: Array, colour: Array) -> None:

@@ -81,22 +81,25 @@ class CriticTraining:
 
     def _fit(self, turn: int) -> Critic:
         """Critic of round `turn`: the one in the folder, else fitted to all shards so far."""
-        path = self.folder / f"critic-{turn}.npz"
+        path = self._critic_path(turn)
         if path.exists():
             return load_critic(path)
         stored = [(t, n) for t in range(turn + 1) for n in range(self.settings.pieces[t])]
         data = concatenate([self._load(t, n) for t, n in stored])
         seed, epochs = self.settings.seed, self.settings.epochs[turn]
         save_critic(path, fit(data, self.settings, epochs, seed, self._critic), {"round": turn})
-        return load_critic(path)
+        return load_critic(path)  # as stored in float32, so that a resumed training is equal
 
     def _finish(self) -> None:
         """Set the critic's sigmas by the trials and save the weights."""
         shards = [self._load(self.settings.rounds, n) for n in range(self.settings.trials)]
-        last = load_critic(self.folder / f"critic-{self.settings.rounds - 1}.npz")
+        last = load_critic(self._critic_path(self.settings.rounds - 1))
         self._calibrated, self.trial = calibrate_sigmas(last, concatenate(shards))
         facts = {"settings": self.settings.model_dump(mode="json"), "trial": asdict(self.trial)}
         save_critic(self.checkpoint, self._calibrated, {"training": facts})
+
+    def _critic_path(self, turn: int) -> FilePath:
+        return self.folder / f"critic-{turn}.npz"
 
     def _path(self, turn: int, number: int) -> FilePath:
         return self.folder / f"piece-{turn}-{number:02d}.npz"

@@ -337,7 +337,10 @@ def _with_noise(signal: Signal, spec: SignalSpec, recordings: Sequence[Recording
 
 
 def _missing_motors(file: MechanismFile, model: Any) -> tuple[str, ...]:
-    """Joints without a motor that the file speaks of as driven, as those of a URDF."""
+    """Joints without an actuator to which the file gives a torque signal or a motor input.
+
+    A URDF has no actuators.
+    """
     bare = {model.joint(i).name for i in range(model.njnt) if actuator_on(model, i) < 0}
     taken = {model.actuator(i).name for i in range(model.nu)}
     asked = [s.joint or s.actuator or "" for s in file.signals.values() if s.is_ == "torque"]

@@ -155,14 +155,14 @@ class MeasuredRun:
 
 
 def read_runs(folders: Sequence[RunFolder], strip: StripFile) -> list[MeasuredRun]:
-    """Measured folds in `folders` of runs, sorted as they were taken; some may not be `usable`.
+    """Measured folds in `folders` (one or more), sorted as they were taken; some not `usable`.
 
     Raises ConfigurationError, in one line, for input that is broken or too little.
     """
-    read = [(folder, *read_fold(folder.path, folder.name, strip)) for folder in folders]
-    used = [(folder, header) for folder, header, run in read if run.usable]
-    _check_indices([folder for folder, _ in used], [header for _, header in used])
-    runs = [run for _, _, run in read]
+    folds = [read_fold(folder.path, folder.name, strip) for folder in folders]
+    runs = [run for _, run in folds]
+    usable = [i for i, run in enumerate(runs) if run.usable]
+    _check_indices([folders[i] for i in usable], [folds[i][0] for i in usable])
     _check_enough(runs, folders[0].path.parent)
     return sorted(runs, key=lambda run: (run.index, run.name))
 

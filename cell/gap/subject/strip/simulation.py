@@ -50,7 +50,7 @@ class Hashed(Generic[T]):
 
 
 def hashed_path(path: GripperPath) -> Hashed[GripperPath]:
-    """`path` with the hash of its rows and start."""
+    """`path` with a digest of its times, its poses, and whether it starts hanging."""
     h = hashlib.blake2b(bytes([path.hanging]), digest_size=16)
     for array in (path.t, path.poses):
         h.update(np.ascontiguousarray(array).data)
