@@ -168,14 +168,14 @@ def _differences(runs: Sequence[Run], truths: Sequence[Mapping[str, Any]]) -> li
     known = dict.fromkeys(key for each in settings for key in each if key not in PER_RUN_KEYS)
     keys = [key for key in known if key.partition(".")[0] in shared]
     rows = [
-        (re.sub(r"\beffects\.|[._]", " ", key), *_distinct_texts(key, settings))
+        (re.sub(r"\beffects\.|[._]", " ", key), *distinct_texts(key, settings))
         for key in keys
         if any(each.get(key) != settings[0].get(key) for each in settings)
     ]
     return [("setting", *(_short_name(run) for run in runs)), *rows]
 
 
-def _distinct_texts(key: str, settings: Sequence[Mapping[str, Any]]) -> list[str]:
+def distinct_texts(key: str, settings: Sequence[Mapping[str, Any]]) -> list[str]:
     """Texts of the setting `key` in each run; unrounded where rounded ones would be equal."""
     texts = [setting_text(key, each[key]) if key in each else NO_VALUE for each in settings]
     return texts if len(set(texts)) > 1 else [str(each.get(key)) for each in settings]

@@ -13,7 +13,8 @@ from typer.testing import CliRunner
 from cell.cli.app import app
 from cell.record.documents import annotate
 from cell.record.listing import list_runs, read_row
-from cell.report.page import write_report
+from cell.report.page import setting_text, write_report
+from cell.report.runs_page import distinct_texts
 from drivers.errors import ConfigurationError
 
 
@@ -101,3 +102,10 @@ def test_four_tags_at_once_are_all_kept(three: list[Path]) -> None:
     with ThreadPoolExecutor(4) as pool:
         list(pool.map(lambda tag: annotate(three[0], [tag]), "abcd"))
     assert read_row(three[0]).tags == "a b c d"
+
+
+def test_effects_of_any_text_and_differences_beyond_the_shown_digits_are_stated() -> None:
+    key = "strip_file.effects.seam.factor"
+    assert [setting_text(key, value) for value in (2.0, "abc", [1, 2])] == ["2", "abc", "1, 2"]
+    densities = [{"areal_density": 0.3512}, {"areal_density": 0.3508}]
+    assert distinct_texts("areal_density", densities) == ["0.3512", "0.3508"]
