@@ -13,7 +13,6 @@ from drivers.types import frozen
 
 MATRIX = frozen([[3400.0, 0, 645.0], [0, 3400.0, 355.0], [0, 0, 1]])
 LENS = Lens(1280, 720, MATRIX, frozen([-0.18, 0.1, 0.001, -0.002, 0.0]))
-SKEW = np.array([[0.0, 0.1, 0], [0, 0, 0], [0, 0, 0]])
 OFF_CENTRE = np.array([[0.0, 0, 0], [0, 0, 5000.0], [0, 0, 0]])
 
 
@@ -74,8 +73,7 @@ def test_old_and_new_headers_of_opencv_are_read(tmp_path: Path, header: str) -> 
         ("image_width", 0, "image_width: must be a positive whole number of pixels"),
         ("image_height", 640.7, "image_height: must be a positive whole number of pixels"),
         ("image_width", np.inf, "image_width: must be a positive whole number of pixels"),
-        ("image_width", "abc", "image_width: must be a positive whole number of pixels"),
-        ("camera_matrix", np.array(MATRIX) + SKEW, "has no skew"),
+        ("camera_matrix", np.array(MATRIX) + np.eye(3, k=1), "has no skew"),
         ("camera_matrix", np.eye(2), "camera_matrix: must be 3 x 3 numbers"),
         ("camera_matrix", np.diag([40.0, 40.0, 1.0]), "focal lengths are 40 and 40 px"),
         ("camera_matrix", np.array(MATRIX) + OFF_CENTRE, "the centre is u 645, v 5355 px"),
