@@ -24,7 +24,7 @@ def verdict(kind: str, *names: str, ambiguous: Any = ()) -> Verdict:
         ("one effect", ["a"], verdict("ambiguous", ambiguous=[["a", "b"]]), True, False, True),
         ("one effect", ["a"], verdict("named", "a", "b"), False, True, False),
         ("one effect", ["a"], verdict("no_gap"), False, False, False),
-        ("one effect", ["a"], verdict("no_gap"), True, False, None),
+        ("one effect", ["a"], verdict("no_gap"), False, False, None),
         ("two effects", ["a", "b"], verdict("named", "a", ambiguous=[["b"]]), True, False, None),
         ("outside", ["x"], verdict("unexplained", ambiguous=[["a", "b"]]), True, False, None),
         ("outside", ["x"], verdict("ambiguous", ambiguous=[["a", "b"]]), False, True, None),
