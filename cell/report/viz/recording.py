@@ -75,7 +75,8 @@ def viz_from_run(folder: Path) -> Path:
     stated = run.header.strip_file
     strip = None if stated is None else parse(stated, StripFile, f"{folder / RUN}: strip_file")
     try:
-        with replacing(path) as scratch, open_recording(folder, scratch.name) as recording:
+        layout = blueprint(filmed=(folder / FILM).is_file())
+        with replacing(path) as scratch, open_recording("cell", scratch, layout) as recording:
             screen = Screen(recording, run.calibration(), strip)
             for item in moments_of(run):
                 screen.draw(item)
@@ -91,37 +92,23 @@ def viz_from_run(folder: Path) -> Path:
 
 @contextmanager
 def open_recording(
-    folder: Path,
-    name: str = RECORDING,
-    *,
-    live: bool = False,
+    application: str, path: Path, layout: rrb.Blueprint, *, live: bool = False
 ) -> Iterator[rr.RecordingStream]:
-    """Open a Rerun recording of a run in the file `name` of `folder`; complete after the block.
+    """Open a Rerun recording with a `layout` in the file at `path`; complete after the block.
 
-    `live` opens a viewer on it too. Raises OSError, RuntimeError or ValueError when the file cannot
-    be written.
-    """
-    with bare_recording("cell", folder / name, live=live) as recording:
-        send_blueprint(recording, blueprint(filmed=not live and (folder / FILM).is_file()))
-        yield recording
-
-
-@contextmanager
-def bare_recording(application: str, path: Path, *, live: bool) -> Iterator[rr.RecordingStream]:
-    """Open a Rerun recording without a layout in the file at `path`; complete after the block.
-
-    `live` also serves it on loopback and starts Rerun's viewer there. Raises OSError where the file
-    cannot be written.
+    `live` also serves it on loopback and starts Rerun's viewer there. Raises OSError, RuntimeError
+    or ValueError where the file cannot be written.
     """
     recording = rr.RecordingStream(application, recording_id=ascii(path.parent.name).strip("'"))
-    if not live:
-        with saving(recording, path):
-            yield recording
-        return
-    server = rr.GrpcServerSink("127.0.0.1", free_port(), server_memory_limit=SERVER_MEMORY)
-    with saving(recording, path, server):
-        with suppress(OSError):  # without a viewer the file is still written
-            open_viewer(server.uri)
+    servers = []
+    if live:
+        memory = SERVER_MEMORY
+        servers = [rr.GrpcServerSink("127.0.0.1", free_port(), server_memory_limit=memory)]
+    with saving(recording, path, *servers):
+        for server in servers:
+            with suppress(OSError):  # without a viewer the file is still written
+                open_viewer(server.uri)
+        send_blueprint(recording, layout)
         yield recording
 
 

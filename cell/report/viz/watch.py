@@ -12,7 +12,7 @@ from calibration.calibration import load_calibration
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
 from cell.record.events import log_text, row_of
-from cell.record.files import CALIBRATION, RESULT
+from cell.record.files import CALIBRATION, RECORDING, RESULT
 from cell.report.viz.playback import LogLine, TickView
 from drivers.errors import CellError
 from drivers.strip.file import StripFile
@@ -114,12 +114,13 @@ class LiveView:
     def _draw_queue(self, folder: Path, strip: StripFile) -> None:
         """Draw the queue until the run is over; Rerun is imported here, during the run."""
         from cell.record.run import read_broken_run
-        from cell.report.viz.recording import Screen, open_recording
+        from cell.report.viz.recording import Screen, blueprint, open_recording
 
         path = folder / CALIBRATION
         try:
             calibration = load_calibration(path) if path.exists() else None
-            with open_recording(folder, live=True) as recording:
+            layout = blueprint(filmed=False)
+            with open_recording("cell", folder / RECORDING, layout, live=True) as recording:
                 screen = Screen(recording, calibration, strip)
                 while self._waiting or not self._over.is_set():
                     self._news.wait()

@@ -10,8 +10,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from calibration.wizard.progress import COLOURS_BGR, Progress
-from cell.report.viz.recording import bare_recording, jpeg
-from cell.report.viz.saving import send_blueprint
+from cell.report.viz.recording import jpeg, open_recording
 
 WIZARD_RECORDING = "wizard.rrd"
 WANTED_RGBA = 0xFFAA32FF
@@ -20,8 +19,8 @@ WANTED_RGBA = 0xFFAA32FF
 @contextmanager
 def wizard_screen(folder: Path, *, live: bool = False) -> Iterator["WizardScreen"]:
     """Draw a wizard's steps into wizard.rrd of `folder`; if `live`, a viewer opens on it too."""
-    with bare_recording("cell-wizard", folder / WIZARD_RECORDING, live=live) as recording:
-        send_blueprint(recording, _blueprint())
+    path = folder / WIZARD_RECORDING
+    with open_recording("cell-wizard", path, _blueprint(), live=live) as recording:
         yield WizardScreen(recording)
 
 

@@ -32,9 +32,8 @@ def hand_over_and_finish(writer: RunWriter, count: int) -> None:
 def test_killed_process_leaves_every_row_it_wrote(tmp_path):
     script = f"""
 import os, signal
-from dataclasses import replace
 from pathlib import Path
-from tests.support.plain_cell import ARM
+from tests.support.plain_cell import ARM, replace
 from cell.record.writer import RunWriter
 writer = RunWriter(Path({str(tmp_path)!r}), {HEADER!r}, "none")
 for k in range(200):
@@ -120,9 +119,8 @@ def test_folder_that_cannot_be_written_is_one_line_before_the_run(tmp_path):
 def test_disk_that_fills_up_stops_the_run_and_keeps_what_it_took(tmp_path):
     script = f"""
 import resource, signal
-from dataclasses import replace
 from pathlib import Path
-from tests.support.plain_cell import ARM
+from tests.support.plain_cell import ARM, replace
 from cell.record.writer import RunWriter
 from drivers.errors import Fault
 writer = RunWriter(Path({str(tmp_path)!r}), {HEADER!r}, "none")
