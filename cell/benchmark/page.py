@@ -47,7 +47,8 @@ NOT_IN_SOURCE = "Of the paper, the numbers that its text states are drawn."
 
 def page_of(results: Results) -> str:
     """Self-contained HTML page of `results`."""
-    summary, asked = rows(results), results.asked
+    summary = rows(results)
+    asked = results.asked
     strays = [(p, *figures.outside(results, p)) for p in PAPER_POLICIES if p in asked.policies]
     made_with = {"speed": f"{results.speed:g} m/s", "seed": str(asked.seed)}
     made_with |= {"strips": ", ".join(asked.strips)} | results.made_with
@@ -76,7 +77,7 @@ def verdict_of(results: Results) -> PageVerdict:
     if row is None or row.strips.folded == 0:
         said = "It is made of the policy `feedback`, which folded no strip here."
         return PageVerdict("fair", "The paper's claim was not tried", (said,))
-    main = claims(results)[0]
+    main = next(claims(results))
     strips = row.strips
     headline = f"Under {limit} on every strip: {'held' if main.held else 'not held'}"
     sentences = (

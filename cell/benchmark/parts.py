@@ -70,7 +70,8 @@ def _simulated_parts(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
     """Yield the parts without images: ranges and hidden effects."""
     size = spec.extent
     for policy in spec.policies:
-        of, plans = digest(code(), weights_digest(policy)), policy == Planned.name
+        of = digest(code(), weights_digest(policy))
+        plans = policy == Planned.name
         sides: tuple[tuple[EngineName, int], ...] = (("rod", size.grid), ("chain", size.chain))
         for engine, side in sides:
             key = f"{policy} over {side} x {side} on the {engine} at {speed}"
@@ -90,7 +91,9 @@ def _image_parts(spec: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[
         (spec.repeated, policy, k) for policy in spec.policies for k in range(1, spec.repeats)
     ]
     for name, policy, repeat in (*firsts, *repeats):
-        cell, strip, seed = configs.cell(), configs.strip(name), spec.seed + repeat
+        cell = configs.cell()
+        strip = configs.strip(name)
+        seed = spec.seed + repeat
         inputs = (cell.model_dump_json(), strip.model_dump_json(), weights_digest(policy))
         request = Request(cell, strip, policy, runs, DeviceSelection(seed=seed))
         key = f"fold {strip.name} by {policy}, seed {seed}"
@@ -99,11 +102,10 @@ def _image_parts(spec: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[
 
 def fold_images(request: Request) -> ImageFold:
     """Fold a strip through images by `request`, without a page: `cell report` makes that later."""
-    done, strip = fold(request, calibration_of(request.cell)), request.strip
-    stated = {name: getattr(strip, name) for name in ("bending_length", "retardation_time")}
-    result = {name: getattr(done, name) for name in ImageFold.model_fields if name not in stated
-              and name != "kind"}  # fmt: skip
-    return ImageFold(**stated, **result)
+    result = fold(request, calibration_of(request.cell))
+    stated = {name: getattr(request.strip, name) for name in ("bending_length", "retardation_time")}
+    measured = ImageFold.model_fields.keys() - {"kind", *stated}
+    return ImageFold(**stated, **{name: getattr(result, name) for name in measured})
 
 
 def fold_range(policy: str, engine: EngineName, side: int, speed: float) -> RangeFolds:

@@ -166,14 +166,10 @@ class Claim:
     held: bool
 
 
-def claims(results: Results) -> tuple[Claim, ...]:
-    """Test the paper's claims that these folds can decide; the main claim comes first."""
+def claims(results: Results) -> Iterator[Claim]:
+    """Test the paper's claims that these folds can decide; yields the main claim first."""
     folds = {policy: results.folds(policy) for policy in results.asked.policies}
-    return tuple(_claims({policy: each for policy, each in folds.items() if each}, results))
-
-
-def _claims(folds: dict[str, tuple[ImageFold, ...]], results: Results) -> Iterator[Claim]:
-    """Yield the paper's claims on the policies in `folds`, the main claim first."""
+    folds = {policy: each for policy, each in folds.items() if each}
     count = len(results.asked.strips)
     if "feedback" in folds:
         yield _limit_claim(folds["feedback"], count, "feedback", PAPER_WORST["feedback"])

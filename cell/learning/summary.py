@@ -19,10 +19,11 @@ def summary_rows(
         mine = [one for one in experiences if one.policy == policy]
         learned = bias(mine, strip, specimen, settings)
         folds = [one for one in mine if (one.strip, one.specimen) == (strip, specimen)]
+        of_cell, of_strip, of_specimen = learned.parts
         row: dict[str, Any] = {"policy": policy, "strip": strip, "specimen": specimen}
         row |= {"folds": sum(one.kind == "camera" for one in folds)}
         row |= {"bias": learned.seen, "sigma": learned.sigma}
-        row |= dict(zip(("cell", "of_strip", "of_specimen"), learned.parts, strict=True))
+        row |= {"cell": of_cell, "of_strip": of_strip, "of_specimen": of_specimen}
         row |= {"unseen": learned.rig, "laid": learned.laid, "since": learned.since}
         rows.append(row)
     return rows

@@ -41,11 +41,6 @@ class MeasuredFold(NamedTuple):
         before = t <= touch
         return cls(t[before], poses[before], stamp[usable], profile[usable])
 
-    @property
-    def usable(self) -> bool:
-        """Whether the fold has enough images to fit a rod to it."""
-        return len(self.t) > 1 and len(self.stamp) >= BINS * FEWEST_IMAGES
-
     def bin_curves(self, curves: Array) -> Array:
         """Robust mean (BINS, POINTS, 2) of `curves` (k, POINTS, 2) in each time bin; NaN where few.
 
@@ -143,7 +138,7 @@ def agreement(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -
     of their stamps are fitted too, by Gauss-Newton. None where too little was measured, or where
     the rod cannot follow.
     """
-    if not fold.usable:
+    if len(fold.t) < 2 or len(fold.stamp) < BINS * FEWEST_IMAGES:
         return None
     measured = fold.bin_curves(fold.profile)
     prior, sigma = _prior(predicted)

@@ -137,7 +137,8 @@ def _fold_row(
 ) -> Array:
     """Displacements (side,) [m] of one row of the grid on one engine."""
     engine, row = piece
-    strips, rng = grid(side)[row * side : (row + 1) * side], np.random.default_rng([*seed, row])
+    strips = grid(side)[row * side : (row + 1) * side]
+    rng = np.random.default_rng([*seed, row])
     return _displacements(policy, rollout, stepper(engine), strips, rng)
 
 
@@ -164,17 +165,17 @@ def _displacements(
 def tables(evaluations: Sequence[Evaluation], errors: Sequence[EffectErrors]) -> Iterator[Table]:
     """Columns, rows and title of the final evaluation, and of the errors by hidden effect."""
     side = len(evaluations[0].displacement)
-    rows = [
-        (ENGINES[e.engine], *(f"{1e3 * v:.1f}" for v in (m.mean, m.quantile_95, m.worst)),
-         str(e.untouched))
-        for e in evaluations for m in (e.misses,)
-    ]  # fmt: skip
+    rows = []
+    for evaluation in evaluations:
+        misses = evaluation.misses
+        sizes = (f"{1e3 * d:.1f}" for d in (misses.mean, misses.quantile_95, misses.worst))
+        rows.append((ENGINES[evaluation.engine], *sizes, str(evaluation.untouched)))
     columns = ("mean mm", "95 % mm", "worst mm", "without a touch")
     yield ("folded on", *columns), rows, f"|d| over {side} x {side} strips of the paper's range"
-    rows = [
-        (e.effect, *(f"{1e3 * f[key]:.2f}" for key in ("bias", "mean", "p95", "worst")),
-         str(f["untouched"]))
-        for e in errors for f in (e.facts(),)
-    ]  # fmt: skip
+    rows = []
+    for error in errors:
+        facts = error.facts()
+        sizes = (f"{1e3 * facts[key]:.2f}" for key in ("bias", "mean", "p95", "worst"))
+        rows.append((error.effect, *sizes, str(facts["untouched"])))
     if rows:
         yield ("hidden", "mean d mm", *columns), rows, "d in the rod, by hidden effect"

@@ -84,11 +84,14 @@ def _evaluate(
     console: Console,
 ) -> Trained:
     """Fold strips that the `training` never folded, a grid of `side` x `side` and by effect."""
-    policy, effects = training.policy, tuple[EffectErrors, ...]()
+    policy = training.policy
+    effects = tuple[EffectErrors, ...]()
     if isinstance(settings, TrainingSettings):
-        rollout, seed = settings.rollout, [settings.seed, 3]
+        rollout = settings.rollout
+        seed = [settings.seed, 3]
     else:
-        rollout, seed = Rollout(speed=settings.speed, sensing=IMAGE_SENSING), [settings.seed]
+        rollout = Rollout(speed=settings.speed, sensing=IMAGE_SENSING)
+        seed = [settings.seed]
         with Meter(console) as meter:
             effects = evaluate_effects(policy, rollout, settings.segments, executor, meter)
     finer = replace(rollout, substeps=SUBSTEPS)
