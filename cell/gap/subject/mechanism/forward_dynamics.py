@@ -15,7 +15,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from cell.gap.subject.mechanism.effects import describing_terms, effect_of, torques
 from cell.gap.subject.mechanism.model import Mechanism
-from cell.gap.subject.mechanism.model_source import Source, compile_model
+from cell.gap.subject.mechanism.model_source import compile_model
 from cell.gap.subject.mechanism.read_mechanism import MechanismData, start_of
 from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal
 from cell.gap.subject.mechanism.subject import Case, Content, MechanismSubject
@@ -80,7 +80,7 @@ class SplitModel:
 
     def __init__(self, mechanism: Mechanism, name: str) -> None:
         self._mechanism = mechanism
-        self._model = compile_model(self._source(), name, mechanism.model.nuser_jnt,
+        self._model = compile_model(mechanism.source, name, mechanism.model.nuser_jnt,
                                     mechanism.step, self._add_flexible_joints)  # fmt: skip
         self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
         self._joint = np.array([self._model.joint(j.name).id for j in mechanism.joints])
@@ -89,10 +89,6 @@ class SplitModel:
         for field in ("dof_armature", "dof_frictionloss", "dof_dampingpoly"):
             getattr(self._model, field)[self._flex_dof] = 0.0  # whatever the model's defaults are
         self.motor: Array = self._model.jnt_dofadr[self._joint]
-
-    def _source(self) -> Source:
-        """Model to which flexible joints are added."""
-        return self._mechanism.source
 
     def _add_flexible_joints(self, spec: Any) -> None:
         """Add to each joint of a specification another about the same axis, of the same body."""

@@ -57,15 +57,12 @@ class PendulumData(MechanismData):
 class PivotModel(SplitModel):
     """Model of a chain of hinges whose pivot slides sideways on a spring."""
 
-    def _source(self) -> Source:
-        """The chain with a slide at its pivot, before the hinge, for joints move in their order."""
-        text = self._mechanism.source.text
-        return Source(
-            text.replace("<joint", f'<joint name="{FLEX}" type="slide" axis="1 0 0"/><joint', 1)
-        )
-
     def _add_flexible_joints(self, spec: Any) -> None:
-        """Add no other flexible joint than the pivot's."""
+        """Add a slide at the pivot before the first hinge, for joints move in their order."""
+        body, name, axis = spec.joints[0].parent, spec.joints[0].name, spec.joints[0].axis.copy()
+        spec.delete(spec.joints[0])
+        body.add_joint(name=FLEX, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(1.0, 0.0, 0.0))
+        body.add_joint(name=name, axis=axis)
 
     def _set_gears(self, found: Any, edited: Any, case: Case) -> None:
         """Set the stiffness [N/m] and damping of the pivot, and lengths and springs as `edited`."""
