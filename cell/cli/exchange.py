@@ -60,7 +60,7 @@ def import_runs(
             print_json({"run": folder})
         return
     sys.stdout.writelines(f"{folder.name}: {_summary(folder)}\n" for folder in made)
-    sys.stdout.write(f"{plural(len(made), 'run')} in {out}\n")
+    sys.stdout.write(f"{plural(len(runs_in(out)), 'run')} in {out}\n")
     from cell.record.run import read_run
 
     of = f"--strip {read_run(made[0]).header.strip}" if model is None else f"--model {model}"

@@ -23,6 +23,7 @@ from drivers.readers import MEGABYTE, SCHEMA, read_bytes
 from drivers.types import Array
 
 TIME_ROUNDING = 1e-9  # s
+TIME_MARGIN = 1.0  # s, no image or touch is so long before the first or after the last row
 END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 LARGEST_STREAM = 128 * MEGABYTE  # a fold of two minutes writes ten
 NUMBER = pa.float64()
@@ -161,6 +162,19 @@ def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
     contacts = place_contacts(t, _numbers(sights, "stamp"), _numbers(sights, "contact_x"))
     placed = dict(zip(PLACED, map(pa.array, contacts), strict=True))
     return pa.table({n: placed[n] if n in placed else ticks[n] for n in Ticks.__slots__})
+
+
+def check_clock(stamps: Array, t: Array, origin: str) -> None:
+    """Refuse stamps (k,) [s] far outside the span of the gripper's rows at times `t` (m,) [s]."""
+    if not t.size:
+        return
+    early, late = (float(np.nanmax(off, initial=0.0)) for off in (t[0] - stamps, stamps - t[-1]))
+    if max(early, late) > TIME_MARGIN:
+        where = "before the gripper's first" if early > late else "after the gripper's last"
+        raise ConfigurationError(
+            f"{origin}: is {max(early, late):.6g} s {where} row; give all times of a run in s on "
+            "one clock"
+        )
 
 
 def place_contacts(t: Array, stamp: Array, contact_x: Array) -> tuple[Array, Array]:

@@ -71,7 +71,7 @@ class Guess:
         stated: dict[str, object] = {"column": self.column, "unit": self.unit}
         stated |= {} if self.offset == 0.0 else {"offset": self.offset}
         stated |= {"reversed": True} if self.reversed else {}
-        keys = ", ".join(f"{k}: {json.dumps(v, ensure_ascii=False)}" for k, v in stated.items())
+        keys = ", ".join(f"{k}: {_text(v)}" for k, v in stated.items())
         remark = f"{'' if self.reason in {BY_NAME, BY_CLOCK} else 'likely, '}by {self.reason}"
         if self.unit is None:
             remark = f"open, not told by {self.reason}: {', '.join(units_of(quantity))}"
@@ -104,17 +104,22 @@ def guess_mapping(places: Sequence[Path], strip: StripFile | None) -> str:
     return "\n".join((*_lines(sections, strip), *left, ""))
 
 
+def _text(value: object) -> str:
+    """The value as YAML, in its own letters."""
+    return json.dumps(value, ensure_ascii=False)
+
+
 def _lines(sections: Mapping[str, tuple[str, Guesses]], strip: StripFile | None) -> Iterator[str]:
     """Lines of the mapping file with these `sections`."""
     ticks = sections["ticks"][1]
     turn = float(np.ptp(ticks["pitch"].si())) if "pitch" in ticks else np.inf
-    yield from ("schema: 1", f"strip: {json.dumps(strip and strip.name)}")
+    yield from ("schema: 1", f"strip: {_text(strip and strip.name)}")
     yield from (f"start: {'hanging' if turn < TURNED else 'flat'}", "sigma:")
     has_force = not {"f_x", "f_z"}.isdisjoint(ticks)
     for name in ("gripper", *(["force"] if has_force else []), *[*sections][1:]):
         yield f"  {name}: null  # open: one sigma of its error [m, N]"
     for section, (file, guesses) in sections.items():
-        yield from (f"{section}:", f"  file: {json.dumps(file)}", "  columns:")
+        yield from (f"{section}:", f"  file: {_text(file)}", "  columns:")
         yield from (guess.line(quantity) for quantity, guess in guesses.items())
         for quantity in [name for name in "txz" if name not in guesses]:
             yield f"    {quantity}: {{column: null, unit: null}}  # open: no name says so"
@@ -128,8 +133,11 @@ def _not_taken(
         used = {guess.column for guess in taken.get(file, {}).values()}
         lacks = [name for name in "txz" if name not in tables[file]]
         why = f"no name says {', '.join(lacks)}" if lacks else "no name says more, or better"
+        if lacks and file not in taken:
+            keys = "result: t_layer_touch, l1, l2" if len(content) == 1 else "contact: t, contact_x"
+            why += f"; may be the section {keys}"
         if names := [name for name in content.column_names if name not in used]:
-            yield f"# not taken of {json.dumps(file)}: {', '.join(names)}; {why}"
+            yield f"# not taken of {_text(file)}: {', '.join(names)}; {why}"
 
 
 def _columns(content: pa.Table) -> dict[str, Guess]:

@@ -24,15 +24,14 @@ from cell.record.exchange.mapping import (
     Place,
     SignalMapping,
     Source,
-    Table,
     TableFiles,
     read_columns,
 )
 from cell.record.files import PROFILE, RESULT, RUN, SIGNALS, TICKS, is_run
 from cell.record.frames import FrameWriter
 from cell.record.run import read_run
-from cell.record.tables import place_contacts, write_parquet
-from drivers.errors import ConfigurationError
+from cell.record.tables import check_clock, place_contacts, write_parquet
+from drivers.errors import ConfigurationError, suggestion
 from drivers.files import check_free, move_folder, replace_file, scratch_folder, writing
 from drivers.settings import load, parse
 from drivers.types import Array
@@ -86,6 +85,8 @@ def import_runs(
                     text = text.replace(str(run / file), f"{source.place(table)}{mapped}")
                 text = text.replace(str(run), str(source.path))
                 mending = _suggest_change(source, how, check, scratch, length)
+                if not mending and isinstance(how, MappingFile) and (run / RUN).is_file():
+                    mending = "; `cell import --guess` proposes another mapping"
                 raise ConfigurationError(text + mending) from None
             with writing(out):
                 _write_film(source, run)
@@ -143,8 +144,9 @@ def _suggest_change(
             _write_run(source, MappingFile.model_validate(content), 0, run)
             check(run)
             stated = ", ".join(dump_yaml(change).splitlines())
+            named = [(name, f"{table} ({content[table]['file']})") for name, table in found]
             where = " of ".join(
-                " and ".join(dict.fromkeys(part)) for part in zip(*found, strict=True)
+                " and ".join(dict.fromkeys(part)) for part in zip(*named, strict=True)
             )
             return f"; {stated} for {where} in the mapping would mend it"
     return ""
@@ -226,6 +228,7 @@ def _fold(source: Source, how: MappingFile, place: Content) -> dict[str, Content
     _check_ticks(ticks, source.place(how.ticks))
     if how.contact is not None:
         seen = read_columns(source, how.contact)
+        check_clock(seen["t"] - begin, ticks["t"], f"{source.place(how.contact)}: t")
         placed = place_contacts(ticks["t"], seen["t"] - begin, seen["contact_x"])
         ticks |= dict(zip(("contact_x", "contact_t"), placed, strict=True))
     head = {"schema": 1, **how.model_dump(include={"strip", "start", "contact_height"}), **place}
@@ -234,8 +237,8 @@ def _fold(source: Source, how: MappingFile, place: Content) -> dict[str, Content
     return {
         RUN: head,
         TICKS: ticks,
-        PROFILE: _profile(source, how, begin),
-        RESULT: _result(source, how.result, begin),
+        PROFILE: _profile(source, how, begin, ticks["t"]),
+        RESULT: _result(source, how, begin, ticks["t"]),
     }
 
 
@@ -265,12 +268,13 @@ def _check_ticks(ticks: dict[str, Array], path: Path) -> None:
         )
 
 
-def _profile(source: Source, how: MappingFile, begin: float) -> dict[str, Array]:
+def _profile(source: Source, how: MappingFile, begin: float, t: Array) -> dict[str, Array]:
     """Points of the strip; no rows where no profile was measured."""
     if how.profile is None:
         return {name: np.empty(0) for name in ("t", "i", "x", "z")}
     points = dict(read_columns(source, how.profile))
     points["t"] = points["t"] - begin
+    check_clock(points["t"], t, f"{source.place(how.profile)}: t")
     if "i" not in points:  # numbered within each image, in the order of the file
         first = np.flatnonzero(np.diff(points["t"], prepend=np.nan))  # a NaN counts as a change
         sizes = np.diff(np.append(first, len(points["t"])))
@@ -279,16 +283,25 @@ def _profile(source: Source, how: MappingFile, begin: float) -> dict[str, Array]
     return points
 
 
-def _result(source: Source, how: Table[Any] | None, begin: float) -> dict[str, object]:
-    """Content of result.yaml: the touch, if any, its time counted from `begin` [s]."""
-    if how is None or not (path := source.place(how)).exists():  # a run without touch
+def _result(source: Source, how: MappingFile, begin: float, t: Array) -> dict[str, object]:
+    """Content of result.yaml: the touch, if any, its time counted from `begin` [s].
+
+    Raises ConfigurationError for a missing file, where another's name is close to its name.
+    """
+    if how.result is None:
         return {"outcome": "path_done"}
-    values = read_columns(source, how)
+    if not (path := source.place(how.result)).exists():  # a run without touch
+        used = {source.place(each).name for each in (how.ticks, how.profile, how.contact) if each}
+        if suggestion(how.result.file, {*source.names} - used):
+            raise source.missing(how.result)
+        return {"outcome": "path_done"}
+    values = read_columns(source, how.result)
     if not all(len(column) and np.isfinite(column).any() for column in values.values()):
         return {"outcome": "path_done"}
     if (rows := max(map(len, values.values()))) > 1:
         raise ConfigurationError(f"{path}: holds {rows} rows, must hold one: the first touch")
     found = {name: float(column[0]) for name, column in values.items()}
     found["t_layer_touch"] -= begin
+    check_clock(np.array([found["t_layer_touch"]]), t, f"{path}: t_layer_touch")
     found.setdefault("displacement", found["l1"] - found["l2"])
     return {"outcome": "layer_touch", **found}

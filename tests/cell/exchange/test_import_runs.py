@@ -49,7 +49,7 @@ def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
     words = ["import", str(folder), "--mapping", str(how), "--out", str(tmp_path / "runs")]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output
-    assert "a: 2.99 s; 72 images, touch at 2.80 s" in done.stdout
+    assert "a: 2.99 s; 72 images, touch at 2.80 s\n1 run in" in done.stdout
     assert "next: import a second run into" in done.stdout
     assert "off x 0.6, z 0 m by 0.012, at most 0.006 is usual" in done.stderr
     again = CliRunner().invoke(app, words)
@@ -61,6 +61,8 @@ def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
     [
         ("ticks", "t", {"unit": "mm"}, "t: unit 'mm' is not known"),
         ("ticks", "z", {"unit": "um", "offset": 0.0}, "z: rises less than 0.01 m"),
+        ("contact", "t", {"unit": "ms"}, "contact.csv: t: is 1698.32 s before the gripper's first"),
+        ("result", "t_layer_touch", {"unit": "ms"}, "touch.csv: t_layer_touch: is 1698.3 s before"),
         ("profile", "t", {"offset": 0.9}, "points.parquet: x, z: half the midlines end off"),
         ("profile", "t", {"offset": 0.09}, "a: t: the midlines lead the gripper by 0.09"),
         ("profile", "z", {"offset": 0.012}, "a: z: half the midlines begin under the desk by 0.01"),

@@ -11,6 +11,7 @@ from cell.gap.subject.strip.preprocessing import FEWEST_POINTS, Images, images_o
 from cell.record.files import PROFILE, RESULT, RUN, TICKS, is_under_way
 from cell.record.header import NOT_FOLDED, Header, Sigma, is_outcome
 from cell.record.run import Run as Recorded, read_run
+from cell.record.tables import TIME_MARGIN, check_clock
 from drivers.errors import ConfigurationError, suggestion
 from drivers.geometry import arc_lengths, interpolate_columns
 from drivers.readers import read_yaml
@@ -31,7 +32,6 @@ LEAST = 30  # rows of a usable run
 FEWEST_RUNS = 2  # that can be fitted and checked
 LONGEST_PERIOD = 0.02  # s between rows, slower than any servo; the contract asks for 0.01
 LEAST_RISE = 0.01  # m above the desk, of a gripper that folds
-TIME_MARGIN = 1.0  # s, no image or touch is so long before the first or after the last row
 # Limits in m, rad and s, beyond which what is off is noted and refused, or refused alone
 START = (0.006, 0.03)  # from where a run must start, as preflight allows a strip's length
 HANGING = (0.3,)  # of pitch from upright at a hanging start
@@ -304,18 +304,8 @@ def _check_times(folder: Path, run: Recorded) -> None:
             f"{origin}: t: rows are {step:g} s apart, at most 0.01 s is needed (100 Hz); "
             "give times in s"
         )
-    _check_within(run.ticks.contact_t[np.isfinite(run.ticks.contact_t)], t, f"{origin}: contact_t")
-    _check_within(run.profile.t, t, f"{folder / PROFILE}: t")
-
-
-def _check_within(stamps: Array, t: Array, origin: str) -> None:
-    """Refuse stamps (k,) [s] far outside the span of the rows' times `t` (m,) [s]."""
-    off = np.flatnonzero((stamps < t[0] - TIME_MARGIN) | (stamps > t[-1] + TIME_MARGIN))
-    if len(off):
-        raise ConfigurationError(
-            f"{origin}: is {stamps[off[0]]:g} s, the gripper's rows span {t[0]:g} to {t[-1]:g} s; "
-            "give all times of a run in s on one clock, which begins at its start"
-        )
+    check_clock(run.ticks.contact_t, t, f"{origin}: contact_t")
+    check_clock(run.profile.t, t, f"{folder / PROFILE}: t")
 
 
 def _check_held(
@@ -419,6 +409,5 @@ def _touch(folder: Path, run: Recorded) -> Touch | None:
     if len(numbers) < len(stated):
         return None
     time, _, l1, l2 = numbers
-    if len(run.ticks.t):
-        _check_within(frozen([time]), run.ticks.t, f"{folder / RESULT}: t_layer_touch")
+    check_clock(frozen([time]), run.ticks.t, f"{folder / RESULT}: t_layer_touch")
     return Touch(time, x=l2, to_grasped=l1, to_fixed=l2)
