@@ -65,6 +65,8 @@ def fold(
     """
     config = find_configs(configs)
     desk = None if plant is None else load_plant(config.plant_path(str(plant)))
+    if seed < 0:
+        raise ConfigurationError(f"seed: is {seed}, must be at least 0")
     choice = DeviceSelection(arm, camera, desk, seed)
     check_known("frames", frames or "key", get_args(Keep))
     record = Recording(frames, truth=truth)
@@ -89,7 +91,7 @@ def compare(runs: Places, out: Place = "compare.html") -> Path:
 
 
 def read_run(folder: Place) -> Run:
-    """Read the run in `folder`, complete or not; `last` or the end of a name is found in ./runs."""
+    """Read the run in `folder`, complete or not; `last` or the end of a name is found here."""
     return load_run(run_folder(str(folder)))
 
 

@@ -93,6 +93,7 @@ def plan(
     lying = None if plant is None else found.plant_path(plant)
     from cell.devices.devices import DeviceSelection
     from cell.folding.request import Recording, Request, standard_requests
+    from cell.orchestrator.operator import Interrupted
     from drivers.strip.describe import load_plant
 
     desk = None if lying is None else load_plant(lying)
@@ -107,6 +108,8 @@ def plan(
     if not as_json:
         fitted = folder.with_name(f"{folder.name}-fit")
         file = _strip_file(strip, configs)
+        if code == Interrupted.exit_code:
+            sys.stdout.write(f"fit what {folder} holds, or plan all again with another --runs\n")
         sys.stdout.write(f"next: cell gap fit {folder} --strip {file} --out {fitted}\n")
     sys.exit(code)
 

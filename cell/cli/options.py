@@ -125,7 +125,7 @@ RunFolders = Annotated[
 Runs = Annotated[Path, typer.Option("--runs", help="Folder in which runs are recorded.")]
 Configs = Annotated[
     Path | None,
-    typer.Option("--configs", help="Folder with cell.yaml and strips/ [default: ./configs]."),
+    typer.Option("--configs", help="Folder with cell.yaml and strips/ [./configs or packaged]."),
 ]
 Viz = Literal["save", "live", "off"]
 VizOption = Annotated[Viz, typer.Option(help="Rerun: save a recording, show it live too, off.")]

@@ -34,13 +34,15 @@ def runs_in(folder: Path) -> list[Path]:
 def run_folder(text: str) -> Path:
     """Folder of a run that is named by its path, by the end of its name, or as `last`.
 
-    The latter two are looked for in ./runs; what is not found there stays a path.
+    The latter two are looked for in each folder here and in ./runs, the newest of several is meant;
+    what is not found there stays a path.
     """
     place = Path(text)
     if place.exists() or len(place.parts) != 1 or not text.isalnum():
         return place
-    end = "" if text == "last" else text
-    return max(Path("runs").glob(f"[0-9]*Z-*{end}"), default=place)
+    name = f"[0-9]*Z-*{'' if text == 'last' else text}"
+    found = [run for places in ("*", "runs/*") for run in Path().glob(f"{places}/{name}")]
+    return max(found, key=lambda run: run.name, default=place)
 
 
 def check_empty(folder: Path) -> None:

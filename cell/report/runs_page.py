@@ -31,7 +31,7 @@ MOST_FILMS, MOST_COLUMNS = 4, 4  # runs of which films play side by side, and wi
 NAMED = 4  # of the best runs in the verdict
 SHAPES = 4  # equal times at which the strips are drawn
 # Keys that differ from run to run by themselves, or repeat another one.
-PER_RUN_KEYS = frozenset({"seed", "index", "condition", "calibration.age_days", "cell.fold.speed"})
+PER_RUN_KEYS = frozenset({"index", "condition", "calibration.age_days", "cell.fold.speed"})
 
 
 def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from cell.cli.app import app
 from cell.record.documents import annotate
+from cell.record.files import run_folder
 from cell.record.listing import list_runs, read_row
 from cell.report.page import setting_text, write_report
 from cell.report.runs_page import distinct_texts
@@ -26,7 +27,7 @@ def written(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         place = runs / f"2026112{number}T080000Z-denim-fold-000{number}"
         shutil.copytree(finished, place)
         folders.append(place)
-    head = yaml.safe_load((folders[1] / "run.yaml").read_text()) | {"policy": "circular"}
+    head = yaml.safe_load((folders[1] / "run.yaml").read_text()) | {"policy": "circular", "seed": 3}
     (folders[1] / "run.yaml").write_text(yaml.safe_dump(head))
     (folders[2] / "result.yaml").unlink()
     for folder in folders:
@@ -60,7 +61,7 @@ def test_comparison_has_every_run_and_what_differs(three: list[Path]) -> None:
     text = page.read_text("utf-8")
     rows = re.search(r"What was set otherwise.*?</table>", text, flags=re.S)
     assert rows is not None
-    assert re.findall(r"<tr><td>([^<]+)", rows[0]) == ["policy"]
+    assert re.findall(r"<tr><td>([^<]+)", rows[0]) == ["policy", "seed"]
     assert text.count("<svg") == 1
     assert "by the camera: 0000" in text
     assert "in truth, which the twin knows: 0000" in text
@@ -96,6 +97,13 @@ def test_notes_that_cannot_be_read_are_left_as_they_are(three: list[Path], text:
     assert isinstance(done.exception, ConfigurationError)
     assert str(notes) in str(done.exception)
     assert notes.read_text() == text
+
+
+def test_a_short_name_is_found_in_any_folder_here(three: list[Path], monkeypatch) -> None:
+    monkeypatch.chdir(three[0].parents[1])
+    three[0].parent.rename("own")
+    assert [run_folder(text).name for text in ("0001", "last")] == [three[1].name, three[2].name]
+    assert run_folder("0009") == Path("0009")
 
 
 def test_four_tags_at_once_are_all_kept(three: list[Path]) -> None:
