@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +81,7 @@ class Guess:
         return f"    {quantity}: {{{keys}}}  # {remark}"
 
 
+_text = partial(json.dumps, ensure_ascii=False)
 Guesses = Mapping[str, Guess]  # of a table's columns, by the quantity that each holds
 
 
@@ -102,11 +104,6 @@ def guess_mapping(places: Sequence[Path], strip: StripFile | None) -> str:
         sections["profile"] = file, _guess_points(paths[file], gripper)
     left = _not_taken(read, tables, dict(sections.values()))
     return "\n".join((*_lines(sections, strip), *left, ""))
-
-
-def _text(value: object) -> str:
-    """The value as YAML, in its own letters."""
-    return json.dumps(value, ensure_ascii=False)
 
 
 def _lines(sections: Mapping[str, tuple[str, Guesses]], strip: StripFile | None) -> Iterator[str]:
@@ -132,10 +129,9 @@ def _not_taken(
     for file, content in read.items():
         used = {guess.column for guess in taken.get(file, {}).values()}
         lacks = [name for name in "txz" if name not in tables[file]]
-        why = f"no name says {', '.join(lacks)}" if lacks else "no name says more, or better"
-        if lacks and file not in taken:
-            keys = "result: t_layer_touch, l1, l2" if len(content) == 1 else "contact: t, contact_x"
-            why += f"; may be the section {keys}"
+        why = "no name says more, or better"
+        if lacks:
+            why = f"no name says {', '.join(lacks)}; is it the section `result` or `contact`?"
         if names := [name for name in content.column_names if name not in used]:
             yield f"# not taken of {_text(file)}: {', '.join(names)}; {why}"
 

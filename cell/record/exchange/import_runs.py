@@ -13,13 +13,14 @@ import numpy as np
 import pyarrow as pa
 
 from cell.extras import require_library
-from cell.record.columns import ANGLES, LENGTHS, Ticks
+from cell.record.columns import ANGLES, LENGTHS, TIMES
 from cell.record.documents import write_document
 from cell.record.exchange.lerobot import INFO, episodes
 from cell.record.exchange.mapping import (
     FILE,
     MAPPING,
     OF_SIGNALS,
+    TABLES,
     MappingFile,
     Place,
     SignalMapping,
@@ -39,7 +40,6 @@ from drivers.yaml_text import dump_yaml, parse_yaml
 
 AnyMapping = MappingFile | SignalMapping
 Content = Mapping[str, Any]
-LONGEST_INTERVAL = 0.2  # s between rows of the gripper; slower ones are in another unit than stated
 
 
 def import_runs(
@@ -122,17 +122,21 @@ def _suggest_change(
     """
     if isinstance(how, SignalMapping):
         return ""
+    x, pitch, touch = ("x", "contact_x"), ("pitch",), ("l1", "l2")
+    axes = (x, ("z",), (*x, "z"))
     changes: list[dict[str, Any]] = [{"reversed": True}, {"reversed": False}]
-    changes += [{"unit": unit} for unit in (*ANGLES, *LENGTHS)]
-    x = ("x", "contact_x")
-    tried = [*product(changes, (x, ("z",), (*x, "z"), ("pitch",)))]
-    with suppress(ConfigurationError):
+    tried = [*product(changes, (*axes, pitch))]
+    times = (("t",), ("t_layer_touch",))
+    for units, names in ((ANGLES, (pitch,)), (LENGTHS, (*axes, touch)), (TIMES, times)):
+        tried += product([{"unit": unit} for unit in units], names)
+    with suppress(ConfigurationError, IndexError):  # no row
         tried += product([] if length is None else _zeros(source, how, length(how.strip)), (x,))
-    tables = (("ticks", "contact"), ("profile",), ("contact",), ("ticks", "profile", "contact"))
+    tables = (("ticks", "contact"), *zip(TABLES[1:], strict=True), TABLES)
     done = list[object]()
     for (change, names), changed in product(tried, tables):
         content = how.model_dump(by_alias=True, exclude_unset=True, exclude_none=True)
-        columns = {table: content[table]["columns"] for table in changed if table in content}
+        of = (content[table] | {"name": table} for table in changed if table in content)
+        columns = {f"{each['name']} ({each['file']})": each["columns"] for each in of}
         found = [(name, table) for table in columns for name in names if name in columns[table]]
         if not found or (change, found) in done:
             continue
@@ -144,9 +148,8 @@ def _suggest_change(
             _write_run(source, MappingFile.model_validate(content), 0, run)
             check(run)
             stated = ", ".join(dump_yaml(change).splitlines())
-            named = [(name, f"{table} ({content[table]['file']})") for name, table in found]
             where = " of ".join(
-                " and ".join(dict.fromkeys(part)) for part in zip(*named, strict=True)
+                " and ".join(dict.fromkeys(part)) for part in zip(*found, strict=True)
             )
             return f"; {stated} for {where} in the mapping would mend it"
     return ""
@@ -225,7 +228,6 @@ def _fold(source: Source, how: MappingFile, place: Content) -> dict[str, Content
     first = float(ticks["t"][0]) if len(ticks["t"]) else 0.0
     begin = first if how.begin is None else how.begin
     ticks |= {name: ticks[name] - begin for name in ("t", "contact_t") if name in ticks}
-    _check_ticks(ticks, source.place(how.ticks))
     if how.contact is not None:
         seen = read_columns(source, how.contact)
         check_clock(seen["t"] - begin, ticks["t"], f"{source.place(how.contact)}: t")
@@ -256,18 +258,6 @@ def _write_film(source: Source, run: Path) -> None:
             writer.close()
 
 
-def _check_ticks(ticks: dict[str, Array], path: Path) -> None:
-    """Refuse implausible rows, or too few rows for the stated unit of time."""
-    t = Ticks.parse(pa.table(ticks), str(path)).t
-    if len(t) < 2:
-        raise ConfigurationError(f"{path}: holds {len(t)} rows of numbers, must hold two at least")
-    if (apart := float(np.median(np.diff(t)))) > LONGEST_INTERVAL:
-        raise ConfigurationError(
-            f"{path}: t: rows are {apart:g} s apart, must be at most {LONGEST_INTERVAL:g} s; is "
-            "`unit: ms` what the mapping should state?"
-        )
-
-
 def _profile(source: Source, how: MappingFile, begin: float, t: Array) -> dict[str, Array]:
     """Points of the strip; no rows where no profile was measured."""
     if how.profile is None:
@@ -290,13 +280,14 @@ def _result(source: Source, how: MappingFile, begin: float, t: Array) -> dict[st
     """
     if how.result is None:
         return {"outcome": "path_done"}
-    if not (path := source.place(how.result)).exists():  # a run without touch
-        used = {source.place(each).name for each in (how.ticks, how.profile, how.contact) if each}
-        if suggestion(how.result.file, {*source.names} - used):
-            raise source.missing(how.result)
-        return {"outcome": "path_done"}
-    values = read_columns(source, how.result)
-    if not all(len(column) and np.isfinite(column).any() for column in values.values()):
+    used = {source.place(each).name for each in (how.ticks, how.profile, how.contact) if each}
+    if (path := source.place(how.result)).exists():
+        values = read_columns(source, how.result)
+    elif suggestion(how.result.file, {*source.names} - used):
+        raise source.missing(how.result)
+    else:
+        values = {}  # no touch
+    if not (values and all(len(v) and np.isfinite(v).any() for v in values.values())):
         return {"outcome": "path_done"}
     if (rows := max(map(len, values.values()))) > 1:
         raise ConfigurationError(f"{path}: holds {rows} rows, must hold one: the first touch")

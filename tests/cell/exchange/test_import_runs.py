@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import cell
 from cell.cli.app import app
 from cell.record.documents import write_document
 from cell.record.exchange.import_runs import import_runs
@@ -62,7 +63,7 @@ def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
         ("ticks", "t", {"unit": "mm"}, "t: unit 'mm' is not known"),
         ("ticks", "z", {"unit": "um", "offset": 0.0}, "z: rises less than 0.01 m"),
         ("contact", "t", {"unit": "ms"}, "contact.csv: t: is 1698.32 s before the gripper's first"),
-        ("result", "t_layer_touch", {"unit": "ms"}, "touch.csv: t_layer_touch: is 1698.3 s before"),
+        ("result", "t_layer_touch", {"unit": "ms"}, "unit: s for t_layer_touch of result (touch."),
         ("profile", "t", {"offset": 0.9}, "points.parquet: x, z: half the midlines end off"),
         ("profile", "t", {"offset": 0.09}, "a: t: the midlines lead the gripper by 0.09"),
         ("profile", "z", {"offset": 0.012}, "a: z: half the midlines begin under the desk by 0.01"),
@@ -86,10 +87,10 @@ def test_what_contradicts_a_held_strip_is_told(tmp_path, table, column, change, 
     ("head", "rows", "how", "said"),
     [
         ("tt,x,z", None, {}, "column 't' for t is not there (did you mean 'tt'?)"),
-        ("t,x,z", [], {}, "holds 0 rows of numbers, must hold two at least"),
+        ("t,x,z", [], {}, "t: has 0 rows; at least 30 are needed"),
         ("t,x,z", ["0,NA,0", "1,off,0"], {}, "holds string ('off' in row 2), must hold numbers"),
         ("t,x,z", ["0,0.6,0"], {"encoding": "utf-16"}, "is not UTF-8 text; save it"),
-        ("t,x,z", ["0,0.6,0", "10,0.6,0"], {}, "t: rows are 10 s apart, must be at most 0.2 s"),
+        ("t,x,z", ["0,0.6,0"] + [f"{t}0,.5,.2" for t in range(1, 50)], {}, "apart by 10, at most"),
         ("t,x,z", ["0,0.6,0", "0.01,nan,0"], {}, "x: row 1 is nan, must be a finite number; leave"),
         ("t,x,z", ["0,0.6,0", "0,0.6,0"], {}, "t: row 1 is 0 s after 0 s, times must increase"),
     ],
@@ -99,7 +100,7 @@ def test_table_that_cannot_be_used_is_refused_by_its_own_name(
 ) -> None:
     folder = plain(tmp_path / "a", head, rows, **how)
     with pytest.raises(ConfigurationError) as error:
-        import_runs([folder], in_metres(tmp_path), tmp_path / "runs")
+        cell.import_runs([folder], tmp_path / "runs", in_metres(tmp_path))
     assert str(error.value).startswith(f"{folder / 'tip.csv'}: ")
     assert said in str(error.value)
     assert not list((tmp_path / "runs").glob("*"))
