@@ -7,7 +7,6 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -72,7 +71,7 @@ class Guess:
         stated: dict[str, object] = {"column": self.column, "unit": self.unit}
         stated |= {} if self.offset == 0.0 else {"offset": self.offset}
         stated |= {"reversed": True} if self.reversed else {}
-        keys = ", ".join(f"{k}: {_text(v)}" for k, v in stated.items())
+        keys = ", ".join(f"{k}: {json.dumps(v, ensure_ascii=False)}" for k, v in stated.items())
         remark = f"{'' if self.reason in {BY_NAME, BY_CLOCK} else 'likely, '}by {self.reason}"
         if self.unit is None:
             remark = f"open, not told by {self.reason}: {', '.join(units_of(quantity))}"
@@ -81,7 +80,6 @@ class Guess:
         return f"    {quantity}: {{{keys}}}  # {remark}"
 
 
-_text = partial(json.dumps, ensure_ascii=False)
 Guesses = Mapping[str, Guess]  # of a table's columns, by the quantity that each holds
 
 
@@ -110,13 +108,13 @@ def _lines(sections: Mapping[str, tuple[str, Guesses]], strip: StripFile | None)
     """Lines of the mapping file with these `sections`."""
     ticks = sections["ticks"][1]
     turn = float(np.ptp(ticks["pitch"].si())) if "pitch" in ticks else np.inf
-    yield from ("schema: 1", f"strip: {_text(strip and strip.name)}")
+    yield from ("schema: 1", f"strip: {json.dumps(strip and strip.name)}")
     yield from (f"start: {'hanging' if turn < TURNED else 'flat'}", "sigma:")
     has_force = not {"f_x", "f_z"}.isdisjoint(ticks)
     for name in ("gripper", *(["force"] if has_force else []), *[*sections][1:]):
         yield f"  {name}: null  # open: one sigma of its error [m, N]"
     for section, (file, guesses) in sections.items():
-        yield from (f"{section}:", f"  file: {_text(file)}", "  columns:")
+        yield from (f"{section}:", f"  file: {json.dumps(file, ensure_ascii=False)}", "  columns:")
         yield from (guess.line(quantity) for quantity, guess in guesses.items())
         for quantity in [name for name in "txz" if name not in guesses]:
             yield f"    {quantity}: {{column: null, unit: null}}  # open: no name says so"
@@ -132,8 +130,8 @@ def _not_taken(
         why = "no name says more, or better"
         if lacks:
             why = f"no name says {', '.join(lacks)}; is it the section `result` or `contact`?"
-        if names := [name for name in content.column_names if name not in used]:
-            yield f"# not taken of {_text(file)}: {', '.join(names)}; {why}"
+        if left := [name for name in content.column_names if name not in used]:
+            yield f"# not taken of {json.dumps(file, ensure_ascii=False)}: {', '.join(left)}; {why}"
 
 
 def _columns(content: pa.Table) -> dict[str, Guess]:

@@ -60,10 +60,9 @@ def import_runs(
     run that is there already.
     """
     stated = None if mapping is None else load(mapping, kind)
-    sources = (source for place in places for source in sources_in(place, mapping))
     with scratch_folder(out) as scratch:
         made: list[Path] = []
-        for index, source in enumerate(sources):
+        for index, source in enumerate(s for place in places for s in sources_in(place, mapping)):
             how, run = stated or _exported_mapping(source, kind), scratch / source.name
             check_free(out / run.name)
             if run in made:
@@ -84,10 +83,11 @@ def import_runs(
                     mapped = ", as mapped" if file == SIGNALS else ""
                     text = text.replace(str(run / file), f"{source.place(table)}{mapped}")
                 text = text.replace(str(run), str(source.path))
-                mending = _suggest_change(source, how, check, scratch, length)
-                if not mending and isinstance(how, MappingFile) and (run / RUN).is_file():
-                    mending = "; `cell import --guess` proposes another mapping"
-                raise ConfigurationError(text + mending) from None
+                if isinstance(how, MappingFile):
+                    guess = "; `cell import --guess` proposes another mapping"
+                    mending = _suggest_change(source, how, check, scratch, length)
+                    text += mending or guess * (run / RUN).is_file()
+                raise ConfigurationError(text) from None
             with writing(out):
                 _write_film(source, run)
         if not made:
@@ -97,21 +97,20 @@ def import_runs(
 
 def _move_all(made: Sequence[Path], out: Path) -> tuple[Path, ...]:
     """Move the runs `made` to the folder `out`, all or none; returns their folders there."""
-    moved: list[Path] = []
     try:
         for run in made:
             move_folder(run, out / run.name)
-            moved.append(out / run.name)
     except BaseException:  # Ctrl-C too: all runs are imported, or none
-        for run in moved:
-            shutil.rmtree(run, ignore_errors=True)
+        for run in made:
+            if not run.exists():
+                shutil.rmtree(out / run.name, ignore_errors=True)
         raise
-    return tuple(moved)
+    return tuple(out / run.name for run in made)
 
 
 def _suggest_change(
     source: Source,
-    how: AnyMapping,
+    how: MappingFile,
     check: Callable[[Path], object],
     scratch: Path,
     length: Callable[[str], float] | None,
@@ -120,8 +119,6 @@ def _suggest_change(
 
     Empty where no such change of the gripper's columns, the strip's, or both helps.
     """
-    if isinstance(how, SignalMapping):
-        return ""
     x, pitch, touch = ("x", "contact_x"), ("pitch",), ("l1", "l2")
     axes = (x, ("z",), (*x, "z"))
     changes: list[dict[str, Any]] = [{"reversed": True}, {"reversed": False}]
@@ -148,10 +145,8 @@ def _suggest_change(
             _write_run(source, MappingFile.model_validate(content), 0, run)
             check(run)
             stated = ", ".join(dump_yaml(change).splitlines())
-            where = " of ".join(
-                " and ".join(dict.fromkeys(part)) for part in zip(*found, strict=True)
-            )
-            return f"; {stated} for {where} in the mapping would mend it"
+            parts = [" and ".join(dict.fromkeys(part)) for part in zip(*found, strict=True)]
+            return f"; {stated} for {' of '.join(parts)} in the mapping would mend it"
     return ""
 
 
@@ -159,7 +154,7 @@ def _zeros(source: Source, how: MappingFile, length: float) -> list[dict[str, An
     """Changes by which x is counted from the strip's other end, or begins at its `length` [m]."""
     column, begin = how.ticks.columns["x"], float(read_columns(source, how.ticks)["x"][0])
     begin = column.offset + (-begin if column.reversed else begin)
-    zeros = ((True, begin + length), (True, length), (False, begin - length))
+    zeros = ((True, begin + length), (False, begin - length))
     return [{"reversed": turned, "offset": round(offset, 3) + 0.0} for turned, offset in zeros]
 
 
@@ -200,8 +195,7 @@ def _exported_mapping(source: Source, kind: type[AnyMapping]) -> AnyMapping:
             fault = "is a run already; `cell gap fit` takes it as it is"
         raise ConfigurationError(f"{source.path}: {fault}")
     origin = f"{source.path}: {MAPPING}"
-    text = content.decode(errors="replace")
-    return parse(parse_yaml(text, origin), kind, origin)
+    return parse(parse_yaml(content.decode(errors="replace"), origin), kind, origin)
 
 
 def _write_run(source: Source, how: AnyMapping, index: int, target: Path) -> None:
@@ -233,11 +227,9 @@ def _fold(source: Source, how: MappingFile, place: Content) -> dict[str, Content
         check_clock(seen["t"] - begin, ticks["t"], f"{source.place(how.contact)}: t")
         placed = place_contacts(ticks["t"], seen["t"] - begin, seen["contact_x"])
         ticks |= dict(zip(("contact_x", "contact_t"), placed, strict=True))
-    head = {"schema": 1, **how.model_dump(include={"strip", "start", "contact_height"}), **place}
-    head["sigma"] = how.sigma.model_dump(exclude_unset=True)
-    head |= {} if how.seen_by is None else {"seen_by": how.seen_by}
+    of_run = {"strip", "start", "contact_height", "sigma", "seen_by"}
     return {
-        RUN: head,
+        RUN: {"schema": 1, **how.model_dump(include=of_run, exclude_unset=True), **place},
         TICKS: ticks,
         PROFILE: _profile(source, how, begin, ticks["t"]),
         RESULT: _result(source, how, begin, ticks["t"]),
