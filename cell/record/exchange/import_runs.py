@@ -123,7 +123,7 @@ def _suggest_change(
     axes = (x, ("z",), (*x, "z"))
     changes: list[dict[str, Any]] = [{"reversed": True}, {"reversed": False}]
     tried = [*product(changes, (*axes, pitch))]
-    times = (("t",), ("t_layer_touch",))
+    times = (("t", "t_layer_touch"),)
     for units, names in ((ANGLES, (pitch,)), (LENGTHS, (*axes, touch)), (TIMES, times)):
         tried += product([{"unit": unit} for unit in units], names)
     with suppress(ConfigurationError, IndexError):  # no row

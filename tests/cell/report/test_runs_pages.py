@@ -100,10 +100,8 @@ def test_notes_that_cannot_be_read_are_left_as_they_are(three: list[Path], text:
 
 
 def test_a_short_name_is_found_in_any_folder_here(three: list[Path], monkeypatch) -> None:
-    monkeypatch.chdir(three[0].parents[1])
-    three[0].parent.rename("own")
+    monkeypatch.chdir(three[0].parent.rename(three[0].parents[1] / "own").parent)
     assert [run_folder(text).name for text in ("0001", "last")] == [three[1].name, three[2].name]
-    assert run_folder("0009") == Path("0009")
 
 
 def test_four_tags_at_once_are_all_kept(three: list[Path]) -> None:

@@ -10,7 +10,6 @@ import pytest
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from cell.gap.subject.strip.subject import open_strip
-from drivers.readers import read_yaml
 from tests.support.gap_strip_cases import STRIP, denim, folds, written
 from tests.support.run_edits import edit_yaml
 
@@ -51,10 +50,9 @@ def test_a_run_that_died_is_named_and_used(runs: Path) -> None:
 
 
 def test_distances_of_a_touch_in_each_others_columns_are_told(runs: Path) -> None:
-    result = first(runs) / "result.yaml"
-    found = read_yaml(result)
-    swapped = {"l1": found["l2"], "l2": found["l1"], "displacement": -found["displacement"]}
-    edit_yaml(result, **swapped)
+    touch = read_runs(find_runs([runs]), denim())[0].touch
+    swapped = {"l1": touch.to_fixed, "l2": touch.to_grasped, "displacement": -touch.displacement}
+    edit_yaml(first(runs) / "result.yaml", **swapped)
     assert "l1 and l2 of the touches seem swapped" in open_strip(STRIP, find_runs([runs])).notes[-1]
 
 
