@@ -37,9 +37,11 @@ def test_every_function_of_the_package_says_what_it_does() -> None:
         assert name == "CellError" or "return" in getattr(cell, name).__annotations__, name
 
 
-def test_other_names_are_no_part_of_the_package() -> None:
+def test_other_names_are_no_part_of_the_package_and_no_seed_is_negative() -> None:
     with pytest.raises(AttributeError, match="has no attribute 'unfold'"):
         _ = cell.unfold
+    with pytest.raises(cell.CellError, match="seed: is -1, must be at least 0"):
+        cell.fold("denim", seed=-1)
     assert dir(cell) == sorted(cell.__all__)
 
 

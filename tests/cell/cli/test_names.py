@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 
-import cell
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
 from drivers.strip.describe import load_strip
@@ -32,8 +31,6 @@ def test_misspelt_keys_and_policies_name_what_was_meant(tmp_path: Path) -> None:
         load_strip(path)
     with pytest.raises(ConfigurationError, match=r"did you mean 'circular'\?"):
         make_policy("circlar")
-    with pytest.raises(ConfigurationError, match="seed: is -1, must be at least 0"):
-        cell.fold("denim", seed=-1)
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,6 @@ def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
     [
         ("ticks", "t", {"unit": "mm"}, "t: unit 'mm' is not known"),
         ("ticks", "z", {"unit": "um", "offset": 0.0}, "z: rises less than 0.01 m"),
-        ("contact", "t", {"unit": "ms"}, "contact.csv: t: is 1698.32 s before the gripper's first"),
         ("result", "t_layer_touch", {"unit": "ms"}, "unit: s for t_layer_touch of result (touch."),
         ("profile", "t", {"offset": 0.9}, "points.parquet: x, z: half the midlines end off"),
         ("profile", "t", {"offset": 0.09}, "a: t: the midlines lead the gripper by 0.09"),
