@@ -127,9 +127,8 @@ def _not_taken(
     for file, content in read.items():
         used = {guess.column for guess in taken.get(file, {}).values()}
         lacks = [name for name in "txz" if name not in tables[file]]
-        why = "no name says more, or better"
-        if lacks:
-            why = f"no name says {', '.join(lacks)}; is it the section `result` or `contact`?"
+        lacking = f"no name says {', '.join(lacks)}; is it the section `result` or `contact`?"
+        why = lacking if lacks else "no name says more, or better"
         if left := [name for name in content.column_names if name not in used]:
             yield f"# not taken of {json.dumps(file, ensure_ascii=False)}: {', '.join(left)}; {why}"
 

@@ -84,9 +84,8 @@ def import_runs(
                     text = text.replace(str(run / file), f"{source.place(table)}{mapped}")
                 text = text.replace(str(run), str(source.path))
                 if isinstance(how, MappingFile):
-                    guess = "; `cell import --guess` proposes another mapping"
-                    mending = _suggest_change(source, how, check, scratch, length)
-                    text += mending or guess * (run / RUN).is_file()
+                    hint = "; `cell import --guess` proposes a mapping" * (run / RUN).is_file()
+                    text += _suggest_change(source, how, check, scratch, length) or hint
                 raise ConfigurationError(text) from None
             with writing(out):
                 _write_film(source, run)

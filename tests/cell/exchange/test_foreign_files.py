@@ -26,7 +26,6 @@ from tests.support.foreign_tables import T, X, Z, in_metres, plain
 
 ROWS = [(round((t + 7.0) * 1e9), x, z) for t, x, z in zip(T, X, Z, strict=True)]
 INTEGERS = ("double_value", "positive_int_value", "negative_int_value")
-BOTH = "ticks (tip.csv) and profile (tip.csv)"
 MICROMETRES = {"x": {"unit": "um"}, "z": {"unit": "um", "reversed": True}}
 
 
@@ -160,18 +159,18 @@ def test_comments_separators_and_times_of_a_table_are_read(tmp_path, head, row, 
 @pytest.mark.parametrize(
     ("change", "mending"),
     [
-        ({"x": {"reversed": True}}, f"; reversed: false for x of {BOTH}"),
-        ({"x": {"offset": 1.2}}, f"; reversed: false, offset: 0.0 for x of {BOTH}"),
-        ({"x": {"unit": "cm"}, "z": {"unit": "mm"}}, f"; unit: m for x and z of {BOTH}"),
-        ({"z": {"offset": 0.05}}, "edge; `cell import --guess` proposes another mapping"),
-        ({"z": {"factor": 9.0}}, f"edge; unit: cm for z of {BOTH}"),
+        ({"x": {"reversed": True}}, "; reversed: false for x of ticks and profile"),
+        ({"x": {"offset": 1.2}}, "; reversed: false, offset: 0.0 for x of ticks and profile"),
+        ({"x": {"unit": "cm"}, "z": {"unit": "mm"}}, "; unit: m for x and z of ticks and profile"),
+        ({"z": {"offset": 0.05}}, "edge; `cell import --guess` proposes a mapping"),
+        ({"z": {"factor": 9.0}}, "edge; unit: cm for z of ticks and profile"),
     ],
 )
 def test_a_path_off_the_strip_is_refused_with_its_mending(tmp_path, change, mending) -> None:
     mapping = how(tmp_path, "tip.csv", "txz", **change)
     with pytest.raises(ConfigurationError, match=r"flat start|half lie") as error:
         cell.import_runs([plain(tmp_path / "a")], tmp_path / "runs", mapping)
-    assert str(error.value).removesuffix(" in the mapping would mend it").endswith(mending)
+    assert mending in str(error.value).replace(" (tip.csv)", "")
 
 
 def test_a_film_of_a_phone_held_the_other_way_stands_upright(tmp_path: Path) -> None:

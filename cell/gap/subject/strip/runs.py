@@ -204,14 +204,14 @@ def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measur
         )
     _check_noise(folder / RUN, recorded)
     _check_motion(folder / TICKS, recorded)
-    _check_times(folder, recorded)
     touch = _touch(folder, recorded)
-    usable = len(recorded.ticks.t) >= LEAST
-    if not usable:
-        words = f"{name}: has {len(recorded.ticks.t)} rows only and is left out"
-        return recorded.header, replace(_short_run(name, recorded), notes=(words,))
-    notes = (*_check_held(folder, name, recorded, touch, strip), *_notes(name, recorded))
-    return recorded.header, replace(_measured_run(name, recorded, touch, strip), notes=notes)
+    if (n := len(recorded.ticks.t)) >= LEAST:
+        notes = tuple(_notes(folder, name, recorded, touch, strip))
+        return recorded.header, replace(_measured_run(name, recorded, touch, strip), notes=notes)
+    if recorded.result is not None:
+        raise ConfigurationError(f"{folder / TICKS}: t: has {n} rows; at least {LEAST} are needed")
+    notes = (f"{name}: has {n} rows only and is left out",)
+    return recorded.header, replace(_short_run(name, recorded), notes=notes)
 
 
 def check_fold(
@@ -282,33 +282,16 @@ def _short_run(name: str, run: Recorded) -> MeasuredRun:
     )  # fmt: skip
 
 
-def _notes(name: str, run: Recorded) -> tuple[str, ...]:
-    """Remark for the operator on a run that ended without a touch."""
-    if run.result is None:
-        return (f"{name}: died after {run.ticks.t[-1]:.1f} s and is used as far as it goes",)
-    if run.result.outcome not in TOUCHED | {"path_done"}:
-        return (f"{name}: ended with {run.result.outcome} and is used as far as it goes",)
-    return ()
-
-
-def _check_times(folder: Path, run: Recorded) -> None:
-    """Refuse a whole run of too few rows, and stamps beside them."""
-    t, origin = run.ticks.t, folder / TICKS
-    if len(t) < LEAST:
-        if run.result is None:
-            return
-        raise ConfigurationError(f"{origin}: t: has {len(t)} rows; at least {LEAST} are needed")
-    check_clock(run.ticks.contact_t, t, f"{origin}: contact_t")
-    check_clock(run.profile.t, t, f"{folder / PROFILE}: t")
-
-
-def _check_held(
+def _notes(
     folder: Path, name: str, run: Recorded, touch: Touch | None, strip: StripFile
 ) -> Iterator[str]:
     """Notes on places that are off for one strip held at its end, from the desk to the gripper.
 
-    Raises ConfigurationError where they contradict it.
+    A run that ended without a touch is noted, too. Raises ConfigurationError where places
+    contradict such a strip, or stamps lie beside the gripper's rows.
     """
+    check_clock(run.ticks.contact_t, run.ticks.t, f"{folder / TICKS}: contact_t")
+    check_clock(run.profile.t, run.ticks.t, f"{folder / PROFILE}: t")
     for file, what, off, limits in (*_reaches(run, touch, strip), *_misses_of_midlines(run)):
         median = float(np.median(off)) if np.size(off) else -np.inf
         if median > limits[-1]:
@@ -321,6 +304,10 @@ def _check_held(
                 f"{name}: {what} {median:.2g}, at most {limits[0]:g} is usual; are "
                 "`start`, columns (l1 and l2?), `offset` and `late` of the mapping right?"
             )
+    if run.result is None:
+        yield f"{name}: died after {run.ticks.t[-1]:.1f} s and is used as far as it goes"
+    elif run.result.outcome not in TOUCHED | {"path_done"}:
+        yield f"{name}: ended with {run.result.outcome} and is used as far as it goes"
 
 
 def _reaches(run: Recorded, touch: Touch | None, strip: StripFile) -> Iterator[Contradiction]:

@@ -30,7 +30,7 @@ def first(runs: Path) -> Path:
     return sorted(runs.iterdir())[0]
 
 
-def test_what_was_measured_comes_back(runs: Path) -> None:
+def test_what_was_measured_comes_back_and_is_told_where_it_is_swapped(runs: Path) -> None:
     fast, taut = read_runs(find_runs([runs]), denim())
     assert fast.touch is not None
     assert fast.end == fast.touch.time
@@ -38,6 +38,9 @@ def test_what_was_measured_comes_back(runs: Path) -> None:
     assert len(fast.contact_t) == pytest.approx(30 * fast.end, rel=0.15)
     np.testing.assert_allclose(fast.poses[0, :2], [0.6, 0.0], atol=1e-4)
     assert fast.poses[-1, 2] == pytest.approx(np.pi / 2, abs=1e-6)
+    l1, l2 = fast.touch.to_fixed, fast.touch.to_grasped
+    edit_yaml(first(runs) / "result.yaml", l1=l1, l2=l2, displacement=l1 - l2)
+    assert "l1 and l2 of the touches seem swapped" in open_strip(STRIP, find_runs([runs])).notes[-1]
 
 
 def test_a_run_that_died_is_named_and_used(runs: Path) -> None:
@@ -47,13 +50,6 @@ def test_a_run_that_died_is_named_and_used(runs: Path) -> None:
     died = strip.runs[0].samples
     assert len(died) > 20
     assert "layer_touch" not in died.channel
-
-
-def test_distances_of_a_touch_in_each_others_columns_are_told(runs: Path) -> None:
-    touch = read_runs(find_runs([runs]), denim())[0].touch
-    swapped = {"l1": touch.to_fixed, "l2": touch.to_grasped, "displacement": -touch.displacement}
-    edit_yaml(first(runs) / "result.yaml", **swapped)
-    assert "l1 and l2 of the touches seem swapped" in open_strip(STRIP, find_runs([runs])).notes[-1]
 
 
 def test_a_run_that_died_at_once_is_named_and_left_out(runs: Path) -> None:
