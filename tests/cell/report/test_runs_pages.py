@@ -55,8 +55,7 @@ def test_comparison_has_every_run_and_what_differs(three: list[Path], monkeypatc
     monkeypatch.chdir(three[0].parents[1])
     for folder in three:
         (folder / "truth.yaml").write_text("{schema: 1, displacement: 0.0, edge_offset: 0.0}\n")
-    printed = call("report", "0000", "0001", "last", "--json")
-    page = Path(json.loads(printed)["report"]).resolve()
+    page = Path(json.loads(call("report", "0000", "0001", "last", "--json"))["report"]).resolve()
     assert page == three[0].parent / "compare.html"
     text = page.read_text("utf-8")
     rows = re.search(r"What was set otherwise.*?</table>", text, flags=re.S)
