@@ -51,7 +51,8 @@ class Follower:
 
 def nearest(path: Path, points: Array, low: Array, high: Array) -> Array:
     """Distances (n,) [m] along `path`, in [low, high], of its points nearest to `points` (n, 2)."""
-    starts, steps = path.points[:-1], np.diff(path.points, axis=0)
+    starts = path.points[:-1]
+    steps = np.diff(path.points, axis=0)
     lengths = np.diff(path.travel)
     along = np.einsum("nms,ms->nm", points[:, None] - starts, steps) / lengths
     reach = path.travel[:-1] + np.clip(along, 0.0, lengths)

@@ -162,7 +162,8 @@ class _PoseRecorder:
         self.poses: list[Array] = []  # (n, 3), one entry for each step
 
     def reset(self, models: Sequence[StripModel]) -> None:
-        self._count, self.poses = len(models), []
+        self._count = len(models)
+        self.poses = []
 
     def step(self, poses: Array, dt: float) -> Observables:
         self.dt = dt

@@ -143,7 +143,8 @@ class FciHand:
     @property
     def _holds(self) -> bool:
         """Whether the fingers rest on an object as thick as a strip since their last grasp."""
-        limits, fingers = self._settings, self._fingers
+        limits = self._settings
+        fingers = self._fingers
         confirmed = fingers.grasped or not self._flagged
         return self._closed and limits.thinnest <= fingers.width <= limits.thickest and confirmed
 

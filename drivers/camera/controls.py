@@ -23,7 +23,8 @@ AUTOMATICS = {
     "iso_sensitivity_auto": 0,
     "hdr_sensor_mode": 0,
 }
-EXPOSURE, EXPOSURE_UNIT = "exposure_time_absolute", 1e-4  # s
+EXPOSURE = "exposure_time_absolute"
+EXPOSURE_UNIT = 1e-4  # s
 LOCKED_OUT = {
     ControlFlag.DISABLED: "is disabled",
     ControlFlag.READ_ONLY: "can only be read",

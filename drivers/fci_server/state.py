@@ -136,12 +136,14 @@ class Publisher:
         fields = self.fields
         for name in ("O_T_EE_d", "O_T_EE_c"):
             self._put_matrix(name, posture.pose)
-        fields["q_d"][:], fields["dq_d"][:] = posture.q, posture.joints.velocity
+        fields["q_d"][:] = posture.q
+        fields["dq_d"][:] = posture.joints.velocity
         fields["ddq_d"][:] = posture.joints.acceleration
         fields["O_dP_EE_d"][:] = fields["O_dP_EE_c"][:] = posture.tool.velocity
         fields["O_ddP_EE_c"][:] = posture.tool.acceleration
         angle, rate, acceleration = posture.swing
-        fields["delbow_c"][0], fields["ddelbow_c"][0] = rate, acceleration
+        fields["delbow_c"][0] = rate
+        fields["ddelbow_c"][0] = acceleration
         fields["elbow_d"][:] = fields["elbow_c"][:] = angle, posture.elbow_sign
         self._put_matrix("O_T_EE", arm.reached)  # below: the measured arm
         fields["q"][:] = fields["theta"][:] = arm.q

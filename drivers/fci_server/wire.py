@@ -14,7 +14,8 @@ from drivers.types import Array
 PROTOCOL_VERSION = 10  # of the arm
 PORT = 1337
 MOVE = Struct("<II6dB7d")
-MESSAGE, COMMAND_NUMBERS = Struct("<Q"), 38
+MESSAGE = Struct("<Q")
+COMMAND_NUMBERS = 38
 COMMAND = Struct(f"<Q{COMMAND_NUMBERS}dBB7dB")  # the state that it answers, numbers, flags
 FLAGS_OFFSET = MESSAGE.size + 8 * COMMAND_NUMBERS
 LARGEST_NUMBER = 1e6  # in any unit; no command is near it

@@ -11,7 +11,8 @@ from policies.path import Path
 STEP = 0.001  # s
 SPEED_RANGE = (0.06, 0.15)  # m/s
 HASTE = 0.3  # one sigma of the logarithm of the speed over its mean
-MOST_STOPS, PAUSE_RANGE = 2, (0.3, 1.5)  # stops on the way, at most, and how long one lasts [s]
+MOST_STOPS = 2  # on the way
+PAUSE_RANGE = (0.3, 1.5)  # s that a stop lasts
 STOP_RANGE = (0.2, 0.8)  # of the path, in which the stops lie
 RETURN_SHARE = 0.5  # of the motions with a stop, share that goes back from it
 RETURN_RANGE = (0.03, 0.10)  # of the path, by which it goes back

@@ -56,7 +56,8 @@ class HingeLumps:
         share = np.ones_like(bare)
         share[-1] = 1.0 / (1.0 + model.boundary.grip_compliance * bare[-1])
         stiffness = bare * share * scale
-        spring, growth = stiffness * (1.0 - law.relaxing), law.cubic * share**3 / reach**2
+        spring = stiffness * (1.0 - law.relaxing)
+        growth = law.cubic * share**3 / reach**2
         presliding = stiffness * law.stiffness_ratio
         slip = reach * (law.yield_curvature / law.stiffness_ratio) / share
         lag = strip.viscosity / strip.rigidity**2  # its integral times K^2 is a hinge's damping
@@ -114,7 +115,8 @@ class Lumps:
         """Coefficients of the strip `model` on a chain of `links` links."""
         strip = model.mechanics
         nodes = places(strip.length, links)
-        spans, mass = np.diff(nodes), strip.total(strip.linear_density, nodes)
+        spans = np.diff(nodes)
+        mass = strip.total(strip.linear_density, nodes)
         scale = PAPER_LINEAR_DENSITY * strip.length / float(mass.sum())
         weight = float(mass.sum()) * float(np.hypot(*model.boundary.gravity))
         return cls(

@@ -152,10 +152,12 @@ def _add_desk(spec: mujoco.MjSpec, depth: float) -> None:
 def _add_slide(body: mujoco.MjsBody, model: StripModel, lumps: Lumps, node: int) -> None:
     """Let the body at `node` move along the link before it, or at node 0 along the desk."""
     if node == 0:
-        moves, stiffness = np.isfinite(model.boundary.edge_friction), lumps.held[0]
+        moves = np.isfinite(model.boundary.edge_friction)
+        stiffness = lumps.held[0]
     else:
         slips = node == len(lumps.mass) and np.isfinite(model.boundary.grip_force)
-        moves, stiffness = lumps.stretches or slips, lumps.along[node - 1]
+        moves = lumps.stretches or slips
+        stiffness = lumps.along[node - 1]
     if moves:
         body.add_joint(
             name=f"{SLIDE}{node}",
@@ -190,10 +192,12 @@ def _add_hinge(spec: mujoco.MjSpec, body: mujoco.MjsBody, lumps: Lumps, node: in
 def _add_mass(body: mujoco.MjsBody, lumps: Lumps, node: int) -> None:
     """Set mass and inertia of the link that begins at `node`, or of the tip at the last node."""
     if node < len(lumps.mass):
-        mass, centre = lumps.mass[node], 0.5 * lumps.spans[node]
+        mass = lumps.mass[node]
+        centre = 0.5 * lumps.spans[node]
         inertia = mass * lumps.spans[node] ** 2 / 12
     else:
-        mass, centre = TIP_MASS * lumps.mass[-1], 0.0
+        mass = TIP_MASS * lumps.mass[-1]
+        centre = 0.0
         inertia = LONGEST_STEP**2 * lumps.hinges.stiffness[-1]
     body.explicitinertial = True
     body.mass = mass

@@ -159,8 +159,8 @@ def sample_face(
 ) -> Cloud:
     """Material points of the strip's visible side in the image, from the near to the far edge."""
     across = optics.plane(curve.points, look.width) - picture.near
-    area, length = _area(picture.along, across), np.hypot(*picture.along.T)
-    rows = np.ceil(area / length / DEPTH_PITCH).astype(np.int64)
+    area = _area(picture.along, across)
+    rows = np.ceil(area / np.hypot(*picture.along.T) / DEPTH_PITCH).astype(np.int64)
     # the visible side starts half a thickness off the midline, but for EDGE_RADIUS
     share = max(1 - 2 * EDGE_RADIUS / look.thickness, 0.0)
     surface = Rows(

@@ -86,8 +86,9 @@ class CriticTraining:
             return load_critic(path)
         stored = [(t, n) for t in range(turn + 1) for n in range(self.settings.pieces[t])]
         data = concatenate([self._load(t, n) for t, n in stored])
-        seed, epochs = self.settings.seed, self.settings.epochs[turn]
-        save_critic(path, fit(data, self.settings, epochs, seed, self._critic), {"round": turn})
+        epochs = self.settings.epochs[turn]
+        critic = fit(data, self.settings, epochs, self.settings.seed, self._critic)
+        save_critic(path, critic, {"round": turn})
         return load_critic(path)  # as stored in float32, so that a resumed training is equal
 
     def _finish(self) -> None:

@@ -84,7 +84,8 @@ def _cross_validated_errors(batch: FoldedBatch) -> Array:
 
 def _coefficients(batch: FoldedBatch) -> Array:
     """Posterior mode (3,) of the bias's coefficients [m, m, m/m]."""
-    terms, values = _bias_terms(batch), batch.predicted - batch.displacement
+    terms = _bias_terms(batch)
+    values = batch.predicted - batch.displacement
 
     def residuals(scaled: Array) -> Array:
         error = (terms @ (scaled * PRIOR) - values) / FOLD_NOISE
