@@ -25,19 +25,19 @@ HEAT_TICKS = (0, 1, 3, 10, 30, 100, 1000, 10000)  # sigma, on its logarithmic sc
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """A run as measured and as simulated; `after` is None where no effect was accepted."""
+    """A run as measured and as simulated: drawings by the words `measured`, `before`, `after`.
+
+    `after` is left out where no effect was accepted, and a simulation where it has no motion.
+    """
 
     name: str
     held_out: bool
-    measured: Scene
-    before: Scene | None
-    after: Scene | None
+    scenes: dict[str, Scene]
 
     @property
-    def scenes(self) -> dict[str, Scene]:
-        """Drawings of the run that exist, by the words `measured`, `before` and `after`."""
-        scenes = {"measured": self.measured, "before": self.before, "after": self.after}
-        return {word: scene for word, scene in scenes.items() if scene is not None}
+    def measured(self) -> Scene:
+        """Drawing of the run as it was measured."""
+        return self.scenes["measured"]
 
 
 def folds(shapes: Mapping[str, Array]) -> str:
@@ -53,24 +53,28 @@ def folds(shapes: Mapping[str, Array]) -> str:
         return as_svg(figure)
 
 
-def replay(findings: Findings, *, held_out_only: bool = False) -> Iterator[Replay]:
+def replay(findings: Findings) -> Iterator[Replay]:
     """Simulate the runs with the base and with the accepted model; held-out runs come first."""
-    subject, shown = findings.subject, findings.held_out_fits
-    pairs = [(True, shown.before, shown.after if shown.changed else None)]
-    if not held_out_only:
-        base, best = findings.base.estimate, findings.accepted.estimate
-        pairs.append((False, base, best if best.model.effects else None))
-    for held_out, before, after in pairs:
-        runs = before.evidence.runs
-        scenes_before = _scenes(subject, before)
-        scenes_after = [None] * len(runs) if after is None else _scenes(subject, after)
-        for run, old, new in zip(runs, scenes_before, scenes_after, strict=True):
-            yield Replay(run.name, held_out, subject.draw_measured(run), old, new)
+    subject, accepted = findings.subject, findings.accepted
+    fitted = {"before": findings.base.estimate}
+    if accepted.model.effects:
+        fitted["after"] = accepted.estimate
+    yield from replay_runs(subject, findings.held_out_fits.by_word, held_out=True)
+    yield from replay_runs(subject, fitted, held_out=False)
 
 
-def _scenes(subject: Subject, estimate: Estimate) -> Sequence[Scene | None]:
-    """Drawings of the runs of `estimate` as simulated by its model."""
-    return subject.draw_simulated(requests(estimate.model, estimate.evidence.runs, estimate.point))
+def replay_runs(
+    subject: Subject, fits: Mapping[str, Estimate], *, held_out: bool
+) -> Iterator[Replay]:
+    """Simulate all runs of `fits`, the words `before` and `after` with a fit of the same runs."""
+    drawn = {
+        word: subject.draw_simulated(requests(fit.model, fit.evidence.runs, fit.point))
+        for word, fit in fits.items()
+    }
+    for i, run in enumerate(fits["before"].evidence.runs):
+        scenes = {"measured": subject.draw_measured(run)}
+        scenes |= {word: scene for word, all_runs in drawn.items() if (scene := all_runs[i])}
+        yield Replay(run.name, held_out, scenes)
 
 
 def heat_map(places: Sequence[Bin]) -> str:
@@ -101,17 +105,15 @@ def heat_map(places: Sequence[Bin]) -> str:
 
 
 def residual_traces(
-    before: Estimate, after: Estimate | None, run: int, quantities: Mapping[str, Quantity]
+    fits: Mapping[str, Estimate], run: int, quantities: Mapping[str, Quantity]
 ) -> str:
-    """Figure (SVG text) of residuals over time in held-out run number `run`, before and after."""
-    samples = before.evidence.runs[run].samples
+    """Figure (SVG text) of residuals over time in run number `run` of `fits`, by word."""
+    samples = fits["before"].evidence.runs[run].samples
     by_series = [np.flatnonzero(samples.series == number) for number in np.unique(samples.series)]
     by_series = [rows[np.argsort(samples.t[rows])] for rows in by_series if len(rows) > 1]
     if not by_series:
         return ""
-    means = {"before": before.raw[run].mean}
-    if after is not None:
-        means["after"] = after.raw[run].mean
+    means = {word: fit.raw[run].mean for word, fit in fits.items()}
     times = samples.t[np.concatenate(by_series)]
     with canvas(7.5, 0.8 + 1.35 * len(by_series)) as figure:
         axes = figure.subplots(len(by_series), sharex=True, squeeze=False)[:, 0]

@@ -1,6 +1,6 @@
 """The report of a fit, `report.html`: one self-contained page for a technician."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +9,6 @@ import numpy as np
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting.base_fit import undetermined_values
 from cell.gap.report import figures
-from cell.gap.report.figures import replay
 from cell.gap.report.sentence import (
     capitalised,
     detection_limit,
@@ -31,7 +30,7 @@ from cell.gap.selection.likelihood import MIN_GAIN
 from cell.gap.subject.subject import Run
 from cell.gap.verdict.compose import SIGNIFICANT
 from cell.gap.verdict.findings import Findings
-from cell.gap.verdict.schema import CandidateEntry, Kind, Verdict
+from cell.gap.verdict.schema import CandidateEntry, Gap, Kind, Verdict
 from cell.report.html import Tone, page as document
 from cell.report.page_verdict import PageVerdict as Card
 from cell.report.words import NO_VALUE, millimetres
@@ -114,32 +113,34 @@ def base_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
 
 def held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on held-out runs, before and after: figures, a sentence, a table."""
-    gap = verdict.gap
-    before = findings.held_out_fits.before
-    after = findings.held_out_fits.after if findings.held_out_fits.changed else None
-    fits = {"before": before} if after is None else {"before": before, "after": after}
-    quantities = findings.subject.scope.quantities
-    words = {q.key: f"{quantity_label(q)} [{q.unit}]" for q in quantities.values()}
-    beyond = [held_out_gap.excess_by_quantity(fit, quantities) for fit in fits.values()]
-    sides = [gap.before, gap.floor] if after is None else [gap.before, gap.after, gap.floor]
-    names = conditions(before.evidence.runs)
+    fits = findings.held_out_fits.by_word
+    names = conditions(fits["before"].evidence.runs)
     by_run = {word: held_out_gap.excess(held_out_gap.run_squares(fit)[:, None])
               for word, fit in fits.items()}  # fmt: skip
     typical = int(np.argsort(by_run["before"])[len(names) // 2])
+    drawn = {word: fit.on([typical]) for word, fit in fits.items()}
+    (run,) = figures.replay_runs(findings.subject, drawn, held_out=True)
     return {
         "typical": names[typical],
-        "midlines": _midline_figure(findings, before.evidence.runs[typical].name),
-        "traces": figures.residual_traces(before, after, typical, quantities),
+        "midlines": figures.midlines(run),
+        "traces": figures.residual_traces(fits, typical, findings.subject.scope.quantities),
         "head": ("rms", *fits, "noise", "sigma beyond"),
-        "rows": [
-            (words[key], *(f"{side[key]:.3g}" for side in sides),
-             " then ".join(f"{side[key]:.2g}" for side in beyond))
-            for key in beyond[0]
-            if key in gap.before
-        ],
+        "rows": list(_held_out_rows(findings, verdict.gap)),
         "leaves": any(excess.any() for excess in by_run.values()),
         "bars": figures.run_bars(names, by_run) if len(names) > 1 else "",
-    }  # fmt: skip
+    }
+
+
+def _held_out_rows(findings: Findings, gap: Gap) -> Iterator[tuple[str, ...]]:
+    """Table rows by quantity: rms of each fit to held-out runs, noise, excess of each [noise]."""
+    quantities = findings.subject.scope.quantities
+    fits = findings.held_out_fits.by_word
+    sides = [*(getattr(gap, word) for word in fits), gap.floor]
+    beyond = [held_out_gap.excess_by_quantity(fit, quantities) for fit in fits.values()]
+    words = {q.key: f"{quantity_label(q)} [{q.unit}]" for q in quantities.values()}
+    for key in (key for key in beyond[0] if key in gap.before):
+        rms = (f"{side[key]:.3g}" for side in sides)
+        yield words[key], *rms, " then ".join(f"{side[key]:.2g}" for side in beyond)
 
 
 def conditions(runs: Sequence[Run]) -> list[str]:
@@ -149,12 +150,6 @@ def conditions(runs: Sequence[Run]) -> list[str]:
         name if short.count(name) == 1 else f"{name} {short[: i + 1].count(name)}"
         for i, name in enumerate(short)
     ]
-
-
-def _midline_figure(findings: Findings, run: str) -> str:
-    """Figure of the midlines of one held-out run, where the subject has curves."""
-    drawn = next((r for r in replay(findings, held_out_only=True) if r.name == run), None)
-    return "" if drawn is None else figures.midlines(drawn)
 
 
 def remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:

@@ -97,6 +97,11 @@ class HeldOutFits:
         """Whether an effect was accepted; without one, `after` is `before`."""
         return self.after is not self.before
 
+    @property
+    def by_word(self) -> dict[str, Estimate]:
+        """The fits by the words `before` and, where an effect was accepted, `after`."""
+        return {"before": self.before} | ({"after": self.after} if self.changed else {})
+
 
 @dataclass(frozen=True, slots=True)
 class Findings:

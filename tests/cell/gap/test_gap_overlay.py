@@ -69,6 +69,7 @@ def strip(tmp_path_factory: pytest.TempPathFactory) -> StripSubject:
     return open_strip(STRIP, find_runs([root]))
 
 
+WORDS = ("measured", "before", "after")
 MM_UP = (1e3, -1e3)  # per m, of a flat view whose second axis points down
 
 
@@ -76,10 +77,10 @@ MM_UP = (1e3, -1e3)  # per m, of a flat view whose second axis points down
 def replays(strip: StripSubject) -> list[Replay]:
     """Before: a strip that is too soft; after: the right one."""
     before = simulated(strip, bending_length=SOFT * strip.file.bending_length)
-    after = simulated(strip)
+    drawn = zip(map(strip.draw_measured, strip.runs), before, simulated(strip), strict=True)
     return [
-        Replay(run.name, run.name == "00-normal", strip.draw_measured(run), old, new)
-        for run, old, new in zip(strip.runs, before, after, strict=True)
+        Replay(run.name, run.name == "00-normal", dict(zip(WORDS, scenes, strict=True)))
+        for run, scenes in zip(strip.runs, drawn, strict=True)
     ]
 
 
