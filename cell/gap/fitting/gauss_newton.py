@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cell.gap.fitting import robust
 from cell.gap.fitting.model import Evidence, Model, Point, request, requests, response, whiten
 from cell.gap.fitting.normal_equations import NormalEquations, Unknowns
-from cell.gap.fitting.tasks import Task
+from cell.gap.fitting.tasks import Task, side_by_side
 from cell.gap.subject.subject import Parameter, Request, Residuals, Run
 from drivers.types import Array
 
@@ -28,22 +28,20 @@ FINAL_GAIN, ROUGH_GAIN = 0.05, 2.0
 
 def linearise(model: Model, evidence: Evidence, point: Point) -> Task[Linearised]:
     """Residuals and whitened Jacobian (n, shared + local) of each run; a task yielding requests."""
-    batch: list[Request] = []
-    steps: list[Array] = []
-    for run, local in zip(evidence.runs, point.local, strict=True):
-        run_requests, run_steps = _secant_requests(model, run, point.shared, local)
-        batch += run_requests
-        steps.append(run_steps)
+    runs = zip(evidence.runs, evidence.scales, point.local, strict=True)
+    tasks = [_linearise_run(model, run, scale, point.shared, local) for run, scale, local in runs]
+    by_run = yield from side_by_side(tasks)
+    return [raw for raw, _ in by_run], tuple(jacobian for _, jacobian in by_run)
+
+
+def _linearise_run(
+    model: Model, run: Run, scale: Array, shared: Array, local: Array
+) -> Task[tuple[Residuals, Array]]:
+    """Residuals and Jacobian (n, shared + local) of one run, whitened by `scale` (n,); a task."""
+    batch, steps = _secant_requests(model, run, shared, local)
     answers = yield batch
-    raw, jacobians = [], []
-    offset = 0
-    for run, run_steps, scale in zip(evidence.runs, steps, evidence.scales, strict=True):
-        run_answers = answers[offset : offset + 1 + run.replicate + len(run_steps)]
-        offset += len(run_answers)
-        raw.append(run_answers[0])
-        at_point, *stepped = run_answers[run.replicate :]
-        jacobians.append(secant_jacobian(at_point, stepped, scale, run_steps))
-    return raw, tuple(jacobians)
+    at_point, *stepped = answers[1:] if run.replicate else answers
+    return answers[0], secant_jacobian(at_point, stepped, scale, steps)
 
 
 def secant_jacobian(

@@ -215,15 +215,17 @@ def _best_short_fit(
     evidence = base.evidence
     estimates = yield from _few_steps(model, evidence, points)
     promising = _farthest(base, estimates, base if incumbent is None else incumbent)
-    if incumbent is None and not promising:
-        promising = [best(estimates)]
-    if len(promising) > 1 or (promising and incumbent is not None):
+    if incumbent is None:
+        promising = promising or [best(estimates)]
+    elif not promising:
+        return None
+    if incumbent is not None or len(promising) > 1:
         more = BUDGET.short_steps - BUDGET.first_steps
         continued = yield from side_by_side(
             [refit(model, evidence, e.point, e.jacobians, ROUGH_GAIN, more) for e in promising]
         )
         promising = [*promising, *continued]
-    if incumbent is not None and (not promising or best([incumbent, *promising]) is incumbent):
+    if incumbent is not None and best([incumbent, *promising]) is incumbent:
         return None
     return best(promising)
 
