@@ -1,11 +1,10 @@
 """Implements `cell gap fit`: from measured runs and a subject's file to verdict and patches."""
 
 import itertools
-import json
 import os
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
@@ -95,12 +94,14 @@ def _with_remarks(verdict: Verdict, subject: Subject, copies: Iterable[str]) -> 
 
 def _write(findings: Findings, verdict: Verdict, file: Path, out: Path) -> None:
     """Write the record, the report and the patches of a fit; its verdict is written last."""
-    record = {"schema": 1, "file": str(file), "file_sha256": accept.sha256(file),
-              "effects": [e.name for e in verdict.effects or verdict.suspected],
-              "values": [d.parameter for d in verdict.deviates],
-              "scatter": [asdict(s) for s in findings.model_tests.scatter],
-              "law": findings.law and asdict(findings.law)}  # fmt: skip
-    write_file(out / accept.RECORD, json.dumps(record, indent=1))
+    record = accept.FitRecord(
+        file_sha256=accept.sha256(file),
+        effects=tuple(e.name for e in verdict.effects or verdict.suspected),
+        values=tuple(d.parameter for d in verdict.deviates),
+        scatter=findings.model_tests.scatter,
+        law=findings.law and accept.StoredLaw(terms=findings.law.terms),
+    )
+    write_file(out / accept.RECORD, record.to_json())
     write_report(findings, verdict, out / "report.html")
     if (law := findings.law) is not None:
         terms = {name: {"amount": value} for name, value in law.terms.items()}

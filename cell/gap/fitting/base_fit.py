@@ -1,6 +1,7 @@
 """Fits of the base parameters, and what runs say about them and about effects beside them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -51,16 +52,8 @@ def stated_estimate(subject: Subject, simulate: Simulate) -> Estimate:
     model = Model(subject.scope.base)
     point = Point(np.array([p.start for p in model.parameters]), measured.start())
     raw, jacobians = run_one(simulate, linearise(model, measured, point))
-    return Estimate(
-        model=model,
-        evidence=measured,
-        point=point,
-        residuals=tuple(np.zeros(len(r.mean)) for r in raw),
-        raw=tuple(raw),
-        jacobians=jacobians,
-        scale=1.0,
-        objective=0.0,
-    )
+    fit = Estimate.at(model, measured, point, raw, jacobians)
+    return replace(fit, residuals=tuple(map(np.zeros_like, fit.residuals)), scale=1.0)
 
 
 def effect_responses(

@@ -104,7 +104,7 @@ class Estimate:
     """Values of all unknowns of a model, with its residuals and Jacobians there.
 
     Per run: `residuals` (n,) whitened, `raw` in physical units, `jacobians` (n, shared + local)
-    of the whitened residuals. `scale` is the dispersion, `objective` the loss at it [nats].
+    of the whitened residuals. `scale` is their dispersion.
     """
 
     model: Model
@@ -114,7 +114,6 @@ class Estimate:
     raw: tuple[Residuals, ...]
     jacobians: tuple[Array, ...]
     scale: float
-    objective: float
 
     @classmethod
     def at(
@@ -127,18 +126,15 @@ class Estimate:
     ) -> Self:
         """Estimate at `point`: simulated residuals `raw`, whitened `jacobians` (n, size) by run."""
         r = residuals(raw, evidence)
-        scale = robust.scale(np.concatenate(r))
-        estimate = cls(
+        return cls(
             model=model,
             evidence=evidence,
             point=point,
             residuals=r,
             raw=tuple(raw),
             jacobians=jacobians,
-            scale=scale,
-            objective=0.0,
+            scale=robust.scale(np.concatenate(r)),
         )
-        return replace(estimate, objective=estimate.objective_at(scale))
 
     @property
     def shared(self) -> Array:
@@ -174,6 +170,11 @@ class Estimate:
     def by_run(self, stacked: NDArray[Any]) -> list[NDArray[Any]]:
         """Split an array `stacked` (N, ...) of all samples into the rows (n, ...) of each run."""
         return np.split(stacked, np.cumsum([len(r) for r in self.residuals])[:-1])
+
+    @property
+    def objective(self) -> float:
+        """Robust loss of the residuals at their own dispersion plus that of the priors [nats]."""
+        return self.objective_at(self.scale)
 
     def objective_at(self, scale: float) -> float:
         """Robust loss of the residuals at the dispersion `scale` plus that of the priors [nats]."""

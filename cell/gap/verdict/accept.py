@@ -1,7 +1,6 @@
 """Accepts a verdict: patches the subject's file, and can restore the one before."""
 
 import hashlib
-import json
 import os
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -37,7 +36,13 @@ LARGEST_MODEL = 20 * MEGABYTE
 class StoredFile(Settings):
     """Base of files that a program wrote: unknown keys are ignored."""
 
-    model_config = ConfigDict(extra="ignore")
+    model_config = ConfigDict(extra="ignore", populate_by_name=True)
+
+    schema_: Literal[1] = Field(1, alias="schema")
+
+    def to_json(self) -> str:
+        """JSON text of the file."""
+        return self.model_dump_json(by_alias=True, indent=1)
 
 
 class StoredLaw(StoredFile):
@@ -148,8 +153,7 @@ def _store_undo(out: Path, changes: Mapping[Path, str]) -> None:
     _check_writable(changes)
     before = {_name(p): read_text(p) if p.exists() else ABSENT for p in changes}
     after = {_name(p): _hash(text) for p, text in changes.items()}
-    acceptance = {"schema": 1, "before": before, "after": after}
-    write_file(out / ACCEPTED, json.dumps(acceptance, indent=1))
+    write_file(out / ACCEPTED, Acceptance(before=before, after=after).to_json())
 
 
 def _changes(

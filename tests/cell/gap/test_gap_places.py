@@ -54,4 +54,4 @@ def _estimate(r: Array) -> Estimate:
     samples = Samples(words, words, zones, words, t, FLAT, FLAT, none, series)
     known = Evidence((Run("one", "slow", samples),), (FLAT,))
     nowhere = Point(np.zeros(0), (np.zeros(0),))
-    return Estimate(Model(()), known, nowhere, (r,), (), (np.zeros((SIZE, 0)),), 1.0, 0.0)
+    return Estimate(Model(()), known, nowhere, (r,), (), (np.zeros((SIZE, 0)),), 1.0)
