@@ -76,7 +76,8 @@ def _propose(places: list[Path], out: Path, strip: "StripFile | None") -> None:
     from drivers.files import check_free, write_file
 
     check_free(out)
-    text, of = guess_mapping(places, strip), " ".join(map(str, places))
+    text = guess_mapping(places, strip)
+    of = " ".join(map(str, places))
     write_file(out, text)
     sys.stdout.write(f"{text}{out}: read it, and write what is open in place of null\n")
     sys.stdout.write(f"next: cell import {of} --mapping {out} --out runs/own\n")

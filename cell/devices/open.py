@@ -50,7 +50,7 @@ def emulation(settings: CellFile, choice: DeviceSelection) -> str:
 
 def check_calibrated(settings: CellFile, choice: DeviceSelection) -> None:
     """Raise ConfigurationError for a real camera without a calibration in cell.yaml."""
-    if real_camera(settings, choice) and settings.calibration is None:
+    if choice.camera_driver(settings).real and settings.calibration is None:
         name = choice.camera or settings.drivers.camera
         raise ConfigurationError(
             f"cell.yaml: calibration: is missing, camera {name} needs one; run `cell calibrate "
@@ -58,14 +58,9 @@ def check_calibrated(settings: CellFile, choice: DeviceSelection) -> None:
         )
 
 
-def real_camera(settings: CellFile, choice: DeviceSelection) -> bool:
-    """Whether a real camera is selected, not that of the twin."""
-    return choice.camera_driver(settings).real
-
-
 def is_physical(settings: CellFile, choice: DeviceSelection) -> bool:
     """Whether a physical robot or a real camera is selected."""
-    return is_real(settings, choice) or real_camera(settings, choice)
+    return is_real(settings, choice) or choice.camera_driver(settings).real
 
 
 NO_STRIP = StripFile(

@@ -84,7 +84,8 @@ def calibration(settings: CellFile, *, on_twin: bool) -> Check:
         found = "the twin makes its own" if on_twin else "cell.yaml names none"
         return Check("calibration", state, found, why, remedy)
     try:
-        made, now = load_calibration(Path(settings.calibration)), datetime.now(UTC)
+        made = load_calibration(Path(settings.calibration))
+        now = datetime.now(UTC)
         check_current(made, settings.calibration_days, now, on_twin=on_twin)
     except CellError as error:
         return Check("calibration", Grade.FAIL, str(error), why, remedy)

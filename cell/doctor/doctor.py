@@ -6,7 +6,7 @@ from pathlib import Path
 from cell.config.cell import CellFile
 from cell.config.places import Configs
 from cell.devices.devices import DeviceSelection
-from cell.devices.open import is_real, real_camera
+from cell.devices.open import is_real
 from cell.doctor import devices, machine
 from cell.doctor.check import Check, Grade
 from drivers.errors import CellError, PreflightRefused
@@ -39,9 +39,10 @@ def hardware_checks(
     """Yield the checks of machine, calibration, robot, camera; the network's takes `seconds`."""
     yield machine.disk(runs)
     yield machine.cores()
-    yield devices.calibration(settings, on_twin=not real_camera(settings, choice))
+    has_real_camera = choice.camera_driver(settings).real
+    yield devices.calibration(settings, on_twin=not has_real_camera)
     yield from _arm(settings, choice, seconds)
-    if real_camera(settings, choice):
+    if has_real_camera:
         yield devices.camera(settings)
     else:
         yield Check("camera", Grade.SKIPPED, "the twin's", "there is nothing to connect")
@@ -78,7 +79,7 @@ def motion_checks(
     yield machine.versions()
     yield machine.cores()
     yield from _arm(settings, choice, BRIEF)
-    if camera and real_camera(settings, choice):
+    if camera and choice.camera_driver(settings).real:
         yield devices.camera(settings)
 
 

@@ -133,7 +133,8 @@ def from_edge(strip: StripFile, fold: Array) -> Array:
 
 def _gripper_path(settings: CellSettings, strip: StripFile, carry: Array) -> Array:
     """Gripper positions (n, 2) [m] of a whole fold: approach, `carry` (k, 2), retreat."""
-    beyond, aside = strip.length + settings.fold.approach, settings.fold.approach
+    aside = settings.fold.approach
+    beyond = strip.length + aside
     before = [(beyond, settings.fold.clear_height), (beyond, 0.0)]
     after = [(0.0, 0.0), (-aside, 0.0), (-aside, 2 * aside)]
     return np.vstack([before, carry, after])
@@ -170,7 +171,8 @@ def _expected(folds: Folds, repeats: float) -> tuple[float, float] | None:
     if not np.isfinite(folds.displacement).all():
         return None
     corners = folds.displacement[1:]
-    return float(folds.displacement[0]), hypot(np.std(corners) if len(corners) else 0.0, repeats)
+    spread = float(np.std(corners)) if len(corners) else 0.0
+    return float(folds.displacement[0]), hypot(spread, repeats)
 
 
 def corner_strips(strip: StripFile) -> list[StripFile]:
@@ -185,7 +187,8 @@ def corner_strips(strip: StripFile) -> list[StripFile]:
 
 def _height_problems(settings: CellSettings, strip: StripFile, policy: Policy) -> Iterator[str]:
     """Yield a text where the policy's path does not rise to the take-over height."""
-    top, takeover = float(policy.lift().points[:, 1].max()), settings.fold.takeover_height
+    top = float(policy.lift().points[:, 1].max())
+    takeover = settings.fold.takeover_height
     if top <= takeover:
         yield (
             f"length: a fold of {strip.length:g} m rises to {top:.2f} m, the policy takes over at "

@@ -13,7 +13,6 @@ from cell.arm.arm_prediction import ArmPrediction, predict_arm
 from cell.arm.run_settings import at_speed
 from cell.calibrate.calibration_in_use import check_current
 from cell.config.cell import CellFile
-from cell.devices.open import real_camera
 from cell.folding.feasibility import corner_strips, from_edge, path_problems, simulate
 from cell.folding.request import Request
 from drivers.errors import ConfigurationError
@@ -53,12 +52,13 @@ class Prediction:
     def __str__(self) -> str:
         """Text of the prediction for the operator."""
         x_min, x_max, z_min, z_max = (1e3 * value for value in self.reach)
-        d, ends = self.displacement, ""
-        expected = "no touch" if d is None else f"displacement {1e3 * d:+.1f} mm"
+        expected = "no touch"
+        if self.displacement is not None:
+            expected = f"displacement {1e3 * self.displacement:+.1f} mm"
         if self.low is not None and self.high is not None:
-            ends = f", between {1e3 * self.low:+.1f} and {1e3 * self.high:+.1f} mm"
+            expected += f", between {1e3 * self.low:+.1f} and {1e3 * self.high:+.1f} mm"
         return (
-            f"{self.strip} by {self.policy}: expected {expected}{ends} over what is unknown of the "
+            f"{self.strip} by {self.policy}: expected {expected} over what is unknown of the "
             "strip\n"
             f"  the gripper stays within x {x_min:.0f} to {x_max:.0f} mm, z {z_min:.0f} to "
             f"{z_max:.0f} mm: inside its limits; nothing was moved"
@@ -76,13 +76,15 @@ def predict(request: Request) -> Prediction:
     settings, strip = request.cell, request.strip
     if settings.calibration is not None:
         calibration = load_calibration(Path(settings.calibration))
-        on_twin = not real_camera(settings, request.choice)
+        on_twin = not request.choice.camera_driver(settings).real
         check_current(calibration, settings.calibration_days, datetime.now(UTC), on_twin=on_twin)
     folds = simulate_policy(request, settings, [strip, *corner_strips(strip)])
     _check_path(folds, request)
     places = folds.trace.reshape(-1, 2)
-    (x_min, z_min), (x_max, z_max) = places.min(axis=0).tolist(), places.max(axis=0).tolist()
-    nominal, spread = folds.displacement[0], folds.displacement[folds.touched]
+    x_min, z_min = places.min(axis=0).tolist()
+    x_max, z_max = places.max(axis=0).tolist()
+    nominal = folds.displacement[0]
+    spread = folds.displacement[folds.touched]
     arm = None
     if request.choice.arm_driver(settings).real:
         arm = predict_arm(settings, strip, folds.trace[:, 0], laid_at(folds))
@@ -118,7 +120,8 @@ def _check_path(folds: Folds, request: Request) -> None:
         slower = simulate_policy(request, at_speed(settings, speed), [strip])
         return from_edge(strip, slower.trace[:, 0])
 
-    limits, places = request.choice.motion_limits(settings), folds.trace.reshape(-1, 2)
+    limits = request.choice.motion_limits(settings)
+    places = folds.trace.reshape(-1, 2)
     carry = from_edge(strip, folds.trace[:, 0])
     problems = list(path_problems(places, carry, settings, limits, carry_at))
     if problems:

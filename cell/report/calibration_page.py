@@ -112,8 +112,8 @@ def _page(title: str, calibration: Calibration | None, folder: Path, **parts: An
 
 def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
     """Table rows (quantity, value) on a calibration."""
-    lens, middle = calibration.lens, np.array([[0.3, 0.1]])
-    pixels = calibration.to_image(middle + SCALE_STEP * np.array([[0, 0], [1, 0]]))
+    lens = calibration.lens
+    pixels = calibration.to_image((0.3, 0.1) + SCALE_STEP * np.array([[0, 0], [1, 0]]))
     along = float(np.linalg.norm(pixels[1] - pixels[0]))
     return [
         ("camera from the strip's plane", millimetres(calibration.viewpoint.distance)),

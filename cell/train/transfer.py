@@ -39,14 +39,14 @@ def fold_drawn(number: int, seed: int, checkpoint: Path) -> Mapping[str, Any]:
     """
     strip = random_strip(np.random.default_rng([seed, number]))
     with TemporaryDirectory() as name:
-        configs, known = find_configs(None), unmeasured_name(strip.length, strip.thickness)
+        configs = find_configs(None)
         request = Request(
-            configs.cell(),
-            configs.strip(known),
-            "adaptive",
-            Path(name),
-            DeviceSelection(plant=strip, seed=number),
-            checkpoint,
+            cell=configs.cell(),
+            strip=configs.strip(unmeasured_name(strip.length, strip.thickness)),
+            policy="adaptive",
+            runs=Path(name),
+            choice=DeviceSelection(plant=strip, seed=number),
+            checkpoint=checkpoint,
             record=Recording("none"),
         )
         result = fold(request, calibration_of(request.cell))
