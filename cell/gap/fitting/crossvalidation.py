@@ -101,8 +101,13 @@ def folds(runs: Sequence[Run], most: int = MOST_FOLDS) -> list[list[int]]:
     return [[i for i, c in enumerate(label) if c % count == f] for f in range(count)]
 
 
-Prediction = tuple[Array, Array, float]
-"""Of a run left out: whitened residuals (n,), uncertain responses (n, k), and a penalty [nats]."""
+@dataclass(frozen=True, slots=True)
+class _Prediction:
+    """Run predicted without it: whitened `residuals` (n,), `uncertain` (n, k), `penalty` [nats]."""
+
+    residuals: Array
+    uncertain: Array
+    penalty: float
 
 
 def validate(estimate: Estimate) -> Task[CrossValidatedFit]:
@@ -111,11 +116,16 @@ def validate(estimate: Estimate) -> Task[CrossValidatedFit]:
     parts = yield from side_by_side([_predict_fold(estimate, fold) for fold in dealt])
     by_run = {i: run for fold, part in zip(dealt, parts, strict=True)
               for i, run in zip(fold, part, strict=True)}  # fmt: skip
-    left_out, uncertain, charged = zip(*(by_run[i] for i in sorted(by_run)), strict=True)
-    return CrossValidatedFit(estimate, left_out, uncertain, np.array(charged))
+    predictions = [by_run[i] for i in sorted(by_run)]
+    return CrossValidatedFit(
+        estimate=estimate,
+        left_out=tuple(p.residuals for p in predictions),
+        uncertain=tuple(p.uncertain for p in predictions),
+        charged=np.array([p.penalty for p in predictions]),
+    )
 
 
-def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[list[Prediction]]:
+def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[list[_Prediction]]:
     """Prediction of the runs of `fold` by the fit to all others; a task that yields requests.
 
     Penalised by the number of shared values that only the fold determines, at its first run, and by
@@ -131,7 +141,7 @@ def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[list[Predicti
     penalty[0] += undetermined.sum()
     deviations = _deviations(estimate.on(keep), shared, undetermined)
     uncertain = [_settled_response(estimate, i) @ deviations for i in fold]
-    return list(zip(residuals(raw, unseen), uncertain, map(float, penalty), strict=True))
+    return list(map(_Prediction, residuals(raw, unseen), uncertain, map(float, penalty)))
 
 
 def on_runs(estimate: Estimate, keep: Sequence[int]) -> tuple[Array, Mask]:

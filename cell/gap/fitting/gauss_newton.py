@@ -8,7 +8,7 @@ a jump is no slope, and counts as information that is none.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self, TypeVar
+from typing import Any, Literal, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from cell.gap.fitting.tasks import Task, side_by_side
 from cell.gap.subject.subject import Parameter, Request, Residuals, Run
 from drivers.types import Array
 
+JacobianUse = Literal["new", "kept", "mended"]
 Linearised = tuple[Sequence[Residuals], tuple[Array, ...]]
 T = TypeVar("T")
 # nats that a further step must promise: in the end, to compare; set by hand, small beside MIN_GAIN
@@ -250,13 +251,12 @@ def refit(
     """
     unknowns = Unknowns.of(model, evidence)
     point = unknowns.point(np.concatenate([start.shared, *start.local]))
-    fresh = jacobians is None
-    mended = False
+    use: JacobianUse = "new" if jacobians is None else "kept"
     if jacobians is None:
-        raw, jacobians = yield from linearise(model, evidence, point)
+        fit = yield from _linearised(model, evidence, point)
     else:
         raw = yield requests(model, evidence.runs, point)
-    fit = Estimate.at(model, evidence, point, raw, jacobians)
+        fit = Estimate.at(model, evidence, point, raw, jacobians)
     for _ in range(steps):
         equations = fit.normal()
         step = equations.bounded_step(unknowns.low - fit.z, unknowns.high - fit.z)
@@ -265,19 +265,32 @@ def refit(
             break
         trial = yield from _line_search(fit, equations.curvature, step)
         gain = fit.objective - trial.objective_at(fit.scale)
-        share = gain / promised
-        trusted = TRUSTED[0] < share < TRUSTED[1]
-        mended = not trusted and not mended and MENDABLE[0] < share < MENDABLE[1]
-        ended = fresh and gain < enough
-        fresh = not trusted and not mended
-        jacobians = _broyden_update(fit, trial, equations.curvature) if mended else fit.jacobians
-        fit = replace(trial if gain > 0.0 else fit, jacobians=jacobians)
+        ended = use == "new" and gain < enough
+        use = _next_use(gain / promised, use)
+        if use == "mended":
+            trial = replace(trial, jacobians=_broyden_update(fit, trial, equations.curvature))
+        fit = trial if gain > 0.0 else replace(fit, jacobians=trial.jacobians)
         if ended:
             break
-        if fresh:
-            raw, jacobians = yield from linearise(model, evidence, fit.point)
-            fit = Estimate.at(model, evidence, fit.point, raw, jacobians)
+        if use == "new":
+            fit = yield from _linearised(model, evidence, fit.point)
     return fit
+
+
+def _linearised(model: Model, evidence: Evidence, point: Point) -> Task[Estimate]:
+    """Estimate at the values `point`, with Jacobians by secants there; yields requests."""
+    raw, jacobians = yield from linearise(model, evidence, point)
+    return Estimate.at(model, evidence, point, raw, jacobians)
+
+
+def _next_use(share: float, use: JacobianUse) -> JacobianUse:
+    """How the next step gets its Jacobian, after one that gained `share` of what it promised.
+
+    Of a Jacobian in `use` that was mended already, a further correction is not tried.
+    """
+    if TRUSTED[0] < share < TRUSTED[1]:
+        return "kept"
+    return "mended" if use != "mended" and MENDABLE[0] < share < MENDABLE[1] else "new"
 
 
 def residuals(raw: Sequence[Residuals], evidence: Evidence) -> tuple[Array, ...]:

@@ -74,13 +74,14 @@ class NormalEquations:
         come back while the gradient there pulls them inside (Lawson and Hanson 1974, chapter 23).
         """
         diagonal = np.diag(self.curvature)
-        ridged = self.curvature + np.diag(RIDGE * diagonal + 1e-300)
+        ridge = np.diag(RIDGE * diagonal + 1e-300)
+        ridged = NormalEquations(self.gradient, self.curvature + ridge)
         step = best = np.zeros_like(self.gradient)
         free = (diagonal > 0.0) & ~_pushed_out(self.gradient, step, low, high)
         least = 0.0
         for _ in range(len(step) + 3):
-            step, free = _minimise_free(self.gradient, ridged, free, step, low, high)
-            slope = self.gradient + ridged @ step
+            step, free = ridged.minimise_free(step, free, low, high)
+            slope = self.gradient + ridged.curvature @ step
             value = 0.5 * float(step @ (self.gradient + slope))
             if value < least:
                 best, least = step, value
@@ -91,24 +92,22 @@ class NormalEquations:
             free[int(np.argmax(pull))] = True
         return best
 
+    def minimise_free(self, step: Array, free: Mask, low: Array, high: Array) -> tuple[Array, Mask]:
+        """Step (n,) to the minimum over `free` (n,) unknowns, and a mask (n,) of those still free.
 
-def _minimise_free(
-    gradient: Array, curvature: Array, free: Mask, step: Array, low: Array, high: Array
-) -> tuple[Array, Mask]:
-    """Step (size,) to the minimum over the `free` unknowns, and a mask of those still free.
-
-    Unknowns that leave their bounds are held on them.
-    """
-    step, free = step.copy(), free.copy()
-    while free.any():
-        right = gradient[free] + curvature[np.ix_(free, ~free)] @ step[~free]
-        step[free] = -_solve(curvature[np.ix_(free, free)], right)
-        over = free & ((step < low) | (step > high))
-        if not over.any():
-            break
-        step[over] = np.clip(step, low, high)[over]
-        free &= ~over
-    return step, free
+        Unknowns that leave their bounds `low` (n,) and `high` (n,) are held on them; the others
+        stay at `step` (n,).
+        """
+        step, free = step.copy(), free.copy()
+        while free.any():
+            right = self.gradient[free] + self.curvature[np.ix_(free, ~free)] @ step[~free]
+            step[free] = -_solve(self.curvature[np.ix_(free, free)], right)
+            over = free & ((step < low) | (step > high))
+            if not over.any():
+                break
+            step[over] = np.clip(step, low, high)[over]
+            free &= ~over
+        return step, free
 
 
 def _pushed_out(slope: Array, step: Array, low: Array, high: Array) -> Mask:
