@@ -314,7 +314,7 @@ def _reaches(run: Recorded, touch: Touch | None, strip: StripFile) -> Iterator[C
     """By how much [m] a run starts elsewhere, and is under the desk or beyond the strip's reach."""
     t, x, z, contact = run.ticks.t, run.ticks.x, run.ticks.z, run.ticks.contact_x
     seen, at = np.isfinite(contact), f"start at x {x[0]:.3f}, z {z[0]:.3f} m is"
-    yield TICKS, "t: half the rows are apart by", np.diff(t), PERIOD
+    yield TICKS, "t: in s, half the rows are apart by", np.diff(t), PERIOD
     if run.header.start == "hanging":
         upright, far = abs(run.ticks.pitch[0] - np.pi / 2), np.hypot(x[0], z[0]) - strip.length
         yield TICKS, "pitch: a hanging start is off pi/2 by", upright, HANGING
