@@ -164,12 +164,12 @@ def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
     return pa.table({n: placed[n] if n in placed else ticks[n] for n in Ticks.__slots__})
 
 
-def check_clock(stamps: Array, t: Array, origin: str) -> None:
-    """Refuse stamps (k,) [s] far outside the span of the gripper's rows at times `t` (m,) [s]."""
+def check_clock(stamps: Array, t: Array, origin: str, before: float = TIME_MARGIN) -> None:
+    """Refuse stamps (k,) [s] by `before` [s] ahead of the gripper's rows `t` (m,) [s], or late."""
     if not t.size:
         return
-    early, late = (float(np.nanmax(off, initial=0.0)) for off in (t[0] - stamps, stamps - t[-1]))
-    if max(early, late) > TIME_MARGIN:
+    early, late = (float(np.nanmax(by, initial=-np.inf)) for by in (t[0] - stamps, stamps - t[-1]))
+    if early >= before or late > TIME_MARGIN:
         where = "before the gripper's first" if early > late else "after the gripper's last"
         raise ConfigurationError(
             f"{origin}: is {max(early, late):.6g} s {where} row; give all times of a run in s on "

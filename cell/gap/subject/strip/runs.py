@@ -391,5 +391,5 @@ def _touch(folder: Path, run: Recorded) -> Touch | None:
     if len(numbers) < len(stated):
         return None
     time, _, l1, l2 = numbers
-    check_clock(frozen([time]), run.ticks.t, f"{folder / RESULT}: t_layer_touch")
+    check_clock(frozen([time]), run.ticks.t, f"{folder / RESULT}: t_layer_touch", before=0.0)
     return Touch(time, x=l2, to_grasped=l1, to_fixed=l2)
