@@ -56,7 +56,7 @@ def _equal(one: Image, other: Image) -> bool:
 
 
 def _distance(one: Pose, other: Pose) -> float:
-    """Apparent distance [m] of two poses; a turn counts by the motion of a finger's end."""
+    """Larger of the gripper's displacement [m] and the arc of its finger tips in a rotation."""
     turn = FINGER_LENGTH * abs(one.pitch - other.pitch)
     return max(hypot(one.x - other.x, one.z - other.z), turn)
 
@@ -88,7 +88,7 @@ class CameraWatch:
 
     @classmethod
     def choose(cls, appearance: Appearance, calibration: Calibration, strip: StripFile) -> Self:
-        """Choose the best located patches, off the strip's zone and below the waiting hand."""
+        """Choose the patches whose shift is measured best, away from strip and waiting hand."""
         grey = grey_of(appearance.scene.background.image)
         sigma = _place_deviation(grey, appearance.scene.sensor)
         hidden = strip_zone(calibration, strip.length)
@@ -122,7 +122,7 @@ class CameraWatch:
         )
 
     def shift(self, image: Image, gripper: Pose) -> float:
-        """Apparent shift [m] of the scene in `image` (h, w, 3), in the plane of the near edge.
+        """Apparent shift [m] of the scene in `image` (h, w, 3) since the preflight image.
 
         The weighted median over the patches, where most of them agree, so that shadows on some do
         not count; brightness does not either. NaN where too few patches are found. `gripper` is the
@@ -171,7 +171,7 @@ def _choose_patches(sigma: Array) -> tuple[list[tuple[int, int]], list[float]]:
 
 
 def _place_deviation(grey: Image, noise: float) -> Array:
-    """Standard deviation (h, w) [px] of a patch's place about each pixel, by the Cramer-Rao bound.
+    """Standard deviation (h, w) [px] of the measured shift of a patch centred at each pixel.
 
     In its less sure direction; `noise` [grey levels] is that of two pixels' difference.
     """

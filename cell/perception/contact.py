@@ -81,7 +81,7 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
 
 
 def _piece_ends(strip: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Samples (k,) at which pieces of strip end, by the mask `strip` (n,); also the last sample."""
+    """Indices (k,) at which pieces of strip end in the mask `strip` (n,), and its last index."""
     counts = np.convolve(strip, np.ones(SURE_COUNT), mode="full")  # in the run up to each sample
     before = counts[: len(strip)]
     following = counts[SURE_COUNT - 1 :]
@@ -90,7 +90,7 @@ def _piece_ends(strip: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _lying_end(ends: NDArray[np.int64], strip: NDArray[np.int64]) -> int:
-    """Last of the samples `ends` (k,) before which strip lies for LYING_LENGTH, else the first.
+    """Last of the indices `ends` (k,) that strip precedes over LYING_LENGTH, else the first.
 
     `strip` (n,) are all samples that show strip.
     """
@@ -100,7 +100,7 @@ def _lying_end(ends: NDArray[np.int64], strip: NDArray[np.int64]) -> int:
 
 
 def _sharpness(along: Array, end: int, reach: int) -> float:
-    """Confidence in the strip's end after sample `end`, by the step in its shares `along` (n,).
+    """Confidence, 0 to 1, that strip ends after sample `end`, by the step in shares `along` (n,).
 
     It is 0 for a step of 0.3, and 1 for 0.8, over `reach` samples to either side.
     """

@@ -58,7 +58,7 @@ class Face:
 
 @dataclass(frozen=True, slots=True)
 class Clip:
-    """Clip that holds a strip: `colour` (3,) BGR, `face` at rest, `front` from the strip's end."""
+    """Clip that holds a strip: `colour` (3,) BGR, `face` at rest, front from the strip's end."""
 
     colour: Array
     face: Face
@@ -166,7 +166,7 @@ class HeldEnd:
         return best if sure else replace(best, end=None)
 
     def _at_mouth(self, frame: Frame, clip: Clip, face: Pose) -> HeldMeasurement:
-        """Measure up to the mouth of a `clip` whose `face` says roughly where that is.
+        """Measure up to the mouth of a `clip`, near the pose `face` that its visible face gives.
 
         The clip's depth moves its face by parallax; the mouth is where the strip's near edge ends.
         It stays where it was in the face while the strip is seen edge on, and the clip before it.
@@ -189,7 +189,7 @@ class HeldEnd:
         return HeldMeasurement(replace(measurement, gripper=(x, z)), replace(face, x=x, z=z))
 
     def _search(self, frame: Frame) -> HeldMeasurement:
-        """Measure from guesses of the held end's pose, until one gives a sure profile."""
+        """Measure from guesses of the held end's pose, until confidence in a profile suffices."""
         first, *guesses = self._guesses(frame.stamp)
         best = self._iterate(frame, first)
         for guess in guesses:
@@ -201,7 +201,7 @@ class HeldEnd:
         return best
 
     def _guesses(self, stamp: float) -> Iterator[Pose]:
-        """Guesses of the held end's pose: extrapolated, last, and nearby; at first, just lifted."""
+        """Guesses of the held end's pose: extrapolated, last, nearby; at first, lifted slightly."""
         if not self._past:
             length = self._strip.length
             yield Pose(length, 0.0, 0.0)
@@ -285,7 +285,7 @@ def find_end(
 
 
 def colour_edge(row: Array, colour: Array, beyond: Array | None = None) -> float:
-    """Index of the sample at which `row` (m, 3), FINE apart, turns from `colour` (3,) to another.
+    """Index of the sample at which `row` (m, 3) of BGR changes from `colour` (3,) to another.
 
     The other, nearer to `beyond` (3,) where that is given, lasts for SURE; the edge lies at half
     the change. NaN without an edge.

@@ -32,7 +32,7 @@ NICE = -10
 
 @dataclass(frozen=True, slots=True)
 class ImageResult:
-    """Measurement of one image, camera `shift` [m], and distance of `resting` layers, else NaN."""
+    """Measurement of one image, layers' `touch` if certain, camera `shift` [m], gap at rest [m]."""
 
     measurement: StripMeasurement
     touch: SeenTouch | None
@@ -92,14 +92,14 @@ Maker = Callable[[StripInputs], Measurer]
 
 @dataclass(frozen=True, slots=True)
 class ImageTask:
-    """Image to measure: `frame` at the pose `gripper` (None: before the grasp), for `touches`."""
+    """Image `frame` to measure, taken at `gripper` or, with None, before the grasp."""
 
     frame: Frame
     gripper: Pose | None = None
     touches: bool = False
 
     def answer(self, measurer: Measurer) -> Answer:
-        """Measurement of the image by `measurer`; without a gripper's pose, its checks."""
+        """Measurement of the image by `measurer`, or preflight checks of one before the grasp."""
         if self.gripper is None:
             return measurer.inspect(self.frame)
         return measurer.measure(self.frame, self.gripper, touches=self.touches)

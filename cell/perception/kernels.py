@@ -37,7 +37,7 @@ Offsets = NDArray[np.int64]
 
 
 class Picture(NamedTuple):
-    """Picture of the cell, and what is known of its background and light.
+    """Image of the cell with the learnt background, its shade, and the present brightness.
 
     `image`, `background` (height, width, 3) BGR and the background's `shade` (height, width) are
     whole. `light` (n + 2, m + 2) is that of n by m cells and of a border of one; the first cell
@@ -75,10 +75,10 @@ _compiled_fisher = kernel(_fisher)
 def discriminants(
     colour: Floats, scene: Floats, shade: Floats, variance: float
 ) -> tuple[Floats, Floats]:
-    """Squared separation (n,) [sigma^2] of `colour` (3,) from background colours (n, 3).
+    """Squared separation (n,) [sigma^2] of colours, and length (n,) of Fisher's discriminant.
 
-    Also returns the length (n,) of Fisher's linear discriminant. `shade` (n,) is the share of
-    brightness by which the background may differ, `variance` the sensor's [grey levels squared].
+    The strip's `colour` (3,) from background colours `scene` (n, 3), whose brightness may differ
+    by the share `shade` (n,); `variance` is the sensor's [grey levels squared].
     """
     strip_scene = (scene * colour).sum(axis=1)
     strip_strip = (colour * colour).sum()

@@ -64,7 +64,7 @@ class LayerTouch:
         return self._touch
 
     def resting(self) -> float:
-        """Distance [m] at which thick layers rest without touching; NaN where none rest apart."""
+        """Distance [m] at which layers rest without a touch; NaN while they fall or touch."""
         margin = self._settings.touch_margin
         recent = [fall.gap for fall in self._falls[-RESTING_FALLS:]]
         rests = len(recent) == RESTING_FALLS and max(recent) - min(recent) < margin
@@ -74,7 +74,7 @@ class LayerTouch:
         return distance if distance > self._distances[1] + margin else float("nan")
 
     def _find_touch(self) -> SeenTouch | None:
-        """Detect the touch in the falls so far; None while a signal is missing or they disagree."""
+        """Layers' touch in the recorded falls; None while the two signals do not agree."""
         t = np.array([fall.time for fall in self._falls])
         gap = np.array([fall.gap for fall in self._falls])
         recent = gap[-RECENT_FALLS:]
@@ -107,7 +107,7 @@ class LayerTouch:
         return float(np.interp(time, t, places)), float(np.interp(time, t, differences))
 
     def _is_a_fold(self, touch: SeenTouch) -> bool:
-        """Whether both lengths are plausible: a fold near the strip's end is a misreading."""
+        """Whether a touch has plausible lengths; near the strip's end it is a misreading."""
         return touch.to_fixed > 0 and abs(touch.displacement) <= UNEVEN * self._length
 
 

@@ -38,7 +38,7 @@ KINDS = {
 
 @dataclass(frozen=True, slots=True)
 class LengthCheck:
-    """Difference [m] between two independent measurements of the length `name`, one of KINDS.
+    """Difference [m] between two independent measurements of a length, `name`.
 
     `parts` are the standard deviations [m] that the difference usually has, by their origin.
     """
@@ -96,7 +96,7 @@ def held_end_offset(seen: StripMeasurement) -> float:
 
 
 def compare_grip(offsets: Sequence[float], residual: float) -> tuple[LengthCheck, ...]:
-    """Compare camera and arm by the `offsets` [m] of the held end in images; none where few."""
+    """Compare camera and arm by the held end's `offsets` [m]; empty for too few images."""
     known = np.array(offsets)[np.isfinite(offsets)]
     if len(known) < FEWEST_IMAGES:
         return ()

@@ -172,10 +172,10 @@ def _prior(predicted: FoldPrediction) -> tuple[Array, Array]:
 
 
 def _simulate_profile(model: StripModel, fold: MeasuredFold) -> Array | None:
-    """Binned profile (BINS, POINTS, 2) of one model: alone, as the preflight compiled the rod."""
+    """Binned profile (BINS, POINTS, 2) [m] of a rod simulated by `model`; None on failure."""
     times = np.arange(fold.t[0] + DT, fold.t[-1] + 0.5 * DT, DT)
     path = interpolate_columns(times, fold.t, fold.poses)
-    rod = Rod(SEGMENTS, strict=False)
+    rod = Rod(SEGMENTS, strict=False)  # a batch of one, as the preflight has compiled it
     rod.reset([model])
     motion = rod.trace(path[:, None], DT, SHAPE_STRIDE)
     if rod.failed.any():

@@ -116,7 +116,7 @@ class Perception:
         return np.asarray(largest.reshape(-1, 2) + matte.region.origin)
 
     def _matte(self, frame: Frame, gripper: Pose, around: float = 0.0) -> Matte:
-        """Matte of `frame` where the strip can be, but for the hand and `around` [m] about it."""
+        """Matte of `frame` where the strip can appear, less the hand and a margin `around` [m]."""
         region = strip_region(self._calibration, self._strip.length, gripper, CELL_PX)
         visible = without_hand(region, self._calibration, gripper)
         if around > 0:
@@ -187,7 +187,7 @@ class Perception:
         return start, Grip(point, direction, clearance, self._sizes.aside)
 
     def _outer_edge(self, gripper: Pose, tangent: Array) -> Array:
-        """Place (2,) [m] at the gripper of the strip's edge that its outer side shows.
+        """Point (2,) [m] at the gripper on the strip edge, near or far, that bounds its outer side.
 
         It is the far edge where the strip, of direction `tangent` (2,), turns its face to the
         camera.

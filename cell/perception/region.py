@@ -117,7 +117,7 @@ def strip_region(calibration: Calibration, length: float, gripper: Pose, cell: i
 
 
 def motion_mask(calibration: Calibration, length: float) -> Image:
-    """Mask (height, width), 255 where background shows along the motion of a strip of `length` [m].
+    """Mask (height, width), 255 where a strip of `length` [m] will move before the background.
 
     Only above the desk, and below the hand that waits for the grasp.
     """

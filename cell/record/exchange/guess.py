@@ -105,7 +105,7 @@ def guess_mapping(places: Sequence[Path], strip: StripFile | None) -> str:
 
 
 def _lines(sections: Mapping[str, tuple[str, Guesses]], strip: StripFile | None) -> Iterator[str]:
-    """Lines of the mapping file with these `sections`."""
+    """Lines of the mapping file: header, then each section with its file and columns."""
     ticks = sections["ticks"][1]
     turn = float(np.ptp(ticks["pitch"].si())) if "pitch" in ticks else np.inf
     yield from ("schema: 1", f"strip: {json.dumps(strip and strip.name)}")
@@ -123,7 +123,7 @@ def _lines(sections: Mapping[str, tuple[str, Guesses]], strip: StripFile | None)
 def _not_taken(
     read: Mapping[str, pa.Table], tables: Mapping[str, Guesses], taken: Mapping[str, Guesses]
 ) -> Iterator[str]:
-    """Lines of remarks on the columns that are left of each file, and why."""
+    """Remarks on the columns of each file that the proposed mapping leaves out, with reasons."""
     for file, content in read.items():
         used = {guess.column for guess in taken.get(file, {}).values()}
         lacks = [name for name in "txz" if name not in tables[file]]
@@ -157,7 +157,7 @@ def _quantity(words: Sequence[str]) -> str:
 
 
 def _guess_gripper(columns: Guesses, strip: StripFile | None) -> Guesses:
-    """Guesses of the gripper's columns, with units and zeros by how a fold of `strip` goes.
+    """Guesses of the gripper's columns, with units and zeros that suit a fold of `strip`.
 
     The strip lies flat or hangs at first, which the pitch tells, and is lifted.
     """
@@ -174,7 +174,7 @@ def _guess_gripper(columns: Guesses, strip: StripFile | None) -> Guesses:
 
 
 def _with_unit(guess: Guess, quantity: str, typical: float) -> Guess:
-    """The guess with a unit by the column's name, or else by the `typical` [SI] size of a fold's.
+    """Copy of a guess with a unit, by the column's name or by its `typical` size [SI] in a fold.
 
     That is the step of the clock, the path of a place from its start, or the largest value.
     """
@@ -191,7 +191,7 @@ def _with_unit(guess: Guess, quantity: str, typical: float) -> Guess:
 
 
 def _with_zero(guess: Guess, quantity: str, strip: StripFile | None, *, hangs: bool) -> Guess:
-    """The guess of pitch, x or z with zero and sign, by where a fold begins and where it goes.
+    """Copy of a guess of pitch, x or z with zero and sign, by the typical start and end of a fold.
 
     The zero is kept where the column begins as it must, and open where it cannot be told.
     """
@@ -221,7 +221,7 @@ def _largest_move(values: Array) -> float:
 
 
 def _guess_points(columns: Guesses, gripper: Guesses) -> Guesses:
-    """Guesses of the strip's points, by the gripper's clock and its grasp of a point in each image.
+    """Guesses of the strip's point columns, with times and a grasped point that suit the gripper.
 
     Their zeros are those of the gripper's columns, or the cell's; a unit that does not fit is open.
     """

@@ -114,7 +114,7 @@ def _suggest_change(
     scratch: Path,
     length: Callable[[str], float] | None,
 ) -> str:
-    """Text of a change of the mapping, another axis or unit, with which the run can be read.
+    """Text of the change of axis, unit or zero in the mapping with which the run can be read.
 
     Empty where no such change of the gripper's columns, the strip's, or both helps.
     """
@@ -216,7 +216,7 @@ def _write_run(source: Source, how: AnyMapping, index: int, target: Path) -> Non
 
 
 def _fold(source: Source, how: MappingFile, place: Content) -> dict[str, Content]:
-    """Contents of the files of a fold's run."""
+    """Contents of a fold's run.yaml, ticks, profile and result, by file name."""
     ticks = dict(read_columns(source, how.ticks))
     first = float(ticks["t"][0]) if len(ticks["t"]) else 0.0
     begin = first if how.begin is None else how.begin
@@ -265,7 +265,7 @@ def _profile(source: Source, how: MappingFile, begin: float, t: Array) -> dict[s
 
 
 def _result(source: Source, how: MappingFile, begin: float, t: Array) -> dict[str, object]:
-    """Content of result.yaml: the touch, if any, its time counted from `begin` [s].
+    """Content of result.yaml: the layers' touch, if any, at its time from `begin` [s].
 
     Raises ConfigurationError for a missing file, where another's name is close to its name.
     """

@@ -1,4 +1,4 @@
-"""Runs as a LeRobotDataset v3.0: an episode for each run, a frame for each tick; and any such set.
+"""Export of runs as a LeRobotDataset v3.0, a frame for each tick, and import of any such set.
 
 The data set's clock is nominal, `frame_index / fps`; the exact stamps are the feature `stamp`, and
 those of the images `observation.contact_stamp` and `observation.profile_stamp`. What belongs to the
@@ -131,7 +131,7 @@ def _file_and_column(table: str, column: str) -> tuple[str, str]:
 
 
 def _features(run: Run, runs: Sequence[Run]) -> dict[str, Feature]:
-    """Features of frames by LeRobot's names: motion and film of all `runs`, sights of any."""
+    """Features of the frames by LeRobot's names; columns of motion only if all `runs` have them."""
     ticks, found = run.tables()["ticks"], dict[str, Feature]()
     for name, columns in VECTORS.items():
         there = [c for c in columns if all(c in other.tables()["ticks"] for other in runs)]
@@ -180,7 +180,7 @@ def _at_frames(run: Run, stamps: Array, values: Array) -> Feature:
 
 
 def _newest_images(run: Run) -> list[int]:
-    """Numbers (n,) in the run's film of the newest image at each row; at first, of the first."""
+    """Number in the film of the newest image at each row (n,) of ticks; the first one before it."""
     stamps = run.film_stamps()
     newest = np.searchsorted(list(stamps.values()), run.ticks.t, side="right") - 1
     numbers = list(stamps)
@@ -188,7 +188,7 @@ def _newest_images(run: Run) -> list[int]:
 
 
 def _write_film(run: Run, path: Path, fps: int) -> tuple[tuple[int, ...], Feature]:
-    """Write a film with an image for each row; returns their shape, and pixels of each for stats.
+    """Write a film with an image for each row; returns image shape and sampled pixels.
 
     Raises ConfigurationError for a run whose film breaks off.
     """
@@ -224,7 +224,7 @@ def _counters(episode: int, begin: int, count: int, fps: int, task: int) -> dict
 
 
 def _table(features: Mapping[str, Feature]) -> pa.Table:
-    """Table of the frames: numbers, also where it is a vector's only part, or lists of one size."""
+    """Table of the frames: scalar columns for one component, else lists of fixed size."""
     flat = {name: pa.array(feature.values.ravel()) for name, feature in features.items()}
     sizes = {name: feature.size for name, feature in features.items() if feature.size > 1}
     lists = {n: pa.FixedSizeListArray.from_arrays(flat[n], size) for n, size in sizes.items()}
@@ -393,7 +393,7 @@ class Episode(Source):
 
 
 def _axes(stated: object, size: int) -> Sequence[object]:
-    """Names of the `size` parts of a feature, as listed, by kind or numbered, else numbers."""
+    """Names of the `size` components of a feature: as stated, numbered, or None for a scalar."""
     if isinstance(stated, dict):
         kinds = list(stated.values())
         stated = kinds[0] if len(kinds) == 1 and isinstance(kinds[0], list) else list(stated)

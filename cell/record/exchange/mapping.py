@@ -86,7 +86,7 @@ class Table(Settings, Generic[Name]):
 
 
 class Place(Settings):
-    """Order of a run in its series, `index`, and the `condition` that its repeats share."""
+    """Order `index` of a run in its series, and the `condition` that its repeats share."""
 
     index: int | None = Field(None, ge=0, le=1_000_000)
     condition: str | None = None
@@ -110,7 +110,7 @@ class SignalMapping(Settings):
 
     @property
     def tables(self) -> dict[str, Table[Any]]:
-        """The foreign table for each table of the run, by its file."""
+        """The foreign table of signals, by the file of the run that it is imported to."""
         return {SIGNALS: self.signals}
 
 
@@ -148,7 +148,7 @@ class MappingFile(Settings):
 
     @property
     def tables(self) -> dict[str, Table[Any]]:
-        """The foreign table for each table of the run, by its file."""
+        """The foreign tables, by the file of the run that each is imported to."""
         stated = {TICKS: self.ticks, PROFILE: self.profile, RESULT: self.result}
         return {file: table for file, table in stated.items() if table is not None}
 
@@ -353,7 +353,7 @@ def seconds_of(raw: pa.ChunkedArray) -> Array | None:
 
 
 def documents_of(run: Run) -> dict[str, bytes]:
-    """Documents of a run that an export takes along, by their files; empty where it has none."""
+    """YAML documents of a run that an export includes, by file name; empty if missing."""
     files = (run.folder / name for name in (RUN, RESULT, CALIBRATION))
     return {file.name: read_bytes(file, MEGABYTE) if file.is_file() else b"" for file in files}
 
