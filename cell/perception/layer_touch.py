@@ -151,7 +151,7 @@ def _closing_time(t: Array, gap: Array, level: float, end: float) -> tuple[float
 
 
 def _falls_slower(t: Array, gap: Array, time: float, speed: float) -> bool:
-    """Whether the gap (n,) closes at `speed` [m/s] at most from `time` [s] on; False for few."""
+    """Whether the gap (n,) closes at most at `speed` [m/s] from `time` [s]; False for few rows."""
     after = t >= time
     if after.sum() < RECENT_FALLS:
         return False

@@ -14,7 +14,7 @@ from drivers.types import Array
 
 
 def choose(fits: Fits, sets: Posterior) -> CrossValidatedFit:
-    """The model of `fits` to accept: the most probable one of which each effect is needed.
+    """Model of `fits` to accept: the most probable one in which each effect is needed, or the base.
 
     The base where there is none; `sets` are the probabilities of the models.
     """
@@ -22,7 +22,7 @@ def choose(fits: Fits, sets: Posterior) -> CrossValidatedFit:
 
 
 def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
-    """Models of `fits` of which each effect is needed, the most probable by `sets` first.
+    """Models of `fits` in which each effect is needed, in the order of their probability by `sets`.
 
     A model clearly leads each fitted part of it, the base too, and predicts runs left out better:
     what a fit gains in its own runs, others may not confirm. Beside other effects it predicts them
@@ -44,7 +44,7 @@ def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
 
 
 def _model_error(model: CrossValidatedFit, fits: Fits, likelihood: LikelihoodScale) -> Array:
-    """Log likelihood (R,) [nats] of each run that errors of the laws of `model` may cost.
+    """Log likelihood (R,) [nats] that each run may lose to errors of the laws in `model`.
 
     What a law gets wrong of what it explains in a run, another effect would absorb there.
     """
@@ -74,7 +74,7 @@ def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[Cro
 
 
 def join_overlapping(groups: Sequence[Sequence[str]]) -> list[list[str]]:
-    """Groups of names in which those that share a name are joined to one."""
+    """Disjoint groups of names: those of `groups` that share a name are merged."""
     disjoint: list[set[str]] = []
     for names in groups:
         group = set(names).union(*(g for g in disjoint if not g.isdisjoint(names)))

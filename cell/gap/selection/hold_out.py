@@ -44,7 +44,7 @@ def held_out(subject: Subject, simulate: Simulate, requested: Sequence[str] = ()
 
 
 def _dispensable_runs(conditions: Sequence[list[int]], loss: Loss) -> list[int]:
-    """Numbers of the runs to hold out: one condition in PERIOD that others can spare."""
+    """Numbers of the runs to hold out: one condition in PERIOD, of small information loss."""
     indices: list[int] = []
     for first in range(1, len(conditions), PERIOD):
         for condition in (*conditions[first:], *conditions[:first]):
@@ -65,7 +65,7 @@ def check(names: Sequence[str], requested: Sequence[str]) -> None:
 
 
 def _information_loss(subject: Subject, simulate: Simulate) -> Loss:
-    """Function of run numbers: largest share of the information on an effect that they hold.
+    """Function from run numbers to the largest share of information on an effect in these runs.
 
     Information is in nats by which a fit would gain from an effect of a size that laboratories
     report, at the stated values of the base, once this has moved to absorb what it can.

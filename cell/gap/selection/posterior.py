@@ -32,7 +32,7 @@ LEAST_NORM = 1e-6  # of a whitened response; a smaller one is rounding
 
 
 class Beliefs(StudyResult):
-    """Prior of the effects, as beliefs.yaml states it.
+    """Prior of the effects as beliefs.yaml states it: expected number, sizes, errors of laws.
 
     Of the library `expected` effects are present. The spike prior of an absent one has a response
     of this share (one sigma, `immaterial`) of what the floor allows. The relative model error of a
@@ -51,7 +51,7 @@ class Beliefs(StudyResult):
 def floor_responses(
     base: Estimate, probed: Sequence[ProbeResponses], *, believed: bool
 ) -> dict[str, Array]:
-    """Whitened responses (N, k) to each effect, by name, at the amount that fills the error floor.
+    """Whitened responses (N, k) by effect, scaled to the same energy as the model-error floor.
 
     A column for each group of its probes that the refitted base cannot absorb, scaled (least
     squares over the runs) to the energy of the floor, so that an effect of one run alone may fill
@@ -78,9 +78,9 @@ def floor_responses(
 
 
 def spike_responses(library: Mapping[str, Array]) -> list[Array]:
-    """Whitened responses (N, k) to one standard deviation of each absent effect's spike prior.
+    """Whitened responses (N, k) to one prior standard deviation of each absent effect (spike).
 
-    `library` has those to the amount that fills the floor.
+    `library` has the responses of the floor's energy.
     """
     return [Beliefs.shipped().immaterial * response for response in library.values()]
 

@@ -294,7 +294,7 @@ def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Scor
 def _probes_to_fit(
     members: Sequence[ProbeResponses], unscaled: dict[str, Array]
 ) -> tuple[dict[str, Array], ...]:
-    """Starts at probes: the mix `unscaled` or, for a single effect with a threshold, each probe.
+    """Starts of fits at probes: the mix `unscaled` or, for an effect with a threshold, every probe.
 
     Beyond a threshold the response is not linear: from the probe that the screen prefers, no step
     of a fit may lead to the best value.
@@ -325,7 +325,7 @@ def _has_threshold(p: ProbeResponses) -> bool:
 def _opposite_sign(
     equations: ProbeEquations, p: ProbeResponses, best: Score
 ) -> dict[str, Array] | None:
-    """Values at which an effect with the sign opposite to `best` gains most, at any place.
+    """Values of greatest gain for an effect whose amount has the sign opposite to that of `best`.
 
     None where it has no place, or gains with one sign only.
     """
@@ -341,7 +341,7 @@ def _opposite_sign(
 def _best_mix(
     equations: ProbeEquations, members: Sequence[ProbeResponses], choice: tuple[int, ...]
 ) -> tuple[Score, float, dict[str, Array]]:
-    """Score of the best mix of the groups `choice`; gain and values with amounts of 1 or -1."""
+    """Score of the best amounts for probe groups `choice`; gain and values at amounts 1 or -1."""
     names = tuple(p.candidate.name for p in members)
     chosen = list(zip(members, choice, strict=True))
     columns = np.concatenate([equations.columns[p.candidate.name, group] for p, group in chosen])
@@ -364,7 +364,7 @@ def _best_mix(
 
 
 def _largest_multiple(candidate: Candidate, vector: Array) -> float:
-    """Largest multiple of the step from null to `vector` (k,) that stays within the bounds."""
+    """Largest factor on the step from null to `vector` (k,) that stays within the bounds."""
     moved = vector - candidate.null
     ends = [
         abs((p.high if d > 0 else p.low) - p.start) / abs(d)
@@ -393,7 +393,7 @@ def _bounds(candidate: Candidate) -> tuple[Array, Array]:
 
 
 def _mixed_values(chosen: Sequence[tuple[ProbeResponses, int]], amounts: Array) -> dict[str, Array]:
-    """Parameter values (k,) by effect for the probes `chosen`, mixed in `amounts` (probes,)."""
+    """Parameter values (k,) by effect: null plus each of the probes `chosen` times its amount."""
     values = {}
     k = 0
     for p, group in chosen:
@@ -410,7 +410,7 @@ def _mixed_values(chosen: Sequence[tuple[ProbeResponses, int]], amounts: Array) 
 def detection_limits(
     projection: Projection, probed: Sequence[ProbeResponses], likelihood: LikelihoodScale
 ) -> dict[str, float | None]:
-    """Detection limit of each effect by name, in the unit of its first parameter; None if at none.
+    """Smallest detectable amount of each effect by name, in its first parameter's unit, or None.
 
     It is the value at which its response would have DETECTED_SIGMA once the base is refitted.
     """
@@ -423,7 +423,7 @@ def detection_limits(
 def _detection_limit(
     projection: Projection, probed: ProbeResponses, likelihood: LikelihoodScale
 ) -> float | None:
-    """Detection limit of one effect, scaled linearly from the probe that is nearest to it.
+    """Smallest detectable amount of one effect, scaled linearly from its most detectable probe.
 
     Probes of parameters in another unit than the first one's do not count. None where the limit
     lies beyond a bound, or no probe changes anything.

@@ -53,7 +53,7 @@ BUDGET = Budget()
 
 
 def within_reach(gain: float, most: float) -> bool:
-    """Whether an unfinished fit that gains `gain` [nats] may still come up to one with `most`."""
+    """Whether an unfinished fit of `gain` [nats] may still come up to one with `most` [nats]."""
     return gain >= min(BUDGET.share * most, most - BUDGET.reach)
 
 
@@ -120,7 +120,7 @@ class Search:
     def shortlist(
         self, base: Estimate, scores: Sequence[Score], candidates: Sequence[Candidate], most: int
     ) -> list[Score]:
-        """The `most` of `scores` whose models gain most within a few steps of a fit.
+        """The `most` scores whose models gain most in a few steps of their fit.
 
         The linear screen misjudges a pair where one effect changes the response to the other. The
         scores returned start from these short fits.
@@ -231,7 +231,7 @@ def _best_short_fit(
 
 
 def _farthest(base: Estimate, begun: Sequence[Estimate], reference: Estimate) -> list[Estimate]:
-    """Those of `begun` within reach of the largest gain over `base`, of `reference` too."""
+    """Fits of `begun` whose gain over `base` is close to the largest, `reference` included."""
     estimates = [*begun, reference]
     dispersion = min(e.scale for e in estimates)
     gains = [_gain_over(base, e, dispersion) for e in estimates]
@@ -242,7 +242,7 @@ def _farthest(base: Estimate, begun: Sequence[Estimate], reference: Estimate) ->
 def _most_promising(
     candidate: Candidate, score: Score
 ) -> tuple[tuple[tuple[float, ...], ...], ...]:
-    """The probe of `candidate` that gains most by `score`: one group, or none at the null."""
+    """Probe of `candidate` with the values of the scored start: one group; empty at the null."""
     values = candidate.complete(score.start.get(candidate.name, candidate.null))
     if np.array_equal(values, candidate.null):
         return ()
@@ -250,7 +250,7 @@ def _most_promising(
 
 
 def without_each(accepted: CrossValidatedFit) -> list[Score]:
-    """Scores of the `accepted` model without one of its effects each, to start from its values.
+    """Scores of the `accepted` model less one effect each, to be fitted from its values.
 
     Beside another effect a fit may have left a local minimum.
     """
@@ -298,6 +298,6 @@ def _with_free_shape(fit: Estimate) -> Task[Estimate]:
 
 
 def _better(new: CrossValidatedFit, plain: CrossValidatedFit, likelihood: LikelihoodScale) -> bool:
-    """Whether free shape parameters gain enough over `plain`; less is asked than of an effect."""
+    """Whether free shape parameters gain enough over the model `plain` with fixed ones."""
     ahead = gain(new, plain, likelihood) > BUDGET.shape_gain * MIN_GAIN
     return ahead and likelihood_ratio_p(new, plain, likelihood) < ALPHA

@@ -46,7 +46,7 @@ class StoredFile(Settings):
 
 
 class StoredLaw(StoredFile):
-    """Empirical law that a fit offered: amounts by the name of its terms."""
+    """Empirical law of residuals that a fit offered: amounts by the name of its terms."""
 
     terms: dict[str, float]
 
@@ -149,7 +149,7 @@ def accept(
 
 
 def _store_undo(out: Path, changes: Mapping[Path, str]) -> None:
-    """Store in `out`, before any file changes, what undoes all or half of the new texts by path."""
+    """Store in `out`, before any file changes, what restores the texts that `changes` replaces."""
     _check_writable(changes)
     before = {_name(p): read_text(p) if p.exists() else ABSENT for p in changes}
     after = {_name(p): _hash(text) for p, text in changes.items()}
@@ -159,7 +159,7 @@ def _store_undo(out: Path, changes: Mapping[Path, str]) -> None:
 def _changes(
     out: Path, patch: Path, file: Path, cell_file: Path | None, *, law: bool
 ) -> dict[Path, str]:
-    """New text by path: of the model that the patch names, of `file`, and of the cell file."""
+    """New text of each file by path: of a model, of the subject's `file`, of the cell file."""
     changes = {file: edit_yaml(read_text(file), read_yaml(patch))}
     cell_patch = out / CELL_PATCH
     if cell_patch.exists() and not law:
@@ -330,7 +330,7 @@ def _read_fit_record(out: Path) -> FitRecord:
 
 
 def _name(path: Path) -> str:
-    """Resolved path as text that any file can hold."""
+    """Resolved path in characters that UTF-8 can encode, others escaped."""
     return str(path.resolve()).encode(errors="backslashreplace").decode()
 
 

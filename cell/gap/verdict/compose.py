@@ -128,7 +128,7 @@ def _gap(findings: Findings) -> Gap:
 
 
 def _unexplained(findings: Findings, which: Kind) -> Unexplained | None:
-    """Description of an unexplained gap, or of what named effects leave; None if nothing."""
+    """Description of an unexplained residual, or of what named effects leave; None without one."""
     if which == "no_gap" or not (which == "unexplained" or findings.model_tests.remains):
         return None
     law = findings.law.words if findings.law is not None else "no sparse law found"
@@ -138,7 +138,7 @@ def _unexplained(findings: Findings, which: Kind) -> Unexplained | None:
 
 
 def _posterior(findings: Findings) -> Probable:
-    """Posterior part of a verdict, with the numbers that decide on it."""
+    """Posterior part of a verdict: probable sets of effects, and the evidence that decided."""
     deciding = deciding_evidence(findings)
     return Probable(
         models=[
@@ -173,7 +173,7 @@ def _candidates(findings: Findings) -> list[CandidateEntry]:
 
 
 def _compare_with_base(findings: Findings, model: CrossValidatedFit, p: float) -> CandidateEntry:
-    """Row of a fitted `model`: its gain over the base with its standard error, and values."""
+    """Row on a refitted `model`: its gain [nats] over the base, standard error, p and values."""
     likelihood, effects = findings.likelihood, model.model.effects
     by_run = gains(model, findings.fits.base, likelihood)
     error = np.sqrt(len(by_run)) * by_run.std(ddof=1) if len(by_run) > 1 else 0.0
@@ -197,7 +197,7 @@ def _compare_with_base(findings: Findings, model: CrossValidatedFit, p: float) -
 def _compare_by_screen(
     findings: Findings, candidate: Candidate, score: Score | None
 ) -> CandidateEntry:
-    """Row of a candidate that was not refitted, with its gain in the linear screen."""
+    """Row on a candidate that was not refitted, with its gain [nats] in the linear screen."""
     start = {} if score is None else score.start
     values = zip(candidate.parameters, start.get(candidate.name, candidate.null), strict=True)
     stated = [(p, p.stated_value(float(v))) for p, v in values]

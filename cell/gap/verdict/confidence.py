@@ -26,7 +26,7 @@ FILES = {"strip": "confidence.yaml", "mechanism": "confidence-mechanism.yaml"}
 
 @dataclass(frozen=True, slots=True)
 class VerdictEvidence:
-    """Numbers that speak for or against an accepted effect of a fit.
+    """Evidence for or against an accepted effect: log-odds and gains [nats], residuals, strain.
 
     `log_odds` [nats] are the posterior's of the effect, or of its class; `gain` [nats] is how
     much better unseen runs are predicted, `worst` that of the run or quantity that gains least.
@@ -51,7 +51,7 @@ class VerdictEvidence:
 
     @property
     def correlated(self) -> float:
-        """Rms of the correlated part of `left`: square root of its lag-one autocovariance.
+        """Rms [noise] of the autocorrelated part of the residuals that the model leaves.
 
         The correlation itself is high, too, where hardly anything is left.
         """
@@ -59,7 +59,7 @@ class VerdictEvidence:
 
 
 class Weight(Settings):
-    """Contribution of one number to the log-odds: zero at `low`, `weight` at `high`.
+    """Contribution of one kind of evidence to the log-odds: zero at `low`, `weight` at `high`.
 
     Between them in proportion to its value or, `by_order`, to log(1 + value).
     """
@@ -77,7 +77,7 @@ class Weight(Settings):
 
 
 class Calibration(Settings):
-    """Coefficients of the log-odds that a verdict is right: `intercept`, and `weights` by number.
+    """Coefficients of the log-odds that a verdict is right: `intercept`, `weights` by evidence.
 
     `source` names the verdicts that were used, `belongs_to` the place of the file.
     """

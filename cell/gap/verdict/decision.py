@@ -59,7 +59,7 @@ def credible_effects(findings: Findings) -> list[Candidate]:
 
 
 def _failed_prediction(findings: Findings) -> str:
-    """Words on unseen runs that the accepted model does not predict better; empty if it does."""
+    """Clause that the accepted model does not predict unseen runs better; empty if it does."""
     runs, quantities = _gains(findings)
     if sum(runs) <= 0.0:
         return "runs that the fit has not seen are predicted no better"
@@ -74,7 +74,7 @@ def probability(findings: Findings, effect: str) -> float:
 
 
 def gap_is_there(findings: Findings) -> bool:
-    """Whether the refitted base leaves more than noise, in a place or on held-out runs.
+    """Whether the refitted base leaves more than noise, in a bin of samples or on held-out runs.
 
     A misfit as a whole that no place shows, and no run that was held out, is no gap.
     """
@@ -90,7 +90,7 @@ def unseen_gap(findings: Findings) -> float:
 
 
 def evidence_for(findings: Findings, effect: str | None) -> VerdictEvidence:
-    """Evidence on the accepted `effect` that its probability follows from; of the base if None."""
+    """Evidence for the accepted `effect`, from which its probability follows; None: of the base."""
     runs, quantities = _gains(findings)
     fits = (findings.accepted.estimate, findings.held_out_fits.after)
     by_run = [held_out_gap.rms_by_run(fit, findings.subject.scope.quantities) for fit in fits]
@@ -113,20 +113,20 @@ def evidence_for(findings: Findings, effect: str | None) -> VerdictEvidence:
 
 
 def _correlation(fit: Estimate, together: Sequence[bool]) -> float:
-    """Correlation of neighbours in time in the residuals of the runs that go `together`."""
+    """Lag-one autocorrelation of the residuals of those runs of `fit` that `together` marks."""
     typical = fit.on([i for i, shares in enumerate(together) if shares])
     return robust.correlation(typical.evidence.runs, typical.residuals)
 
 
 def deciding_evidence(findings: Findings) -> VerdictEvidence:
-    """Evidence on the least probable effect that is named or, without names, was accepted."""
+    """Evidence for the least probable named effect or, if none is named, accepted effect."""
     effects = named_effects(findings) or findings.accepted.model.effects
     by_effect = [evidence_for(findings, effect.name) for effect in effects]
     return min(by_effect, key=lambda n: n.log_odds, default=evidence_for(findings, None))
 
 
 def _gains(findings: Findings) -> tuple[list[float], list[float]]:
-    """Predictive gain [nats] over the base by run and by quantity, outliers bounded.
+    """Predictive gains [nats] of the accepted model over the base, by run and by quantity.
 
     It is of runs left out in turn as predicted from the others, and of held-out ones.
     """
@@ -177,7 +177,7 @@ def doubtful_values(accepted: CrossValidatedFit, fits: Fits, subject: Subject) -
 
 
 def _strained(fit: Estimate) -> list[str]:
-    """Names of the base values of `fit` that lie STRAINED standard deviations off or more."""
+    """Names of base values of `fit` that deviate from the file by STRAINED prior sigma or more."""
     return [name for name, strain in strains(fit).items() if abs(strain) > STRAINED]
 
 
@@ -187,7 +187,7 @@ def _cosine(a: Array, b: Array) -> float:
 
 
 def reasons(findings: Findings) -> list[str]:
-    """Sentences on why accepted effects are not named, or the residual is not explained."""
+    """Sentences on why accepted effects are not named, or the residual stays unexplained."""
     repeats = findings.model_tests.repeats
     fit = findings.accepted.estimate
     words = []
@@ -210,7 +210,7 @@ def reasons(findings: Findings) -> list[str]:
 
 
 def describe_left(findings: Findings) -> str:
-    """Sentence on the residuals that the accepted model leaves, and why it is not believed."""
+    """Sentence on the residuals that the accepted model leaves, and why effects stay unnamed."""
     quantities = findings.subject.scope.quantities
     after = held_out_gap.sizes(findings.held_out_fits.after, quantities)
     noise = held_out_gap.floor(findings.held_out_fits.before.evidence, quantities)

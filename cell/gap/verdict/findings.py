@@ -33,7 +33,7 @@ class BaseFit:
 
     @property
     def doubted(self) -> bool:
-        """Whether the base leaves more than noise or contradicts its priors: effects are sought."""
+        """Whether the base leaves more than noise or contradicts its priors."""
         return self.gap or self.strained
 
     @property
@@ -99,7 +99,7 @@ class HeldOutFits:
 
     @property
     def by_word(self) -> dict[str, Estimate]:
-        """The fits by the words `before` and, where an effect was accepted, `after`."""
+        """Fits to held-out runs by key: `before` and, where an effect was accepted, `after`."""
         return {"before": self.before} | ({"after": self.after} if self.changed else {})
 
 
@@ -130,7 +130,7 @@ class Findings:
 
     @property
     def places(self) -> tuple[Bin, ...]:
-        """Bins where the base disagrees, alone or as accepted effects would, strongest first."""
+        """Bins where residuals of the base exceed noise or match accepted effects, by strength."""
         return tuple(stronger_of_two(self.base_fit.places, self.model_tests.places))
 
     @property

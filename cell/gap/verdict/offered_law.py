@@ -42,7 +42,7 @@ class OfferedLaw:
 def offered_law(
     subject: Subject, simulate: Simulate, fits: Fits, before: Estimate, rng: np.random.Generator
 ) -> OfferedLaw | None:
-    """Most probable stable law, beside the base of `fits`, that explains the estimate `before`.
+    """Most probable stable law of the residuals that the base leaves on held-out runs; or None.
 
     `before` is the base on runs that were held out. None where no term is clearly more probable
     than none, no law is stable, or none shrinks the residuals of those runs.
@@ -60,7 +60,7 @@ def offered_law(
 
 
 def _fit_laws(subject: Subject, simulate: Simulate, fits: Fits) -> Fits:
-    """Copy of `fits` with laws of one and two terms, best by a linear screen, and longer ones."""
+    """Copy of `fits` with laws of up to MOST_TERMS terms, chosen by a linear screen."""
     base = fits.base.estimate
     terms = [t for t in subject.scope.terms if len(t.parameters) == 1]
     probed = run_all(simulate, [run_probes(base, t) for t in terms])

@@ -28,7 +28,7 @@ class Entry(BaseModel):
 
 
 class Interval(Entry):
-    """Estimate with its 95 % interval, whose ends are None where it is unbounded."""
+    """Estimate `value` with the ends of its 95 % interval, None where it is unbounded."""
 
     value: float
     low: float | None
@@ -55,7 +55,7 @@ class Deviation(ValueWithUnit):
 
 
 class NamedEffect(Entry):
-    """Effect that a patch adds, with the probability that it and those beside it are right."""
+    """Effect that a patch adds, with the probability that all named effects are right."""
 
     name: str
     of: Literal["strip", "cell", "model", "rig"]
@@ -161,7 +161,7 @@ class Verdict(Entry):
     suspected: list[NamedEffect] = Field(default_factory=list)
 
     def values_with(self, effects: Sequence[NamedEffect]) -> Values:
-        """Values for a patch: of the base by name, and of each of `effects` by parameter."""
+        """Fitted values for a patch: of the base by name, of each of `effects` by parameter."""
         base = {name: v.value for name, v in self.base.items()}
         return base, {e.name: {k: v.value for k, v in e.parameters.items()} for e in effects}
 

@@ -38,7 +38,7 @@ class CellArm(InverseDynamics):
         return content, {"effects": {}, **found} if found else None
 
     def _tool(self, mass: float) -> dict[str, object]:
-        """Mass [kg] and centre of mass [m in the flange] of the hand with a load at the tip."""
+        """Mass [kg] and centre of mass [m, flange frame] of the hand with a load at its tip."""
         model = self._mechanism.model
         hand, last = model.body("hand").id, model.body("link7").id
         hand_mass, centre = float(model.body_mass[hand]), np.array(model.body_ipos[hand])
@@ -56,7 +56,7 @@ class CellArm(InverseDynamics):
         return sentences
 
     def _moved_by(self, name: str, values: Array, run: Run, base: Mapping[str, float]) -> Array:
-        """Distances (k,) [m] by which the effect `name` alone moves the gripper along a run."""
+        """Displacements (k,) [m] of the gripper along a run by the effect `name` alone."""
         about = np.array([base.get(p.name, p.start) for p in self.scope.base])
         requests = [replace(self.stated(run, e), base=about) for e in ({name: values}, {})]
         with_effect, without = self.predict([self._case(r) for r in requests])
@@ -70,7 +70,7 @@ class CellArm(InverseDynamics):
 def tip_displacement(
     opened: MechanismData, q: Array, torque: Array, tracking: Array, readings: Readings
 ) -> Array:
-    """Distances (k,) [m] between the tip by measured joints `q` (k, 7) [rad] and by true ones.
+    """Distances (k,) [m] of the tip at measured joints `q` (k, 7) [rad] from that at true ones.
 
     `torque` (7, k) [N m] and `tracking` (7, k) [rad] are the differences that an effect makes, with
     its errors of `readings`; a torque that the robot does not expect deflects a joint by torque /

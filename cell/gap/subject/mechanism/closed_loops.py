@@ -70,7 +70,7 @@ class ClosedLoops:
         return self._data.efc_J[: rows * len(q)].reshape(rows, -1), self._data.efc_pos[:rows]
 
     def close(self, angles: Array) -> Array:
-        """Positions (m, n) of all joints that close the loops, of independent ones at (m, k)."""
+        """Positions (m, n) of all joints, loops closed, from independent ones at angles (m, k)."""
         q = np.array(self._model.qpos0)
         approach = np.linspace(q[self.independent], angles[0], APPROACH_STEPS)
         return np.array([self._closed(q, a) for a in (*approach, *angles)])[APPROACH_STEPS:]

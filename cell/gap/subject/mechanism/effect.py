@@ -98,11 +98,11 @@ class Effect:
         return (*self.parameters(mechanism), *self._shapes(mechanism))
 
     def _shapes(self, mechanism: Mechanism) -> tuple[Parameter, ...]:
-        """Shapes of the law, where the mode has them fitted."""
+        """Shape parameters of the law, empty in a mode that keeps them fixed."""
         return self.shape(mechanism) if mechanism.mode.shapes else ()
 
     def table(self, mechanism: Mechanism, values: Array) -> Array:
-        """Table (keys, joints) of the first `values` (k,), with start values of the others."""
+        """Parameter table (keys, joints) from the first `values` (k,), others at their start."""
         missing = _null(self.with_shape(mechanism)[len(values) :])
         acts = [j.actuator >= 0 or not self.of_drives for j in mechanism.joints]
         rows = np.concatenate([values, missing]).reshape(-1, sum(acts))
@@ -117,7 +117,7 @@ def _null(parameters: Sequence[Parameter]) -> Array:
 
 
 def _probe(null: Array, i: int, amount: float) -> tuple[float, ...]:
-    """Parameter values with `amount` added to number `i` of `null` (k,)."""
+    """Parameter values of `null` (k,) with `amount` added to number `i`."""
     return tuple(float(start + amount) if k == i else float(start) for k, start in enumerate(null))
 
 
@@ -125,7 +125,7 @@ def per_joint(
     mechanism: Mechanism, key: str, unit: str, size: Array, *, signed: bool = False,
     shape: bool = False, high: float = 250.0,
 ) -> tuple[Parameter, ...]:  # fmt: skip
-    """Parameters `key_JOINT` of all joints, of typical `size` (joints,); of slides in N and m."""
+    """Parameters `key_JOINT` of all joints, of typical `size` (joints,); slides have N and m."""
     slides = unit.replace("N m", "N").replace("rad", "m")
     return tuple(
         replace(single_parameter(f"{key}_{joint.name}", unit if joint.hinge else slides, s,

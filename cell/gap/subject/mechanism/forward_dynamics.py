@@ -73,7 +73,7 @@ def commands_of(recording: Recording, inputs: Sequence[str], actuators: Sequence
 
 
 class SplitModel:
-    """MuJoCo model in which each joint is a motor, with a flexible joint to its link behind it.
+    """MuJoCo model of flexible joints: each is split in motor and link with a gear between.
 
     `motor` (joints,) are the indices of the motors' degrees of freedom.
     """
@@ -91,7 +91,7 @@ class SplitModel:
         self.motor: Array = self._model.jnt_dofadr[self._joint]
 
     def _add_flexible_joints(self, spec: Any) -> None:
-        """Add to each joint of a specification another about the same axis, of the same body."""
+        """Add a second joint about the same axis to each joint of a specification's bodies."""
         for joint in spec.joints:
             flex = joint.parent.add_joint(name=joint.name + FLEX, type=joint.type)
             flex.axis, flex.pos = joint.axis, joint.pos
@@ -214,7 +214,7 @@ class ForwardDynamics(MechanismSubject):
 
     def _predict_together(self, cases: Sequence[Case],
                           groups: Sequence[Sequence[int]]) -> dict[int, Array]:  # fmt: skip
-        """Signals (signals, k) by number of case, for `groups` of cases that move alike."""
+        """Signals (signals, k) by number of case, for `groups` that share a simulation."""
         simulated, control, models = self._simulate([cases[i] for i, *_ in groups])
         found, grid = {}, frozen(np.arange(simulated.shape[1]) * self._mechanism.step)
         for row, (group, states) in enumerate(zip(groups, simulated, strict=True)):
@@ -273,7 +273,7 @@ class ForwardDynamics(MechanismSubject):
         return states[:, self._settle :]
 
     def _add_soft_gears(self, cases: Sequence[Case], control: Array, states: Array) -> None:
-        """Add to `states` what elasticity or play changes: a split model less its rigid twin."""
+        """Add the deviation by elasticity or play to `states`: split model less rigid twin."""
         rows = [i for i, c in enumerate(cases) if _has_soft_gears(c)]
         some, u = [cases[i] for i in rows], control[rows]
         if self._split_model is None:
@@ -308,7 +308,7 @@ class ForwardDynamics(MechanismSubject):
     def _torque(
         self, signal: Signal, model: Any, q: Array, v: Array, control: Array, t: Array
     ) -> Array:
-        """Motor torque (k,) from states; MuJoCo records that of an inner stage."""
+        """Readings (k,) of a torque `signal` at times t (k,) [s], by states and commands then."""
         actuator, joint = signal.actuator, signal.joint
         gain, bias, limits = (getattr(model, name)[actuator] for name in ACTUATOR)
         gear = model.actuator_gear[actuator, 0]

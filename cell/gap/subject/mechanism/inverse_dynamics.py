@@ -137,7 +137,7 @@ class InverseDynamics(MechanismSubject):
         return Content(cut, recording.load, motion=motion)
 
     def _barred(self, q: Array, measured: Array) -> NDArray[np.bool_]:
-        """Where (m,) joints and tendons are at limits that inverse dynamics leaves out, or torques.
+        """Mask (m,) of positions at limits of joints or tendons, or of torques at their limits.
 
         `q` (m, joints) are positions, `measured` (signals, m) readings of which torques come first.
         """
@@ -200,7 +200,7 @@ class InverseDynamics(MechanismSubject):
         return motion.below_cutoff(self._torques(model, case, q, v, inverse), case.content.cut.t)
 
     def _loads(self, motion: Motion, model: Any, inverse: Array) -> Array:
-        """Torques (m, joints) that gears bear: as read, or `inverse` where no motor is read.
+        """Torques (m, joints) that gears bear: as measured, or `inverse` of unmeasured joints.
 
         Those of the motors' own motion differ from them where links resonate on their gears.
         """
@@ -210,7 +210,7 @@ class InverseDynamics(MechanismSubject):
         return loads
 
     def _torques(self, model: Any, case: Case, q: Array, v: Array, inverse: Array) -> Array:
-        """Readings (torques, m) that balance `inverse` (m, joints) less the torques of effects."""
+        """Torque readings (torques, m): `inverse` dynamics (m, joints) less torques of effects."""
         motion: Motion = case.content.motion
         sensors = TorqueSensors(self._mechanism, model, motion.late_forces(case.readings.delay))
         user = np.array(model.jnt_user)
@@ -225,7 +225,7 @@ class InverseDynamics(MechanismSubject):
 
     def _stick(self, applied: Array, sensors: "TorqueSensors", measured: Array, q: Array, v: Array,
                inverse: Array, user: Array) -> None:  # fmt: skip
-        """Replace the torques `applied` (m, joints) by static friction where a joint stands.
+        """Blend the torques `applied` (m, joints) into static friction where a joint stands.
 
         There it balances whatever the motor gives, by its readings `measured` (signals, m), up to a
         limit, and no law of the rate says how much that is (Karnopp 1985, J. Dyn. Sys. Meas.
@@ -254,7 +254,7 @@ class InverseDynamics(MechanismSubject):
 
     def _inverse(self, motion: Motion, model: Any, readings: Readings, q: Array, v: Array,
                  a: Array) -> Array:  # fmt: skip
-        """Torques (m, joints) of `_inverse_dynamics`, cached by model, motion and readings."""
+        """Inverse dynamics torques (m, joints), cached by model, motion and readings."""
         key = _cache_key(motion, model, readings)
         found = self._known.get(key)
         if found is None:
@@ -281,7 +281,7 @@ class TorqueSensors:
         return float(sensor.gear * gain)
 
     def joint_torque(self, sensor: Signal, required: Array) -> Array:
-        """Torque (m,) [N m] of a motor on its joint, of `required` (m, joints), by virtual work."""
+        """Motor torque (m,) [N m] at the joint of `sensor` for `required` (m, joints)."""
         if self.forces is None:
             return np.asarray(required[:, sensor.joint])
         gear = float(self.model.actuator_gear[sensor.actuator, 0])
@@ -345,7 +345,7 @@ def _along(  # type: ignore[no-untyped-def]
     model, data, qpos: Array, qvel: Array, qacc: Array, torque: Array, q: Array, v: Array, a: Array,
     out: Array,
 ) -> None:  # fmt: skip
-    """Write inverse dynamics of each row of q, v, a (m, joints) to `out`."""
+    """Write inverse dynamics (m, joints) of each row of q, v, a (m, joints) to `out`."""
     for k in range(q.shape[0]):
         qpos[:], qvel[:], qacc[:] = q[k], v[k], a[k]
         _inverse(model, data)

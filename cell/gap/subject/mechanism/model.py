@@ -23,7 +23,7 @@ Names = Sequence[str]
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """How runs are compared with a model, and what follows for signals and effects.
+    """Mode of comparison, forward or inverse: compared signals, and how effects act in it.
 
     Signals of the kinds `compared` are, others are given. `loads` of gears are known along a given
     motion alone. An integrated model has laws as its `fields` where these can express them;
@@ -77,7 +77,7 @@ MODES: Mapping[str, Mode] = {mode.name: mode for mode in (FORWARD, PRESCRIBED, P
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """Hinge or slide of a model, with typical torque [N m], rate [rad/s] and inertia [kg m^2].
+    """Hinge or slide of a model, with typical torque [N m], rate [rad/s], inertia [kg m^2].
 
     `actuator` is the number of the motor that drives it, -1 where none does; `travel` [rad] is the
     largest in a recording, a turn where nothing was measured.

@@ -84,7 +84,7 @@ def _root(text: str, path: Path) -> ET.Element:
 
 
 def _include(root: ET.Element, path: Path, folder: Path, seen: set[Path]) -> bool:
-    """Put the content of included files in place of `include`; whether there was any.
+    """Replace `include` elements by the content of their files; returns whether any was found.
 
     Paths count from the folder of the model, and a file is included once, as MuJoCo has it.
     """
@@ -106,7 +106,7 @@ def _include(root: ET.Element, path: Path, folder: Path, seen: set[Path]) -> boo
 
 
 def _plain_urdf(root: ET.Element, folder: Path, place: Path) -> None:
-    """Take out of a URDF in `place` what other programs put there; its packages are in `folder`."""
+    """Remove elements of other programs from a URDF in `place`, and resolve its packages."""
     for parent in list(root.iter()):
         parent[:] = [e for e in parent if e.tag != "gazebo" and ":" not in e.tag]
         for key in [key for key in parent.attrib if ":" in key]:

@@ -30,7 +30,7 @@ TINY_MODEL = (
 
 
 def chain_laws(laws: Sequence[tuple[Callable[..., Array], int, int]]) -> Any:
-    """Compile `laws`, each with place and count in `p`, to one `(q, v, load, p) -> torque`."""
+    """Compile torque `laws` to the function `(q, v, load, p) -> torque` of their sum."""
     if not laws:
         return kernel(_zero_torque)
     law, at, keys = laws[0]
@@ -54,7 +54,7 @@ class Torques:
     """Joint-torque laws that MuJoCo lacks; `slots` user numbers of a joint hold their values."""
 
     def __init__(self, laws: Sequence[tuple[str, Callable[..., Array], int]]) -> None:
-        """Lay out the values of `laws`, each a name, a torque and its count of values."""
+        """Assign user numbers of a joint to `laws`: name, torque function, number of values."""
         self._laws: dict[str, tuple[Callable[..., Array], int, int]] = {}
         self.slots = HEAD
         for name, law, count in laws:
@@ -89,7 +89,7 @@ class Torques:
 
 def _callback(law: Any, user_at: int, qpos_at: int, qvel_at: int, passive_at: int,
               slots: int) -> Any:  # fmt: skip
-    """Compiled passive-force hook of MuJoCo that adds the torque `law` of every joint."""
+    """Compiled `mjcb_passive` of MuJoCo that adds the torque `law` of every joint."""
     pointers = types.CPointer(types.CPointer(types.float64))
 
     @callback(types.void(pointers, pointers))

@@ -45,7 +45,7 @@ def accepted_content(
 def expressed_by_mjcf(
     opened: MechanismData, content: dict[str, Any], effects: NamedValues
 ) -> dict[str, Any]:
-    """The `content` of a file that names the accepted model, less effects that this expresses."""
+    """Content of a file that names the accepted model, less effects that this model includes."""
     model = Path(opened.file.model).with_name(f"{opened.file.name}-accepted.xml")
     expressed = {name for name in effects if effect_of(name).by_fields(opened.mechanism)}
     left = {name: v for name, v in content["effects"].items() if name not in expressed}

@@ -95,7 +95,7 @@ class Pendulum(ForwardDynamics):
         return accepted_content(self.opened, content, base, effects, source), None
 
     def model_text(self, base: Mapping[str, float], effects: NamedValues) -> str | None:  # noqa: ARG002
-        """None: the pendulum's file describes the chain itself."""
+        """None, as a pendulum's own file describes its chain."""
         return None
 
 
@@ -136,7 +136,7 @@ def open_recordings(path: Path, pendulum: PendulumFile, found: Sequence[Recordin
 
 
 def _fastest(model: Any) -> float:
-    """Angular frequency [rad/s] of the fastest small swing of a chain that hangs at zero."""
+    """Angular frequency [rad/s] of the fastest small oscillation of a chain that hangs at zero."""
     data, mass = mujoco.MjData(model), np.zeros((model.nv, model.nv))
     mujoco.mj_forward(model, data)
     mujoco.mj_fullM(model, data, mass)

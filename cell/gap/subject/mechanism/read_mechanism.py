@@ -60,7 +60,7 @@ RATE_READINGS = 300  # of a recording, from which typical rates are taken
 
 @dataclass(frozen=True, slots=True)
 class BaseParameter:
-    """Base parameter of a fit, and the function `put` that writes its value into a model's fields.
+    """Base parameter of a fit, with the function `put` that sets its value in a model.
 
     `field` and `owner` name it in the file; `by_run` is its spread from run to run, if any.
     """
@@ -84,7 +84,7 @@ def base_of(file: MechanismFile, mechanism: Mechanism, origin: str) -> tuple[Bas
 
 
 def fully_fitted_fields(base: Sequence[BaseParameter], mechanism: Mechanism) -> Collection[str]:
-    """Names of model fields that `base` adjusts for every joint, actuator or the last body.
+    """Names of model fields fitted for every joint or actuator, or for the last body (`com`).
 
     Effects that are errors of these are no candidates.
     """
@@ -116,7 +116,7 @@ def _expand(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[
 
 
 def _free_axes(model: Any, body: int) -> Iterator[str]:
-    """Axes of a body along which its centre of mass matters: those not parallel to all hinges."""
+    """Axes of a body on which its centre of mass affects motion: those not along all hinges."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     own = data.xmat[body].reshape(3, 3)
@@ -153,7 +153,7 @@ def _spread_width(spread: float | str, size: float) -> float:
 def _access(
     field: str, mechanism: Mechanism, i: int, axis: str
 ) -> tuple[float, Callable[[Any, float], None], float]:
-    """Start value, setter and typical size, to which percentages refer, of owner `i`'s `field`."""
+    """Start value, setter and typical size (for percentages) of the `field` of owner `i`."""
     model: Any = mechanism.model
     if field == "mass":
         start = float(model.body_mass[i])

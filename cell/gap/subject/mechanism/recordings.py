@@ -30,7 +30,7 @@ STILL = 0.05  # of the rms speed, below which a motion holds
 
 
 def time_blocks(t: Array, width: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Split readings at times t (n,) [s] into b blocks of `width` [s], thinned to PER_BLOCK each.
+    """Edges and indices of readings at t (n,) [s] in blocks of `width` [s], PER_BLOCK at most.
 
     Returns the edges (b + 1,) of the blocks among the kept readings, and the indices (k,) of those.
     """
@@ -101,7 +101,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """Used readings of a run: `t` (k,) [s], `values` (signals, k), `edges` (b + 1,) of samples."""
+    """Readings of a run used in samples: `t` (k,) [s], `values` (signals, k), `edges` (b + 1,)."""
 
     t: Array
     values: Array
@@ -218,7 +218,7 @@ def repeat_noise(found: Sequence[Recording], column: str, origin: str) -> float:
 
 
 def typical_frequency(found: Sequence[Recording], columns: Sequence[str]) -> float:
-    """Typical angular frequency [rad/s] of the fastest column: spread of its rate over its own."""
+    """Angular frequency [rad/s] of the fastest column: deviation of its rate over its own."""
     frequencies = []
     for name in columns:
         spreads = [_spreads(r.t, r.columns[name]) for r in found]
@@ -228,7 +228,7 @@ def typical_frequency(found: Sequence[Recording], columns: Sequence[str]) -> flo
 
 
 def _spreads(t: Array, x: Array) -> tuple[float, float]:
-    """Spreads of the means of a column x (m,) over t (m,) [s] and of their rate; 0 for noise."""
+    """Standard deviations of block means of a column x (m,) over t (m,) [s], and of their rate."""
     known = np.isfinite(x)
     t, x = t[known], x[known]
     width = max(1, len(x) // PACE_READINGS)

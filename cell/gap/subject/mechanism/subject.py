@@ -81,7 +81,7 @@ class Content:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One prediction of a run's signals by an edited model.
+    """One prediction of a run's signals, with the edits and effects of a request.
 
     `edit` changes the model's fields, `readings` are errors of sensors and commands, `paths` hold
     effects whose torques depend on the motion so far, `start` positions and rates (joints,). Cases
@@ -122,7 +122,7 @@ class MechanismSubject(Subject):
         self.scope = self._scope_without(without)
 
     def _check_honoured(self) -> None:
-        """Note that contacts are off; refuse a model of which the mode would leave a part out."""
+        """Note that contacts are off; refuse models with parts that the mode would ignore."""
         model = self._mechanism.model
         colliding = (model.geom_contype > 0) & (model.geom_conaffinity > 0)
         if not model.npair and len(set(model.geom_bodyid[colliding])) > 1:
@@ -134,7 +134,7 @@ class MechanismSubject(Subject):
             )
 
     def not_honoured(self) -> Iterable[str]:
-        """Parts of the model that the mode would leave out of signals, by name."""
+        """Names of the parts of the model that signals in this mode would ignore."""
         return ()
 
     @abstractmethod
@@ -206,7 +206,7 @@ class MechanismSubject(Subject):
         return residuals
 
     def _case(self, request: Request) -> Case:
-        """Simulation that a request asks for."""
+        """Prediction that a request asks for, with its values in the model's units."""
         content, count = content_of(request.run), len(self.opened.base)
         names = [p.name for p in self.scope.base[count:]]
         effects = {**group_by_effect(names, request.base[count:]), **request.effects}
@@ -238,7 +238,7 @@ class MechanismSubject(Subject):
 
     def _edit(self, load: Load | None, base: Array,
               effects: Sequence[tuple[Effect, Array]], edited: Any) -> None:  # fmt: skip
-        """Put values (k,) of the base, the run's load and effects into the fields of a model."""
+        """Write base (k,), load of the run and effects into the fields of the model `edited`."""
         for b, value in zip(self.opened.base, base, strict=True):
             b.put(edited, float(value))
         if load is not None:
@@ -248,7 +248,7 @@ class MechanismSubject(Subject):
             self._apply_effect(effect, values, edited)
 
     def _apply_effect(self, effect: Effect, values: Array, edited: Any) -> None:
-        """Edit the fields by an effect, or write the values (k,) of its compiled law to them."""
+        """Write an effect with `values` (k,) into the fields of a model, or into its laws."""
         if not values.any():
             return
         m = self._mechanism
@@ -293,7 +293,7 @@ class MechanismSubject(Subject):
         return accepted_xml(self.opened, base, effects)
 
     def check(self, origin: str) -> None:
-        """Refuse a stated model that cannot be simulated, or torques of a gear's other side."""
+        """Refuse stated models that cannot be simulated, and torques on a gear's wrong side."""
         residuals = self._stated_residuals()
         if not np.isfinite(residuals).all():
             raise ConfigurationError(
@@ -307,7 +307,7 @@ class MechanismSubject(Subject):
         return self.simulate([self.stated(self.runs[0])])[0].mean
 
     def _check_sides(self, residuals: Array, origin: str) -> None:
-        """Refuse torques that are the stated model's once the other side of its gear is read.
+        """Refuse torques that match the stated model only when scaled by a gear ratio.
 
         `residuals` (samples,) are those of the first run.
         """

@@ -55,7 +55,7 @@ def zones(s: Array, length: float) -> Words:
 
 
 def _averaged_motion(run: MeasuredRun, t: Array) -> tuple[Array, Array]:
-    """Speed (n,) [m/s] of the averaged motion at `t` (n,) [s], and its x component, backwards."""
+    """Speed (n,) [m/s] of the averaged gripper at `t` (n,) [s], and its velocity (n,) along x."""
     ends = [np.clip(t + side * AVERAGING_TIME / 2, run.t[0], run.t[-1]) for side in (-1, 1)]
     before, after = (interpolate_columns(end, run.t, run.poses[:, :2]) for end in ends)
     rate = (after - before) / np.maximum(ends[1] - ends[0], 1e-9)[:, None]
@@ -64,7 +64,7 @@ def _averaged_motion(run: MeasuredRun, t: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, slots=True)
 class Floors:
-    """Standard deviations of errors that every model of a strip has, by quantity: [m], [s], [N].
+    """Standard deviations [m, s, N] of errors that any strip model has, by measured quantity.
 
     Rod and chain differ by a tenth of a millinewton in `force`; the coarse rod errs by more where a
     gripper jerks.

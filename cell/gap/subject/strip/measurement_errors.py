@@ -15,7 +15,7 @@ PATH_HALVES = ("before", "past")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunEffect(ScatterSource):
-    """Quantity of a strip or its rig that differs from run to run, and its place in the model.
+    """Quantity of a strip or rig that differs from run to run, and the model field it changes.
 
     `place` is the part and field of the model to which its value is added, as a share of the field
     where the unit is 1.

@@ -85,7 +85,7 @@ class PreparedFold:
     resolution: Resolution = COARSE
 
     def job(self, hashed: Hashed[StripModel]) -> Job:
-        """Simulation of `hashed`, a model, along the path of the fold that suits it."""
+        """Simulation of the model `hashed` along the measured path, or lifted for hysteresis."""
         has_hysteresis = hashed.value.mechanics.law.yield_curvature > 0.0
         path = self.lifted_path if has_hysteresis else self.path
         return Job.of(hashed, path, self.residuals.run.contact_height, self.resolution)
@@ -156,7 +156,7 @@ def linearise_folds(
 def _resolve(
     folds: Sequence[PreparedFold], models: Sequence[Hashed[StripModel]], simulate: Simulation
 ) -> list[PreparedFold]:
-    """Folds with the coarsest resolution at which their `models` come near a fine rod."""
+    """Folds with a finer rod where the coarse one deviates by more than the model-error floor."""
     jobs = [fold.job(model) for fold, model in zip(folds, models, strict=True)]
     coarse = [
         fold.residuals(job.model, motion).mean
@@ -176,7 +176,7 @@ def _grid_errors(
     simulate: Simulation,
     finer: Sequence[Resolution] = (FINE, FINER),
 ) -> list[Array]:
-    """`residuals` of a fold's own rod less those of a `finer` one, per sample (n,) [SI].
+    """Residuals (n,) [SI] of each fold at its own resolution, less those at a `finer` one.
 
     Where that is much, the next resolution decides: an end that slips, or a strip that is pushed,
     may take another way at a single one.
@@ -192,7 +192,7 @@ def _grid_errors(
 
 
 def _is_doubted(fold: PreparedFold, error: Array) -> bool:
-    """Whether a finer rod changes the residuals of `fold` by an `error` (n,) over its floors."""
+    """Whether a finer rod changes the residuals of `fold` by more than DOUBTED floors (rms)."""
     floors = np.nan_to_num(error / fold.residuals.layout.samples.floor)
     rms = float(np.linalg.norm(floors) / np.sqrt(max(len(floors), 1)))
     return rms > DOUBTED
@@ -216,7 +216,7 @@ def _common_errors(
 
 
 def relinearise(run: Run, about: Linearisation) -> Run:
-    """Copy of `run` with residuals linearised `about` a model, and floors raised by its doubts.
+    """Copy of `run` with residuals linearised `about` a model, and floors for the grid error left.
 
     A strip with less damping than stated keeps swinging, where grids differ.
     """
@@ -273,7 +273,7 @@ def _lifted_path(path: GripperPath, run: MeasuredRun) -> GripperPath:
 
 
 def replicates(runs: Sequence[Run]) -> Mapping[bytes, PreparedFold]:
-    """By the digest of each fold's path, the fold that is simulated in place of it.
+    """Fold whose simulation serves for each fold, by the digest of the fold's path.
 
     An effect changes replicates alike, up to far less than the error of a rough time step.
     """

@@ -285,7 +285,7 @@ def _short_run(name: str, run: Recorded) -> MeasuredRun:
 def _notes(
     folder: Path, name: str, run: Recorded, touch: Touch | None, strip: StripFile
 ) -> Iterator[str]:
-    """Notes on places that are off for one strip held at its end, from the desk to the gripper.
+    """Remarks on places that contradict one strip held at its end, from the desk to the gripper.
 
     A run that ended without a touch is noted, too. Raises ConfigurationError where places
     contradict such a strip, or stamps lie beside the gripper's rows.
@@ -311,7 +311,7 @@ def _notes(
 
 
 def _reaches(run: Recorded, touch: Touch | None, strip: StripFile) -> Iterator[Contradiction]:
-    """By how much [m] a run starts elsewhere, and is under the desk or beyond the strip's reach."""
+    """Contradictions [m] with the strip: wrong start, below the desk, or beyond its length."""
     t, x, z, contact = run.ticks.t, run.ticks.x, run.ticks.z, run.ticks.contact_x
     seen, at = np.isfinite(contact), f"start at x {x[0]:.3f}, z {z[0]:.3f} m is"
     yield TICKS, "t: in s, half the rows are apart by", np.diff(t), PERIOD
@@ -342,7 +342,7 @@ def _reaches(run: Recorded, touch: Touch | None, strip: StripFile) -> Iterator[C
 
 
 def _misses_of_midlines(run: Recorded) -> Iterator[Contradiction]:
-    """By how much [m], [s], [rad] the midlines miss desk, gripper, its pitch and contacts.
+    """Contradictions of midlines [m, s, rad] with desk, gripper, its pitch and contacts.
 
     They begin on the desk, where they are seen to it, and end at the gripper or before it, as it
     hides the strip, but not beside it: there a shift in x or a delay shows.

@@ -33,7 +33,7 @@ SHORTEST_RETARDATION = 0.005  # s, about which the fit of an undamped strip star
 
 
 def _places(strip: StripFile, lifted: float) -> tuple[float, ...]:
-    """Positions [m] along the strip at which to screen, from its lift-off at `lifted` [m] on.
+    """Positions [m] along the strip at which effects are screened, from `lifted` [m] on.
 
     A bend shows a local effect while it passes, so that probes farther apart than about a bending
     length miss what lies between them.
@@ -116,7 +116,7 @@ def _accepted_parameters(strip: StripFile) -> list[Parameter]:
 
 
 def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
-    """Candidate effect of the library on `strip`, which leaves the desk from `lifted` [m] on."""
+    """Candidate effect of the library on `strip`, lifted off the desk from x = `lifted` [m] on."""
     shape = tuple(_shape_parameter(p, strip) for p in effect.parameters if p.role == "shape")
     return Candidate(
         effect.name, effect.sentence, effect.of,
@@ -127,7 +127,7 @@ def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
 
 
 def _coarse(effect: Effect) -> list[Number]:
-    """Parameters of the effect but those of role `shape`, which refine its law."""
+    """Parameters of an effect that are always fitted: all but those of role `shape`."""
     return [p for p in effect.parameters if p.role != "shape"]
 
 

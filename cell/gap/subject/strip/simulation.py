@@ -124,7 +124,7 @@ class SimulatedMotion:
 
 
 class Simulation:
-    """Simulates motions with the rod, on some `threads`, and caches them.
+    """Simulates motions with the rod, on several `threads`, and caches the latest.
 
     A motion does not depend on what is simulated beside it, nor on how many threads there are.
     """
@@ -201,7 +201,7 @@ class Simulation:
 
 
 def _condense(motion: StripMotion, resolution: Resolution) -> SimulatedMotion:
-    """Reduce a motion to what is compared; without any shape, the strip lies flat."""
+    """Compared quantities of a simulated motion; one without shapes is taken as a flat strip."""
     arc = lattice(1.0, resolution.segments)
     shapes = motion.shapes.astype(np.float32, copy=False)
     if not len(shapes):

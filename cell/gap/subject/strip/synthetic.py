@@ -124,7 +124,7 @@ def rod_folds(
 
 
 def planned_runs(strip: StripFile, sigma: Sigma, index: int) -> list[MeasuredRun]:
-    """Simulated runs of `strip` without noise, one for each standard motion, numbered `index`."""
+    """Noise-free simulated runs of `strip`, one for each standard motion, numbered `index`."""
     paths = {name: reported_path(motion.over(strip.length)) for name, motion in STANDARD.items()}
     runs = measured_along(paths, strip, sigma, index)
     return [replace(run, condition=MOTION + run.name) for run in runs]
@@ -133,7 +133,7 @@ def planned_runs(strip: StripFile, sigma: Sigma, index: int) -> list[MeasuredRun
 def measured_along(
     paths: Mapping[str, GripperPath], strip: StripFile, sigma: Sigma, index: int
 ) -> list[MeasuredRun]:
-    """Simulated runs of `strip` without noise along gripper `paths`, given by the run's name."""
+    """Noise-free simulated runs of `strip` along gripper `paths`, by the run's name."""
     models = [describe(strip, index=index)] * len(paths)
     folds = rod_folds(models, list(paths.values()), PLAN_SEGMENTS, PLAN_STEP)
     return [_measure(n, fold, sigma, index) for n, fold in zip(paths, folds, strict=True)]

@@ -24,29 +24,29 @@ FAMILIES = (bodies, compliance, drives, friction)
 
 
 def _cubic(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque -c v^3."""
+    """Torque (m,) [N m] -c v^3."""
     return -p[at] * v**3
 
 
 def _cubic_spring(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque -c q^3."""
+    """Torque (m,) [N m] -c q^3."""
     return -p[at] * q**3
 
 
 def _bent_viscous(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque -c |q| v."""
+    """Torque (m,) [N m] -c |q| v."""
     return -p[at] * abs(q) * v
 
 
 def _load_dry(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque -c |load| sign(v), the sign smoothed over `p[3]`."""
+    """Torque (m,) [N m] -c |load| sign(v), the sign smoothed over the rate `p[3]`."""
     return -p[at] * abs(load) * v / (abs(v) + p[3])
 
 
 def _term(name: str, sentence: str, law: Callable[..., Array],
           size: Callable[[Mechanism], Array],
           modes: Collection[str] = MODES) -> Effect:  # fmt: skip
-    """Term of one parameter per joint, of a hundredth of `size` in typical torque."""
+    """Descriptive torque `law` of one parameter per joint, typically 0.01 `size` large."""
     return Effect(f"term_{name}", sentence, "model", "a description",
                   lambda m: per_joint(m, "torque", "N m", 0.01 * size(m), signed=True), "",
                   keys=1, law=law, modes=modes)  # fmt: skip

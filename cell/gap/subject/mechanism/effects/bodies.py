@@ -1,4 +1,4 @@
-"""Effects on bodies: their mass and its place, the air, and gravity in a tilted frame."""
+"""Effects on bodies: their mass and its centre, drag of the air, and gravity in a tilted frame."""
 
 from dataclasses import replace
 from typing import Any
@@ -41,7 +41,7 @@ def _edit_drag(mechanism: Mechanism, values: Array, edited: Any) -> None:
 
 
 def _lean(edited: Any, x: float, y: float) -> None:
-    """Rotate the gravity of a model by `x` [rad] about x, then by `y` [rad] about y."""
+    """Rotate the gravity of a model by `x` [rad] about its x axis, then by `y` [rad] about y."""
     gx, gy, gz = (float(g) for g in edited.opt.gravity)
     gy, gz = gy * np.cos(x) - gz * np.sin(x), gy * np.sin(x) + gz * np.cos(x)
     gx, gz = gx * np.cos(y) + gz * np.sin(y), gz * np.cos(y) - gx * np.sin(y)

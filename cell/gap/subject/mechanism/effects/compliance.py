@@ -1,4 +1,4 @@
-"""Effects of what gives way: gears, cables, wires, pivots and the base."""
+"""Effects of elastic parts: gears, cables, wires, pivots and the base."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -20,12 +20,12 @@ MOTIONS = 64  # of which momenta are cached
 
 
 def _spring_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque -c (q - rest) of a spring in parallel to a joint."""
+    """Torque (m,) [N m] -c (q - rest) of a spring in parallel to a joint."""
     return -p[at] * (q - p[at + 1])
 
 
 def _edit_spring(mechanism: Mechanism, values: Array, edited: Any) -> None:
-    """Add a spring in parallel to each joint's own, at their common position of rest."""
+    """Add a spring in parallel to each joint's own, with a rest position common to both."""
     table = CABLE_SPRING.table(mechanism, values)
     for i, joint in enumerate(mechanism.joints):
         added, rest = table[:, i]

@@ -40,12 +40,12 @@ def _ripple_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _ripple_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque A sin(order q + phase) of cogging; an A of either sign leaves phases in reach."""
+    """Torque (m,) [N m] A sin(order q + phase) of cogging, with an amplitude A of either sign."""
     return p[at] * np.sin(p[at + 1] * q + p[at + 2])
 
 
 def _saturation_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Reciprocals of the largest torque [N m] of each motor."""
+    """Reciprocals [1/(N m)] of the largest torque of each motor."""
     return tuple(
         Parameter(f"torque_{j.name}", "N m", 0.0, 0.0, 20.0 / j.torque, step=1e-3 / j.torque,
                   spread=1.0 / j.torque, inverse=True)

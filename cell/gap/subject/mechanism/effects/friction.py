@@ -1,4 +1,4 @@
-"""Effects of friction: dry, quadratic, before sliding, and of contacts."""
+"""Effects of friction: dry, quadratic, presliding, and of contacts."""
 
 from typing import Any
 
@@ -18,19 +18,19 @@ YIELD = 0.02
 
 
 def _dry_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Friction torque of each joint, and its share per load where the load of gears is known."""
+    """Dry friction torque [N m] of each joint, and per load where the loads of gears are known."""
     torques = per_joint(mechanism, "torque", "N m", 0.01 * mechanism.torque)
     return torques + (_loads(mechanism) if mechanism.mode.loads else ())
 
 
 def _loads(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Friction torques per torque that the gear of each joint bears."""
+    """Friction torque per torque at the gear of each joint [1]."""
     ones = np.ones(len(mechanism.joints))
     return per_joint(mechanism, "load", "1", 0.01 * ones, high=100.0)
 
 
 def _dry_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Shape of each joint's law: load, asymmetry, Stribeck peak."""
+    """Shape parameters of dry friction in each joint: load, asymmetry, Stribeck peak."""
     ones = np.ones(len(mechanism.joints))
     rates = [
         Parameter(f"stribeck_velocity_{j.name}", "rad/s" if j.hinge else "m/s",
@@ -46,7 +46,7 @@ def _dry_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def dry_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque (m,) [N m] -(c + k |load| + s exp(-(v / v_s)^2)) tanh(v / v_0), by asymmetry."""
+    """Torque (m,) [N m] -(c + k |load| + s exp(-(v/v_s)^2)) (w + a |w|) with w = tanh(v / v_0)."""
     size = p[at] + p[at + 1] * abs(load)
     if p[at + 3] != 0.0:
         size += p[at + 3] * np.exp(-((v / p[at + 4]) ** 2))
@@ -61,12 +61,12 @@ def dry_limit(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 
 def _quadratic_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque -c |v| v."""
+    """Torque (m,) [N m] -c |v| v."""
     return -p[at] * abs(v) * v
 
 
 def _presliding_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Torques at which presliding joints begin to slide."""
+    """Torques [N m] at which the elastic contacts of each joint begin to slide."""
     return tuple(
         Parameter(f"torque_{j.name}", "N m", 0.05 * j.torque, 0.001 * j.torque, j.torque,
                   step=0.001 * j.torque, spread=0.1 * j.torque, shape=True)
