@@ -115,7 +115,7 @@ def plan(
 
 
 def _print_plan(requests: "Sequence[Request]") -> None:
-    """Print name, speed [m/s] and revealed effects of the standard runs that would be made."""
+    """Print name, speed [m/s] and revealed effects of each planned standard run."""
     from cell.folding.request import standard_run
 
     for i, request in enumerate(requests):
@@ -124,7 +124,7 @@ def _print_plan(requests: "Sequence[Request]") -> None:
 
 
 def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int:
-    """Fold the standard runs and print each result; returns the largest exit code of a failure."""
+    """Fold the standard runs and print each result; returns the largest exit code of all."""
     from cell.arm.run_settings import await_strip
     from cell.folding.batch import Attendance, agreed, fold_all
     from cell.folding.request import standard_run

@@ -51,7 +51,7 @@ UNEVEN = 0.5  # share of the median step of the clock by which the middle half o
 
 
 class Finding(Entry):
-    """One finding on recordings: `bad` ones forbid a fit, `fair` ones cost accuracy.
+    """One finding on recordings, of a `level`: `bad` ones forbid a fit, `fair` ones cost accuracy.
 
     `run` is the name of a run, empty where the finding concerns all of them; `what` is the check,
     `words` say what is seen where, `remedy` what to do.
@@ -108,14 +108,14 @@ def images(t: Array) -> Iterator[Finding]:
 
 
 def _missing(t: Array) -> float:
-    """Share of rows that are missing between times (n,), where a step is several median steps."""
+    """Share of rows missing between times (n,) [s]: a step of k median steps lacks k - 1 rows."""
     steps = np.diff(t)
     missing = np.round(np.maximum(steps / np.median(steps) - 1.0, 0.0)).sum()
     return float(missing / (missing + len(t)))
 
 
 def values(name: str, t: Array, value: Array, command: Array | None = None) -> Iterator[Finding]:
-    """Findings on a column of values (n,) at times `t` (n,) [s]: gaps, stuck and clipped readings.
+    """Findings on a column `value` (n,) at times `t` (n,) [s]: gaps, stuck and clipped readings.
 
     A reading is stuck that stands still while its `command` (n,) changes.
     """
@@ -179,7 +179,7 @@ def _level(lost: float, limits: tuple[float, float]) -> Level:
 
 
 def complaints(tables: Mapping[str, Mapping[str, Array]]) -> Iterator[Finding]:
-    """Findings on one run's `tables`: by file name, columns (n,) by name."""
+    """Findings on the recorded tables of one run, given by file name as columns (n,) by name."""
     for file, columns in tables.items():
         t = columns.get("t")
         if t is None or len(t) < 3:
@@ -220,7 +220,7 @@ class Check(Entry):
 
 
 def recordings(runs: Sequence[RunFolder]) -> list[Finding]:
-    """Findings on the tables of all `runs`; tables that cannot be read are left to their reader."""
+    """Findings on the tables of all `runs`; an unreadable table is left out here."""
     findings = []
     for run in runs:
         tables = {}
@@ -272,7 +272,7 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
 
 
 def identifiable(subject: Subject) -> Iterator[Finding]:
-    """Findings on values and effects that the runs cannot identify, by linearised responses."""
+    """Findings on values and effects that the runs cannot identify, by responses near the base."""
     stated = stated_estimate(subject, subject.simulate)
     for p, s in undetermined_values(stated):
         words = f"{p.name}: known to {p.spread:.2g} {p.unit}, by these runs to {s:.2g}"
@@ -298,7 +298,7 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
 
 
 def _largest_probe(candidate: Candidate) -> tuple[float, ...]:
-    """The probe of the largest amount; of several places, that in the middle."""
+    """Probe of the candidate's largest amount; of several places the one in the middle."""
     amounts = [abs(group[0][0] - candidate.null[0]) for group in candidate.probes]
     largest = [i for i, amount in enumerate(amounts) if amount == max(amounts)]
     return candidate.probes[largest[len(largest) // 2]][0]

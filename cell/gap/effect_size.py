@@ -34,14 +34,14 @@ RATIOS = (5.0, 12.0)  # of pre-sliding over bending stiffness
 
 @dataclass(frozen=True, slots=True)
 class Strengths:
-    """Sizes of an effect: its first parameter goes from null to `largest`, `others` are fixed."""
+    """Range of sizes of an effect: its first parameter from null to `largest`, `others` fixed."""
 
     effect: Effect
     others: dict[str, float]
     largest: float
 
     def at(self, share: float) -> dict[str, float]:
-        """Parameters by name at the fraction `share` (above 0, up to 1) of the largest effect."""
+        """Parameter values by name at the fraction `share`, above 0 and up to 1, of `largest`."""
         p = self.effect.parameters[0]
         if p.null is None:
             value = self.largest / share
@@ -53,7 +53,7 @@ class Strengths:
 
 
 def draw_strengths(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Strengths:
-    """Draw an effect's shape parameters (place, width, time, ratio) and its sign from `rng`.
+    """Draw sign and shape parameters (place, width, time, ratio) of an effect at random.
 
     Its sizes go up to the largest believable on `strip`.
     """
@@ -81,7 +81,7 @@ def draw_strengths(effect: Effect, strip: StripFile, rng: np.random.Generator) -
 
 
 def indistinguishable_from(name: str) -> frozenset[str]:
-    """Effects that look like `name` in every fold; none for names outside the library."""
+    """Names of the effects that change every fold as `name` does; none for unknown names."""
     return registry()[name].looks_like if name in registry() else frozenset()
 
 
@@ -99,16 +99,16 @@ class GapModel:
 
     @classmethod
     def along(cls, plant: StripFile, paths: Sequence[GripperPath], sigma: Sigma) -> Self:
-        """Gap model for simulated runs of `plant` along gripper `paths`, with noise `sigma`."""
+        """Gap model of `plant` folded along the gripper `paths`, with measurement noise `sigma`."""
         by_name = {f"own-{i}": path for i, path in enumerate(paths)}
         return cls(plant, measured_along(by_name, plant, sigma, 0))
 
     def excess(self, hidden: Sequence[NamedValues]) -> Array:
-        """Excess residual (k,) [noise] that each of k sets of hidden effects leaves by a refit."""
+        """Excess residuals (k,) [noise] that k sets of hidden effects leave after a refit."""
         return np.array([self.excess_of(response) for response in self.responses(hidden)])
 
     def responses(self, hidden: Sequence[NamedValues]) -> list[Array]:
-        """Responses (N,) [noise] to each set of `hidden` effects, less what a refit absorbs."""
+        """Changes (N,) [noise] of residuals by each set of effects, less what a refit absorbs."""
         estimate = self._estimate
         base, local = estimate.shared, estimate.point.local
         requests = [
@@ -121,7 +121,7 @@ class GapModel:
         return [self._left_by_base(results[k * count :][:count]) for k in range(len(hidden))]
 
     def _left_by_base(self, results: Sequence[Residuals]) -> Array:
-        """Response (N,) [noise] of all runs, less the part that a refit of the base removes."""
+        """Change (N,) [noise] of residuals from stated to `results`, less what a refit absorbs."""
         runs = zip(results, self._estimate.raw, self._estimate.evidence.scales, strict=True)
         moved = [response(result, base, scale) for result, base, scale in runs]
         return self._about.unabsorbed(np.concatenate(moved))
@@ -137,7 +137,7 @@ class GapModel:
         return held_out_gap.excess_of(replace(self._estimate, residuals=tuple(noisy)))
 
     def share(self, strengths: Strengths, target: float, most: float = np.inf) -> float | None:
-        """Smallest share of `strengths` on a search grid at which the excess residual is `target`.
+        """Smallest share of `strengths` on a grid that leaves `target` [noise] of excess residual.
 
         None where no share does, or where the gap jumps past `most`, as that of a slip may.
         """

@@ -114,7 +114,7 @@ def _write(findings: Findings, verdict: Verdict, file: Path, out: Path) -> None:
 
 
 def _patch_name(findings: Findings, verdict: Verdict) -> str | None:
-    """Name of the patch with what was found; None where nothing was."""
+    """File name of the patch of effects or values to offer; None where there are none."""
     if verdict.effects:
         return accept.PATCH
     if verdict.suspected:
@@ -126,7 +126,7 @@ def _patch_name(findings: Findings, verdict: Verdict) -> str | None:
 def _write_patch(
     findings: Findings, out: Path, name: str, model: str, values: Values
 ) -> dict[str, object] | None:
-    """Write the patch `name`, and for a subject with a model its file `model`.
+    """Write the patch file `name` and, for a subject with a model, its file `model`.
 
     Returns the patch of the cell, where effects belong to it.
     """

@@ -35,7 +35,7 @@ Progress = Callable[[str, float], None]
 
 
 class Models(NamedTuple):
-    """Fitted models: the base, the screen of effects about it, and `fits` with some of them."""
+    """Fitted models: the base, the screen of effects near it, and `fits` of all models so far."""
 
     base_fit: BaseFit
     screen: Screen
@@ -63,7 +63,7 @@ def revised_base(
 
 
 def leading_models(fits: Fits) -> list[CrossValidatedFit]:
-    """Models that lead the base: one that predicts clearly better, and those more probable."""
+    """Models that predict clearly better than the base or are more probable than it."""
     likelihood = fits.likelihood
     before_base = takewhile(lambda m: m.names, posterior(fits, likelihood).models)
     names = [m.names for m in before_base if m.p > ALPHA]
@@ -136,7 +136,7 @@ def _secants(fit: Estimate, evidence: Evidence) -> tuple[Array, ...] | None:
 
 
 def refit_singles(search: Search, models: Models, progress: Progress) -> Fits:
-    """The fits of `models` with the most promising single effects, if any can be accepted."""
+    """`fits` of `models` with the best single effects added, if any can be accepted."""
     progress("refit the best", 0.25)
     screen, fits = models.screen, models.fits
     least = MIN_GAIN * fits.likelihood.inefficiency
@@ -147,7 +147,7 @@ def refit_singles(search: Search, models: Models, progress: Progress) -> Fits:
 
 
 def refit_further(search: Search, models: Models, progress: Progress) -> Fits:
-    """The fits of `models` with pairs and triples of effects, and alternatives of accepted ones.
+    """`fits` of `models` with pairs and triples of effects added, and their alternatives.
 
     Shape parameters come first: what the law of one effect gets wrong is no second effect.
     """
@@ -168,7 +168,7 @@ def refit_further(search: Search, models: Models, progress: Progress) -> Fits:
 
 
 def _refit_pairs(search: Search, screen: Screen, fits: Fits) -> Fits:
-    """Fit other single effects and the most promising pairs."""
+    """Fit further single effects and the most promising pairs; returns all fits."""
     scores = [s for s in screen.singles if fits.of(frozenset(s.names)) is None]
     scores = scores[: BUDGET.probed - BUDGET.singles]
     scores += ranked_pairs(screen.equations, BUDGET.screened_pairs)
@@ -178,7 +178,7 @@ def _refit_pairs(search: Search, screen: Screen, fits: Fits) -> Fits:
 
 
 def _refit_alternatives(search: Search, fits: Fits) -> Fits:
-    """Fit an accepted pair or triple without each effect, and with others in its place.
+    """Fit an accepted pair or triple without each effect, and with others instead of it.
 
     Repeats while another set is accepted than before, since each has alternatives of its own.
     """
@@ -195,12 +195,12 @@ def _refit_alternatives(search: Search, fits: Fits) -> Fits:
 
 
 def _accept(fits: Fits) -> CrossValidatedFit:
-    """The model that would be accepted if nothing else were fitted."""
+    """Model to accept among `fits`, by the posterior probabilities of their sets of effects."""
     return choose(fits, posterior(fits, fits.likelihood))
 
 
 def _leaves_more(fits: Fits) -> bool:
-    """Whether the model that fits best leaves more than noise, overall or in a bin."""
+    """Whether the best fitting model leaves more than noise, overall or in a bin of samples."""
     best = min(fits.models, key=lambda m: (m.estimate.scale, m.estimate.objective)).estimate
     test = ResidualTest.of(best, np.random.default_rng(1))
     return test.misfit() < ALPHA or any(place.p < ALPHA for place in test.test_bins())

@@ -112,7 +112,7 @@ class Investigation:
     def extend(
         self, models: Models, refit: Callable[[Search, Models, Progress], Fits], share: float
     ) -> Models:
-        """Fit more models by `refit`; where one leads the base, revise the base and fit them again.
+        """Fit more models by `refit`; if one leads the base, refit the base, then all of them.
 
         `share` of the whole is done by then.
         """
@@ -130,7 +130,7 @@ class Investigation:
         return Models(base_fit, screen, replace(fits, library=screen.library))
 
     def judge_base(self, coarse: Evidence, start: Point, scatter: Sequence[Spread]) -> BaseFit:
-        """Fit the model without effects to `coarse` runs, corrected for the coarse simulation.
+        """Fit the model without effects to `coarse` runs, and test the residuals of the fit.
 
         The fit begins at `start`; its residuals are tested against noise, repeats and priors.
         `scatter` stands in the result as it is.
@@ -174,7 +174,7 @@ class Investigation:
         )
 
     def choose(self, fits: Fits, sets: Posterior) -> tuple[CrossValidatedFit, Fits]:
-        """Model to accept, refitted against the finest simulation, and `fits` with that refit.
+        """Model to accept, refitted by the finest simulation, and `fits` with it.
 
         Its probability in `sets` stays: those compare all models by the same, coarser simulation.
         """
@@ -211,7 +211,7 @@ class Investigation:
         )
 
     def _matching_places(self, accepted: CrossValidatedFit, fits: Fits) -> tuple[Bin, ...]:
-        """Bins where the residuals of the base match the accepted effects; none without any."""
+        """Bins where residuals of the base match the accepted effects; empty without effects."""
         if not accepted.model.effects:
             return ()
         others = [m.estimate for m in fits.models if m.model.effects and m is not accepted]
@@ -259,7 +259,7 @@ class Investigation:
 
 
 def _is_strained(base: Estimate) -> bool:
-    """Whether the fitted values of the base contradict their priors, jointly or one of them."""
+    """Whether fitted base values contradict their priors, jointly or a single one (chi^2 tests)."""
     squares = np.square(list(strains(base).values()))
     if not len(squares):
         return False
@@ -270,7 +270,7 @@ def _is_strained(base: Estimate) -> bool:
 def _alternative(
     screened: Screen, accepted: CrossValidatedFit, fits: Fits, tests: ModelTests
 ) -> tuple[Model, Array] | None:
-    """Model to separate from the `accepted` one before any other, with its shared values (P,)."""
+    """Model to separate from `accepted`, the closest rival, with its shared values (P,)."""
     size = len(accepted.model.effects) or 1
     others = [m for m in fits.of_size(size) if m is not accepted]
     closest = next(iter(tests.rivals or others), None)

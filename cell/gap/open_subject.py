@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def open_subject(
     file: Path, runs: Sequence[RunFolder], jobs: int, without: Sequence[str] = ()
 ) -> Subject:
-    """Open the strip or mechanism that `file` describes; effects `without` are no candidates.
+    """Strip or mechanism of `file` with its measured runs; `without` names withheld effects.
 
     Raises ConfigurationError for a file of another kind, or an effect that cannot be withheld.
     """
@@ -36,7 +36,7 @@ def open_subject(
 def open_mechanism(
     path: Path, folders: Sequence[RunFolder], jobs: int = 1, without: Sequence[str] = ()
 ) -> "MechanismSubject":
-    """Mechanism in the file at `path` with its measured runs; effects `without` are withheld.
+    """Mechanism of the file at `path` with its measured runs; `without` names withheld effects.
 
     Raises ConfigurationError for bad input, and where the stated model itself cannot be simulated.
     """

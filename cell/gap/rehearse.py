@@ -56,7 +56,7 @@ class HiddenCopy(Settings):
 
 
 class Plan(Settings):
-    """Plan of a rehearsal: the refitted strip, its run-to-run spreads, and the copies to make.
+    """Plan of a rehearsal: the refitted strip, its run-to-run spreads, the copies to simulate.
 
     `unseen` are effects that leave no such gap at any believable size.
     """
@@ -104,7 +104,7 @@ def as_fitted(strip: StripFile, values: Mapping[str, float]) -> StripFile:
 
 
 def path_of_run(run: MeasuredRun) -> GripperPath:
-    """Measured gripper path of a run, extended by a standstill, as its copy may touch later."""
+    """Measured gripper path of a run, with a standstill of DWELL_TIME added for a late touch."""
     t, poses = run.t, run.poses
     later = t[-1] + ROW_PERIOD * np.arange(1, round(DWELL_TIME / ROW_PERIOD) + 1)
     still = np.repeat(poses[-1:], len(later), axis=0)
@@ -182,7 +182,7 @@ def instruments(run: MeasuredRun) -> Instruments:
 
 
 def rehearse(plan: Plan, folder: Path, engine: Engine, meter: Meter) -> list[Record]:
-    """Fit all copies of `plan`, resuming in `folder`; returns records and raises as `carry_out`."""
+    """Fit all copies of `plan`, resuming from the journal in `folder`; returns their records."""
     version = hashlib.sha256(f"{plan.model_dump_json()}{verdicts()}".encode()).hexdigest()[:16]
     parts = [
         Part(hidden.key, version, COPY_COST, diagnose_copy, (plan, hidden))
@@ -192,7 +192,7 @@ def rehearse(plan: Plan, folder: Path, engine: Engine, meter: Meter) -> list[Rec
 
 
 def is_right(outcome: Mapping[str, Any]) -> bool:
-    """Whether the verdict on a copy names its hidden effect or class; no gap if none is hidden."""
+    """Whether a verdict names or includes the hidden effect, or says no gap if none is hidden."""
     name = outcome["hidden"]
     if name == NO_EFFECT:
         return bool(outcome["verdict"] == "no_gap")
@@ -202,12 +202,12 @@ def is_right(outcome: Mapping[str, Any]) -> bool:
 
 
 def progress_line(record: Record) -> str:
-    """What the verdict says of a copy in a few words, for the progress report."""
+    """Short text of the verdict on a copy, or of its failure, for the progress report."""
     return f": {_answer(record.outcome) if record.outcome else f'failed: {record.reason}'}"
 
 
 def _answer(outcome: Mapping[str, Any]) -> str:
-    """What the verdict on a copy names, in a few words."""
+    """Names with confidence, classes of effects, or verdict on a copy, as short text."""
     if not outcome["named"]:
         groups = "; ".join(" or ".join(group) for group in outcome["classes"])
         return groups or str(outcome["verdict"]).replace("_", " ")
@@ -215,7 +215,7 @@ def _answer(outcome: Mapping[str, Any]) -> str:
 
 
 def page(plan: Plan, records: Sequence[Record]) -> str:
-    """Markdown text of a rehearsal: which effects could be named, and which names are false."""
+    """Markdown page of a rehearsal: which effects could be named, which names are false."""
     outcomes = [r.outcome for r in records if r.outcome is not None]
     hidden = [o for o in outcomes if o["hidden"] != NO_EFFECT]
     empty = [o for o in outcomes if o["hidden"] == NO_EFFECT]
@@ -251,6 +251,6 @@ def write_page(plan: Plan, records: Sequence[Record], folder: Path) -> Path:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Format a Markdown table of `head` and `rows`."""
+    """Markdown table with the columns `head` and the given `rows`."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)

@@ -18,7 +18,7 @@ DRAWS = 2000  # of runs, for the interval of the shrink; set by hand
 
 @dataclass(frozen=True, slots=True)
 class Shrink:
-    """Share by which a model reduces the excess residual on held-out runs, with 95 % interval."""
+    """Share by which a model reduces the excess residual of held-out runs, with 95 % interval."""
 
     value: float
     low: float
@@ -26,14 +26,14 @@ class Shrink:
 
 
 def fit_held_out(simulate: Simulate, estimate: Estimate, evidence: Evidence) -> Estimate:
-    """Fit of `estimate` to other runs, shared values fixed: only the runs' unknowns are free."""
+    """Fit `estimate` to other runs: shared values stay fixed, the runs' own unknowns are free."""
     model = estimate.model.holding(estimate.shared)
     start = Point(np.zeros(0), evidence.start())
     return run_one(simulate, refit(model, evidence, start))
 
 
 def floor(evidence: Evidence, quantities: Mapping[str, Quantity]) -> dict[str, float]:
-    """Root mean square noise of single readings by displayed quantity: what a true model leaves."""
+    """Root mean square noise of readings by displayed quantity, which a true model leaves."""
     readings = [run.samples.reading**2 for run in evidence.runs]
     return _display_gaps(evidence, readings, quantities)
 
@@ -82,27 +82,27 @@ def excess_of(estimate: Estimate) -> float:
 
 
 def excess_by_quantity(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:
-    """Excess residual [noise] of a fit over all its runs, of each displayed quantity by its key."""
+    """Excess residual [noise] of a fit in each displayed quantity, by its key."""
     shown = _display_gaps(estimate.evidence, [r**2 for r in estimate.residuals], quantities)
     units = {q.key: q.factor for q in quantities.values()}
     return {key: max((rms / units[key]) ** 2 - 1.0, 0.0) ** 0.5 for key, rms in shown.items()}
 
 
 def bounded_excess(estimate: Estimate) -> float:
-    """Excess residual [noise] of a fit over its runs, outliers clipped at its own dispersion."""
+    """Excess residual [noise] of a fit, with outliers clipped at multiples of its dispersion."""
     scale = robust.scale(estimate.stacked_residuals)
     clipped = tuple(robust.bound(r, scale) for r in estimate.residuals)
     return excess_of(replace(estimate, residuals=clipped))
 
 
 def sizes(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:
-    """Root mean square residual by displayed quantity, and under `excess` that of all, in noise."""
+    """Root mean square residuals of a fit by displayed quantity, and its `excess` [noise]."""
     rms = _display_gaps(estimate.evidence, [raw.square for raw in estimate.raw], quantities)
     return {**rms, "excess": excess_of(estimate)}
 
 
 def rms_by_run(estimate: Estimate, quantities: Mapping[str, Quantity]) -> list[float]:
-    """Root mean square residual of each run, in units of noise, floor and tolerance together.
+    """Root mean square residual of each run, in units of noise, model error and tolerance.
 
     A true model leaves about 1 in these units, by which outliers are bounded. Channels weigh alike.
     """
@@ -116,7 +116,7 @@ def rms_by_run(estimate: Estimate, quantities: Mapping[str, Quantity]) -> list[f
 
 
 def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrink:
-    """Share 1 - after / before of the excess residual removed, with bootstrap (Efron 1979)."""
+    """Share of the excess residual removed, 1 - after / before, by bootstrap (Efron 1979)."""
     squares_before, squares_after = run_squares(before), run_squares(after)
     drawn = rng.integers(0, len(squares_before), (DRAWS, len(squares_before)))
     value = float(_share_closed(squares_before, squares_after))
@@ -126,6 +126,6 @@ def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrin
 
 
 def _share_closed(before: Array, after: Array) -> Array:
-    """Share (...) of the excess residual removed from `before` (..., R) to `after`; or 0."""
+    """Share (...) of excess removed from squares `before` (..., R) to `after`; 0 without any."""
     gap = excess(before)
     return np.where(gap > 0.0, 1.0 - excess(after) / np.where(gap > 0.0, gap, 1.0), 0.0)

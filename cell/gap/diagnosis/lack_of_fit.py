@@ -30,7 +30,7 @@ DRAWS = 400  # of the noise; set by hand
 
 @dataclass(frozen=True, slots=True)
 class Repeats:
-    """How repeats of one condition differ, by channel, in units of the stated noise.
+    """Scatter between repeats of a condition, by channel, in units of the stated noise.
 
     `scatter` between repeats, and `inflation` of the noise once a drift of the base with the index
     of the run is taken out. `drift` says in words which parameter drifts most surely, `p` is the
@@ -80,7 +80,7 @@ class Repeats:
 
 
 def pure_error(estimate: Estimate, residuals: Sequence[Array], spent: int = 0) -> dict[str, float]:
-    """Factor (>= 1) on the stated noise of each channel that the scatter between repeats demands.
+    """Factor (>= 1) on the noise of each channel that explains the scatter between repeats.
 
     `residuals` (n,) by run of the runs of `estimate`; `spent` degrees of freedom went into them.
     Variance of bin means between runs of one condition over what the noise explains, accepted
@@ -109,14 +109,14 @@ def pure_error(estimate: Estimate, residuals: Sequence[Array], spent: int = 0) -
 
 
 def _relative_index(runs: Sequence[Run]) -> Array:
-    """Index (R,) of each run in the order of measuring, less the mean of its repeats' indices."""
+    """Index (R,) of each run in the order of measurement, less the mean over its repeats."""
     index = np.array([run.index for run in runs], dtype=float)
     condition = np.array([run.condition for run in runs])
     return np.asarray(index - np.array([index[condition == own].mean() for own in condition]))
 
 
 def _drift_words(estimate: Estimate, form: NormalEquations) -> str:
-    """Words for the parameter whose drift alone explains most, and its change per run."""
+    """Text on the parameter whose linear drift explains most, and its change per run."""
     information = np.maximum(np.diag(form.curvature), 1e-300)
     i = int(np.argmax(form.gradient**2 / information))
     rate = -form.gradient[i] / information[i]
@@ -134,7 +134,7 @@ def _places(run: Run) -> Iterator[Place]:
 
 
 def _rows_by(keys: Iterable[K]) -> dict[K, list[int]]:
-    """Positions of each key in `keys`."""
+    """Positions in `keys` of each distinct key."""
     rows: dict[K, list[int]] = defaultdict(list)
     for i, key in enumerate(keys):
         rows[key].append(i)
@@ -230,7 +230,7 @@ class ResidualTest:
         return sorted(tested, key=lambda each: -abs(each.z))
 
     def matching(self, fitted: Estimate, others: Sequence[Estimate]) -> list[Bin]:
-        """Test in each bin how well the residuals match what the model `fitted` adds; surest first.
+        """Test in each bin how well residuals match the effects of model `fitted`; surest first.
 
         Each sample counts by what that model predicts otherwise than this one (matched filter). It
         was chosen in sight of the residuals, so that a draw counts by its strongest bin under the
@@ -264,12 +264,12 @@ def draw_residuals(estimate: Estimate, rng: np.random.Generator) -> Array:
 
 
 def _tail(drawn: Array, observed: float) -> float:
-    """p-value of a statistic: share of draws (draws,) of it that are as large as `observed`."""
+    """p-value: share of draws (draws,) of a statistic that are at least as large as `observed`."""
     return (1.0 + float((drawn >= observed).sum())) / (1.0 + len(drawn))
 
 
 def _sum_and_energy(residuals: Array, rows: Sequence[list[int]]) -> tuple[Array, Array]:
-    """Sum, and root of twice the sum of squares, of `residuals` (N, ...) in each bin (k, ...)."""
+    """Sums (k, ...) over bins, and sqrt(2 sum of squares) (k, ...), of residuals (N, ...)."""
     sums = np.array([residuals[i].sum(axis=0) for i in rows])
     roots = np.sqrt([2.0 * (residuals[i] ** 2).sum(axis=0) for i in rows])
     return sums, roots

@@ -17,7 +17,7 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Recommendation:
-    """Recommended experiment: what it separates, by how many sigma, in how many minutes."""
+    """Recommended experiment: models that it separates, expected sigma, duration [min]."""
 
     experiment: str
     separates: tuple[str, str]
@@ -64,7 +64,7 @@ def advise(
 
 
 def _information(estimate: Estimate) -> Array:
-    """Information (P, P) of runs and priors on the shared parameters: inverse covariance."""
+    """Information matrix (P, P) on the shared parameters, from runs and priors."""
     count = len(estimate.shared)
     spread = covariance(estimate.normal().curvature)[:count, :count]
     return np.asarray(np.linalg.pinv(spread, hermitian=True))

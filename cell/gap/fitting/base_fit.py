@@ -1,4 +1,4 @@
-"""Fits of the base parameters, and what runs say about them and about effects beside them."""
+"""Fits of the base parameters, and responses of runs to effects near a fit."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,7 +22,7 @@ def refit_base(simulate: Simulate, model: Model, evidence: Evidence) -> Estimate
 
 
 def undetermined_values(estimate: Estimate) -> list[tuple[Parameter, float]]:
-    """Base parameters that the runs hardly determine, with the standard deviation they leave."""
+    """Base parameters whose uncertainty the runs hardly reduce, with standard deviations."""
     sigma = np.sqrt(np.diag(covariance(estimate.normal().curvature)))
     pairs = zip(estimate.model.base, map(float, sigma), strict=False)
     return [(p, s) for p, s in pairs if s > WEAK * p.spread]
@@ -42,12 +42,12 @@ def refit_fine(
 
 
 def refine(subject: Subject, model: Model, point: Point, coarse: Evidence) -> Evidence:
-    """Runs with residuals corrected for the coarse simulation at `point`, and its error floors."""
+    """Runs corrected for the coarse simulation at `point`, with floors for remaining errors."""
     return evidence(subject.refine(requests(model, coarse.runs, point)))
 
 
 def stated_estimate(subject: Subject, simulate: Simulate) -> Estimate:
-    """Estimate at the stated values of the base, not fitted: its residuals are taken as zero."""
+    """Estimate at the stated base values, not fitted, with residuals taken as zero."""
     measured = evidence(subject.runs)
     model = Model(subject.scope.base)
     point = Point(np.array([p.start for p in model.parameters]), measured.start())
@@ -59,7 +59,7 @@ def stated_estimate(subject: Subject, simulate: Simulate) -> Estimate:
 def effect_responses(
     simulate: Simulate, base: Estimate, effects: Sequence[tuple[Candidate, Sequence[float]]]
 ) -> Array:
-    """Whitened responses (N, k) of all runs to k `effects`, each alone at the values beside it."""
+    """Whitened responses (N, k) of all runs to k effects, each alone with its given values."""
     models = [(base.model, base.shared)]
     for effect, values in effects:
         shared = np.append(base.shared, effect.complete(np.array(values)))

@@ -34,7 +34,7 @@ class NormalDensity:
     precision: Array
 
     def condition(self, r: Array, responses: Array) -> tuple[Self, float]:
-        """Posterior density given a run with residuals `r` (n,), and minus its log density [nats].
+        """Posterior density given residuals `r` (n,) of a run, and minus its log density [nats].
 
         Residuals change by `responses` (n, k) with the amounts. Both are by Laplace's approximation
         under the robust loss; the loss leaves out the constant of unit noise.
@@ -103,7 +103,7 @@ def folds(runs: Sequence[Run], most: int = MOST_FOLDS) -> list[list[int]]:
 
 @dataclass(frozen=True, slots=True)
 class _Prediction:
-    """Run predicted without it: whitened `residuals` (n,), `uncertain` (n, k), `penalty` [nats]."""
+    """Prediction of a left-out run: `residuals` (n,), `uncertain` (n, k), `penalty` [nats]."""
 
     residuals: Array
     uncertain: Array
@@ -126,7 +126,7 @@ def validate(estimate: Estimate) -> Task[CrossValidatedFit]:
 
 
 def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[list[_Prediction]]:
-    """Prediction of the runs of `fold` by the fit to all others; a task that yields requests.
+    """Predict the runs of `fold` by the fit to all others; a task that yields requests.
 
     Penalised by the number of shared values that only the fold determines, at its first run, and by
     the losses of the runs' random unknowns.
@@ -145,7 +145,7 @@ def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[list[_Predict
 
 
 def on_runs(estimate: Estimate, keep: Sequence[int]) -> tuple[Array, Mask]:
-    """Shared values (P,) as fitted to the runs `keep` alone, and a mask (P,) of undetermined ones.
+    """Shared values (P,) fitted to the runs `keep` only, and mask (P,) of undetermined ones.
 
     One Newton step from the fit to all runs; a value stays where the runs do not determine it.
     """
@@ -174,7 +174,7 @@ def _undetermined_values(estimate: Estimate, keep: Sequence[int]) -> Mask:
 
 
 def _newton_step(estimate: Estimate, held: Mask) -> Array:
-    """Shared values (P,) after a bounded Newton step of `estimate`; the `held` ones (P,) stay."""
+    """Shared values (P,) after one bounded Newton step of `estimate`, `held` (P,) ones fixed."""
     unknowns, z = estimate.unknowns, estimate.z
     fixed = np.concatenate([held, np.zeros(len(z) - len(held), dtype=bool)])
     low, high = (np.where(fixed, 0.0, bound - z) for bound in (unknowns.low, unknowns.high))
@@ -199,7 +199,7 @@ def _deviations(kept: Estimate, shared: Array, undetermined: Mask) -> Array:
 
 
 def _own_response(estimate: Estimate, i: int) -> Array:
-    """Derivative (k, P) of the refitted unknowns of run number `i` by the shared values."""
+    """Derivative (k, P) of run `i`'s own refitted unknowns by the shared values."""
     count = len(estimate.shared)
     jacobian = estimate.jacobians[i]
     own = jacobian[:, count:]
@@ -211,7 +211,7 @@ def _own_response(estimate: Estimate, i: int) -> Array:
 
 
 def _settled_response(estimate: Estimate, i: int) -> Array:
-    """Derivative (n, P) of whitened residuals of run `i` by shared values, its own refitted."""
+    """Derivative (n, P) of run `i`'s whitened residuals by shared values, its own refitted."""
     jacobian = estimate.jacobians[i]
     count = len(estimate.shared)
     return np.asarray(jacobian[:, :count] + jacobian[:, count:] @ _own_response(estimate, i))

@@ -61,7 +61,7 @@ def secant_jacobian(
 def _secant_requests(
     model: Model, run: Run, shared: Array, local: Array
 ) -> tuple[list[Request], Array]:
-    """Requests at the values and one step of each unknown away, and the steps (k,).
+    """Requests at the point and one step off in each unknown, and the steps (k,).
 
     For a replicate the first, at the values, comes once more as a response to compare with.
     """
@@ -86,7 +86,7 @@ def _step_within_bounds(p: Parameter, value: float) -> float:
 
 
 def _step_one(values: Array, i: int, h: float) -> Array:
-    """Copy of `values` (k,) in which number `i` is larger by `h`."""
+    """Copy of `values` (k,) with `h` added to number `i`."""
     moved = values.copy()
     moved[i] += h
     return moved
@@ -214,7 +214,7 @@ class Estimate:
 def responses_to(
     at: Estimate, models: Sequence[tuple[Model, Array]]
 ) -> Task[list[tuple[Array, ...]]]:
-    """Changes (n,) of each run's whitened residuals from the first of `models` to each other one.
+    """Changes (n,) of each run's whitened residuals from the first model to each other one.
 
     Each model comes with its shared values (P,); the unknowns of the runs are those of the fit
     `at`. A task that yields requests.
@@ -230,7 +230,7 @@ def responses_to(
 
 
 def best(estimates: Sequence[Estimate]) -> Estimate:
-    """The estimate of smallest objective, compared at the smallest of their dispersions."""
+    """Estimate of smallest objective, all at the smallest of their dispersions."""
     scale = min(e.scale for e in estimates)
     return min(estimates, key=lambda e: e.objective_at(scale))
 
@@ -284,7 +284,7 @@ def _linearised(model: Model, evidence: Evidence, point: Point) -> Task[Estimate
 
 
 def _next_use(share: float, use: JacobianUse) -> JacobianUse:
-    """How the next step gets its Jacobian, after one that gained `share` of what it promised.
+    """Whether to keep, correct or renew the Jacobian after a step of `share` predicted gain.
 
     Of a Jacobian in `use` that was mended already, a further correction is not tried.
     """
@@ -299,7 +299,7 @@ def residuals(raw: Sequence[Residuals], evidence: Evidence) -> tuple[Array, ...]
 
 
 def _line_search(fit: Estimate, curvature: Array, step: Array) -> Task[Estimate]:
-    """Trial of the full step from `fit` or, where that gains nothing, the best along a parabola."""
+    """Estimate after the full step or, where that gains nothing, the best along a parabola."""
     full = (yield from _evaluate(fit, [fit.z + step]))[0]
     if full.objective_at(fit.scale) < fit.objective:
         return full

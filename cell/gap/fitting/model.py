@@ -13,7 +13,7 @@ LOST_RESIDUAL = 10.0  # whitened residual of a sample that the model cannot show
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """Model under test: its base parameters, and the effects that it contains besides.
+    """Model to fit: its base parameters, and the effects that are added to it.
 
     With `held` the shared parameters have these values and only runs' own unknowns are free.
     """
@@ -69,7 +69,7 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Runs that a model is fitted to, and for each the standard deviations (n,) of its samples."""
+    """Runs that a model is fitted to, with the standard deviations (n,) of each run's samples."""
 
     runs: tuple[Run, ...]
     scales: tuple[Array, ...]
@@ -80,7 +80,7 @@ class Evidence:
 
 
 def evidence(runs: Sequence[Run]) -> Evidence:
-    """Evidence of `runs`: their samples' noise and model-error floor, added in quadrature."""
+    """Evidence of `runs`, whose scales are sample noise and model-error floor in quadrature."""
     scales = [np.hypot(run.samples.noise, run.samples.floor) for run in runs]
     return Evidence(tuple(runs), tuple(scales))
 

@@ -16,7 +16,7 @@ RIDGE = 1e-9  # of the diagonal: holds directions that nothing determines; above
 
 @dataclass(frozen=True, slots=True)
 class Unknowns:
-    """All unknowns of a fit in one vector (size,): the P shared ones, then those of each run.
+    """Unknowns of a fit in one vector (size,): P shared ones, then those of each run.
 
     `shared` is P, `local` the number of unknowns of each run; by unknown (size,): its bounds `low`
     and `high`, its prior `mean` and `precision`, the inverse variance.
@@ -111,7 +111,7 @@ class NormalEquations:
 
 
 def _pushed_out(slope: Array, step: Array, low: Array, high: Array) -> Mask:
-    """Mask (size,) of unknowns on a bound whose slope holds them there."""
+    """Mask (size,) of unknowns on a bound that the gradient pushes outwards."""
     return np.asarray((step <= low) & (slope >= 0.0) | (step >= high) & (slope <= 0.0))
 
 

@@ -13,7 +13,7 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Projection:
-    """Quadratic model of a fit's objective, by which responses are cleared of what a refit absorbs.
+    """Linear map that removes from responses the part that a refit of all unknowns absorbs.
 
     `residual` (N,) of all runs, the last small step of the fit taken, `jacobian` (N, u) of the
     free unknowns and of nuisance responses, `inverse` (u, u) of their curvature with priors,
@@ -37,7 +37,7 @@ class Projection:
         return np.asarray(whitened * self.weight[:, None])
 
     def form(self, responses: Array) -> NormalEquations:
-        """Normal equations of the objective, all else refitted, in amounts of `responses` (N, k).
+        """Normal equations in the amounts of `responses` (N, k), all other unknowns refitted.
 
         At the estimate the unknowns' own gradient vanishes, so that responses D in the amounts a
         change the minimum by a' D' r + a' D' (I - H) D a / 2, H the hat matrix with priors.
@@ -49,7 +49,7 @@ class Projection:
 def projection(
     estimate: Estimate, *, robustly: bool = True, nuisance: Sequence[Array] = ()
 ) -> Projection:
-    """Quadratic model of the objective about `estimate`; unknowns on a bound count as fixed.
+    """Projection about `estimate`, in which unknowns on a bound are fixed.
 
     Whitened responses `nuisance` (N, k) may be there by unknown amounts of one standard deviation.
     """

@@ -1,4 +1,4 @@
-"""Run-to-run spreads by restricted maximum likelihood (REML), and the uncertainty beside them.
+"""Run-to-run spreads by restricted maximum likelihood (REML), and uncertainty of fitted values.
 
 Random unknowns u of a run, such as where a strip is grasped, are drawn anew in each run with mean
 zero and a standard deviation s_q that all runs share. With all other unknowns integrated out, the
@@ -87,7 +87,7 @@ def reml_spreads(estimate: Estimate) -> tuple[Spread, ...]:
 
 
 def _spread(p: Parameter, share: float, error: float) -> Spread:
-    """Spread and interval of `p` from its `share` of the usual and the `error` of its logarithm."""
+    """Spread of `p` and its interval, from `share` of the usual one and the log's `error`."""
     low, high = float(np.exp(-CENTRAL_95 * error)), float(np.exp(CENTRAL_95 * error))
     value = share * p.spread
     return Spread(p.name, p.unit, value, value * low, value * high)
@@ -95,7 +95,7 @@ def _spread(p: Parameter, share: float, error: float) -> Spread:
 
 @dataclass(frozen=True, slots=True)
 class Likelihood:
-    """Restricted likelihood of the run-to-run spreads of q quantities.
+    """Restricted likelihood of the run-to-run spreads of q random quantities.
 
     `curvature` (u, u) and minus the gradient, `descent` (u,), of the u random unknowns are C and g
     of the module's equation, in units of the `usual` (q,) spreads; `owner` (u,) is the index of an
@@ -171,7 +171,7 @@ class Likelihood:
 def _equations(
     estimate: Estimate, parameters: Sequence[Parameter], owner: Array, usual_spreads: Array
 ) -> tuple[Array, Array]:
-    """Curvature (m, m) and minus the gradient (m,) of the fit without the priors of scatter.
+    """Curvature (m, m) and minus gradient (m,) of a fit without priors on random unknowns.
 
     The m unknowns are all those of the fit, then the constant part of each random quantity.
     """
@@ -246,7 +246,7 @@ class SpreadFit:
 
 
 def _add_uncommon(fit: SpreadFit, count: int) -> SpreadFit:
-    """Select forward which others of `count` quantities scatter; of near equals the first."""
+    """Select forward which further quantities of `count` scatter, the first of near equals."""
     while len(fit.active) < count:
         absent = [k for k in range(count) if k not in fit.active]
         trials = [SpreadFit.of(fit.likelihood, [*fit.active, k], fit.shares) for k in absent]
@@ -259,14 +259,14 @@ def _add_uncommon(fit: SpreadFit, count: int) -> SpreadFit:
 
 
 def clearly_differ(before: Mapping[str, float], now: Mapping[str, float]) -> bool:
-    """Whether two sets of spreads by name have other names, or one spread differs beyond DIFFER."""
+    """Whether two sets of spreads have other names, or a spread changes by more than DIFFER."""
     return bool(set(before) ^ set(now)) or any(
         not DIFFER < now[name] / value < 1.0 / DIFFER for name, value in before.items()
     )
 
 
 def with_spreads(evidence: Evidence, spreads: Sequence[Spread]) -> Evidence:
-    """Copy of `evidence` whose random unknowns have `spreads` as priors; other ones are removed."""
+    """Copy of `evidence` with `spreads` as priors of random unknowns, those without removed."""
     spread_of = {s.name: s.value for s in spreads}
     runs = []
     for run in evidence.runs:
@@ -280,7 +280,7 @@ def with_spreads(evidence: Evidence, spreads: Sequence[Spread]) -> Evidence:
 
 
 def with_unknowns(estimate: Estimate, complete: Evidence) -> tuple[Evidence, Point]:
-    """Runs of `estimate` with the unknowns of `complete`, and its values, new ones at their start.
+    """Runs of `estimate` with all unknowns of `complete`, and values to start a fit from.
 
     A fit can begin there; samples and their scales stay those of the estimate.
     """
@@ -297,7 +297,7 @@ def with_unknowns(estimate: Estimate, complete: Evidence) -> tuple[Evidence, Poi
 def estimate_spreads(
     simulate: Simulate, estimate: Estimate, complete: Evidence
 ) -> tuple[Spread, ...]:
-    """REML estimates of the spreads of all random unknowns of the runs `complete`, near `estimate`.
+    """REML spreads of all random unknowns of the runs `complete`, by a refit of `estimate`.
 
     The estimate may hold some of the unknowns only: it is refitted with all of them first, so that
     its residuals are noise.

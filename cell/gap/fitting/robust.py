@@ -32,7 +32,7 @@ def bounded_loss(r: Array) -> Array:
 
 
 def bound(r: Array, scale: float = 1.0) -> Array:
-    """Residuals (n,) clipped at OFF_TRACK times `scale`, so that no outlier decides."""
+    """Residuals (n,) clipped at OFF_TRACK times `scale`, which bounds the weight of outliers."""
     return np.clip(r, -OFF_TRACK * scale, OFF_TRACK * scale)
 
 
@@ -52,7 +52,7 @@ def scale(r: Array) -> float:
 
 
 def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
-    """Statistical inefficiency: the number of samples that tell as much as one independent one.
+    """Statistical inefficiency: number of correlated samples per independent one, at least 1.
 
     1 + 2 times the sum of autocorrelations, pooled over all series of all runs, residuals (n,)
     each, summed by pairs of lags while they stay positive (Geyer 1992, Practical Markov chain Monte
@@ -63,7 +63,7 @@ def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
 
 
 def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
-    """Long-run variance of residuals (n,): variance of their sum divided by n, by their scale^2."""
+    """Long-run variance of residuals (n,), variance of their sum over n, per their scale^2."""
     s = scale(np.concatenate(residuals)) if residuals else 1.0
     clipped = [np.clip(r, -HUBER_THRESHOLD * s, HUBER_THRESHOLD * s) for r in residuals]
     power, products = _autocovariance(runs, clipped)

@@ -15,7 +15,7 @@ Task = Generator[list[Request], Sequence[Residuals], T]
 
 
 def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
-    """Join `tasks` into one task that advances them in lock-step and returns all their results."""
+    """Task that advances `tasks` in lock-step, joins their requests, returns all results."""
     results: dict[int, T] = {}
     waiting: dict[int, list[Request]] = {}
 
@@ -56,7 +56,7 @@ def run_all(simulate: Simulate, tasks: Sequence[Task[T]]) -> list[T]:
 
 
 class CountedSimulation:
-    """Simulation function that counts in `total` how many simulations it was asked for."""
+    """Callable that simulates requests and counts in `total` how many there were."""
 
     def __init__(self, simulate: Simulate) -> None:
         self._simulate = simulate

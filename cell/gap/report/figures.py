@@ -25,7 +25,7 @@ HEAT_TICKS = (0, 1, 3, 10, 30, 100, 1000, 10000)  # sigma, on its logarithmic sc
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """A run as measured and as simulated: drawings by the words `measured`, `before`, `after`.
+    """Run as measured and simulated: scenes by the keys `measured`, `before` and `after`.
 
     `after` is left out where no effect was accepted, and a simulation where it has no motion.
     """
@@ -41,7 +41,7 @@ class Replay:
 
 
 def folds(shapes: Mapping[str, Array]) -> str:
-    """Figure (SVG text) of strips where their layers touch: midlines (n, 2) [m] by name."""
+    """Figure (SVG text) of folded strips at the touch of layers: midlines (n, 2) [m] by name."""
     with canvas(7.0, 2.2) as figure:
         axes = figure.add_subplot(aspect="equal", anchor="W")
         axes.axhline(0, color=MUTED, lw=0.8)
@@ -54,7 +54,7 @@ def folds(shapes: Mapping[str, Array]) -> str:
 
 
 def replay(findings: Findings) -> Iterator[Replay]:
-    """Simulate the runs with the base and with the accepted model; held-out runs come first."""
+    """Simulate runs with the base and the accepted model for drawings, held-out runs first."""
     subject, accepted = findings.subject, findings.accepted
     fitted = {"before": findings.base.estimate}
     if accepted.model.effects:
@@ -66,7 +66,7 @@ def replay(findings: Findings) -> Iterator[Replay]:
 def replay_runs(
     subject: Subject, fits: Mapping[str, Estimate], *, held_out: bool
 ) -> Iterator[Replay]:
-    """Simulate all runs of `fits`, the words `before` and `after` with a fit of the same runs."""
+    """Simulate the runs of `fits`, one fit each for the keys `before` and `after`."""
     drawn = {
         word: subject.draw_simulated(requests(fit.model, fit.evidence.runs, fit.point))
         for word, fit in fits.items()
@@ -78,7 +78,7 @@ def replay_runs(
 
 
 def heat_map(places: Sequence[Bin]) -> str:
-    """Figure (SVG text) of |z|, the sigma beyond noise, in each bin: places by conditions."""
+    """Figure (SVG text) of |z| [sigma] by bin: channel, zone, phase in rows, by conditions."""
     rows = sorted({(p.channel, p.zone, p.phase) for p in places})
     columns = sorted({p.condition for p in places})
     grid = np.full((len(rows), len(columns)), np.nan)
@@ -107,7 +107,7 @@ def heat_map(places: Sequence[Bin]) -> str:
 def residual_traces(
     fits: Mapping[str, Estimate], run: int, quantities: Mapping[str, Quantity]
 ) -> str:
-    """Figure (SVG text) of residuals over time in run number `run` of `fits`, by word."""
+    """Figure (SVG text) of residuals over time in run number `run`, by key of `fits`."""
     samples = fits["before"].evidence.runs[run].samples
     by_series = [np.flatnonzero(samples.series == number) for number in np.unique(samples.series)]
     by_series = [rows[np.argsort(samples.t[rows])] for rows in by_series if len(rows) > 1]
@@ -132,7 +132,7 @@ def _residual_trace(
     means: Mapping[str, Array],
     quantities: Mapping[str, Quantity],
 ) -> None:
-    """Draw the `rows` of one series over a band of two sigma: `means` (n,) [SI] by fit."""
+    """Draw residual `means` (n,) [SI] by fit in one series over a band of 2 sigma noise."""
     quantity = quantities[str(samples.quantity[rows][0])]
     t = samples.t[rows]
     band = 2.0 * quantity.factor * samples.reading[rows]
@@ -166,7 +166,7 @@ def midlines(run: Replay) -> str:
 
 
 def _midline(axis: Axes, run: Replay, k: int) -> None:
-    """Draw image number `k`, as far as its midline was seen."""
+    """Draw measured and simulated midlines of image number `k`."""
     points = 1e3 * run.measured.curve.points[k] if run.measured.curve else np.zeros((1, 2))
     axis.plot(*points.T, "o", ms=3.5, color=INK, alpha=0.35, mew=0, label="measured")
     for word, colour in (("before", COLOUR_BEFORE), ("after", COLOUR_AFTER)):
@@ -181,12 +181,12 @@ def _midline(axis: Axes, run: Replay, k: int) -> None:
 
 
 def _legend_above(figure: Figure, axis: Axes) -> None:
-    """Put the legend of `axis` above all axes, where it covers nothing."""
+    """Put the legend of `axis` above all axes of `figure`."""
     figure.legend(*axis.get_legend_handles_labels(), ncols=3, loc="outside upper left")
 
 
 def run_bars(names: Sequence[str], by_fit: Mapping[str, Array]) -> str:
-    """Figure (SVG text) of what held-out runs leave beyond noise (R,) [sigma], by fit."""
+    """Figure (SVG text) of the excess residual (R,) [sigma] of each held-out run, by fit."""
     rows = np.arange(len(names))
     colours = (COLOUR_BEFORE, COLOUR_AFTER)
     with canvas(6.0, 1.2 + 0.4 * len(names)) as figure:

@@ -114,7 +114,7 @@ def _log_run(recording: rr.RecordingStream, run: Replay) -> None:
 
 
 def _log_surroundings(recording: rr.RecordingStream, root: str, measured: Scene) -> None:
-    """Log the desk and the gripper's path."""
+    """Log the desk's surface and the gripper's path as lines."""
     grip = measured.tracks["gripper"].places
     desk = _flat_points(np.array([[-0.1, 0.0], [float(grip[:, 0].max()) + 0.15, 0.0]]))
     lines = (("desk", desk, DESK_RGBA), ("path", _flat_points(grip), HAND_RGBA))
@@ -131,7 +131,7 @@ def _log_signals(recording: rr.RecordingStream, root: str, word: str, scene: Sce
 
 
 def _log_curve(recording: rr.RecordingStream, root: str, word: str, scene: Scene) -> None:
-    """Log measured points as points, since they are not joined, and simulated ones as a line."""
+    """Log a measured curve as unconnected points, a simulated one as a line."""
     if scene.curve is None or not len(scene.curve.t):
         return
     entity, curves = f"{root}/curve/{word}", [_flat_points(points) for points in scene.curve.points]
@@ -148,7 +148,7 @@ def _log_curve(recording: rr.RecordingStream, root: str, word: str, scene: Scene
 def _send_columns(
     recording: rr.RecordingStream, entity: str, t: Array, columns: Any, look: Any
 ) -> None:
-    """Send rows at times `t` (m,) [s] to an `entity`; nothing where there are none."""
+    """Log the rows of a Rerun `entity` at times `t` (m,) [s]; nothing without rows."""
     if len(t):
         recording.log(entity, look, static=True)
         recording.send_columns(entity, [rr.TimeColumn("t", duration=t)], columns)
@@ -159,5 +159,5 @@ def _root(name: str) -> str:
 
 
 def _flat_points(points: Array) -> Array:
-    """Points (k, 2) [m] in mm in a flat view, whose second axis points down."""
+    """Points (k, 2) of x, z [m] converted to view axes [mm], of which the second points down."""
     return points * (1e3, -1e3)

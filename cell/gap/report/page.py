@@ -1,4 +1,4 @@
-"""The report of a fit, `report.html`: one self-contained page for a technician."""
+"""Report page of a fit, `report.html`, self-contained and for a technician."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -50,7 +50,7 @@ TONES: dict[Kind, Tone] = {
 
 
 def place_values(findings: Findings) -> dict[str, str]:
-    """Template values on where the refitted base deviates beyond noise: `words`, and a `map`."""
+    """Template values on bins where the refitted base deviates beyond noise: `words`, `map`."""
     places = findings.places
     strong = [place for place in places if place.p < SIGNIFICANT]
     if not strong:
@@ -66,7 +66,7 @@ def place_values(findings: Findings) -> dict[str, str]:
 
 
 def candidate_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Template values on all fitted models, with their gain on runs left out."""
+    """Template values on all fitted models, with their gain [nats] on left-out runs."""
     accepted = findings.accepted.model.name
     note = (
         "What each effect gains in predicting runs that the fit had not seen, in nats. Accepted is "
@@ -132,7 +132,7 @@ def held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
 
 
 def _held_out_rows(findings: Findings, gap: Gap) -> Iterator[tuple[str, ...]]:
-    """Table rows by quantity: rms of each fit to held-out runs, noise, excess of each [noise]."""
+    """Rows by quantity: rms of each fit to held-out runs, noise, excess of each fit [noise]."""
     quantities = findings.subject.scope.quantities
     fits = findings.held_out_fits.by_word
     sides = [*(getattr(gap, word) for word in fits), gap.floor]
@@ -153,7 +153,7 @@ def conditions(runs: Sequence[Run]) -> list[str]:
 
 
 def remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Template values on what the accepted model leaves, and on detection limits."""
+    """Template values on the residual that the accepted model leaves, and detection limits."""
     sentences = {each.name: each.sentence for each in findings.subject.scope.candidates}
     rest = verdict.unexplained
     is_open = verdict.verdict == "unexplained"  # then the card describes it
@@ -200,7 +200,7 @@ def page(findings: Findings, verdict: Verdict, out: Path) -> str:
 
 
 def _planned_folds(findings: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Folds of the accepted strip by paths planned without and with what was found.
+    """Template values on folds of the accepted strip, planned without and with its patch.
 
     Empty for mechanisms, where nothing was accepted, and where the rod cannot simulate the strip.
     """
@@ -221,7 +221,7 @@ def _planned_folds(findings: Findings, verdict: Verdict) -> dict[str, Any]:
 
 
 def _verdict_card(findings: Findings, verdict: Verdict) -> Card:
-    """Verdict card in large print: the effect, its size, and the share of the gap it closes."""
+    """Verdict card: headline, sentences, tone, and the probability in large print."""
     number, below = "", ""
     if verdict.effects:
         least = min(effect.confidence for effect in verdict.effects)
@@ -263,14 +263,14 @@ def _next_commands(findings: Findings, verdict: Verdict, out: Path) -> list[str]
 
 
 def _scatter_table(findings: Findings) -> list[tuple[str, ...]] | None:
-    """Rows on what differs from run to run; None for a subject in whose runs nothing may."""
+    """Rows on quantities that differ from run to run; None for subjects without such."""
     if not any(p.random for run in findings.subject.runs for p in run.local):
         return None
     return scatter_rows(findings.model_tests.scatter, findings.subject.scope.scatter)
 
 
 def _experiments_table(verdict: Verdict) -> list[tuple[str, ...]] | None:
-    """Rows (run, models that it separates, by how many sigma, minutes); None where decided.
+    """Rows (run, separated models, sigma, minutes) of advised runs; None where decided.
 
     Empty where no run would separate them.
     """

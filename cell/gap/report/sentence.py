@@ -20,7 +20,7 @@ SPREAD_UNITS = {**SMALL_UNITS, "1": (100.0, "%"), "N": (1e3, "mN")}
 
 
 def in_small_unit(value: float, of: str) -> float:
-    """`value`, stated in the unit `of`, converted to the unit that pages show instead."""
+    """Number of a `value` in the unit `of`, converted to the unit that pages show."""
     return value * SMALL_UNITS.get(of, (1.0, of))[0]
 
 
@@ -33,7 +33,7 @@ def shown_unit(text: str) -> str:
 
 
 def number_text(value: float, digits: int = 3) -> str:
-    """Text of a number with a few `digits`, its power of ten written out."""
+    """Text of a number with `digits` significant ones, and its power of ten as superscript."""
     text = f"{value:.{digits}g}"
     if "e" not in text:
         return text
@@ -43,7 +43,7 @@ def number_text(value: float, digits: int = 3) -> str:
 
 
 def probability_text(p: float) -> str:
-    """Text of a probability; below one in a billion, of that bound."""
+    """Text of a probability, `< 10⁻⁹` below one in a billion."""
     return "< 10⁻⁹" if p < 1e-9 else number_text(p, 2)
 
 
@@ -126,14 +126,14 @@ def _ambiguity(findings: Findings, verdict: Verdict) -> str:
 
 
 def _no_gap(_: Findings, verdict: Verdict) -> str:
-    """Sentence that the model holds, with how many effects would have shown."""
+    """Sentence that the model explains the runs, with the number of detectable effects."""
     many = len(verdict.detectable)
     sizes = f" {many} effects would have shown, from the sizes listed below on." if many else ""
     return f"The model explains the fitted runs down to their noise.{sizes}"
 
 
 def _describe_rest(findings: Findings, verdict: Verdict) -> str:
-    """Sentence on a residual that no effect of the library accounts for."""
+    """Sentence on residuals that no effect of the library explains."""
     rest = verdict.unexplained
     description = rest.description if rest is not None else ""
     accepted = findings.accepted.model
@@ -173,7 +173,7 @@ def _parameter_values(parameters: dict[str, ValueWithUnit]) -> str:
 
 
 def undetectable_effects(findings: Findings) -> list[str]:
-    """Names of effects, beside those accepted, that these runs would show at no possible size."""
+    """Names of effects that no possible size would make detectable in these runs."""
     limits = findings.screen.detectable | {e.name: 0.0 for e in findings.accepted.model.effects}
     return sorted(name for name, size in limits.items() if size is None)
 
@@ -187,7 +187,7 @@ def detection_limit(findings: Findings, name: str, value: float) -> str:
 
 
 def quantity_label(of: Quantity) -> str:
-    """Name of a measured quantity in words, such as `contact x`."""
+    """Name of a measured quantity in words, such as `contact x`, from its key."""
     words = of.key.rsplit("_", 1)[0].replace("_", " ")
     return f"{words} time" if of.unit == "ms" else words
 
@@ -205,7 +205,7 @@ def capitalised(text: str) -> str:
 def scatter_rows(
     spreads: Iterable[Spread], sources: Sequence[ScatterSource]
 ) -> list[tuple[str, ...]]:
-    """Table rows on quantities that differ from run to run, those of `spreads` in `sources`.
+    """Table rows on quantities that differ from run to run: name, spread, interval, remedy.
 
     What differs, its spread, the interval of that, and its remedy.
     """
@@ -220,6 +220,6 @@ def scatter_rows(
 
 
 def remedy_lines(scatter: Iterable[Spread]) -> Iterator[str]:
-    """Lines on what differs from run to run in folds of a strip, each with its remedy."""
+    """Lines on quantities that differ from fold to fold of a strip, each with its remedy."""
     for what, size, _, remedy in scatter_rows(scatter, KNOWN_EFFECTS):
         yield f"{what} differs by {size} from run to run; {remedy}, or make each motion four times"

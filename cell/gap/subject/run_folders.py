@@ -1,4 +1,4 @@
-"""Finds folders of measured runs, without copies, and reads tables of all subjects."""
+"""Finds folders of measured runs, leaves out copies, and reads tables of numbers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -174,7 +174,7 @@ def copy_note(copy: str, first: str) -> str:
 
 
 def _numbers(run: RunFolder) -> Numbers:
-    """Measured numbers of a run by table and column, however its files encode them.
+    """Measured numbers of a run by table and column, whatever the encoding of its files.
 
     Empty for a run that cannot be read: no other equals it, and where it is read the error is said.
     """

@@ -1,4 +1,4 @@
-"""Interface between the gap engine and what is measured and simulated: a strip or mechanism."""
+"""Interface of subjects, strips and mechanisms, to the gap engine: their runs and simulation."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
@@ -93,7 +93,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """The n samples of a run, in which readings are averaged: where, when, and how noisy they are.
+    """Samples (n,) of a run, averages of readings: channel, zone, time [s], noise, floor.
 
     Words (n,): `channel`, `phase`, `zone`, and `quantity`, by which gaps are shown. Numbers
     (n,): time `t` [s], one-sigma `noise` of the sample, `reading` of a single reading in it, and
@@ -153,7 +153,7 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """Inputs of one simulation: a run, values of the base and of effects, and the run's unknowns.
+    """Inputs of one simulation: run, base values, effect values, and the run's own unknowns.
 
     One of a `response` is compared with other such ones only: for all repeats of a motion, a
     subject may simulate one.
@@ -179,7 +179,7 @@ class Residuals:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """How the residuals of a measured quantity are shown: verdict key, factor from SI, and unit.
+    """Display of a measured quantity's residuals: verdict key, factor from SI, unit.
 
     Without a key it is fitted like any other, and its gap is part of the excess only.
 
@@ -328,7 +328,7 @@ class Subject(ABC):
         return Request(run, base, effects or {}, local)
 
     def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
-        """Runs of `requests`, corrected for coarse simulation, with floors for remaining errors."""
+        """Runs of `requests` with residuals corrected for coarse simulation, and error floors."""
         return [request.run for request in requests]
 
     def experiments(self) -> Sequence[Experiment]:

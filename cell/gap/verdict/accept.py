@@ -77,7 +77,7 @@ class Acceptance(StoredFile):
     after: dict[str, str]
 
     def state(self, name: str, path: Path) -> Literal["before", "after", "changed"]:
-        """Whether the file `name` at `path` is as before or after the acceptance, or as neither."""
+        """Whether the file at `path` has its text from before or after the acceptance, or other."""
         current = sha256(path) if path.exists() else _hash(ABSENT)
         if current == self.after.get(name):
             return "after"

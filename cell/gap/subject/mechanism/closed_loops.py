@@ -76,7 +76,7 @@ class ClosedLoops:
         return np.array([self._closed(q, a) for a in (*approach, *angles)])[APPROACH_STEPS:]
 
     def _closed(self, q: Array, angles: Array) -> Array:
-        """Copy of `q` (n,), which is moved on to `angles` (k,) along its branch of assembly."""
+        """Positions (n,) of closed loops near `q` (n,), independent joints at `angles` (k,)."""
         q[self.independent] = angles
         for _ in range(NEWTON_STEPS):
             jacobian, gap = self._jacobian(q)

@@ -30,7 +30,7 @@ def bias_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 
 def _ripple_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Order, half a ripple in its travel or more, and phase [rad] of each driven joint."""
+    """Order (at least half a ripple in the travel) and phase [rad] of cogging in driven joints."""
     least = [float(np.clip(np.pi / j.travel, 1.0, 100.0)) for j in mechanism.driven.joints]
     orders = [Parameter(f"order_{j.name}", "1", max(ORDER, low), low, 200.0, step=0.01,
                         spread=ORDER, shape=True)
