@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from cell.gap.fitting.base_fit import effect_responses, stated_estimate, undetermined_values
+from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.projection import projection
 from cell.gap.open_subject import open_subject
 from cell.gap.subject.run_folders import (
@@ -34,7 +35,7 @@ PROBE_SIGMA = 3.0  # that the largest probe of an effect must show, beyond what 
 LARGEST_CORRELATION = 0.995  # of two responses: beyond it runs cannot separate the effects
 IDENTIFIABLE = "not identifiable"
 Level = Literal["bad", "fair", "good"]
-HEADLINES: dict[Level, str] = {
+HEADLINES: dict[Level, str] = {  # from the best to the worst level
     "good": "These runs can be fitted",
     "fair": "These runs can be fitted; mind the findings below",
     "bad": "Nothing should be fitted to these runs as they are",
@@ -43,7 +44,8 @@ HEADLINES: dict[Level, str] = {
 
 # Thresholds of complaints about a recording. Assumed: no fault was measured; runs of the twin and
 # recordings of real pendulums stay within. Pairs are (worth a remark, not to be fitted).
-LOST_ROWS, LOST_IMAGES = (0.02, 0.3), (0.1, 0.6)  # shares that are missing or hold no number
+LOST_ROWS = (0.02, 0.3)  # share that is missing or holds no number
+LOST_IMAGES = (0.1, 0.6)  # share that is missing
 STUCK = 0.2  # s that a reading stands still while its command changes by MOVED
 MOVED = 0.01  # m or rad
 CLIPPED = 0.05  # s that readings keep a largest or smallest value, more than once
@@ -204,8 +206,7 @@ class Check(Entry):
     @property
     def level(self) -> Level:
         """Worst level among the findings; `good` where there are none."""
-        levels = {f.level for f in self.findings}
-        return "bad" if "bad" in levels else "fair" if "fair" in levels else "good"
+        return max((f.level for f in self.findings), key=[*HEADLINES].index, default="good")
 
     def __str__(self) -> str:
         """Level, and a line for each finding."""
@@ -277,24 +278,27 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
     for p, s in undetermined_values(stated):
         words = f"{p.name}: known to {p.spread:.2g} {p.unit}, by these runs to {s:.2g}"
         yield Finding(what=IDENTIFIABLE, words=words, remedy="move faster, higher or longer")
-    largest = [(c, _largest_probe(c)) for c in subject.scope.candidates]
-    responses = effect_responses(subject.simulate, stated, largest)
-    unabsorbed = projection(stated, robustly=False).unabsorbed(responses)
     directions: dict[str, Array] = {}
-    for (candidate, _), response in zip(largest, unabsorbed.T, strict=True):
-        length = np.linalg.norm(response)
-        if length >= PROBE_SIGMA:
-            directions[candidate.name] = response / length
+    for candidate, response in _largest_responses(subject, stated):
+        sigma = float(np.linalg.norm(response))
+        if sigma >= PROBE_SIGMA:
+            directions[candidate.name] = response / sigma
         else:
-            words = (
-                f"{candidate.name}: the largest size tried changes the runs by only "
-                f"{length:.1f} sigma"
-            )
+            words = f"{candidate.name}: the largest size tried changes the runs by only "
+            words += f"{sigma:.1f} sigma"
             yield Finding(what=IDENTIFIABLE, words=words, remedy=candidate.revealed_by)
     for (first, a), (second, b) in combinations(directions.items(), 2):
         if abs(float(a @ b)) > LARGEST_CORRELATION:
             words = f"{first} and {second} change these runs alike: they cannot be separated"
             yield Finding(what=IDENTIFIABLE, words=words, remedy="fit, then `cell gap advise`")
+
+
+def _largest_responses(subject: Subject, stated: Estimate) -> Iterator[tuple[Candidate, Array]]:
+    """Each candidate, and the response (N,) [sigma] to its largest probe that a refit leaves."""
+    largest = [(c, _largest_probe(c)) for c in subject.scope.candidates]
+    responses = effect_responses(subject.simulate, stated, largest)
+    unabsorbed = projection(stated, robustly=False).unabsorbed(responses)
+    return zip(subject.scope.candidates, unabsorbed.T, strict=True)
 
 
 def _largest_probe(candidate: Candidate) -> tuple[float, ...]:

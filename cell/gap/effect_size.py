@@ -24,7 +24,8 @@ from drivers.strip.rod.engine import GripperPath
 from drivers.types import Array
 
 LADDER = np.geomspace(1e-2, 1.0, 12)  # shares of the way from null to the largest believable
-ROUNDS, STEPS = 3, 6  # of the search for a share: the ladder, then so many steps in between
+ROUNDS = 3  # of the search for a share: the ladder, then finer ones between its steps
+STEPS = 6  # of a finer ladder
 BELIEVABLE = 3.0  # times the largest size that laboratories report
 PLACE_RANGE = (0.3, 0.95)  # of the length, where an effect of one place may sit
 WIDTHS = (1.0, 4.0)  # bending lengths, of an effect that has a width
@@ -57,6 +58,20 @@ def draw_strengths(effect: Effect, strip: StripFile, rng: np.random.Generator) -
 
     Its sizes go up to the largest believable on `strip`.
     """
+    others = _draw_shape(effect, strip, rng)
+    sign = 1.0 if rng.uniform() < 0.5 else -1.0  # where the effect has both
+    p = effect.parameters[0]
+    sizes = effect.sizes(strip)
+    if p.null is None:
+        return Strengths(effect, others, max(p.low, min(sizes) / BELIEVABLE))
+    if p.null > 0.0:
+        return Strengths(effect, others, max(sizes) ** sign)
+    largest = BELIEVABLE * max(map(abs, sizes)) * (1.0 if p.low >= 0.0 else sign)
+    return Strengths(effect, others, float(np.clip(largest, p.low, p.high)))
+
+
+def _draw_shape(effect: Effect, strip: StripFile, rng: np.random.Generator) -> dict[str, float]:
+    """Draw place [m], width [m], time [s], ratio of an effect; further amounts are at null."""
     others: dict[str, float] = {}
     for p in effect.parameters[1:]:
         if p.role == "place":
@@ -69,15 +84,7 @@ def draw_strengths(effect: Effect, strip: StripFile, rng: np.random.Generator) -
             others[p.name] = float(rng.uniform(*RATIOS))
         elif p.null is not None:
             others[p.name] = p.null
-    sign = 1.0 if rng.uniform() < 0.5 else -1.0  # where the effect has both
-    p = effect.parameters[0]
-    sizes = effect.sizes(strip)
-    if p.null is None:
-        return Strengths(effect, others, max(p.low, min(sizes) / BELIEVABLE))
-    if p.null > 0.0:
-        return Strengths(effect, others, max(sizes) ** sign)
-    largest = BELIEVABLE * max(map(abs, sizes)) * (1.0 if p.low >= 0.0 else sign)
-    return Strengths(effect, others, float(np.clip(largest, p.low, p.high)))
+    return others
 
 
 def indistinguishable_from(name: str) -> frozenset[str]:

@@ -14,7 +14,7 @@ from cell.gap.fitting.tasks import CountedSimulation
 from cell.gap.forward_selection import Progress
 from cell.gap.investigate import investigate
 from cell.gap.open_subject import open_subject
-from cell.gap.report.page import write_report
+from cell.gap.report.page import page
 from cell.gap.selection import hold_out as hold
 from cell.gap.subject.run_folders import copy_note, find_runs, without_copies
 from cell.gap.subject.subject import Subject
@@ -102,7 +102,7 @@ def _write(findings: Findings, verdict: Verdict, file: Path, out: Path) -> None:
         law=findings.law and accept.StoredLaw(terms=findings.law.terms),
     )
     write_file(out / accept.RECORD, record.to_json())
-    write_report(findings, verdict, out / "report.html")
+    write_file(out / "report.html", page(findings, verdict, out))
     if (law := findings.law) is not None:
         terms = {name: {"amount": value} for name, value in law.terms.items()}
         _write_patch(findings, out, accept.LAW_PATCH, accept.LAW_MODEL_PATCH, (law.base, terms))

@@ -42,9 +42,17 @@ class Models(NamedTuple):
     fits: Fits
 
 
+class BaseStart(NamedTuple):
+    """Runs to fit the base to, values to start from, and run-to-run spreads of the runs."""
+
+    runs: Evidence
+    point: Point
+    scatter: tuple[Spread, ...]
+
+
 def revised_base(
     simulate: Simulate, fits: Fits, scatter: Sequence[Spread], complete: Evidence
-) -> tuple[Evidence, Point, tuple[Spread, ...]] | None:
+) -> BaseStart | None:
     """Runs, start and spreads for a new fit of the base, from models that lead it; else None.
 
     `complete` are the runs with all unknowns. A base that lacks an effect takes a part of it for
@@ -59,7 +67,7 @@ def revised_base(
     if better is None and not clearly_differ(current, {s.name: s.value for s in spreads}):
         return None
     start = better or fits.base.estimate
-    return *with_unknowns(start, with_spreads(complete, spreads)), spreads
+    return BaseStart(*with_unknowns(start, with_spreads(complete, spreads)), spreads)
 
 
 def leading_models(fits: Fits) -> list[CrossValidatedFit]:
@@ -69,7 +77,7 @@ def leading_models(fits: Fits) -> list[CrossValidatedFit]:
     names = [m.names for m in before_base if m.p > ALPHA]
     if gain(fits.best, fits.base, likelihood) >= MIN_GAIN:
         names = [fits.best.model.names, *names]
-    return [m for name in dict.fromkeys(names) if (m := fits.of(name)) is not None]
+    return [model for model in map(fits.of, dict.fromkeys(names)) if model is not None]
 
 
 def better_base(
@@ -130,9 +138,7 @@ def _secants(fit: Estimate, evidence: Evidence) -> tuple[Array, ...] | None:
     if any([p.name for p in a.local] != [p.name for p in b.local] for a, b in pairs):
         return None
     rows = zip(fit.jacobians, fit.evidence.scales, evidence.scales, strict=True)
-    return tuple(
-        jacobian * (old_scale / new_scale)[:, None] for jacobian, old_scale, new_scale in rows
-    )
+    return tuple(jacobian * (old / new)[:, None] for jacobian, old, new in rows)
 
 
 def refit_singles(search: Search, models: Models, progress: Progress) -> Fits:
@@ -190,7 +196,8 @@ def _refit_alternatives(search: Search, fits: Fits) -> Fits:
             return fits
         tried.add(names)
         fits = search.fit_scored_models(fits, without_each(accepted))
-        reduced = [m for name in names if (m := fits.of(names - {name})) is not None]
+        without = (fits.of(names - {name}) for name in names)
+        reduced = [model for model in without if model is not None]
         fits = search.other_signs(search.extend(fits, reduced), reduced)
 
 

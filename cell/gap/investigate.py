@@ -14,15 +14,10 @@ from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.reml import (
-    Spread,
-    estimate_spreads,
-    reml_spreads,
-    with_spreads,
-    with_unknowns,
-)
+from cell.gap.fitting.reml import estimate_spreads, reml_spreads, with_spreads, with_unknowns
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.forward_selection import (
+    BaseStart,
     Models,
     Progress,
     refit_further,
@@ -102,48 +97,47 @@ class Investigation:
         self.progress("refit the base", 0.02)
         rough = refit_base(self.simulate, Model(self.subject.scope.base), self.fitted)
         scatter = reml_spreads(rough)
-        runs, start = with_unknowns(rough, with_spreads(self.fitted, scatter))
-        base_fit = self.judge_base(runs, start, scatter)
+        start = BaseStart(*with_unknowns(rough, with_spreads(self.fitted, scatter)), scatter)
+        base_fit = self.judge_base(start)
         self.progress("screen the candidates", 0.12)
         probes = [run_probes(base_fit.base.estimate, c) for c in self.subject.scope.candidates]
         screen = self.score_candidates(base_fit, run_all(self.simulate, probes))
         return Models(base_fit, screen, Fits((base_fit.base,), screen.library))
 
     def extend(
-        self, models: Models, refit: Callable[[Search, Models, Progress], Fits], share: float
+        self, models: Models, add_models: Callable[[Search, Models, Progress], Fits], share: float
     ) -> Models:
-        """Fit more models by `refit`; if one leads the base, refit the base, then all of them.
+        """Fit more models by `add_models`; if one leads the base, refit the base, then all of them.
 
-        `share` of the whole is done by then.
+        `share` of the whole investigation is done by then.
         """
         search = Search(self.simulate, self.subject.scope.candidates, models.screen.probed)
-        fits = refit(search, models, self.progress)
+        fits = add_models(search, models, self.progress)
         revised = None
         if fits.best is not models.fits.best:
             revised = revised_base(self.simulate, fits, models.base_fit.scatter, self.fitted)
         if revised is None:
             return models._replace(fits=fits)
         self.progress("refit the base beside the best", share)
-        base_fit = self.judge_base(*revised)
+        base_fit = self.judge_base(revised)
         screen = self.score_candidates(base_fit, models.screen.probed)
         fits = refit_on_base(search, fits, base_fit.base, base_fit.scatter, self.fitted)
         return Models(base_fit, screen, replace(fits, library=screen.library))
 
-    def judge_base(self, coarse: Evidence, start: Point, scatter: Sequence[Spread]) -> BaseFit:
-        """Fit the model without effects to `coarse` runs, and test the residuals of the fit.
+    def judge_base(self, start: BaseStart) -> BaseFit:
+        """Fit the model without effects from `start`, and test the residuals of the fit.
 
-        The fit begins at `start`; its residuals are tested against noise, repeats and priors.
-        `scatter` stands in the result as it is.
+        They are corrected for the coarse simulation, and tested against noise, repeats and priors.
         """
         model = Model(self.subject.scope.base)
-        base = refit_fine(self.subject, self.simulate, model, coarse, start)
+        base = refit_fine(self.subject, self.simulate, model, start.runs, start.point)
         test = ResidualTest.of(base, self.rng)
         return BaseFit(
             base=run_one(self.simulate, validate(base)),
             repeats=test.repeats,
             misfit=test.misfit(),
             places=tuple(test.test_bins()),
-            scatter=tuple(scatter),
+            scatter=start.scatter,
             strained=self.subject.scope.believed and _is_strained(base),
         )
 
@@ -158,12 +152,11 @@ class Investigation:
         about = projection(base, nuisance=spike_responses(library))
         equations = probe_equations(about, probed)
         singles = ranked_singles(equations)
-        p = {c.name: 1.0 for c in self.subject.scope.candidates}
-        size = {c.name: len(c.parameters) for c in self.subject.scope.candidates}
-        for score in singles:
-            (name,) = score.names
-            ratio = 2.0 * score.gain / likelihood.inefficiency
-            p[name] = float(special.chdtrc(size[name], ratio))
+        ratios = {s.names[0]: 2.0 * s.gain / likelihood.inefficiency for s in singles}
+        p = {
+            c.name: float(special.chdtrc(len(c.parameters), ratios.get(c.name, 0.0)))
+            for c in self.subject.scope.candidates
+        }
         return Screen(
             probed=tuple(probed),
             equations=equations,

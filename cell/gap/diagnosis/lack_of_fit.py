@@ -87,17 +87,9 @@ def pure_error(estimate: Estimate, residuals: Sequence[Array], spent: int = 0) -
     where its chi-square probability is below ALPHA (Draper and Smith, Applied Regression
     Analysis, lack of fit and pure error).
     """
-    bins: dict[tuple[Place, int], list[tuple[float, int]]] = defaultdict(list)
-    for run, r in zip(estimate.evidence.runs, residuals, strict=True):
-        times = (run.samples.t / BIN_TIME).astype(int)
-        for key, rows in _rows_by(zip(_places(run), times, strict=True)).items():
-            bins[key].append((float(r[rows].mean()), len(rows)))
     squares: dict[str, float] = defaultdict(float)
     freedom: dict[str, int] = defaultdict(int)
-    for ((channel, *_), _), runs in bins.items():
-        if len(runs) < 2:
-            continue
-        mean, count = np.array(runs).T
+    for channel, (mean, count) in _repeated_bins(estimate, residuals):
         squares[channel] += float((count * (mean - np.average(mean, weights=count)) ** 2).sum())
         freedom[channel] += len(mean) - 1
     factors = {}
@@ -106,6 +98,18 @@ def pure_error(estimate: Estimate, residuals: Sequence[Array], spent: int = 0) -
         excess = special.chdtrc(left, squares[channel]) < ALPHA
         factors[channel] = max(1.0, float(np.sqrt(squares[channel] / left))) if excess else 1.0
     return factors
+
+
+def _repeated_bins(estimate: Estimate, residuals: Sequence[Array]) -> Iterator[tuple[str, Array]]:
+    """Channel, and mean and count (2, k) of residuals, of each time bin in k > 1 repeats."""
+    bins: dict[tuple[Place, int], list[tuple[float, int]]] = defaultdict(list)
+    for run, r in zip(estimate.evidence.runs, residuals, strict=True):
+        times = (run.samples.t / BIN_TIME).astype(int)
+        for key, rows in _rows_by(zip(_places(run), times, strict=True)).items():
+            bins[key].append((float(r[rows].mean()), len(rows)))
+    for ((channel, *_), _), by_run in bins.items():
+        if len(by_run) > 1:
+            yield channel, np.array(by_run).T
 
 
 def _relative_index(runs: Sequence[Run]) -> Array:

@@ -252,11 +252,7 @@ def refit(
     unknowns = Unknowns.of(model, evidence)
     point = unknowns.point(np.concatenate([start.shared, *start.local]))
     use: JacobianUse = "new" if jacobians is None else "kept"
-    if jacobians is None:
-        fit = yield from _linearised(model, evidence, point)
-    else:
-        raw = yield requests(model, evidence.runs, point)
-        fit = Estimate.at(model, evidence, point, raw, jacobians)
+    fit = yield from _estimate_at(model, evidence, point, jacobians)
     for _ in range(steps):
         equations = fit.normal()
         step = equations.bounded_step(unknowns.low - fit.z, unknowns.high - fit.z)
@@ -273,13 +269,18 @@ def refit(
         if ended:
             break
         if use == "new":
-            fit = yield from _linearised(model, evidence, fit.point)
+            fit = yield from _estimate_at(model, evidence, fit.point)
     return fit
 
 
-def _linearised(model: Model, evidence: Evidence, point: Point) -> Task[Estimate]:
-    """Estimate at the values `point`, with Jacobians by secants there; yields requests."""
-    raw, jacobians = yield from linearise(model, evidence, point)
+def _estimate_at(
+    model: Model, evidence: Evidence, point: Point, jacobians: tuple[Array, ...] | None = None
+) -> Task[Estimate]:
+    """Estimate at the values `point`, with `jacobians` or new ones by secants; yields requests."""
+    if jacobians is None:
+        raw, jacobians = yield from linearise(model, evidence, point)
+    else:
+        raw = yield requests(model, evidence.runs, point)
     return Estimate.at(model, evidence, point, raw, jacobians)
 
 
@@ -342,9 +343,8 @@ def _broyden_update(fit: Estimate, trial: Estimate, curvature: Array) -> tuple[A
         columns = unknowns.columns(i)
         step, along = change[columns], units[columns] * change[columns]
         beyond = np.nan_to_num((b.mean - a.mean) / scale - jacobian @ step)
-        updated.append(
-            jacobian + np.outer(beyond, along) / max(float(along @ step), np.finfo(float).tiny)
-        )
+        length = max(float(along @ step), np.finfo(float).tiny)
+        updated.append(jacobian + np.outer(beyond, along) / length)
     return tuple(updated)
 
 

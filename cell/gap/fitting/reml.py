@@ -152,7 +152,7 @@ class Likelihood:
         mean, variance = unit * scaled, unit**2 * np.diag(inverse)  # of u, given the shares
         half_logdet = float(np.log(np.diag(lower) / unit * shares[owner]).sum())
         loss = half_logdet - 0.5 * float(descent @ mean) + 0.5 * float(shares @ shares)
-        slope = 1.0 - precision * (variance + mean**2)
+        slope = 1.0 - precision * (variance + mean**2)  # d / d log s of the module's equation
         return loss, np.bincount(owner, slope, len(active)) + shares**2
 
     def errors(self, active: Sequence[int], shares: Array) -> Array:
@@ -325,12 +325,10 @@ def _common_error_responses(estimate: Estimate) -> Array:
     """Whitened residuals (N, k) caused by one standard deviation of each common error."""
     evidence = estimate.evidence
     names = list(dict.fromkeys(name for run in evidence.runs for name in run.common))
-    parts = [
-        np.array([run.common.get(name, np.zeros(len(scale))) / scale for name in names])
-        .reshape(len(names), len(scale))
-        .T
-        for run, scale in zip(evidence.runs, evidence.scales, strict=True)
-    ]
+    parts = []
+    for run, scale in zip(evidence.runs, evidence.scales, strict=True):
+        rows = [run.common.get(name, np.zeros(len(scale))) / scale for name in names]
+        parts.append(np.array(rows).reshape(len(names), len(scale)).T)
     return np.concatenate(parts)
 
 

@@ -72,9 +72,9 @@ def replay_runs(
         for word, fit in fits.items()
     }
     for i, run in enumerate(fits["before"].evidence.runs):
-        scenes = {"measured": subject.draw_measured(run)}
-        scenes |= {word: scene for word, all_runs in drawn.items() if (scene := all_runs[i])}
-        yield Replay(run.name, held_out, scenes)
+        simulated = {word: scenes[i] for word, scenes in drawn.items()}
+        scenes = {"measured": subject.draw_measured(run), **simulated}
+        yield Replay(run.name, held_out, {word: s for word, s in scenes.items() if s is not None})
 
 
 def heat_map(places: Sequence[Bin]) -> str:

@@ -35,7 +35,6 @@ from cell.report.html import Tone, page as document
 from cell.report.page_verdict import PageVerdict as Card
 from cell.report.words import NO_VALUE, millimetres
 from drivers.errors import CellError
-from drivers.files import write_file
 from drivers.settings import parse
 from drivers.strip.file import StripFile
 from policies.planned import fold_by_plan
@@ -168,11 +167,6 @@ def remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
             for name, value in sorted(verdict.detectable.items())
         ],
     }
-
-
-def write_report(findings: Findings, verdict: Verdict, path: Path) -> None:
-    """Write the report page of a fit at `path`."""
-    write_file(path, page(findings, verdict, path.parent))
 
 
 def page(findings: Findings, verdict: Verdict, out: Path) -> str:

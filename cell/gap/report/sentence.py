@@ -54,9 +54,8 @@ def percent(p: float) -> str:
 
 def quantity_text(value: float, of: str) -> str:
     """Text of a `value`, stated in the unit `of`, in the unit that pages show."""
-    return f"{number_text(in_small_unit(value, of))}\N{NO-BREAK SPACE}{shown_unit(of)}".rstrip(
-        "\N{NO-BREAK SPACE}"
-    )
+    text = f"{number_text(in_small_unit(value, of))}\N{NO-BREAK SPACE}{shown_unit(of)}"
+    return text.rstrip("\N{NO-BREAK SPACE}")
 
 
 def interval_text(value: ValueWithUnit) -> str:
@@ -205,10 +204,7 @@ def capitalised(text: str) -> str:
 def scatter_rows(
     spreads: Iterable[Spread], sources: Sequence[ScatterSource]
 ) -> list[tuple[str, ...]]:
-    """Table rows on quantities that differ from run to run: name, spread, interval, remedy.
-
-    What differs, its spread, the interval of that, and its remedy.
-    """
+    """Table rows on quantities that differ from run to run: name, spread, interval, remedy."""
     known = {source.name: source for source in sources}
     rows: list[tuple[str, ...]] = []
     for s in (each for each in spreads if each.name in known):

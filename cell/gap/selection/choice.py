@@ -14,10 +14,7 @@ from drivers.types import Array
 
 
 def choose(fits: Fits, sets: Posterior) -> CrossValidatedFit:
-    """Model of `fits` to accept: the most probable one in which each effect is needed, or the base.
-
-    The base where there is none; `sets` are the probabilities of the models.
-    """
+    """Most probable model of `fits` in which each effect is needed; the base if there is none."""
     return next(needed_models(fits, sets), fits.base)
 
 

@@ -70,9 +70,8 @@ def _names(folders: Sequence[Path]) -> list[str]:
     short = [_utf8(f.name) for f in folders]
     if len(set(short)) == len(short):
         return short
-    long = [f"{f.parent.parent.name}/{f.name}" if f.parent.name == "runs"
-            else f"{f.parent.name}/{f.name}" for f in folders]  # fmt: skip
-    long = [_utf8(name) for name in long]
+    parents = [f.parents[1] if f.parent.name == "runs" else f.parent for f in folders]
+    long = [_utf8(f"{p.name}/{f.name}") for p, f in zip(parents, folders, strict=True)]
     for i, name in enumerate(long):
         if name in long[:i]:
             raise ConfigurationError(
@@ -152,7 +151,8 @@ def without_copies(runs: Sequence[RunFolder]) -> tuple[tuple[RunFolder, ...], Ma
     Noise makes no two runs alike in every number, however well they repeat. Raises
     ConfigurationError where of several a single one is left.
     """
-    first, copies = dict[RunFolder, Numbers](), dict[str, str]()
+    first = dict[RunFolder, Numbers]()
+    copies = dict[str, str]()
     for run in runs:
         numbers = _numbers(run)
         known = next((other for other, its in first.items() if _are_same(numbers, its)), None)
@@ -179,7 +179,7 @@ def _numbers(run: RunFolder) -> Numbers:
     Empty for a run that cannot be read: no other equals it, and where it is read the error is said.
     """
     try:
-        tables = {name: read_table(path) for name in TABLES if (path := run.path / name).is_file()}
+        tables = {n: read_table(run.path / n) for n in TABLES if (run.path / n).is_file()}
     except ConfigurationError:
         return {}
     found = {
