@@ -29,13 +29,13 @@ class Closable(Protocol):
 
 
 class CalibrationAids(Protocol):
-    """Protocol of what the twin provides for a calibration, in place of a person's hands."""
+    """Protocol of a twin's calibration aids: it moves the board and pointer that a person would."""
 
     def show_board(self, wanted: WantedView) -> Frame:
         """Take an image of the calibration board held as `wanted`."""
 
     def measure_board(self) -> float:
-        """Length [m] of all columns of printed squares, by a ruler."""
+        """Length [m] of all columns of the board's squares, measured by a ruler."""
 
     def hold_pointer(self, held: bool) -> None:
         """Put the pointer between the fingers, or remove it."""
@@ -43,8 +43,9 @@ class CalibrationAids(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Devices:
-    """Devices that the orchestrator drives; a calibration must match `camera_identity`.
+    """Devices of an open cell: clock, arm, hand and camera, and on the twin its plant.
 
+    A calibration must match `camera_identity`.
     `camera_locks` states the values to which the camera controls are locked, `others` are what else
     must be closed at the end. Once closed, `arm_timing` states how evenly the states of a
     free-running arm came, and `arm_joints` a robot's joints at every tick, rows (n, 29) as
@@ -78,7 +79,7 @@ class Devices:
 
 
 class ArmHistory:
-    """The last STATES_KEPT measured states of the arm, oldest first."""
+    """History of the last STATES_KEPT measured states of the arm, for its pose at a past time."""
 
     def __init__(self) -> None:
         self._states: deque[ArmState] = deque(maxlen=STATES_KEPT)
@@ -102,12 +103,12 @@ class Plant(Protocol):
     """Protocol of a plant whose true motion is known; only used to score a run after its end."""
 
     def truth(self, origin: float) -> Mapping[str, Any]:
-        """Plain values of the strip's true motion, with times since `origin` [s]."""
+        """True touch time [s] since `origin`, displacement and edge offset [m], by name."""
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceSelection:
-    """Devices selected by the command line; None where cell.yaml decides.
+    """Arm, camera, plant and seed selected on the command line; None where cell.yaml decides.
 
     The `plant` lies on the twin's desk instead of the strip. `index` is the number of runs that the
     strip on the desk has already been through; `agreed` whether an operator has agreed that a real

@@ -1,4 +1,4 @@
-"""Devices of a Franka arm, alone or with the twin's strip and camera, which follow its poses."""
+"""Devices of a cell with a Franka arm, real or emulated, whose poses the twin's strip follows."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,7 +8,7 @@ from cell.config.cell import CellFile
 from cell.config.settings import FoldSettings
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.fold_path import triangle, whole_path
-from cell.devices.twin import TwinCalibrationAids, TwinPlant, empty_desk, plant_on_desk
+from cell.devices.twin import DeskPlant, TwinCalibrationAids, TwinPlant
 from drivers.arm.arm import FciArm
 from drivers.arm.hand import FciHand
 from drivers.arm.obstacles import floor_of
@@ -37,23 +37,23 @@ CATCHING_UP = 0.02  # s per tick for strip and camera to catch up with a robot's
 def fci_devices(
     settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool = False
 ) -> Devices:
-    """Devices with the robot at the cell's address, or with an emulated one started here.
+    """Devices of a cell whose arm is the robot at `fci.address`, else one emulated in this process.
 
     The emulated one runs in lock-step; an arm at an address runs on its own time, and strip and
     camera keep up with it. While `calibrating` the desk is bare, and the twin provides the
     calibration aids. Where the camera is real, too, nothing is simulated beside a robot on its own
     time. Raises ConfigurationError for an effect of the rig that this arm cannot simulate.
     """
-    address, lock_step = settings.fci.address, settings.fci.in_lock_step
+    address = settings.fci.address
+    lock_step = settings.fci.in_lock_step
     gripping = settings if calibrating else _expect_thickness(settings, strip)
     if choice.camera_driver(settings).real and address is not None and not lock_step:
         alone = WallClock()
         return _robot_devices(settings, alone, *fci_arm(gripping, alone, address))
     world = TwinClock()
     clock = world if lock_step else RealTimeClock(world, CATCHING_UP)
-    plant, lying, rig = plant_on_desk(settings, strip, choice)
-    twin, rig = (empty_desk(settings), {}) if calibrating else (settings.twin, rig)
-    desk = open_desk(world, twin, lying, rig, choice.seed, choice.index)
+    plant = DeskPlant.selected(settings, strip, choice, calibrating=calibrating)
+    desk = open_desk(world, plant.desk, plant.strip, plant.rig_effects, choice.seed, choice.index)
     if desk.model.rig.delay != 0:
         raise ConfigurationError(
             "effects: control_delay cannot be simulated with arm fci; use arm twin"
@@ -66,7 +66,7 @@ def fci_devices(
         camera=desk.camera if lock_step else PacedCamera(desk.camera),
         camera_identity=settings.twin.camera.identity,
         aids=TwinCalibrationAids(desk, settings, choice.seed) if calibrating else None,
-        plant=TwinPlant(desk, plant),
+        plant=TwinPlant(desk, plant.recorded),
     )
 
 
@@ -94,7 +94,7 @@ def _robot_devices(
 
 
 def fci_arm(settings: CellFile, clock: CellClock, address: str) -> tuple[FciArm, FciHand]:
-    """Arm and hand at `address`; `clock` is the twin's where the cell drives the robot's time."""
+    """Drivers of the arm and hand of the robot at `address`, which keep the time of `clock`."""
     installation = settings.fci.limit(settings.installation)
     realtime = "ignore" if settings.fci.in_lock_step else settings.fci.realtime
     fci = settings.fci.model_copy(update={"realtime": realtime})
@@ -111,7 +111,7 @@ def fci_arm(settings: CellFile, clock: CellClock, address: str) -> tuple[FciArm,
 def start_joints(
     installation: Installation, fold: FoldSettings, length: float, home: float
 ) -> tuple[float, ...]:
-    """Joints (7,) [rad] with the largest margin in a plain fold; ConfigurationError where none."""
+    """Start joints (7,) [rad] with most margin in a plain fold; ConfigurationError without any."""
     path, speeds = whole_path(length, home, fold, installation.limits, triangle(length))
     reach = plan_reach(installation, path, speeds)
     if not reach.allowed:
@@ -124,7 +124,7 @@ def start_joints(
 
 
 def _start_robot(settings: CellFile, strip: StripFile, desk: Desk) -> RobotServer:
-    """Start an emulated robot in its own thread; in lock-step the cell waits while it computes."""
+    """Start an emulated robot in a thread, holding the strip on `desk` of the twin."""
     installation = settings.fci.limit(settings.installation)
     frame = installation.mounting.transform()
     start = start_joints(installation, settings.fold, strip.length, settings.twin.arm.home_height)
@@ -146,14 +146,14 @@ def _start_robot(settings: CellFile, strip: StripFile, desk: Desk) -> RobotServe
 
 
 def _expect_thickness(settings: CellFile, strip: StripFile) -> CellFile:
-    """The cell's settings with a hand that takes an object as thick as `strip` for grasped."""
+    """Settings of the cell whose hand counts an object as thick as `strip` as grasped."""
     low, high = strip.spread.get("thickness", (strip.thickness, strip.thickness))
     hand = settings.fci.hand.for_thickness(low, high)
     return settings.model_copy(update={"fci": settings.fci.model_copy(update={"hand": hand})})
 
 
 class NoCamera:
-    """Camera without images, in place until the selected camera is opened."""
+    """Camera that delivers no images, a placeholder until the selected camera is opened."""
 
     rate = 0.0
 

@@ -15,7 +15,7 @@ NEAR_EDGE = 0.05  # m beside and above the other edge, where a plain fold ends
 LEG_POINTS = 30  # points of either leg of a plain fold
 CORNER = 0.05  # m of a path over which an arm may round a corner: 9 mm inside a right angle
 TURNING = 2.4  # rad/s, rotation of the hand in a fold, a little below an arm's limit
-LEAST_NEED = 1e-9  # of a derivative of the path, so that no limit is divided by 0
+LEAST_NEED = 1e-9  # least derivative of a path counted, so that no limit is divided by 0
 
 
 def whole_path(
@@ -32,9 +32,10 @@ def whole_path(
     edge to where the layers touch. Lay and retreat follow; the edge is laid at `end` [m], or where
     that of a taut layer would be.
     """
-    free, fastest = fold.approach, min(limits.x.velocity, limits.z.velocity)
-    approach = [(length, home), (length + free, fold.clear_height), (length + free, 2 * free)]
-    approach += [(length + free, 0.0), (length, 0.0)]
+    free = fold.approach
+    beyond = length + free
+    approach = [(length, home), (beyond, fold.clear_height), (beyond, 2 * free)]
+    approach += [(beyond, 0.0), (length, 0.0)]
     carried = np.column_stack([carry, lift_pitch(arc_lengths(carry))])
     x, z = carry[-1].tolist()
     end = max(x - z, 0.0) if end is None else end
@@ -46,6 +47,7 @@ def whole_path(
     poses = np.concatenate(
         [_with_pitch(approach, 0.0), carried[1:], lowering, _with_pitch(retreat, np.pi)]
     )
+    fastest = min(limits.x.velocity, limits.z.velocity)
     lay_speeds = [fold.lay_speed] * 2  # of the lowering and the first move of the retreat
     carry_speeds = [fold.speed] * (len(carry) - 1)
     speeds = [fastest] * len(approach) + carry_speeds + [*lay_speeds, fastest, fastest]
@@ -68,7 +70,8 @@ def largest_speed(points: Array, limits: MotionLimits) -> float:
     differences over steps of CORNER. Of the pitch only the velocity counts, where an arm does not
     allow TURNING.
     """
-    path, turning = Path.through(points), limits.pitch.velocity
+    path = Path.through(points)
+    turning = limits.pitch.velocity
     poses = path.poses(np.arange(0.0, path.length, CORNER))
     allowed = [
         [limits.x.velocity, limits.z.velocity, turning if turning < TURNING else np.inf],
@@ -84,5 +87,5 @@ def largest_speed(points: Array, limits: MotionLimits) -> float:
 
 
 def _with_pitch(points: list[tuple[float, float]], pitch: float) -> Array:
-    """Poses (n, 3) at `points`, x and z [m], all with one `pitch` [rad]."""
+    """Poses (n, 3) x, z [m], pitch [rad] at `points`, all with the same `pitch`."""
     return np.column_stack([np.array(points), np.full(len(points), pitch)])

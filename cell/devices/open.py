@@ -1,4 +1,4 @@
-"""Opening of the devices of a cell; no other module selects drivers."""
+"""Selection and opening of the devices of a cell, with checks of what they need."""
 
 from ipaddress import ip_address
 
@@ -15,7 +15,7 @@ from drivers.strip.file import StripFile
 
 
 def check_drivers(settings: CellFile, choice: DeviceSelection) -> None:
-    """Raise ConfigurationError for selected devices that this installation lacks."""
+    """Raise ConfigurationError where a library or setting of the selected devices is missing."""
     for driver in (choice.arm_driver(settings), choice.camera_driver(settings)):
         if driver.library is not None:
             require_library(driver.library)
@@ -40,7 +40,7 @@ def is_real(settings: CellFile, choice: DeviceSelection) -> bool:
 
 
 def emulation(settings: CellFile, choice: DeviceSelection) -> str:
-    """Remark where a robot is emulated in place of a real one; empty for any other arm."""
+    """Text for the operator where an emulated robot is selected; empty for any other arm."""
     if not choice.arm_driver(settings).real or is_real(settings, choice):
         return ""
     if settings.fci.address is None:

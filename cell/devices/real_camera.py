@@ -1,4 +1,4 @@
-"""Real camera: opened beside any arm, settings proposed for it, a test picture."""
+"""Real camera of a cell: opening it, settings proposed for cell.yaml, a test picture."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,7 +27,7 @@ WORTH_LOCKING = (  # controls that change what is measured
     "focus_absolute",
     "zoom_absolute",
 )
-WATCHED = 1.0  # s
+WATCHED = 1.0  # s of frames over which a test measures the rate
 FIRST_FRAME_TIMEOUT = 5.0  # s that the first frame may take
 
 
@@ -78,7 +78,7 @@ class Grab:
 
 
 def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
-    """Settings for `camera`, its controls locked as they are; None where no mode is readable."""
+    """Settings for `camera`, controls locked at their values; None where no mode can be decoded."""
     modes = [mode for mode in camera.modes if mode.format in PREFERRED and not mode.steps]
     if not modes:
         return None
@@ -98,7 +98,7 @@ def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
 
 
 def grab(settings: V4l2Settings) -> Grab:
-    """Take frames for a second; returns the newest with statistics; CellError where none comes."""
+    """Newest frame of a test of WATCHED seconds, with its statistics; CellError without frames."""
     camera = V4l2Camera(settings, WallClock())
     try:
         camera.connect()
@@ -111,7 +111,7 @@ def grab(settings: V4l2Settings) -> Grab:
     if setup is None:
         raise CellError(f"{settings.device}: was not set up")
     rate = (last.sequence - first.sequence) / (last.stamp - first.stamp)
-    return Grab(last, setup, counts, rate, last.arrival - last.stamp)
+    return Grab(frame=last, setup=setup, counts=counts, rate=rate, age=last.arrival - last.stamp)
 
 
 def save(image: CameraFrame, path: Path) -> None:

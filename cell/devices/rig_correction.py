@@ -1,4 +1,4 @@
-"""Compensation of known errors of the rig: inverse effects on calibration and arm."""
+"""Compensation of the rig's known errors, such as a desk off its height or a tool offset."""
 
 from dataclasses import replace
 
@@ -50,7 +50,7 @@ def corrected_calibration(
 
 
 def corrected_devices(devices: Devices, settings: CellFile, strip: StripFile) -> Devices:
-    """Copy of `devices` whose arm reports true poses: rig effects of cell.yaml are inverted."""
+    """Copy of `devices` whose arm reports true poses, the rig effects of cell.yaml compensated."""
     rig = describe(strip, settings.effects).rig
     if rig == Rig():
         return devices
@@ -58,7 +58,7 @@ def corrected_devices(devices: Devices, settings: CellFile, strip: StripFile) ->
 
 
 class CorrectedArm:
-    """Arm that wraps another arm and compensates its known errors `rig`.
+    """Arm that wraps another arm and compensates the known errors `rig` of its poses.
 
     States give the gripper's true pose over the true desk at their stamp; commanded poses are true
     ones. As in `drivers.strip.observation`, offsets grow from where `hand` first holds the strip.

@@ -1,14 +1,15 @@
-"""Devices of the twin, its aids for a calibration, and its truth for scoring."""
+"""Devices of the simulated cell (twin), its calibration aids, and its truth for scoring."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 from calibration.wizard.coverage import WantedView
 from cell.config.cell import CellFile
 from cell.devices.devices import Devices, DeviceSelection
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
+from drivers.strip.model import Effects
 from drivers.twin.board import board_frame, board_pose
 from drivers.twin.open import DEFAULT_PLANT, Desk, PlantOptions, Twin, open_twin
 from drivers.twin.settings import TwinSettings
@@ -16,7 +17,7 @@ from drivers.types import Frame
 
 
 class TwinCalibrationAids:
-    """Calibration aids on the twin: a board before its camera, a pointer in its hand."""
+    """Calibration aids on the twin: a board held before its camera, a pointer between fingers."""
 
     def __init__(self, twin: Twin | Desk, settings: CellFile, seed: int) -> None:
         self.twin = twin
@@ -44,13 +45,13 @@ class TwinCalibrationAids:
 
 @dataclass(frozen=True, slots=True)
 class TwinPlant:
-    """True motion of the strip `plant` on the twin, for the score of a run."""
+    """Ground truth of the strip `plant` on the twin, for the score of a run."""
 
     twin: Twin | Desk
     plant: StripFile
 
     def truth(self, origin: float) -> Mapping[str, Any]:
-        """Plain values of plant, true touch, displacement and final offset of the edges."""
+        """True touch time [s] since `origin`, lengths [m] at it, final edge offset [m], plant."""
         truth = self.twin.world.truth()
         touch = truth.touch
         return {
@@ -61,6 +62,34 @@ class TwinPlant:
             "l2": None if touch is None else touch.to_fixed,
             "edge_offset": truth.edge_offset,
         }
+
+
+@dataclass(frozen=True, slots=True)
+class DeskPlant:
+    """Plant on the twin's `desk`: as `recorded`, as a `strip` alone, and effects of the rig."""
+
+    desk: TwinSettings
+    recorded: StripFile
+    strip: StripFile
+    rig_effects: Effects
+
+    @classmethod
+    def selected(
+        cls, settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
+    ) -> Self:
+        """Plant that `choice` names, else `strip`; a bare desk and a perfect rig to calibrate."""
+        recorded = choice.plant or strip
+        lying = recorded
+        rig_effects: Effects = settings.effects
+        if choice.plant is not None:
+            effects = recorded.effects
+            rig_effects = {n: v for n, v in effects.items() if registry()[n].of == "cell"}
+            of_strip = {n: v for n, v in effects.items() if n not in rig_effects}
+            lying = recorded.model_copy(update={"effects": of_strip})
+        if not calibrating:
+            return cls(settings.twin, recorded, lying, rig_effects)
+        bare = settings.twin.world.model_copy(update={"strip": False})
+        return cls(settings.twin.model_copy(update={"world": bare}), recorded, lying, {})
 
 
 def with_twin_camera(devices: Devices, _: CellFile) -> Devices:
@@ -80,13 +109,11 @@ def twin_devices(
 
     Without a plant file the twin equals the controller's model of strip and rig.
     """
-    plant, lying, rig = plant_on_desk(settings, strip, choice)
-    desk, index = settings.twin, choice.index
-    if calibrating:
-        desk = empty_desk(settings)
-        rig = {}
-        index = 0
-    twin = open_twin(desk, lying, rig, choice.seed, index, settings.installation, staging)
+    plant = DeskPlant.selected(settings, strip, choice, calibrating=calibrating)
+    index = 0 if calibrating else choice.index
+    rig = plant.rig_effects
+    cell = settings.installation
+    twin = open_twin(plant.desk, plant.strip, rig, choice.seed, index, cell, staging)
     return Devices(
         clock=twin.clock,
         arm=twin.arm,
@@ -94,23 +121,5 @@ def twin_devices(
         camera=twin.camera,
         camera_identity=settings.twin.camera.identity,
         aids=TwinCalibrationAids(twin, settings, choice.seed) if calibrating else None,
-        plant=TwinPlant(twin, plant),
+        plant=TwinPlant(twin, plant.recorded),
     )
-
-
-def empty_desk(settings: CellFile) -> TwinSettings:
-    """Settings of the twin without a strip on its desk, for a calibration."""
-    world = settings.twin.world.model_copy(update={"strip": False})
-    return settings.twin.model_copy(update={"world": world})
-
-
-def plant_on_desk(
-    settings: CellFile, strip: StripFile, choice: DeviceSelection
-) -> tuple[StripFile, StripFile, dict[str, dict[str, float]]]:
-    """Plant as recorded, strip that lies on the desk, and effects of the rig."""
-    plant = choice.plant
-    if plant is None:
-        return strip, strip, settings.effects
-    of_strip = {n: v for n, v in plant.effects.items() if registry()[n].of == "strip"}
-    rig = {n: v for n, v in plant.effects.items() if registry()[n].of == "cell"}
-    return plant, plant.model_copy(update={"effects": of_strip}), rig

@@ -1,1 +1,1 @@
-"""Folds and what surrounds them: single folds, batches, prediction, rehearsal, replay, films."""
+"""Folds of strips: single ones and batches, prediction, rehearsal, replay, measurement of films."""

@@ -22,6 +22,7 @@ from drivers.child import ChildDied
 from drivers.errors import CellError, Fault, PreflightRefused, Unexpected
 
 POLL_INTERVAL = 0.1  # s between looks at the keyboard
+ObserverContext = AbstractContextManager[tuple[Observer, ...]]
 
 
 def _nobody_lays() -> None:
@@ -42,9 +43,7 @@ class Attendance:
     interrupt: Callable[[], AbstractContextManager[Callable[[], bool]]] = Interrupt
     report: Callable[[str], None] = lambda _: None
     lay_again: Callable[[], None] = _nobody_lays
-    observe: Callable[[str], AbstractContextManager[tuple[Observer, ...]]] = lambda _: nullcontext(
-        ()
-    )
+    observe: Callable[[str], ObserverContext] = lambda _: nullcontext(())
     tell: Callable[[FoldResult], None] = lambda _: None
 
 
@@ -205,7 +204,7 @@ class ParallelFolds:
 def _fold_in_process(
     request: Request, calibration: Calibration, stop: StopSignal
 ) -> FoldResult | CellError:
-    """Run in a process of the pool: fold, write the page; errors are returned as results."""
+    """Fold and write the page, as a process of the pool does; errors are returned as results."""
     try:
         return write_pages(request, fold(request, calibration, (), stop))
     except KeyboardInterrupt:

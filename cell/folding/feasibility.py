@@ -40,7 +40,7 @@ def check_feasible(
     limits: MotionLimits,
     desk: float = 0.0,
 ) -> tuple[float, float] | None:
-    """Check that the cell can fold `strip`; returns displacement and sigma [m] of the model.
+    """Check that the cell can fold `strip`; returns the predicted displacement and its sigma [m].
 
     None where the layers do not touch in the model. The policy is reset. Raises PreflightRefused
     for a strip that this cell cannot see, reach or fold with an arm that moves within `limits`,
@@ -49,7 +49,9 @@ def check_feasible(
     """
     folds = _simulate(settings, strip, policy)
     carry = _carry(settings, strip, policy, folds)
-    path = _gripper_path(settings, strip, carry)
+    home = settings.fold.clear_height
+    poses, _ = whole_path(strip.length, home, settings.fold, limits, carry, end=0.0)
+    path = poses[1:, :2]  # from beside the strip on
 
     def carry_at(speed: float) -> Array:
         slower = at_speed(settings, speed)
@@ -61,7 +63,7 @@ def check_feasible(
         *path_problems(path, carry, settings, limits, carry_at),
         *_reach_problems(path, settings.installation),
         *_view_problems(path, strip, calibration),
-        *(_desk_collisions(carry, settings, strip, desk) if desk else ()),
+        *(_desk_collisions(poses, desk) if desk else ()),
     ]
     if problems:
         raise PreflightRefused("\n".join(problems))
@@ -104,14 +106,10 @@ def path_problems(
         )
 
 
-def _desk_collisions(
-    carry: Array, settings: CellSettings, strip: StripFile, desk: float
-) -> Iterator[str]:
-    """Yield a text where the hand would meet the desk, which ends at x = `desk` [m]."""
-    home, limits = settings.fold.clear_height, settings.installation.limits
-    whole, _ = whole_path(strip.length, home, settings.fold, limits, carry)
+def _desk_collisions(poses: Array, desk: float) -> Iterator[str]:
+    """Yield a text where the hand at `poses` (n, 3) would meet the desk that ends at `desk` [m]."""
     try:
-        require_clear([Pose(*pose) for pose in whole.tolist()], desk)
+        require_clear([Pose(*pose) for pose in poses.tolist()], desk)
     except Fault as fault:
         yield f"desk: {fault}"
 
@@ -131,17 +129,8 @@ def from_edge(strip: StripFile, fold: Array) -> Array:
     return np.vstack([(strip.length, 0.0), fold])
 
 
-def _gripper_path(settings: CellSettings, strip: StripFile, carry: Array) -> Array:
-    """Gripper positions (n, 2) [m] of a whole fold: approach, `carry` (k, 2), retreat."""
-    aside = settings.fold.approach
-    beyond = strip.length + aside
-    before = [(beyond, settings.fold.clear_height), (beyond, 0.0)]
-    after = [(0.0, 0.0), (-aside, 0.0), (-aside, 2 * aside)]
-    return np.vstack([before, carry, after])
-
-
 def _simulate(settings: CellSettings, strip: StripFile, policy: Policy) -> Folds | None:
-    """Simulated folds of `strip` and, unless the policy predicts, of its corners; None if lost."""
+    """Simulated folds of `strip` and, unless it predicts, of its corner strips; None if failed."""
     strips = [strip, *(() if isinstance(policy, Predictor) else corner_strips(strip))]
     try:
         models = [describe(each, settings.effects) for each in strips]
@@ -176,7 +165,7 @@ def _expected(folds: Folds, repeats: float) -> tuple[float, float] | None:
 
 
 def corner_strips(strip: StripFile) -> list[StripFile]:
-    """Copies of `strip` at the corners of the intervals of its uncertain parameters."""
+    """Copies of `strip` with its uncertain parameters at all combinations of their bounds."""
     spans = []
     for key, spread in UNKNOWN_SPREADS.items():
         value = getattr(strip, key)

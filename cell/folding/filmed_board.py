@@ -175,7 +175,7 @@ def _with_axis(calibration: Calibration, seen: _SeenStrip, length: float) -> Cal
 
 
 def _find_strip(film: Path, image: Image, calibration: Calibration, strip: StripFile) -> _SeenStrip:
-    """Find the piece of the strip's colour whose length is nearest to the strip's, roughly."""
+    """Find the strip roughly, as the piece of its colour whose length is nearest to the stated."""
     height, width = image.shape[:2]
     rim = calibration.to_plane(np.array([(0, 0), (1, 0), (0, 1), (1, 1)]) * (width - 1, height - 1))
     low = rim.min(axis=0)
@@ -189,8 +189,8 @@ def _find_strip(film: Path, image: Image, calibration: Calibration, strip: Strip
         mask = (distances < limit).reshape(plane.shape[:2]).astype(np.uint8)
         mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 9)))
         _, labels, pieces, _ = cv2.connectedComponentsWithStats(mask)
-        wide, high = pieces[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].T
-        lengths = np.where(high < SLIM * wide, np.hypot(wide, high) * RASTER, 0.0)
+        widths, heights = pieces[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].T
+        lengths = np.where(heights < SLIM * widths, np.hypot(widths, heights) * RASTER, 0.0)
         best = int(np.argmin(np.abs(lengths - strip.length)))
         if abs(lengths[best] / strip.length - 1) < ALIKE:
             v, u = np.nonzero(labels == best)
@@ -219,7 +219,7 @@ def _find_ends(
     ends = []
     for end, outward in ((0.0, -1.0), (length, 1.0)):
         near = np.isfinite(border) & (np.abs(x - end) < NEAR_END * length)
-        slope, start = 0.0, 0.0
+        slope = start = 0.0
         if near.any():
             slope, start, *_ = theilslopes(border[near], x[near])
         along = end + outward * np.arange(-WITHIN, BEYOND, FINE)

@@ -1,4 +1,4 @@
-"""A single fold: opens devices, checks, folds, records, scores by the twin's truth."""
+"""Single fold of a strip: devices are opened, the fold is checked, carried out and recorded."""
 
 import gc
 import os
@@ -96,9 +96,8 @@ def fold(
                 desk=desk,
             )
             outcome, truth = _record_fold(request, context, devices, writer, observers, interrupted)
-        not_learned = ""
-        if correction is not None and request.learning.learns:
-            not_learned = _learn(request, outcome, writer.folder)
+        learns = correction is not None and request.learning.learns
+        not_learned = _learn(request, outcome, writer.folder) if learns else ""
         return replace(
             FoldResult.from_outcome(request, outcome, truth),
             run=str(writer.folder),
@@ -142,7 +141,7 @@ def _record_fold(
     observers: Sequence[Observer],
     interrupted: Callable[[], bool],
 ) -> tuple[Outcome, Truth]:
-    """Fold with a record and complete its folder; returns the outcome and the plant's truth."""
+    """Fold, record and complete the run's folder; returns the outcome and the plant's truth."""
     strip = context.strip
     folder = writer.folder
     save_calibration(context.calibration, folder / CALIBRATION)
@@ -175,7 +174,7 @@ def _write_truth(folder: Path, truth: Truth, outcome: Outcome) -> Outcome:
 
 
 def _learn(request: Request, outcome: Outcome, folder: Path) -> str:
-    """Store what the fold teaches, if it does, in the memory of its cell.
+    """Store the fold's deviation from its prediction, if usable, in the memory of its cell.
 
     Returns the reason why it cannot be stored, which the record keeps too; else an empty text.
     """

@@ -1,4 +1,4 @@
-"""Gripper path and strip profiles of a fold, by which the strip is compared with its model."""
+"""Trace of a fold, gripper path and strip profiles, to compare the strip with its model."""
 
 from dataclasses import asdict, replace
 
@@ -8,12 +8,12 @@ from cell.orchestrator.outcome import Outcome, StopReason
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
+from cell.orchestrator.vision import MEASURED_STATES
 from cell.perception.model_agreement import Agreement, MeasuredFold, agreement
 from drivers.errors import CellError
 from drivers.strip.file import StripFile
 from policies.profile import image_profile
 
-MOVING_STATES = frozenset({State.LIFT, State.FOLD, State.TOUCHED})
 UNLIKE_REASON = "unlike_model"
 
 
@@ -29,9 +29,10 @@ class FoldTrace:
 
     def handle_tick(self, snapshot: Snapshot) -> None:
         """Store the gripper's pose, and the profile where it is new."""
-        if snapshot.state not in MOVING_STATES:
+        if snapshot.state not in MEASURED_STATES:
             return
-        pose, seen = snapshot.arm.pose, snapshot.view.measurement
+        pose = snapshot.arm.pose
+        seen = snapshot.view.measurement
         self._path.append((snapshot.arm.stamp, pose.x, pose.z, pose.pitch))
         if snapshot.state is State.FOLD and snapshot.view.read and seen is not None:
             self._stamps.append(seen.stamp)
@@ -56,7 +57,8 @@ class FoldTrace:
         """Agreement of strip and model; None without prediction, touch or a fit."""
         if outcome.predicted is None or outcome.touch is None or not self._stamps:
             return None
-        path, touch = np.array(self._path), outcome.touch.time + origin
+        touch = outcome.touch.time + origin
+        path = np.array(self._path)
         stamps, curves = np.array(self._stamps), np.array(self._profiles)
         fold = MeasuredFold.until(touch, path[:, 0], path[:, 1:], stamps, curves)
         try:

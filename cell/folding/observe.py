@@ -1,6 +1,6 @@
 """Measurement of a fold on a film, made without the cell's arm, into a run folder."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,9 +45,9 @@ Progress = Callable[[float], None]
 
 @dataclass(frozen=True, slots=True)
 class FilmMeasurement:
-    """Result of measuring a film: `images` up to the `touch`, of which `read` had confidence.
+    """Result of measuring a film: number of `images` up to the `touch`, and of confident ones.
 
-    The run begins `begin` [s] after the film.
+    `read` counts the latter. The run begins `begin` [s] after the film.
     """
 
     folder: Path
@@ -94,7 +94,7 @@ def observe(
         with FilmWriter(new_run / OVERLAY) as overlay:
             overlay.add(first.stamp, first.image)
             layers = LayerTouch(settings, strip)
-            measured, touch = _read(frames, follow, layers, calibration, overlay, progress)
+            measured, touch = _measure(frames, follow, layers, calibration, overlay, progress)
         _check_enough(measured, film)
         _write(new_run, measured, _held_path(measured, strip), strip, calibration, touch)
         write_document(new_run / RUN, _header(cell, strip, calibration, measured))
@@ -150,7 +150,7 @@ def _clip(first: Frame, film: Path, calibration: Calibration, strip: StripFile) 
     return clip
 
 
-def _read(
+def _measure(
     frames: Iterator[Frame],
     follow: HeldEnd,
     layers: LayerTouch,
@@ -205,7 +205,7 @@ def _check_enough(measured: Sequence[HeldMeasurement], film: Path) -> None:
 def _write(
     folder: Path,
     measured: Sequence[HeldMeasurement],
-    path: tuple[Array, ...],
+    path: Mapping[str, Array],
     strip: StripFile,
     calibration: Calibration,
     touch: SeenTouch | None,
@@ -213,11 +213,10 @@ def _write(
     """Write tables, calibration and result of the run: t = 0 is the film's first image."""
     rows = [sight_row(held.measurement) for held in measured if _is_confident(held)]
     sights = pa.Table.from_pylist(rows, SIGHT_ROWS)
-    t, x, z, pitch = path
     stamps, contacts = np.asarray(sights["stamp"]), np.asarray(sights["contact_x"])
     contacts = np.where(contacts > strip.length - FLAT_LENGTH, np.nan, contacts)  # the clip's place
-    contact_x, contact_t = place_contacts(t, stamps, contacts)
-    ticks = {"t": t, "x": x, "z": z, "pitch": pitch, "contact_x": contact_x, "contact_t": contact_t}
+    contact_x, contact_t = place_contacts(path["t"], stamps, contacts)
+    ticks = {**path, "contact_x": contact_x, "contact_t": contact_t}
     write_tables(folder, sight_tables(sights) | {TICKS: pa.table(ticks)})
     save_calibration(calibration, folder / CALIBRATION)
     result: dict[str, object] = {"schema": 1, "outcome": "path_done"}
@@ -243,12 +242,11 @@ def _header(
     }
 
 
-def _held_path(
-    measured: Sequence[HeldMeasurement], strip: StripFile
-) -> tuple[Array, Array, Array, Array]:
-    """Path of the held end: times (n,) [s], x and z (n,) [m], pitch (n,) [rad], from flat on."""
+def _held_path(measured: Sequence[HeldMeasurement], strip: StripFile) -> dict[str, Array]:
+    """Path of the held end from flat on: columns (n,) t [s], x and z [m], pitch [rad] by name."""
     ends = [(held.measurement.stamp, held.end) for held in measured if held.end is not None]
-    lift, lying = ends[0][0], Pose(strip.length, 0.0, 0.0)
+    lift = ends[0][0]
+    lying = Pose(strip.length, 0.0, 0.0)
     before = [held.measurement for held in measured if held.measurement.stamp < lift]
     flat = [image.stamp for image in before if image.contact_x > strip.length - FLAT_LENGTH]
     resting = [(stamp, lying) for stamp in sorted({0.0, *flat[-1:]}) if stamp < lift]
@@ -258,5 +256,5 @@ def _held_path(
     path = np.stack([x, z, np.unwrap(pitch)])
     if len(stamps) >= SMOOTHED:  # each image by a parabola through it and its neighbours
         path = savgol_filter(path, SMOOTHED, 2)
-    x, z, pitch = (PchipInterpolator(stamps, values)(t) for values in path)
-    return t, x, z, pitch
+    columns = (PchipInterpolator(stamps, values)(t) for values in path)
+    return dict(zip(("t", "x", "z", "pitch"), (t, *columns), strict=True))

@@ -1,4 +1,4 @@
-"""Prediction of a fold by simulating the policy; its path is checked against the limits."""
+"""Prediction of a fold by simulating the policy, and check of its path against the limits."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ from policies.rollout import Folds
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """Predicted displacement [m] with bounds, None without a touch, and range of the path [m]."""
+    """Predicted fold: displacement [m] with bounds, None without a touch; path's range x, z [m]."""
 
     strip: str
     policy: str

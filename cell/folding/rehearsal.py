@@ -27,8 +27,8 @@ GAIN = 3.0  # 1/s, how fast the gripper returns to its path
 EASE = 1.5  # duration of the path over that at its speeds without acceleration
 RAMP = 0.3  # s to accelerate and to brake: without, the gripper overshoots by 9 mm
 CORNER = 0.7  # cosine of the angle by which the path turns, below which the gripper rests there
-OVER_POINT = 2  # first points of a fold: over the strip
-APPROACH_POINT = 3  # left out here; then to the grasp
+FIRST_USED = 2  # point of the fold's path with which it begins; those before avoid a lying strip
+GRASP = 2  # point of its own path at which the edge is grasped in the fold
 LOOKAHEAD = 0.02  # s over which the path's velocity is taken
 
 
@@ -43,18 +43,17 @@ class Rehearsal:
     def motion(self, _: Snapshot) -> Motion:
         """Move through approach, grasp, fold, lay, release and retreat, without a strip."""
         last = len(self.path) - 1
-        grasp = APPROACH_POINT - 1
         release = last - 1
         yield from move(Pose.from_array(self.path[0]))
         yield from open_hand()
-        yield from self._follow(0, grasp)
+        yield from self._follow(0, GRASP)
         yield from close_hand()
-        yield from self._follow(grasp, release)
+        yield from self._follow(GRASP, release)
         yield from open_hand()
         return (yield from self._follow(release, last))
 
     def _follow(self, first: int, last: int) -> Motion:
-        """Move on the path from `first` to `last` with a stop at each corner, not to cut it."""
+        """Move along the path's points `first` to `last`, with a stop at each sharp corner."""
         stops = [first, *self._corners(first, last), last]
         for begin, end in pairwise(stops[:-1]):
             yield from self._follow_part(begin, end)
@@ -87,13 +86,13 @@ class Rehearsal:
 def rehearsal(
     settings: CellFile, strip: StripFile, path: Array, speeds: Array, elbow: float | None = None
 ) -> Rehearsal:
-    """Path of the rehearsal of a fold along `path` (n, 3), raised by HOVER_HEIGHT.
+    """Rehearsal in the air of a fold along `path` (n, 3) x, z [m], pitch [rad], by HOVER_HEIGHT.
 
     `speeds` (n,) [m/s] are those of the fold. Parts that only avoid a lying strip are left out.
     With an `elbow` [rad] a Franka arm must reach the path. Raises ConfigurationError where the
     workspace or the arm ends below the fold.
     """
-    used = slice(OVER_POINT, -1)
+    used = slice(FIRST_USED, -1)
     raised = path[used] + (0.0, HOVER_HEIGHT, 0.0)
     speeds = speeds[used]
     top = float(raised[:, 1].max())

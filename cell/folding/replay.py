@@ -1,4 +1,4 @@
-"""Repetition of a run's perception and decisions on its stored images and measurements."""
+"""Replay of a run: perception and decisions repeated on its stored images and measurements."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -139,9 +139,8 @@ def _differences(now: StripMeasurement, then: StripMeasurement) -> Iterator[str]
 
 def _lengths(seen: StripMeasurement) -> dict[str, float]:
     """Measured lengths [m] by their column in the record."""
-    tip_x, tip_z = seen.tip
-    gap = {"gap": seen.gap, "gap_x": seen.gap_x}
-    return {"contact_x": seen.contact_x, "tip_x": tip_x, "tip_z": tip_z} | gap
+    names = ("contact_x", "tip_x", "tip_z", "gap", "gap_x")
+    return dict(zip(names, (seen.contact_x, *seen.tip, seen.gap, seen.gap_x), strict=True))
 
 
 def _other_decisions(

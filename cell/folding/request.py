@@ -50,7 +50,7 @@ class Learning:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """Request of one fold: values alone, so that another process can carry it out.
+    """Request of one fold: cell, strip, policy and options, as values that a process can be sent.
 
     `runs` is the folder for its record, `speed` [m/s] on the path replaces the cell's own, and a
     real robot is slowed down unless at `full_speed`.
@@ -120,7 +120,7 @@ def doubts_about(requests: Sequence[Request]) -> tuple[str, ...]:
 
 
 def with_correction(request: Request, learning: str | None) -> Request:
-    """Copy of `request`, corrected by what the cell has learned, as `learning` states.
+    """Copy of `request` with the correction of its aim that the option `learning` asks for.
 
     `learning` is `auto`, `on`, `off`, a length to correct by without learning, or None for the
     cell's own setting. Raises ConfigurationError for other text.

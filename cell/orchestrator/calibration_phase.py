@@ -1,4 +1,4 @@
-"""Phase of a run that calibrates the homography: touches, latency steps, landmarks."""
+"""Phase of a run that calibrates the camera's homography: touches, latency steps, landmarks."""
 
 from collections.abc import Generator
 from dataclasses import replace
@@ -25,60 +25,60 @@ POINTER_OUT = Question(Ask.POINTER_OUT, "take the pointer out and keep clear of 
 STEP_REST = 0.3  # s at rest after a step of the latency measurement
 
 
-def begin_calibration(_cell: CalibrationContext, _: Recorder, _begin: Snapshot) -> steps.Phase:
+def begin_calibration(_context: CalibrationContext, _: Recorder, _begin: Snapshot) -> steps.Phase:
     """Begin a calibration at once, without a check of a strip."""
     yield from steps.pause(0.0)
     return Event.NEEDS_CALIBRATION
 
 
-def calibrate(cell: CalibrationContext, record: Recorder, begin: Snapshot) -> steps.Phase:
-    """Touch all points; where a map is fitted, measure latency and landmarks too."""
-    points = cell.points
+def calibrate(context: CalibrationContext, record: Recorder, begin: Snapshot) -> steps.Phase:
+    """Touch all points; where a homography is fitted, measure latency and landmarks too."""
+    points = context.points
     first = replace(begin.arm.commanded, pitch=points.plan[0].pitch)
-    require_clear([begin.arm.commanded, first, *points.plan], cell.desk)
+    require_clear([begin.arm.commanded, first, *points.plan], context.desk)
     yield from steps.open_hand()
-    yield from _wait_for_answer(cell, POINTER_IN)
+    yield from _wait_for_answer(context, POINTER_IN)
     yield from steps.close_hand()
     yield from steps.rotate_hand(points.plan[0].pitch)
-    yield from _touch_all(cell, record)
+    yield from _touch_all(context, record)
     if not points.fitted:
         yield from steps.open_hand()
-        yield from _wait_for_answer(cell, POINTER_OUT)
+        yield from _wait_for_answer(context, POINTER_OUT)
         return Event.CALIBRATED
-    cell.touches = points.verdict()
-    if cell.touches.homography is not None:
-        yield from _measure_latency(cell, cell.touches.homography)
-        if cell.remembers:
-            yield from _take_landmarks(cell, cell.touches.homography)
+    context.touches = points.verdict()
+    if context.touches.homography is not None:
+        yield from _measure_latency(context, context.touches.homography)
+        if context.remembers:
+            yield from _take_landmarks(context, context.touches.homography)
     return Event.CALIBRATED
 
 
-def _touch_all(cell: CalibrationContext, record: Recorder) -> Doing:
+def _touch_all(context: CalibrationContext, record: Recorder) -> Doing:
     """Touch every requested pose, and once more each point that disagrees with the others."""
-    points = cell.points
+    points = context.points
     while (pose := points.ask()) is not None:
         stage = "touch again" if points.again else "touch"
         progress = points.progress(pose, points.why, stage)
-        cell.watch(progress)
-        answer = yield from _wait_for_answer(cell, Question(Ask.TOUCH, points.why))
+        context.watch(progress)
+        answer = yield from _wait_for_answer(context, Question(Ask.TOUCH, points.why))
         if answer is Answer.SKIP:
             points.skip()
         elif answer is Answer.AGAIN:
-            cell.watch(replace(progress, taken_back=points.take_back()))
+            context.watch(replace(progress, taken_back=points.take_back()))
         else:
             yield from steps.move(pose)
-            yield from _measure_point(cell, record, pose, points.why, stage)
+            yield from _measure_point(context, record, pose, points.why, stage)
 
 
 def _measure_point(
-    cell: CalibrationContext, record: Recorder, pose: Pose, why: str, stage: str
+    context: CalibrationContext, record: Recorder, pose: Pose, why: str, stage: str
 ) -> Doing:
     """Take images at rest at `pose` until its point is accepted or given up.
 
     Each result goes to the observers, with the reason `why` for the pose and the `stage` of the
     calibration, and a refusal into the record.
     """
-    points = cell.points
+    points = context.points
     result = None
     while result is None or not (result.taken or result.given_up):
         settle = result is None or result.refused is not None
@@ -86,23 +86,24 @@ def _measure_point(
         result = points.tell(picture.frame, picture.gripper)
         answer = points.answer(result, picture.gripper)
         progress = points.progress(pose, why, stage)
-        cell.watch(replace(progress, frame=picture.frame, result=result, answer=answer))
+        context.watch(replace(progress, frame=picture.frame, result=result, answer=answer))
         if result.refused is not None:
             record.event(picture.time, "touch_refused", reason=result.refused)
 
 
-def _measure_latency(cell: CalibrationContext, homography: Homography) -> Doing:
+def _measure_latency(context: CalibrationContext, homography: Homography) -> Doing:
     """Step the arm back and forth, and measure how late the images show it."""
-    yield from _wait_for_answer(cell, STEPS_QUESTION)
-    latency_steps = LatencySteps(cell.settings.latency)
+    yield from _wait_for_answer(context, STEPS_QUESTION)
+    latency_steps = LatencySteps(context.settings.latency)
     while (pose := latency_steps.ask()) is not None:
         why = f"{latency_steps.left} steps are left, to see how late the images are"
-        cell.watch(cell.points.progress(pose, why, "latency"))
+        context.watch(context.points.progress(pose, why, "latency"))
         yield from _step(latency_steps, pose)
         latency_steps.record_arrival()
-    cell.watch(replace(cell.points.progress(None, "seen", "latency"), steps=latency_steps))
-    cell.latency = latency_verdict(
-        latency_steps.arm, latency_steps.seen, cell.points.lens, homography, cell.settings.latency
+    context.watch(replace(context.points.progress(None, "seen", "latency"), steps=latency_steps))
+    lens, settings = context.points.lens, context.settings.latency
+    context.latency = latency_verdict(
+        latency_steps.arm, latency_steps.seen, lens, homography, settings
     )
 
 
@@ -119,26 +120,26 @@ def _step(latency_steps: LatencySteps, pose: Pose) -> Doing:
             arrived = snapshot.time
 
 
-def _take_landmarks(cell: CalibrationContext, homography: Homography) -> Doing:
+def _take_landmarks(context: CalibrationContext, homography: Homography) -> Doing:
     """Store landmarks from an image of the empty hand; none where no finger tip is visible."""
     yield from steps.open_hand()
-    yield from _wait_for_answer(cell, POINTER_OUT)
-    pose = cell.settings.landmarks.pose
+    yield from _wait_for_answer(context, POINTER_OUT)
+    pose = context.settings.landmarks.pose
     why = "the empty hand here shows later whether the camera moved"
-    cell.watch(cell.points.progress(pose, why, "remember"))
+    context.watch(context.points.progress(pose, why, "remember"))
     yield from steps.move(pose)
     picture = yield from steps.still_picture()
     try:
-        cell.landmarks = take_landmarks(
-            picture.frame, picture.gripper, cell.points.lens, homography
+        context.landmarks = take_landmarks(
+            picture.frame, picture.gripper, context.points.lens, homography
         )
     except CellError as error:
-        cell.watch(cell.points.progress(pose, str(error), "remember"))
+        context.watch(context.points.progress(pose, str(error), "remember"))
 
 
-def _wait_for_answer(cell: CalibrationContext, question: Question) -> Answering:
+def _wait_for_answer(context: CalibrationContext, question: Question) -> Answering:
     """Hold the arm until the operator has answered."""
-    while (answer := cell.operator.answer(question)) is None:
+    while (answer := context.operator.answer(question)) is None:
         yield Hold()
     yield Hold()
     return answer

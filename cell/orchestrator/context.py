@@ -28,7 +28,7 @@ from policies.prediction import FoldPrediction
 
 @dataclass
 class Context(ABC):
-    """Base of a run's inputs and results: settings, results that most runs leave empty."""
+    """Base class of one run's inputs and results: settings, and measurements, empty at first."""
 
     settings: CellSettings
     _: KW_ONLY
@@ -45,12 +45,12 @@ class Context(ABC):
 
     @abstractmethod
     def completion(self) -> StopReason:
-        """Name, reason and exit code of a run that ended by itself."""
+        """Name, reason and exit code of a run that ended without a fault or an interruption."""
 
 
 @dataclass
 class FoldContext(Context):
-    """Inputs and results of a fold: what the controller knows of cell and strip.
+    """Inputs and results of a fold: strip, policy and calibration, and what was measured.
 
     `sight` checks the image of the strip before the grasp, and is the `reader` of images from then
     on. `seen_touch` is the layer_touch once it is seen, `edge_offset` [m] that of the laid edges as
@@ -72,19 +72,19 @@ class FoldContext(Context):
     warning: str = ""
 
     def check_displacement(self, touch: SeenTouch) -> None:
-        """Check the displacement at `touch` against the policy's prediction, else the model's."""
+        """Compare the displacement at `touch` with that predicted by the policy, else the model."""
         predicted = self.predicted
-        if predicted is None:
-            expected = self.expected
-        else:
-            expected = None if predicted.blind else (predicted.displacement, predicted.sigma)
-        if expected is not None:
+        expected = self.expected
+        if predicted is not None:
+            expected = (predicted.displacement, predicted.sigma)
+        blind = predicted is not None and predicted.blind
+        if expected is not None and not blind:
             displacement, sigma = expected
             difference = touch.displacement - displacement
             self.witnesses.append(LengthCheck("displacement", difference, {"prediction": sigma}))
 
     def completion(self) -> StopReason:
-        """Outcome's name, reason and exit code: 0 where the layers touched and lengths agree."""
+        """Name, reason and exit code of the fold: 0 where the layers touched and lengths agree."""
         if self.seen_touch is None:
             return StopReason("path_done", "the path ended and no touch was seen", 1)
         if self.released and self.edge_offset is None:
@@ -102,7 +102,7 @@ class FoldContext(Context):
 
 @dataclass
 class CalibrationContext(Context):
-    """Inputs and results of a homography calibration: `points` to touch, `operator`, map.
+    """Inputs and results of a homography calibration: `points` to touch, operator, fitted map.
 
     The `operator` is asked before the arm moves, `watch` receives its progress. Only a run that
     `remembers` leaves `landmarks`. Where `points` only check a calibration, nothing is fitted.
@@ -124,7 +124,7 @@ class CalibrationContext(Context):
 
 @dataclass
 class ManualContext(Context):
-    """Inputs and results of a manual motion: `motion` makes it, `end` is the last pose."""
+    """Inputs and results of a manual motion: generator `motion` of commands, final pose `end`."""
 
     motion: Callable[[Snapshot], Motion]
     end: Pose | None = None

@@ -1,4 +1,4 @@
-"""Lay motion: lowers the grasped edge to the desk behind the touch, pushes it to its place."""
+"""Lay motion, the end of a fold: lowers the grasped edge to the desk, pushes it to its target."""
 
 from math import sqrt
 
@@ -16,7 +16,7 @@ HANGING = np.pi / 2
 TURN_GAIN = 10.0  # 1/s, how fast an error of pitch is taken out
 BRAKING = 0.5  # m/s^2, less than any arm's limit, towards the end of the path
 TURNING = 2.0  # rad/s of the hand in a lay at most: a short lay is a slow one
-CREEP = 0.005  # m/s
+CREEP = 0.005  # m/s, least speed, so that braking by the distance left reaches the path's end
 CLEARANCE = 0.0005  # m over the lower layer: an edge that presses on it drags it along
 PULL = 0.01  # m by which an upper layer that is too short is pulled along at most
 
@@ -68,7 +68,7 @@ def follow_lay(path: Path, speed: float, begin: Snapshot) -> Motion:
             break
         progress = float(follower.progress[0])
         share = progress / path.length
-        turning = 2.0 * HANGING * share / path.length  # rad/m
+        turning = 2.0 * HANGING * share / path.length  # rad/m, slope of HANGING (1 + share^2)
         rate = turning * pace + TURN_GAIN * (HANGING * (1.0 + share**2) - pose.pitch)
         rate = min(max(rate, -TURNING), TURNING)
         stopping = max(CREEP, sqrt(2 * BRAKING * max(path.length - progress, 0.0)))

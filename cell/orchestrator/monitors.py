@@ -15,13 +15,13 @@ from drivers.installation import MotionLimits, Workspace
 from drivers.strip.observation import LIFT_TRAVEL
 from drivers.types import Velocity
 
-MOVED_IMAGES = 2  # images in a row
+MOVED_IMAGES = 2  # images in a row that show the scene shifted before the arm stops
 USUAL_AGE = 0.7  # share of the allowed image age below which the speed is not reduced
 
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """Limits that the monitors enforce; `desk` is x [m] of the desk's end, 0 for no hand."""
+    """Limits that the monitors enforce; `desk` is x [m] of the desk's end, 0 without a hand."""
 
     limits: MonitorLimits
     workspace: Workspace
@@ -82,7 +82,7 @@ def _not_finite(snapshot: Snapshot, _: Rules) -> str | None:
 
 
 def _image_stale(snapshot: Snapshot, rules: Rules) -> str | None:
-    """Reason to stop where no image is young enough although the arm waited for one."""
+    """Reason to stop where the newest image is still too old after the arm waited for another."""
     limits = rules.limits
     view = snapshot.view
     if view.frame is None:
@@ -123,7 +123,7 @@ def _reading_overdue(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _low_confidence(snapshot: Snapshot, rules: Rules) -> str | None:
-    """Reason to stop where images were doubtful for longer than is allowed."""
+    """Reason to stop where the measurement's confidence was below its limit for too long."""
     limits = rules.limits
     view = snapshot.view
     if view.doubtful_since is None or snapshot.time - view.doubtful_since <= limits.doubt:
@@ -136,7 +136,7 @@ def _low_confidence(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _too_thick(snapshot: Snapshot, _: Rules) -> str | None:
-    """Reason to stop where the layers rest apart from each other."""
+    """Reason to stop where the layers rest with a gap, as of a strip thicker than stated."""
     resting = snapshot.view.resting
     if not resting > 0:
         return None
@@ -158,7 +158,7 @@ def _camera_moved(snapshot: Snapshot, rules: Rules) -> str | None:
     )
 
 
-def _check_speed(snapshot: Snapshot, rules: Rules) -> str | None:
+def _overspeed(snapshot: Snapshot, rules: Rules) -> str | None:
     """Reason to stop where the gripper moves or turns faster than is allowed."""
     limits = rules.limits
     velocity = snapshot.arm.velocity
@@ -193,7 +193,7 @@ def _tracking_error(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _outside_workspace(snapshot: Snapshot, rules: Rules) -> str | None:
-    """Reason to stop where the gripper is beyond the workspace and its border."""
+    """Reason to stop where the gripper is outside the workspace by more than the border [m]."""
     pose = snapshot.arm.pose
     border = rules.limits.border
     x_low, x_high = rules.workspace.x
@@ -249,7 +249,7 @@ MONITORS: tuple[Monitor, ...] = (
     Monitor("arm_state_stale", _ALIVE, _arm_stale),
     Monitor("hand_state_stale", _ALIVE, _hand_stale),
     Monitor("setpoint_expired", _FOLDING | {State.LAY}, _setpoint_expired),
-    Monitor("overspeed", _ALIVE, _check_speed),
+    Monitor("overspeed", _ALIVE, _overspeed),
     Monitor("tracking_error", _ALIVE, _tracking_error),
     Monitor("workspace", _ALIVE, _outside_workspace),
     Monitor("force", _ALIVE, _force_too_large),
@@ -268,7 +268,7 @@ MONITORS: tuple[Monitor, ...] = (
 
 
 def slow_for_images(command: Command, snapshot: Snapshot, limits: MonitorLimits) -> Command:
-    """Copy of `command`, slowed down by how much older than usual the newest image is.
+    """Command with its speed reduced in proportion to the excess age of the newest image.
 
     At the allowed age, or where the newest image repeats the one before, a driven arm stands, and a
     move to a pose is held until a newer image arrives. Images of low confidence do not stop the
@@ -301,7 +301,7 @@ def check_all(snapshot: Snapshot, command: Command, rules: Rules) -> None:
 
 
 def _check_command(snapshot: Snapshot, command: Command, rules: Rules) -> None:
-    """Refuse a pose outside the workspace or in the desk, and a velocity that is too fast.
+    """Raise Fault for a commanded pose out of the workspace or in the desk, or too large a speed.
 
     The pitch rate and the path of a velocity are limited by the arm side and by the monitors.
     """

@@ -1,4 +1,4 @@
-"""Operator at the cell: questions, which may be answered later, and Ctrl-C."""
+"""Operator at the cell: questions that a run asks, their answers, interruption by Ctrl-C."""
 
 import signal
 from dataclasses import dataclass
@@ -7,6 +7,8 @@ from types import FrameType
 from typing import Any, Protocol, Self
 
 from drivers.errors import CellError
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Ask(StrEnum):
@@ -50,9 +52,6 @@ class Unattended:
         return Answer.GO
 
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-
-
 class Interrupted(CellError):
     """Error of an operation, other than a fold, that was interrupted from the keyboard."""
 
@@ -60,15 +59,15 @@ class Interrupted(CellError):
 
 
 class Interrupt:
-    """Context manager that remembers the first of SIGNALS and raises at a later one."""
+    """Context manager: the first signal of SIGNALS requests a stop, a later one interrupts."""
 
     def __init__(self) -> None:
-        self._asked = False
+        self._requested = False
         self._before: dict[signal.Signals, Any] = {}
 
     def __call__(self) -> bool:
         """Whether a controlled stop was requested."""
-        return self._asked
+        return self._requested
 
     def __enter__(self) -> Self:
         """Install the signal handlers."""
@@ -81,7 +80,7 @@ class Interrupt:
             signal.signal(number, before)
 
     def _count_signal(self, _number: int, _frame: FrameType | None) -> None:
-        """Remember the first signal; raise KeyboardInterrupt at a later one."""
-        if self._asked:
+        """Request a stop at the first signal; raise KeyboardInterrupt at a later one."""
+        if self._requested:
             raise KeyboardInterrupt
-        self._asked = True
+        self._requested = True

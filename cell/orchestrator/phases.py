@@ -1,4 +1,4 @@
-"""Phases of a fold: one generator of commands for each state."""
+"""Phases of a run: for each state one generator that receives snapshots and yields commands."""
 
 from collections import deque
 from collections.abc import Callable, Generator
@@ -34,8 +34,8 @@ from policies.profile import image_profile
 
 BRAKING_SHARE = 0.7  # of the arm's pitch acceleration, to stop the rotation at the lift's end
 SLOPE_TRAVEL = 0.01  # m of the lift over which its rotation per metre is measured
-COMPARED_TIME = 0.5  # s of images that are compared
-FEWEST_IMAGES = 5  # of them
+COMPARED_TIME = 0.5  # s of images over which a hanging strip's motion is measured
+FEWEST_IMAGES = 5  # that must lie in COMPARED_TIME
 AVERAGED_IMAGES = 3  # images in a running mean, in which their noise averages out
 REST_TRAVEL = 0.0005  # m that the profile's mean travels, below which a strip rests
 
@@ -66,8 +66,8 @@ def preflight(context: FoldContext, record: Recorder, _: Snapshot) -> steps.Phas
 
 def _inspect(
     sight: Reader, picture: steps.StillPicture
-) -> "Generator[Command, Snapshot, tuple[PreflightCheck, ...]]":
-    """Check the image before the grasp; Fault `image_reader_dead` where its reader has ended."""
+) -> Generator[Command, Snapshot, tuple[PreflightCheck, ...]]:
+    """Checks of the image before the grasp; Fault `image_reader_dead` where the reader failed."""
     sight.submit(ImageTask(picture.frame), picture.time)
     while not isinstance(checks := sight.result(), tuple):
         if sight.failure:
@@ -134,7 +134,7 @@ def wait_until_still(longest: float, record: Recorder) -> steps.Motion:
 
 
 class Swing:
-    """Motion of a hanging strip: travel [m] of its profile's mean within COMPARED_TIME."""
+    """Motion of a hanging strip: distance [m] that its profile's mean moves in COMPARED_TIME."""
 
     def __init__(self) -> None:
         self.moved = float("nan")
@@ -150,9 +150,8 @@ class Swing:
         measurement = snapshot.view.measurement
         if not snapshot.view.read or measurement is None or measurement.stamp < since:
             return
-        mean = image_profile(measurement.profile, measurement.contact_x, measurement.gripper)[
-            0
-        ].mean(axis=0)
+        x, profile = measurement.contact_x, measurement.profile
+        mean = image_profile(profile, x, measurement.gripper)[0].mean(axis=0)
         if not np.isfinite(mean).all():
             return
         self._means.append((measurement.stamp, mean))
@@ -209,14 +208,14 @@ def _record_prediction(context: FoldContext, record: Recorder, snapshot: Snapsho
 
 
 def continue_to_lay(_context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase:
-    """Continue to the lay without a pause: a hanging strip at rest would shift the loop by 5 mm."""
+    """Record the touch and pass on to the lay at once: in a pause the loop would shift by 5 mm."""
     yield from ()
     record.event(begin.time, "touch_seen", x=begin.arm.pose.x, z=begin.arm.pose.z)
     return Event.SETTLED
 
 
 def lay(context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase:
-    """Lower the grasped edge past the taut end, push it to its place; Fault without a touch."""
+    """Lower the grasped edge to the desk and push it to its target; Fault without a touch."""
     touch = context.seen_touch
     settings = context.settings.fold
     if touch is None:
@@ -245,19 +244,21 @@ def release(context: FoldContext, record: Recorder, _: Snapshot) -> steps.Phase:
     facts = {}
     if loop is not None:
         facts["loop"] = loop._asdict()
-        context.edge_offset = edge_offset(context.strip.length, context.strip.thickness, loop)
-        spreads = {
-            "map, twice": 2.0 * context.calibration.residual,
-            "loop": LaidWeights.shipped().rms,
-        }
-        context.witnesses.append(LengthCheck("edges", context.edge_offset + pose.x, spreads))
+        _compare_edges(context, loop, pose)
     record.event(snapshot.time, "edges_seen", edge_offset=context.edge_offset, **facts)
     return Event.RELEASED
 
 
+def _compare_edges(context: FoldContext, loop: Loop, gripper: Pose) -> None:
+    """Compare the edges' offset by the image's `loop` with that by the `gripper` at the release."""
+    context.edge_offset = edge_offset(context.strip.length, context.strip.thickness, loop)
+    spreads = {"map, twice": 2.0 * context.calibration.residual, "loop": LaidWeights.shipped().rms}
+    context.witnesses.append(LengthCheck("edges", context.edge_offset + gripper.x, spreads))
+
+
 def _laid_strip(
     context: FoldContext, frame: Frame, edge: Pose
-) -> "Generator[Command, Snapshot, StripMeasurement | None]":
+) -> Generator[Command, Snapshot, StripMeasurement | None]:
     """Measure the laid strip in `frame`, its grasped edge released near `edge`."""
     if context.reader is None:
         return None
@@ -273,7 +274,7 @@ def _visible_loop(context: FoldContext, measurement: StripMeasurement | None) ->
     if measurement is None:
         return None
     length_error = abs(laid_length(measurement) - context.strip.length)
-    if length_error > 2.0 * context.settings.perception.length_error:
+    if length_error > 2.0 * context.settings.perception.length_error:  # of either layer
         return None
     return Loop.seen_in(measurement)
 
@@ -301,12 +302,12 @@ _PHASES: dict[type[Context], dict[State, Callable[[Any, Recorder, Snapshot], ste
 
 
 def phases_of(context: Context) -> dict[State, PhaseFactory]:
-    """Phases of the run with this `context`, generators of commands, by state."""
+    """Functions that begin each phase of the run with this `context`, by state."""
     return {state: partial(phase, context) for state, phase in _PHASES[type(context)].items()}
 
 
 def observation(time: float, gripper: Pose, seen: StripMeasurement) -> Observation:
-    """Observation for the policy at `time` [s]: the `gripper` now, the strip as last `seen`."""
+    """Observation for the policy at `time` [s], of the `gripper` and the strip as last `seen`."""
     return Observation(
         time=np.array([time]),
         x=np.array([gripper.x]),

@@ -1,4 +1,4 @@
-"""Recorders of a run; measured time begins with the lift, or once the strip hangs still."""
+"""Recorders of a run, whose measured time begins with the lift, or once the strip hangs still."""
 
 from dataclasses import replace
 from typing import Any
@@ -12,7 +12,7 @@ from policies.policy import Decision
 
 
 class Recorder:
-    """Recorder of a run that stores nothing, base of recorders that do; clock times in [s]."""
+    """Recorder of a run that stores nothing, base class of one that does; clock times in [s]."""
 
     @property
     def origin(self) -> float:
@@ -20,7 +20,7 @@ class Recorder:
         return 0.0
 
     def describe(self, **facts: Any) -> None:
-        """Add `facts` to the run's header that were not known at its start."""
+        """Add `facts` that were not known at the run's start to its header."""
 
     def begin(self, clock: float) -> None:
         """Start measured time at the clock time `clock` [s]; a second call restarts it."""
@@ -42,7 +42,7 @@ class Recorder:
 
 
 class FileRecorder(Recorder):
-    """Recorder that writes the folder of a run; t = 0 is where the strip is still and held.
+    """Recorder that writes the folder of a run; t = 0 is the lift, or where the strip hangs still.
 
     Ticks and measurements are recorded from the lift on. Earlier images are kept until then and get
     negative times; events carry the cell's clock, and the event `origin` states where t = 0 is. A
@@ -64,7 +64,7 @@ class FileRecorder(Recorder):
         return self._origin or 0.0
 
     def describe(self, **facts: Any) -> None:
-        """Add `facts` to run.yaml that were not known at its start."""
+        """Add `facts` that were not known at the run's start to run.yaml."""
         self._writer.describe(**facts)
 
     def begin(self, clock: float) -> None:
@@ -102,8 +102,8 @@ class FileRecorder(Recorder):
         if measurement is None:
             return
         pose = snapshot.arm.pose
-        facts = {"sequence": measurement.sequence, "x": pose.x, "z": pose.z}
-        facts |= {"time": snapshot.time - self.origin}
+        time = snapshot.time - self.origin
+        facts = {"sequence": measurement.sequence, "x": pose.x, "z": pose.z, "time": time}
         facts |= {"direction": float(decision.direction[0]), "done": bool(decision.done[0])}
         self._writer.event(snapshot.time, "decision", **facts)
 
@@ -117,7 +117,7 @@ class FileRecorder(Recorder):
             self._writer.joints(rows, self.origin)
 
     def finish(self, result: dict[str, Any]) -> None:
-        """Complete the run's folder with the content `result` of result.yaml; allowed twice."""
+        """Complete the run's folder with `result`, written as result.yaml; allowed twice."""
         self._flush_early()
         self._writer.finish(result)
 

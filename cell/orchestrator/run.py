@@ -22,7 +22,7 @@ from cell.orchestrator.vision import MEASURED_STATES, RECORDED, View, Vision
 from drivers.errors import Fault
 from drivers.types import ZERO_VELOCITY
 
-PROMPT = 1.0  # s, limit on the wall clock for a control cycle
+CYCLE_LIMIT = 1.0  # s of computing for a control cycle on the wall clock; the setting may be lower
 
 
 class Observer(Protocol):
@@ -73,7 +73,7 @@ class Run:
         self._velocity = ZERO_VELOCITY
 
     def execute(self) -> Outcome:
-        """Run to DONE or FAULT, then until the arm rests; any error in a cycle stops it first."""
+        """Run to DONE or FAULT and until the arm rests; an error in a cycle stops the arm first."""
         clock = self._devices.clock
         period = 1.0 / self._context.settings.fold.control_rate
         start = clock.now()
@@ -111,7 +111,7 @@ class Run:
         """Execute a cycle within the limit of its computing time."""
         limit = self._rules.limits.turn
         if self._devices.real_time:
-            limit = min(limit, PROMPT)
+            limit = min(limit, CYCLE_LIMIT)
         with time_limit(limit):
             self._cycle(due)
 
@@ -133,7 +133,7 @@ class Run:
         self._notify(lambda observer: observer.handle_tick(snapshot))
 
     def _decide(self, snapshot: Snapshot) -> Command | None:
-        """Next command of the phase; when a phase ends, the next state's phase takes over."""
+        """Next command of the present phase, or of the one after it; None once the run is over."""
         try:
             if self._phase is not None:
                 return self._phase.send(snapshot)
@@ -161,7 +161,7 @@ class Run:
             run_suppressed(lambda: self._apply_event(Event.STOPPED, self._devices.clock.now()))
 
     def _apply_event(self, event: Event, now: float) -> None:
-        """Apply an event to the state machine; the lift starts measured time."""
+        """Apply an event to the state machine and record it; the lift starts measured time."""
         state = self._machine.apply(event)
         self._entered = now
         if state is State.LIFT:
@@ -170,7 +170,7 @@ class Run:
         self._phase = None
 
     def _stop(self, stopped: StopReason) -> None:
-        """End the run for the reason `stopped` and brake; one that is over keeps its state."""
+        """Brake and enter STOPPING for the reason `stopped`; a run that is over keeps its state."""
         self._safe_stop.apply(None if self._snapshot is None else self._snapshot.hand)
         self._stopped = stopped
         if not self._machine.over:
@@ -189,7 +189,7 @@ class Run:
         self._observers = tuple(o for o in self._observers if run_suppressed(lambda: call(o)))  # noqa: B023
 
     def _sense(self) -> Snapshot:
-        """Read arm, camera and hand; record the measurement from a new image."""
+        """Read arm, camera and hand, and record a new image with its measurement."""
         state = self._machine.state
         arm = self._devices.arm.state()
         self._arm_history.add(arm)

@@ -1,4 +1,4 @@
-"""State of the cell at one tick, and the commands to arm and hand."""
+"""State of the cell at one tick of the control loop, and the commands to arm and hand."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from policies.prediction import FoldPrediction
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """State of the cell at one tick; times in seconds of the cell's clock.
+    """State of the cell at one tick of the control loop; times in seconds of the cell's clock.
 
     `entered` is when the state was entered, `velocity` the last commanded one, `predicted` the
     policy's newest prediction.

@@ -1,4 +1,4 @@
-"""State machine of a run; an event without a transition is an error."""
+"""State machine of a run: states, events and allowed transitions."""
 
 from enum import StrEnum
 
@@ -68,7 +68,7 @@ TRANSITIONS: dict[tuple[State, Event], State] = {**_FORWARD, **_STOPS}
 
 
 class Machine:
-    """State machine of a run, whose `state` changes only along TRANSITIONS."""
+    """State machine of a run; its `state` changes only by the events in TRANSITIONS."""
 
     def __init__(self) -> None:
         self.state = State.IDLE
@@ -86,5 +86,5 @@ class Machine:
 
     @property
     def over(self) -> bool:
-        """Whether the run has ended, by itself or with a fault."""
+        """Whether the run has ended, in DONE or in FAULT."""
         return self.state in TERMINAL

@@ -1,4 +1,4 @@
-"""Building blocks of phases: generators that receive snapshots and yield commands.
+"""Motions and waits of which phases consist: generators from snapshots to commands.
 
 Returning an event ends the state. A phase waits by yielding, so that one loop with its monitors and
 its record serves every motion.
@@ -56,8 +56,8 @@ def move(pose: Pose) -> Motion:
     return snapshot
 
 
-def still_picture(*, settle: bool = True) -> "Generator[Command, Snapshot, StillPicture]":
-    """First image taken once arm and strip rest; without `settle` they are assumed to rest."""
+def still_picture(*, settle: bool = True) -> Generator[Command, Snapshot, StillPicture]:
+    """First image taken once arm and strip rest, after SETTLE unless `settle` is false."""
     at_rest = yield from pause(SETTLE if settle else 0.0)
     while True:
         snapshot = yield Hold()
@@ -83,7 +83,7 @@ def _move_fingers(command: OpenHand | CloseHand) -> Motion:
     return (yield from wait_for(lambda now: not now.hand.moving))
 
 
-def rotate_hand(pitch: float) -> "Generator[Command, Snapshot, Pose]":
+def rotate_hand(pitch: float) -> Generator[Command, Snapshot, Pose]:
     """Rotate the hand to `pitch` [rad] in place; returns the gripper's earlier pose.
 
     An arm that turns its hand while it reaches far can run into the limits of its joints.

@@ -1,4 +1,4 @@
-"""Vision of a run: measurement, layer touch and warnings from the newest camera image."""
+"""Vision of a run: strip measurement, layer touch and warnings from the newest camera image."""
 
 from dataclasses import dataclass, replace
 from math import nan
@@ -20,7 +20,7 @@ IDLE_IMAGE_PERIOD = 0.1  # s between images where nothing is measured in them
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """Newest image and measurement of a run; times in seconds of the cell's clock.
+    """Newest image and strip measurement of a run; times in seconds of the cell's clock.
 
     `frame` is the newest image and `fresh` whether it arrived on this tick; `identical` counts the
     successive images that equal it byte for byte although the gripper moved. `measurement` is the
@@ -48,7 +48,7 @@ class View:
 
 
 class Vision:
-    """Takes the newest image on each tick, and has the strip measured in it during a fold."""
+    """Reader of the camera on each tick, which has the strip measured in its images in a fold."""
 
     def __init__(self, camera: Camera, limits: MonitorLimits) -> None:
         """Read from `camera`; `limits` are those of confidence, camera shift and image age."""
@@ -59,7 +59,7 @@ class Vision:
         self._waiting: Frame | None = None  # the newest frame to be measured
 
     def update(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> View:
-        """Update the view at `now` [s] in `state`; raises Fault where a due image has no reader."""
+        """Newest view at `now` [s] in `state`; Fault where an image is due and no reader is set."""
         fresh = self._take_frame(state, arm)
         self._view = replace(self._view, fresh=fresh, read=False)
         self._measure(state, now, arm, reader)
@@ -87,7 +87,7 @@ class Vision:
         return True
 
     def _measure(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> None:
-        """Finish the measurement in progress if it is ready, and begin that of the newest frame."""
+        """Collect the finished measurement, if any, and begin that of the newest frame."""
         if self._waiting is not None and reader is None:
             raise Fault("no_perception", "a frame came before the preflight image was accepted")
         while reader is not None and not reader.failure:
@@ -102,7 +102,7 @@ class Vision:
             self._add(result)
 
     def _add(self, result: ImageResult) -> None:
-        """Add the results of one measured image to the view."""
+        """Add the measurement, touch and warnings of one image to the view."""
         measurement = result.measurement
         doubtful_since = None
         if not measurement.confidence >= self._limits.confidence:
