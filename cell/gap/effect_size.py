@@ -117,14 +117,13 @@ class GapModel:
     def responses(self, hidden: Sequence[NamedValues]) -> list[Array]:
         """Changes (N,) [noise] of residuals by each set of effects, less what a refit absorbs."""
         estimate = self._estimate
-        base, local = estimate.shared, estimate.point.local
-        requests = [
-            Request(run, base, {n: engine_values(n, v) for n, v in effects.items()}, unknowns)
-            for effects in hidden
-            for run, unknowns in zip(estimate.evidence.runs, local, strict=True)
-        ]
+        runs = list(zip(estimate.evidence.runs, estimate.point.local, strict=True))
+        requests = []
+        for effects in hidden:
+            values = {name: engine_values(name, stated) for name, stated in effects.items()}
+            requests += [Request(run, estimate.shared, values, local) for run, local in runs]
         results = self._subject.simulate(requests)
-        count = len(local)
+        count = len(runs)
         return [self._left_by_base(results[k * count :][:count]) for k in range(len(hidden))]
 
     def _left_by_base(self, results: Sequence[Residuals]) -> Array:
@@ -155,7 +154,8 @@ class GapModel:
             for _ in range(ROUNDS):
                 excess = self._excess_along(strengths, shares)
                 k = min(np.flatnonzero(excess >= target), default=len(shares) - 1)
-                smallest, gap = float(shares[k]), float(excess[k])
+                smallest = float(shares[k])
+                gap = float(excess[k])
                 shares = np.geomspace(shares[max(k - 1, 0)], smallest, STEPS)
         except ConfigurationError:
             return None
@@ -168,13 +168,9 @@ class GapModel:
 def engine_values(name: str, values: Mapping[str, float]) -> Array:
     """Parameters (p,) of the effect `name` in the engine's units, from a strip file's `values`."""
     effect = registry()[name]
-    complete = effect.complete(values)
     switch = effect.parameters[0]
-    inverse = switch.null is None
-    return np.array(
-        [
-            1.0 / complete[p.name] if inverse and p is switch else complete[p.name]
-            for p in effect.parameters
-            if p.role != "shape" or p.name in values
-        ]
-    )
+    complete = effect.complete(values)
+    if switch.null is None:
+        complete[switch.name] = 1.0 / complete[switch.name]
+    used = [p.name for p in effect.parameters if p.role != "shape" or p.name in values]
+    return np.array([complete[parameter] for parameter in used])

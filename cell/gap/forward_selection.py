@@ -114,16 +114,16 @@ def refit_on_base(
     `complete` are the runs with all unknowns. Models that cannot come up to the best one are
     left out. Beside another base the other sign of an effect may fit better.
     """
-    simulate, new_evidence = search.simulate, base.estimate.evidence
+    new_evidence = base.estimate.evidence
     tasks = []
     nats = {m.model.names: gain(m, fits.base, fits.likelihood) for m in fits.models}
     for fit in (m.estimate for m in fits.models if m.model.effects):
         if within_reach(nats[fit.model.names], max(nats.values())):
             _, start = with_unknowns(fit, with_spreads(complete, spreads))
-            tasks.append(
-                refit(fit.model, new_evidence, start, _secants(fit, new_evidence), ROUGH_GAIN)
-            )
-    refitted = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
+            secants = _secants(fit, new_evidence)
+            tasks.append(refit(fit.model, new_evidence, start, secants, ROUGH_GAIN))
+    estimates = run_all(search.simulate, tasks)
+    refitted = run_all(search.simulate, list(map(validate, estimates)))
     fits = replace(fits, models=(base, *refitted))
     in_reach = [m for m in fits.models if gain(fits.best, m, fits.likelihood) <= BUDGET.reach]
     return search.other_signs(fits, in_reach)
@@ -144,12 +144,13 @@ def _secants(fit: Estimate, evidence: Evidence) -> tuple[Array, ...] | None:
 def refit_singles(search: Search, models: Models, progress: Progress) -> Fits:
     """`fits` of `models` with the best single effects added, if any can be accepted."""
     progress("refit the best", 0.25)
-    screen, fits = models.screen, models.fits
+    fits = models.fits
     least = MIN_GAIN * fits.likelihood.inefficiency
-    promising = any(s.gain > least for s in screen.singles)
-    if not (promising or models.base_fit.doubted or ranked_pairs(screen.equations, 1, least)):
-        return fits
-    return search.fit_scored_models(fits, screen.singles[: BUDGET.singles])
+    singles = models.screen.singles
+    promising = models.base_fit.doubted or any(s.gain > least for s in singles)
+    if promising or ranked_pairs(models.screen.equations, 1, least):
+        return search.fit_scored_models(fits, singles[: BUDGET.singles])
+    return fits
 
 
 def refit_further(search: Search, models: Models, progress: Progress) -> Fits:

@@ -55,20 +55,19 @@ def investigate(
     models = stages.extend(stages.begin(), refit_singles, 0.4)
     models = stages.extend(models, refit_further, 0.75)
     progress("judge", 0.8)
-    base_fit, fits = models.base_fit, models.fits
-    sets = posterior(fits, fits.likelihood)
-    accepted, fits = stages.choose(fits, sets)
+    sets = posterior(models.fits, models.fits.likelihood)
+    accepted, fits = stages.choose(models.fits, sets)
     tests = stages.test_model(accepted, fits, sets)
     progress("show on held-out runs", 0.9)
-    unseen = with_spreads(unseen, base_fit.scatter)
-    shown = stages.refit_held_out(base_fit.base, accepted, unseen)
+    unseen = with_spreads(unseen, models.base_fit.scatter)
+    shown = stages.refit_held_out(models.base_fit.base, accepted, unseen)
     progress("advise", 0.95)
-    is_gap = bool(accepted.model.effects) or base_fit.gap
+    is_gap = bool(accepted.model.effects) or models.base_fit.gap
     experiments = stages.advise(models.screen, accepted, fits, tests) if is_gap else ()
     findings = Findings(
         subject=subject,
         held_out=tuple(held_out),
-        base_fit=base_fit,
+        base_fit=models.base_fit,
         screen=models.screen,
         accepted=accepted,
         fits=fits,

@@ -42,8 +42,10 @@ from drivers.types import frozen
 JOURNAL, PAGE = "journal", "rehearsal.md"
 NO_EFFECT = "nothing"
 COPY_COST = 30.0  # s of one core, about
-SEGMENTS, STEP = 240, 0.002  # of the copies' rod, s: finer than any grid of the model
-DWELL_TIME, ROW_PERIOD = 0.6, 0.01  # s that a copy stays at the end of its path, in rows of so much
+SEGMENTS = 240  # of the copies' rod: finer than any grid of the model
+STEP = 0.002  # s, of that rod
+DWELL_TIME = 0.6  # s that a copy stays at the end of its path
+ROW_PERIOD = 0.01  # s between the rows of that stay
 
 
 class HiddenCopy(Settings):
@@ -105,11 +107,10 @@ def as_fitted(strip: StripFile, values: Mapping[str, float]) -> StripFile:
 
 def path_of_run(run: MeasuredRun) -> GripperPath:
     """Measured gripper path of a run, with a standstill of DWELL_TIME added for a late touch."""
-    t, poses = run.t, run.poses
-    later = t[-1] + ROW_PERIOD * np.arange(1, round(DWELL_TIME / ROW_PERIOD) + 1)
-    still = np.repeat(poses[-1:], len(later), axis=0)
-    times = np.concatenate([t, later]) - t[0]
-    return GripperPath(frozen(times), frozen(np.vstack([poses, still])), run.hanging)
+    later = run.t[-1] + ROW_PERIOD * np.arange(1, round(DWELL_TIME / ROW_PERIOD) + 1)
+    still = np.repeat(run.poses[-1:], len(later), axis=0)
+    times = np.concatenate([run.t, later]) - run.t[0]
+    return GripperPath(frozen(times), frozen(np.vstack([run.poses, still])), run.hanging)
 
 
 def copies_with_each_effect(
@@ -230,7 +231,8 @@ def _summary(
     plan: Plan, hidden: Sequence[Mapping[str, Any]], empty: Sequence[Mapping[str, Any]]
 ) -> Iterator[str]:
     """Sentences on the numbers of hidden effects that would be named and of false names."""
-    good, alarms = sum(map(is_right, hidden)), sum(bool(o["named"]) for o in empty)
+    good = sum(map(is_right, hidden))
+    alarms = sum(bool(o["named"]) for o in empty)
     sure = [o["confidence"] for o in hidden if o["named"] and is_right(o)]
     yield (
         f"Of {len(hidden)} effects, each hidden so large that it matters, {good} would have been "

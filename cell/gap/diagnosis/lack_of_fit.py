@@ -124,7 +124,8 @@ def _drift_words(estimate: Estimate, form: NormalEquations) -> str:
     information = np.maximum(np.diag(form.curvature), 1e-300)
     i = int(np.argmax(form.gradient**2 / information))
     rate = -form.gradient[i] / information[i]
-    p, value = estimate.model.parameters[i], float(estimate.shared[i])
+    p = estimate.model.parameters[i]
+    value = float(estimate.shared[i])
     if value == 0.0:
         return f"{p.name} changes by {rate:+.2g} {p.unit} a run"
     return f"{p.name} changes by {100 * rate / value:+.2g} % a run"
@@ -241,8 +242,9 @@ class ResidualTest:
         response of any of the models tried, it and `others`, with either sign (Westfall and Young
         1993).
         """
-        r, bins = self.estimate.stacked_residuals, self.bins
+        r = self.estimate.stacked_residuals
         clipped = robust.clip_residuals(r / self.allowed)
+        bins = self.bins
         rows = list(bins.values())
         responses = [(r - model.stacked_residuals) / self.allowed for model in (fitted, *others)]
         sums = [_match_sums(clipped, response, rows, self.noise) for response in responses]

@@ -24,11 +24,6 @@ class Recommendation:
     expected_sigma: float
     minutes: float
 
-    @property
-    def rate(self) -> float:
-        """Expected log-likelihood ratio of the two explanations per minute [nats/min]."""
-        return 0.5 * self.expected_sigma**2 / self.minutes
-
 
 def advise(
     first: Estimate,
@@ -60,7 +55,8 @@ def advise(
         words = f"{experiment.name}: {experiment.instruction}"
         separates = (first.model.name, model.name)
         rated.append(Recommendation(words, separates, sigma, experiment.minutes))
-    return sorted(rated, key=lambda a: -a.rate)
+    # by the expected log-likelihood ratio, half of sigma squared, per minute
+    return sorted(rated, key=lambda a: -(a.expected_sigma**2) / a.minutes)
 
 
 def _information(estimate: Estimate) -> Array:

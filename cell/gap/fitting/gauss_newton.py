@@ -66,7 +66,7 @@ def _secant_requests(
     For a replicate the first, at the values, comes once more as a response to compare with.
     """
     at_point = request(model, run, shared, local)
-    batch, steps = [at_point] if run.replicate else [], []
+    steps = []
     points = [(shared, local)]
     for i, p in enumerate(model.parameters):
         step = _step_within_bounds(p, shared[i])
@@ -76,8 +76,8 @@ def _secant_requests(
         step = _step_within_bounds(p, local[i])
         points.append((shared, _step_one(local, i, step)))
         steps.append(step)
-    batch += [replace(request(model, run, *point), response=run.replicate) for point in points]
-    return batch, np.array(steps)
+    batch = [replace(request(model, run, *point), response=run.replicate) for point in points]
+    return ([at_point, *batch] if run.replicate else batch), np.array(steps)
 
 
 def _step_within_bounds(p: Parameter, value: float) -> float:
@@ -341,7 +341,8 @@ def _broyden_update(fit: Estimate, trial: Estimate, curvature: Array) -> tuple[A
     rows = zip(fit.raw, trial.raw, fit.evidence.scales, fit.jacobians, strict=True)
     for i, (a, b, scale, jacobian) in enumerate(rows):
         columns = unknowns.columns(i)
-        step, along = change[columns], units[columns] * change[columns]
+        step = change[columns]
+        along = units[columns] * step
         beyond = np.nan_to_num((b.mean - a.mean) / scale - jacobian @ step)
         length = max(float(along @ step), np.finfo(float).tiny)
         updated.append(jacobian + np.outer(beyond, along) / length)
@@ -350,12 +351,11 @@ def _broyden_update(fit: Estimate, trial: Estimate, curvature: Array) -> tuple[A
 
 def _evaluate(fit: Estimate, points: Sequence[Array]) -> Task[list[Estimate]]:
     """Estimates at `points` (size,), clipped to the bounds, with the Jacobians of `fit`; a task."""
-    model, evidence = fit.model, fit.evidence
+    runs = fit.evidence.runs
     inside = list(map(fit.unknowns.point, points))
-    answers = yield [q for p in inside for q in requests(model, evidence.runs, p)]
-    runs = len(evidence.runs)
-    by_point = [answers[i * runs : (i + 1) * runs] for i in range(len(inside))]
+    answers = yield [q for p in inside for q in requests(fit.model, runs, p)]
+    by_point = [answers[k : k + len(runs)] for k in range(0, len(answers), len(runs))]
     return [
-        Estimate.at(model, evidence, p, raw, fit.jacobians)
+        Estimate.at(fit.model, fit.evidence, p, raw, fit.jacobians)
         for p, raw in zip(inside, by_point, strict=True)
     ]

@@ -88,9 +88,10 @@ def reml_spreads(estimate: Estimate) -> tuple[Spread, ...]:
 
 def _spread(p: Parameter, share: float, error: float) -> Spread:
     """Spread of `p` and its interval, from `share` of the usual one and the log's `error`."""
-    low, high = float(np.exp(-CENTRAL_95 * error)), float(np.exp(CENTRAL_95 * error))
     value = share * p.spread
-    return Spread(p.name, p.unit, value, value * low, value * high)
+    factor = float(np.exp(CENTRAL_95 * error))
+    low = value * float(np.exp(-CENTRAL_95 * error))
+    return Spread(p.name, p.unit, value, low, value * factor)
 
 
 @dataclass(frozen=True, slots=True)
@@ -285,7 +286,8 @@ def with_unknowns(estimate: Estimate, complete: Evidence) -> tuple[Evidence, Poi
     A fit can begin there; samples and their scales stay those of the estimate.
     """
     unknowns_of = {run.name: run.local for run in complete.runs}
-    runs, local = [], []
+    runs = []
+    local = []
     for run, local_values in zip(estimate.evidence.runs, estimate.point.local, strict=True):
         value_of = {p.name: float(v) for p, v in zip(run.local, local_values, strict=True)}
         local.append(np.array([value_of.get(p.name, p.start) for p in unknowns_of[run.name]]))

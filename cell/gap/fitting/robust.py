@@ -90,7 +90,8 @@ def _autocovariance(
     runs: Sequence[Run], residuals: Sequence[Array], lags: int = 40
 ) -> tuple[float, Array]:
     """Sums of squares and of lagged products (lags,) over all series of all runs."""
-    power, products = 0.0, np.zeros(lags)
+    power = 0.0
+    products = np.zeros(lags)
     for run, r in zip(runs, residuals, strict=True):
         for series in np.unique(run.samples.series):
             x = r[run.samples.series == series]

@@ -134,7 +134,7 @@ def _log_curve(recording: rr.RecordingStream, root: str, word: str, scene: Scene
     """Log a measured curve as unconnected points, a simulated one as a line."""
     if scene.curve is None or not len(scene.curve.t):
         return
-    entity, curves = f"{root}/curve/{word}", [_flat_points(points) for points in scene.curve.points]
+    curves = [_flat_points(points) for points in scene.curve.points]
     if word == "measured":
         columns = rr.Points2D.columns(positions=np.concatenate(curves))
         columns = columns.partition([len(points) for points in curves])
@@ -142,7 +142,7 @@ def _log_curve(recording: rr.RecordingStream, root: str, word: str, scene: Scene
     else:
         columns = rr.LineStrips2D.columns(strips=curves)
         look = rr.LineStrips2D.from_fields(colors=CURVE_COLOURS[word], radii=0.7 * RADIUS_MM)
-    _send_columns(recording, entity, scene.curve.t, columns, look)
+    _send_columns(recording, f"{root}/curve/{word}", scene.curve.t, columns, look)
 
 
 def _send_columns(

@@ -216,10 +216,9 @@ def _planned_folds(findings: Findings, verdict: Verdict) -> dict[str, Any]:
 
 def _verdict_card(findings: Findings, verdict: Verdict) -> Card:
     """Verdict card: headline, sentences, tone, and the probability in large print."""
-    number, below = "", ""
-    if verdict.effects:
-        least = min(effect.confidence for effect in verdict.effects)
-        number, below = percent(least), "probable; causes outside\nthe library count against it"
+    least = min((effect.confidence for effect in verdict.effects), default=None)
+    number = "" if least is None else percent(least)
+    below = "" if least is None else "probable; causes outside\nthe library count against it"
     lines = [sentence(findings, verdict)]
     if findings.held_out_fits.changed:
         lines.append(capitalised(verdict.gap.sentence()) + ".")
