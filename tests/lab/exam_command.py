@@ -88,7 +88,8 @@ def exam(
         sys.stdout.write(f"{len(wanted)} cases, {failed} failed; next: --only-judge\n")
         return
     command = _repeat_command(tier, len(wanted), seed, repeats, kind, force)
-    page, *_ = write_report(entries, out / "exam.md", command)
+    page = out / "exam.md"
+    write_report(entries, page, command)
     results = [e.outcome.result if e.outcome else "failed" for e in entries]
     failed, wrong = results.count("failed"), sum(r not in GOOD_RESULTS for r in results)
     words = f"{len(results) - wrong} of {len(results)} right"

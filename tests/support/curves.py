@@ -8,7 +8,7 @@ import numpy as np
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Model, Point, evidence
-from cell.gap.fitting.tasks import run_one
+from cell.gap.fitting.tasks import CountedSimulation, run_one
 from cell.gap.investigate import investigate
 from cell.gap.selection.hold_out import held_out
 from cell.gap.subject.subject import (
@@ -27,7 +27,6 @@ from cell.gap.verdict.compose import verdict as compose
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Verdict
 from drivers.types import Array
-from tests.support.swings import Counter
 
 T = np.linspace(0.0, 1.0, 60)
 SPEEDS = {"slow": 0.5, "medium": 1.0, "fast": 2.0, "faster": 3.0}
@@ -124,7 +123,7 @@ class Curves(Subject):
 
 
 def judged(subject: Curves) -> tuple[Findings, Verdict]:
-    simulate = Counter(subject.simulate)
+    simulate = CountedSimulation(subject.simulate)
     held = held_out(subject, simulate)
     found = investigate(subject, held, simulate, lambda stage, share: None)
     return found, compose(found, 0.0, simulate.total)

@@ -8,24 +8,9 @@ import mujoco
 import numpy as np
 import yaml
 
-from cell.gap.fitting.tasks import Simulate
 from cell.gap.subject.mechanism.mechanism_file import PendulumFile
-from cell.gap.subject.subject import Request, Residuals
 from drivers.types import Array
 from tests.support.mechanisms import write_run
-
-
-class Counter:
-    """A simulation that counts: the runs simulated so far are in `total`."""
-
-    def __init__(self, simulate: Simulate) -> None:
-        self._simulate = simulate
-        self.total = 0
-
-    def __call__(self, requests: Sequence[Request]) -> Sequence[Residuals]:
-        self.total += len(requests)
-        return self._simulate(requests)
-
 
 STEP = 0.0005  # s of the plant
 LINK = {"mass": 0.2, "length": None, "com": 0.12, "inertia": 5e-4, "damping": 2.5e-4}

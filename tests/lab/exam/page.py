@@ -1,15 +1,10 @@
-"""Report of an exam in Markdown with figures, made from the entries of its ledger."""
+"""Report of an exam in Markdown, made from the entries of its ledger."""
 
-import io
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import pairwise
 from pathlib import Path
 from statistics import median
 from typing import get_args
-
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from cell.gap.rehearse import table
 from drivers.files import replace_file, writing
@@ -18,100 +13,17 @@ from tests.lab.exam.from_state import LEVELS
 from tests.lab.exam.ledger import Entry
 from tests.lab.exam.score import Outcome
 from tests.lab.exam.targets import (
-    Bin,
-    Confusion,
     Target,
     by_group,
     comparisons,
-    confusion,
     outcomes,
     rate,
     rate_text,
-    reliability,
     reliable,
     spread_errors,
     targets,
 )
 
-INK, FAINT, WRONG, RIGHT_COLOUR = "#22272e", "#c9ced6", "#c2553b", "#2f6db3"
-DARK = 0.6  # share of a row from which its cell is dark
-EDGES = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, float("inf"))  # of the groups by excess gap
-
-
-def figure(table: Confusion, bins: Sequence[Bin], found: Sequence[Outcome]) -> Figure:
-    """Draw the figure of an exam: confusion matrix above, reliability and rates below."""
-    height = 1.6 + 0.24 * len(table.rows)
-    drawn = Figure(figsize=(max(9.0, 3.5 + 0.36 * len(table.columns)), height + 4.0),
-                   layout="constrained")  # fmt: skip
-    top, below = np.ravel(drawn.subfigures(2, 1, squeeze=False, height_ratios=[height, 3.2]))
-    _matrix(top.subplots(), table)
-    left, right = below.subplots(1, 2)
-    _reliability(left, bins)
-    _strength(right, found)
-    for axis in (left, right):
-        _remove_spines(axis)
-    return drawn
-
-
-def _remove_spines(axis: Axes) -> None:
-    axis.tick_params(colors=INK, labelsize=8)
-    for side in ("top", "right"):
-        axis.spines[side].set_visible(False)
-
-
-def _matrix(axis: Axes, table: Confusion) -> None:
-    """Draw the counts of the confusion matrix, shaded by their share of the row."""
-    counts = np.array([[table.count(r, c) for c in table.columns] for r in table.rows])
-    share = counts / counts.sum(axis=1, keepdims=True)
-    axis.imshow(share, cmap="Blues", vmin=0.0, vmax=1.3, aspect="auto")
-    for i, j in zip(*np.nonzero(counts), strict=True):
-        ink = "white" if share[i, j] > DARK else INK
-        axis.text(j, i, str(counts[i, j]), ha="center", va="center", fontsize=7, color=ink)
-    axis.set_yticks(range(len(table.rows)), table.rows, fontsize=8)
-    axis.set_xticks(range(len(table.columns)), table.columns, fontsize=8, rotation=50, ha="right")
-    axis.set_ylabel("hidden", fontsize=8)
-    axis.set_xlabel("said", fontsize=8)
-
-
-def _reliability(axis: Axes, bins: Sequence[Bin]) -> None:
-    axis.plot([0, 1], [0, 1], color=FAINT, lw=1.0)
-    for b in bins:
-        axis.plot([b.confidence] * 2, b.right.interval, color=RIGHT_COLOUR, lw=1.2)
-        axis.plot(b.confidence, b.right.value, "o", color=RIGHT_COLOUR, ms=4)
-        at = (b.confidence, b.right.value)
-        axis.annotate(str(b.right.count), at, (-5, -3), textcoords="offset points", ha="right",
-                      fontsize=7, color=INK)  # fmt: skip
-    axis.set(xlim=(0, 1.02), ylim=(0, 1.02))
-    axis.set_xlabel("stated confidence", fontsize=8)
-    axis.set_ylabel("right, by class", fontsize=8)
-
-
-def _strength(axis: Axes, found: Sequence[Outcome]) -> None:
-    """Draw right and wrong names of single effects over the gap left by the refitted base."""
-    single = [o for o in found if o.kind == "single"]
-    groups = [[o for o in single if low <= o.realised < high] for low, high in pairwise(EDGES)]
-    right = [rate(o.right for o in group) for group in groups]
-    wrong = [rate(o.result == "wrong_name" for o in group) for group in groups]
-    for aside, colour, words, rates in (
-        (-0.08, RIGHT_COLOUR, "right, by class", right),
-        (0.08, WRONG, "wrong name", wrong),
-    ):
-        for i, each in enumerate(rates):
-            if each.count:
-                axis.plot([i + aside] * 2, each.interval, color=colour, lw=1.2)
-                axis.plot(i + aside, each.value, "o", color=colour, ms=4)
-        axis.plot([], [], "o", color=colour, ms=4, label=words)
-    labels = [f"{low:g}-{high:g}" if np.isfinite(high) else f"> {low:g}"
-              for low, high in pairwise(EDGES)]  # fmt: skip
-    counts = [len(group) for group in groups]
-    axis.set_xticks(range(len(groups)), [f"{w}\n{n}" for w, n in zip(labels, counts, strict=True)])
-    axis.set(ylim=(-0.02, 1.02))
-    axis.set_xlabel("excess gap left by the refitted base, and cases", fontsize=8)
-    axis.set_ylabel("share of single effects", fontsize=8)
-    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=8, frameon=False)
-
-
-DPI = 160
 GOOD_RESULTS = ("right_strict", "right_class", "correct_no_gap", "correct_abstention")
 TIERS: dict[Tier, str] = {"state": "From the state, without images", "images": "Through images"}
 PLANTS = get_args(Plant)
@@ -175,20 +87,11 @@ def _scatter_words(name: ScatterLevel) -> str:
     return "no scatter" if name == "none" else sizes
 
 
-def write_report(entries: Sequence[Entry], page: Path, command: str = "") -> tuple[Path, ...]:
-    """Write the Markdown `page`, and one figure a tier beside it; returns all paths.
-
-    Raises ConfigurationError where that is impossible.
-    """
-    content = {page: markdown(entries, page.stem, command).encode()}
-    for tier, mine in by_tier(entries):
-        if outcomes(mine):
-            content[_picture_path(page, tier)] = _draw_png(mine)
+def write_report(entries: Sequence[Entry], page: Path, command: str) -> None:
+    """Write the Markdown `page`; raises ConfigurationError where that is impossible."""
     with writing(page):
         page.parent.mkdir(parents=True, exist_ok=True)
-        for path, data in content.items():
-            replace_file(path, data)
-    return tuple(content)
+        replace_file(page, markdown(entries, command).encode())
 
 
 def by_tier(entries: Iterable[Entry]) -> Iterator[tuple[Tier, list[Entry]]]:
@@ -200,17 +103,17 @@ def by_tier(entries: Iterable[Entry]) -> Iterator[tuple[Tier, list[Entry]]]:
             yield tier, mine
 
 
-def markdown(entries: Sequence[Entry], stem: str = "exam", command: str = "") -> str:
-    """Format the whole page in Markdown; figures are files whose names begin with `stem`."""
+def markdown(entries: Sequence[Entry], command: str = "") -> str:
+    """Markdown text of the whole page, with the `command` that made the exam."""
     parts = ["# The exam of the gap workflow", INTRODUCTION]
     if command:
         parts.append(f"Made by `{command}`.")
     for tier, mine in by_tier(entries):
-        parts += _tier_sections(mine, tier, f"{stem}-{tier}.png")
+        parts += _tier_sections(mine, tier)
     return "\n\n".join(parts) + "\n"
 
 
-def _tier_sections(entries: Sequence[Entry], tier: Tier, picture: str) -> Iterator[str]:
+def _tier_sections(entries: Sequence[Entry], tier: Tier) -> Iterator[str]:
     """Headings, texts and tables on one tier, as blocks of Markdown."""
     failed = sum(e.state == "failed" for e in entries)
     yield f"## {TIERS[tier]}"
@@ -226,7 +129,6 @@ def _tier_sections(entries: Sequence[Entry], tier: Tier, picture: str) -> Iterat
         yield plant_table(entries)
         yield "### By how much runs differ from one another"
         yield scatter_table(entries)
-        yield f"![Confusion, confidence, strength]({picture})"
         yield from _detail_sections(entries, found)
     yield "### Every miss"
     yield "\n".join(_missed_cases(entries)) or "None."
@@ -234,7 +136,7 @@ def _tier_sections(entries: Sequence[Entry], tier: Tier, picture: str) -> Iterat
 
 def _detail_sections(entries: Sequence[Entry], found: Sequence[Outcome]) -> Iterator[str]:
     yield "### What was hidden and what was said"
-    yield _confusion_table(said_of(entries))
+    yield _confusion_table(entries)
     yield "### Is the stated confidence earned?"
     claims = stated_confidences(found)
     yield reliable(claims) if claims else "Nothing was named."
@@ -264,11 +166,6 @@ def stated_confidences(found: Iterable[Outcome]) -> list[tuple[float, bool]]:
     return [(o.confidence, o.right) for o in found if o.confidence is not None]
 
 
-def said_of(entries: Iterable[Entry]) -> Confusion:
-    """Confusion matrix of hidden causes and stated names; all pairs of effects share a row."""
-    return confusion((_hidden_causes(e), _verdict_words(e)) for e in entries)
-
-
 def _hidden_causes(entry: Entry) -> str:
     if entry.case.kind == "nothing":
         return "nothing"
@@ -290,13 +187,16 @@ def _verdict_words(entry: Entry) -> str:
     return found.named[0] if len(found.named) == 1 else "several"
 
 
-def _confusion_table(counts: Confusion) -> str:
+def _confusion_table(entries: Iterable[Entry]) -> str:
+    """Markdown table of what was said, the most frequent first, for each hidden cause."""
+    said: dict[str, Counter[str]] = {}
+    for entry in entries:
+        said.setdefault(_hidden_causes(entry), Counter())[_verdict_words(entry)] += 1
     rows = []
-    for row in counts.rows:
-        answers = {c: counts.count(row, c) for c in counts.columns if counts.count(row, c)}
-        often = sorted(answers.items(), key=lambda item: -item[1])
-        words = ", ".join(f"{column} {count}" for column, count in often)
-        rows.append((row, str(sum(answers.values())), words))
+    for hidden, answers in sorted(said.items()):
+        often = sorted(answers.items(), key=lambda item: (-item[1], item[0] not in said, item[0]))
+        words = ", ".join(f"{answer} {count}" for answer, count in often)
+        rows.append((hidden, str(answers.total()), words))
     return table(["hidden", "cases", "said"], rows)
 
 
@@ -392,15 +292,3 @@ def _stated_words(found: Outcome) -> str:
     if found.rival:
         words += f"; strongest rival {found.rival}"
     return words + (f"; {found.reason}" if found.reason else "")
-
-
-def _picture_path(page: Path, tier: Tier) -> Path:
-    return page.with_name(f"{page.stem}-{tier}.png")
-
-
-def _draw_png(entries: Sequence[Entry]) -> bytes:
-    found = outcomes(entries)
-    content = io.BytesIO()
-    drawn = figure(said_of(entries), reliability(stated_confidences(found)), found)
-    drawn.savefig(content, format="png", dpi=DPI, facecolor="white", metadata={"Software": None})
-    return content.getvalue()

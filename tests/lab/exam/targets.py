@@ -1,6 +1,5 @@
 """Targets of an exam, tier by tier, and whether each is met; rates with their uncertainty."""
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from statistics import median
@@ -104,31 +103,6 @@ def reliable(stated: Sequence[tuple[float, bool]], counts: Array | None = None) 
         f"{table(head, rows)}\n\n{len(stated)} verdicts that accept, {len(wrong)} of them wrong, "
         f"{low} of these stated under {DOUBTFUL}; expected calibration error {errors[0]}{weighed}."
     )
-
-
-@dataclass(frozen=True, slots=True)
-class Confusion:
-    """Confusion matrix: counts of each hidden cause (rows) by stated name (columns)."""
-
-    rows: tuple[str, ...]
-    columns: tuple[str, ...]
-    counts: dict[tuple[str, str], int]
-
-    def count(self, row: str, column: str) -> int:
-        """Number of cases with `row` hidden for which `column` was stated."""
-        return self.counts.get((row, column), 0)
-
-
-def confusion(found: Iterable[tuple[str, str]]) -> Confusion:
-    """Count pairs (hidden cause, stated cause) into a confusion matrix.
-
-    Columns are first the stated ones of the rows, in their order, then all other stated names.
-    """
-    counts = Counter(found)
-    rows = tuple(sorted({hidden for hidden, _ in counts}))
-    stated = {column for _, column in counts}
-    columns = [row for row in rows if row in stated] + sorted(stated - set(rows))
-    return Confusion(rows, tuple(columns), dict(counts))
 
 
 SHRINK_TARGET = 0.9  # of the shrink that knowing the truth would give

@@ -143,4 +143,3 @@ def test_an_exam_that_is_finished_is_only_reported(
     done = CliRunner().invoke(app, asked)
     assert done.exit_code == 0, done.output
     assert done.stdout == f"2 of 2 right: {kept / 'exam.md'}\n"
-    assert (kept / "exam-state.png").is_file()
