@@ -132,7 +132,7 @@ def load_calibration(path: Path) -> Calibration:
 
 
 def _signed_file(lens: Lens, homography: Homography, facts: Mapping[str, Any]) -> CalibrationFile:
-    """The file of a calibration with `facts`, values of KEYWORDS, and its id."""
+    """Calibration file of lens, map and `facts`, values of KEYWORDS, with the id of its content."""
     unsigned = CalibrationFile(
         schema=1,
         id="",

@@ -58,7 +58,7 @@ class Viewpoint:
         return np.array([self.x, self.z])
 
     def sweep(self, depth: float) -> float:
-        """Parallax of a point `depth` [m] behind the plane, over its distance from `foot`."""
+        """Fraction by which a point `depth` [m] behind the plane appears moved towards `foot`."""
         return depth / (self.distance + depth)
 
 

@@ -25,7 +25,7 @@ class AxisLimits(Settings):
     jerk: float = Field(gt=0, le=12500)
 
     def tighter(self, other: "AxisLimits") -> "AxisLimits":
-        """Limits that are, one by one, the lower of these and those of `other`."""
+        """Copy in which each limit is the lower one of this axis and of `other`."""
         limits = AxisLimits.model_fields
         return AxisLimits(
             **{name: min(getattr(self, name), getattr(other, name)) for name in limits}
@@ -49,7 +49,7 @@ class MotionLimits(Settings):
         return self.x, self.z, self.pitch
 
     def tighter(self, other: "MotionLimits") -> "MotionLimits":
-        """Limits of which each, on every axis, is the lower of this one and that of `other`."""
+        """Copy in which each limit of each axis is the lower one of these limits and of `other`."""
         axes = (a.tighter(b) for a, b in zip(self.axes, other.axes, strict=True))
         return MotionLimits(**dict(zip(AXIS_NAMES, axes, strict=True)))
 

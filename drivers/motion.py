@@ -175,7 +175,7 @@ class MotionProfile:
     def _follow(
         self, target: Numbers, blocked: frozenset[int] = frozenset(), *, gently: bool = False
     ) -> None:
-        """Plan to velocity `target` (3,), softly near it if `gently`; `blocked` axes brake hard."""
+        """Plan to velocity `target` (3,), slowly near it if `gently`; axes `blocked` brake hard."""
         request = self._request
         request.control_interface = ruckig.ControlInterface.Velocity
         velocity = list(target)
@@ -266,7 +266,7 @@ class MotionProfile:
 
 
 def settling(distance: float, speed: float, limit: float) -> float:
-    """Acceleration [m/s^2 or rad/s^2], at most `limit`, to stop `distance` away in about SETTLE.
+    """Acceleration [per s^2], at most `limit`, to stop at `distance` [m or rad] in SETTLE [s].
 
     `distance` in m or rad, `speed` per s, `limit` per s^2. Corrections in the shortest time would
     oscillate about the goal where ticks are lost, as a lost tick continues the acceleration.

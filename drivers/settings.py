@@ -97,7 +97,7 @@ def load(path: Path, model: type[S], *, bare: bool = False) -> S:
 
 
 def _check_kind(content: Mapping[str, Any], model: type[BaseModel], origin: str) -> None:
-    """Raise ConfigurationError for content without any key that `model` requires but `name`."""
+    """Raise ConfigurationError for `content` with no key, other than `name`, that `model` needs."""
     fields = model.model_fields.items()
     needed = [field.alias or name for name, field in fields if field.is_required()]
     if len(needed) > 1 and not content.keys() & set(needed) - {"name"}:

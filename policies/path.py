@@ -56,7 +56,7 @@ def triangular(length: float, rise: float = 0.0) -> Path:
 
 
 def shifted(length: float) -> Path:
-    """Triangular path over a strip of `length` [m], moved up by PAPER_RISE for every fabric."""
+    """Triangular path over a strip of `length` [m], raised by PAPER_RISE [m] for every fabric."""
     return triangular(length, PAPER_RISE)
 
 

@@ -75,7 +75,7 @@ def draw_effect(
 def plain_strip(
     rng: np.random.Generator, length: float = STRIP_LENGTH, **effects: Mapping[str, float]
 ) -> StripFile:
-    """Draw a strip of `length` [m] and `effects`, stiffness and damping as in the paper."""
+    """Draw a strip of `length` [m] with `effects`, stiffness and damping in the paper's range."""
     of_paper = strip_at(rng.uniform(), rng.uniform())
     return StripFile(
         name="unknown",

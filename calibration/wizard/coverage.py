@@ -89,7 +89,7 @@ GUESS = 2.0  # focal length over image width, before any is known
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """Placement of the calibration board in one view, as in ROS's camera_calibration.
+    """Place, size, skew and lean of the board in one view, as in ROS's camera_calibration.
 
     `x`, `y` are its centre and `size` the root of its area, as fractions of the image; `skew` is 0
     for a rectangle and 1 for corners 28 degrees off square; `tilt`, `turn` [rad] lean its top and

@@ -35,7 +35,7 @@ class FciArm:
     def __init__(
         self, access: RobotAccess, clock: Clock, origin: Callable[[], float | None] = lambda: None
     ) -> None:
-        """Create a driver that connects by `access` later, in the time of `clock`.
+        """Create a driver, not yet connected, of the robot of `access`, with stamps of `clock`.
 
         `origin` gives the clock's zero in the system's monotonic time [s], if it has one.
         """
@@ -76,7 +76,7 @@ class FciArm:
         self._start_time = self._clock.now()
 
     def join(self) -> None:
-        """Hold the arm and advance its robot to the clock's time, as the hand needs it."""
+        """Hold the arm and, in lock-step, advance its robot, with the hand, to the clock's time."""
         self.hold()
         self.catch_up()
 

@@ -163,7 +163,7 @@ class JointMotion:
         return setpoint
 
     def _stepwise_setpoint(self) -> Numbers:
-        """Next setpoint (7,) [rad] of the controller, at speeds proportional to the distance."""
+        """Next setpoint (7,) [rad] by proportional control: speeds proportional to the distance."""
         rates = [0.0] * AXES
         if self._goal is not None:
             away = np.subtract(self._goal, self._setpoint.position).tolist()
@@ -231,7 +231,7 @@ class CartesianState:
 
 
 class CartesianMotion:
-    """Converter of hand poses to joints (7,) [rad], which it sends to a robot; joint 3 stays.
+    """Converter of hand poses to joints (7,) [rad], sent to a robot; the elbow, joint 3, stays.
 
     The client library's Cartesian commands carry no elbow: the robot's own inverse kinematics would
     choose one (frankx#22), and over a fold it may wander into a joint's end.

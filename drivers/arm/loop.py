@@ -134,7 +134,7 @@ class ServoLoop:
             self._check_state(self._state)
 
     def _check_state(self, state: Any) -> None:
-        """Report the robot's state, and brake where the state or the motion ahead demands it."""
+        """Report `state`; brake for too high a force or a motion that the arm cannot follow."""
         self._publish(state)
         self._check_force(state)
         if self._is_commanded or self.ticks % TICKS_BETWEEN_CHECKS == 0:

@@ -111,7 +111,7 @@ class Mailbox(SharedMemory, Generic[V]):
 
 
 class CommandInbox:
-    """Commands of the cell as its loop takes them, each once, and how long the cell was silent.
+    """Reader of the cell's commands, each taken once, and of the time since its last heartbeat.
 
     `number` is that of the last command taken.
     """

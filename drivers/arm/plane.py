@@ -19,7 +19,7 @@ NO_OFFSET = (0.0, 0.0, 0.0)
 
 
 class Coordinates(NamedTuple):
-    """Three coordinates at one moment, with their first and second derivatives [1/s, 1/s^2]."""
+    """Three coordinates [m or rad] at one time, with first and second derivatives by time [s]."""
 
     value: Triple
     rate: Triple
@@ -47,7 +47,7 @@ class StripPlane:
     def __init__(
         self, cell_in_robot: CellInRobot, *, turned: bool = False, rest: Array | None = None
     ) -> None:
-        """Give all poses the small offset `rest` (4, 4) from the plane, by default none."""
+        """Use the plane y = 0 of the cell; all hand poses keep the offset `rest` (4, 4) from it."""
         frame = cell_in_robot.matrix
         self._cell_in_robot = cell_in_robot
         sign = -1.0 if turned else 1.0
@@ -190,7 +190,7 @@ def _motion_of_point(lever: Array, twist: Numbers, acceleration: Numbers) -> tup
 
 
 def _in_pitching_axes(aside: Coordinates, inside: Coordinates) -> Coordinates:
-    """Motion `aside` with lean angles about axes that pitch as `inside` does, to first order."""
+    """Motion `aside` with rates of small leans about axes that rotate with the pitch `inside`."""
     pitch_rate = inside.rate[2]
     pitch_change = inside.change[2]
     _, lean_x, lean_z = aside.value

@@ -207,7 +207,7 @@ def densify(path: Array, speeds: Array) -> tuple[Array, Array]:
 
 
 class ReachGuard:
-    """Check of joint limits at the motion REACTION ahead, and where braking from there would end.
+    """Check that joints keep limits at the pose REACTION [s] ahead and where braking from it ends.
 
     At both poses, with the elbow where the motion began, each joint must be away from its ends and
     need at most VELOCITY_SHARE of its velocity, ACCELERATION_SHARE of its acceleration for the

@@ -120,7 +120,7 @@ class CameraFaulty(Fault):
 
 
 class CameraRefused(ConfigurationError):
-    """Error for a setting in the cell file that the camera does not support; none is replaced."""
+    """Error for a setting in the cell file that the camera does not accept exactly as it stands."""
 
     def __init__(self, device: str, key: str, problem: str) -> None:
         super().__init__(f"{device}: {key}: {problem}")

@@ -145,13 +145,13 @@ def _beyond(values: Array, limits: tuple[float, ...]) -> bool:
     return any(abs(value) > limit for value, limit in zip(values.tolist(), limits, strict=True))
 
 
-def _slack(limit: Array, time: float = 1.0) -> tuple[float, ...]:
-    """`limit` (7,) times `time` [s], larger by LIMIT_FACTOR, as plain numbers."""
+def _with_tolerance(limit: Array, time: float = 1.0) -> tuple[float, ...]:
+    """Published `limit` (7,) times `time` [s] and the tolerance LIMIT_FACTOR, as plain numbers."""
     return tuple((LIMIT_FACTOR * time * limit).tolist())
 
 
-_JOINT_VELOCITY = _slack(limits.VELOCITY)
-_JOINT_ACCELERATION = _slack(limits.ACCELERATION)
-_JOINT_JERK = _slack(limits.JERK, TICK)  # as change of the acceleration in one tick
-_JOINT_STANDSTILL = _slack(limits.ACCELERATION, TICK)
+_JOINT_VELOCITY = _with_tolerance(limits.VELOCITY)
+_JOINT_ACCELERATION = _with_tolerance(limits.ACCELERATION)
+_JOINT_JERK = _with_tolerance(limits.JERK, TICK)  # as change of the acceleration in one tick
+_JOINT_STANDSTILL = _with_tolerance(limits.ACCELERATION, TICK)
 _BRAKING = max(_JOINT_STANDSTILL)  # rad/s, reduction by one tick of braking

@@ -40,7 +40,7 @@ STEADY_ACCELERATION = 1e-3  # rad/s^2 and m/s^2, below which a motion counts as 
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """Estimated external wrench (6,) [N, N m] on the tool in the base, and its joint torques.
+    """Estimated external wrench (6,) [N, N m] on the tool in the base; its joint torques (7,).
 
     Flags are 1 where a threshold is exceeded: first row for contact, second row for collision.
     """
@@ -261,7 +261,7 @@ class EmulatedRobot:
             self.posture = self.posture.brake(self.configuration.tool)
 
     def _check_contact(self) -> None:
-        """Compute the contact by all forces on the tool; one beyond a threshold is a reflex."""
+        """Estimate the contact by all forces on the tool; stop by reflex beyond a threshold."""
         force = self.pushed
         if self.push is not None:
             force = force + self.push(self.measured.reached, self.time / 1000)

@@ -126,7 +126,7 @@ def _equilibrium(
 
 
 def _newton_step(gradient: Array, stiffness: Array, lifting: Array) -> Array:
-    """Newton step (n,) [rad] of the angles, without stiffness of the weight that destabilises."""
+    """Newton step (n,) [rad]; `lifting` (n,) is added to an indefinite `stiffness` (2, n)."""
     if not _stable(stiffness):
         stiffness = stiffness + np.stack([np.zeros(len(lifting)), np.maximum(lifting, 0.0)])
     return np.asarray(-solveh_banded(stiffness, gradient))

@@ -12,7 +12,7 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """First touch of a fold's layers: `time` [s], `x` [m], lengths [m] from it to both edges."""
+    """First touch of a fold's layers: `time` [s], `x` [m], arc lengths [m] to both edges."""
 
     time: float
     x: float

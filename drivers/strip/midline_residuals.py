@@ -43,7 +43,7 @@ def curvature(before: Any, after: Any) -> Any:
 
 @kernel
 def distances_to_segment(curve: Any, q: int, base: Any, bend: float, x: float, z: float) -> Any:
-    """Distance [m] of point x, z from segment `q`, and signed one from its arc, left positive.
+    """Distance [m] of point x, z from segment `q`; from its arc too, signed, left positive.
 
     The arc over the segment's chord `base` has the mean curvature `bend` [1/m].
     """
@@ -83,7 +83,7 @@ def signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
 
 @kernel
 def nearest_node(curve: Any, low: int, high: int, x: float, z: float) -> Any:
-    """Index in low..high of the node of `curve` nearest to point x, z, by every STRIDE-th first."""
+    """Index in low..high of the node of `curve` nearest to x, z: each STRIDE-th, then between."""
     best = nearest_among(curve, range(low, high + 1, STRIDE), x, z)
     close = range(max(best - STRIDE + 1, low), min(best + STRIDE, high + 1))
     return nearest_among(curve, close, x, z)

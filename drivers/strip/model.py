@@ -62,7 +62,7 @@ class BendingLaw:
 
 @dataclass(frozen=True, slots=True)
 class Drag:
-    """Drag of still air per length, 1/2 rho C_d width (u + slow) (v_n n + along v_t t).
+    """Drag [N/m] of still air on a strip, 1/2 rho C_d width (u + slow) (v_n n + along v_t t).
 
     C_d is `coefficient`, u^2 = v_n^2 + oblique v_t^2 of the speeds v_n across and v_t along the
     strip. At `slow` [m/s] friction of the air resists as much as its pressure.

@@ -129,7 +129,7 @@ def weight_on_gripper(desk: Desk, frame: CellInRobot) -> Array:
 
 
 class ExternalArm:
-    """Coupling of an arm that is not part of the twin: the gripper of `desk` moves as it measures.
+    """Coupling of an arm that is not part of the twin: its measured pose moves the gripper.
 
     `measured` gives the arm's newest stamp [s] and pose, None while it is not connected.
     """

@@ -30,7 +30,7 @@ UP_DIRECTION, DOWN_DIRECTION, LEVEL_DIRECTION = 0.75 * math.pi, 1.25 * math.pi, 
 
 
 class Steering:
-    """Steering of n grippers along raised triangles; one that descends does not climb again."""
+    """Steering of n grippers along raised triangles: up, then down; none climbs a second time."""
 
     def __init__(self, length: float, speed: float, count: int) -> None:
         """Steer `count` grippers over strips of `length` [m] at `speed` [m/s]."""
@@ -44,7 +44,7 @@ class Steering:
         return HIGHEST * self._length
 
     def decide(self, x: Array, z: Array, rise: Array) -> Decision:
-        """Command grippers at `x`, `z` (n,) [m] to the lines z = x + `rise` (n,) [m], then down."""
+        """Command grippers at `x`, `z` (n,) [m] up to lines z = x + `rise` (n,) [m], then along."""
         above = (z - x - rise) / math.sqrt(2.0)
         self.descending = self.descending | (above > -self._speed * LEAD)
         turn = np.arctan2(above, LOOK_AHEAD)
@@ -57,7 +57,7 @@ class Steering:
 
 
 class Adaptive:
-    """Policy that descends along z = x + rise, as the critic predicts zero displacement for it.
+    """Policy that descends on lines z = x + rise whose predicted displacement is zero.
 
     `rise` (n,) [m] are those of the n grippers' lines. After BLIND_TIME without an image of
     sufficient confidence, `blind` is set and the rise goes to that of the policy `shifted`.

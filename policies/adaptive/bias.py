@@ -20,7 +20,7 @@ Coefficient = Annotated[float, Field(gt=-100.0, lt=100.0)]  # as any plausible o
 
 
 class Untrained(StudyResult):
-    """Standard deviation `added` [m] to the critic's for effects that its training lacked.
+    """Extra standard deviation `added` [m] of the critic for effects outside its training.
 
     Examples: another engine, lost images. Written by `python -m tests.lab study unknown`, in whose
     `folds` the shares `within_1` and `within_2` then lie within 1 and 1.96 sigma.

@@ -90,7 +90,7 @@ def _fit_line(t: Array, values: Array, weight: Array) -> tuple[Array, Array]:
 
 
 class Features:
-    """Converter of observations of n strips to the critic's inputs, lengths over the strip's."""
+    """Converter of observations to the critic's inputs; lengths are divided by the strip's."""
 
     def __init__(self, length: float, count: int) -> None:
         self._length = length

@@ -106,7 +106,7 @@ def validate(settings: TrainingSettings, weights: Array) -> float:
 
 
 def fold_cost(folds: Folds, weight: Array, length: float, force_weight: float) -> Array:
-    """Costs (n,) [m] of n folds: |d| at the touch, plus a |f_x| over the strips' `weight` (n,) [N].
+    """Costs (n,) [m] of n folds: |d| at the touch + `force_weight` |f_x| / `weight` (n,) [N].
 
     Without a touch, the strip's length plus the remaining distance of the gripper from the fixed
     edge: worse than any touch, and less so the nearer (paper, reward shaping).

@@ -33,7 +33,7 @@ def apply_effects(model: StripModel, effects: Effects) -> StripModel:
 
 
 def _checkout_hint(name: str) -> str:
-    """Hint in an error message where the working folder has an effect `name`, not installed."""
+    """Hint to install the working folder's sources if they have an effect `name`; else empty."""
     for path in Path("drivers", "strip", "effects").glob("*.py"):
         if f'name="{name}"' in path.read_text(encoding="utf-8"):
             return f"; {path} is not a part of the installed package: run `pip install -e .` here"

@@ -105,14 +105,14 @@ class _Cache(NullCache):  # type: ignore[misc]
 
 
 def _with_unique_name(function: F) -> F:
-    """`function`, renamed after what it closes over: numba names machine code by name and types."""
+    """`function` with a hash of its closure in its name: numba caches by name and types alone."""
     if function.__closure__:
         function.__qualname__ += f"_{_digest(_origin(function))}"
     return function
 
 
 def _origin(function: Callable[..., Any]) -> str:
-    """Dependencies of the code of `function`: its name, sources and closed-over values."""
+    """Text that changes with the code of `function`: its name, sources and closed-over values."""
     closed = [cell.cell_contents for cell in function.__closure__ or ()]
     values = [_origin(v.py_func) if hasattr(v, "py_func") else repr(v) for v in closed]
     file = Path(function.__code__.co_filename)

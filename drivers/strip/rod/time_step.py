@@ -52,7 +52,7 @@ class Pace(NamedTuple):
 
 @kernel
 def weights(omega: float) -> Any:
-    """BDF2 weights of the last two values in the base of a rate, for a step ratio `omega`."""
+    """BDF2 weights of the last and second last value, for a ratio `omega` of step to last step."""
     return (1.0 + omega) ** 2 / (1.0 + 2.0 * omega), -(omega**2) / (1.0 + 2.0 * omega)
 
 

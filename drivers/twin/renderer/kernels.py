@@ -15,7 +15,7 @@ PLANE_SEQUENCE = (0.7548776662466927, 0.5698402909980532)  # a plane sequence of
 
 
 class Pinhole(NamedTuple):
-    """Camera at `centre` (3,) [m] with its `rotation` (3, 3); other fields are as in `Optics`."""
+    """Camera's `centre` (3,) [m], `rotation` (3, 3), `focal`, `principal` [px], `distortion`."""
 
     centre: Array
     rotation: Array
@@ -148,7 +148,7 @@ class Sums(NamedTuple):
 
 @kernel
 def _share(area: float, a: float, b: float, corner: tuple[int, int]) -> float:
-    """Part of `area` in the pixel at `corner` (down, right) of four, `a` right and `b` down in."""
+    """Bilinear part of `area` in pixel `corner` (row, column) of 2 x 2, at `a` right, `b` down."""
     share = area * a
     if corner[1] == 0:
         share = area - share

@@ -60,7 +60,7 @@ _SPECK = Scene(
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Window of an image of `size` (width, height): columns `left` to `right`, rows to `bottom`.
+    """Window [px] of an image of `size` (width, height): `left`, `top` to before `right`, `bottom`.
 
     Its outer `margin` [px] serves the blur alone and is not copied back.
     """
@@ -76,7 +76,7 @@ class Window:
     def around(
         cls, extents: Sequence[tuple[Array, Array]], size: tuple[int, int], margin: int
     ) -> Self | None:
-        """Window around points u, v [px] with twice the margin; None where outside the image."""
+        """Window, `margin` twice around all points u, v [px]; None where outside the image."""
         present = [extent for extent in extents if len(extent[0])]
         if not present:
             return None

@@ -110,7 +110,7 @@ def random_weave(depth: float, rng: np.random.Generator) -> Weave:
 
 @dataclass(frozen=True, slots=True)
 class Projection:
-    """Image of a midline at y = 0, `near` (m, 2) [px], and vectors from there in pixels.
+    """Image of a midline in the plane y = 0: points `near` (m, 2) [px], vectors [px] from them.
 
     `along` (m, 2) [px] is the curve from a point to the next, `half` (m, 2) half of the strip's
     thickness along the normal, `motion` (m, 2) the path during the exposure, empty at rest.
@@ -139,10 +139,9 @@ def project(curve: Curve, optics: Optics, look: StripLook) -> Projection:
 
 @dataclass(frozen=True, slots=True)
 class Cloud:
-    """Material points (6, n) of a strip in the image: u, v [px], area [px^2], and more.
+    """Material points (6, n): u, v [px], area [px^2], brightness, arc length and depth [m].
 
-    Also brightness, arc length and depth [m]. `tint` (n, 3) BGR are the points' colours; empty
-    where all have the strip's.
+    `tint` (n, 3) BGR are the points' colours; empty where all have the strip's.
     """
 
     points: Array

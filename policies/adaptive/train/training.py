@@ -92,7 +92,7 @@ class CriticTraining:
         return load_critic(path)  # as stored in float32, so that a resumed training is equal
 
     def _finish(self) -> None:
-        """Set the critic's sigmas by the trials and save the weights."""
+        """Scale the last critic's sigmas to its errors in the trial folds, and save the critic."""
         shards = [self._load(self.settings.rounds, n) for n in range(self.settings.trials)]
         last = load_critic(self._critic_path(self.settings.rounds - 1))
         self._calibrated, self.trial = calibrate_sigmas(last, concatenate(shards))
@@ -123,7 +123,7 @@ class CriticTraining:
 
 @dataclass(frozen=True, slots=True)
 class TrialResult:
-    """Results of trial folds: mean, 95 % quantile, worst |d| [m]; shares within 1, 1.96 sigma."""
+    """Displacements d of trial folds: mean, 95 %, worst |d| [m]; shares within 1, 1.96 sigma."""
 
     folds: int
     untouched: int
@@ -134,7 +134,7 @@ class TrialResult:
 
 
 def calibrate_sigmas(critic: Critic, shard: Shard) -> tuple[Critic, TrialResult]:
-    """Copy of `critic`, sigmas scaled to its errors in the folds of `shard`, and their results."""
+    """Copy of `critic` with sigmas scaled to its errors in folds `shard`; results of the folds."""
     ratios = error_ratios(critic, shard)
     # sigma's factors with which the shares within 1 and 1.96 sigma are nearest to normal
     needed = [[np.quantile(r, share) / sigmas for share, sigmas in COVERAGES] for r in ratios]

@@ -19,7 +19,7 @@ PARTS = 10  # of the cross-validation
 
 
 class FoldedBatch(NamedTuple):
-    """Data (n,) of n folds through images, to which a critic's bias is fitted.
+    """Displacements and critic's predictions (n,) of n folds through images, to fit its bias.
 
     Measured displacement [m], the critic's prediction and sigma [m], its estimate of the bending
     length as a logarithm, and thickness [m].
