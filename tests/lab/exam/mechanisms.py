@@ -94,9 +94,11 @@ def _heavier(rig: Rig, size: float, rng: np.random.Generator) -> None:
 
 
 def _shift(rig: Rig, size: float, rng: np.random.Generator, field: str) -> None:
-    """Wrong base: a body, or its centre of mass, that lies elsewhere than the file says."""
-    way = rng.standard_normal(3)
-    getattr(rig.model, field)[rng.choice(rig.moving())] += SHIFT * size * way / np.linalg.norm(way)
+    """Wrong base: a joint's body, or a centre of mass, that lies elsewhere than the file says."""
+    way, m = rng.standard_normal(3), rig.model
+    # where a body fixed to another lies, a centre of mass does
+    bodies = [b for b in rig.moving() if field == "body_ipos" or m.body_jntnum[b]]
+    getattr(m, field)[rng.choice(bodies)] += SHIFT * size * way / np.linalg.norm(way)
 
 
 def _bend(rig: Rig, size: float, rng: np.random.Generator) -> None:

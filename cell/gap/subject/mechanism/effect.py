@@ -11,7 +11,8 @@ from cell.gap.subject.subject import Candidate, Parameter
 from drivers.types import Array
 
 Of = Literal["model", "rig"]
-UNTRUE, EXACT = 0.2, 0.02  # relative errors of laws of friction and springs, and of all others
+# relative errors of laws of friction, springs and bases that sway, and of all others
+UNTRUE, EXACT = 0.2, 0.02
 SIZES_PER_SPREAD = 25.0  # typical sizes of a parameter in its prior spread
 STEPS_PER_SIZE = 1000.0  # steps of finite differences in a typical size
 Parameters = Callable[[Mechanism], tuple[Parameter, ...]]
@@ -89,7 +90,8 @@ class Effect:
             tuple(_probe(np.append(null[:-1], last), i, sizes[i] * factor) for i in amounts)
             for last in self.grid or null[-1:] for factor in self.probes
         )  # fmt: skip
-        error = UNTRUE if self.law is not None and self.of == "model" else EXACT
+        is_law = self.path is not None or (self.law is not None and self.of == "model")
+        error = UNTRUE if is_law else EXACT
         return Candidate(self.name, self.sentence, mechanism.mode.of or self.of, parameters, groups,
                          self.revealed_by, error, self._shapes(mechanism))  # fmt: skip
 
