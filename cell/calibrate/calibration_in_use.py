@@ -1,4 +1,4 @@
-"""Calibration that a cell uses: its file, made first where the twin has none, its validity."""
+"""Calibration that a cell uses: where its file lies, making it on the twin, its validity."""
 
 import fcntl
 import hashlib
@@ -20,9 +20,9 @@ SHIPPED = (PACKAGED if PACKAGED.exists() else CHECKOUT_CONFIGS) / "calibration"
 RENDERING = 1  # raised with a renderer by which calibrations come out otherwise; a test says when
 DAY = 86400.0  # s
 CLOCK_TOLERANCE = 1.0  # days by which two clocks, or their time zones, may differ
-LATENCY_RANGE, RESIDUAL_RANGE = (-1.0, 1.0), (0.0, 20.0)  # s, mm
-BIAS_RANGE = (-0.05, 0.05)  # m
-DISTANCE_RANGE = (0.05, 20.0)  # of contact_x and of the camera from its plane
+# what a wizard can give: latency [s], residual [mm], bias of contact_x, distance of the camera [m]
+LATENCY_RANGE, RESIDUAL_RANGE = (-1.0, 1.0), (0.0, 20.0)
+BIAS_RANGE, DISTANCE_RANGE = (-0.05, 0.05), (0.05, 20.0)
 ANEW = "run `cell calibrate camera` and `cell calibrate homography --use`"
 
 
@@ -127,7 +127,7 @@ def check_current(
 
 
 def _check_plausible(calibration: Calibration) -> None:
-    """Refuse a calibration with numbers that no wizard gives, so that no arm moves by them."""
+    """Raise ConfigurationError for a calibration with a value outside its plausible range."""
     for key, value, (low, high), unit in (
         ("latency", calibration.latency, LATENCY_RANGE, "s"),
         ("residual_mm", calibration.residual_mm, RESIDUAL_RANGE, "mm"),

@@ -50,7 +50,7 @@ Interruption = Callable[[], bool]
 
 @dataclass(frozen=True, slots=True)
 class Wizard:
-    """Calibrates the camera among the `devices` of a cell, together with an `operator`.
+    """Wizard that calibrates the camera among the `devices` of a cell, guiding an `operator`.
 
     `watch` is told the progress. Every method raises Interrupted when the operator stops it, and
     Fault where a monitor stops the arm or the camera delivers nothing; what was measured until then
@@ -64,10 +64,10 @@ class Wizard:
     interrupted: Interruption = lambda: False
 
     def calibrate_lens(self, folder: Path, length: float | None) -> LensVerdict:
-        """Request views of the board until enough are accepted, and fit the lens; uses `folder`.
+        """Fit the lens to views of the board, requested until enough are accepted.
 
-        `length` [m] is the ruler's length of the board's squares; on the twin it is measured there,
-        and a session that goes on knows it.
+        The session is kept in `folder`. `length` [m] is the ruler's length of the board's squares;
+        on the twin it is measured there, and a session that goes on knows it.
         """
         devices = self.devices
         boards = self.settings.boards
@@ -230,7 +230,7 @@ def refit_homography(
 
 
 class TwinOperator:
-    """Operator who simulates the hands at the twin; `person` confirms each step before it."""
+    """Operator at the twin: puts the pointer into its hand once `person` has confirmed the step."""
 
     def __init__(self, aids: CalibrationAids, person: Operator) -> None:
         self._aids = aids
@@ -300,11 +300,11 @@ def show_board(
 ) -> None:
     """Request views of the board until enough are accepted; raises Interrupted if stopped."""
     while (wanted := views.ask()) is not None:
-        _check(interrupted)
+        _check_interrupted(interrupted)
         progress = views.progress()
         watch(progress)
         answer = operator.answer(Question(Ask.VIEW, progress.request))
-        _check(interrupted)
+        _check_interrupted(interrupted)
         if answer is Answer.SKIP:
             views.skip()
         elif answer is Answer.AGAIN:
@@ -318,8 +318,8 @@ def show_board(
             watch(views.progress(frame, result))
 
 
-def _check(interrupted: Interruption) -> None:
-    """Raise Interrupted where the operator has interrupted the calibration."""
+def _check_interrupted(interrupted: Interruption) -> None:
+    """Raise Interrupted if the operator has `interrupted` the calibration."""
     if interrupted():
         raise Interrupted("the calibration was interrupted")
 

@@ -1,4 +1,4 @@
-"""Terminal of a calibration wizard: panel, coverage, single keys, and Ctrl-C."""
+"""Terminal interface of the calibration wizard: live panel, keys as answers, and Ctrl-C."""
 
 import os
 import select
@@ -50,6 +50,13 @@ BRAILLE = 0x2800
 RECENT = 4  # answers that stay in sight
 POINT_STYLES = {"o": "green", "h": "blue", "x": "yellow", ">": "bold cyan", ".": "dim"}
 MARK_LEGEND = "o fitted   h held out   x twice touched   > wanted   . to come"
+FAR_OUTSIDE = 999  # dots, to which corners outside the sketch are clipped
+CTRL_D = "\x04"  # Ctrl-D, which a terminal that sends single keys passes on as a character
+ENTER = "\n"
+KEY_HELP = "Enter go on | s leave out | r the last one again | a go on alone"
+POLL_INTERVAL = 0.1  # s between looks at Ctrl-C
+ALONE = "a"
+ANSWERS = {ENTER: Answer.GO, ALONE: Answer.GO, "s": Answer.SKIP, "r": Answer.AGAIN}
 
 
 class WizardPanel:
@@ -144,7 +151,7 @@ def _braille_line(corners: Array | None, scale: Array) -> NDArray[np.intp]:
     columns, rows = SKETCH
     picture = np.zeros((4 * rows, 2 * columns), np.uint8)
     if corners is not None:
-        points = np.clip(np.rint(corners * scale), -999, 999).astype(np.int32)
+        points = np.clip(np.rint(corners * scale), -FAR_OUTSIDE, FAR_OUTSIDE).astype(np.int32)
         cv2.polylines(picture, [points], isClosed=True, color=1)
     characters = picture.reshape(rows, 4, columns, 2).astype(np.intp)
     dots: NDArray[np.intp] = np.einsum("rdce,de->rc", characters, DOTS)
@@ -178,14 +185,6 @@ def print_verdict(lines: Iterable[Line]) -> None:
     """Print the `lines` of a verdict, in colour where the terminal supports it."""
     parts = [(f"{MARKS[line.level]} {line.text}\n", STYLES[line.level]) for line in lines]
     Console(highlight=False, soft_wrap=True).print(Text.assemble(*parts), end="")
-
-
-CTRL_D = "\x04"  # Ctrl-D, which a terminal that sends single keys passes on as a character
-ENTER = "\n"
-KEY_HELP = "Enter go on | s leave out | r the last one again | a go on alone"
-POLL_INTERVAL = 0.1  # s between looks at Ctrl-C
-ALONE = "a"
-ANSWERS = {ENTER: Answer.GO, ALONE: Answer.GO, "s": Answer.SKIP, "r": Answer.AGAIN}
 
 
 class Keys:
@@ -282,7 +281,7 @@ class Keyboard:
 
 @dataclass(slots=True)
 class TerminalSession:
-    """Session of a wizard at a terminal: its `panel`, its recording if any, and Ctrl-C."""
+    """Session of a calibration wizard at a terminal: `panel`, `recording` if any, and Ctrl-C."""
 
     panel: WizardPanel
     interrupted: Callable[[], bool]

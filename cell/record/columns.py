@@ -25,7 +25,7 @@ LARGEST_VALUE = 1e9  # nothing of a cell is as large in any unit
 
 
 class Quantity(NamedTuple):
-    """What a column holds: units with their factors to SI, the SI unit first; `largest` size [SI].
+    """Quantity of a column: its units with their factors to SI, the SI unit first; `largest` size.
 
     A column that is not `needed` may be missing, one that is `whole` holds no NaN where it is.
     """
@@ -51,7 +51,7 @@ Share = Annotated[Array, Quantity(COUNTS, whole=False)]
 
 
 class Columns:
-    """Base of the columns of a table of a run, as arrays (n,)."""
+    """Base class of the checked columns of a run's table, as arrays (n,)."""
 
     __slots__: tuple[str, ...] = ()
 
@@ -142,7 +142,7 @@ class Profile(Columns):
         return cls(**values)
 
     def curves(self) -> list[tuple[float, Array]]:
-        """Midlines of the strip in order of time: stamp [s] and points (m, 2) [m] of each image."""
+        """Strip midlines in order of time, each as stamp [s] and points (m, 2) x, z [m]."""
         points = np.stack([self.x, self.z], axis=1)
         # rows at which an image begins, and the end: a difference to NaN counts as nonzero
         edges = np.flatnonzero(np.diff(self.t, prepend=np.nan, append=np.nan))
@@ -204,7 +204,7 @@ def _check_order(t: Array, origin: str, strictly: bool) -> None:
 
 
 def _check_median(values: Array, name: str, origin: str) -> None:
-    """Refuse lengths in a wrong unit by their median, which outliers do not change."""
+    """Raise ConfigurationError for lengths in a wrong unit, by their median, robust to outliers."""
     middle = float(np.median(np.abs(values))) if values.size else 0.0
     if middle > FARTHEST_HAND:
         raise ConfigurationError(

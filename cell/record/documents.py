@@ -1,4 +1,4 @@
-"""YAML documents and lines of JSON of a record, and an operator's notes."""
+"""Writing of a run's YAML documents and lines of JSON, and of an operator's notes on it."""
 
 import json
 from collections.abc import Iterable, Mapping
@@ -61,7 +61,7 @@ def annotate(
 
 
 def _annotated(path: Path, add: set[str], remove: set[str], note: str | None, text: str) -> str:
-    """The `text` of the notes at `path` with tags added and removed, and another `note` if any."""
+    """Copy of the notes' `text` with tags added and removed, and another `note` if given."""
     content = parse_yaml(text, str(path)) if text else {}
     notes = parse(content, Notes, str(path))
     tags = " ".join(sorted({*notes.tags.split(), *add} - remove))

@@ -1,4 +1,4 @@
-"""Events of a run, among them the start of measured time and the policy's predictions."""
+"""Events of a run as recorded: changes of state, start of measured time, policy's predictions."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -13,10 +13,11 @@ from cell.record.files import EVENTS
 from drivers.readers import read_json_lines
 from drivers.types import Array
 
-ORIGIN = "origin"  # kind of the event at t = 0 of the run's tables
-LIFT = "lift"  # of that at t = 0 of its streams and images, where that is another moment
-PREDICTED = "foretold"  # kind of the events
-NOT_LEARNED = "not_learned"  # kind of the event of a fold whose lesson could not be stored
+# kinds of events
+ORIGIN = "origin"  # at t = 0 of the run's tables
+LIFT = "lift"  # at t = 0 of its streams and images, where that is another moment
+PREDICTED = "foretold"  # with a prediction by the policy
+NOT_LEARNED = "not_learned"  # of a fold whose deviation could not be stored
 EVERY_FRAME = frozenset({"decision", PREDICTED})  # kinds that are too many for a log
 BELIEFS = ("bending_length", "retardation_time", "yield_curvature")
 COLUMN_NAMES = tuple(
@@ -44,7 +45,7 @@ def read_events(folder: Path) -> tuple[Event, ...]:
 
 
 def log_text(kind: str, facts: Mapping[str, Any]) -> str:
-    """Text of an event, of this `kind` and with these `facts`, in one line."""
+    """One line of text on an event of this `kind` with these `facts`, for a log."""
     if set(facts) == {"state", "event"}:
         return f"{facts['state']}, after {facts['event']}"
     text = ", ".join([kind, *(f"{key} {value}" for key, value in facts.items())])
@@ -66,7 +67,7 @@ def lift_time(folder: Path) -> float:
 
 
 class Outlook(NamedTuple):
-    """Policy's predictions in a fold: `rows` (k, len(COLUMN_NAMES)) at times `t` (k,) [s]."""
+    """Policy's predictions during a fold: `rows` (k, len(COLUMN_NAMES)) at times `t` (k,) [s]."""
 
     t: Array
     rows: Array
@@ -84,7 +85,7 @@ class Outlook(NamedTuple):
 
 
 def row_of(facts: Mapping[str, object]) -> Array:
-    """Row (k,) of one prediction, a value for each of k COLUMN_NAMES, from its event's facts."""
+    """Values (k,) of one prediction, one for each of the k COLUMN_NAMES, from its event's facts."""
     displacement, sigma = (_number(facts.get(name)) for name in ("displacement", "sigma"))
     row = [displacement, displacement - sigma, displacement + sigma]
     for name in BELIEFS:
@@ -95,7 +96,7 @@ def row_of(facts: Mapping[str, object]) -> Array:
 
 
 def _number(value: object, otherwise: float = nan) -> float:
-    """`value` where it is a number that is not absurdly large, else `otherwise`."""
+    """Number `value` as a float, or `otherwise` for another type or beyond LARGEST_VALUE."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return otherwise
     return float(value) if abs(value) <= LARGEST_VALUE else otherwise

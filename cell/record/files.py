@@ -32,7 +32,7 @@ def runs_in(folder: Path) -> list[Path]:
 
 
 def run_folder(text: str) -> Path:
-    """Folder of a run that is named by its path, by the end of its name, or as `last`.
+    """Folder of the run that `text` names: by its path, by the end of its name, or as `last`.
 
     The latter two are looked for in each folder here and in ./runs, the newest of several is meant;
     what is not found there stays a path.
@@ -46,7 +46,7 @@ def run_folder(text: str) -> Path:
 
 
 def check_empty(folder: Path) -> None:
-    """Raise ConfigurationError for a folder with runs: a new series must begin at run 0."""
+    """Raise ConfigurationError for a folder that holds runs, as a new series begins at run 0."""
     if runs_in(folder):
         raise ConfigurationError(
             f"--runs: {folder} holds runs already; name a new folder, so that the standard runs "
@@ -68,7 +68,7 @@ def check_run(folder: Path) -> None:
 
 
 def is_under_way(folder: Path) -> bool:
-    """Whether a living process is writing the run in `folder`; it locks the events."""
+    """Whether a living process is writing the run in `folder`, by its lock on the events' file."""
     if not (folder / EVENTS).is_file():  # a pipe would be waited for
         return False
     try:

@@ -1,4 +1,4 @@
-"""Films, images with their time stamps: read, written, and encoded during a run."""
+"""Video files with a time stamp for each image: reading, writing, and encoding during a run."""
 
 import os
 import queue
@@ -116,7 +116,7 @@ def _stamp(picture: Any, path: Path) -> float:
 
 
 class FilmWriter(AbstractContextManager["FilmWriter"]):
-    """Writes images of one size to a film file; a kill loses the last image only.
+    """Writer of images of one size to a video file, of which a kill loses the last image only.
 
     The film has no B-frames; a stamp is kept to 1/90,000 s.
     """
@@ -186,7 +186,7 @@ def index_film(path: Path) -> None:
 
 
 class FilmEncoder:
-    """Encodes a run's images to the film at `path`, one in PERIOD, none that finds no room.
+    """Encoder of a run's images to a video file: one per PERIOD, less those that find no room.
 
     The encoder has a process of its own, beside a control loop on the wall clock: a thread that
     lost its core while it held the interpreter would hold up the loop. Where the clock is virtual,
@@ -245,7 +245,7 @@ class FilmEncoder:
 
 
 class FilmProcess(AbstractContextManager["FilmProcess"]):
-    """`FilmWriter` in another process, which completes its film if this process dies."""
+    """Writer of a video file in a process of its own, which completes it if this process dies."""
 
     def __init__(self, path: Path, encoder: str) -> None:
         """Start the encoder's process; OSError if it cannot open the film at `path`."""
@@ -295,7 +295,7 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
 
 
 def encode(pipe: Connection, path: Path, encoder: str, image: SharedImage) -> None:
-    """Main function of the film's process: encode the shared image of each message from `pipe`.
+    """Main function of the encoder's process: encode the shared image of each message in `pipe`.
 
     A message is its stamp [s] and shape (h, w, 3), or None for the end of the film. The answer is
     True once the film is open, has the image, and is complete.

@@ -1,4 +1,4 @@
-"""Images of a run: which are stored, their files, index and hashes, writing in a thread."""
+"""Images of a run: choice of those stored, files, index with hashes, writing in a thread."""
 
 import hashlib
 import queue
@@ -32,7 +32,7 @@ MOST_MARKED = 8  # key images because of an event
 
 @dataclass(frozen=True, slots=True)
 class FrameNote:
-    """Index entry of a measured image: times [s]; its file and the sha256 of its pixels if stored.
+    """Index entry of an image: stamp and arrival [s], and if stored its file and SHA-256 of pixels.
 
     `sha256` is empty for an image that was not stored. `film` is its number in the film of the run,
     None for one that is not in it.
@@ -74,7 +74,7 @@ def encode(image: Image) -> bytes:
 
 
 class KeyFrames:
-    """Selects about ten images of a fold: marked ones, and one in STRIDE while few are kept."""
+    """Selection of about ten images of a fold to store: marked ones, and every STRIDE-th."""
 
     def __init__(self) -> None:
         self._marks_left = MOST_MARKED
@@ -138,7 +138,7 @@ def _read_note(folder: Path, line: dict[str, Any], lift: float) -> FrameNote:
 
 
 class FrameWriter:
-    """Writes images in a thread without blocking the caller; reports errors later.
+    """Writer of a run's images in a thread beside the caller, which learns of errors later.
 
     `patient` makes `put` wait for room: right where the clock is virtual and waiting costs the run
     nothing, wrong on hardware, where an image without room only keeps its place in the index.

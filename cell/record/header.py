@@ -1,4 +1,4 @@
-"""Contents of a run's header, run.yaml, and of its result, result.yaml; names of outcomes."""
+"""Schemas of a run's header run.yaml and of its result.yaml, and the names of outcomes."""
 
 from typing import Annotated, Any, Literal, Self
 
@@ -11,8 +11,6 @@ Accuracy = Annotated[
     Metres, Field(gt=0, description="its accuracy, one sigma in m: 0.0001 where it is 0.1 mm")
 ]
 Number = Annotated[float, Field(ge=-1e9, le=1e9)]  # in any unit, mistaken ones included
-
-
 UNMEASURED = 1.0  # m, an error beside which nothing of a cell matters
 LAID = frozenset({"unlike_model", "grip_apart", "displacement_apart", "free_edge_apart"})
 """The strip lies folded, and yet not as the cell was told or saw it."""
@@ -33,13 +31,13 @@ DEVICES = ("arm_", "hand_", "grasp_", "camera_", "image_", "simulation_", "strip
 
 
 class Part(Settings):
-    """Base of an entry that programs write: unknown keys are kept, broken ones refused."""
+    """Base class of an entry of run.yaml or result.yaml, which may hold further keys."""
 
     model_config = ConfigDict(extra="allow")
 
 
 class Recorded(Part):
-    """Base of a file that programs write, with the number of its schema."""
+    """Base class of a file that programs write, with the number of its schema."""
 
     schema_: Literal[1] = Field(1, alias="schema")
 
@@ -48,7 +46,6 @@ class Sigma(Part):
     """Measurement noise of a run, one sigma: lengths [m], `touch_time` [s], `force` [N].
 
     `edge_offset` [m] is the error of the camera's view of the laid edges.
-
     What is not stated was not measured: rows of it, if there are any, carry no weight.
     """
 
@@ -69,7 +66,7 @@ class DriverNames(Part):
 
 
 class CalibrationNote(Part):
-    """Identity of the calibration of a run, and its `error` [m]."""
+    """Id of the calibration that a run used, and its `error` [m]."""
 
     id: str = ""
     error: float | None = None
@@ -131,7 +128,7 @@ class Load(Part):
 
 
 class RunOfMotion(Recorded):
-    """Contents of run.yaml of a run without a strip: its place in the series, its condition."""
+    """Contents of run.yaml of a motion without a strip: index in its series, condition."""
 
     index: int | None = Field(None, ge=0, le=1_000_000)
     condition: str | float | None = None
@@ -159,7 +156,7 @@ class SwingRun(RunOfMotion):
 
 
 class Interval(Part):
-    """Estimated parameter of the rod by which a policy steers, with its 68 % interval."""
+    """Value that a policy estimated for a strip's parameter, with its 68 % interval, in SI."""
 
     value: Number
     low: Number
@@ -167,7 +164,7 @@ class Interval(Part):
 
 
 class PredictionNote(Part):
-    """Policy's prediction: displacement with one sigma [m], estimated parameters in SI."""
+    """Last prediction of a policy: displacement with one sigma [m], estimated parameters in SI."""
 
     displacement: Number
     sigma: Number
@@ -177,7 +174,7 @@ class PredictionNote(Part):
 
 
 class AgreementNote(Part):
-    """Whether the strip behaved like its model, and the `residual` [m] of its profiles."""
+    """Agreement of a strip with its model: `residual` [m] of profiles, yield curvature [1/m]."""
 
     like_model: bool
     residual: Number

@@ -1,4 +1,4 @@
-"""List, filter and deletion of the runs in a folder, always from their present files."""
+"""List of the runs in a folder, read from their files: filter, order and deletion."""
 
 import os
 import re
@@ -29,7 +29,7 @@ LARGEST_INTEGER = 2**63 - 1  # of SQLite
 
 @dataclass(frozen=True, slots=True)
 class RunRow:
-    """Run in a list: lengths [m], times [s], `speed` [m/s]; None where unknown.
+    """Row of a list of runs: lengths [m], times [s], `speed` [m/s]; None where unknown.
 
     `outcome` is that recorded, or `under way`, `died`, `broken`; `size` is that on disk [bytes];
     `tags` are separated by spaces. `touch` is the time of the layer touch, `predicted` the
@@ -111,7 +111,7 @@ def list_runs(root: Path, where: str = "", sort: str = "") -> tuple[RunRow, ...]
 
 
 def _select(rows: Sequence[RunRow], where: str, sort: str) -> tuple[RunRow, ...]:
-    """Filter and sort `rows` in a database in memory, which holds nothing else."""
+    """Filter `rows` by an SQL expression and sort them, in a database in memory."""
     key = sort.removeprefix("-")
     order = "place"
     if key:
@@ -137,7 +137,7 @@ def _select(rows: Sequence[RunRow], where: str, sort: str) -> tuple[RunRow, ...]
 
 
 def _storable(value: Any) -> Any:
-    """`value` as SQLite can hold it: a seed of twenty digits as a float."""
+    """Value that SQLite can store: `value`, or a float for an integer of more than 63 bits."""
     return float(value) if isinstance(value, int) and abs(value) > LARGEST_INTEGER else value
 
 

@@ -1,4 +1,4 @@
-"""Reading of a run: complete, interrupted, broken, or written by hand in a laboratory."""
+"""Reading of a recorded run: complete, interrupted, damaged, or written by another program."""
 
 import base64
 from collections.abc import Callable, Iterator, Mapping
@@ -75,7 +75,7 @@ def _cached_part(empty: object) -> Callable[[Callable[["Run"], Part]], Callable[
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Recorded run; `result` is None where the process died before it wrote one.
+    """Recorded run: header, columns and result, None where the process died before it wrote one.
 
     Its `reader` says whether broken parts are errors or empty; `parts` are those read so far.
     """
@@ -138,7 +138,7 @@ class Run:
 
     @_cached_part(Sights.none())
     def sights(self) -> Sights:
-        """Columns of the measurements of all images; empty in a laboratory's run."""
+        """Measurements of the strip in all images, as columns; empty where none are recorded."""
         path = self.folder / files.SIGHTS
         if path.exists():
             return Sights.parse(read_parquet(path), str(path))
@@ -220,7 +220,7 @@ class Run:
 
 
 def read_run(folder: Path) -> Run:
-    """Read the run in `folder`; only the four files of a measured run are opened.
+    """Read the run in `folder`: run.yaml, its ticks, profiles and result; further parts on use.
 
     A run that died before its tables were written is read from its streams. Raises
     ConfigurationError for files that are missing, broken, or written by a newer version.

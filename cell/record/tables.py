@@ -1,4 +1,4 @@
-"""Streams written during a run, and Parquet tables made from them with identical bytes.
+"""Streams of rows written during a run, and the Parquet tables made from them at its end.
 
 A stream (Arrow IPC) has one row per message: rows written before a crash can be read after it.
 """
@@ -40,7 +40,7 @@ SIGHT_ROWS = pa.schema(
 
 
 class StreamFile:
-    """Arrow stream being written; `append` returns when the system has the row, or OSError."""
+    """Writer of an Arrow stream, row by row, so that a crash of the process loses no row."""
 
     def __init__(self, path: Path, schema: pa.Schema) -> None:
         self._row = pa.struct(list(schema))
@@ -48,7 +48,7 @@ class StreamFile:
         self._write(schema.serialize())
 
     def append(self, row: Mapping[str, Any]) -> None:
-        """Append one row to the stream, a value for each column."""
+        """Append one row, a value for each column; OSError where the system does not take it."""
         rows = pa.array([row], self._row)
         self._write(pa.RecordBatch.from_struct_array(rows).serialize())
 
@@ -128,7 +128,7 @@ def assemble(folder: Path) -> Tables:
 
 
 def _check_profiles(sights: pa.Table, path: Path) -> None:
-    """Refuse rows without a profile, or with one of unequal coordinates."""
+    """Raise ConfigurationError for rows without a profile, or with one of unequal coordinates."""
     x, z = (pc.list_value_length(sights[name]) for name in ("profile_x", "profile_z"))
     if x.null_count or z.null_count or not x.equals(z):
         raise ConfigurationError(
@@ -165,7 +165,10 @@ def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
 
 
 def check_clock(stamps: Array, t: Array, origin: str, before: float = TIME_MARGIN) -> None:
-    """Refuse stamps (k,) [s] by `before` [s] ahead of the gripper's rows `t` (m,) [s], or late."""
+    """Raise ConfigurationError for `stamps` (k,) [s] outside the gripper's times `t` (m,) [s].
+
+    They may lie less than `before` [s] before the first row, and TIME_MARGIN after the last one.
+    """
     if not t.size:
         return
     early, late = (float(np.nanmax(by, initial=-np.inf)) for by in (t[0] - stamps, stamps - t[-1]))
@@ -178,9 +181,9 @@ def check_clock(stamps: Array, t: Array, origin: str, before: float = TIME_MARGI
 
 
 def place_contacts(t: Array, stamp: Array, contact_x: Array) -> tuple[Array, Array]:
-    """Desk contacts and their stamps as columns (n,) over `t` (n,); NaN without an image.
+    """Columns (n,) of desk contacts [m] and their stamps [s], in the nearest rows of `t` (n,) [s].
 
-    Of two images nearest to one row the nearer is used; images outside the rows are dropped.
+    NaN without an image; of two nearest to one row the nearer is used; others are dropped.
     """
     placed_x = np.full(t.size, np.nan)
     placed_t = np.full(t.size, np.nan)

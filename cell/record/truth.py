@@ -1,4 +1,4 @@
-"""File truth.yaml: the plant's true motion, for reports and tests, not for controllers."""
+"""Reading and writing of truth.yaml, the true motion of a simulated strip, for reports alone."""
 
 from collections.abc import Mapping
 from pathlib import Path

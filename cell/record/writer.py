@@ -1,4 +1,4 @@
-"""Writing of a run's record during the run."""
+"""Writer of a run's folder: header, streams, events and images, then tables and result."""
 
 import fcntl
 import os
@@ -24,7 +24,7 @@ from drivers.types import ArmState, Array, Frame
 
 
 class RunWriter:
-    """Writes one run's record, safe against a crash of the process at any moment.
+    """Writer of one run's folder, safe against a crash of the process at any moment.
 
     run.yaml is on disk before anything moves, rows and events are passed to the operating system
     one by one, tables follow at the end, and result.yaml comes last. A disk that refuses while the
@@ -139,7 +139,7 @@ class RunWriter:
 
     @contextmanager
     def under_way(self) -> Iterator[None]:
-        """Count the run as under way within the block, even after `finish` and `close`.
+        """Keep the run marked as under way within the block, even after `finish` and `close`.
 
         A second handle of the locked file: nobody deletes or reads half of it, unless we die.
         """

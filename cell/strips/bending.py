@@ -14,6 +14,10 @@ from cell.strips.photograph import Photograph
 from drivers.types import Array
 
 CONFIDENCE = 0.95
+REST_CURVATURES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # 1/m, rest curvatures that are tried
+DECISIVE = 5.0  # of log evidence, for a prior with one more unknown
+
+Fits = tuple[Fit, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,24 +57,21 @@ def pool(values: Sequence[float], sigmas: Sequence[float]) -> Pooled:
 
 
 def _excess_squares(y: Array, variance: Array, scatter: float) -> float:
-    """Weighted sum of squares of `y` (n,) about its mean, less its expectation, at a `scatter`."""
+    """Weighted sum of squares of `y` (n,) about its mean, less its expectation n - 1.
+
+    Weights are the inverse of `variance` (n,) plus the variance `scatter` between measurements.
+    """
     weight = 1 / (variance + scatter)
     mean = (weight * y).sum() / weight.sum()
     return float((weight * (y - mean) ** 2).sum() - (len(y) - 1))
 
 
 def _scatter(y: Array, variance: Array) -> float:
-    """Variance between the measurements at which the sum of squares equals its expectation."""
+    """Variance between measurements at which the sum of squares is as expected (Paule-Mandel)."""
     if len(y) < 2 or _excess_squares(y, variance, 0.0) <= 0:
         return 0.0
-    largest = float(np.ptp(y) ** 2) * len(y)
+    largest = float(np.ptp(y) ** 2) * len(y)  # at which the sum is less than expected
     return float(brentq(lambda scatter: _excess_squares(y, variance, scatter), 0.0, largest))
-
-
-REST_CURVATURES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # 1/m, rest curvatures that are tried
-DECISIVE = 5.0  # of log evidence, for a prior with one more unknown
-
-Fits = tuple[Fit, ...]
 
 
 @dataclass(frozen=True, slots=True)

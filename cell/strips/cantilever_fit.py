@@ -68,7 +68,7 @@ class RestCurvaturePrior:
 
 @dataclass(frozen=True, slots=True)
 class TrialShape:
-    """Residuals of a hanging strip with one set of `values` (p,), and their slopes.
+    """Hanging strip for one set of unknowns (p,): its residuals from the midline, their slopes.
 
     `misses` (2 n,) from the midline, across and then along it, in sigmas, `slopes` (2 n, p) their
     negative derivatives by the values.
@@ -110,7 +110,7 @@ class Problem:
             clamp_angle=float(values[CLAMP]),
         )
         scale = 1 - values[LEDGE] / measured.overhang
-        along = _Along(hanging, (measured.arc - values[LEDGE]) / scale, float(values[CLAMP]))
+        along = _Samples(hanging, (measured.arc - values[LEDGE]) / scale, float(values[CLAMP]))
         turn = rotation(values[ROLL])
         curve = scale * along.points @ turn.T
         motions = np.empty((len(curve), 2, self.size))  # of the strip's points, per unknown
@@ -126,7 +126,7 @@ class Problem:
         return TrialShape(hanging, misses, self._project_motion(motions))
 
     def residuals(self, values: Array) -> Array:
-        """Misses and deviates (2 n + p,) of `values` (p,), in sigmas; NaN where no strip rests."""
+        """Residuals (2 n + p,) of midline and priors at `values` (p,) in sigmas; NaN without rest."""
         try:
             misses = self.trial(values).misses
         except NoRest:
@@ -148,8 +148,8 @@ class Problem:
 
     def precision(self, values: Array) -> Array:
         """Inverse covariance (p, p) of the unknowns at `values` (p,)."""
-        residuals, slopes = self.residuals(values), self.jacobian(values)
-        _, weight, _ = self.loss(residuals**2)
+        slopes = self.jacobian(values)
+        _, weight, _ = self.loss(self.residuals(values) ** 2)
         return np.asarray(slopes.T @ (weight[:, None] * slopes))
 
     def _project_motion(self, motion: Array) -> Array:
@@ -158,8 +158,8 @@ class Problem:
         return np.asarray(parts.reshape(-1, *motion.shape[2:]))
 
 
-class _Along:
-    """Samples of a hanging strip at arc lengths `arc` (n,) [m]; it is straight before the ledge."""
+class _Samples:
+    """Samples of a hanging strip at arc lengths `arc` (n,) [m], straight before the ledge."""
 
     def __init__(self, hanging: HangingStrip, arc: Array, clamp_angle: float) -> None:
         spans = np.diff(hanging.arc)

@@ -1,4 +1,4 @@
-"""Writing of strip files: new ones, and measured values put into a file."""
+"""Writing of strip files: new ones, and a measured bending length put into an existing one."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -17,8 +17,6 @@ from drivers.strip.file import StripFile
 from drivers.yaml_text import dump_yaml, edit_yaml, parse_yaml
 
 MEASUREMENT_FILE = "measurement.json"
-
-
 SOURCED = ("areal_density", "bending_length", "retardation_time", "thickness")
 ASSUMED_VALUES = {
     "areal_density": 0.2,  # kg/m^2, a shirting
@@ -54,7 +52,7 @@ def new_strip(
 
 
 def _text_of_new(path: Path, content: Mapping[str, Any], _: str) -> str:
-    """Text of a new strip file; ConfigurationError where there is one at `path` already."""
+    """Text of a new strip file with `content`; ConfigurationError where `path` exists already."""
     if path.exists():
         raise ConfigurationError(f"{path}: is there already; choose another name or edit the file")
     return dump_yaml(content)
@@ -71,7 +69,7 @@ def _source(text: str) -> tuple[str, str]:
 
 
 def save(measurement: Measurement, folder: Path) -> None:
-    """Write a picture of each photograph and the numbers to `folder`; raises ConfigurationError."""
+    """Write a figure of each photograph and measurement.json to `folder`; ConfigurationError."""
     pairs = zip(measurement.bending.fits, measurement.bending.straight, strict=True)
     pictures = {
         f"{index:02d}-{fit.photograph.name}.png": fit_figure(fit, straight)

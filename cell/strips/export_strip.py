@@ -16,12 +16,15 @@ from drivers.twin.chain.lumps import Lumps
 
 Simulator = Literal["mjcf", "newton"]
 LINKS = 60
-PLANE = "twist and bending across the strip were not measured"
-PLAIN = {"bending_hysteresis"}
-ALONG = {"pre_curl", "crease", "stiffness_gradient", "seam", "hem_mass"}
+OUT_OF_PLANE = "twist and bending across the strip were not measured"
+FRICTION = {"bending_hysteresis"}
+ALONG_STRIP = {"pre_curl", "crease", "stiffness_gradient", "seam", "hem_mass"}
 POWERS = {"nonlinear_bending", "quadratic_damping"}
-SAID: dict[Simulator, set[str]] = {"newton": PLAIN, "mjcf": PLAIN | ALONG | POWERS}
-"""Effects that a format can say; others are told in words."""
+EXPRESSED: dict[Simulator, set[str]] = {
+    "newton": FRICTION,
+    "mjcf": FRICTION | ALONG_STRIP | POWERS,
+}
+"""Effects that each format can express; others are stated in words."""
 
 
 def export_strips(
@@ -36,9 +39,9 @@ def export_strips(
     with new_folder(out) as folder:
         for strip in strips:
             name = f"{strip.name}.{'xml' if kind == 'mjcf' else 'json'}"
-            missing = [key for key in registry() if key in strip.effects.keys() - SAID[kind]]
+            missing = [key for key in registry() if key in strip.effects.keys() - EXPRESSED[kind]]
             law = (LAW_TERMS[key].sentence for key in strip.law)
-            unsaid = (PLANE, *(registry()[key].sentence for key in missing), *law)
+            unsaid = (OUT_OF_PLANE, *(registry()[key].sentence for key in missing), *law)
             write = _mjcf if kind == "mjcf" else _newton
             replace_file(folder / name, write(strip, unsaid).encode())
             unsaid_of[out / name] = unsaid
@@ -46,17 +49,21 @@ def export_strips(
 
 
 def _mjcf(strip: StripFile, unsaid: tuple[str, ...]) -> str:
-    """Text of an MJCF file, whose yarns' friction and powers of joints need MuJoCo 4."""
+    """MJCF text of `strip` as a chain of LINKS hinges, with comments on what is `unsaid`.
+
+    Friction of yarns and powers of joints need MuJoCo 4.
+    """
     root = Xml.Element("mujoco", model=strip.name)
     lumps = Lumps.from_model(describe(strip), LINKS)
     root.append(Xml.Comment(f" Not said: {'; '.join(unsaid)}. "))
     Xml.SubElement(root, "compiler", angle="radian")
     Xml.SubElement(root, "option", integrator="implicit")
-    body, tendons = Xml.SubElement(root, "worldbody"), Xml.SubElement(root, "tendon")
+    body = Xml.SubElement(root, "worldbody")
+    tendons = Xml.SubElement(root, "tendon")
+    hinges = lumps.hinges
+    names = ("stiffness", "cubic", "damping", "quadratic", "presliding")
     place = 0.0
     for i, span in enumerate(lumps.spans.tolist()):
-        hinges = lumps.hinges
-        names = ("stiffness", "cubic", "damping", "quadratic", "presliding")
         of = {name: getattr(hinges, name)[i] / lumps.scale for name in names}
         body = Xml.SubElement(body, "body", name=f"link{i}", pos=f"{place} 0 0")
         hinge = {"name": f"hinge{i}", "axis": "0 -1 0", "springref": f"{hinges.rest[i]}"}
@@ -76,7 +83,7 @@ def _mjcf(strip: StripFile, unsaid: tuple[str, ...]) -> str:
 
 
 def _newton(strip: StripFile, unsaid: tuple[str, ...]) -> str:
-    """Text of a JSON file: arguments of a rod, means where they differ along the strip.
+    """JSON text of the arguments of Newton's rod for `strip`, means where they vary along it.
 
     A rod has no friction: `friction` are springs beside its joints', which slip.
     """

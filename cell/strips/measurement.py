@@ -19,10 +19,9 @@ SHARP_WIDTHS, SHARP_RADIUS = 1.0, 0.002  # widths, or m; a sharper bend is hardl
 SMALLEST_WIDTH_RATIO = 1.5  # ratio of the strip's widths in two photographs
 OVERHANGS = (2, 5)  # bending lengths: range in which a photograph is most accurate
 KEPT_DIGITS = 4  # digits
-ASTRAY = 0.02  # of the overhang; a larger misfit is no hanging strip
-# of the overhang; nor is what leaves the ledge so far from the picture's border
-LEDGE_TOLERANCE = 0.25
-HOPELESS = 0.5  # sigma of ln(bending length)
+LARGEST_MISFIT = 0.02  # of the overhang, rms of the midline; with more it is no hanging strip
+LEDGE_TOLERANCE = 0.25  # of the overhang, from the picture's border to the ledge
+LARGEST_SIGMA = 0.5  # of ln(bending length)
 SHORTEST_BENDING_LENGTH, LONGEST_BENDING_LENGTH = 0.002, 0.2  # m, bending lengths of strips
 
 
@@ -105,9 +104,9 @@ def _check_shape(fitted: Fit) -> None:
     """Raise ConfigurationError when a photograph does not show a strip over a ledge."""
     photograph = fitted.photograph
     if (
-        fitted.rms > ASTRAY * photograph.overhang
+        fitted.rms > LARGEST_MISFIT * photograph.overhang
         or abs(fitted.ledge) > LEDGE_TOLERANCE * photograph.overhang
-        or fitted.sigma > HOPELESS
+        or fitted.sigma > LARGEST_SIGMA
     ):
         raise ConfigurationError(
             f"{photograph.path}: picture: this does not hang like a strip; crop it at the ledge, "
@@ -123,7 +122,7 @@ def _check_shape(fitted: Fit) -> None:
 
 
 def _curvature_warning(bending: Bending) -> str:
-    """Warning about a strip that is curved at rest; empty where none is seen or it was stated."""
+    """Warning about a strip that is curved at rest; empty where no curvature is visible."""
     misfit = max(fit.rms / fit.photograph.width for fit in bending.straight)
     if bending.prior.kind is RestCurvature.STRAIGHT or misfit < VISIBLE:
         return ""
@@ -145,7 +144,7 @@ def _curvature_warning(bending: Bending) -> str:
 
 
 def _scatter_warning(bending: Bending) -> str:
-    """Warning about photographs that disagree."""
+    """Warning about photographs that give different bending lengths; empty where they agree."""
     pooled = bending.bending_length
     if pooled.agreement > DISAGREEMENT_LEVEL:
         return ""
@@ -157,7 +156,7 @@ def _scatter_warning(bending: Bending) -> str:
 
 
 def _overhang_warning(bending: Bending) -> str:
-    """Warning about a strip that bends too sharply or too little to be measured."""
+    """Warning about strips that bend too sharply or too little to be measured; else empty."""
     c = bending.bending_length.value
     sharp = list[str]()
     stiff = list[str]()
@@ -191,7 +190,7 @@ def _width_warning(bending: Bending) -> str:
 
 
 def _uncertainty_warning(bending: Bending) -> str:
-    """Warning about a wide confidence interval."""
+    """Warning about a wide confidence interval of the bending length; else empty."""
     half = 0.5 * np.log(bending.bending_length.high / bending.bending_length.low)
     if half < LARGEST_UNCERTAINTY:
         return ""

@@ -16,8 +16,8 @@ from drivers.robust import robust_sigma
 from drivers.types import Array, Image
 
 SHORTEST_OVERHANG, LONGEST_OVERHANG = 0.01, 2.0  # m of overhang
-ROUGHLY = 200  # points of a first midline, which gives width and length
-TRACED = 0.15  # widths between the points of the second, which smooths over seven of them
+ROUGH_POINTS = 200  # of a first midline, which gives width and length
+TRACE_SPACING = 0.15  # widths between points of the second, which smooths over seven of them
 THICKEST_SHARE = 0.15  # of its length
 FIT_SPACING = 0.5  # widths between the points that are fitted
 FEWEST_POINTS, MOST_POINTS, MOST_TRACED = 60, 400, 4000
@@ -107,15 +107,15 @@ def _trace_midline(path: Path, image: Image) -> Midline:
 
 def _trace_bright(image: Image) -> Midline:
     """Midline of a bright strip from the left border; ConfigurationError for anything thicker."""
-    rough = extract_midline(image, ROUGHLY)
+    rough = extract_midline(image, ROUGH_POINTS)
     if rough.width < THICKEST_SHARE * rough.length:
-        count = int(np.clip(rough.length / (TRACED * rough.width), ROUGHLY, MOST_TRACED))
-        return extract_midline(image, count)
+        count = rough.length / (TRACE_SPACING * rough.width)
+        return extract_midline(image, int(np.clip(count, ROUGH_POINTS, MOST_TRACED)))
     raise ConfigurationError("picture: what enters at its left border is too thick for a strip")
 
 
 def _average_points(traced: Array, travel: Array, arc: Array) -> Array:
-    """Means (n, 2) [px] of traced points between the middles of the arc lengths `arc` (n,) [px]."""
+    """Points (n, 2) [px] at arc lengths `arc` (n,) [px]: means of the traced ones around each."""
     reach = 0.5 * (arc[1] - arc[0])
     edges = np.clip(np.stack([arc - reach, arc + reach]), 0.0, travel[-1])
     steps = np.diff(travel)[:, None] * 0.5 * (traced[1:] + traced[:-1])
@@ -125,8 +125,9 @@ def _average_points(traced: Array, travel: Array, arc: Array) -> Array:
 
 
 def roughness(points: Array) -> float:
-    """Robust deviation [px] of midline points (n, 2) [px] from a parabola by their neighbours."""
-    window, inner = 2 * SMOOTHING_POINTS + 1, slice(SMOOTHING_POINTS, -SMOOTHING_POINTS)
+    """Robust deviation [px] of midline `points` (n, 2) [px] from parabolas through neighbours."""
+    window = 2 * SMOOTHING_POINTS + 1
+    inner = slice(SMOOTHING_POINTS, -SMOOTHING_POINTS)
     miss = (points - savgol_filter(points, window, 2, axis=0))[inner]
     along = np.gradient(points, axis=0)[inner]
     across = (along[:, 0] * miss[:, 1] - along[:, 1] * miss[:, 0]) / np.hypot(*along.T)
