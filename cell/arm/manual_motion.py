@@ -1,4 +1,4 @@
-"""Manual motions of the arm (home, park, jog, open) under the monitors of every run."""
+"""Manual motions of the arm (home, park, jog, open), supervised by the same monitors as a fold."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -54,7 +54,7 @@ def to_home(settings: CellFile, strip: StripFile) -> Callable[[Snapshot], Motion
 
 
 def home_joints(settings: CellFile, strip: StripFile) -> tuple[float, ...]:
-    """Joints (7,) [rad] of a Franka arm at its home, chosen to follow a fold of `strip` best."""
+    """Joints (7,) [rad] of a Franka arm at its home, with most margin in a fold of `strip`."""
     check_drivers(settings, DeviceSelection(arm="fci"))
     from cell.devices.fci import start_joints
 

@@ -1,4 +1,4 @@
-"""Settings of a run with its arm; for a real robot, consent, slow motion, a strip laid again."""
+"""Settings of a run for the selected arm; for a real robot consent, slow motion, a laid strip."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -48,7 +48,7 @@ def agree_to_slow_motion(
     checked: bool = True,
     camera: bool = False,
 ) -> tuple[CellFile, DeviceSelection]:
-    """Settings and selection of a motion by hand or a calibration, after the `consent` to it.
+    """Settings and selection of a manual motion or a calibration, after the operator's consent.
 
     The doctor checks a real robot first unless `checked` is false, and the `camera` if asked. The
     robot has the speeds of a first run, unless `full_speed`.
@@ -61,7 +61,7 @@ def agree_to_slow_motion(
 
 
 def await_strip(ask: Callable[[str], str]) -> None:
-    """Wait until the strip is laid again; raises PreflightRefused where nobody is there."""
+    """Wait until the operator has laid the strip again; PreflightRefused at the end of input."""
     if not ask("Lay the strip again, flat and straight, then press Enter: "):
         raise PreflightRefused(
             "the input ended before Enter was pressed: nobody says that the strip lies there and "
@@ -70,7 +70,7 @@ def await_strip(ask: Callable[[str], str]) -> None:
 
 
 def slow_down(settings: CellFile) -> CellFile:
-    """Settings of the cell with all speeds at FIRST_RUN_SPEED of theirs, and longer time limits."""
+    """Settings of the cell with all speeds times FIRST_RUN_SPEED, and longer time limits."""
     fold = settings.fold.model_copy(
         update={
             "speed": max(FIRST_RUN_SPEED * settings.fold.speed, LEAST_SPEED),

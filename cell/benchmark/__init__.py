@@ -1,1 +1,1 @@
-"""Reproduction of the paper's study: all policies over its strips, with figures and claims."""
+"""Reproduction of the folding study of Petrik and Kyrki (IROS 2019): its figures and claims."""

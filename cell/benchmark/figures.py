@@ -1,4 +1,4 @@
-"""Figures of displacement and force: strips, repeats, the paper's range."""
+"""Figures of a benchmark: displacement and force on strips, in repeats, over a range of strips."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -29,17 +29,12 @@ def colour(policy: str) -> str:
 def dot(policy: str) -> dict[str, Any]:
     """Arguments of matplotlib's `plot` for the marker of `policy`."""
     look = look_of(policy)
-    return {
-        "marker": look.marker,
-        "ms": look.size,
-        "mfc": look.colour,
-        "mec": look.colour,
-        "ls": "",
-    }
+    face = {"mfc": look.colour, "mec": look.colour}
+    return {"marker": look.marker, "ms": look.size, "ls": "", **face}
 
 
 def label_rows(axes: Any, names: Sequence[str], foot: float = 0.0) -> None:
-    """Set up a row for each of `names`, the first on top; `foot` free rows below."""
+    """Label the y axis with a row for each of `names`, the first on top, `foot` free rows below."""
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.5 + foot, -0.5)
     axes.tick_params(axis="y", labelcolor=INK, labelsize=9)
@@ -48,7 +43,7 @@ def label_rows(axes: Any, names: Sequence[str], foot: float = 0.0) -> None:
 
 
 def policy_rows(axes: Any, policies: Sequence[str], foot: float = 0.0) -> None:
-    """Set up a row for each policy, in its colour; `foot` free rows below."""
+    """Label the y axis with a row for each policy, in its colour, with `foot` free rows below."""
     label_rows(axes, policies, foot)
     for label, policy in zip(axes.get_yticklabels(), policies, strict=True):
         label.set(color=colour(policy), fontweight="bold")
@@ -60,7 +55,7 @@ def zero(axes: Any) -> None:
 
 
 def strips_figure(results: Results) -> str:
-    """Figure (SVG) of displacements d of each policy on each strip, with the paper's numbers."""
+    """Figure (SVG) of displacements d by policy and strip, beside the published numbers."""
     with canvas(PAGE_WIDTH, _height(results)) as figure:
         _draw_strips(figure.add_subplot(), results)
         return as_svg(figure)
@@ -77,7 +72,7 @@ def main_picture(results: Results) -> Any:
 
 
 def repeats_figure(results: Results) -> str:
-    """Figure (SVG) of d in repeated folds of one strip about its mean, with the paper's 1 mm."""
+    """Figure (SVG) of d in repeated folds of a strip about its mean, with the published 1 mm."""
     policies = results.asked.policies
     half = 0.5e3 * REPEATABILITY
     with canvas(PAGE_WIDTH, 0.34 * len(policies) + 0.75) as figure:
@@ -103,7 +98,7 @@ def repeats_figure(results: Results) -> str:
 
 
 def range_figure(results: Results) -> str:
-    """Figure (SVG) of d over the simulated range of strips, and of folds through images."""
+    """Figure (SVG) of d by policy, over a simulated range of strips and in folds through images."""
     policies = results.asked.policies
     with canvas(PAGE_WIDTH, 0.42 * len(policies) + 1.1) as figure:
         axes = figure.add_subplot()
@@ -152,7 +147,7 @@ def _draw_strips(axes: Any, results: Results) -> None:
 
 
 def _draw_paper_numbers(axes: Any) -> None:
-    """Draw the numbers in the paper's text at the foot of the plot."""
+    """Draw the published limit and mean displacements at the foot of the plot."""
     foot = axes.get_xaxis_transform()
     axes.axvspan(-FEEDBACK_LIMIT, FEEDBACK_LIMIT, color=BAND, alpha=0.16, lw=0, zorder=0)
     style = {"transform": foot, "ha": "center", "va": "bottom", "fontsize": NOTE}
@@ -166,7 +161,7 @@ def _draw_paper_numbers(axes: Any) -> None:
 
 
 def _draw_policy_range(axes: Any, results: Results, policy: str, row: int) -> None:
-    """Draw the simulated range of d as bars, and folds through images as squares."""
+    """Draw a policy's simulated range of d as bars, and its folds through images as squares."""
     over = results.over_range(policy, "rod")
     if over is not None and np.isfinite(over.displacement_grid).any():
         d = 1e3 * over.displacement_grid[np.isfinite(over.displacement_grid)]
@@ -222,7 +217,7 @@ def maps_figure(results: Results) -> str:
 
 
 def force_figure(results: Results) -> str:
-    """Figure (SVG) of the force on the fixed edge by policy, 5 to 95 % of the paper's strips."""
+    """Figure (SVG) of the mean force [N] on the fixed edge by policy, with its 5 to 95 % range."""
     policies = results.asked.policies
     with canvas(PAGE_WIDTH, 0.34 * len(policies) + 0.7) as figure:
         axes = figure.add_subplot()

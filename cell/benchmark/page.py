@@ -1,4 +1,4 @@
-"""HTML page of a benchmark: the paper's figures of results, beside the numbers of its text."""
+"""HTML page of a benchmark: figures of its results, beside the published numbers."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -71,7 +71,7 @@ def page_of(results: Results) -> str:
 
 
 def verdict_of(results: Results) -> PageVerdict:
-    """Verdict on the paper's main claim, that feedback folds every strip to under PAPER_WORST."""
+    """Verdict on the published claim that feedback folds every strip to under PAPER_WORST [m]."""
     limit = f"{1e3 * PAPER_WORST['feedback']:.0f} mm"
     row = next((row for row in rows(results) if row.policy == "feedback"), None)
     if row is None or row.strips.folded == 0:

@@ -1,4 +1,4 @@
-"""Parts of a benchmark, folds through images or of many strips in rod or chain, and its run."""
+"""Parts of a benchmark, folds through images or in simulation alone, and how they are run."""
 
 import hashlib
 from collections.abc import Iterator, Sequence
@@ -45,7 +45,7 @@ FRICTION_EFFECT = "bending_hysteresis"
 YIELD_RANGE = (20.0, 60.0)  # 1/m, as laboratories measure it
 HIDDEN_EFFECTS = ("", FRICTION_EFFECT, *EFFECTS)
 """Effects that are hidden in turn; the empty name stands for none."""
-STRIP_COST = {"rod": 0.03, "chain": 0.3}  # s of a strip of the paper's range
+STRIP_COST = {"rod": 0.03, "chain": 0.3}  # s for a fold of one strip
 PLANNING_FOLDS = 16  # folds of the rod, about, that planning takes
 EFFECT_COST, PLANNED_COST = 0.1, 5  # s of a fold with an effect; times as much where it is planned
 IMAGES_COST = 10.0  # s of a fold through images
@@ -67,7 +67,7 @@ def weights_digest(policy: str = "*") -> str:
 
 
 def _simulated_parts(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
-    """Yield the parts without images: ranges and hidden effects."""
+    """Yield the parts without images: ranges of strips, and strips with hidden effects."""
     size = spec.extent
     for policy in spec.policies:
         of = digest(code(), weights_digest(policy))
@@ -157,7 +157,7 @@ def _fold_known(
 
 
 def _strip_with(name: str, rng: np.random.Generator) -> StripFile:
-    """Draw a strip of the paper's range with the effect `name`, with none for an empty name."""
+    """Draw a random strip with the effect `name`, with none for an empty name."""
     if name == FRICTION_EFFECT:
         return plain_strip(rng, bending_hysteresis=draw_friction(rng, *YIELD_RANGE))
     bare = plain_strip(rng)

@@ -118,7 +118,7 @@ def displacements(folds: Sequence[ImageFold]) -> Array:
 
 
 class RangeFolds(Settings):
-    """Results of a policy over side x side strips of the paper's range, stiffness outermost.
+    """Results of a policy over a logarithmic grid of side x side strips, stiffness outermost.
 
     `displacement` [m] is None without a touch, `force` [N] the mean one that holds the fixed edge
     from the take-over on. Observations are simulated.
@@ -147,7 +147,7 @@ class EffectFolds(Settings):
 
 
 class MissingPart(Settings):
-    """A part that was not measured, and the reason."""
+    """Part of a benchmark that was not measured, and the reason."""
 
     kind: Literal["refused"] = "refused"
     part: str
@@ -179,7 +179,7 @@ class Results(Settings):
         return tuple(sorted(folds, key=lambda fold: fold.seed))
 
     def over_range(self, policy: str, engine: str) -> RangeFolds | None:
-        """Folds of `policy` over the paper's stiffness and damping; None if not measured."""
+        """Folds of `policy` over the grid of stiffness and damping; None if not measured."""
         found = self._of(RangeFolds, policy)
         return next((folds for folds in found if folds.engine == engine), None)
 

@@ -1,4 +1,4 @@
-"""Summary of a benchmark: a row for each policy, and the paper's claims beside its numbers."""
+"""Summary of a benchmark: statistics of each policy, and the published claims beside them."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -71,13 +71,13 @@ class StripNumbers:
 
 @dataclass(frozen=True, slots=True)
 class RangeNumbers(Misses):
-    """Statistics of |d| over the paper's range [m], with the mean pull on the fixed edge [N]."""
+    """Statistics of |d| [m] over the grid of strips, with the mean pull on the fixed edge [N]."""
 
     force: float
 
     @classmethod
     def of_folds(cls, folds: RangeFolds | None) -> "RangeNumbers":
-        """Statistics of `folds` over the paper's range."""
+        """Statistics of `folds` over the grid of strips; NaN where there are none."""
         if folds is None:
             return cls(NAN, NAN, NAN, 0, NAN)
         return cls(
@@ -111,7 +111,7 @@ class Row:
         )
 
     def range_cells(self) -> tuple[str, ...]:
-        """Cells of the table of the paper's range: |d| in the rod and on the chain, the pull."""
+        """Cells of the table of ranges: |d| [mm] in the rod and on the chain, the pull [N]."""
         rod = self.rod
         return (
             self.policy,
@@ -159,7 +159,7 @@ PAPER_POLICIES = ("triangular", "circular", "feedback")
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """One claim of the paper (`says`), the result `here`, and whether the claim is `held`."""
+    """Published claim (`says`), the result `here`, and whether the claim is `held`."""
 
     says: str
     here: str
@@ -167,7 +167,7 @@ class Claim:
 
 
 def claims(results: Results) -> Iterator[Claim]:
-    """Test the paper's claims that these folds can decide; yields the main claim first."""
+    """Yield the published claims that `results` can decide, tested, the main claim first."""
     folds = {policy: results.folds(policy) for policy in results.asked.policies}
     folds = {policy: each for policy, each in folds.items() if each}
     count = len(results.asked.strips)
@@ -200,7 +200,7 @@ def _limit_claim(folds: tuple[ImageFold, ...], count: int, who: str, limit: floa
 
 
 def _sign_claim(folds: tuple[ImageFold, ...], count: int, policy: str) -> Claim:
-    """Claim that d has the sign of the paper's mean for `policy` on each of `count` strips."""
+    """Claim that d has the sign of its published mean for `policy` on each of `count` strips."""
     d = displacements(folds)
     stated = PAPER_MEANS[policy]
     word = "positive" if stated > 0 else "negative"
@@ -214,7 +214,7 @@ def _sign_claim(folds: tuple[ImageFold, ...], count: int, policy: str) -> Claim:
 
 
 def _smallest_mean_claim(folds: dict[str, tuple[ImageFold, ...]]) -> Claim:
-    """Claim that `feedback` has the smallest mean |d| of the paper's policies."""
+    """Claim that `feedback` has the smallest mean |d| of the published policies."""
     sizes = {p: np.abs(displacements(folds[p])) for p in PAPER_POLICIES}
     means = {p: float(np.nan_to_num(size, nan=np.inf).mean()) for p, size in sizes.items()}
     values = ", ".join(f"{p} {millimetres(mean)}" for p, mean in means.items())
@@ -236,7 +236,7 @@ def _repeatability_claim(repeats: dict[str, tuple[ImageFold, ...]]) -> Claim:
 
 
 def claim_lines(results: Results) -> Iterator[str]:
-    """Lines on the paper's claims, and on parts that are missing."""
+    """Yield lines of text on the published claims, and on parts that are missing."""
     for claim in claims(results):
         yield f"{'held' if claim.held else 'not held':9}{claim.says}\n           {claim.here}"
     for result in results.results:
@@ -245,7 +245,7 @@ def claim_lines(results: Results) -> Iterator[str]:
 
 
 def tables(results: Results) -> Iterator[Table]:
-    """Tables of folds through images and over the paper's range, as (columns, rows, title)."""
+    """Tables of folds through images and over the grid of strips, as (columns, rows, title)."""
     summary = rows(results)
     strips = plural(len(results.asked.strips), "strip")
     yield (

@@ -1,1 +1,1 @@
-"""Campaigns: parts measured in processes or on a Dask cluster, kept in a journal to resume from."""
+"""Campaigns of independent computations (parts) in processes or on Dask, kept in a journal."""

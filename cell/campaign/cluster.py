@@ -1,4 +1,4 @@
-"""Engine of campaigns on a Dask cluster that the user started; the journal holds the results.
+"""Engine that measures a campaign's parts on a Dask cluster; the journal holds the results.
 
 Known traps and what is done here: a part runs in a process of its own beside the Dask worker, so
 that a part that holds the interpreter cannot look like a dead worker (distributed#6324), and one
@@ -137,7 +137,7 @@ def event_loop() -> Iterator["IOLoop"]:
 def _run_until_lost(
     client: "Client", parts: list[Part], folder: Path, limit: float | None
 ) -> Iterator[Record]:
-    """Yield records until all parts have one or the scheduler is gone; a part for each thread."""
+    """Yield records until all parts have one or the scheduler is gone; threads have a part each."""
     from distributed import wait
 
     waiting = parts[::-1]  # popped from the end: in the order of parts
@@ -230,7 +230,7 @@ def _local_folder() -> Path:
 
 
 def _check(client: "Client", address: str, patience: float) -> None:
-    """Refuse a cluster without workers, or with workers of other versions."""
+    """Raise ConfigurationError for a cluster without workers, or with some of other versions."""
     try:
         client.wait_for_workers(1, timeout=patience)
     except TimeoutError:
@@ -245,7 +245,7 @@ def _check(client: "Client", address: str, patience: float) -> None:
 
 
 def _different_versions(expected: Mapping[str, str], found: object) -> str:
-    """What a worker with versions `found` has other than `expected`: "has numpy 2.0, here 2.1"."""
+    """Text on how versions `found` on a worker differ from `expected`; empty where they agree."""
     if not isinstance(found, Mapping):
         return f"cannot run the cell ({found})"
     other = [f"{n} {found.get(n)}, here {v}" for n, v in expected.items() if found.get(n) != v]

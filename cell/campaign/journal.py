@@ -1,4 +1,4 @@
-"""Journal of a campaign: a folder with one file a measured part, written by rename.
+"""Journal of a campaign: a folder with a JSON file for each measured part, written atomically.
 
 A part that has a file is done, so that a campaign resumes wherever it stopped, and the journals of
 several machines merge by copying their files together.
@@ -56,7 +56,7 @@ class Record(BaseModel):
 
 
 class Journal:
-    """Results of a campaign's parts, a JSON file each in `folder`, by which it resumes."""
+    """Journal of a campaign in `folder`: a JSON file for the result of each part."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

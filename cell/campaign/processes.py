@@ -1,4 +1,4 @@
-"""Pools of worker processes on this machine: calls that end, die, stop or take too long.
+"""Pools of worker processes on this machine, whose calls may be stopped, die or take too long.
 
 Processes, not threads: a third of the work holds the GIL.
 """
@@ -26,10 +26,7 @@ TERMINATION_TIMEOUT = 60.0  # s for a call to end once its pool is closed
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """Message to a process: call `function(*arguments)`; a `stoppable` one gets a StopSignal, too.
-
-    The signal is its last argument.
-    """
+    """Message to a process: call `function(*arguments)`, with a StopSignal last if `stoppable`."""
 
     function: Callable[..., Any]
     arguments: tuple[Any, ...]
@@ -37,7 +34,7 @@ class Call:
 
 
 class Signal(StrEnum):
-    """Messages without contents: to a process, to stop its call; from it, that it is prepared.
+    """Messages between pool and process: STOP asks it to stop its call, READY says it is prepared.
 
     A second STOP ends a stoppable call at once.
     """
@@ -54,7 +51,7 @@ class Result:
 
 
 class StopSignal:
-    """Signal that a call must stop: requested through `pipe`, or because the parent is gone."""
+    """Request to stop a call, received through `pipe`, or made by the end of the parent."""
 
     def __init__(self, pipe: Connection) -> None:
         self._pipe = pipe
@@ -103,7 +100,7 @@ def _next_call(pipe: Connection) -> Call:
 
 @dataclass(slots=True)
 class _Running:
-    """Call with its `key` in a process, since `started_at` [s], None while the process starts."""
+    """Call under way in a process, since `started_at` [s], None while the process starts."""
 
     key: Any
     process: Child
@@ -139,7 +136,7 @@ class ProcessPool:
     def begin(
         self, key: object, function: Callable[..., Any], *arguments: Any, stoppable: bool = False
     ) -> None:
-        """Start a Call in an idle process, or in a new one; `ended` names it by its `key`."""
+        """Start `function(*arguments)` in a process; `ended` later yields its result with `key`."""
         if self._idle:
             running = _Running(key, self._idle.pop(), time.monotonic())
         else:

@@ -1,4 +1,4 @@
-"""Progress of a campaign or a training in the terminal: steps done, time left, failures."""
+"""Progress display of a campaign or training in the terminal: steps, time left, failures."""
 
 import time
 from collections.abc import Callable
@@ -10,11 +10,11 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn
 from cell.campaign.journal import Record
 
 Describe = Callable[[Record], str]
-LINES = 20  # printed of a training, and of its evaluation, where there is no terminal
+LINES = 20  # lines printed of a training, and of its evaluation, where there is no terminal
 
 
 def failure_text(record: Record) -> str:
-    """Text on a record: empty where the part was measured, else its state and reason."""
+    """Text on why the part of a record was not measured: its state and reason; else empty."""
     if record.state == "measured":
         return ""
     return f": {record.state.replace('_', ' ')}: {record.reason}"
@@ -28,7 +28,8 @@ class Meter(AbstractContextManager["Meter"]):
     """
 
     def __init__(self, console: Console | None = None, describe: Describe = failure_text) -> None:
-        self._console, self._describe = console or Console(quiet=True), describe
+        self._console = console or Console(quiet=True)
+        self._describe = describe
         self._count = self._number = self._failed = 0
         self._total = self._done = self._before = 0.0
         self._started_at = time.monotonic()
@@ -40,7 +41,8 @@ class Meter(AbstractContextManager["Meter"]):
         self, count: int, known: int, cost: float | None = None, known_cost: float | None = None
     ) -> None:
         """Start with `known` of `count` steps done, each costs 1 unless both costs are given."""
-        self._count, self._number = count, known
+        self._count = count
+        self._number = known
         self._total = float(count) if cost is None else cost
         self._done = self._before = float(known) if known_cost is None else known_cost
         self._started_at = time.monotonic()
@@ -62,27 +64,28 @@ class Meter(AbstractContextManager["Meter"]):
         self._show(text + self._describe(record), kept=kept)
 
     def step(self, done: int, text: str) -> None:
-        """Advance to the step `done` of a training or of its evaluation, of which `text` tells."""
+        """Advance to step number `done` of a training or of its evaluation, and show `text`."""
         self._done = float(done)
         due = done % max(1, self._count // LINES) == 0 or done == self._count
         self._show(text + self._time_left(), kept=self._task is None and due)
 
     def __exit__(self, *_: object) -> None:
-        """Remove the bar."""
+        """Remove the progress bar from the terminal."""
         if self._task is not None:
             self._bar.stop()
 
     def _show(self, text: str, *, kept: bool) -> None:
-        """Show `text` beside the bar; where it is `kept`, as a line above."""
+        """Show `text` beside the progress bar, and if it is `kept`, print it as a line."""
         if kept:
             self._print(text)
         if self._task is not None:
             self._bar.update(self._task, completed=self._done, description=text)
 
     def _time_left(self) -> str:
-        """Estimated time left, from the time of the steps made here."""
-        here, passed = self._done - self._before, time.monotonic() - self._started_at
+        """Text of the estimated time left, by the time of the steps since the start; or empty."""
+        here = self._done - self._before
         left = self._total - self._done
+        passed = time.monotonic() - self._started_at
         return f", {duration_text(left * passed / here)} left" if here > 0 and left > 0 else ""
 
     def _print(self, text: str) -> None:

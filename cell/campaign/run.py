@@ -1,4 +1,4 @@
-"""Campaigns: parts measured by an engine, here or on other machines, and kept in a journal."""
+"""Parts of a campaign, measured by an engine here or on other machines, and kept in a journal."""
 
 import os
 import time
@@ -24,15 +24,12 @@ from drivers.files import writing
 
 POLL_INTERVAL = 0.2  # s between looks at the time that parts take
 TRIES = 2  # of a part that kills its process: the first may have been the machine's fault
-
-
-Outcome = Mapping[str, Any] | BaseModel
-"""What a part measures; JSON can hold it."""
+Outcome = Mapping[str, Any] | BaseModel  # of a part, of values that JSON can hold
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Measurement that another process can make: a call of `function`, known there by its name.
+    """Part of a campaign: a call of the importable `function` that another process can make.
 
     `key` is unique among the parts, `of` the digest of the code and files that the outcome depends
     on, `cost` the estimated time on one core [s]. Equal parts give equal outcomes; the function
@@ -73,7 +70,7 @@ def measure(part: Part, folder: Path) -> Record:
 
 
 def store_record(part: Part, folder: Path, state: State, **facts: Any) -> Record:
-    """Store and return the record of `part` with these `facts`, and where it was made.
+    """Store and return the record of `part` with `facts`, host and versions of this process.
 
     One in the `state` set_aside, with a `reason`, is of a part that gave no record itself.
     """
@@ -84,7 +81,7 @@ def store_record(part: Part, folder: Path, state: State, **facts: Any) -> Record
 
 
 def compile_rod() -> None:
-    """Compile the rod, or read what was compiled before, so that no part is charged for it."""
+    """Compile the rod simulation, or load its cache, so that no part is charged for that time."""
     from drivers.strip.describe import describe
     from drivers.strip.file import paper_strip
     from drivers.strip.rod.engine import Rod

@@ -1,4 +1,4 @@
-"""Versions on which a campaign's numbers depend, of libraries and of the code itself."""
+"""Versions on which a campaign's numbers depend: those of libraries, digests of code and data."""
 
 import hashlib
 from collections.abc import Sequence

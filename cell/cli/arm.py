@@ -1,4 +1,4 @@
-"""Commands that move the arm without a fold: `cell home`, `park`, `jog`, `open`, `register`."""
+"""Commands on the arm apart from folds: `cell home`, `park`, `jog`, `open` and `register`."""
 
 import sys
 from math import radians
@@ -160,7 +160,7 @@ def _move(
     motion: "Callable[[Snapshot], Motion]",
     done: str = "",
 ) -> NoReturn:
-    """Carry out one `motion`, print what is `done` or where it ended, and exit with its code."""
+    """Carry out one `motion`, print `done` or the outcome, and exit with the outcome's code."""
     from cell.arm.manual_motion import move_manually
 
     outcome = move_manually(settings, choice, motion)

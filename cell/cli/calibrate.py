@@ -237,7 +237,7 @@ def _ask_length(columns: int) -> float:
 
 
 def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str) -> Path:
-    """Folder of --resume or --out, or a new one named by time; refuses an --out that is in use."""
+    """Folder of a wizard's session: of --resume, of --out if it is new, or one named by time."""
     from datetime import UTC, datetime
 
     from calibration.wizard.session import SESSION_FILE

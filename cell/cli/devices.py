@@ -64,7 +64,7 @@ def camera(
 
 
 def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
-    """Settings of the cell file's camera, or suitable ones where `device` is another camera."""
+    """Settings of the camera in cell.yaml, or suitable ones for another camera `device`."""
     from cell.devices.real_camera import suggest_settings
     from drivers.camera.camera import report
     from drivers.camera.device import Kernel
@@ -138,7 +138,7 @@ def _print_cameras(found: "Iterator[CameraReport | UnusableDevice]", *, as_json:
 
 
 def _mode_facts(entry: "CameraReport") -> dict[str, Any] | None:
-    """Settings for a camera as cell.yaml states them; None without a format that is read."""
+    """Section `camera` of cell.yaml that suits a camera; None without a format that can be read."""
     from cell.devices.real_camera import suggest_settings
 
     settings = suggest_settings(entry)

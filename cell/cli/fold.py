@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from cell.orchestrator.run import Observer
     from cell.orchestrator.snapshot import Snapshot
 
-TICKS_BETWEEN_LOOKS = 10
+TICKS_SHOWN = 10  # one of so many ticks is shown
 LARGEST_OFFSET = 0.1  # m, of edges that a fold can be asked to reach
 
 Film = Literal["libx264", "none"]
@@ -79,7 +79,7 @@ Rehearse = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class FoldOptions:
-    """Options of `cell fold` as they were given, lengths in m."""
+    """Options of the command `cell fold`, lengths in m."""
 
     strip: StripName
     policy: PolicyName = "adaptive"
@@ -236,7 +236,7 @@ def _fold_all(
 
 
 def _print_line(result: "FoldResult") -> None:
-    """Print the result as JSON, and a failure on standard error too."""
+    """Print the result as a line of JSON, and a failure also on standard error."""
     print_json(result.line())
     sys.stdout.flush()
     if result.exit_code != 0:
@@ -287,9 +287,9 @@ class _ProgressLine:
         self._count = 0
 
     def handle_tick(self, snapshot: "Snapshot") -> None:
-        """Show every TICKS_BETWEEN_LOOKS-th tick."""
+        """Show the state, time, gripper and desk contact of each TICKS_SHOWN-th tick."""
         self._count += 1
-        if self._count % TICKS_BETWEEN_LOOKS:
+        if self._count % TICKS_SHOWN:
             return
         pose = snapshot.arm.pose
         text = f"{self._strip}  {snapshot.state:<9} {snapshot.time:5.1f} s"

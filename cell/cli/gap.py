@@ -299,7 +299,7 @@ def undo(
 
 
 def _print_changed(what: str, changed: "AcceptResult", *, as_json: bool) -> None:
-    """Print which effects were accepted or undone, and in which files."""
+    """Print which effects `changed`, accepted or undone as `what` says, and in which files."""
     text = "\n  ".join([f"{what}: {', '.join(changed.effects)}", *map(str, changed.files)])
     say({what: changed.effects, "files": changed.files}, text, as_json=as_json)
 

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 WORDS = ("show", "list", "forget", "off", "on")
 LONGEST_EDGES = 0.1  # m, of an offset by a ruler
 
-
 What = Annotated[
     str,
     typer.Argument(
@@ -81,7 +80,7 @@ def _check_arguments(what: str, run: Path | None, edges: str | None) -> None:
 
 
 def _memory_of(settings: "CellFile", run: Path) -> "Memory":
-    """Memory that has learned from `run`: that of the twin, or else of the real cell."""
+    """Memory that holds the fold `run`: that of the twin, or else of the real cell."""
     from cell.learning.experience import Memory
 
     twin = Memory(settings.name, twin=True)

@@ -28,7 +28,7 @@ INTERRUPTED_CODE = 130  # exit code
 
 
 def taking(options: type[T]) -> "Callable[[Callable[[T], None]], Callable[..., None]]":
-    """Decorate a command with many options, which takes them as one dataclass `options`."""
+    """Decorator of a command whose many options arrive as one dataclass of the type `options`."""
 
     def decorate(command: "Callable[[T], None]") -> "Callable[..., None]":
         @wraps(command)

@@ -12,12 +12,12 @@ from typing import Any, TextIO, TypeVar
 
 T = TypeVar("T")
 
-WIDEST = 1000  # columns, in which every table is measured
+WIDEST = 1000  # characters of a line, at which the natural width of a table is measured
 GONE_ERRNOS = {errno.EPIPE, errno.EBADF, errno.EIO}  # the reader is gone
 
 
 class Outlet(io.FileIO):
-    """Output file that accepts every byte; `failure` is the first error of the system, or None.
+    """Output stream that accepts every byte; `failure` is the first error of writing, or None.
 
     A fold does not end because the reader of its output has gone.
     """

@@ -1,4 +1,4 @@
-"""Drivers of arms and cameras that an operator can name, with those of plug-ins."""
+"""Registry of the drivers of arms and cameras by the names of operators, plug-ins included."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from drivers.plugins import plugin_names, plugins
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """Driver of an arm or a camera, as operators name it.
+    """Entry of the registry: how to open the driver of an arm or a camera, and what it needs.
 
     `opener` names, as `module:function`, what opens it: `twin_devices` is the example of an arm,
     `with_real_camera` that of a camera. `library` and `section` are the optional library and the

@@ -1,4 +1,4 @@
-"""Places of configuration and results: `--configs`, ./configs, or the package's own."""
+"""Folders of configuration, runs and cache: `--configs`, ./configs, or the package's own."""
 
 import os
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class Configs:
     folder: Path
 
     def cell(self) -> "CellFile":
-        """Read cell.yaml: effects are checked, the path of the calibration is resolved."""
+        """Contents of cell.yaml, its effects checked and the path of its calibration resolved."""
         from cell.config.cell import CellFile
         from drivers.settings import load
         from drivers.strip.effects import check_effects
@@ -112,5 +112,5 @@ def check_recordable(runs: Path) -> None:
 
 
 def cache_folder() -> Path:
-    """User's folder for files that can be computed again."""
+    """Path of the user's folder for files that can be computed again."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "folding-cell"

@@ -1,4 +1,4 @@
-"""Strips without a file, named by their length: values assumed for everything else."""
+"""Strips without a file, of which only length and perhaps thickness are known, the rest assumed."""
 
 from typing import Any
 
@@ -10,7 +10,8 @@ UNKNOWN_NAME = "unknown"
 # before its length [m], and its thickness [m] if known, where a strip is named
 MARK = UNKNOWN_NAME + ":"
 ASSUMED_WIDTH, ASSUMED_DENSITY = 0.05, 0.3  # m, kg/m^2
-BENDING_LENGTH, RETARDATION_TIME = (0.0135, 0.0333), (0.004, 1.0)  # m, s: the paper's range
+# m, s: range of the strips of Petrik and Kyrki, IROS 2019
+BENDING_LENGTH, RETARDATION_TIME = (0.0135, 0.0333), (0.004, 1.0)
 THICKNESS_RANGE = (0.0002, 0.003)  # m, of shirting and of felt
 ASSUMED_KEYS = ("width", "areal_density", "bending_length", "retardation_time")
 CALIPERS = {"key": "thickness", "source": "measured", "note": "stated by the operator"}
@@ -24,8 +25,7 @@ def unmeasured_name(length: float, thickness: float | None) -> str:
 def unmeasured_strip(known: str) -> StripFile:
     """Strip of which only length, and perhaps thickness [m], are `known`: "0.6" or "0.6:0.001".
 
-    The rest is assumed, in the middle of the paper's range. Raises ConfigurationError for other
-    text.
+    The rest is assumed, in the middle of its range. Raises ConfigurationError for other text.
     """
     length, _, thickness = known.partition(":")
     (c_low, c_high), (t_low, t_high) = BENDING_LENGTH, RETARDATION_TIME

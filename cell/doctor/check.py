@@ -1,4 +1,4 @@
-"""Result of one check by the doctor: finding, reason for the check, and remedy."""
+"""Result of one check of `cell doctor`: finding, reason for the check, and remedy."""
 
 from dataclasses import asdict, dataclass
 from enum import StrEnum
@@ -8,7 +8,7 @@ DETAIL = " " * 14  # before each line of a check's details
 
 
 class Grade(StrEnum):
-    """Grade of one of the doctor's checks; a single FAIL keeps a robot from moving."""
+    """Grade of a check of `cell doctor`; a single FAIL keeps a real robot from moving."""
 
     PASS = "pass"  # noqa: S105  no password
     WARN = "warn"
@@ -18,7 +18,7 @@ class Grade(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """Result of one of the doctor's checks; `remedy` is empty where there is nothing to do."""
+    """Result of a check: what was `found`, `why` it matters, and a `remedy`, empty where none."""
 
     name: str
     state: Grade

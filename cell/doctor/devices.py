@@ -1,4 +1,4 @@
-"""Doctor's checks of devices: robot, protocol, network, camera, calibration."""
+"""Checks of a cell's devices before a motion: robot, protocol, network, camera, calibration."""
 
 import time
 from dataclasses import dataclass
@@ -21,9 +21,10 @@ from drivers.errors import CellError
 from drivers.types import Array
 
 EXPIRING = 0.8  # of the days that a calibration is believed
-STARTING = 30.0  # s that the process may need beyond its measurement
+STARTING = 30.0  # s that the measuring process may need beyond its measurement
 BUFFERED = 0.25  # s at the start of a measurement
-LOST_SHARE, TOO_MANY, IN_A_ROW = 0.01, 0.10, 20  # shares of states; the robot itself stops after 20
+LOST_SHARE, TOO_MANY = 0.01, 0.10  # shares of lost states, for a warning and for a failure
+IN_A_ROW = 20  # lost states after which the robot itself stops
 LARGEST_DELAY_MS = 2.0  # ms between two states, 99.9 % of them
 NETWORK_WHY = "a robot that misses 20 commands in a row stops with a reflex"
 
@@ -170,7 +171,8 @@ def read_states(pipe: Connection, address: str, seconds: float) -> None:
     import pylibfranka as franka
 
     robot = franka.Robot(address, franka.RealtimeConfig.kIgnore)
-    times, arrivals = list[int](), list[float]()
+    times = list[int]()
+    arrivals = list[float]()
     until = time.monotonic() + seconds + BUFFERED
     while not arrivals or arrivals[-1] < until:
         state = robot.read_once()

@@ -1,4 +1,4 @@
-"""All checks of a cell, and the refusal to move a real robot where one failed."""
+"""Checks that `cell doctor` and each motion of a real robot make, and refusal where one fails."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -49,7 +49,7 @@ def hardware_checks(
 
 
 def _arm(settings: CellFile, choice: DeviceSelection, seconds: float) -> Iterator[Check]:
-    """Checks of a real or emulated robot, its kernel settings and network, as far as reachable."""
+    """Yield the checks of a robot, its kernel settings and network, up to the first that fails."""
     address = settings.fci.address
     if not choice.arm_driver(settings).real or address is None:
         yield Check("robot", Grade.SKIPPED, "the twin's", "there is nothing to connect")

@@ -1,4 +1,4 @@
-"""Doctor's checks of the machine: versions, cores, disk, kernel, priorities, libraries."""
+"""Checks of the machine: versions, cores, disk, kernel, real-time priorities, libraries."""
 
 import os
 import platform

@@ -1,1 +1,1 @@
-"""Learning of a cell's bias in folds, from measurements by camera and ruler."""
+"""Learning of the systematic error (bias) of a cell's folds, from camera and ruler."""

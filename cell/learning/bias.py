@@ -1,4 +1,4 @@
-"""Hierarchical Gaussian model of a cell's bias, by cell, strip, specimen, and error of the rig.
+"""Hierarchical Gaussian model of the bias of folds: of cell, strip, specimen, and error of the rig.
 
 A fold's measured minus predicted displacement is y = c + s + p + noise with the bias c of the cell,
 s of the strip and p of the specimen, independent normal priors (a linear mixed model; Pinheiro and
@@ -62,7 +62,7 @@ def bias(
 
 
 class _Learner:
-    """Learner of the bias, fold by fold, in epochs within which the cell did not change."""
+    """Recursive estimator of the bias, in epochs within which the cell did not change."""
 
     def __init__(self, settings: LearningSettings) -> None:
         self._settings = settings
@@ -74,7 +74,7 @@ class _Learner:
         self._previous_fold: tuple[float, Experience] | None = None
 
     def learn(self, experience: Experience) -> None:
-        """Add the next experience; two in a row that deviate to one side start a new epoch."""
+        """Add the next fold; two in a row that deviate to the same side start a new epoch."""
         if experience.kind == "ruler":
             self._rows.append(((self._rig,), experience.rig, self._settings.ruler))
             return

@@ -1,4 +1,4 @@
-"""Correction of a fold by the learned bias, and the experience gained from the fold."""
+"""Correction of a fold's aim by the learned bias, and the deviation measured in the fold."""
 
 import hashlib
 from collections.abc import Mapping
@@ -35,7 +35,7 @@ class Correctable(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """Policy with its weights, fabric and specimen to which a learned bias belongs."""
+    """Key of a learned bias: policy with its weights, fabric (`strip`) and specimen."""
 
     policy: str
     strip: str
@@ -44,7 +44,7 @@ class Subject:
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """Learned bias [m] by which a fold's aim is corrected: what the camera shows, what not.
+    """Bias [m] by which a fold's aim is corrected, its parts `seen` and `unseen` by the camera.
 
     `place` [m] is where the grasped edge is laid so that it ends at x = 0. `learned` is the source
     of the correction, None for a value that the user gave. A ruler measures laid edges but no
@@ -105,7 +105,7 @@ def subject_of(policy: str, checkpoint: Path | None, strip: str, specimen: str |
 
 
 def learned_correction(memory: Memory, subject: Subject, settings: LearningSettings) -> Correction:
-    """Correction learned for `subject`, within `settings.limit`; ConfigurationError if unread."""
+    """Correction learned for `subject`, within the limit; ConfigurationError for broken memory."""
     mine = [one for one in memory.experiences() if one.policy == subject.policy]
     learned = bias(mine, subject.strip, subject.specimen, settings)
     seen, place = np.clip([learned.seen, learned.laid], -settings.limit, settings.limit).tolist()

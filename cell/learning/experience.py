@@ -1,4 +1,4 @@
-"""Measured deviations of folds, by which a cell learns, stored in the user's data folder."""
+"""Deviations of measured folds from their predictions, stored in the user's data folder."""
 
 import hashlib
 import os
@@ -26,7 +26,7 @@ Offset = Annotated[float, Field(ge=-1.0, le=1.0, allow_inf_nan=False)]  # m
 
 @dataclass(frozen=True, slots=True)
 class Experience:
-    """Deviations [m] of one measured fold, as they would be without corrections.
+    """Deviations [m] of one measured fold from its prediction, as if nothing were corrected.
 
     `displacement` is measured minus predicted, `edges` the offset of the laid edges as seen.
     `policy` names the policy with its weights. A `ruler` experience holds no displacement but
@@ -57,7 +57,7 @@ def run_key(folder: Path) -> str:
 
 
 class Memory:
-    """Stored experiences of one cell, oldest first, and whether learning is switched off.
+    """Store of the experiences of one cell, oldest first, and of whether learning is off.
 
     Folds of the `twin` have a memory of their own: their bias is none of the real cell.
     """
@@ -158,7 +158,7 @@ def _is_of(experience: Experience, key: str, name: str) -> bool:
 
 
 def data_folder() -> Path:
-    """User's folder for data that cannot be computed again."""
+    """Path of the user's folder for data that cannot be computed again."""
     return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share") / "folding-cell"
 
 
@@ -187,8 +187,9 @@ def experience_by_ruler(run: Path, edges: float, memory: Memory) -> Experience:
 
 
 def check_ruler(edges: float, rig: float, settings: LearningSettings) -> None:
-    """Refuse laid `edges` [m] by a ruler that are implausibly far, by `rig` [m], from the camera's.
+    """Check that a ruler's offset `edges` [m] of laid edges is plausibly near the camera's.
 
+    It is `rig` [m] larger than the latter.
     Raises ConfigurationError beyond PLAUSIBLE_SIGMAS of what is known of both.
     """
     most = PLAUSIBLE_SIGMAS * hypot(settings.rig, settings.laid, settings.ruler)

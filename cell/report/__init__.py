@@ -1,1 +1,1 @@
-"""Self-contained HTML pages on runs and calibrations; `viz` shows runs and wizards in Rerun."""
+"""Self-contained HTML pages on runs and calibrations, and recordings for the viewer Rerun."""

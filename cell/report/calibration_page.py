@@ -1,4 +1,4 @@
-"""HTML pages of a calibration and of a wizard's session: error, and the plane in an image."""
+"""HTML pages of a calibration and of a wizard's session: its error, the plane drawn in an image."""
 
 from pathlib import Path
 from typing import Any
@@ -63,7 +63,8 @@ def write_session_page(folder: Path) -> Path:
 
     Raises ConfigurationError for a folder without a verdict, or one that cannot be written.
     """
-    verdict, path = read_yaml(folder / VERDICT_FILE), folder / REPORT
+    verdict = read_yaml(folder / VERDICT_FILE)
+    path = folder / REPORT
     passed = bool(verdict.get("passed", verdict.get("accepted")))
     lines = [str(line) for line in verdict.get("lines", ())]
     made = folder / CALIBRATION
@@ -82,7 +83,7 @@ def write_session_page(folder: Path) -> Path:
 
 
 def _pictures(folder: Path, calibration: Calibration | None) -> list[KeyPicture]:
-    """Image from the session or run in `folder` with the strip's plane drawn in; none without."""
+    """Image of the session or run in `folder`, the strip's plane drawn in; empty without one."""
     images = (folder / PICTURE_FILE, *sorted(folder.glob("frames/*.png")))
     path = next(filter(Path.is_file, images), None)
     if path is None:
@@ -137,6 +138,6 @@ def _draw_plane(image: Image, calibration: Calibration) -> None:
 
 
 def _steps(x: float | Array, z: float | Array) -> Array:
-    """Points (LINE_POINTS, 2) [m] from the first to the last of `x` and `z`."""
+    """Points (LINE_POINTS, 2) x, z [m] of a line, between the extremes of `x` and of `z` [m]."""
     ends = [np.linspace(np.min(v), np.max(v), LINE_POINTS) for v in (x, z)]
     return np.stack(ends, axis=1)

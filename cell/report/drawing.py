@@ -25,7 +25,7 @@ VARIABLES = {
     INK: "--ink", MUTED: "--muted", RULE: "--rule", PAPER: "--paper",
     BLUE: "--blue", ORANGE: "--orange", GREEN: "--green", PURPLE: "--purple", RED: "--bad",
 }  # fmt: skip
-"""Colours that a page has for the light and for the dark."""
+"""CSS variables of colours, which a page sets for light and for dark."""
 STYLE: dict[str, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "cell",
@@ -57,7 +57,7 @@ STYLE: dict[str, Any] = {
     "axes.facecolor": "none",
     "savefig.facecolor": "none",
 }
-POINTS_PER_INCH = 72  # an inch
+POINTS_PER_INCH = 72
 Facts = dict[str, Any]
 
 
@@ -118,7 +118,7 @@ def name_artists(figure: Any) -> None:
 
 
 def readings(figure: Any) -> str:
-    """Attribute `data-chart` for a figure's SVG: axes, curves, cells as JSON; empty if none."""
+    """Attribute `data-chart` of a figure's SVG with axes, curves, cells as JSON; empty if none."""
     all_axes = [_axes(axes, figure) for axes in figure.axes]
     drawn = [facts for facts in all_axes if facts["curves"] or facts["cells"]]
     text = json.dumps(drawn, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
@@ -177,7 +177,7 @@ def _svg_point(figure: Any, x: float, y: float) -> list[float]:
 
 
 def _curves(axes: Any) -> Iterator[Facts]:
-    """Facts of the named lines and areas: id, name, label, and whether it is read or a band."""
+    """Yield facts of each named line and area: id, name, label, whether it is read, or a band."""
     from matplotlib.collections import FillBetweenPolyCollection
 
     bars = {patch for container in axes.containers for patch in getattr(container, "patches", ())}
@@ -194,7 +194,7 @@ def _curves(axes: Any) -> Iterator[Facts]:
 
 
 def _bars(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
-    """Cells of the bars: two corners [pt] of each, across the axes, and a label with its value."""
+    """Yield each bar's cell across the axes: two corners x, y [pt], and a label with its value."""
     axes_box = axes.bbox
     for container in axes.containers:
         label = container.get_label()
@@ -221,7 +221,7 @@ def _value_text(axis: Facts, start: float, size: float) -> str:
 
 
 def _span_text(axis: Facts, start: float, size: float) -> str:
-    """Text on the part of an `axis` that a bar covers: the nearest word, or both ends."""
+    """Text on the span of an `axis` that a bar covers: the nearest tick's word, or both ends."""
     if axis["words"]:
         return str(min(axis["words"], key=lambda word: abs(word[0] - start - 0.5 * size))[1])
     return f"{_number(start)} to {_number(start + size)} {axis['unit']}".strip()
@@ -233,7 +233,7 @@ def _number(value: float) -> str:
 
 
 def _image_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
-    """Cells of an image with named rows and columns: two corners [pt] and a label each."""
+    """Yield each cell of an image with named rows and columns: two corners x, y [pt], a label."""
     for image in axes.images if x["words"] and y["words"] else ():
         for (i, j), value in np.ndenumerate(np.ma.filled(image.get_array(), np.nan)):
             if np.isfinite(value):
@@ -244,7 +244,7 @@ def _image_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[A
 
 
 def _mesh_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
-    """Cells of a mesh, but not of a colour scale: two corners [pt] and a label each."""
+    """Yield each cell of a mesh that is no colour scale: two corners x, y [pt], and a label."""
     meshes = [mesh for mesh in axes.collections if hasattr(mesh, "get_coordinates")]
     for mesh in meshes if axes.get_label() != "<colorbar>" else ():
         corners = mesh.get_coordinates()
@@ -262,7 +262,7 @@ def _mesh_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[An
 
 
 def _texts(axes: Any, figure: Any) -> Iterator[list[Any]]:
-    """Texts at positions of the data: id and position [pt] in the SVG."""
+    """Yield each text placed in data coordinates: its id and position x, y [pt] in the SVG."""
     for text in axes.texts:
         place = np.asarray(getattr(text, "xy", text.get_position()))
         if getattr(text, "xycoords", None) == "data" or text.get_transform() == axes.transData:

@@ -25,7 +25,7 @@ LEGEND: dict[str, Any] = {
     "handlelength": 1.2,
     "borderaxespad": 0,
 }
-TIME = ["#8fc6b4", "#3f8fc4", "#6a4fb3", "#b0428f"]
+TIME_COLOURS = ["#8fc6b4", "#3f8fc4", "#6a4fb3", "#b0428f"]
 STATE_SHADES = {
     "PREFLIGHT": "#c9ced6",
     "CALIBRATE": "#c9ced6",
@@ -50,7 +50,7 @@ HALF_HEIGHT, MARGIN = 40.0, 1.0  # mm, displacements shown to either side of 0, 
 
 
 def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
-    """Figure (SVG) of strip profiles over time, `outlines` of the laid strip, gripper's path."""
+    """Figure (SVG) of a run in the strip's plane: profiles over time, gripper path, `outlines`."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LinearSegmentedColormap, Normalize
 
@@ -59,7 +59,7 @@ def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
         curves = evenly_chosen(run.profile.curves(), CURVES)
         times = run.profile.t if curves else run.ticks.t
         first, last = (times.min(), times.max()) if times.size else (0.0, 1.0)
-        colours = LinearSegmentedColormap.from_list("time", TIME)
+        colours = LinearSegmentedColormap.from_list("time", TIME_COLOURS)
         for t, points in curves:
             shade = colours((t - first) / max(last - first, 1e-9))
             # an outlier would fill the page
@@ -106,7 +106,7 @@ def signals_figure(run: Run) -> str:
 
 
 def _draw_outlines(axes: Any, outlines: Sequence[Silhouette]) -> None:
-    """Draw outlines of the strip while it is laid and when it lies, as it fills the image."""
+    """Draw outlines of the strip in the plane, while it is laid and when it lies."""
     drawn_states = set[str]()
     for outline in outlines:
         label = None if outline.state in drawn_states else outline.state
@@ -155,7 +155,7 @@ def _draw_touch(axes: Any, run: Run) -> None:
 
 
 def _draw_lanes(axes: Any, ticks: Ticks) -> None:
-    """Draw a bar for each state of the run, named where there is room."""
+    """Draw a bar over time for each state of the run, named where there is room."""
     axes.set_axis_off()
     first = 0
     for state, rows in groupby(ticks.state):
@@ -187,7 +187,7 @@ def _draw_coordinate(axes: Any, ticks: Ticks, sights: Sights, axis: Literal["x",
 
 
 def image_ages(run: Run) -> Array:
-    """Ages (n,) [s] of the newest image in the control cycles of a `run` that measure images."""
+    """Ages (n,) [s] of the newest image in those control cycles of a `run` that use images."""
     ticks = run.ticks
     reading = np.array([state in READING for state in ticks.state], dtype=bool)
     rows = reading if reading.any() else np.ones(ticks.t.size, dtype=bool)

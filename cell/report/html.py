@@ -72,7 +72,7 @@ def _environment() -> "Environment":
 
 
 def _file(name: str) -> "Markup":
-    """Text of a file of this package, for style and scripts."""
+    """Text of the style or script file `name` of this package, not escaped."""
     from markupsafe import Markup
 
     return Markup(files("cell.report").joinpath(name).read_text(encoding="utf-8"))  # noqa: S704 ours

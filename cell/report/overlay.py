@@ -1,4 +1,4 @@
-"""Kept images of a run with measurements and outlines of the strip drawn into them."""
+"""Stored images of a run with measurements and outlines of the strip drawn into them."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -51,7 +51,7 @@ class Silhouette:
 
 @dataclass(frozen=True, slots=True)
 class KeyPicture:
-    """Image for a page: `jpeg` as base64 text, caption, and the path of its file `whole`."""
+    """Image of an HTML page: `jpeg` as base64 text, caption, path `whole` of the full image."""
 
     jpeg: str
     caption: str
@@ -79,7 +79,7 @@ def evenly_chosen(items: Sequence[Item], count: int) -> list[Item]:
 
 
 def _readable(notes: Iterable[FrameNote]) -> Iterator[tuple[FrameNote, Image]]:
-    """Index entries of images that can be read, each with its image (h, w, 3)."""
+    """Yield the index entries whose images can be read, each with its image (h, w, 3)."""
     for note in notes:
         with suppress(ConfigurationError):
             if note.file is not None:
@@ -87,7 +87,7 @@ def _readable(notes: Iterable[FrameNote]) -> Iterator[tuple[FrameNote, Image]]:
 
 
 def _key_picture(image: Image, width: int, caption: str, note: FrameNote) -> KeyPicture:
-    """Picture of `image`, made `width` [px] wide, that links to the file of its `note`."""
+    """Picture for a page from `image`, `width` [px] wide, that links to the file of its `note`."""
     whole = frame_file(Path(), note.sequence).as_posix()
     return KeyPicture(jpeg_text(image, width), caption, whole)
 
@@ -115,7 +115,7 @@ def close_ups(run: Run) -> tuple[KeyPicture, ...]:
 
 
 def _laid_part(image: Image, calibration: Calibration, reach: float) -> Image:
-    """Part of `image` in which a fold of a strip lies that reached as far as `reach` [m]."""
+    """Crop of `image` (h, w, 3) to where a fold lies whose gripper reached x = `reach` [m]."""
     corners = [(x, z) for x in (LAID_BEGIN, LAID_SHARE * reach) for z in LAID_HEIGHTS]
     pixels = calibration.to_image(np.array(corners))
     if not np.isfinite(pixels).all():
@@ -132,7 +132,7 @@ def poster(run: Run) -> str:
 
 
 def window_on(ticks: Ticks, calibration: Calibration) -> Region:
-    """Image window around the gripper's motion, of the image's proportions."""
+    """Region of the image around the gripper's motion, with the image's aspect ratio."""
     width, height = calibration.lens.width, calibration.lens.height
     x = (-VIEW_MARGIN, float(np.max(ticks.x, initial=0.0)) + VIEW_MARGIN)
     z = (-VIEW_MARGIN, float(np.max(ticks.z, initial=0.0)) + VIEW_MARGIN)
@@ -174,7 +174,7 @@ def draw_sight(
 
 
 def _pixels(points: Array, calibration: Calibration) -> NDArray[np.int32]:
-    """Places (k, 2) [px / 8] in the image of those `points` (m, 2) [m] that lie near it."""
+    """Pixels (k, 2), in eighths, of those `points` (m, 2) x, z [m] that lie near the image."""
     near = points[np.isfinite(points).all(axis=1) & (np.abs(points) < FARTHEST_HAND).all(axis=1)]
     if len(near) == 0:
         return np.empty((0, 2), dtype=np.int32)
@@ -185,7 +185,7 @@ def _pixels(points: Array, calibration: Calibration) -> NDArray[np.int32]:
 
 
 def _with_sight(image: Image, note: FrameNote, run: Run, calibration: Calibration) -> Image:
-    """Copy of `image` with what was measured in it; `image` itself where nothing was."""
+    """Copy of `image` with its measurement of the strip drawn in; `image` itself without one."""
     sights = run.sights()
     rows = np.flatnonzero(sights.sequence == note.sequence)
     if rows.size == 0:

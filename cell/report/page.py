@@ -1,4 +1,4 @@
-"""HTML page of a run, with its numbers, settings, checks and events as rows of text."""
+"""HTML page of a run: verdict, figures, images, and tables of numbers, settings, checks, events."""
 
 import base64
 from collections import Counter
@@ -34,7 +34,7 @@ FILES = (
     (files.RUN, "settings and versions"),
 )
 LARGEST_FILM = 8_000_000  # bytes that a page carries
-FREQUENT = 40  # more of one kind are counted, not listed
+FREQUENT = 40  # events of one kind, above which they are counted and not listed
 LISTED_EVENTS = 400
 LONGEST_TEXT, LONGEST_LIST = 160, 100  # characters of a value, and of a list
 HEIGHT_ON_DESK = 0.01  # m, above which a gripper has lifted the strip
@@ -106,7 +106,7 @@ def _figures(run: Run) -> dict[str, Any]:
 
 
 def truth_of(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
-    """Truth of a run on the twin, None where it cannot be read; texts on broken parts."""
+    """Ground truth of a run on the twin, None where unreadable, and texts on all broken parts."""
     spoilt = list(run.problems)
     try:
         return read_truth(run.folder), spoilt
@@ -130,7 +130,7 @@ def film_of(run: Run) -> dict[str, Any] | None:
 
 
 def _measured_curves(run: Run) -> dict[str, Any]:
-    """Curves measured in the film: `size` of an image, `curves` of (time [s], flat pixels x, y)."""
+    """Strip profiles for the film: image `size` [px]; `curves`, pairs of time [s], flat pixels."""
     calibration = run.calibration()
     if calibration is None:
         return {"size": (), "curves": ()}
@@ -243,7 +243,7 @@ def _check(item: Mapping[str, Any]) -> tuple[str, str, str]:
 
 
 def _timing_rows(run: Run) -> Rows:
-    """Rows of the images' age, and of the longest time between states of a real arm."""
+    """Table rows on the age of images, and on the longest time between states of a real arm."""
     rows = Rows()
     ages = figures.image_ages(run)
     timing = run.header.arm_timing

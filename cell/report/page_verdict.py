@@ -1,4 +1,4 @@
-"""Verdict on a run, or on several, in one to three sentences for its page."""
+"""Verdict on a run in one to three sentences, at the head of its page."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from cell.report.words import millimetres, outcome_title, seconds
 
 LINE_BREAK = "\n"
 WARNINGS = frozenset({"camera_unwatched", NOT_LEARNED})  # events that an operator should know of
-FOLDED_TOLERANCE = 0.020  # m, within this the paper calls a strip folded
+FOLDED_TOLERANCE = 0.020  # m of displacement to count as folded (Petrik and Kyrki, IROS 2019)
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class PageVerdict:
 
 
 def _sigma_lines(run: Run, *, laid: bool) -> str:
-    """One sigma of displacement or `laid` edges, and the calibration's error, a line each."""
+    """Two lines of text: sigma of displacement or `laid` edges, and error of the calibration."""
     sigma = f"± {millimetres(run.header.sigma.displacement)} stated in run.yaml"
     if laid and run.header.sigma.edge_offset is not None:
         sigma = f"± {millimetres(run.header.sigma.edge_offset)} camera"
@@ -96,7 +96,7 @@ def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) 
 
 
 def _fold_tone(result: Result, displacement: float) -> Tone:
-    """Good within FOLDED_TOLERANCE, fair beyond it or where a laid fold is doubted, else bad."""
+    """Tone of a fold: good within FOLDED_TOLERANCE, fair beyond it or if doubted, else bad."""
     if result.outcome in LAID:
         return "fair"
     if result.outcome != "layer_touch":
@@ -164,7 +164,7 @@ def _verdict_of_dead_run(run: Run) -> PageVerdict:
 
 
 def _sentence(reason: str | None) -> str:
-    """The `reason` as a sentence: capital letter and full stop; empty for none."""
+    """Sentence made of a `reason`, with capital letter and full stop; empty for none."""
     return f"{reason[:1].upper()}{reason[1:].rstrip('.')}." if reason else ""
 
 

@@ -1,4 +1,4 @@
-"""HTML pages on several runs: their list with thumbnails, and the comparison of some."""
+"""HTML pages on several runs: a list with thumbnails, and a comparison."""
 
 import os
 import re
@@ -28,8 +28,8 @@ COLUMN_HEADINGS = ("run", "edges mm", "d mm", "outcome", "policy", "strip", "s",
 COLOURS = ("#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0", "#c2352b", "#4a9aa8", "#8c7a2b", "#c05a94")
 MOST_RUNS = 40  # runs in one comparison; more lines cannot be distinguished
 MOST_FILMS, MOST_COLUMNS = 4, 4  # runs of which films play side by side, and with a column each
-NAMED = 4  # of the best runs in the verdict
-SHAPES = 4  # equal times at which the strips are drawn
+NAMED = 4  # best runs that the verdict names
+SHAPES = 4  # times at which the strips are drawn
 # Keys that differ from run to run by themselves, or repeat another one.
 PER_RUN_KEYS = frozenset({"index", "condition", "calibration.age_days", "cell.fold.speed"})
 
@@ -112,9 +112,8 @@ def _verdict(
     """Verdict that names the run nearest to a fold in half, and the settings that differ."""
     names = [_short_name(run) for run in runs]
     laid = all(row.edge_offset is not None for row in rows if row.displacement is not None)
-    key, what = "displacement", "Displacement where the layers touch"
-    if laid:  # in all of them, so that one length is compared
-        key, what = "edge_offset", "Edges apart"
+    key = "edge_offset" if laid else "displacement"  # one length for all runs
+    what = "Edges apart" if laid else "Displacement where the layers touch"
     measured = [getattr(row, key) for row in rows]
     true = [truth.get(key) for truth in truths]
     ranked = sorted(
@@ -134,7 +133,7 @@ def _verdict(
 
 
 def _ranked(names: Sequence[str], offsets: Sequence[float | None]) -> str:
-    """Text of the runs with the NAMED smallest offsets [m]; those without one are left out."""
+    """Text of the NAMED runs with the smallest offsets [m]; those without one are left out."""
     ranked = [(abs(v), name, v) for name, v in zip(names, offsets, strict=True) if v is not None]
     nearest = (f"{name}: {millimetres(v, signed=True)}" for _, name, v in sorted(ranked)[:NAMED])
     return ", ".join(nearest)
@@ -149,7 +148,7 @@ def _numbers(row: RunRow, truth: Mapping[str, Any], place: Path) -> tuple[str | 
 
 
 def _link(row: RunRow, place: Path, name: str) -> str | Link:
-    """The `name` of a run, which leads to its page where it has one."""
+    """Table cell with the `name` of a run, a link to its page where it has one."""
     report = row.folder / REPORT
     return Link(name, os.path.relpath(report, place)) if report.exists() else name
 

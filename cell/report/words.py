@@ -1,4 +1,4 @@
-"""Numbers and outcomes as text for a technician."""
+"""Text for operators: lengths, times, counts, events and outcomes of runs."""
 
 import math
 

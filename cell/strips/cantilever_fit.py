@@ -126,7 +126,7 @@ class Problem:
         return TrialShape(hanging, misses, self._project_motion(motions))
 
     def residuals(self, values: Array) -> Array:
-        """Residuals (2 n + p,) of midline and priors at `values` (p,) in sigmas; NaN without rest."""
+        """Residuals (2 n + p,) [sigma] of midline and priors at `values` (p,); NaN without rest."""
         try:
             misses = self.trial(values).misses
         except NoRest:

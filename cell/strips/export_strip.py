@@ -20,10 +20,8 @@ OUT_OF_PLANE = "twist and bending across the strip were not measured"
 FRICTION = {"bending_hysteresis"}
 ALONG_STRIP = {"pre_curl", "crease", "stiffness_gradient", "seam", "hem_mass"}
 POWERS = {"nonlinear_bending", "quadratic_damping"}
-EXPRESSED: dict[Simulator, set[str]] = {
-    "newton": FRICTION,
-    "mjcf": FRICTION | ALONG_STRIP | POWERS,
-}
+EXPRESSED: dict[Simulator, set[str]]
+EXPRESSED = {"newton": FRICTION, "mjcf": FRICTION | ALONG_STRIP | POWERS}
 """Effects that each format can express; others are stated in words."""
 
 

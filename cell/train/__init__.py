@@ -1,1 +1,1 @@
-"""`cell train`: training here or on a cluster, and evaluation on both engines."""
+"""Training of policies here or on a cluster (`cell train`), and their evaluation in simulation."""

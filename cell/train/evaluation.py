@@ -1,4 +1,4 @@
-"""Evaluation of a trained policy on other strips than its training's, in rod and chain."""
+"""Evaluation of a trained policy on strips not used in its training, in rod and chain."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
@@ -51,7 +51,7 @@ class Evaluation:
         return int(np.isnan(self.displacement).sum())
 
     def line(self) -> dict[str, object]:
-        """Numbers of the evaluation for a record in JSON, lengths in metres."""
+        """JSON object of the evaluation, lengths in m."""
         gone = [None if np.isnan(d) else round(float(d), 6) for d in self.displacement.ravel()]
         return {
             "engine": self.engine,
@@ -93,7 +93,7 @@ def evaluate(
     executor: Executor,
     meter: Meter,
 ) -> tuple[Evaluation, ...]:
-    """Fold a grid of `side` x `side` strips on each engine, a row for each task of `executor`.
+    """Evaluate `policy` on a grid of `side` x `side` strips in each engine, by `executor`.
 
     Engines get the same noise and delays, of random numbers by `seed` and row.
     """
@@ -110,7 +110,7 @@ def evaluate(
 def evaluate_effects(
     policy: Policy, rollout: Rollout, segments: int, executor: Executor, meter: Meter
 ) -> tuple[EffectErrors, ...]:
-    """Fold unmeasured strips in the rod with nothing, friction and each effect hidden in turn.
+    """Evaluate `policy` on random strips in the rod, with nothing and each effect hidden in turn.
 
     The strips are the same for every policy.
     """

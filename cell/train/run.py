@@ -1,4 +1,4 @@
-"""Runs a training in one folder: starts or resumes it, then evaluates its weights."""
+"""Training of a policy in one folder: started or resumed, then evaluated."""
 
 import json
 from concurrent.futures import Executor
@@ -27,9 +27,7 @@ SUBSTEPS = 4  # between decisions of the evaluation: 4.2 ms, which the chain tak
 
 @dataclass(frozen=True, slots=True)
 class Trained:
-    """Result of a training: checkpoint, settings, evaluations; of `adaptive` its trial on left-out
-    folds and its errors by hidden effect.
-    """
+    """Result of a training: checkpoint, settings, evaluations, errors by hidden effect, trial."""
 
     checkpoint: Path
     settings: TrainingSettings | CriticSettings
@@ -83,7 +81,7 @@ def _evaluate(
     executor: Executor,
     console: Console,
 ) -> Trained:
-    """Fold strips that the `training` never folded, a grid of `side` x `side` and by effect."""
+    """Evaluate the weights of `training` on other strips: a `side` x `side` grid, and by effect."""
     policy = training.policy
     effects = tuple[EffectErrors, ...]()
     if isinstance(settings, TrainingSettings):

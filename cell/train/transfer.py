@@ -1,4 +1,4 @@
-"""Last stage of training `adaptive`: corrects the critic by folds of the chain through images."""
+"""Last stage of training `adaptive`: correction of the critic's bias by folds through images."""
 
 import math
 from collections.abc import Mapping
@@ -71,7 +71,8 @@ def transfer(
     Returns facts on the new checkpoint in `folder`, which keeps the finished folds: with them the
     same call resumes. Raises ConfigurationError where files cannot be used or most folds fail.
     """
-    bare, out = folder / UNTRANSFERRED, folder / TRAINED
+    bare = folder / UNTRANSFERRED
+    out = folder / TRAINED
     facts = {k: v for k, v in about(checkpoint).items() if k != THROUGH_IMAGES}
     critic = load_critic(checkpoint)
     make_folder(folder)

@@ -1,4 +1,4 @@
-"""Ticks and log lines of a recorded run in order of time, for display."""
+"""Playback of a recorded run: its ticks and log lines in order of time, for a viewer."""
 
 import heapq
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, slots=True)
 class TickView:
-    """One tick for display, with the measurement, image and prediction that are new at it.
+    """Tick of a run for display, with the measurement, image and prediction that are new at it.
 
     `clock` [s], `t` since the lift [s] (NaN before), gripper `pose` (3,); `outlook` is a row of
     `cell.record.events`.
@@ -90,7 +90,7 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
 
 
 def _newest_at(times: Array, stamped: Iterator[tuple[float, Item]]) -> Iterator[Item | None]:
-    """The newest item of `stamped`, by stamp [s], at each of `times` (n,) [s]; None if not new."""
+    """Yield for each of `times` (n,) [s] the newest item of `stamped` since the last; or None."""
     following = next(stamped, None)
     for t in times:
         newest: Item | None = None

@@ -1,4 +1,4 @@
-"""Recording of a run for the viewer Rerun: to a file, to a viewer, or from the record.
+"""Recording of a run for the viewer Rerun, written during the run or from its record.
 
 A strip simulated by its model, driven by the measured gripper, is drawn beside the measured one.
 """
@@ -54,9 +54,9 @@ OUTLOOK_SIGNALS["outlook/displacement"] = SEEN_RGBA
 # units: mm, ms, 1/m
 SIGNAL_SCALES = {name: 1.0 if "yield_curvature" in name else MM for name in OUTLOOK_SIGNALS}
 STATE_COLOURS = {state: int(shade[1:] + "ff", 16) for state, shade in STATE_SHADES.items()}
-STEP = 0.005  # s
+STEP = 0.005  # s of the simulated rod
 TIME_ROUNDING = 1e-9  # s
-SEGMENTS = 60
+SEGMENTS = 60  # of the simulated rod
 LONGEST_START, LONGEST_GAP = 10.0, 1.0  # s without a measured gripper, where the model ends
 LIFTED_HEIGHT = 0.02  # m, above which a strip's first pose is one that hangs
 NO_SHAPE = np.empty((0, 2))
@@ -156,7 +156,7 @@ class Signals:
 
 
 class Screen:
-    """Draws ticks and log lines into a Rerun recording; only it uses the entity paths."""
+    """Writer of ticks and log lines into a Rerun recording, which owns its entity paths."""
 
     def __init__(
         self,
@@ -354,7 +354,7 @@ def _plot(group: str, name: str, corner: rrb.Corner2D) -> Any:
 
 
 class Shadow:
-    """Rod simulated beside a real strip from t = 0, where both lie flat or hang still."""
+    """Rod simulation that follows the measured gripper of a run from t = 0, flat or hanging."""
 
     def __init__(self, strip: StripFile) -> None:
         self._rod = Rod(SEGMENTS)
@@ -380,14 +380,18 @@ class Shadow:
         try:
             if self._last is None and pose[1] > LIFTED_HEIGHT:
                 self._rod.reset([self._model], pose[None])
-            last_t, last_pose = self._last or (t, pose)
-            self._last = (t, pose)
-            while (self._steps + 1) * STEP <= t + TIME_ROUNDING:
-                self._steps += 1
-                share = (self._steps * STEP - last_t) / max(t - last_t, STEP)
-                between = last_pose + np.clip(share, 0.0, 1.0) * (pose - last_pose)
-                self._rod.step(between[None], STEP)
+            self._step_to(t, pose)
         except Fault:
             self._lost = True
             return NO_SHAPE
         return np.asarray(self._rod.shapes()[0])
+
+    def _step_to(self, t: float, pose: Array) -> None:
+        """Step the rod to `t` [s], the gripper moving linearly from its last pose to `pose`."""
+        last_t, last_pose = self._last or (t, pose)
+        self._last = (t, pose)
+        while (self._steps + 1) * STEP <= t + TIME_ROUNDING:
+            self._steps += 1
+            share = (self._steps * STEP - last_t) / max(t - last_t, STEP)
+            between = last_pose + np.clip(share, 0.0, 1.0) * (pose - last_pose)
+            self._rod.step(between[None], STEP)

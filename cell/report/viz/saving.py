@@ -1,4 +1,4 @@
-"""Writing of a Rerun recording to a file; a full disk does not block the process."""
+"""Writing of a Rerun recording to a file such that a full disk cannot block the process."""
 
 import os
 import threading

@@ -1,4 +1,4 @@
-"""Observer that shows a run in Rerun from its own thread."""
+"""Live view of a run in the viewer Rerun, drawn in a thread of its own."""
 
 import math
 import threading
@@ -19,13 +19,13 @@ from drivers.strip.file import StripFile
 from drivers.types import Image
 from policies.prediction import FoldPrediction
 
-WAITING, IMAGES_WAITING = 1024, 16  # with 2.8 MB an image, at most 45 MB wait
-IMAGE_PERIOD = 0.1  # s
+WAITING, IMAGES_WAITING = 1024, 16  # items and images in the queue: at most 45 MB of images
+IMAGE_PERIOD = 0.1  # s between images that are shown
 CLOSING_TIMEOUT = 30.0  # s to draw the queue after the run
 
 
 class LiveView:
-    """Observer that shows a run in Rerun without blocking it; drops old ticks when it lags.
+    """Observer of a run that shows it in Rerun without blocking it; drops old ticks when it lags.
 
     It writes run.rrd into the run's folder, serves it on loopback and opens a viewer there. The
     viewer connects to us, so that one that hangs or dies cannot block anything.

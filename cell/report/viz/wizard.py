@@ -25,7 +25,7 @@ def wizard_screen(folder: Path, *, live: bool = False) -> Iterator["WizardScreen
 
 
 class WizardScreen:
-    """Draws the steps of a calibration wizard in Rerun; only it uses the entity paths."""
+    """Writer of a calibration wizard's steps into a Rerun recording: image, coverage, request."""
 
     def __init__(self, recording: rr.RecordingStream) -> None:
         self._to = recording
