@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from cell.benchmark.page import page_of
-from cell.gap.report.page import write_report as write_gap_report
+from cell.gap.report.page import page as gap_page
 from cell.record.listing import list_runs
 from cell.record.run import read_run
 from cell.record.writer import RunWriter
@@ -58,7 +58,7 @@ def pages(
 ) -> list[Path]:
     place = tmp_path_factory.mktemp("pages")
     gap = place / "gap.html"
-    write_gap_report(*judged(Curves(hidden(bump, 0.3))), gap)
+    gap.write_text(gap_page(*judged(Curves(hidden(bump, 0.3))), place), "utf-8")
     compared = write_comparison([finished, killed], place / "compare.html")
     listed = write_runs_page(list_runs(finished.parent), place / "runs.html")
     measured_page = place / "benchmark.html"
