@@ -29,7 +29,7 @@ def folds(monkeypatch, tmp_path) -> Callable[..., tuple[int, list[dict], list[Re
             if isinstance(end, CellError):
                 raise end
             if end.exit_code == 130:
-                interrupted._asked = True
+                interrupted._requested = True
             return end
 
         fold_by(monkeypatch, fold)
