@@ -61,7 +61,7 @@ def agree_to_slow_motion(
 
 
 def await_strip(ask: Callable[[str], str]) -> None:
-    """Wait until the operator has laid the strip again; PreflightRefused at the end of input."""
+    """Wait until the operator has laid the strip again; raises PreflightRefused at end of input."""
     if not ask("Lay the strip again, flat and straight, then press Enter: "):
         raise PreflightRefused(
             "the input ended before Enter was pressed: nobody says that the strip lies there and "
