@@ -1,1 +1,1 @@
-"""The laboratory: what the makers of the cell measure of it, through `python -m tests.lab`."""
+"""Laboratory: measurements of the cell by its makers, as `python -m tests.lab COMMAND`."""

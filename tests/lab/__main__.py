@@ -1,4 +1,4 @@
-"""The door of the laboratory: `python -m tests.lab COMMAND`, with `--help` for each."""
+"""Command line of the laboratory, `python -m tests.lab COMMAND`, with `--help` for each."""
 
 import ast
 import sys

@@ -1,4 +1,4 @@
-"""Garbage on every port of the emulated robot.
+"""Sends random packets to every port of the emulated robot, which must keep serving.
 
 `python -m tests.lab fuzz-packets [--packets N] [--seed S]` sends what the server is sent in
 CI, ten times as much. A server that no longer serves ends it with an AssertionError.
@@ -20,14 +20,14 @@ SCALED = ("DATAGRAMS", "STREAMS", "REQUESTS", "COMMANDS")
 
 @contextmanager
 def serving() -> Iterator[RobotServer]:
-    """A server that must serve still when it is left."""
+    """Context with a robot server, checked at its end to answer still."""
     with RobotServer() as server:
         yield server
         fuzz.assert_serves(server)
 
 
 def main(packets: int = 1_000_000, seed: int = 0) -> None:
-    """Send as many packets as asked for."""
+    """Send `packets` random packets to the robot server's ports."""
     times, random = packets / SHARE, np.random.default_rng(seed)
     parts: dict[str, Callable[[RobotServer], None]] = {
         "datagrams": lambda s: fuzz.test_datagrams_of_garbage_in_a_motion_change_nothing(s, random),

@@ -1,4 +1,4 @@
-"""Hostile documents and run folders against everything that reads files.
+"""Feeds malformed documents and run folders to all readers of files.
 
 `python -m tests.lab fuzz-readers [--documents N] [--folders N] [--seed S]`: any error that
 is not one of the cell's own, more than 2 s of processor time for one input, or more than 1 GB of
@@ -52,7 +52,7 @@ Reader = Callable[[Path], object]
 
 
 class TooLong(Exception):
-    """One input took longer than any may."""
+    """Error of a reader that exceeds the allowed processor time for one input."""
 
 
 def tried(read: Callable[[], object], longest: float = LONGEST) -> str:
@@ -90,7 +90,7 @@ def _tried(read: Callable[[], object]) -> str:
 
 
 def document_readers() -> dict[str, tuple[dict[str, Any], Reader]]:
-    """Name -> (a whole document, what reads such files)."""
+    """By name: a valid document, and the function that reads such files."""
     configs = find_configs(None)
     strip = yaml.safe_load(configs.strip_path("denim").read_text())
     strip["effects"] = {"bending_hysteresis": {"yield_curvature": 20.0, "stiffness_ratio": 8.0}}
@@ -135,7 +135,7 @@ VERDICT: dict[str, Any] = {
 
 
 def fuzz_documents(count: int, start: int, folder: Path) -> Counter[str]:
-    """`count` documents, spread over the readers; how often each read or refused."""
+    """Counts of documents read or refused by each reader, `count` malformed ones in all."""
     took: Counter[str] = Counter()
     readers = document_readers()
     for name, (whole, read) in readers.items():
@@ -151,7 +151,7 @@ def fuzz_documents(count: int, start: int, folder: Path) -> Counter[str]:
 
 
 def made_run(root: Path) -> Path:
-    """A small whole run of the cell with everything in it."""
+    """Folder of a short, complete run of the cell."""
     header = {**HEADER, "config": find_configs(None).cell().model_dump(mode="json", by_alias=True)}
     writer = RunWriter(root, header, "key", patient=True)
     camera = straight_camera()
@@ -166,7 +166,7 @@ def made_run(root: Path) -> Path:
 
 
 def read_everything(folder: Path, longest: float, *, pages: bool) -> Counter[str]:
-    """Everything that reads a run folder; `pages` draws the report and the recording too."""
+    """Counts of readers that read or refuse a run folder; `pages` adds report and recording."""
     strip = load_strip(find_configs(None).strip_path("denim"))
     readers: dict[str, Reader] = {
         "list": lambda f: list_runs(f.parent),
@@ -182,14 +182,14 @@ def read_everything(folder: Path, longest: float, *, pages: bool) -> Counter[str
 
 
 def longest_here(whole: Path) -> float:
-    """Processor time that a reader may take of a folder [s], by that of a whole one's page now."""
+    """Allowed processor time [s] for a run folder, scaled by that of a valid one's page."""
     begun = time.process_time()
     write_report(whole)
     return LONGEST * max(1.0, (time.process_time() - begun) / PAGE)
 
 
 def fuzz_folders(count: int, start: int, root: Path, pages: int = 4) -> Counter[str]:
-    """`count` run folders beside a whole one; every `pages`-th is drawn too."""
+    """Counts of reads and refusals of `count` malformed run folders; some are also drawn."""
     took: Counter[str] = Counter()
     whole = made_run(root / "whole")
     first = copied(whole, root / "first" / whole.name)
@@ -223,7 +223,7 @@ def fuzz_folders(count: int, start: int, root: Path, pages: int = 4) -> Counter[
 
 
 def fuzz_acceptance(count: int, start: int, root: Path) -> Counter[str]:
-    """`count` folders of a fit, spoiled, against accept and undo."""
+    """Counts of reads and refusals by accept and undo of `count` malformed fit folders."""
     took: Counter[str] = Counter()
     root.mkdir(parents=True, exist_ok=True)
     source = find_configs(None).strip_path("denim")
@@ -270,7 +270,7 @@ def _drawn(strategy: Any, check: Callable[[Any], None], count: int, start: int) 
 
 
 def main(documents: int = 10_000, folders: int = 1_000, seed: int = 0) -> int:
-    """Fuzz as asked and say what came of it."""
+    """Fuzz documents, fits and folders; prints the counts, returns 1 for too much memory."""
     with tempfile.TemporaryDirectory() as name:
         root, began = Path(name), time.process_time()
         took = fuzz_documents(documents, seed, root)

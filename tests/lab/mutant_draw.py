@@ -1,4 +1,4 @@
-"""Bugs that a machine puts in: small changes of the modules that decide, and a draw of them."""
+"""Mutants made by machine: small changes of code, and a random draw of them."""
 
 import ast
 import copy
@@ -34,7 +34,7 @@ SILENT = (ast.JoinedStr, ast.Raise, ast.Assert)  # texts for persons, and places
 
 
 def changes(node: ast.AST) -> Iterator[ast.AST]:
-    """All nodes that may stand in place of this one, each a bug that programmers make."""
+    """Nodes that replace an AST node in mutants: errors that programmers make."""
     match node:
         case ast.Compare(ops=[first, *rest]):
             yield from (_with(node, ops=[op, *rest]) for op in _opposites(first))
@@ -127,7 +127,7 @@ def drawn(count: int, seed: int) -> tuple[Mutant, ...]:
 
 @cache
 def judges(module: str) -> tuple[str, ...]:
-    """Files of the tests that are nearest to a module by imports, NEAREST of them, small first."""
+    """Test files that import a module most directly, at most NEAREST, the smallest first."""
     found, known = dict[str, None](), {module}
     for _ in range(len(modules())):
         found |= {file: None for file, path in _tests() if known & imports(path)}

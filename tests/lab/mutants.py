@@ -1,4 +1,4 @@
-"""Bugs put in, one after another, into a copy of the tree: which ones do the tests notice?
+"""Mutation testing: defects put into a copy of the tree, one by one, that tests must find.
 
     python -m tests.lab mutants [PART OF A NAME ...] [--work FOLDER] [--least PERCENT]
     python -m tests.lab mutants --drawn 300 --seed 1
@@ -52,7 +52,7 @@ class Unusable(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Mutant:
-    """A bug: `new` text for `old`, once in `file` or at character `at`; `tests` notice it."""
+    """Defect: `new` text for `old`, once in `file` or at character `at`, and its `tests`."""
 
     name: str
     file: str
@@ -62,7 +62,7 @@ class Mutant:
     at: int | None = None
 
     def apply_to(self, text: str) -> str:
-        """The file's text with the bug; Unusable where it does not apply."""
+        """Text of the file with the defect; Unusable where it does not apply."""
         if self.at is not None and text.startswith(self.old, self.at):
             return text[: self.at] + self.new + text[self.at + len(self.old) :]
         if text.count(self.old) != 1:
@@ -72,7 +72,7 @@ class Mutant:
         return text.replace(self.old, self.new)
 
     def key(self, root: Path) -> str:
-        """Digest of everything that its outcome is made of: bug, file, tests."""
+        """Digest of all that the outcome depends on: the defect, its file, its tests."""
         names = [self.file, *(test.partition("::")[0] for test in self.tests)]
         texts = [(root / name).read_text("utf-8") for name in names]
         parts = [self.old, self.new, str(self.at), *self.tests, *texts]
@@ -80,7 +80,7 @@ class Mutant:
 
 
 def listed() -> tuple[Mutant, ...]:
-    """All mutants, in the order of the list."""
+    """Mutants of the list, in its order."""
     entries = yaml.safe_load(LIST.read_text("utf-8"))
     return tuple(Mutant(**{**entry, "tests": tuple(entry["tests"])}) for entry in entries)
 
@@ -144,7 +144,7 @@ def preload() -> None:
 
 
 def judged(mutant: Mutant, tree: Path) -> str:
-    """Outcome of the tests with the bug; the file is as before afterwards."""
+    """Outcome of the tests with the defect applied; the file is restored afterwards."""
     path = tree / mutant.file
     text, times = path.read_text("utf-8"), path.stat()
     path.write_text(mutant.apply_to(text), "utf-8")
@@ -202,7 +202,7 @@ def main(
     ] = None,
     seed: Annotated[int, typer.Option(help="Of the draw.")] = 1,
 ) -> int:
-    """Judge the mutants that are asked for; the exit code."""
+    """Judge the chosen mutants and print the survivors; returns the exit code."""
     from tests.lab.mutant_draw import drawn
 
     every = drawn(draw, seed) if draw else listed()

@@ -16,7 +16,7 @@ SEEN = 0.91  # m that the image shows in x, of a camera that looks straight at t
 
 
 def configure(folder: Path, camera: V4l2Settings) -> None:
-    """A copy of the packaged configuration whose camera is `camera`, calibrated by assumption."""
+    """Copy the packaged configuration to `folder`, with `camera` and an assumed calibration."""
     plain = yaml.safe_load((CONFIGS / "cell.yaml").read_text())
     plain["camera"] = camera.model_dump(exclude_defaults=True)
     plain["calibration"] = "assumed.yaml"

@@ -1,4 +1,4 @@
-"""Views of the calibration board as a lens projects them, without rendering an image."""
+"""Simulated views of the calibration board by a lens model, without rendered images."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -23,7 +23,7 @@ def projected(
     noise: float = 0.05,
     bow: float = 0.0,
 ) -> BoardView:
-    """`wanted` seen through `lens`, its corners with `noise` [px]; those outside are missing.
+    """Board view `wanted` projected by `lens`, corners with `noise` [px]; outside ones are missing.
 
     `bow` [m] is by how much the ends of the board bend away from its middle.
     """
@@ -63,13 +63,13 @@ def bent_session(settings: BoardSettings, bow: float, seed: int) -> dict[int, Bo
 
 
 def arm_steps(rng: np.random.Generator) -> Array:
-    """Ten seconds of smooth steps along x, 100 readings a second."""
+    """Positions (1000,) [m] along x of smooth steps within 10 s, at 100 Hz."""
     t = np.arange(0.0, 10.0, 0.01)
     x = 0.25 + 0.06 * (1 - np.cos(2 * np.pi * t / 1.5)) + 2e-5 * rng.standard_normal(len(t))
     return np.column_stack([t, x, np.full(len(t), 0.15)])
 
 
 def images_of(stamps: Array, x: Array, noise: float, rng: np.random.Generator) -> Array:
-    """Images (n, 3) at `stamps` of a pointer at `x`: stamp, u, v with `noise` [px]."""
+    """Images (n, 3) of a pointer at `x` (k,): stamp [s], u and v with `noise` [px]."""
     pixels = LENS.distort(MAP.to_image(np.column_stack([x, np.full(len(x), 0.15)])))
     return np.column_stack([stamps, pixels + noise * rng.standard_normal(pixels.shape)])

@@ -1,4 +1,4 @@
-"""Pages as a reader's browser shows them: Chromium without a screen, by its own protocol."""
+"""Checks of HTML pages in a headless Chromium, by the DevTools protocol."""
 
 import json
 import re
@@ -23,7 +23,7 @@ AUDIT = (Path(__file__).parent / "page_audit.js").read_text(encoding="utf-8")
 
 @dataclass(frozen=True)
 class Look:
-    """How a page is looked at: `width` [px] of the window, `scheme` light or dark."""
+    """Display of a page: window `width` [px], and colour `scheme` light or dark."""
 
     width: int
     scheme: str
@@ -42,7 +42,7 @@ class Browser:
             self.ask(f"{domain}.enable")
 
     def ask(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """The answer to a command of the DevTools protocol; complaints of the page are kept."""
+        """Answer to a DevTools command; errors that the page reports are kept."""
         self._number += 1
         message = {"id": self._number, "method": method, "params": parameters}
         self._socket.send(json.dumps(message))
@@ -66,7 +66,7 @@ class Browser:
         return answer
 
     def problems(self, page: Path, look: Look) -> list[str]:
-        """What is wrong with `page`: errors, broken pictures, overflow, too small or faint text."""
+        """Faults of `page`: errors, broken images, overflow, too small or faint text."""
         self.complaints = []
         size = {"width": look.width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
         self.ask("Emulation.setDeviceMetricsOverride", **size)
@@ -80,7 +80,7 @@ class Browser:
         return [*self.complaints, *self.evaluate(AUDIT)]
 
     def evaluate(self, expression: str) -> Any:
-        """What `expression` is in the page; RuntimeError where it throws."""
+        """Value of a JavaScript `expression` in the page; RuntimeError where it throws."""
         wanted = {"expression": expression, "returnByValue": True, "awaitPromise": True}
         found = self.ask("Runtime.evaluate", **wanted)
         if "exceptionDetails" in found:
@@ -88,14 +88,14 @@ class Browser:
         return found["result"].get("value")
 
     def point(self, x: float, y: float, *kinds: str, **more: Any) -> None:
-        """Do `kinds` of things (mouseMoved, mousePressed ...) at a place of the window [px]."""
+        """Send mouse events `kinds`, such as mousePressed, at a place of the window [px]."""
         for kind in kinds:
             self.ask("Input.dispatchMouseEvent", type=kind, x=x, y=y, **more)
 
 
 @contextmanager
 def browser() -> Iterator[Browser]:
-    """A browser for a while; RuntimeError where it does not start."""
+    """Context with a running browser; RuntimeError where it does not start."""
     with TemporaryDirectory() as place:
         command = [str(FOUND), *FLAGS, f"--user-data-dir={place}", "about:blank"]
         with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:

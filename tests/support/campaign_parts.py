@@ -1,4 +1,4 @@
-"""Parts of a campaign that do what tests need, in processes of their own."""
+"""Measurements of campaign parts for tests: successful, failing, hanging or fatal."""
 
 import os
 import time
@@ -12,7 +12,7 @@ from drivers.errors import ConfigurationError
 
 
 def length_of_key(key: str, marks: Path | None, seconds: float) -> Mapping[str, Any]:
-    """Measure the length of `key`; leaves a line in `marks` each time."""
+    """Length of `key` as a measurement; appends a line to the file `marks` each time."""
     time.sleep(seconds)
     if marks is not None:
         with marks.open("a") as stream:
@@ -21,22 +21,22 @@ def length_of_key(key: str, marks: Path | None, seconds: float) -> Mapping[str, 
 
 
 def refuse(*_: object) -> Mapping[str, Any]:
-    """Measure what cannot be measured."""
+    """Measurement that raises a ConfigurationError."""
     raise ConfigurationError("this strip cannot be folded")
 
 
 def fail(*_: object) -> Mapping[str, Any]:
-    """Measure with a defect."""
+    """Measurement with a defect of the program."""
     return {"one": 1 / 0}
 
 
 def die(*_: object) -> Mapping[str, Any]:
-    """Take the whole process along."""
+    """Measurement that kills its process."""
     os._exit(3)
 
 
 def never_end(*_: object) -> Mapping[str, Any]:
-    """Measure for ever."""
+    """Measurement that never ends."""
     time.sleep(1e6)
     return {}
 

@@ -16,12 +16,12 @@ LENGTH = 0.6  # m
 
 
 def middling(**changes: object) -> StripFile:
-    """A strip in the middle of the paper's range."""
+    """Strip in the middle of the paper's parameter range."""
     return paper_strip(0.0775, 7 * paper_damping_minimum(0.0775)).model_copy(update=changes)
 
 
 def fold(strip: StripFile, path: Path, links: int = 60, dt: float = H) -> StripMotion:
-    """A whole fold along `path` at 0.1 m/s, up to its layer_touch."""
+    """Simulated fold of a chain along `path` at 0.1 m/s, up to the layers' touch."""
     t = np.arange(0.0, path.length / SPEED, H)
     motion = simulate(Chain(links), describe(strip), t, path.poses(t * SPEED), dt=dt)
     assert motion.touch is not None
@@ -29,13 +29,13 @@ def fold(strip: StripFile, path: Path, links: int = 60, dt: float = H) -> StripM
 
 
 def displacement(motion: StripMotion) -> float:
-    """d [m] of a motion that ended with layer_touch."""
+    """Displacement d [m] at the layers' touch of a motion."""
     assert motion.touch is not None
     return motion.touch.displacement
 
 
 def carry(chain: Chain, travel: float, path: Path) -> Array:
-    """Moves the gripper along `path` from its start to `travel` [m]; the pose (3,) there."""
+    """Move the gripper along `path` to `travel` [m]; returns the pose (3,) there."""
     poses = path.poses(np.arange(H, travel / SPEED, H) * SPEED)
     for pose in poses:
         chain.step(pose[None], H)
@@ -43,7 +43,7 @@ def carry(chain: Chain, travel: float, path: Path) -> Array:
 
 
 def settle(chain: Chain, pose: Array, seconds: float) -> Array:
-    """Steps with the gripper at rest; the shape (nodes, 2) at the end."""
+    """Step with the gripper at rest for `seconds`; returns the final midline (nodes, 2) [m]."""
     for _ in range(round(seconds / H)):
         chain.step(pose[None], H)
     return chain.shapes()[0]

@@ -1,4 +1,4 @@
-"""Child processes of this one, found as `ps` finds them, and folds in processes of their own."""
+"""Child processes of the test process, found by `ps`, and folds in processes of their own."""
 
 import os
 import subprocess
@@ -23,7 +23,7 @@ def children(name: str) -> list[int]:
 
 
 def holds(claim: Callable[[], bool]) -> bool:
-    """Whether the claim comes true within two minutes."""
+    """Whether the `claim` becomes true within two minutes."""
     patience = time.monotonic() + 120
     while not claim() and time.monotonic() < patience:
         time.sleep(0.01)
@@ -31,7 +31,7 @@ def holds(claim: Callable[[], bool]) -> bool:
 
 
 def wait_for_state(state: str, runs: Path, process: subprocess.Popen) -> Path:
-    """The run's folder, once it stands in `state`."""
+    """Folder of the run, once it has entered `state`."""
     end = time.monotonic() + 300
     while time.monotonic() < end and process.poll() is None:
         for events in runs.glob("*/events.jsonl"):

@@ -6,7 +6,7 @@ from cell.__main__ import main
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
-    """Exit code of `cell` with these words."""
+    """Exit code of `cell` called with `words` as arguments."""
     monkeypatch.setattr("sys.argv", ["cell", *map(str, words)])
     monkeypatch.setattr("__main__.__package__", None)  # else `python -m pytest` is named
     with pytest.raises(SystemExit) as ended:
@@ -17,7 +17,7 @@ def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
 def refused(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: object
 ) -> str:
-    """What a command that must be refused as bad input says: a line for each thing wrong."""
+    """Error text of a `cell` command that must be refused as bad input."""
     code = run(monkeypatch, *words)
     told = capsys.readouterr()
     assert code == 2, told

@@ -1,4 +1,4 @@
-"""A subject of plain curves: the gap engine knows nothing of strips or pendulums."""
+"""Subject of analytical curves, to test the gap engine without strips or mechanisms."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -55,7 +55,7 @@ def candidate(name: str, signed: bool) -> Candidate:
 
 @dataclass
 class Curves(Subject):
-    """y = offset + slope t (+ effects) + each run's own shift; `truth` adds what is hidden."""
+    """Subject y = offset + slope t + effects + a shift of each run; `truth` is hidden."""
 
     truth: Law
     names: Sequence[str] = ("bump", "wave", "dead")
@@ -110,7 +110,7 @@ class Curves(Subject):
         return found
 
     def added(self, name: str, values: Array, speed: float) -> Array:
-        """What the effect `name` adds to a curve (60,), with its `values`."""
+        """Change (60,) [m] of a curve by the effect `name` with its `values`."""
         return values[0] * LAWS[name](T, speed, 0)
 
     def experiments(self) -> Sequence[Experiment]:

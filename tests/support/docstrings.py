@@ -15,7 +15,7 @@ Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 @dataclass(frozen=True)
 class Public:
-    """A public function: where it stands, its node, and the docstrings around it."""
+    """Public function or method: its place, syntax node, and the docstrings about it."""
 
     place: str
     node: Function
@@ -23,7 +23,7 @@ class Public:
 
     @property
     def has_arrays(self) -> bool:
-        """Whether an array goes in or out."""
+        """Whether an argument or the result is an array."""
         a = self.node.args
         annotated = [x.annotation for x in (*a.posonlyargs, *a.args, *a.kwonlyargs)]
         hints = [ast.unparse(h) for h in (*annotated, self.node.returns) if h is not None]
@@ -31,7 +31,7 @@ class Public:
 
     @property
     def raises(self) -> bool:
-        """Whether its own body raises something new."""
+        """Whether the function's own body raises a new error."""
         return any(isinstance(n, ast.Raise) and n.exc is not None for n in ast.walk(self.node))
 
 
@@ -48,7 +48,7 @@ def public_functions() -> Iterator[Public]:
 
 
 def _methods(owner: ast.ClassDef, place: str) -> Iterator[Public]:
-    """Its public methods; what the class's own docstring says holds for them too."""
+    """Public methods of a class, each with the docstring of the class added."""
     whole = ast.get_docstring(owner) or ""
     for node in owner.body:
         if isinstance(node, Function) and not node.name.startswith("_"):

@@ -31,7 +31,7 @@ INDEX = 2  # runs that the specimen has been through before
 
 
 def denim(**changes: Any) -> StripFile:
-    """A strip of 60 cm about as heavy and stiff as denim."""
+    """Strip of 0.6 m, about as heavy and stiff as denim."""
     content = {
         "schema": 1, "name": "denim", "length": LENGTH, "width": 0.05, "areal_density": 0.4,
         "bending_length": 0.017, "retardation_time": 0.03,
@@ -40,7 +40,7 @@ def denim(**changes: Any) -> StripFile:
 
 
 def affected(name: str, strip: StripFile | None = None, **values: float) -> StripModel:
-    """The strip with one effect, its own or its cell's."""
+    """Model of a strip with the effect `name`, of the strip or of the cell."""
     own = {name: values} if registry()[name].of == "strip" else {}
     rig = {} if own else {name: values}
     affected = (strip or denim()).model_copy(update={"effects": own})
@@ -48,12 +48,12 @@ def affected(name: str, strip: StripFile | None = None, **values: float) -> Stri
 
 
 def bare() -> StripModel:
-    """The strip without effects."""
+    """Model of the strip without effects."""
     return describe(denim(), index=INDEX)
 
 
 def usual(effect: Effect, parameter: Parameter) -> float:
-    """What a parameter is while another one of its effect varies."""
+    """Value of a parameter while another one of its effect is varied."""
     if parameter.name in USUAL:
         return USUAL[parameter.name]
     by_role = {"place": 0.5 * LENGTH, "width": 0.03, "time": 0.5, "ratio": 8.0}
@@ -75,7 +75,7 @@ def levels(effect: Effect) -> list[dict[str, float]]:
 
 
 def way(path: Path, speed: float = SPEED) -> GripperPath:
-    """The path as a 100 Hz record, its speed reached within 0.4 s."""
+    """Path as a gripper record of 100 Hz, with smooth acceleration within 0.4 s."""
     t = np.arange(0.0, path.length / speed + 0.3, 0.01)
     share = np.clip(t / 0.4, 0.0, 1.0)
     travel = speed * np.where(t < 0.4, 0.4 * (share**3 - share**4 / 2), t - 0.2)
@@ -85,7 +85,7 @@ def way(path: Path, speed: float = SPEED) -> GripperPath:
 def folds(
     models: list[StripModel], path: str = "triangular", segments: int = 60, dt: float = 0.005
 ) -> list[StripMotion]:
-    """The models along one path, all in one batch."""
+    """Simulated folds of the models along one path, in one batch of the rod."""
     ways = [way(PATHS[path])] * len(models)
     return simulate_all(Rod(segments), models, ways, dt=dt, every=EVERY)
 
@@ -120,6 +120,6 @@ def simulate(
 
 
 def fold(engine: Stepper, model: StripModel, path: str) -> StripMotion:
-    """The model along one path, with its shapes."""
+    """Simulated fold of the model along a named path, with its shapes."""
     along = way(PATHS[path])
     return simulate(engine, model, along.t, along.poses, shapes=True)

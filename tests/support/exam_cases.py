@@ -12,7 +12,7 @@ Numbers = tuple[float, float | None, float | None]
 
 
 def case(name: str, kind: Any, effects: dict[str, dict[str, float]], **changes: Any) -> Case:
-    """A case of denim; its effects are the answer."""
+    """Exam case of denim whose `effects` are the answer."""
     facts: dict[str, Any] = {"tier": "state", "strip": "denim", "seed": 1, "answer": (*effects,)}
     return Case(name=name, kind=kind, effects=effects, **{**facts, **changes})
 
@@ -25,7 +25,7 @@ def verdict(
     unit: float = 1.0,
     shrink: float = 0.0,
 ) -> Verdict:
-    """A verdict; its base in units of `unit`."""
+    """Verdict for tests, with base values in multiples of `unit`."""
     scaled = {
         name: Interval(value=unit * v, low=unit * (low or 0), high=unit * (high or 0))
         for name, (v, low, high) in (base or {}).items()
@@ -44,7 +44,7 @@ def verdict(
 def named(
     *names: str, parameters: dict[str, Numbers] | None = None, confidence: float = 0.9
 ) -> Verdict:
-    """A verdict that names effects."""
+    """Verdict that names the effects `names`."""
     values = {
         key: ValueWithUnit(value=v, low=low, high=high, unit="")
         for key, (v, low, high) in (parameters or {}).items()
@@ -56,7 +56,7 @@ def named(
 
 
 def few_runs(case: Case, folder: Path) -> None:
-    """Two folds of the case's plant, made in the rod."""
+    """Write two folds of the case's plant, simulated by the rod, into `folder`."""
     if case.seed == 13:
         raise RuntimeError("this one cannot be made")
     written(folder, folds(("normal", "fast"), case.effects), seed=case.seed)

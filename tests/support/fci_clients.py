@@ -1,4 +1,4 @@
-"""Clients of the robot's interface that nobody here wrote, each in a process of its own."""
+"""Runs foreign clients of the robot's interface, each in a process of its own."""
 
 import json
 import subprocess
@@ -14,7 +14,7 @@ PATIENCE = 60  # s, for a client on a busy machine
 
 
 def told_by(script: str, module: str, address: str, *arguments: str) -> dict[str, object]:
-    """What a client in a process of its own says at its end."""
+    """JSON that a client script prints at its end, run in a process of its own."""
     if find_spec(module) is None:
         pytest.skip(f"{PACKAGES[module]} is not installed: no wheel for this platform")
     command = [sys.executable, str(CLIENTS / script), address, *arguments]

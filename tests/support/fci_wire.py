@@ -1,4 +1,4 @@
-"""A client of the arm's protocol made of bare bytes, with numbers of the protocol's description.
+"""Client of the arm's protocol that packs bytes by the published numbers of the protocol.
 
 It shares no code with the server: offsets, sizes and numbers stand here as they are described.
 """
@@ -16,7 +16,7 @@ SILENCE = 3.0  # s, after which a test no longer waits for the server
 
 @dataclass(frozen=True)
 class State:
-    """A state as it came."""
+    """State of the robot as received in a datagram."""
 
     raw: bytes
 
@@ -29,7 +29,7 @@ class State:
 
     @property
     def place(self) -> tuple[float, ...]:
-        """O_T_EE's translation: the last column of a column-major matrix."""
+        """Translation of O_T_EE [m], the last column of a column-major matrix."""
         return self.floats(8 + 12 * 4, 3)
 
     @property
@@ -82,7 +82,7 @@ def move_request(generator: int, controller: int = 0) -> bytes:
 
 @dataclass
 class RawArm:
-    """One TCP connection and its datagrams."""
+    """Client with one TCP connection and one UDP socket to the robot."""
 
     address: str
     version: int = 10
@@ -116,18 +116,18 @@ class RawArm:
         self.udp.close()
 
     def request(self, number: int, payload: bytes = b"") -> int:
-        """Send a request; its id."""
+        """Send a request; returns its identifier."""
         self._ids += 1
         self.tcp.sendall(struct.pack("<III", number, self._ids, 12 + len(payload)) + payload)
         return self._ids
 
     def reply(self) -> tuple[int, int, bytes]:
-        """Command, id and content of the next reply."""
+        """Command, identifier and content of the next reply."""
         number, command_id, size = struct.unpack("<III", self._exactly(12))
         return number, command_id, self._exactly(size - 12)
 
     def ask(self, number: int, payload: bytes = b"") -> int:
-        """Status of the reply to a request."""
+        """Status in the reply to a request."""
         asked = self.request(number, payload)
         answered, command_id, content = self.reply()
         assert (answered, command_id) == (number, asked)
@@ -138,11 +138,11 @@ class RawArm:
         return State(raw)
 
     def newest(self) -> State:
-        """The newest state that has arrived, or the next."""
+        """Newest state that has arrived, or else the next one."""
         return self.newest_after(self.state())
 
     def until(self, holds) -> State:
-        """The first state for which something holds."""
+        """First state that satisfies `holds`."""
         for _ in range(3000):
             state = self.state()
             if holds(state):
@@ -154,12 +154,12 @@ class RawArm:
         self.udp.sendto(datagram, self.server)
 
     def begin(self, generator: int) -> State:
-        """Start a motion; the first state that tells of it."""
+        """Start a motion; returns the first state that reports it."""
         assert self.ask(MOVE, move_request(generator)) == STARTED
         return self.until(lambda state: state.mode == MOVING)
 
     def start_still(self, generator: int = CARTESIAN_VELOCITY) -> State:
-        """Start a motion and stand; from the state that comes back, ticks follow commands.
+        """Start a motion at rest; returns the first state whose ticks follow commands.
 
         Commands for states that the server has sent on from are passed over.
         """
@@ -181,7 +181,7 @@ class RawArm:
             self.udp.settimeout(SILENCE)
 
     def tick(self, state: State, **command) -> State:
-        """Answer a state, and the state after it."""
+        """Answer `state` with a command; returns the following state."""
         self.send(robot_command(state.message_id, **command))
         return self.until(lambda after: after.message_id > state.message_id)
 

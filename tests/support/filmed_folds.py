@@ -1,4 +1,4 @@
-"""A fold on the twin, and a film of it as another camera's recorder would write it."""
+"""Folds on the twin with a film as a separate camera's recorder writes it."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from tests.support.requests import request_for
 
 
 class Filming:
-    """Writes every fresh image of a fold into a film."""
+    """Observer that writes every new image of a fold into a film."""
 
     def __init__(self, writer: FilmWriter) -> None:
         self._writer = writer
@@ -28,7 +28,7 @@ class Filming:
 
 
 def filmed(strip: str, policy: str, place: Path) -> tuple[Run, Path, float]:
-    """The run, its film, and when on the run's clock the film begins [s]."""
+    """Run of a fold, its film, and the film's start on the run's clock [s]."""
     film = place / "fold.mkv"
     with FilmWriter(film) as writer:
         filming = Filming(writer)
@@ -40,7 +40,7 @@ def filmed(strip: str, policy: str, place: Path) -> tuple[Run, Path, float]:
 
 
 def encoded_again(film: Path, encoder: str) -> Path:
-    """The film once more, by another encoder."""
+    """Copy of the film by another encoder."""
     again = film.with_name(f"{encoder}.mkv")
     with FilmWriter(again, encoder) as writer:
         for frame in Film(film).frames():

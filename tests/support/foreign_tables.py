@@ -1,4 +1,4 @@
-"""A run as another program wrote it, and the mapping that reads it."""
+"""Runs as other programs write them, and mappings that import them."""
 
 from pathlib import Path
 
@@ -50,7 +50,7 @@ def table(path: Path, head: list[str], columns: list[object], **style: str) -> N
 
 
 def foreign(place: Path, clock: float = 1700.0) -> Path:
-    """A run as another program wrote it: x the other way, its own clock, images 20 ms late."""
+    """Write a run with x reversed, another clock, and images 20 ms late."""
     place.mkdir(parents=True)
     columns = [1e3 * (T + clock), 1e3 * (1.2 - X), 1e2 * (Z + 0.05), 1e3 * 0.2 * np.sin(T)]
     table(place / "tip.csv", ["time", "along", "height", "Fx"], columns, delimiter=";", decimal=",")
@@ -71,7 +71,7 @@ def mapping(place: Path, **changes: object) -> Path:
 
 
 def plain(place: Path, head: str = "t,x,z", rows: object = None, **how: str) -> Path:
-    """A folder with a table of the gripper, of rows as text."""
+    """Write a folder with one table of the gripper's path, `rows` as text."""
     place.mkdir(parents=True)
     made = [f"{t:.3f},{x:.6f},{z:.6f}" for t, x, z in zip(T, X, Z, strict=True)]
     lines = [head, *(made if rows is None else rows)]
@@ -80,7 +80,7 @@ def plain(place: Path, head: str = "t,x,z", rows: object = None, **how: str) -> 
 
 
 def in_metres(place: Path, **changes: object) -> Path:
-    """A mapping for `plain`, and for the touch of `foreign`."""
+    """Write a mapping in metres for the tables of `plain` and the touch of `foreign`."""
     columns = {n: {"column": n, "unit": unit} for n, unit in {"t": "s", "x": "m", "z": "m"}.items()}
     ticks = {"file": "tip.csv", "columns": columns}
     return mapping(place, **{"ticks": ticks, "profile": None, "contact": None} | changes)

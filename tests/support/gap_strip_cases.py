@@ -1,4 +1,4 @@
-"""Measured folds of denim, made by the rod with noise, for the tests of the strip subject."""
+"""Measured folds of denim, simulated by the rod with noise, to test the strip subject."""
 
 import hashlib
 import json
@@ -27,12 +27,12 @@ SEGMENTS, STEP = 150, 0.004
 
 
 def denim() -> StripFile:
-    """The strip as the controller knows it."""
+    """Strip file of denim that the controller uses."""
     return load_strip(STRIP)
 
 
 def folds(names: Sequence[str], effects: Effects | None = None, **changes: float) -> list[Fold]:
-    """Standard motions of a denim that has `effects` and `changes`."""
+    """Simulated standard motions of a denim with `effects` and changed fields."""
     plant = denim().model_copy(update=changes)
     models = [describe(plant, effects or {}, i) for i in range(len(names))]
     made = rod_folds(models, [reported_path(STANDARD[n].over(0.6)) for n in names], SEGMENTS, STEP)
@@ -42,7 +42,7 @@ def folds(names: Sequence[str], effects: Effects | None = None, **changes: float
 
 
 def written(root: Path, made: Sequence[Fold], by: Instruments = CELL, seed: int = 0) -> list[Path]:
-    """Run folders of folds, in their order."""
+    """Folders of the folds `made`, written with noise, in their order."""
     rng = np.random.default_rng(seed)
     for fold in made:
         write_fold(root / f"{fold.index:02d}-{fold.condition}", "denim", fold, by, rng)
@@ -78,7 +78,7 @@ EFFECT = {"bending_hysteresis": {"yield_curvature": 20.0, "stiffness_ratio": 8.0
 
 
 class Fitted:
-    """A folder that a fit wrote, its strip file and cell file."""
+    """Folder of a finished fit, with its strip file and cell file."""
 
     def __init__(self, root: Path) -> None:
         self.out, self.file, self.cell = root / "out", root / "denim.yaml", root / "cell.yaml"

@@ -1,4 +1,4 @@
-"""Photographs of hanging strips with known truth: fuzzy bright yarn on a dark background."""
+"""Synthetic photographs of hanging strips with known truth: fuzzy yarn on a dark ground."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ FINER = 4
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """A strip at a ledge and how it is photographed; lengths in m, `height` of the picture in px.
+    """Strip at a ledge [m] and its photograph; `height` of the picture in px.
 
     `cropped` is the arc that lies outside of the picture, negative: so much lies on the ledge.
     """
@@ -32,14 +32,14 @@ class Scene:
 
 
 def shape(scene: Scene) -> HangingStrip:
-    """The strip's true shape."""
+    """True shape of the hanging strip."""
     s = hinges(scene.overhang) / scene.overhang
     born = scene.curl + scene.set_amplitude * np.sin(2 * np.pi * scene.set_waves * s)
     return hanging_shape(scene.overhang, scene.bending_length, rest_curvature=born)
 
 
 def photograph(scene: Scene, seed: int) -> Image:
-    """The picture (height, width, 3), its left border at the crop."""
+    """Rendered picture (height, width, 3), cropped at the ledge on the left."""
     rng = np.random.default_rng(seed)
     hanging = shape(scene)
     turn = np.array(

@@ -1,4 +1,4 @@
-"""Made-up folds of a strip: as images measure them, and what is believed and noted of them."""
+"""Synthetic measured folds of a strip, with predictions and records of events."""
 
 from functools import cache
 
@@ -34,7 +34,7 @@ BELIEF = FoldPrediction(
 
 @cache
 def measured(**effects: tuple[tuple[str, float], ...]) -> MeasuredFold:
-    """A fold of the strip with these effects, seen with the noise of images."""
+    """Synthetic fold of the strip with `effects`, with the noise of images."""
     rng, path = np.random.default_rng(3), triangular(0.6, 0.04)
     t = np.arange(0.0, path.length / 0.1, 0.005)
     held = {name: dict(values) for name, values in effects.items()}
@@ -56,7 +56,7 @@ OUTCOME = Outcome("layer_touch", "the layers touch", 0, TOUCH, -0.002, 14.0, BEL
 
 
 class Notes(Recorder):
-    """A record that keeps its events."""
+    """Recorder that keeps its events in memory."""
 
     def __init__(self) -> None:
         self.events: list[tuple[str, dict[str, object]]] = []

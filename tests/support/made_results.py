@@ -1,4 +1,4 @@
-"""Made-up results of folds."""
+"""Synthetic results of folds and benchmarks."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -33,7 +33,7 @@ STOPPED = replace(DONE, outcome="interrupted", displacement=None, layer_touch=No
 
 
 def fold_by(monkeypatch: pytest.MonkeyPatch, fold: Callable, **others: Callable) -> None:
-    """Batches fold by `fold`, without calibration and pages unless by `others`."""
+    """Replace the fold of batches by `fold`, without calibration and pages."""
     plain = {"calibration_of": lambda *_: None, "write_pages": lambda _, result: result}
     for name, function in ({"fold": fold} | plain | others).items():
         monkeypatch.setattr(batch, name, function)
@@ -68,7 +68,7 @@ def image_fold(policy: str, strip: str, d: float | None, seed: int = 0) -> Image
 
 
 def measured(**changed: float | None) -> Results:
-    """A whole benchmark; `changed` are displacements by feedback on single strips."""
+    """Complete benchmark result; `changed` are displacements [m] by feedback per strip."""
     rng = np.random.default_rng(0)
     folds = [
         image_fold(p, s, changed.get(s, USUAL[p]) if p == "feedback" else USUAL[p])

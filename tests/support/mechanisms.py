@@ -1,4 +1,4 @@
-"""A small arm with two motors, and runs of it made by plain MuJoCo with hidden causes."""
+"""Small arm with two motors, and runs of it by plain MuJoCo with hidden causes."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -94,7 +94,7 @@ def make_arm(
 
 
 def left(subject: MechanismSubject, **effects: Any) -> float:
-    """What the stated model with `effects` leaves of all runs, rms in units of noise."""
+    """Rms residual [noise] that the stated model with `effects` leaves in all runs."""
     known = {name: np.array(values) for name, values in effects.items()}
     asked = [subject.stated(run, known) for run in subject.runs]
     found = [f.mean / r.samples.noise

@@ -1,4 +1,4 @@
-"""A cell of plain devices: a servo without lag, a hand without strip, a camera that sees noise."""
+"""Cell of minimal devices: ideal servo, hand without strip, camera that sees noise."""
 
 import math
 from collections.abc import Callable
@@ -29,7 +29,7 @@ AWAY = Velocity(-0.1, 0.05, 0.0)
 
 
 class PlainArm:
-    """A servo that is where it is commanded to be."""
+    """Arm that reaches every commanded pose at once."""
 
     def __init__(self, clock: TwinClock) -> None:
         self._clock = clock
@@ -91,7 +91,7 @@ class PlainHand:
 
 
 class NoiseCamera:
-    """A frame at each look, each other than the last."""
+    """Camera whose frames are random images."""
 
     rate = 100.0
 
@@ -148,13 +148,13 @@ def result_of(frame: Frame, gripper: Pose, *, touches: bool) -> ImageResult:
 
 
 def plain_bench() -> Bench:
-    """All devices at rest on one clock."""
+    """All minimal devices at rest on one clock."""
     clock = TwinClock()
     return Bench(clock, PlainArm(clock), PlainHand(clock), NoiseCamera(clock))
 
 
 def ending(event: Event):
-    """A phase that does nothing."""
+    """Phase that ends at once with `event`."""
 
     def phase(record, begin):
         yield Hold()
@@ -164,7 +164,7 @@ def ending(event: Event):
 
 
 def driving(record, begin):
-    """A phase that drives away and never ends by itself."""
+    """Phase that drives away and never ends by itself."""
     while True:
         yield Drive(AWAY)
 

@@ -1,4 +1,4 @@
-"""Shapes and scenes that the tests and the benchmark of the renderer draw."""
+"""Strip shapes and scenes for tests and benchmark of the renderer."""
 
 import numpy as np
 
@@ -26,7 +26,7 @@ def midline(kind: str, nodes: int = 601) -> tuple[Array, Array]:
 
 
 def scene(kind: str, stamp: float = 0.0, shift: tuple[float, float] = (0.0, 0.0)) -> Scene:
-    """A held strip of that shape, its grasped edge moved by `shift` [m] and the rest in part."""
+    """Scene of a held strip of a `kind` of shape, its grasped edge moved by `shift` [m]."""
     points, arc = midline(kind)
     points = points + (arc / LENGTH)[:, None] * np.array(shift)
     dx, dz = points[-1] - points[-2]
@@ -35,7 +35,7 @@ def scene(kind: str, stamp: float = 0.0, shift: tuple[float, float] = (0.0, 0.0)
 
 
 def empty(x: float, z: float, *, pointer: bool = False) -> Scene:
-    """A cell without a strip, the hand pointing down at (x, z) [m]."""
+    """Scene without a strip, with the hand pointing down at (x, z) [m]."""
     points, arc = midline("flat", nodes=7)
     pose = Pose(x, z, np.pi / 2)
     return Scene(0.0, points, arc, pose, 0.0, holds_strip=False, pointer=pointer, strip=False)

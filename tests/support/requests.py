@@ -1,4 +1,4 @@
-"""Requests of folds by names, as `cell fold` makes them."""
+"""Fold requests by names of strip and policy, as `cell fold` makes them."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from cell.folding.request import Request
 def request_for(
     strip: str, policy: str, runs: Path, configs: Path | None = None, **changes
 ) -> Request:
-    """A fold of seed 3; `changes` are fields of the request."""
+    """Fold request with seed 3; `changes` replace fields of the request."""
     found = find_configs(configs)
     facts = {"choice": DeviceSelection(seed=3)} | changes
     return Request(found.cell(), found.strip(strip), policy, runs, **facts)

@@ -1,4 +1,4 @@
-"""Strips and gripper motions that the tests of the rod share."""
+"""Strips and gripper motions for tests of the rod."""
 
 from collections.abc import Sequence
 
@@ -20,18 +20,18 @@ Effects = dict[str, dict[str, float]]
 
 
 def paper_model(k: float, times_minimum: float = 1.0, effects: Effects | None = None) -> StripModel:
-    """The paper's strip with joint stiffness k and a multiple of the least damping."""
+    """Model of the paper's strip with joint stiffness k and `times_minimum` its damping."""
     damping = times_minimum * paper_damping_minimum(k)
     return describe(paper_strip(k, damping, effects=effects or {}))
 
 
 def paper_grid(effects: Effects | None = None) -> list[StripModel]:
-    """The paper's range, 5 x 5 logarithmic, stiffness outermost."""
+    """Models over the paper's range, 5 x 5 on a logarithmic grid."""
     return [paper_model(k, b, effects) for k in STIFFNESS for b in DAMPING]
 
 
 def steady(path: Path, dt: float, speed: float = 0.1) -> Array:
-    """Poses (k, 3) along the whole path at constant speed from the first step on."""
+    """Poses (k, 3) along `path` at constant speed from the first step on."""
     steps = np.arange(1, int(path.length / speed / dt) + 1)
     return path.poses(np.minimum(steps * dt * speed, path.length))
 

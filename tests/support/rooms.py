@@ -1,4 +1,4 @@
-"""Rooms of the house and the imports between them, read from the code as text."""
+"""Rooms (packages) of the product and imports between them, read from its source text."""
 
 import ast
 from functools import cache
@@ -45,7 +45,7 @@ def imports(path: Path) -> frozenset[str]:
 
 
 def house_room(name: str) -> str:
-    """The room of a module: a child of `cell`, or one of the other packages."""
+    """Room of a module: a child package of `cell`, or a top-level package."""
     parts = name.split(".")
     return ".".join(parts[:2]) if parts[0] == "cell" else parts[0]
 

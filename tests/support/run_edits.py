@@ -1,4 +1,4 @@
-"""Changes of the files of a run folder."""
+"""Edits of the files of a run folder."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,19 +12,19 @@ from drivers.types import Array
 
 
 def edit_yaml(path: Path, **changes: object) -> None:
-    """Give some keys of a YAML file other values."""
+    """Set some keys of a YAML file to other values."""
     path.write_text(yaml.safe_dump(yaml.safe_load(path.read_text()) | changes))
 
 
 def edit_column(path: Path, name: str, change: Callable[[Array], Array]) -> None:
-    """Change one column (m,) of a Parquet file."""
+    """Replace one column (m,) of a Parquet file by `change` of it."""
     table = pq.read_table(path)
     values = pa.array(change(table[name].to_numpy().astype(np.float64)))
     pq.write_table(table.set_column(table.column_names.index(name), name, values), path)
 
 
 def put(row: int, value: float) -> Callable[[Array], Array]:
-    """A change of one row of a column (m,)."""
+    """Function that sets one row of a column (m,) to `value`."""
 
     def change(values: Array) -> Array:
         values[row] = value

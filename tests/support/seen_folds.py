@@ -1,4 +1,4 @@
-"""Folds of the twin as perception reads them: what the tests of perception hold it to."""
+"""Accuracy of perception over simulated folds, for its tests."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,7 +37,7 @@ class Agreement:
 
     @property
     def displacement(self) -> float:
-        """Displacement, seen minus true [m]."""
+        """Error of the displacement at the touch, seen minus true [m]."""
         assert self.touch is not None
         assert self.fold.touch is not None
         return self.touch.displacement - self.fold.touch.displacement
@@ -55,7 +55,7 @@ def distances(points: Array, curve: Array) -> Array:
 def agreement(
     fold: TwinFold, camera: FoldCamera, calibration: Calibration, *, every: int = 1
 ) -> Agreement:
-    """Perception run over a fold's frames; every `every`-th one up to 0.5 s before the touch."""
+    """Errors of perception over the frames of a fold, `every`-th one far from the touch."""
     assert fold.touch is not None
     rows, touch, told = [], None, float("nan")
     for sight in sights(fold, every, camera, calibration):
@@ -70,5 +70,5 @@ def agreement(
 
 
 def rms(values: Array) -> float:
-    """Root mean square, unseen ones left out."""
+    """Root mean square of `values` (n,), NaN left out."""
     return float(np.sqrt(np.nanmean(np.square(values))))

@@ -1,4 +1,4 @@
-"""Sights that a process beside the loop can be given."""
+"""Stand-ins for the measuring process that reads images beside the control loop."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""Swings made on purpose, with hidden causes, by fine steps and laws that are not compiled."""
+"""Simulated swings of pendulums with hidden causes, by fine steps."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ Law = Callable[[Array, Array, int], Array]
 
 @dataclass(frozen=True, slots=True)
 class Made:
-    """A made run: times (m,) [s], noisy absolute angles from upright (n, m) [rad], its label."""
+    """Simulated run: times (m,) [s], noisy angles from upright (n, m) [rad], and its label."""
 
     t: Array
     angles: Array
@@ -40,7 +40,7 @@ def make_swings(
     span: float = 2.5,
     rate: float = 100.0,
 ) -> list[Made]:
-    """Releases from rest, the links `lifts` (n,) [rad] away from hanging; equal lifts repeat."""
+    """Swings released from rest with links `lifts` (n,) [rad] off hanging."""
     model = mujoco.MjModel.from_xml_string(pendulum.xml())
     model.opt.timestep, model.opt.integrator = STEP, mujoco.mjtIntegrator.mjINT_RK4
     labels = [f"lift {' '.join(f'{v:.1f}' for v in lift)}" for lift in lifts]
@@ -55,7 +55,7 @@ def make_swings(
 def write_swings(
     folder: Path, pendulum: PendulumFile, runs: Sequence[Made], sigma: float
 ) -> tuple[Path, Path]:
-    """The pendulum file and the folder of run folders, as a laboratory would hand them over."""
+    """Write the pendulum's file and the run folders; returns both paths."""
     file = folder / "pendulum.yaml"
     stated = pendulum.model_dump(mode="json", by_alias=True, exclude_defaults=True)
     file.write_text(yaml.safe_dump({"schema": 1, **stated}, sort_keys=False), encoding="utf-8")
@@ -70,7 +70,7 @@ def write_swings(
 def _released(
     model: mujoco.MjModel, lift: Array, law: Law | None, index: int, span: float, rate: float
 ) -> tuple[Array, Array]:
-    """Times and absolute angles of one release; `lift` are absolute angles from hanging."""
+    """Times (m,) [s] and absolute angles (n, m) [rad] of one release from `lift` (n,)."""
     data = mujoco.MjData(model)
     data.qpos[:] = np.diff(lift, prepend=0.0)
     every = round(1.0 / (rate * STEP))

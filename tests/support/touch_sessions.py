@@ -1,4 +1,4 @@
-"""Touched points as a camera projects them, without rendering an image, and what goes wrong."""
+"""Simulated touch sessions of the homography wizard, without rendered images."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class Camera:
 
     @classmethod
     def drawn(cls, rng: np.random.Generator) -> "Camera":
-        """A camera somewhere before the work area, 1.4 to 2.6 m away."""
+        """Random camera before the work area, 1.4 to 2.6 m away."""
         distance, width = rng.uniform(1.4, 2.6), rng.uniform(0.72, 0.86)
         aim = np.array([rng.uniform(0.28, 0.34), 0.0, rng.uniform(0.14, 0.18)])
         up = np.radians(rng.uniform(1.5, 4.9))

@@ -1,4 +1,4 @@
-"""A calibration of the twin's camera through its own images: boards, then touched points.
+"""Calibration of the twin's camera from its own images of boards and touched points.
 
 `python -m tests.support.twin_calibration` writes the one that comes with the shipped settings.
 """
@@ -38,14 +38,14 @@ NO_STRIP = StripLook((40, 60, 110), 0.001, 0.05)
 
 @lru_cache
 def true_lens(camera: CameraSettings = CameraSettings()) -> Lens:  # noqa: B008  frozen
-    """The lens with which the twin renders, so that a test fails for the plane alone."""
+    """Lens that the twin renders with."""
     optics = Optics.from_settings(camera)
     matrix = [[optics.focal, 0, optics.principal[0]], [0, optics.focal, optics.principal[1]]]
     return Lens(1280, 720, frozen([*matrix, [0, 0, 1]]), frozen([*optics.distortion, 0, 0, 0]))
 
 
 def show_boards(camera: CameraSettings, settings: BoardSettings, seed: int = 1) -> LensVerdict:
-    """Every view that is asked for, shown to the twin's camera."""
+    """Lens estimate from all wanted board views, rendered by the twin's camera."""
     views = BoardViews(settings)
     sequence = 0
     while (wanted := views.ask()) is not None:
@@ -56,7 +56,7 @@ def show_boards(camera: CameraSettings, settings: BoardSettings, seed: int = 1) 
 
 
 def pointer_frame(renderer: Renderer, pose: Pose, sequence: int) -> Frame:
-    """The pin at `pose`, no strip in the cell."""
+    """Frame of the pointer at `pose` in an empty cell."""
     arc = np.linspace(0, 0.6, 7)
     points = np.column_stack([arc, 0 * arc])
     scene = Scene(0.0, points, arc, pose, 0.0, holds_strip=False, pointer=True, strip=False)
@@ -64,7 +64,7 @@ def pointer_frame(renderer: Renderer, pose: Pose, sequence: int) -> Frame:
 
 
 def touch_points(camera: CameraSettings, lens: Lens, settings: TouchSettings) -> TouchVerdict:
-    """Every point that is asked for, touched before the twin's camera."""
+    """Homography estimate from all wanted points, touched before the twin's camera."""
     renderer = Renderer(camera, NO_STRIP, 0)
     touched = TouchedPoints(lens, settings)
     sequence = 0
@@ -76,7 +76,7 @@ def touch_points(camera: CameraSettings, lens: Lens, settings: TouchSettings) ->
 
 @lru_cache
 def twin_calibration(camera: CameraSettings) -> Calibration:
-    """Lens and homography as images show them, those of the shipped cell's camera from its file.
+    """Lens and homography of the twin's camera, estimated from rendered images.
 
     Raises Fault where the wizards refuse them.
     """
@@ -99,7 +99,7 @@ def twin_calibration(camera: CameraSettings) -> Calibration:
 
 
 def ship_calibration() -> None:
-    """Calibrate the shipped cell's twin and put the result in the place of the shipped one."""
+    """Calibrate the shipped cell's twin, and overwrite the shipped calibration."""
     settings = Configs(CHECKOUT_CONFIGS).cell()
     made = calibrate_twin(settings, lambda: False)
     SHIPPED.mkdir(exist_ok=True)

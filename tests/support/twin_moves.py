@@ -13,12 +13,12 @@ DENIM = load_strip(Path(__file__).parents[2] / "configs" / "strips" / "denim.yam
 
 
 def wait(twin: Twin, seconds: float) -> None:
-    """Let `seconds` pass."""
+    """Advance the twin by `seconds`."""
     twin.clock.wait_until(twin.clock.now() + seconds)
 
 
 def move(twin: Twin, pose: Pose) -> None:
-    """Move to rest at `pose`, until the arm reports so."""
+    """Move to `pose` and wait until the arm rests there."""
     twin.arm.move_to(pose)
     while twin.arm.state().moving:
         wait(twin, 0.01)
@@ -34,14 +34,14 @@ def grasp(twin: Twin) -> None:
 
 
 def drive(twin: Twin, velocity: Velocity, seconds: float) -> None:
-    """Follow `velocity` for `seconds`."""
+    """Command `velocity` for `seconds`."""
     for _ in range(round(seconds / 0.01)):
         twin.arm.set_velocity(velocity)
         wait(twin, 0.01)
 
 
 def lift(twin: Twin) -> None:
-    """The first 0.10 m of the triangle at 0.1 m/s, and the climb after it."""
+    """Drive the first 0.10 m of the triangle at 0.1 m/s, and the climb after it."""
     v = 0.1 / np.sqrt(2)
     drive(twin, Velocity(-v, v, np.pi / 2), 1.0)
     drive(twin, Velocity(-v, v, 0.0), 1.0)

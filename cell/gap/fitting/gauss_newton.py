@@ -329,7 +329,7 @@ def _second_order_step(fit: Estimate, full: Estimate, curvature: Array, step: Ar
 
 
 def _broyden_update(fit: Estimate, trial: Estimate, curvature: Array) -> tuple[Array, ...]:
-    """Jacobians by run after the step from `fit` to `trial`, by Broyden's update (1965).
+    """Jacobians (n, shared + local) by run after the step to `trial`, by Broyden (1965).
 
     They give the change of the residuals that was seen, at least change in units of what each
     unknown does; samples that either side lost change nothing.

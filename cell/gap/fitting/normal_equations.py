@@ -116,7 +116,7 @@ def _pushed_out(slope: Array, step: Array, low: Array, high: Array) -> Mask:
 
 
 def _solve(matrix: Array, right: Array) -> Array:
-    """Solution of a symmetric positive system, scaled to a unit diagonal first."""
+    """Solution (n,) of a symmetric positive definite system, scaled to a unit diagonal first."""
     d = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix * d[:, None] * d[None] + 1e-12 * np.eye(len(d))
     return np.asarray(d * np.linalg.solve(scaled, d * right))

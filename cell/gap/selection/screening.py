@@ -255,7 +255,7 @@ def _gain_bounds(form: NormalEquations, groups: Sequence[Columns]) -> Array:
 
 
 def _inverse(matrix: Array) -> Array:
-    """Pseudo-inverse of a small symmetric matrix; of one number its reciprocal, at most 1e300."""
+    """Pseudo-inverse (k, k) of a small symmetric matrix; of one number at most 1e300."""
     if matrix.shape == (1, 1):
         return np.asarray(1.0 / np.maximum(matrix, 1e-300))
     return np.asarray(np.linalg.pinv(matrix, rcond=1e-10, hermitian=True))
@@ -294,7 +294,7 @@ def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Scor
 def _probes_to_fit(
     members: Sequence[ProbeResponses], unscaled: dict[str, Array]
 ) -> tuple[dict[str, Array], ...]:
-    """Starts of fits at probes: the mix `unscaled` or, for an effect with a threshold, every probe.
+    """Start values (k,) by effect at probes: the mix `unscaled`, or every probe of a threshold.
 
     Beyond a threshold the response is not linear: from the probe that the screen prefers, no step
     of a fit may lead to the best value.
@@ -325,7 +325,7 @@ def _has_threshold(p: ProbeResponses) -> bool:
 def _opposite_sign(
     equations: ProbeEquations, p: ProbeResponses, best: Score
 ) -> dict[str, Array] | None:
-    """Values of greatest gain for an effect whose amount has the sign opposite to that of `best`.
+    """Values (k,) by effect of greatest gain with the sign opposite to that in `best`, or None.
 
     None where it has no place, or gains with one sign only.
     """
@@ -341,7 +341,7 @@ def _opposite_sign(
 def _best_mix(
     equations: ProbeEquations, members: Sequence[ProbeResponses], choice: tuple[int, ...]
 ) -> tuple[Score, float, dict[str, Array]]:
-    """Score of the best amounts for probe groups `choice`; gain and values at amounts 1 or -1."""
+    """Score of the best amounts for groups `choice`; gain and values (k,) at amounts 1 or -1."""
     names = tuple(p.candidate.name for p in members)
     chosen = list(zip(members, choice, strict=True))
     columns = np.concatenate([equations.columns[p.candidate.name, group] for p, group in chosen])

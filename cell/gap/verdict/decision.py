@@ -85,7 +85,7 @@ def gap_is_there(findings: Findings) -> bool:
 
 
 def unseen_gap(findings: Findings) -> float:
-    """Excess residual of the base on held-out runs, in units of noise, outliers bounded."""
+    """Excess residual [noise] of the base on held-out runs, with outliers clipped."""
     return held_out_gap.bounded_excess(findings.held_out_fits.before)
 
 

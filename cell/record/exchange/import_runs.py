@@ -250,7 +250,7 @@ def _write_film(source: Source, run: Path) -> None:
 
 
 def _profile(source: Source, how: MappingFile, begin: float, t: Array) -> dict[str, Array]:
-    """Points of the strip; no rows where no profile was measured."""
+    """Columns (n,) of the strip's points: t [s], i, x, z [m]; empty where none were measured."""
     if how.profile is None:
         return {name: np.empty(0) for name in ("t", "i", "x", "z")}
     points = dict(read_columns(source, how.profile))

@@ -21,7 +21,7 @@ ARROW = {"arrowstyle": "<-", "lw": 2.0, "color": "white"}
 
 
 def main(out: Path) -> None:
-    """Write the drawing to `out`."""
+    """Write the drawing of the cell in both views to the JPEG file `out`."""
     strip, camera = load_strip(STRIPS / "denim.yaml"), CameraSettings(noise=0.5)
     fold = simulate_fold(strip, triangular(strip.length), 0.1)
     frame = FoldCamera(strip, camera).frame(fold, MOMENT)

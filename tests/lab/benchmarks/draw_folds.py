@@ -25,7 +25,7 @@ WIDTH, BANNER, QUALITY = 480, 56, 55  # px of one fold and of its text; quality 
 
 
 def play(folder: Path, name: str) -> list[Image]:
-    """Small images of a run's film, one a PERIOD from its lift on, with name and result."""
+    """Small images of a run's film, one per PERIOD from its lift on, labelled with its result."""
     run = read_run(folder)
     if (calibration := run.calibration()) is None:
         raise typer.BadParameter(f"{folder} has no calibration")

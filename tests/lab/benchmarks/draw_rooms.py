@@ -32,7 +32,7 @@ def floors(found: Edges) -> list[list[str]]:
 
 
 def reduced(found: Edges) -> Edges:
-    """The imports without those of a room that one of its other imports leads to anyway."""
+    """Imports between rooms without those implied by a chain of other imports."""
 
     def below(room: str) -> set[str]:
         return set().union(*({other} | below(other) for other in found[room]))
@@ -41,7 +41,7 @@ def reduced(found: Edges) -> Edges:
 
 
 def says(room: str) -> str:
-    """The first sentence of the room's own docstring, or its module's."""
+    """First sentence of a room's docstring, of its package or module."""
     place = ROOT / room.replace(".", "/")
     path = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
     text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
@@ -49,7 +49,7 @@ def says(room: str) -> str:
 
 
 def drawing(found: Edges) -> str:
-    """The rooms as SVG text, what is built upon below."""
+    """SVG text of the rooms on floors, a room above all that it imports."""
     storeys = floors(found)[::-1]
     width = max(map(len, storeys)) * (WIDE + GAP_X) + 2 * EDGE - GAP_X
     height = len(storeys) * (TALL + GAP_Y) + 2 * EDGE - GAP_Y
@@ -88,6 +88,6 @@ def _box(room: str, x: float, y: float) -> str:
 
 
 def main(out: Annotated[Path, typer.Argument()] = OUT) -> None:
-    """Write the drawing."""
+    """Write the drawing of the rooms to the SVG file `out`."""
     out.write_text(drawing(edges(house_room)), encoding="utf-8")
     sys.stdout.write(f"{out}\n")

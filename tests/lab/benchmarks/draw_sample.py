@@ -13,7 +13,7 @@ LEAST = 5  # lines of a function that is marked
 
 
 def main(seed: int = 0, functions: int = 20, docstrings: int = 30) -> None:
-    """Print so many functions and docstrings, the same for the same seed."""
+    """Print `functions` functions and `docstrings` docstrings, drawn at random by `seed`."""
     sources, said, rng = list[str](), list[str](), np.random.default_rng(seed)
     for name, path in modules():
         text = path.read_text(encoding="utf-8")

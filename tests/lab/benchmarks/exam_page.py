@@ -1,4 +1,4 @@
-"""Puts what ledgers hold into the exam's pages, and leaves what is written by hand as it is.
+"""Renews the sections of the exam's pages that come from ledgers; hand-written text stays.
 
 python -m tests.lab exam-page LEDGER... [--page tests/lab/notes/exam.md]
     [--cases tests/lab/ledgers/cases.md]
@@ -22,7 +22,7 @@ def main(
     page: Path = Path("tests/lab/notes/exam.md"),
     cases: Path = Path("tests/lab/ledgers/cases.md"),
 ) -> int:
-    """Write the page; 1 where it has no section of a tier that a ledger holds."""
+    """Write both pages; returns 1 where one has no section of a tier in the ledgers."""
     entries = [entry for ledger in ledgers for entry in read_ledger(ledger).values()]
     entries.sort(key=lambda entry: entry.case.name)
     pages = {path: path.read_text(encoding="utf-8") for path in (page, cases)}
@@ -43,5 +43,5 @@ def main(
 
 
 def _section(heading: str) -> re.Pattern[str]:
-    """A section with its heading, up to the next one of its level or the end."""
+    """Pattern of a section: its heading of level two, and all text up to the next."""
     return re.compile(rf"^## {re.escape(heading)}\n.*?(?=^## |\Z)", re.DOTALL | re.MULTILINE)

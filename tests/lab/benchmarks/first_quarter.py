@@ -1,4 +1,4 @@
-"""What the first quarter of an hour costs: install, first and second fold, second checkout.
+"""Measures the cost of a first session: install, first and second fold, second checkout.
 
 python -m tests.lab first-quarter
 
@@ -53,11 +53,11 @@ def carry_out(part: str, home: Path, folder: Path, *command: str | Path) -> None
 
 
 def processor() -> float:
-    """Processor time [s] of all children that have ended."""
+    """Processor time [s] of all child processes that have ended."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 
 
 def count(home: Path) -> int:
-    """Number of compiled kernels that are kept in `home`."""
+    """Number of compiled kernels in the cache of `home`."""
     return sum(1 for _ in home.rglob("*.nbc"))

@@ -1,4 +1,4 @@
-"""How many of the robot's states are answered in time on the wall clock, beside a folding cell.
+"""Share of the robot's states answered in time on the wall clock, by a folding cell.
 
 python -m tests.lab measure-arm-timing [--seconds 120] [--strip denim] [--realtime ignore]
 
@@ -54,7 +54,7 @@ THIS = ("tests.lab", "measure-arm-timing")
 
 @dataclass(slots=True)
 class Share:
-    """Seconds of a loop and the sum of its shares of answered states, weighted by them."""
+    """Time-weighted share of states answered in time, over `seconds` of a control loop."""
 
     seconds: float = 0.0
     answered: float = 0.0
@@ -88,7 +88,7 @@ def serve(joints: list[float]) -> None:
 
 
 def hold_still(address: str, seconds: float, realtime: RealTime) -> None:
-    """The client's bare loop: every state is answered by the pose where the robot stands."""
+    """Answer every state of the robot with its present pose for some `seconds`."""
     import pylibfranka as franka
 
     robot = franka.Robot(address, franka.RealtimeConfig.kIgnore)
@@ -120,7 +120,7 @@ def robot_at(joints: list[float]) -> Iterator[str]:
 
 
 def measure(seconds: float, strip: str, realtime: RealTime) -> tuple[Share, Share, list[str]]:
-    """Shares of the bare loop and of the cell, and how the folds ended."""
+    """Shares of answered states of the bare loop and of the cell, and outcomes of the folds."""
     bare, cell, ends = Share(), Share(), []
     settings = find_configs(None).cell()
     home, file = settings.twin.arm.home_height, load_strip(find_configs(None).strip_path(strip))

@@ -1,4 +1,4 @@
-"""Whether names came true as often as stated, in ledgers of exams and of the study.
+"""Tests in ledgers of exams and studies whether stated confidences came true.
 
 python -m tests.lab measure-confidence LEDGER... [--fresh LEDGER]... [--fit FILE]
 

@@ -1,4 +1,4 @@
-"""Rendered films of a phone through `cell observe --board` and `cell gap fit`.
+"""Accuracy of `cell observe --board` and `cell gap fit` on rendered films of a phone.
 
 python -m tests.lab measure-phone OUT [--strips N] [--films N] [--seed S] [--every N]
 
@@ -55,7 +55,7 @@ AWAY = Pose(9.0, 9.0, 0.0)  # of the renderer's own gripper
 
 
 class Phone:
-    """A camera before a `strip` that a hand holds by a clip, all drawn from `rng`."""
+    """Simulated phone camera before a `strip` that a hand holds by a clip, drawn from `rng`."""
 
     def __init__(self, strip: StripFile, rng: np.random.Generator) -> None:
         span = strip.length + rng.uniform(0.15, 0.3)
@@ -128,7 +128,7 @@ class Phone:
             draw_hand(image, box, faces_of(box, self._optics), (0, 0), bgr(colour))
 
     def _draw_board(self, image: Image, gone: float) -> None:
-        """Draw the board, standing at 0, then tilted and lifted out of sight."""
+        """Draw the calibration board, which stands at `gone` 0, then tilts and leaves the image."""
         pose = self._stand.copy()
         turn = np.array([1.1 * np.sin(np.pi * min(1.3 * gone, 1.0)), 0.3 * gone, 0.5 * gone])
         pose[:3, :3] = cv2.Rodrigues(turn)[0] @ pose[:3, :3]
@@ -140,7 +140,7 @@ class Phone:
 def render(
     strip: StripFile, hidden: dict[str, Values], seed: int, count: int, place: Path, every: int
 ) -> list[Path]:
-    """Films of `strip` with `hidden` effects, rendered into `place`, the truth beside each."""
+    """Render films of `strip` with `hidden` effects into `place`, each with its truth."""
     paths = paths_by_hand(strip.length, seed, count)
     models = [describe(strip, hidden, number) for number in range(count)]
     films = []
@@ -177,7 +177,7 @@ def errors(found: FilmMeasurement, film: Path) -> dict[str, float]:
 
 
 def hide(strip: str, rng: np.random.Generator) -> dict[str, Values]:
-    """A strong effect of the strip, as in the exam, or none."""
+    """Parameters of a strong effect of the strip, drawn as in the exam; empty for none."""
     if rng.uniform() < EMPTY_SHARE:
         return {}
     case = Case(name="phone", tier="state", kind="single", strip=strip, seed=1, motions="by_hand")
@@ -202,7 +202,7 @@ def measure(place: Path, strip: str, hidden: dict[str, Values]) -> dict[str, obj
 
 
 def main(out: Path, strips: int = 10, films: int = 10, seed: int = 1, every: int = 1) -> None:
-    """Render what is not there yet, measure all, print."""
+    """Render films of strips that are missing, measure all, and print the errors."""
     names = find_configs(None).strip_names()
     for number in range(seed, seed + strips):
         rng, place = np.random.default_rng(number), out / f"{number}"

@@ -1,4 +1,4 @@
-"""Fold after fold in one process: does it keep memory or handles?
+"""Folds many times in one process, to find leaks of memory or file handles.
 
     python -m tests.lab soak [--count 500] [--strip denim] [--policy triangular]
 
@@ -24,20 +24,20 @@ SETTLED, GROWTH = 10, 50.0  # folds after which memory is counted, MB by which i
 
 
 def resident() -> float:
-    """Memory of this process [MB], once garbage is gone."""
+    """Resident memory of this process [MB] after a garbage collection."""
     gc.collect()
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def handles() -> int:
-    """Open files and sockets, threads and child processes."""
+    """Number of open files and sockets, threads and child processes."""
     entries = (Path("/proc/self", name).iterdir() for name in ("fd", "task"))
     return sum(len(list(each)) for each in entries) + len(active_children())
 
 
 def main(count: int = 500, strip: str = "denim", policy: str = "triangular") -> int:
-    """Fold so often; the exit code."""
+    """Fold `count` times and print memory and handles; returns the exit code."""
     seen: list[tuple[float, int]] = []
     print("| fold | MB | handles | s |\n|---|---|---|---|")
     for number in range(count):

@@ -38,7 +38,7 @@ SCORER = ("tests/lab/exam/score.py", "tests/lab/exam/run.py")
 
 
 def quiet(done: int, total: int, text: str) -> None:
-    """Ignore a progress report."""
+    """Progress callback that prints nothing."""
 
 
 def case_hash(case: Case) -> str:
@@ -219,7 +219,7 @@ def _with_two(case: Case, level: Strength, rng: np.random.Generator) -> Case:
 
 
 def excess_of_each(gap_model: GapModel, both: dict[str, Values]) -> Array:
-    """Excess gap (2,) of each of two effects after base and amount of the other are refitted.
+    """Excess residual (2,) [noise] of each of two effects, base and other amount refitted.
 
     To first order: the part of the joint response that base and other effect do not span.
     """

@@ -1,4 +1,4 @@
-"""Diagnoses a case in a process that is given its run folders and strip file, and nothing else.
+"""Diagnoses a case in a separate process that gets its run folders and strip file only.
 
 The key stays with the parent, which draws the cases from its seed. `python -m
 tests.lab.exam.diagnosis`, in a folder with strip.yaml and runs/, is that process.

@@ -46,7 +46,7 @@ ROCKS, LOSS, HEAVY, ROCKING = 12.0, 0.05, 4.0, "rocking base"
 
 @dataclass(slots=True)
 class Rig:
-    """True mechanism whose `driven` joints are moved, `weight` (driven,) [N m] their torques.
+    """True mechanism with `driven` joints, whose typical torques are `weight` (driven,) [N m].
 
     `gear` (driven,) [N m] is at a joint for a unit of its motor, `keys` are columns of all joints.
     """
@@ -178,7 +178,7 @@ READINGS: dict[str, Reading] = {
 
 
 def _rocking(spec: Any) -> Any:
-    """Compiled model of `spec` on a body that turns about a level axis."""
+    """Compiled model of `spec` on a base body that turns about a horizontal axis."""
     whole = mujoco.MjSpec()
     whole.modelfiledir, whole.option.gravity = spec.modelfiledir, spec.option.gravity
     base = whole.worldbody.add_body(mass=1.0, inertia=np.ones(3), explicitinertial=True)
@@ -188,7 +188,7 @@ def _rocking(spec: Any) -> Any:
 
 
 def _rock(rig: Rig, size: float, rng: np.random.Generator) -> None:
-    """Let the base rock about an axis, the slower the larger the `size`."""
+    """Make the base rock about a random horizontal axis, at a rate that falls with `size`."""
     m, along = rig.model, int(rng.integers(2))
     m.jnt_axis[0] = np.eye(3)[along]
     mujoco.mj_setConst(m, mujoco.MjData(m))
@@ -198,7 +198,7 @@ def _rock(rig: Rig, size: float, rng: np.random.Generator) -> None:
 
 
 def _source(folder: Path, name: str) -> tuple[Path, dict[str, Any]]:
-    """Folder with all that the model `name` needs, in that of others' packages, and its entry."""
+    """Folder of the model `name` with its files, and its entry in the list of models."""
     if name in LISTS["chains"]:
         return HERE / "chains", {"folder": "chains", "file": f"{name}.xml"}
     known = LISTS["models"][name]
@@ -206,7 +206,7 @@ def _source(folder: Path, name: str) -> tuple[Path, dict[str, Any]]:
 
 
 def open_rig(folder: Path, name: str, *, rocks: bool = False) -> Rig:
-    """The mechanism `name` of `folder`, on a base that `rocks`; ConfigurationError if absent."""
+    """Mechanism `name` of `folder`, on a rocking base if `rocks`; ConfigurationError if absent."""
     home, known = _source(folder, name)
     path = (home / known["file"]).resolve()
     if not path.is_file():
@@ -268,7 +268,7 @@ def weights(rig: Rig, seed: int) -> Array:
 
 
 def _content(rig: Rig, model: str) -> dict[str, Any]:
-    """Content of the mechanism's file, as one would write it who has no reason to doubt a model."""
+    """Content of a mechanism file that trusts the model: uncertain values, signals, inputs."""
     m = rig.model
     names, bodies = [m.joint(i).name for i in range(m.njnt)], [m.body(i).name for i in rig.moving()]
     free = [{"body": n, "field": "mass", "spread": "2%"} for n in bodies]
@@ -293,7 +293,7 @@ def _content(rig: Rig, model: str) -> dict[str, Any]:
 
 
 def _places(rig: Rig, rng: np.random.Generator, pace: float | None) -> Array:
-    """Wanted places (k, driven) at each step: there and back in range, at a drawn pace if None."""
+    """Wanted joint positions (k, driven) [rad or m] per step: a swing within the ranges."""
     m, n = rig.model, len(rig.driven)
     low, high = m.jnt_range[rig.driven].T
     limited, start = m.jnt_limited[rig.driven] > 0, m.qpos0[m.jnt_qposadr[rig.driven]]
@@ -361,7 +361,7 @@ def _command(rig: Rig, place: Array, force: Array) -> Array:
 
 
 def _measured(columns: Columns, rig: Rig, rng: np.random.Generator, share: float) -> Columns:
-    """Columns (m,) as a log has them: by joints' names, or `q1` and motors'; `share` of noise."""
+    """Columns (m,) as a data logger writes them, with the `share` of the stated noise."""
     m, n, forward = rig.model, len(columns["t"]), rig.mode == "forward"
     found = {"t": columns["t"]}
     for i, key in enumerate(rig.keys):

@@ -96,7 +96,7 @@ def read_stamp(place: Path) -> str | None:
 def judge(
     case: Case, folder: Path, by: Sources, *, workdirs: Path | None, again: bool = False
 ) -> Entry:
-    """Diagnose and score the runs of `case`; reuses a stored verdict on it by the same engine."""
+    """Diagnose and score the runs of `case`; a stored verdict of the same engine is reused."""
     strip = find_configs(None).strip_path(case.strip)
     runs, out = find_runs([folder / RUNS_FOLDER / case.name]), folder / VERDICTS_FOLDER / case.name
     effort = None if again else _stored_verdict(out, by.verdict(case))
@@ -199,7 +199,7 @@ def _import_ledger(kept: Mapping[str, Entry], journal: Journal, parts: Sequence[
 
 
 def spread(cases: Sequence[Case]) -> list[Case]:
-    """Order the cases so that every kind is spread evenly over the whole."""
+    """Cases in an order in which every kind is evenly distributed."""
     of_kind = Counter(case.kind for case in cases)
     seen: Counter[Kind] = Counter()
     places = []
@@ -210,7 +210,7 @@ def spread(cases: Sequence[Case]) -> list[Case]:
 
 
 def summarise(record: Record) -> str:
-    """Result of a case in a few words, for the progress report."""
+    """Short text of a case's result, for the progress report."""
     if record.outcome is None:
         return f": failed: {record.reason}"
     scored = record.outcome["outcome"]

@@ -63,7 +63,7 @@ class Comparison(Settings):
 
 
 class Oracle(Settings):
-    """Result of the true model refitted on the same runs, the best that a verdict can reach.
+    """Result of a refit with the true effects on the same runs: the best possible verdict.
 
     `after` is its excess gap on held-out runs, `shrink` the share of the excess that it removes.
     """
@@ -189,13 +189,13 @@ def _score_classes(classes: Iterable[Sequence[str]], answer: frozenset[str]) -> 
 
 
 def with_twins(answer: frozenset[str]) -> list[frozenset[str]]:
-    """All variants of the answer with effects replaced by their twins, which look alike."""
+    """All variants of the answer in which effects are replaced by indistinguishable ones."""
     choices = [sorted({name, *indistinguishable_from(name)}) for name in sorted(answer)]
     return [frozenset(choice) for choice in product(*choices)]
 
 
 def same(name: str, answer: Iterable[str]) -> bool:
-    """Whether `name` is in the answer; a twin, which looks alike, counts as the name itself."""
+    """Whether the answer holds `name`, or an effect indistinguishable from it."""
     return any(name in whole for whole in with_twins(frozenset(answer)))
 
 
@@ -244,7 +244,7 @@ def _is_suspect_right(verdict: Verdict, case: Case) -> bool | None:
 
 
 def signs(verdict: Verdict) -> dict[str, float] | None:
-    """VerdictEvidence that decide on a verdict; None where nothing speaks against it."""
+    """Evidence that decides on a verdict, by name; None where nothing speaks against it."""
     if verdict.posterior is None or verdict.posterior.log_odds is None:
         return None
     return asdict(VerdictEvidence.of(verdict.posterior))

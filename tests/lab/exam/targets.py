@@ -44,7 +44,7 @@ def rate(found: Iterable[bool]) -> Rate:
 
 @dataclass(frozen=True, slots=True)
 class Bin:
-    """Cases of similar stated confidence: their mean confidence, and how many were right."""
+    """Cases of similar stated confidence: mean confidence, and rate of right verdicts."""
 
     confidence: float
     right: Rate
@@ -82,7 +82,7 @@ def log_loss(stated: Sequence[tuple[float, bool]], counts: Array | None = None) 
 
 
 def reliable(stated: Sequence[tuple[float, bool]], counts: Array | None = None) -> str:
-    """Reliability table in fifths of the stated probability, as Markdown.
+    """Reliability of stated probabilities in fifths, as a Markdown table.
 
     With weights `counts` (n,) of verdicts also its errors where OUTSIDE_SHARE of the causes lie
     outside the library, for which the probability is stated.
@@ -112,7 +112,7 @@ RARE_END = 0.08  # most that the interval of a rare rate may reach
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Line of the table of targets: quantity, result, target (empty: none), and whether it is met.
+    """Line of the table of targets: quantity, result, target, and whether it is met.
 
     `met` is None with nothing to judge; `few` if so few cases allow not a single failure.
     """
@@ -213,7 +213,7 @@ def by_group(groups: Sequence[Sequence[Entry]]) -> list[tuple[str, list[str]]]:
 
 
 def _chosen(entries: Iterable[Entry], kind: str, strengths: Sequence[str]) -> list[Entry]:
-    """Entries of a kind of cases or plants, of these `strengths` or of all."""
+    """Entries of a kind of case or plant, and of these `strengths` if any are given."""
     mine = [e for e in entries if kind in (e.case.kind, e.case.plant)]
     return [e for e in mine if not strengths or e.case.strength in strengths]
 

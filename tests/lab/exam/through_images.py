@@ -79,7 +79,7 @@ def make_runs(case: Case, folder: Path, number: int | None = None) -> None:
 
 
 def refusal(case: Case) -> str | None:
-    """Reason why the preflight of the cell refuses to fold this plant; None where it does not.
+    """Reason why the cell's preflight refuses to fold the case's plant; None if it does not.
 
     It does for a desk a few millimetres too high or an edge far from where the strip file puts it.
     """
@@ -178,7 +178,7 @@ class ExamTwin:
 
 
 class Until:
-    """Observer that ends a run once it enters `state`; also the run's callable `interrupted`."""
+    """Observer that interrupts a run as it enters a given state."""
 
     def __init__(self, state: State) -> None:
         self._state, self._reached = state, False

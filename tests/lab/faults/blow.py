@@ -41,7 +41,7 @@ CAMERA_RATE = 20.0  # Hz: an image is the dearest part of a simulated fold
 
 @dataclass(frozen=True, slots=True)
 class Blow:
-    """Case of the campaign: the injection of `fault` in `state`, with the random `seed`."""
+    """Case of the fault campaign: `fault` injected in `state`, with the random `seed`."""
 
     fault: str
     state: str
@@ -49,7 +49,7 @@ class Blow:
 
 
 class Striker:
-    """Observer that injects the fault once, FAULT_DELAY after its state began or at once."""
+    """Observer that injects the fault once, FAULT_DELAY after the start of its state."""
 
     def __init__(self, blow: Blow, scene: Callable[[], Scene]) -> None:
         """Observe the fold that `scene` gives once it is opened; times are the world's [s]."""

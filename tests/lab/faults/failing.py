@@ -28,7 +28,7 @@ Spoil = Callable[[Frame, Frame], Frame | None]
 
 
 class Delegate:
-    """Wrapper of a device or policy, which does everything that a subclass does not alter."""
+    """Wrapper of a device or policy that forwards all that a subclass does not override."""
 
     def __init__(self, device: Any) -> None:
         self._device = device
@@ -54,7 +54,7 @@ class FailingCamera(Delegate):
 
 
 class FailingArm(Delegate):
-    """An arm whose states `reports` alters, and whose commands `follows` alters or it refuses.
+    """Arm whose states and commands faults alter, or which refuses commands.
 
     No fault of the campaign prevents its stop.
     """
@@ -87,7 +87,7 @@ class FailingArm(Delegate):
 
 
 class FailingHand(Delegate):
-    """A hand whose states are altered by `reports`, or which is `deaf` to commands."""
+    """Hand whose states a fault alters, or which ignores commands (`deaf`)."""
 
     def __init__(self, hand: Hand) -> None:
         super().__init__(hand)
@@ -136,7 +136,7 @@ class FailingPolicy(Delegate):
 
 
 class Failing:
-    """Switches of faults in one twin's devices, all off at first, and its gripper's true motion.
+    """Fault switches on the devices of a twin, off at first, and the true gripper motion.
 
     `motion` holds rows of time [s], x, z [m], pitch [rad], one every `PERIOD`.
     """
@@ -188,7 +188,7 @@ class Failing:
         self._twin.clock.every(PERIOD, raises, Rank.WORLD)
 
     def look(self) -> None:
-        """Record the gripper's pose now, which the clock misses when an event interrupts it."""
+        """Record the gripper's present pose, missed by the clock when an event interrupts it."""
         if self.motion and self.now > self.motion[-1][0]:
             self._record_pose(self.now)
 

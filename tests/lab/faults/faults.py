@@ -58,7 +58,7 @@ policy = partial(switch, "policy.otherwise")
 
 
 def repeats(path: str) -> Injection:
-    """Fault of a device whose states pass through `path`: it repeats its next state for ever."""
+    """Fault of a device that repeats for ever the next state that passes through `path`."""
 
     def strike(scene: Scene) -> None:
         first: dict[str, Any] = {}
@@ -106,7 +106,7 @@ def lagging(scene: Scene) -> None:
 
 
 def beside(state: ArmState) -> ArmState:
-    """Fault of the arm: it reports a pose outside the workspace, measured and commanded."""
+    """Fault of the arm: it reports a pose outside its workspace, measured and commanded."""
     place = Pose(state.pose.x, -0.05, state.pose.pitch)
     return replace(state, pose=place, commanded=place)
 

@@ -108,7 +108,7 @@ def read_study(asked: StudyRequest) -> StudyRecord:
 
 
 def cost(kept: StudyRecord) -> list[tuple[str, str]]:
-    """Median, worst and summed cost of the measured cases, as named texts."""
+    """Median, worst and total processor and wall time of the cases, as labelled texts."""
     if not kept.costs:
         return []
     processor = sorted(each.processor for each in kept.costs)
@@ -127,7 +127,7 @@ def _code_to_show(records: Sequence[Record], now: str) -> str:
 
 
 def inputs(study: Study) -> str:
-    """Digest of the code, of the laboratory's and the study's own, and of the configuration."""
+    """Digest of product, laboratory and study code, and of the configuration."""
     made_of = digest(code(), data(), sources(WORKING_PARTS))
     return digest(made_of, _module_file(study.measure.__code__.co_filename), _configs())
 

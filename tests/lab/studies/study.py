@@ -1,4 +1,4 @@
-"""A study as a value: its question, its cases, the measurement of one, the statistics of all."""
+"""Studies as values: question, cases, measurement of a case, statistics over cases."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -172,7 +172,7 @@ class Fit:
 
 @dataclass(frozen=True, slots=True)
 class Ledger:
-    """Page of the checkout that a study writes to `path`, with text `of` all outcomes."""
+    """Page of a study in the checkout at `path`, with text `of` all outcomes."""
 
     path: str
     of: Callable[[Sequence[Outcome]], str]

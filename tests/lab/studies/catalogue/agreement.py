@@ -84,7 +84,7 @@ def measure(case: Values) -> Values:
 
 
 def limits(outcomes: Sequence[Outcome]) -> Values:
-    """Limits below which UNFLAGGED_SHARE of the folds of ordinary strips stay."""
+    """Limits of residual [m] and curvature [1/m] that UNFLAGGED_SHARE of ordinary folds keep."""
     rows = [o.values for o in outcomes if o.case.values["kind"] == "as trained"]
     rows = [row for row in rows if row["residual"] is not None]
     found = {name: float(np.quantile([row[name] for row in rows], UNFLAGGED_SHARE))

@@ -38,7 +38,7 @@ SCATTER: tuple[ScatterLevel, ...] = ("none", "full")
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """One case: the known `strip`, the true `plant` on the desk, and the folder `work` for files.
+    """Case of the learning cycle: known `strip`, true `plant`, and a folder `work`.
 
     Runs differ from one another by `scatter` as in the exam: at `full` by 0.3 mm of the grip in x
     and in z, 5 % of damping and 0.5 % of stiffness, one sigma each.

@@ -35,7 +35,7 @@ FIRM = 2.0  # one sigma of what a sign weighs about that, in log-odds
 
 
 class Name(NamedTuple):
-    """Accepted effects: signs, whether right, whether the library lacks the cause, and the case."""
+    """Accepted effects of a verdict: evidence, whether right, whether the cause is outside."""
 
     signs: VerdictEvidence
     right: bool
@@ -103,7 +103,7 @@ def _is_outside(values: Values) -> bool:
 
 
 def shares(found: Sequence[Name], outside: float) -> Array:
-    """Weights (n,) of verdicts that turn the share of causes `outside` into OUTSIDE_SHARE."""
+    """Weights (n,) of verdicts that give causes outside the library the OUTSIDE_SHARE."""
     lacking = OUTSIDE_SHARE / outside if outside else 1.0
     whole = (1.0 - OUTSIDE_SHARE) / (1.0 - outside or 1.0)  # all of them may be outside
     return np.array([lacking if name.outside else whole for name in found])

@@ -1,4 +1,4 @@
-"""Study of what `cell gap` says of mechanisms: those that come with the exam, or others'.
+"""Study of verdicts of `cell gap` on mechanisms, of the exam or of other makers.
 
 Without `--models` they are chains of two to seven joints and a pendulum on a cart. Its folder is
 that of `pip install --no-deps --target FOLDER dm_control gymnasium robosuite airo-models
@@ -80,7 +80,7 @@ def runs_of(case: Values, out: Path, noise: float = 1.0) -> Path:
 
 
 def power(case: Values) -> float:
-    """Standard deviations by which the hidden causes of a case, without noise, move its runs.
+    """Distance [sigma] by which the hidden causes of a case move its noise-free runs.
 
     What a refit of the base takes up is counted by how far that carries it from the file, as the
     page counts what it calls detectable: from DETECTED_SIGMA on.
@@ -94,7 +94,7 @@ def power(case: Values) -> float:
 
 
 def names_that_are_right(kind: str, hidden: Sequence[str]) -> set[str]:
-    """Names of effects that are right where these causes are hidden; none for one outside."""
+    """Names of effects that count as right for the hidden causes; none for an outside one."""
     return set() if kind == "outside" else {*hidden}.union(*(RIGHT.get(h, ()) for h in hidden))
 
 
@@ -123,7 +123,7 @@ def score(
 
 
 def accepted(case: Values, values: Values) -> Values:
-    """Facts on what a verdict on a mechanism accepted, as the study of confidence has them."""
+    """Facts on the effects that a verdict on a mechanism accepted, as for confidence."""
     hidden, false, suspected = case["hidden"], values["false"], values["suspected"] or None
     return {"is_named": values["verdict"] == "named", "is_right": not false, "hidden": hidden,
             "answer": [] if case["kind"] == "outside" or "wrong_geometry" in hidden else hidden,

@@ -111,7 +111,7 @@ def _measure_by_ruler(result: FoldResult, memory: Path) -> None:
 
 
 def _growth(found: Mapping[str, object]) -> float | None:
-    """Mean |d| [m] of the later folds less that of the first; None where one is missing."""
+    """Increase [m] of the mean |d| from the first fold to later ones; None if one is missing."""
     first, *others = (
         found.get(f"true_{number + 1}") for number in range(max(SERIES_FOLDS.values()))
     )
