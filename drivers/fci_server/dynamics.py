@@ -31,7 +31,6 @@ class Dynamics:
         model.opt.gravity[:] = _tilt(float(model.opt.gravity[2]), *plant.tilt)
         self._model = model
         self._data = mujoco.MjData(model)
-        self._read: tuple[Posture, int, Array] | None = None  # in one posture and tick
         self._payload_point = np.add(plant.payload_at, (0.0, 0.0, FLANGE))
 
     def torque(self, posture: Posture) -> Array:
@@ -53,15 +52,10 @@ class Dynamics:
 
     def reading(self, posture: Posture, tick: int) -> Array:
         """Torque sensor readings (7,) [N m] in `posture`, with noise that `tick` determines."""
-        last = self._read
-        if last is not None and last[0] is posture and last[1] == tick:
-            return last[2]
         plant = self._plant
         noise = np.random.default_rng((plant.seed, tick)).standard_normal(7)
         felt = self.torque(posture) * (1.0 + np.array(plant.torque_scale))
-        readings = np.asarray(felt + plant.torque_bias + plant.torque_noise * noise)
-        self._read = (posture, tick, readings)
-        return readings
+        return np.asarray(felt + plant.torque_bias + plant.torque_noise * noise)
 
     def sag(self, posture: Posture) -> Array:
         """Elastic deflection (7,) [rad] of the links from their motors, which are in `posture`."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from drivers.fci_server.configuration import Configuration
-from drivers.fci_server.robot import NO_CONTACT, Contact, EmulatedRobot
+from drivers.fci_server.robot import EmulatedRobot
 from drivers.fci_server.wire import Controller, Generator, Reflex
 from drivers.franka.inverse_kinematics import ELBOW_JOINT
 from drivers.franka.model import GRAVITY, HAND_INERTIA, holding_torques
@@ -65,7 +65,7 @@ TURNED = 5e-3  # rad by which a joint turns before the torques of gravity are co
 
 
 class Publisher:
-    """Serialiser of the emulated robot's state, which reuses fields that have not changed."""
+    """Serialiser of the emulated robot's state; gravity's torques are kept while joints rest."""
 
     def __init__(self) -> None:
         self._packet = np.zeros(1, PACKET)
@@ -73,9 +73,6 @@ class Publisher:
         self.fields = fields = {name: self._packet[name].reshape(-1) for name in PACKET.names or ()}
         fields["I_ee"][:] = np.diag(HAND_INERTIA).ravel()
         fields["O_ddP_O"][:] = (0.0, 0.0, -GRAVITY)
-        self._configuration: Configuration | None = None
-        self._errors: object = None
-        self._contact: Contact | None = None
         # torques of gravity, and the configuration and joints for which they were computed
         self._gravity, self._gravity_q = np.zeros(7), np.zeros(7)
         self._gravity_configuration: Configuration | None = None
@@ -85,16 +82,13 @@ class Publisher:
 
         With `is_nan` the measured part is NaN, as from a broken sensor.
         """
-        if robot.configuration is not self._configuration:
-            self._put_configuration(robot.configuration)
+        self._put_configuration(robot.configuration)
         self._put_modes(robot)
         self._put_posture(robot)
-        if robot.contact is not self._contact or robot.contact is not NO_CONTACT or is_nan:
-            self._put_contact(robot)
+        self._put_contact(robot)
         if is_nan:
             for name in MEASURED_FIELDS:
                 self.fields[name][:] = np.nan
-            self._contact = None
         self.fields["message_id"][0] = robot.time
         self.fields["success_rate"][0] = rate
         return self._packet.tobytes()
@@ -115,7 +109,6 @@ class Publisher:
         fields["m_load"][:] = configuration.load_mass
         fields["F_x_Cload"][:] = configuration.load_centre
         fields["I_load"][:] = configuration.load_inertia
-        self._configuration = configuration
 
     def _put_modes(self, robot: EmulatedRobot) -> None:
         """Write mode, generator, controller and error flags of `robot` into the state's fields."""
@@ -124,10 +117,9 @@ class Publisher:
         fields["generator"][0] = Generator.IDLE if motion is None else motion.generator
         fields["controller"][0] = Controller.OTHER if motion is None else motion.controller
         fields["mode"][0] = robot.mode
-        if self._errors != (robot.errors, robot.reasons):
-            for name, flags in (("errors", robot.errors), ("reasons", robot.reasons)):
-                fields[name][:] = [flag in flags for flag in Reflex]
-            self._errors = (robot.errors, robot.reasons)
+        for name, flags in (("errors", robot.errors), ("reasons", robot.reasons)):
+            fields[name][:] = 0
+            fields[name][list(flags)] = 1
 
     def _put_posture(self, robot: EmulatedRobot) -> None:
         """Write setpoints and measured joints of the robot into the packet."""
@@ -168,7 +160,6 @@ class Publisher:
     def _put_contact(self, robot: EmulatedRobot) -> None:
         """Write external wrench, torques and contact flags of `robot` into the state's fields."""
         fields, contact = self.fields, robot.contact
-        self._contact = contact
         fields["tau_ext_hat_filtered"][:] = contact.torque
         fields["O_F_ext_hat_K"][:] = contact.wrench
         turn = robot.posture.reached[:3, :3] @ robot.configuration.tool_to_stiffness[:3, :3]
