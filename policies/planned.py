@@ -169,7 +169,7 @@ class _PoseRecorder:
         self.dt = dt
         self.poses.append(poses.copy())
         scalars, points = np.zeros(self._count), np.zeros((self._count, 2))
-        return Observables(0.0, scalars, points, scalars, points, (None,) * self._count)
+        return Observables(scalars, points, scalars, points, (None,) * self._count)
 
     def shapes(self) -> Array:
         return np.zeros((self._count, 0, 2))

@@ -257,7 +257,6 @@ class ServoLoop:
                 pitch_commanded=commanded.pitch,
                 fx=fx,
                 fz=fz,
-                success=self.success,
                 moving=self._profile.moving or not calm,
                 expired=self._profile.expired,
             )

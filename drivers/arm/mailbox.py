@@ -41,8 +41,8 @@ class Report(NamedTuple):
     """State of the arm after `ticks` of its motion, which arrived at time `arrival` [s].
 
     Measured pose and velocity and commanded pose in the cell frame [m, rad, s]; `fx`, `fz` force on
-    the gripper less its tare [N]; `success` the robot's share of commands received in time;
-    `number` of the last command taken; flags `moving` and `expired`, a velocity not renewed.
+    the gripper less its tare [N]; `number` of the last command taken; flags `moving` and
+    `expired`, a velocity not renewed.
     """
 
     ticks: int
@@ -59,7 +59,6 @@ class Report(NamedTuple):
     pitch_commanded: float
     fx: float
     fz: float
-    success: float
     moving: int
     expired: int
 

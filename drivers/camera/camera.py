@@ -30,7 +30,6 @@ class StampedCapture:
     capture: Capture
     picture: Picture
     sequence: int
-    gap: int
     stamp: float
     arrival: float
     source: StampSource
@@ -164,7 +163,6 @@ class NewestFrame:
             capture=capture,
             picture=setup.picture,
             sequence=self._sequence.number,
-            gap=0 if last is None else self._sequence.number - last.sequence - 1,
             stamp=max(min(middle - ahead, arrival - LEAST_STEP), earliest),
             arrival=arrival,
             source=source,
@@ -277,9 +275,7 @@ class V4l2Camera:
             source=SOURCE,
             sequence=arrived.sequence,
             image=image,
-            gap=arrived.gap,
             stamp_source=arrived.source,
-            flags=arrived.capture.flags,
         )
 
 

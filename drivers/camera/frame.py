@@ -74,14 +74,9 @@ class Sequence:
 
 @dataclass(frozen=True, slots=True)
 class CameraFrame(Frame):
-    """Decoded frame of a V4L2 camera, with the number `gap` of frames lost before it.
+    """Decoded frame of a V4L2 camera; `stamp_source` says from which time its stamp is computed."""
 
-    `flags` are the kernel's, `stamp_source` the time from which the stamp is computed.
-    """
-
-    gap: int
     stamp_source: StampSource
-    flags: int
 
 
 @dataclass(slots=True)

@@ -12,7 +12,6 @@ from drivers.camera.device import (
     CameraFaulty,
     CameraLost,
     Device,
-    Identity,
     Kernel,
     MappedBuffer,
     translate_error,
@@ -131,9 +130,8 @@ class Stream:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """Identity, picture format, control values and shutter times of a camera, as read back."""
+    """Picture format, control values and shutter times of a camera, as read back."""
 
-    identity: Identity
     picture: Picture
     locks: Mapping[str, int]
     shutter: Shutter
@@ -200,4 +198,4 @@ def set_up(device: Device, settings: V4l2Settings) -> Setup:
     if control is not None and control.value is not None:
         exposure = control.value * EXPOSURE_UNIT
     shutter = Shutter(1.0 / picture.rate, exposure, settings.readout)
-    return Setup(device.identity, picture, locks, shutter)
+    return Setup(picture, locks, shutter)

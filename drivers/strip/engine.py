@@ -27,7 +27,7 @@ class Touch:
 
 @dataclass(frozen=True, slots=True)
 class Observables:
-    """Observable quantities of n strips at one `time` [s].
+    """Observable quantities of n strips after a step.
 
     `contact_x` (n,) [m]; `tip` (n, 2) [m], the fold's rightmost point; `holding_force` (n,) [N],
     the force along x that the fixed edge exerts on the strip, negative when taut; `grip_force`
@@ -35,7 +35,6 @@ class Observables:
     set.
     """
 
-    time: float
     contact_x: Array
     tip: Array
     holding_force: Array
@@ -69,15 +68,14 @@ class Stepper(Protocol):
 class StripMotion:
     """Simulated motion of one strip: observables at k times, shapes and the layer touch, if any.
 
-    Times (k,), gripper poses (k, 3), contact_x (k,), tip (k, 2), holding_force (k,), grip_force
-    (k, 2), shapes (k, nodes, 2) or (0, nodes, 2). Values are true, over the true desk;
-    `observation` converts them to measured ones.
+    Times (k,), gripper poses (k, 3), contact_x (k,), holding_force (k,), grip_force (k, 2), shapes
+    (k, nodes, 2) or (0, nodes, 2). Values are true, over the true desk; `observation` converts them
+    to measured ones.
     """
 
     t: Array
     poses: Array
     contact_x: Array
-    tip: Array
     holding_force: Array
     grip_force: Array
     shapes: Array

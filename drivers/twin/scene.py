@@ -78,19 +78,14 @@ def interpolate(earlier: Scene, later: Scene, stamp: float) -> Scene:
 class Truth:
     """True states of strip and gripper at k steps since the grasp, at times `t` (k,) [s].
 
-    `contact_x` (k,) [m]; `tip` (k, 2) [m], the fold's rightmost point; `gripper` (k, 3) and
-    `edge` (k, 3), poses of the fingers and of the strip's grasped edge; `shapes` (k, n, 2) [m],
-    midlines at arc lengths `arc` (n,) [m]; `holding_force` (k,) [N]. `edge_offset` [m] is how far
-    the grasped edge lies beyond the fixed one at the end, with the sign of d.
+    `contact_x` (k,) [m]; `edge` (k, 3), pose of the strip's grasped edge; `shapes` (k, n, 2) [m],
+    midlines. `edge_offset` [m] is how far the grasped edge lies beyond the fixed one at the end,
+    with the sign of d.
     """
 
     t: Array
     contact_x: Array
-    tip: Array
-    gripper: Array
     edge: Array
     shapes: Array
-    arc: Array
-    holding_force: Array
     touch: Touch | None
     edge_offset: float

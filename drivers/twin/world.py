@@ -72,11 +72,10 @@ class Plant(Stepper, Protocol):
 
 
 class _Step(NamedTuple):
-    """State after a step of the strip: time [s], observables, hand and edge, nodes (n, 2) [m]."""
+    """State after a step of the strip: time [s], observables, its edge, nodes (n, 2) [m]."""
 
     time: float
     observed: Observables
-    hand: Pose
     edge: Pose
     points: Array
 
@@ -208,16 +207,11 @@ class World:
         steps = self._record
         count = len(self._record)
         nodes = len(self._arc)
-        observed = [step.observed for step in steps]
         return Truth(
             t=frozen([step.time for step in steps]),
-            contact_x=frozen([state.contact_x[0] for state in observed]),
-            tip=frozen(np.reshape([state.tip[0] for state in observed], (count, 2))),
-            gripper=frozen(np.reshape([step.hand.as_array() for step in steps], (count, 3))),
+            contact_x=frozen([step.observed.contact_x[0] for step in steps]),
             edge=frozen(np.reshape([step.edge.as_array() for step in steps], (count, 3))),
             shapes=frozen(np.reshape([step.points for step in steps], (count, nodes, 2))),
-            arc=self._arc,
-            holding_force=frozen([state.holding_force[0] for state in observed]),
             touch=self._touch(),
             edge_offset=float(self._points[0, 0] - self._points[-1, 0]),
         )
@@ -234,7 +228,7 @@ class World:
         observed = self._plant.step(target.as_array()[None], self._settings.step)
         self._points = frozen(self._plant.shapes()[0])
         edge = target if self.holds_strip else self._edge()
-        self._record.append(_Step(self.time, observed, hand, edge, self._points))
+        self._record.append(_Step(self.time, observed, edge, self._points))
 
     def _edge(self) -> Pose:
         """Pose of the strip's grasped edge: its last node, with the last segment's angle."""

@@ -40,7 +40,7 @@ class Ideal:
                 self.touch[j] = Touch(self._time, 0.3, to_grasped=0.31 + 0.001 * j, to_fixed=0.3)
         ones = np.ones(len(poses))
         tip = poses[:, :2]
-        return Observables(self._time, poses[:, 0], tip, 2.0 * ones, tip, tuple(self.touch))
+        return Observables(poses[:, 0], tip, 2.0 * ones, tip, tuple(self.touch))
 
     def shapes(self) -> Array:
         flat = np.stack([ARC, np.zeros_like(ARC)], axis=1)

@@ -17,7 +17,7 @@ from policies.path import Path, circular, triangular
 
 LENGTH = 0.6
 SPEED = 0.1
-OBSERVED = ("contact_x", "tip", "holding_force", "grip_force")
+OBSERVED = ("contact_x", "holding_force", "grip_force")
 EVERY = 20  # steps between shapes
 PATHS = {"triangular": triangular(LENGTH), "circular": circular(LENGTH)}
 # Values that the tests of today were written for; others follow from the role.

@@ -29,12 +29,11 @@ LARGEST_RATIO = 2.0  # of a step to the one before: BDF2 is stable up to 1 + sqr
 class Trace(NamedTuple):
     """Observables of n simulated strips over k steps, and their midlines at m of these steps.
 
-    `contact_x` (k, n), `tip` (k, n, 2), `holding_force` (k, n), `grip_force` (k, n, 2), and
-    `shapes` (m, n, nodes, 2), NaN after a strip's end.
+    `contact_x` (k, n), `holding_force` (k, n), `grip_force` (k, n, 2), and `shapes` (m, n, nodes,
+    2), NaN after a strip's end.
     """
 
     contact_x: Array
-    tip: Array
     holding_force: Array
     grip_force: Array
     shapes: Array
@@ -81,7 +80,6 @@ class Rod:
         self._step_all(poses, dt, np.empty((0, 0, 0, 2)), 1)
         last = self._observed
         return Observables(
-            time=self._time,
             contact_x=last[:, at.CONTACT_X],
             tip=last[:, at.TIP_X : at.TIP_Z + 1],
             holding_force=last[:, at.HOLDING],
@@ -97,9 +95,8 @@ class Rod:
         count = len(poses) // every if every else 0
         shapes = np.full((count, *self._batch.arc.shape, 2), np.nan)
         observed = self._step_all(poses, dt, shapes, max(every, 1))
-        tip = observed[:, :, at.TIP_X : at.TIP_Z + 1]
         grip = observed[:, :, at.GRIP_X : at.GRIP_Z + 1]
-        return Trace(observed[:, :, at.CONTACT_X], tip, observed[:, :, at.HOLDING], grip, shapes)
+        return Trace(observed[:, :, at.CONTACT_X], observed[:, :, at.HOLDING], grip, shapes)
 
     def retire(self, retired: NDArray[np.bool_]) -> None:
         """End the strips of mask `retired` (n,): they keep their shapes and cost no more time."""
@@ -281,7 +278,6 @@ def _motion_of_strip(
         t=path.t[0] + dt * np.arange(1, count + 1),
         poses=poses[:count],
         contact_x=observed_strip.contact_x[:count],
-        tip=observed_strip.tip[:count],
         holding_force=observed_strip.holding_force[:count],
         grip_force=observed_strip.grip_force[:count],
         shapes=observed_strip.shapes[: count // stride],

@@ -175,13 +175,11 @@ class Chain:
         self._foreign = tuple(foreign)
         self._strips: list[ChainStrip] = []
         self._models: tuple[StripModel, ...] = ()
-        self._time = 0.0
 
     def reset(self, models: Sequence[StripModel]) -> None:
         """Lay the strips flat and at rest, gripped at (stated length, 0), pitch 0, at time 0."""
         self._models = tuple(models)
         self._strips = [ChainStrip(model, self._links, self._foreign) for model in models]
-        self._time = 0.0
 
     def step(self, poses: Array, dt: float) -> Observables:
         """Advance by `dt` [s] to gripper `poses` (n, 3) of x, z, pitch at the step's end.
@@ -194,7 +192,6 @@ class Chain:
         parts = max(1, int(np.ceil(dt / LONGEST_STEP - 1e-6)))
         for strip, pose in zip(self._strips, targets, strict=True):
             strip.advance(pose, dt, parts)
-        self._time += dt
         return self._observe()
 
     def release(self) -> None:
@@ -215,7 +212,6 @@ class Chain:
         heights = [model.observation.contact_height for model in self._models]
         pairs = list(zip(self._strips, heights, strict=True))
         return Observables(
-            time=self._time,
             contact_x=np.array([desk_contact(strip.points, height) for strip, height in pairs]),
             tip=np.array([fold_tip(strip.points) for strip in self._strips]),
             holding_force=np.array([strip.holding_force() for strip in self._strips]),

@@ -44,7 +44,7 @@ class Ruler:
         touch = Touch(self.touch_after * dt, 0.2, 0.3, 0.25) if touched else None
         one = np.array([time])
         felt = np.array([[0.01, -time]])
-        return Observables(time, one, np.array([[time, 0.1]]), one, felt, (touch,))
+        return Observables(one, np.array([[time, 0.1]]), one, felt, (touch,))
 
     def shapes(self):
         return self._points[None]
@@ -92,8 +92,7 @@ def test_truth_is_in_run_time_and_scores_the_edges() -> None:
     assert truth.touch.time == pytest.approx(0.35)
     assert truth.touch.displacement == pytest.approx(0.05)
     assert truth.edge_offset == pytest.approx(0.02)
-    assert truth.gripper[-1] == pytest.approx([-0.02, 0.0, 3.0])
+    assert truth.edge[-1] == pytest.approx([-0.02, 0.0, 3.0])
     assert truth.shapes.shape == (20, 7, 2)
-    assert truth.tip.shape == (20, 2)
     with pytest.raises(ValueError, match="read-only"):
         truth.contact_x[0] = 1.0
