@@ -45,27 +45,84 @@ class Capture:
         return bool(self.flags & BufferFlag.ERROR) or self.content.size == 0
 
 
-class Stream:
-    """Stream of frames from a configured V4L2 device into mapped buffers, until `stop`."""
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """Picture format, control values and shutter times of a camera, as read back."""
 
-    def __init__(self, device: Device) -> None:
+    picture: Picture
+    locks: Mapping[str, int]
+    shutter: Shutter
+
+
+class Session:
+    """An open camera device with its `setup`, streaming into mapped buffers until `close`."""
+
+    def __init__(self, device: Device, settings: V4l2Settings) -> None:
+        """Configure the open `device`; raises CameraRefused for a value that it refuses."""
+        self.setup = set_up(device, settings)
         self._device = device
+        self._buffers = settings.buffers
         self._mappings: list[MappedBuffer] = []
 
     @classmethod
-    def start(cls, device: Device, buffers: int) -> Self:
-        """Start a stream into this number of `buffers`, mapped and queued.
+    def open(cls, kernel: Kernel, settings: V4l2Settings) -> Self:
+        """Open and configure the device that `settings` name, and start its stream.
 
-        Raises CameraBusy, CameraLost or CameraFaulty, and then leaves nothing mapped.
+        Raises CameraLost, CameraBusy, CameraFaulty or CameraRefused.
         """
-        stream = cls(device)
-        with ExitStack() as undo:  # a camera that streams refuses the next user
-            undo.callback(stream.stop)
-            stream._begin(buffers)
+        device = Device.open(kernel, settings.device)
+        with ExitStack() as undo:  # an open device stays busy for others
+            undo.callback(device.close)
+            session = cls(device, settings)
+            session._start()
             undo.pop_all()
-        return stream
+        return session
 
-    def take(self) -> Capture | None:
+    def wait(self, seconds: float) -> Capture | None:
+        """Next frame of the stream, or None where none arrives within `seconds`.
+
+        Raises CameraLost, or CameraFaulty where poll reports an event without a frame: polling
+        again at once would be a busy loop.
+        """
+        device = self._device
+        events = device.kernel.wait(device.fd, seconds)
+        if not events:
+            if not device.present():
+                raise CameraLost(device.path, "no longer answers")
+            return None
+        capture = self._take()
+        if capture is None:
+            if not device.present():
+                raise CameraLost(device.path, "is gone, says poll")
+            raise CameraFaulty(device.path, "poll reports an error and no frame")
+        return capture
+
+    def restart(self) -> None:
+        """Stop the stream and start it again; the device stays open with its setup."""
+        self._stop()
+        self._start()
+
+    def close(self) -> None:
+        """Stop the stream and release its buffers and the device."""
+        self._stop()
+        self._device.close()
+
+    def _start(self) -> None:
+        """Map and queue buffers, and start the stream; where that fails nothing stays mapped."""
+        device = self._device
+        with ExitStack() as undo:  # a camera that streams refuses the next user
+            undo.callback(self._stop)
+            request = BufferRequest(count=self._buffers, type=CAPTURE, memory=MMAP)
+            count = device.call(Ioctl.REQBUFS, request, "asking for buffers").count
+            if count < FEWEST_BUFFERS:
+                raise CameraFaulty(device.path, f"gave {count} buffers of {self._buffers}")
+            for index in range(count):
+                self._mappings.append(self._map_buffer(index))
+                self._requeue(index)
+            device.call(Ioctl.STREAMON, Number(CAPTURE), "starting the stream")
+            undo.pop_all()
+
+    def _take(self) -> Capture | None:
         """Copy and requeue the next filled buffer, or None; raises CameraLost, CameraFaulty."""
         device = self._device
         buffer = Buffer(type=CAPTURE, memory=MMAP)
@@ -87,7 +144,7 @@ class Stream:
         self._requeue(buffer.index)
         return capture
 
-    def stop(self) -> None:
+    def _stop(self) -> None:
         """Stop streaming, unmap and free the buffers; errors of an unplugged device are ignored.
 
         Buffers are unmapped in any case: a remaining mapping keeps the node of an unplugged camera.
@@ -100,18 +157,6 @@ class Stream:
         with suppress(OSError):
             none = BufferRequest(count=0, type=CAPTURE, memory=MMAP)
             device.kernel.ioctl(device.fd, Ioctl.REQBUFS, none)
-
-    def _begin(self, buffers: int) -> None:
-        """Request and queue `buffers`, and start the stream; CameraFaulty for too few of them."""
-        device = self._device
-        request = BufferRequest(count=buffers, type=CAPTURE, memory=MMAP)
-        count = device.call(Ioctl.REQBUFS, request, "asking for buffers").count
-        if count < FEWEST_BUFFERS:
-            raise CameraFaulty(device.path, f"gave {count} buffers of {buffers}")
-        for index in range(count):
-            self._mappings.append(self._map_buffer(index))
-            self._requeue(index)
-        device.call(Ioctl.STREAMON, Number(CAPTURE), "starting the stream")
 
     def _map_buffer(self, index: int) -> MappedBuffer:
         """Map the device's buffer `index` into memory; raises the camera's fault where refused."""
@@ -126,67 +171,6 @@ class Stream:
     def _requeue(self, index: int) -> None:
         buffer = Buffer(index=index, type=CAPTURE, memory=MMAP)
         self._device.call(Ioctl.QBUF, buffer, "giving a buffer back")
-
-
-@dataclass(frozen=True, slots=True)
-class Setup:
-    """Picture format, control values and shutter times of a camera, as read back."""
-
-    picture: Picture
-    locks: Mapping[str, int]
-    shutter: Shutter
-
-
-@dataclass(slots=True)
-class Session:
-    """An open camera device with its setup and its running stream."""
-
-    device: Device
-    settings: V4l2Settings
-    setup: Setup
-    stream: Stream
-
-    @classmethod
-    def open(cls, kernel: Kernel, settings: V4l2Settings) -> Self:
-        """Open and configure the device that `settings` name, and start its stream.
-
-        Raises CameraLost, CameraBusy, CameraFaulty or CameraRefused.
-        """
-        device = Device.open(kernel, settings.device)
-        with ExitStack() as undo:  # an open device stays busy for others
-            undo.callback(device.close)
-            setup = set_up(device, settings)
-            session = cls(device, settings, setup, Stream.start(device, settings.buffers))
-            undo.pop_all()
-        return session
-
-    def wait(self, seconds: float) -> Capture | None:
-        """Next frame of the stream, or None where none arrives within `seconds`.
-
-        Raises CameraLost, or CameraFaulty where poll reports an event without a frame: polling
-        again at once would be a busy loop.
-        """
-        events = self.device.kernel.wait(self.device.fd, seconds)
-        if not events:
-            if not self.device.present():
-                raise CameraLost(self.device.path, "no longer answers")
-            return None
-        capture = self.stream.take()
-        if capture is None:
-            if not self.device.present():
-                raise CameraLost(self.device.path, "is gone, says poll")
-            raise CameraFaulty(self.device.path, "poll reports an error and no frame")
-        return capture
-
-    def restart(self) -> None:
-        """Stop the stream and start it again; the device stays open with its setup."""
-        self.stream.stop()
-        self.stream = Stream.start(self.device, self.settings.buffers)
-
-    def close(self) -> None:
-        """Stop the stream and release its buffers and the device."""
-        self.stream.stop()
-        self.device.close()
 
 
 def set_up(device: Device, settings: V4l2Settings) -> Setup:
