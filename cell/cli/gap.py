@@ -24,7 +24,7 @@ from cell.cli.options import (
     resumable,
 )
 from cell.cli.output import print_json, say, while_busy
-from cell.config.places import check_recordable, find_configs
+from cell.config.places import Configs as Configurations, check_recordable, find_configs
 from drivers.errors import CellError, ConfigurationError
 
 if TYPE_CHECKING:
@@ -89,29 +89,39 @@ def plan(
     check_empty(folder)
     if not dry_run:
         check_recordable(folder)
-    found = find_configs(configs)
-    lying = None if plant is None else found.plant_path(plant)
-    from cell.devices.devices import DeviceSelection
-    from cell.folding.request import Recording, Request, standard_requests
-    from cell.orchestrator.operator import Interrupted
-    from drivers.strip.describe import load_plant
-
-    desk = None if lying is None else load_plant(lying)
-    choice = DeviceSelection(plant=desk, seed=seed)
-    record = Recording(truth=not no_truth)
-    base = Request(found.cell(), found.strip(strip), "", folder, choice, record=record)
-    requests = standard_requests(base)
+    requests = _standard_runs(find_configs(configs), strip, plant, folder, seed, truth=not no_truth)
     if dry_run:
         _print_plan(requests)
         return
     code = _fold_all(requests, jobs, as_json=as_json)
     if not as_json:
-        fitted = folder.with_name(f"{folder.name}-fit")
-        file = _strip_file(strip, configs)
-        if code == Interrupted.exit_code:
-            sys.stdout.write(f"fit what {folder} holds, or plan all again with another --runs\n")
-        sys.stdout.write(f"next: cell gap fit {folder} --strip {file} --out {fitted}\n")
+        _print_next_fit(folder, _strip_file(strip, configs), code)
     sys.exit(code)
+
+
+def _standard_runs(
+    found: Configurations, strip: str, plant: str | None, folder: Path, seed: int, *, truth: bool
+) -> "Sequence[Request]":
+    """Requests of the standard runs of `strip` into `folder`, the `plant` on the desk if given."""
+    plant_file = None if plant is None else found.plant_path(plant)
+    from cell.devices.devices import DeviceSelection
+    from cell.folding.request import Recording, Request, standard_requests
+    from drivers.strip.describe import load_plant
+
+    desk = None if plant_file is None else load_plant(plant_file)
+    choice = DeviceSelection(plant=desk, seed=seed)
+    record = Recording(truth=truth)
+    base = Request(found.cell(), found.strip(strip), "", folder, choice, record=record)
+    return standard_requests(base)
+
+
+def _print_next_fit(folder: Path, file: Path, code: int) -> None:
+    """Print the command that fits the runs in `folder`, which ended with the exit `code`."""
+    from cell.orchestrator.operator import Interrupted
+
+    if code == Interrupted.exit_code:
+        sys.stdout.write(f"fit what {folder} holds, or plan all again with another --runs\n")
+    sys.stdout.write(f"next: cell gap fit {folder} --strip {file} --out {folder}-fit\n")
 
 
 def _print_plan(requests: "Sequence[Request]") -> None:

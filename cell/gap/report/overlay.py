@@ -36,10 +36,7 @@ def write_overlay(findings: Findings, verdict: Verdict, path: Path) -> None:
 
 
 def write_recording(name: str, runs: Sequence[Replay], path: Path, words: str) -> None:
-    """Write a Rerun recording of `runs` of the subject `name`, with the `words` of its verdict.
-
-    Raises ConfigurationError where it cannot be written.
-    """
+    """Write a Rerun recording of `runs` of the subject `name`; ConfigurationError on failure."""
     recording = rr.RecordingStream("cell gap", recording_id=f"gap-{name}")
     try:
         with replacing(path) as scratch, saving(recording, scratch):
@@ -52,10 +49,7 @@ def write_recording(name: str, runs: Sequence[Replay], path: Path, words: str) -
 
 
 def blueprint(runs: Sequence[Replay]) -> Any:
-    """Rerun layout with a tab for each run: curve and events on the left, plots on the right.
-
-    A subject without curves has its plots only.
-    """
+    """Rerun layout with a tab for each run: curve and events if any, and plots of signals."""
     tabs = [_run_tab(run) for run in runs]
     text_view = rrb.TextDocumentView(origin="/verdict", name="verdict")
     return rrb.Blueprint(

@@ -263,10 +263,7 @@ def _scatter_table(findings: Findings) -> list[tuple[str, ...]] | None:
 
 
 def _experiments_table(verdict: Verdict) -> list[tuple[str, ...]] | None:
-    """Rows (run, separated models, sigma, minutes) of advised runs; None where decided.
-
-    Empty where no run would separate them.
-    """
+    """Rows (run, separated models, sigma, minutes) of advised runs; None where decided."""
     if verdict.verdict in ("named", "no_gap") and not verdict.ambiguous:
         return None
     return [
