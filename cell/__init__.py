@@ -3,31 +3,14 @@
 `import cell` offers the functions of `cell.api`; they are imported when one is used.
 """
 
+# ruff: noqa: F403, F405
 import importlib
 from typing import TYPE_CHECKING, Any
 
 from drivers.errors import CellError
 
 if TYPE_CHECKING:
-    from cell.api import (
-        accept,
-        check,
-        compare,
-        effects,
-        export_runs,
-        fit_gap,
-        fold,
-        import_runs,
-        list_runs,
-        observe,
-        predict,
-        read_calibration,
-        read_run,
-        read_strip,
-        read_verdict,
-        table,
-        undo,
-    )  # fmt: skip
+    from cell.api import *  # the names that __all__ lists
 
 __all__ = (
     "CellError", "accept", "check", "compare", "effects", "export_runs", "fit_gap", "fold",
