@@ -71,11 +71,12 @@ def _with_mounting(text: str, mounting: Mounting, path: Path) -> str:
         raise ConfigurationError(
             f"{path}: installation.mounting: must stand on one line, as {_mounting_line(mounting)}"
         )
-    indent, date = found["indent"], datetime.now(UTC).date().isoformat()
+    indent = found["indent"]
+    date = datetime.now(UTC).date().isoformat()
     old = f"{indent}# until {date}: {found[0].strip()}"
     return f"{text[: found.start()]}{old}\n{indent}{_mounting_line(mounting)}{text[found.end() :]}"
 
 
-def _mounting_line(mounting: Mounting) -> str:
-    m = mounting
+def _mounting_line(m: Mounting) -> str:
+    """Line of cell.yaml that states the mounting: x, y, z [m] and yaw [rad]."""
     return f"mounting: {{x: {m.x}, y: {m.y}, z: {m.z}, yaw: {m.yaw}}}"

@@ -19,6 +19,10 @@ BAND = "#7fa98f"
 DASHES = (0, (4, 3))
 DISPLACEMENT = "d = l₁ − l₂  [mm]"
 FEEDBACK_LIMIT = 1e3 * PAPER_WORST["feedback"]  # mm
+COLOUR_RANGE = 90.0  # mm, where the colours end
+LINEAR = 8.0  # mm, up to about which the colour scale is linear
+BAR_TICKS = (-80, -20, -5, 5, 20, 80)  # mm
+FEWEST_COLUMNS = 3  # panels that the figure's height suits
 
 
 def colour(policy: str) -> str:
@@ -187,12 +191,6 @@ def _soft_to_stiff(results: Results) -> list[str]:
 
 def _height(results: Results) -> float:
     return 0.31 * max(len(_soft_to_stiff(results)), 3) + 1.15
-
-
-COLOUR_RANGE = 90.0  # mm, where the colours end
-LINEAR = 8.0  # mm, up to about which the colour scale is linear
-BAR_TICKS = (-80, -20, -5, 5, 20, 80)
-FEWEST_COLUMNS = 3  # panels that the figure's height suits
 
 
 def maps_figure(results: Results) -> str:

@@ -15,6 +15,8 @@ from cell.report.words import NO_VALUE, millimetres
 from drivers.files import write_file
 
 DPI = 160
+TITLE = "Feedback-based fabric strip folding, from simulation"
+NOT_IN_SOURCE = "Of the paper, the numbers that its text states are drawn."
 
 
 def write_results(results: Results, folder: Path) -> Path:
@@ -39,10 +41,6 @@ def lines(results: Results) -> list[dict[str, Any]]:
     summary = [{"kind": "policy", **asdict(row)} for row in rows(results)]
     claimed = [{"kind": "claim", **asdict(claim)} for claim in claims(results)]
     return [plain(line) for line in (*summary, *claimed)]
-
-
-TITLE = "Feedback-based fabric strip folding, from simulation"
-NOT_IN_SOURCE = "Of the paper, the numbers that its text states are drawn."
 
 
 def page_of(results: Results) -> str:

@@ -47,7 +47,8 @@ HIDDEN_EFFECTS = ("", FRICTION_EFFECT, *EFFECTS)
 """Effects that are hidden in turn; the empty name stands for none."""
 STRIP_COST = {"rod": 0.03, "chain": 0.3}  # s for a fold of one strip
 PLANNING_FOLDS = 16  # folds of the rod, about, that planning takes
-EFFECT_COST, PLANNED_COST = 0.1, 5  # s of a fold with an effect; times as much where it is planned
+EFFECT_COST = 0.1  # s for a fold with an effect
+PLANNED_COST = 5  # times as much where the fold is planned
 IMAGES_COST = 10.0  # s of a fold through images
 JOURNAL = "parts"
 _ANY: TypeAdapter[Result] = TypeAdapter(AnyResult)
@@ -77,11 +78,11 @@ def _simulated_parts(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
             key = f"{policy} over {side} x {side} on the {engine} at {speed}"
             planning = (PLANNING_FOLDS if plans else 1) * STRIP_COST["rod"]
             cost = side**2 * (STRIP_COST[engine] + planning)
-            yield Part(key, of, cost, fold_range, (policy, engine, side, speed))
+            yield Part(key, of, cost, fold_range, arguments=(policy, engine, side, speed))
         for name in HIDDEN_EFFECTS:
             key = f"{policy} on {size.hidden} strips with {name or 'nothing'} hidden"
             cost = size.hidden * EFFECT_COST * (PLANNED_COST if plans else 1)
-            yield Part(key, of, cost, fold_effect, (policy, name, size.hidden, speed))
+            yield Part(key, of, cost, fold_effect, arguments=(policy, name, size.hidden, speed))
 
 
 def _image_parts(spec: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[Part]:
@@ -95,9 +96,9 @@ def _image_parts(spec: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[
         strip = configs.strip(name)
         seed = spec.seed + repeat
         inputs = (cell.model_dump_json(), strip.model_dump_json(), weights_digest(policy))
-        request = Request(cell, strip, policy, runs, DeviceSelection(seed=seed))
+        request = Request(cell, strip, policy, runs, choice=DeviceSelection(seed=seed))
         key = f"fold {strip.name} by {policy}, seed {seed}"
-        yield Part(key, digest(code(), *inputs), IMAGES_COST, fold_images, (request,))
+        yield Part(key, digest(code(), *inputs), IMAGES_COST, fold_images, arguments=(request,))
 
 
 def fold_images(request: Request) -> ImageFold:

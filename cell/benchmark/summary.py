@@ -16,18 +16,19 @@ from cell.benchmark.results import (
 from cell.report.words import NO_VALUE, millimetres, plural
 from policies.rollout import Misses
 
-
-def numeral(value: float, *, signed: bool = False) -> str:
-    """Format a length [m] as millimetres without a unit."""
-    return millimetres(value, signed).removesuffix(" mm")
-
-
 Table = tuple[Sequence[str], Sequence[Sequence[str]], str]
 PAPER_MEANS = {"triangular": -0.0368, "circular": 0.0627}  # m, over ten materials
 PAPER_WORST = {"feedback": 0.020}  # m, on every material
 KNOWN_STRIP_BOUND = 0.010  # m, methods that know the strip stay under it on the same materials
 REPEATABILITY = 0.001  # m, largest difference among five folds of one strip
+SPREAD_ROUNDING = 5e-5  # m, by which a spread may exceed a limit stated in whole millimetres
+PAPER_POLICIES = ("triangular", "circular", "feedback")
 NAN = float("nan")
+
+
+def numeral(value: float, *, signed: bool = False) -> str:
+    """Format a length [m] as millimetres without a unit."""
+    return millimetres(value, signed).removesuffix(" mm")
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,10 +154,6 @@ def misses_text(folds: EffectFolds) -> str:
     return f"{text}, {found.untouched} without a touch" if found.untouched else text
 
 
-SPREAD_ROUNDING = 5e-5  # m, by which a spread may exceed a limit stated in whole millimetres
-PAPER_POLICIES = ("triangular", "circular", "feedback")
-
-
 @dataclass(frozen=True, slots=True)
 class Claim:
     """Published claim (`says`), the result `here`, and whether the claim is `held`."""
@@ -178,8 +175,8 @@ def claims(results: Results) -> Iterator[Claim]:
     if folds.keys() >= set(PAPER_POLICIES):
         yield _smallest_mean_claim(folds)
     if "planned" in folds:
-        who, limit = "methods that know the properties", KNOWN_STRIP_BOUND
-        yield _limit_claim(folds["planned"], count, who, limit)
+        who = "methods that know the properties"
+        yield _limit_claim(folds["planned"], count, who, KNOWN_STRIP_BOUND)
     repeats = {p: results.repeats(p) for p in PAPER_POLICIES if p in folds}
     if any(len(f) > 1 for f in repeats.values()):
         yield _repeatability_claim(repeats)

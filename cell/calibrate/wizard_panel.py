@@ -140,7 +140,9 @@ def sketch_text(sketch: Sketch) -> Text:
     text = Text(no_wrap=True)
     for row in np.stack(layers, axis=-1):
         for edge, wanted, seen in row.tolist():
-            style = "green" if seen else "bold yellow" if wanted else "dim"
+            style = "dim"
+            if seen or wanted:
+                style = "green" if seen else "bold yellow"
             text.append(chr(BRAILLE + (edge | wanted | seen)), style)
         text.append("\n")
     return text.append("yellow: wanted  green: seen", "dim")
@@ -309,7 +311,8 @@ class TerminalSession:
         )
         if aids is not None:
             operator = TwinOperator(aids, operator if interactive else Unattended())
-        return Wizard(settings, devices, operator, self.watch, self.interrupted)
+        interrupted = self.interrupted
+        return Wizard(settings, devices, operator, watch=self.watch, interrupted=interrupted)
 
 
 @contextmanager

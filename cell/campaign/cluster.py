@@ -91,7 +91,8 @@ def connect(address: str, patience: float) -> Iterator["Client"]:
     from distributed import Client
 
     with event_loop() as loop:
-        client, reason = None, ""
+        client = None
+        reason = ""
         try:
             client = Client(address, timeout=patience, set_as_default=False, loop=loop)
         except (OSError, ValueError, TypeError) as error:  # TypeError: tls:// without certificates

@@ -120,7 +120,8 @@ def calibrate_camera(
         _print_board(settings, print_to)
         return
     if again is not None:
-        folder, verdict = out, refit_lens(again, without or (), out)
+        folder = out
+        verdict = refit_lens(again, without or (), out)
     else:
         folder = _session_folder(out, resume, settings.name, "camera")
         settings, devices = _open_devices(settings, "twin", camera)  # no arm is needed
@@ -163,7 +164,8 @@ def calibrate_homography(
     if use:
         options.writable(configs)
     if again is not None:
-        folder, speed = out, settings.fold.speed
+        folder = out
+        speed = settings.fold.speed
         verdict = refit_homography(again, without or (), out, speed, accept_anyway=accept_anyway)
     else:
         folder = _session_folder(out, resume, settings.name, "homography")

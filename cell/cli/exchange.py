@@ -96,7 +96,8 @@ def _convert(
         return convert(places, mapping, out, check_of(model), SignalMapping)
     from cell.gap.subject.strip.runs import check_fold
 
-    remarks, known = list[str](), found.strip_names()
+    remarks = list[str]()
+    known = found.strip_names()
     made = convert(
         places, mapping, out, lambda run: remarks.extend(check_fold(known, found.strip, run)),
         length=lambda name: found.strip(name).length,

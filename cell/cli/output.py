@@ -58,8 +58,9 @@ def guard_streams() -> Outlet | None:
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
             print(end="", file=stream, flush=True)
-    out, err = Outlet(1, "w", closefd=False), Outlet(2, "w", closefd=False)
-    sys.stdout, sys.stderr = _text_stream(out, sys.stdout), _text_stream(err, sys.stderr)
+    out = Outlet(1, "w", closefd=False)
+    sys.stdout = _text_stream(out, sys.stdout)
+    sys.stderr = _text_stream(Outlet(2, "w", closefd=False), sys.stderr)
     return out
 
 
@@ -159,7 +160,8 @@ def printable(text: str) -> str:
 def _lines(columns: Sequence[str], row: Sequence[str], width: int) -> list[str]:
     """Lines for one row on a narrow terminal: the first cell, then named cells as they fit."""
     named = (f"{name} {cell}" for name, cell in zip(columns[1:], row[1:], strict=True) if cell)
-    lines, current = [row[0]], ""
+    lines = [row[0]]
+    current = ""
     for fact in named:
         if current and len(f"  {current}, {fact}") > width:
             lines.append(f"  {current}")

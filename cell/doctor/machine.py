@@ -20,7 +20,8 @@ THROTTLE = Path("/proc/sys/kernel/sched_rt_runtime_us")
 
 def versions() -> Check:
     """Check whether all packages are installed, and state their versions."""
-    found, missing = [f"Python {platform.python_version()}"], []
+    found = [f"Python {platform.python_version()}"]
+    missing = []
     for package in NEEDED_PACKAGES:
         try:
             found.append(f"{package} {version(package)}")
@@ -106,7 +107,8 @@ def throttling() -> Check:
 
 def extras() -> Check:
     """Check which optional libraries are missing, and which features need a missing one."""
-    lost, why = missing_features(), "only what stands in brackets needs it"
+    lost = missing_features()
+    why = "only what stands in brackets needs it"
     if not lost:
         return Check("extras", Grade.PASS, "all optional libraries are installed", why)
     found = ", ".join(f"{module} ({use})" for module, use in lost.items())

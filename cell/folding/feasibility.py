@@ -148,8 +148,9 @@ def simulate(
     seed: int = 0,
 ) -> Folds:
     """Simulate a fold of every strip in `models` at `speed` [m/s] by `policy`, made for `strip`."""
-    rollout, rng = Rollout(speed=speed, sensing=IMAGE_DELAY), np.random.default_rng(seed)
-    return roll_out(policy, rod, strip, models, settings=rollout, rng=rng)
+    settings = Rollout(speed=speed, sensing=IMAGE_DELAY)
+    rng = np.random.default_rng(seed)
+    return roll_out(policy, rod, strip, models, settings=settings, rng=rng)
 
 
 def _expected(folds: Folds, repeats: float) -> tuple[float, float] | None:

@@ -102,8 +102,9 @@ def predict(request: Request) -> Prediction:
 def simulate_policy(request: Request, settings: CellFile, variants: Sequence[StripFile]) -> Folds:
     """Simulate folds of the strips `variants` by the policy of `request`, made for its strip."""
     policy = make_policy(request.policy, request.checkpoint, in_rod=True)
-    models, seed = [describe(variant) for variant in variants], request.choice.seed
-    return simulate(policy, Rod(), request.strip, models, settings.fold.speed, seed)
+    models = [describe(variant) for variant in variants]
+    speed = settings.fold.speed
+    return simulate(policy, Rod(), request.strip, models, speed, request.choice.seed)
 
 
 def laid_at(folds: Folds) -> float | None:

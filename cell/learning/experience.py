@@ -113,7 +113,8 @@ class Memory:
             lines = self._lines()
             chosen = set(lines if run is None else ())
             if run is not None:
-                key, name = run_key(run), run.resolve().name
+                key = run_key(run)
+                name = run.resolve().name
                 read = ((line, _experience(line)) for line in lines)
                 chosen = {line for line, one in read if one and _is_of(one, key, name)}
             if not chosen:

@@ -101,9 +101,10 @@ def _measure_latency(context: CalibrationContext, homography: Homography) -> Doi
         yield from _step(latency_steps, pose)
         latency_steps.record_arrival()
     context.watch(replace(context.points.progress(None, "seen", "latency"), steps=latency_steps))
-    lens, settings = context.points.lens, context.settings.latency
+    seen = latency_steps.seen
+    settings = context.settings.latency
     context.latency = latency_verdict(
-        latency_steps.arm, latency_steps.seen, lens, homography, settings
+        latency_steps.arm, seen, context.points.lens, homography, settings
     )
 
 

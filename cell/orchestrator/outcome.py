@@ -58,7 +58,8 @@ class Outcome:
     @classmethod
     def stopped_by(cls, stopped: StopReason, duration: float) -> Self:
         """Outcome of a run that was `stopped` without a measurement, after `duration` [s]."""
-        return cls(stopped.name, stopped.reason, stopped.exit_code, None, None, duration)
+        end = (stopped.name, stopped.reason, stopped.exit_code)
+        return cls(*end, touch=None, edge_offset=None, duration=duration)
 
     def overridden_by(self, stopped: StopReason) -> Self:
         """Outcome with name and reason of the later failure `stopped`, and the higher exit code."""

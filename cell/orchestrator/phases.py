@@ -150,8 +150,8 @@ class Swing:
         measurement = snapshot.view.measurement
         if not snapshot.view.read or measurement is None or measurement.stamp < since:
             return
-        x, profile = measurement.contact_x, measurement.profile
-        mean = image_profile(profile, x, measurement.gripper)[0].mean(axis=0)
+        seen = image_profile(measurement.profile, measurement.contact_x, measurement.gripper)
+        mean = seen[0].mean(axis=0)
         if not np.isfinite(mean).all():
             return
         self._means.append((measurement.stamp, mean))

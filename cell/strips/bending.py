@@ -1,7 +1,7 @@
 """Bending length of a strip from several photographs, straight or with a rest curvature."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from operator import attrgetter
 
@@ -53,7 +53,8 @@ def pool(values: Sequence[float], sigmas: Sequence[float]) -> Pooled:
         agreement = float(chi2.sf(_excess_squares(y, variance, 0.0) + freedom, freedom))
         knapp = (weight * (y - value) ** 2).sum() / (freedom * weight.sum())
         half = max(half, float(t.ppf(0.5 + CONFIDENCE / 2, freedom) * np.sqrt(knapp)))
-    return Pooled(value, value - half, value + half, float(np.sqrt(scatter)), agreement)
+    deviation = float(np.sqrt(scatter))
+    return Pooled(value, value - half, value + half, scatter=deviation, agreement=agreement)
 
 
 def _excess_squares(y: Array, variance: Array, scatter: float) -> float:
@@ -96,7 +97,7 @@ class Bending:
     def curl(self) -> Pooled:
         """Uniform part of the rest curvature [1/m], pooled over the photographs."""
         if self.prior.kind is RestCurvature.STRAIGHT:
-            return Pooled(0.0, 0.0, 0.0, 0.0, 1.0)
+            return Pooled(value=0.0, low=0.0, high=0.0, scatter=0.0, agreement=1.0)
         values, sigmas = zip(*(fitted.curl for fitted in self.fits), strict=True)
         return pool(values, sigmas)
 
@@ -128,7 +129,7 @@ def pool_lengths(fits: Sequence[Fit]) -> Pooled:
     """Pooled bending length [m] of the `fits`, averaged by logarithms."""
     logs = pool([float(np.log(f.bending_length)) for f in fits], [f.sigma for f in fits])
     value, low, high = np.exp([logs.value, logs.low, logs.high]).tolist()
-    return Pooled(value, low, high, logs.scatter, logs.agreement)
+    return replace(logs, value=value, low=low, high=high)
 
 
 def _best_fits(photographs: Sequence[Photograph], start: Fits, kind: RestCurvature) -> Fits:

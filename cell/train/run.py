@@ -95,7 +95,8 @@ def _evaluate(
     finer = replace(rollout, substeps=SUBSTEPS)
     with Meter(console) as meter:
         found = evaluate(policy, finer, seed, side, executor, meter)
-    return Trained(training.checkpoint, settings, found, training.trial, effects)
+    trial = training.trial
+    return Trained(training.checkpoint, settings, found, trial=trial, effects=effects)
 
 
 def _open_training(
