@@ -50,6 +50,12 @@ class Parameter:
         return 1.0 / value if value else float("inf")
 
 
+def note_of(key: str, old: float | None, source: str, remark: str = "") -> dict[str, str]:
+    """Entry of a file's provenance for the changed `key`, which keeps its `old` value."""
+    was = "was absent" if old is None else f"was {old:.9g}"
+    return {"key": key, "source": source, "note": was + remark}
+
+
 @dataclass(frozen=True, slots=True)
 class Candidate:
     """Effect that a model may lack: its parameters, and the values at which it is screened.

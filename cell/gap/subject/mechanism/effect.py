@@ -38,17 +38,20 @@ class Readings:
 class Effect:
     """Effect in the library of mechanisms: its parameters, and functions by which it acts.
 
-    No function changes anything at the parameters' start values. `parameters` lists all values of
-    one key, joint by joint, then the next key; `shape` are shapes of the law. `law` is a compiled
-    torque `(q, v, load, p, at) -> N m` of one joint with its own values from `p[at]` on, `keys` of
-    them, on a joint that smooths signs over `p[3]`; `edit` changes fields of the model, and stands
-    for the law where the mode has laws as `fields`; `path` is a torque (m, joints) that depends on
-    the motion so far; `read` changes what lies between world and record. An MJCF can say what
-    `edit` does. The effect is a candidate where it is `possible`, in `modes` of simulation; it is
-    screened at `probes`, in typical sizes, for each of a `grid` of values of its last parameter.
-    `error_of` is a field of the base that the effect is an error of: where the file says how well
-    that field is known, the effect is no candidate. `of_drives`: the law acts at joints that a
-    motor drives alone, and its parameters are theirs.
+    At the start values of its parameters it changes nothing. It acts by one or more of these:
+
+    - `law(q, v, load, p, at)`: torque [N m] on a joint at angle q and rate v whose gear bears a
+      load; compiled. Of the joint's numbers p, `keys` from `at` on are the effect's, and p[3] is
+      the rate within which signs are smooth. `of_drives`: on joints that a motor drives alone.
+    - `edit(mechanism, values, model)`: new values in fields of a MuJoCo model, which an MJCF can
+      state; beside a law, it stands for the law where the mode has effects as `fields`.
+    - `path(mechanism, values, t, q, v)`: torques (m, joints) that depend on the motion so far.
+    - `read(mechanism, values, readings)`: what lies between the mechanism and its record.
+
+    `parameters` are those of one key, joint by joint, then of the next; `shape` are shapes of the
+    law. The effect is a candidate in `modes` of simulation where it is `possible`, unless the file
+    says how well the field `error_of` of the base is known. It is screened at `probes`, in typical
+    sizes, for each of a `grid` of values of its last parameter.
     """
 
     name: str
@@ -84,10 +87,10 @@ class Effect:
         """Candidate effect of `mechanism`, screened one parameter at a time from small to large."""
         parameters = self.parameters(mechanism)
         null = _null(parameters)
-        sizes = [p.spread / SIZES_PER_SPREAD for p in parameters]
-        amounts = [i for i, p in enumerate(parameters) if not p.shape]
+        sizes = np.diag([p.spread / SIZES_PER_SPREAD for p in parameters])
+        amounts = [row for row, p in zip(sizes, parameters, strict=True) if not p.shape]
         groups = tuple(
-            tuple(_probe(np.append(null[:-1], last), i, sizes[i] * factor) for i in amounts)
+            tuple(tuple((np.append(null[:-1], last) + factor * size).tolist()) for size in amounts)
             for last in self.grid or null[-1:] for factor in self.probes
         )  # fmt: skip
         is_law = self.path is not None or (self.law is not None and self.of == "model")
@@ -116,11 +119,6 @@ class Effect:
 def _null(parameters: Sequence[Parameter]) -> Array:
     """Start values (k,) of `parameters`, at which an effect does nothing."""
     return np.array([p.start for p in parameters])
-
-
-def _probe(null: Array, i: int, amount: float) -> tuple[float, ...]:
-    """Parameter values of `null` (k,) with `amount` added to number `i`."""
-    return tuple(float(start + amount) if k == i else float(start) for k, start in enumerate(null))
 
 
 def per_joint(

@@ -127,7 +127,7 @@ class InverseDynamics(MechanismSubject):
         motion = motion_of(recording, self._joints, names, self._cutoff, width, self._loop,
                            self._barred)  # fmt: skip
         filtered = motion.below_cutoff(motion.torques, cut.t)
-        good = np.all([np.interp(cut.t, motion.t, k) == 1.0 for k in motion.known], axis=0)
+        good = np.interp(cut.t, motion.t, motion.known) == 1.0
         if not good.any():
             raise ConfigurationError(
                 f"{recording.name}: no reading is left beside gaps, limits of joints and dead "

@@ -23,15 +23,24 @@ Names = Sequence[str]
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """Mode of comparison, forward or inverse: compared signals, and how effects act in it.
+    """How signals of a run are predicted, and which signals and effects that way can treat.
 
-    Signals of the kinds `compared` are, others are given. `loads` of gears are known along a given
-    motion alone. An integrated model has laws as its `fields` where these can express them;
-    `shapes` of laws may be fitted. Effects belong to what `of` says, or each to what it says.
-    `drag` is the unit and size of the air's. `smoothing` gives rates (joints,) over which dry
-    friction changes sign, by typical ones; `encoders` those that may be wrong, of a model, its
-    joints and its compared positions. `splits`: whether elasticity or play can lie between motor
-    and link.
+    In mode forward the model is integrated under the recorded commands, and so it is in mode
+    planar, that of pendulums; in mode prescribed inverse dynamics gives torques along the measured
+    motion. Of a mode:
+
+    - `compared` are the kinds of signals that it predicts; a file's other signals are not used.
+    - `smoothing(rates)` are rates (joints,) [rad/s] within which dry friction changes sign
+      gradually, for typical `rates` (joints,) of the joints.
+    - `encoders(model, joints, positions)` are the names of readings that an error of an encoder
+      can falsify, from the names of the joints and of the compared position signals.
+    - `splits(model)` is whether a gear may twist or have play between a motor and its link.
+    - `loads`: the torque that a gear bears is known, so that friction in proportion to it is an
+      amount to be found, and not a shape of the law.
+    - `fields`: an effect is put into fields of the MuJoCo model where these can express it.
+    - `shapes`: parameters that shape a law are fitted, too.
+    - `drag` is the unit and the typical size of the coefficient of the air's drag.
+    - `of` is what verdicts say that every effect belongs to; None where each effect says so.
     """
 
     name: str
@@ -173,11 +182,8 @@ def add_point(edited: Any, body: int, mass: float, place: Array) -> None:
     offset = np.asarray(place) - com
     reduced = stated * mass / (stated + mass)  # parallel axes, about the common centre of mass
     inertia += reduced * (offset @ offset * np.eye(3) - np.outer(offset, offset))
-    values, vectors = np.linalg.eigh(inertia)
-    if np.linalg.det(vectors) < 0.0:  # a quaternion holds right-handed axes only
-        vectors[:, 0] *= -1.0
-    quat = np.zeros(4)
-    mujoco.mju_mat2Quat(quat, vectors.ravel())
+    values, quat = np.zeros(3), np.zeros(4)
+    mujoco.mju_eig3(values, rotation, quat, inertia.ravel())
     edited.body_mass[body] = stated + mass
     edited.body_ipos[body] = com + offset * mass / (stated + mass)
     edited.body_iquat[body] = quat

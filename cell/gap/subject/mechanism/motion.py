@@ -31,7 +31,7 @@ class Motion:
 
     Positions, rates and accelerations `q`, `v`, `a` (m, joints) and the measured `torques`
     (signals, m) pass one filter, at `WIDER` times the `cutoff` [rad/s] below which torques are
-    compared. `known` (signals, m) is false near gaps of the record. `shake` (2, encoders) is the
+    compared. `known` (m,) is false near gaps of the record. `shake` (2, encoders) is the
     standard deviation of v and a that encoder noise makes in the means of samples, and `moves`
     (m or 1, joints, encoders) how joints follow encoders. Along loops `forces` (m, actuators,
     joints) are those of actuators by torque of the open joints.
@@ -126,13 +126,13 @@ def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str
         forces, moves, movable = loops.maps(q[::stride])
         excluded |= np.repeat(~movable, stride)[: len(grid)]
     reach = min(round(SETTLED / cutoff / dt), len(grid) // 10)
-    known = np.array([~_near_gaps(row, reach) for row in torque_gaps | excluded])
+    known = ~_near_gaps(torque_gaps.any(axis=0) | excluded, reach)
     # white noise of the encoders, of which the filter takes out the part above its cutoff
     noise = (raw - filtered).std(axis=1) / np.sqrt(1.0 - wide * dt / np.pi)
     shake = np.outer(_noise_gain(dt, cutoff, width), noise)
     q, v, a = (frozen(x[::stride]) for x in _derivatives(grid, q))
     slow = frozen(_low_pass(measured, dt, wide)[:, ::stride])
-    return Motion(recording.name, frozen(grid[::stride]), q, v, a, slow, known[:, ::stride],
+    return Motion(recording.name, frozen(grid[::stride]), q, v, a, slow, known[::stride],
                   cutoff, frozen(shake), moves, forces)  # fmt: skip
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from cell.gap.subject.mechanism.effects import effect_of, ordered_values
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.mechanism.read_mechanism import LIMITLESS, MechanismData
-from cell.gap.subject.subject import NamedValues
+from cell.gap.subject.subject import NamedValues, note_of
 from drivers.types import Array
 
 KEPT_OF_ACTUATOR = ("name", "class", "group", "joint", "jointinparent", "tendon", "site", "refsite",
@@ -30,13 +30,13 @@ def accepted_content(
     notes = list(content.pop("provenance"))
     stated = {b.parameter.name: b.parameter.start for b in opened.base}
     for name, value in base.items():
+        old = stated.get(name)
         if "." in name:
             effect, key = name.split(".")
-            known[effect][key] = value
-        was = f"was {stated[name]:.9g}" if name in stated else "was another"
-        notes.append({"key": name, "source": source, "note": f"{was}, is {value:.9g}"})
+            old, known[effect][key] = known[effect].get(key), value
+        notes.append(note_of(name, old, source, f", is {value:.9g}"))
     for name, values in effects.items():
-        notes.append({"key": f"effects.{name}", "source": source, "note": "was absent"})
+        notes.append(note_of(f"effects.{name}", None, source))
         (first, *_) = effect_of(name).parameters(opened.mechanism)  # a law's one value is `amount`
         known[name] = {first.name if key == "amount" else key: v for key, v in values.items()}
     return {**content, "effects": known, "provenance": notes}
@@ -69,7 +69,9 @@ def accepted_xml(opened: MechanismData, base: Mapping[str, float], effects: Name
     _write_joints(root, m, edited)
     _write_actuators(root, m, edited)
     _write_options(root, m, edited)
-    _write_pairs(root, m, edited)
+    for i, element in enumerate(root.findall("contact/pair")):
+        if friction := _changed(m, edited, i, "pair_friction"):
+            element.set("friction", friction)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
 
@@ -79,10 +81,10 @@ def _text(values: Sequence[float] | Array) -> str:
     return " ".join(repr(float(v)) for v in np.atleast_1d(np.asarray(values, dtype=np.float64)))
 
 
-def _has_changed(mechanism: Mechanism, edited: Any, i: int, names: Sequence[str]) -> bool:
-    """Whether row `i` of any of the fields `names` differs between the model and the edited one."""
-    return any(not np.array_equal(getattr(edited, n)[i], getattr(mechanism.model, n)[i])
-               for n in names)  # fmt: skip
+def _changed(mechanism: Mechanism, edited: Any, i: int, *names: str) -> str:
+    """Text of row `i` of the fields `names` of an edited model; empty where it is the model's."""
+    old, new = (np.hstack([getattr(m, n)[i] for n in names]) for m in (mechanism.model, edited))
+    return "" if np.array_equal(old, new) else _text(new)
 
 
 def _write_bodies(root: ET.Element, m: Mechanism, edited: Any) -> None:
@@ -90,7 +92,7 @@ def _write_bodies(root: ET.Element, m: Mechanism, edited: Any) -> None:
     by_name = {e.get("name"): e for e in root.iter("body")}
     by_joint = {j.get("name"): e for e in root.iter("body") for j in e.findall("joint")}
     for i in range(1, edited.nbody):
-        if not _has_changed(m, edited, i, ("body_mass", "body_ipos", "body_iquat", "body_inertia")):
+        if not _changed(m, edited, i, "body_mass", "body_ipos", "body_iquat", "body_inertia"):
             continue
         body = by_name.get(m.model.body(i).name or "")
         if body is None:
@@ -111,16 +113,15 @@ def _write_joints(root: ET.Element, m: Mechanism, edited: Any) -> None:
     elements = {e.get("name"): e for e in root.iter("joint") if e.get("name")}
     for joint in m.joints:
         element, i, dof = elements[joint.name], edited.joint(joint.name).id, joint.dof
-        if _has_changed(m, edited, dof, ("dof_damping", "dof_dampingpoly")):
-            whole = [edited.dof_damping[dof], *edited.dof_dampingpoly[dof]]
-            element.set("damping", _text(whole))
-        for key, name, at in (("armature", "dof_armature", dof), ("stiffness", "jnt_stiffness", i),
-                              ("frictionloss", "dof_frictionloss", dof)):  # fmt: skip
-            if _has_changed(m, edited, at, (name,)):
-                element.set(key, _text([getattr(edited, name)[at]]))
-        if _has_changed(m, edited, dof, ("dof_frictionloss",)):
+        for key, at, names in (("damping", dof, ("dof_damping", "dof_dampingpoly")),
+                               ("armature", dof, ("dof_armature",)),
+                               ("stiffness", i, ("jnt_stiffness",)),
+                               ("frictionloss", dof, ("dof_frictionloss",))):  # fmt: skip
+            if text := _changed(m, edited, at, *names):
+                element.set(key, text)
+        if _changed(m, edited, dof, "dof_frictionloss"):
             element.set("solimpfriction", _text(edited.dof_solimp[dof]))
-        if _has_changed(m, edited, joint.qpos, ("qpos_spring",)):
+        if _changed(m, edited, joint.qpos, "qpos_spring"):
             rest = float(edited.qpos_spring[joint.qpos])
             turn = 1.0 if radian or not joint.hinge else 180.0 / math.pi
             element.set("springref", _text([rest * turn]))
@@ -130,7 +131,7 @@ def _write_actuators(root: ET.Element, m: Mechanism, edited: Any) -> None:
     """Write changed gains as general actuators, and force limits."""
     every = [e for group in root.findall("actuator") for e in group]
     for i, element in enumerate(every):
-        if _has_changed(m, edited, i, ("actuator_gainprm", "actuator_biasprm")):
+        if _changed(m, edited, i, "actuator_gainprm", "actuator_biasprm"):
             element.tag = "general"
             for key in set(element.attrib) - set(KEPT_OF_ACTUATOR):
                 del element.attrib[key]
@@ -160,10 +161,3 @@ def _write_options(root: ET.Element, m: Mechanism, edited: Any) -> None:
         flag = option.find("flag")
         flag = ET.SubElement(option, "flag") if flag is None else flag
         flag.set("contact", "disable")
-
-
-def _write_pairs(root: ET.Element, m: Mechanism, edited: Any) -> None:
-    """Write changed friction of contact pairs."""
-    for i, element in enumerate(root.findall("contact/pair")):
-        if _has_changed(m, edited, i, ("pair_friction",)):
-            element.set("friction", _text(edited.pair_friction[i]))

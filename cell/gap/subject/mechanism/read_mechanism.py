@@ -216,10 +216,10 @@ class MechanismData:
         return self.mechanism.signals
 
 
-def open_file(path: Path) -> tuple[MechanismFile, Source, Any]:
-    """Mechanism file at `path`, with the source of its model and the compiled model.
+def open_file(path: Path) -> tuple[MechanismFile, Source, Any, list[Signal]]:
+    """Mechanism file at `path`, the source of its model, the compiled model, and its signals.
 
-    Raises ConfigurationError for anything broken in them.
+    The noise of signals is left open. Raises ConfigurationError for anything broken in them.
     """
     file = load(path, MechanismFile)
     folder = path.resolve().parent
@@ -234,30 +234,22 @@ def open_file(path: Path) -> tuple[MechanismFile, Source, Any]:
     if source.motors:
         model = compile_model(source, str(place), torques().slots, file.step)
     check_joints(model, str(place))
-    _check_names(file, model, str(path))
-    return file, source, model
-
-
-def _check_names(file: MechanismFile, model: Any, origin: str) -> None:
-    """Refuse signals and inputs that name nothing in the model, or the wrong kind."""
-    for name, spec in file.signals.items():
-        _signal(name, spec, model, origin)
+    signals = [_signal(*each, model, str(path)) for each in file.signals.items()]
     for name, is_ in file.inputs.items():
-        number_of(
-            model, "joint" if is_ == "position" else "actuator", name, origin, f"inputs.{name}"
-        )
+        kind = "joint" if is_ == "position" else "actuator"
+        number_of(model, kind, name, str(path), f"inputs.{name}")
+    return file, source, model, signals
 
 
 def open_all(path: Path, folders: Sequence[RunFolder]) -> MechanismData:
     """Mechanism at `path` with its measured runs; ConfigurationError for broken input."""
-    file, source, model = open_file(path)
+    file, source, model, found = open_file(path)
     read = [_read_checked(folder, file, model) for folder in folders]
     check_indices([f.path for f in folders], [r.index for r in read])
     recordings = sorted(read, key=lambda r: r.index or 0)
-    in_order = sorted(file.signals.items(), key=lambda item: item[1].is_ == "tracking")
-    mode, found = MODES[file.mode], [_signal(*each, model, str(path)) for each in in_order]
+    mode, torques_first = MODES[file.mode], sorted(found, key=lambda s: s.kind == "tracking")
     signals = tuple(_with_noise(s, file.signals[s.name], recordings, str(path))
-                    for s in found if s.kind in mode.compared)  # fmt: skip
+                    for s in torques_first if s.kind in mode.compared)  # fmt: skip
     moving = [n for n, kind in file.inputs.items() if kind == "position"]
     moving += [n for n, s in file.signals.items() if s.is_ not in ("torque", "tracking")]
     joints = _measured_joints(file, model, recordings, signals)
@@ -285,7 +277,7 @@ def check_of(path: Path) -> Callable[[Path], Recording]:
 
     Raises ConfigurationError for a file that cannot be read, as the reader does for a run.
     """
-    file, _, model = open_file(path)
+    file, _, model, _ = open_file(path)
     return lambda run: _read_checked(RunFolder(run, run.name), file, model)
 
 

@@ -69,12 +69,13 @@ class Recording:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """Compared column of a run: its `kind` of quantity, noise `sigma`, and joint or sensor.
+    """Compared column of a run: its `kind` of quantity, noise `sigma` [SI], and what reads it.
 
-    `zone` is the place, `joint` the number of the joint whose encoder or motor reads the signal, or
-    of the coordinate of a site or sensor (-1: none). Positions and rates are those of the joints,
-    summed with `weights` (joints,). Signals of one `group` are shown as one. A torque is read at an
-    `actuator`, `gear` [N m] at the joint for a unit of the reading.
+    A torque is read at an actuator, by number, and acts on a joint, with `gear` [N m] there for a
+    unit of the reading. A position or rate is the sum of the joints' with `weights` (joints,). Of a
+    site or sensor, `joint` is the number of its coordinate among all; -1 where there is none.
+    `zone` is where on the chain it is read, `floor` [SI] the error that every model has of it.
+    Signals of one `group` are shown as one.
     """
 
     name: str

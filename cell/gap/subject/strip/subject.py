@@ -35,6 +35,7 @@ from cell.gap.subject.subject import (
     Run,
     Scene,
     Subject,
+    note_of,
 )
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
@@ -64,22 +65,22 @@ def patch_file(
     for name, value in base.items():
         if "." in name:
             effect, key = name.split(".")
-            notes.append(_note(f"effects.{effect}.{key}", strip_effects[effect].get(key), source))
+            notes.append(note_of(f"effects.{effect}.{key}", strip_effects[effect].get(key), source))
             strip_effects[effect][key] = _round_off(value)
         elif name in content:
-            notes.append(_note(name, content[name], source))
+            notes.append(note_of(name, content[name], source))
             content[name] = _round_off(value)
     of_cell: dict[str, object] = {}
     law = dict(content.pop("law", {}))
     for name, values in effects.items():
         rounded = {key: _round_off(value) for key, value in values.items()}
         if name in LAW_TERMS:
-            notes.append(_note(f"law.{name}", law.get(name), source, "; a description, no cause"))
+            notes.append(note_of(f"law.{name}", law.get(name), source, "; a description, no cause"))
             law[name] = _round_off(law.get(name, 0.0) + values["amount"])
         elif registry()[name].of == "cell":
             of_cell[name] = rounded
         else:
-            notes.append(_note(f"effects.{name}", None, source))
+            notes.append(note_of(f"effects.{name}", None, source))
             strip_effects[name] = rounded
     content |= {"effects": strip_effects, **({"law": law} if law else {}), "provenance": notes}
     return content, {"schema": 1, "effects": of_cell} if of_cell else None
@@ -88,12 +89,6 @@ def patch_file(
 def _round_off(value: float) -> float:
     """Round `value` to the digits that a fit can determine."""
     return float(f"{value:.{DIGITS}g}")
-
-
-def _note(key: str, old: float | None, source: str, remark: str = "") -> dict[str, str]:
-    """Entry of the provenance of `key`, which keeps its `old` value."""
-    was = "was absent" if old is None else f"was {old:.9g}"
-    return {"key": key, "source": source, "note": was + remark}
 
 
 class ResidualKey(NamedTuple):
