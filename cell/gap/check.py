@@ -139,7 +139,7 @@ def values(name: str, t: Array, value: Array, command: Array | None = None) -> I
 
 
 def _stall(name: str, t: Array, value: Array, command: Array) -> Finding | None:
-    """Finding on a reading that stands still while its command changes, None if none does."""
+    """Finding on a reading that is constant while its command changes; None without one."""
     for first, last in _still(value):
         change = float(np.ptp(command[first : last + 1]))
         if t[last] - t[first] > STUCK and change > MOVED:
@@ -154,7 +154,7 @@ def _stall(name: str, t: Array, value: Array, command: Array) -> Finding | None:
 
 
 def _saturation(name: str, t: Array, value: Array) -> Iterator[Finding]:
-    """Findings on a reading that stands repeatedly at its largest or smallest value."""
+    """Findings on a reading that stays repeatedly at its largest or smallest value."""
     for limit, word in ((np.nanmax(value), "largest"), (np.nanmin(value), "smallest")):
         ends = [(a, b) for a, b in _still(value) if value[a] == limit and a > 0 and b < len(t) - 1]
         long = [t[b] - t[a] for a, b in ends if t[b] - t[a] > CLIPPED]
@@ -221,7 +221,7 @@ class Check(Entry):
 
 
 def recordings(runs: Sequence[RunFolder]) -> list[Finding]:
-    """Findings on the tables of all `runs`; an unreadable table is left out here."""
+    """Findings on the tables of all `runs`; unreadable tables are skipped."""
     findings = []
     for run in runs:
         tables = {}

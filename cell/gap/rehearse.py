@@ -136,7 +136,7 @@ def copies_with_each_effect(
 
 
 def diagnose_copy(plan: Plan, hidden: HiddenCopy) -> Mapping[str, Any]:
-    """Simulate a copy of the runs and fit it; the hidden effect and what the verdict says."""
+    """Simulate a copy of the runs and fit it; returns hidden effect and verdict as plain values."""
     file = Path(plan.file)
     with TemporaryDirectory(ignore_cleanup_errors=True) as name:
         folder = Path(name)

@@ -30,7 +30,7 @@ class Loop(NamedTuple):
 
 
 class LaidWeights(StudyResult):
-    """Linear model of the strip length [m] that a fold's loop takes up, with the source of its fit.
+    """Linear model of the strip length [m] within the loop of a laid fold, with its source.
 
     A constant [m], and per m of its height, its width and the strip's thickness. Written by
     `python -m tests.lab study unknown`, with what it was fitted to.

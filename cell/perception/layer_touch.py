@@ -98,7 +98,7 @@ class LayerTouch:
         return touch if self._is_a_fold(touch) else None
 
     def _place_at(self, time: float, t: Array) -> tuple[float, float]:
-        """Place x [m] of the fold, and displacement [m] there, at `time` among `t` (n,) [s].
+        """Position x [m] and displacement [m] of the fold at `time`, by falls at `t` (n,) [s].
 
         Both lengths err alike where the place is misread: their difference is filtered.
         """

@@ -36,7 +36,7 @@ class MeasuredFold(NamedTuple):
 
     @classmethod
     def until(cls, touch: float, t: Array, poses: Array, stamp: Array, profile: Array) -> Self:
-        """Select what lies before `touch` [s] of poses (m, 3) and profiles (k, POINTS, 2)."""
+        """Measured fold of the poses (m, 3) and profiles (k, POINTS, 2) before `touch` [s]."""
         usable = (stamp < touch - TOUCH_MARGIN) & np.isfinite(profile).all(axis=(1, 2))
         before = t <= touch
         return cls(t[before], poses[before], stamp[usable], profile[usable])

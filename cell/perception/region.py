@@ -32,7 +32,7 @@ class Sizes:
 
     @classmethod
     def at_patch(cls, calibration: Calibration, patch: int) -> Self:
-        """Sizes for the camera of `calibration`, by what it resolves at the centre of its image.
+        """Sizes [px] for the camera of `calibration`, by its resolution at the image centre.
 
         Its brightness is read in patches of `patch` [px].
         Windows are at least what a strip of two pixels needs, however coarse the camera is.

@@ -15,9 +15,6 @@ if TYPE_CHECKING:
 CASE_TIMEOUT = 7200.0  # s of a case, runs through images included
 OUT_HELP = "Folder of keys, runs, verdicts, ledger [default: runs/exam-TIER-SEED]."
 
-KeptIn = Annotated[
-    Path | None, typer.Option(help="What is finished, a line a case [default: OUT/ledger.jsonl].")
-]
 Count = Annotated[
     int | None, typer.Option(min=1, help="Cases [default: 300, 90 through images, 6 small].")
 ]
@@ -59,13 +56,13 @@ def exam(
     again: Annotated[
         bool, typer.Option("--again", help="Judge anew what OUT already holds; runs are kept.")
     ] = False,
-    ledger: KeptIn = None,
 ) -> None:
     """Hide causes in plants, let the workflow find them, and hold its verdicts against the key.
 
     What is finished is kept in OUT, with the report exam.md: an exam that was interrupted goes on
-    where it stopped, on another machine if LEDGER goes with it. Of the small exam, the exit code is
-    1 for a name where nothing is hidden, and where more than one case in six is not right.
+    where it stopped, on another machine if its ledger.jsonl goes with it. Of the small exam, the
+    exit code is 1 for a name where nothing is hidden, and where more than one case in six is not
+    right.
     """
     from rich.console import Console
 
@@ -77,12 +74,10 @@ def exam(
     steps, console = _steps(make=only_make, judge=only_judge), Console(stderr=True)
     out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
     chosen = engine(wide, cluster, CASE_TIMEOUT)
-    _check_place(out, made=only_judge and not ledger)
+    _check_place(out, made=only_judge)
     with resumable(out), Meter(console, summarise) as meter:
         wanted = load_or_draw(out, tier, cases, seed, repeats, kind, force, _print_progress, wide)
-        entries = run_exam(
-            wanted, out, engine=chosen, meter=meter, steps=steps, again=again, ledger=ledger
-        )
+        entries = run_exam(wanted, out, engine=chosen, meter=meter, steps=steps, again=again)
     if only_make:
         failed = sum(e.state == "failed" for e in entries)
         sys.stdout.write(f"{len(wanted)} cases, {failed} failed; next: --only-judge\n")
@@ -103,7 +98,9 @@ def _steps(*, make: bool, judge: bool) -> "Steps":
 
     if make and judge:
         raise ConfigurationError("--only-make, --only-judge: exclude each other; give one")
-    return "make" if make else "judge" if judge else "all"
+    if make:
+        return "make"
+    return "judge" if judge else "all"
 
 
 def _check_place(out: Path, *, made: bool) -> None:

@@ -113,16 +113,19 @@ def drawn(count: int, seed: int) -> tuple[Mutant, ...]:
     """
     judged = yaml.safe_load(IMMATERIAL.read_text("utf-8"))
     known = {name for names in judged.values() for name in names}
-    every = [
-        sorted(
-            (m for m in mutants(ROOT, file, judges(name)) if PLACE.sub("", m.name, 1) not in known),
-            key=lambda mutant: hashlib.sha256(f"{seed} {mutant.name}".encode()).digest(),
-        )
-        for name, path in modules()
-        if (file := str(path.relative_to(ROOT))).startswith(ROOMS) and lines(path) > 1
-    ]
+    every = []
+    for name, path in modules():
+        file = str(path.relative_to(ROOT))
+        if file.startswith(ROOMS) and lines(path) > 1:
+            found = mutants(ROOT, file, judges(name))
+            material = [m for m in found if PLACE.sub("", m.name, 1) not in known]
+            every.append(sorted(material, key=lambda m: _digest(f"{seed} {m.name}")))
     share = count / max(1, sum(map(len, every)))
     return tuple(mutant for here in every for mutant in here[: max(1, round(share * len(here)))])
+
+
+def _digest(text: str) -> bytes:
+    return hashlib.sha256(text.encode()).digest()
 
 
 @cache

@@ -84,7 +84,7 @@ class Fits:
         return by_loss(self.models, self.likelihood)[0]
 
     def near_best(self, size: int) -> list[CrossValidatedFit]:
-        """Models of `size` effects that gain over GAIN_SHARE of what the best of them gains."""
+        """Models of `size` effects that have over GAIN_SHARE of the gain of the best one."""
         if not size:
             return []
         models = self.of_size(size)

@@ -92,7 +92,7 @@ class Search:
         return fits.merge(run_all(self.simulate, [validate(e) for e in finished]))
 
     def extend(self, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:
-        """`fits` with `models` extended by each further effect that a screen beside them promises.
+        """`fits` with copies of `models` added that have one effect more, by a linear screen.
 
         Along one response a test is sharper than over all residuals (score test: Rao 1948, Proc.
         Camb. Phil. Soc. 44, 50): runs without a gap as a whole may still hold a small effect.

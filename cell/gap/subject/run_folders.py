@@ -189,7 +189,7 @@ def _numbers(run: RunFolder) -> Numbers:
 
 
 def _are_same(one: Numbers, other: Numbers) -> bool:
-    """Whether all that both runs measured is equal but for the rounding of units and decimals."""
+    """Whether all columns that two runs share agree within the rounding of units and decimals."""
     shared = one.keys() & other.keys()
     return any(key != "t" for _, key in shared) and all(
         len(one[key]) == len(other[key])

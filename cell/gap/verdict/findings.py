@@ -45,7 +45,7 @@ class BaseFit:
 
 @dataclass(frozen=True, slots=True)
 class Screen:
-    """Results of the linear screen: probes of all candidate effects, and what each would gain.
+    """Results of the linear screen: probe responses of candidate effects, predicted gains.
 
     `singles` are the scores of single effects, `p` their p-values by name; `detectable` are
     detection limits by name, None where no possible size would show; `library` has the whitened

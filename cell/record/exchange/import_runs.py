@@ -158,7 +158,7 @@ def _zeros(source: Source, how: MappingFile, length: float) -> list[dict[str, An
 
 
 def sources_in(place: Path, mapping: Path | None = None) -> Iterator[Source]:
-    """Sources of runs in `place`; none where it is the mapping file, which lies beside runs.
+    """Sources of runs in `place`; none for the mapping file itself.
 
     Raises ConfigurationError for what holds none.
     """

@@ -300,7 +300,7 @@ def _rate(runs: Sequence[Run]) -> int:
 
 
 def _fill_pattern(pattern: str, chunk: int, file: int, camera: str = "") -> str:
-    """Path of a file by the `pattern` of meta/info.json, which may come from outside."""
+    """Path of a data file: the `pattern` of meta/info.json with its known fields filled in."""
     numbers = {"chunk_index": str(chunk), "file_index": str(file), "video_key": camera}
     return PLACE.sub(lambda found: numbers[found[1]].zfill(int(found[2] or 0)), pattern)
 
@@ -370,7 +370,7 @@ class Episode(Source):
         return pa.table(columns)
 
     def _points(self) -> pa.Table:
-        """Table t, i, x, z of the strip's points, without those that no image showed."""
+        """Table of the strip's measured points in the episode: t [s], i, x and z [m]."""
         x, z = (
             np.array([np.asarray(part) for part in self._components(f"observation.profile_{axis}")])
             for axis in "xz"

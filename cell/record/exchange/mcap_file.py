@@ -60,7 +60,7 @@ def write_mcap(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
 
 
 def _write_numbers(writer: "Writer", run: Run) -> None:
-    """Write each table of the run on its own topic, a message a row or a whole profile."""
+    """Write each table of the run to a topic of its own, a message per row or profile."""
     for table, columns in run.tables().items():
         numbers: Row = {name: {"type": "number"} for name in columns}
         if table == "profile":
@@ -88,7 +88,7 @@ def _curves(points: list[Row]) -> Iterator[Row]:
 
 
 def _write_drawings(writer: "Writer", run: Run) -> None:
-    """Write the messages that Foxglove draws, each kind on its own topic."""
+    """Write messages in Foxglove's schemas, each kind to a topic of its own."""
     from mcap_protobuf.schema import register_schema
 
     channels = dict[str, int]()

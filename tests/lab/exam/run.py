@@ -148,17 +148,19 @@ def run_exam(
     steps: Steps = "all",
     again: bool = False,
     make: Maker = made_by_tier,
-    ledger: Path | None = None,
 ) -> tuple[Entry, ...]:
     """Measure `cases` by `engine`, one at a time where None, and return their ledger entries.
 
-    Entries in the journal of `folder` or the file `ledger` by the same engine and scorer are not
+    Entries in the journal or the ledger of `folder` by the same engine and scorer are not
     measured again, runs are kept while their case stays the same; `again` diagnoses anew. A case
     that fails is an entry with its reason, tried again at the next start. Kinds take turns, so that
     an exam that ends early has seen all of them.
     """
-    place, path, now = folder / JOURNAL, ledger or folder / LEDGER, sources()
-    kept, named = read_ledger(path), {case.name: case for case in cases}
+    place = folder / JOURNAL
+    path = folder / LEDGER
+    now = sources()
+    kept = read_ledger(path)
+    named = {case.name: case for case in cases}
     write_ledger(path, kept.values())  # fails now, and not after hours
     ending = MADE_ALONE if steps == "make" else ""
     anew = again or steps == "make"

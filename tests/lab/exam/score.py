@@ -300,11 +300,9 @@ def _true_values(case: Case, effects: Sequence[Candidate]) -> dict[str, Array]:
     found = {}
     for effect in effects:
         true = registry()[effect.name].complete(case.effects[effect.name])
-        values = [
-            (1.0 / true[p.name] if p.inverse else true[p.name]) if p.name in true else p.start
-            for p in effect.parameters
-        ]
-        found[effect.name] = np.array(values)
+        inverse = {p.name for p in effect.parameters if p.inverse}
+        true = {name: 1.0 / value if name in inverse else value for name, value in true.items()}
+        found[effect.name] = np.array([true.get(p.name, p.start) for p in effect.parameters])
     return found
 
 

@@ -141,7 +141,7 @@ class SplitModel:
         self._set_law_parameters(found, edited)
 
     def _set_law_parameters(self, found: Any, edited: Any) -> None:
-        """Copy the parameters of compiled torques to the split joints, as `passive.HEAD` says."""
+        """Copy parameters of compiled torque laws to the user numbers of the split joints."""
         found.jnt_user[:] = 0.0
         found.jnt_user[self._joint] = edited.jnt_user
         found.jnt_user[:, 0] = found.njnt
@@ -253,7 +253,7 @@ class ForwardDynamics(MechanismSubject):
         self, models: Sequence[Any], cases: Sequence[Case], control: Array,
         embed: Array | None = None,
     ) -> Array:  # fmt: skip
-        """States (n, steps + 1, 2, joints) of the joints, or of those that `embed` numbers."""
+        """Simulated states (n, steps + 1, 2, joints) of n cases: positions and rates of joints."""
         batch = Batch(models[0], len(models), self._jobs)
         batch.set_models(models)
         q = np.array([c.start[0] for c in cases])

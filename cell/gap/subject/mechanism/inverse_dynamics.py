@@ -77,7 +77,7 @@ class InverseDynamics(MechanismSubject):
         self.runs = tuple(map(self._run, opened.recordings))
 
     def _notes_on_model(self, given: Sequence[int]) -> Iterator[str]:
-        """Notes for the report on what torques leave out, and on loops that joints leave open."""
+        """Notes on torques that inverse dynamics leaves out, and on open kinematic loops."""
         model = self._mechanism.model
         if np.any(model.jnt_limited) or np.any(model.tendon_limited):
             yield LIMITED
@@ -295,7 +295,7 @@ class TorqueSensors:
 
 
 def _cache_key(motion: Motion, model: Any, readings: Readings) -> bytes:
-    """Bytes of all that the inverse dynamics along a motion, read with errors, depends on."""
+    """Cache key of inverse dynamics along a motion: bytes of model fields and sensor errors."""
     fields = [model.body_mass, model.body_inertia, model.body_ipos, model.body_iquat,
               model.dof_armature, model.dof_damping, model.dof_dampingpoly, model.jnt_stiffness,
               model.qpos_spring, model.opt.gravity, np.array(model.opt.density)]  # fmt: skip

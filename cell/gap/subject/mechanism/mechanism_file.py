@@ -38,7 +38,7 @@ RULES = {
 
 
 class SignalSpec(Settings):
-    """Signal in a column of the runs: what it measures, and its standard deviation `sigma` in SI.
+    """Signal in a column of the runs: measured quantity, its owner, standard deviation `sigma`.
 
     `sigma: repeats` takes it from repeated runs. `tracking` is a measured position minus the
     commanded one. The `side` of the gear on which a torque is read is the motor's where a motor is

@@ -44,7 +44,7 @@ class Source:
 
 
 def read_source(path: Path, folder: Path) -> Source:
-    """Read the MJCF or URDF model at `path`, with what it includes, without foreign code.
+    """Read the MJCF or URDF model at `path` with its included files, without foreign code.
 
     Raises ConfigurationError for text that is no XML, plugins, files that are read while parsing,
     and files outside `folder`.

@@ -67,7 +67,7 @@ TINY = 1e-30  # against division by zero
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """Readings of a run, and what drives its prediction: `load`, `motion` or `commands`.
+    """Readings of a run, and inputs of its prediction: `load`, `motion` or `commands`.
 
     `start` are positions and rates (joints,) where the run states them.
     """
@@ -174,7 +174,7 @@ class MechanismSubject(Subject):
         return candidates(self._mechanism, self.opened.file.effects, fitted)
 
     def _quantity(self, channel: str, kind: str) -> Quantity:
-        """How residuals of a channel are shown; of torques, what is tolerated by their spread."""
+        """Display of a channel's residuals; torques have a tolerance by their spread."""
         key, factor = KEYS[kind]
         tolerance = TOLERANCE[kind]
         if kind == "torque":
@@ -283,7 +283,7 @@ class MechanismSubject(Subject):
     def patch(
         self, base: Mapping[str, float], effects: NamedValues, source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
-        """Content of the mechanism's file, refitted; None, as cell.yaml has no effects of it."""
+        """Content of the mechanism's refitted file; None for cell.yaml, which is not changed."""
         content = self.opened.file.model_dump(mode="json", by_alias=True, exclude_none=True)
         accepted = accepted_content(self.opened, content, base, effects, source)
         return expressed_by_mjcf(self.opened, accepted, effects), None
@@ -330,5 +330,5 @@ class MechanismSubject(Subject):
 
 
 def content_of(run: Run) -> Content:
-    """Content of a mechanism's `run`: readings, and what drives its prediction."""
+    """Content of a mechanism's `run`: its readings and the inputs of its prediction."""
     return cast(Content, run.content)

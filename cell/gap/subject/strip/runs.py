@@ -50,7 +50,7 @@ Contradiction = tuple[str, str, Array | float, tuple[float, ...]]
 
 
 def _check_noise(origin: Path, run: Recorded) -> None:
-    """Refuse a stated noise that no instrument of a cell has, of those that were measured."""
+    """Refuse a stated noise of a measured quantity that no instrument of a cell has."""
     sigma = run.header.sigma
     limits = dict.fromkeys(LENGTHS, (BEST_SIGMA, WORST_SIGMA, "m"))
     limits["touch_time"] = BEST_TIME, WORST_TIME, "s"
@@ -101,7 +101,7 @@ def _check_indices(folders: Sequence[RunFolder], heads: Sequence[Header]) -> Non
 
 
 def _batch_key(header: Header) -> str:
-    """Command to which a fold of the twin belongs; one common value for runs from elsewhere."""
+    """Key of the batch of a fold: the command that ran it on the twin, else a constant."""
     drivers = header.drivers
     if drivers is None or drivers.arm != "twin" or header.seed is None:
         return ""

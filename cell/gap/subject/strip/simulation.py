@@ -43,7 +43,7 @@ FINE, FINER = Resolution(200, 0.0025), Resolution(200, 0.00125)
 
 @dataclass(frozen=True, slots=True)
 class Hashed(Generic[T]):
-    """A gripper path or model with the `digest` of its numbers, for the many simulations of it."""
+    """Gripper path or model with a `digest` of its numbers, computed once for all simulations."""
 
     value: T
     digest: bytes
@@ -91,7 +91,7 @@ class Job:
 
     @property
     def key(self) -> bytes:
-        """Digest of all that the simulated motion depends on."""
+        """Digest of all inputs that determine the simulated motion."""
         return self.digest + struct.pack("<id", *astuple(self.resolution))
 
 
@@ -115,7 +115,7 @@ class SimulatedMotion:
 
     @property
     def size(self) -> int:
-        """Memory that the motion takes [bytes]."""
+        """Memory of the motion [bytes]."""
         return int(self.shapes.nbytes + 7 * self.t.nbytes)
 
     def index_at(self, time: Array) -> Array:

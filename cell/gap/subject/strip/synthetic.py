@@ -113,7 +113,7 @@ def rod_folds(
     models: Sequence[StripModel], paths: Sequence[GripperPath], segments: int = 200,
     dt: float = 0.0025,
 ) -> list[Fold]:  # fmt: skip
-    """Simulate folds with the rod engine, each of `models` along its own of `paths`."""
+    """Folds simulated by the rod, of each of `models` along the path of the same index."""
     every = max(1, round(SHAPE_INTERVAL / dt))
     motions = simulate_all(Rod(segments), models, paths, dt=dt, every=every)
     return [
@@ -174,7 +174,7 @@ def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Images:
 
 
 def instruction(run: MeasuredRun) -> str:
-    """Instruction for the operator to make a planned `run`, with what that run reveals."""
+    """Instruction for the operator to make a planned `run`, with the effects that it reveals."""
     standard = STANDARD[run.name]
     return f"fold once more with --policy {run.condition}; it shows {standard.reveals}"
 

@@ -40,9 +40,11 @@ TURN, PAIRS = 4, 4  # a turn hides nothing, then each strength; one in four hide
 def draw(number: int, rng: np.random.Generator) -> Values:
     """Draw the kind of a case: nothing, one effect or two; its number gives their strength."""
     turn, place = divmod(number, TURN)
-    kind = "nothing" if place == 0 else "pair" if turn % PAIRS == PAIRS - 1 else "single"
-    of_kind = turn if kind == "nothing" else (TURN - 1) * turn + place - 1
-    return {"kind": kind, "number": of_kind, "seed": int(rng.integers(2**31))}
+    seed = int(rng.integers(2**31))
+    if place == 0:
+        return {"kind": "nothing", "number": turn, "seed": seed}
+    kind = "pair" if turn % PAIRS == PAIRS - 1 else "single"
+    return {"kind": kind, "number": (TURN - 1) * turn + place - 1, "seed": seed}
 
 
 def measure(case: Values) -> Values:

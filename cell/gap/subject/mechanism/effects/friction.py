@@ -55,7 +55,7 @@ def dry_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 
 def dry_limit(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Largest torque (m,) [N m] by which friction can hold a joint that stands."""
+    """Largest static friction torque (m,) [N m] of a joint at rest."""
     peak = p[at + 3] * np.exp(-((v / p[at + 4]) ** 2)) if p[at + 3] else 0.0
     return p[at] + p[at + 1] * abs(load) + peak
 
