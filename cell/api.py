@@ -234,5 +234,5 @@ def effects() -> Mapping[str, Effect]:
 
 
 def _listed(places: Places) -> list[Path]:
-    """Paths of `places`, of which a single one need not be in a list."""
+    """List of the paths `places`, given as a single path or several."""
     return [Path(places)] if isinstance(places, str | Path) else [Path(each) for each in places]

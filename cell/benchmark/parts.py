@@ -125,7 +125,7 @@ def fold_range(policy: str, engine: EngineName, side: int, speed: float) -> Rang
 
 
 def fold_effect(policy: str, name: str, count: int, speed: float) -> EffectFolds:
-    """Fold `count` strips with the effect `name` of textile size hidden in the rod.
+    """Fold `count` random strips in the rod by `policy`, which does not know their effect `name`.
 
     Every policy folds the same strips at `speed` [m/s], observed as through images.
     """

@@ -107,18 +107,7 @@ class Wizard:
         if (folder / session.SESSION_FILE).exists():
             plan = read_poses(folder / session.POSES_FILE)
         points = TouchedPoints(lens, settings.touches, plan)
-        keep = self._open_session(
-            "homography",
-            folder,
-            points,
-            (lens.width, lens.height),
-            lens=CameraFile.from_lens(lens, self.devices.camera_identity),
-            touches=settings.touches,
-            latency=settings.latency,
-        )
-        session.write_yaml(
-            folder / session.POSES_FILE, {"poses": [[p.x, p.z, p.pitch] for p in points.plan]}
-        )
+        keep = self._open_touches(folder, points)
         context = CalibrationContext(
             settings.controller, points, self.operator, keep, remembers=True
         )
@@ -137,6 +126,22 @@ class Wizard:
             picture = draw_picture(keep.newest.image, points.marks(verdict.touches))
             session.write_image(folder / session.PICTURE_FILE, picture)
         return verdict
+
+    def _open_touches(self, folder: Path, points: TouchedPoints) -> session.SessionFolder:
+        """Begin or resume the session of a homography in `folder`, and store its planned poses."""
+        lens = points.lens
+        keep = self._open_session(
+            "homography",
+            folder,
+            points,
+            (lens.width, lens.height),
+            lens=CameraFile.from_lens(lens, self.devices.camera_identity),
+            touches=self.settings.touches,
+            latency=self.settings.latency,
+        )
+        poses = [[pose.x, pose.z, pose.pitch] for pose in points.plan]
+        session.write_yaml(folder / session.POSES_FILE, {"poses": poses})
+        return keep
 
     def check(self, calibration: Calibration) -> CheckVerdict:
         """Judge `calibration` by a few touches; raises ConfigurationError for another camera's."""

@@ -20,6 +20,7 @@ from drivers.errors import CellError, ConfigurationError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
+    from cell.folding.batch import Attendance
     from cell.folding.request import Request
     from cell.folding.result import FoldResult
     from cell.orchestrator.run import Observer
@@ -197,23 +198,16 @@ def _fold_all(
     That is the largest of the folds', or with `until` [m] that of the last one, 1 where no edges
     lie as close.
     """
-    from cell.arm.run_settings import await_strip
     from cell.devices.open import emulation
-    from cell.folding.batch import Attendance, agreed, fold_all
+    from cell.folding.batch import agreed, fold_all
     from cell.folding.request import with_correction
     from cell.folding.result import FoldResult
 
     requests = agreed(requests, options.ask)
     robot = emulation(requests[0].cell, requests[0].choice)
     exit_code = 0
-    attendance = Attendance(report=notice, lay_again=lambda: await_strip(options.ask))
-    if not as_json:
-        tell = partial(_print_result, robot=robot)
-        attendance = replace(attendance, observe=_progress, tell=tell)
-    elif robot:
-        notice(robot)
     try:
-        results = fold_all(requests, jobs, until, attendance)
+        results = fold_all(requests, jobs, until, _attendance(robot, as_json=as_json))
         for request, fold_end in zip(requests, results, strict=False):  # an interrupt ends them
             if isinstance(fold_end, FoldResult):
                 result = fold_end
@@ -233,6 +227,20 @@ def _fold_all(
         notice(str(error))
         exit_code = max(exit_code, error.exit_code)
     return exit_code if until is None else max(exit_code, 1)
+
+
+def _attendance(robot: str, *, as_json: bool) -> "Attendance":
+    """Callbacks to the operator in a batch of folds; `robot` is a remark on an emulated one."""
+    from cell.arm.run_settings import await_strip
+    from cell.folding.batch import Attendance
+
+    attendance = Attendance(report=notice, lay_again=lambda: await_strip(options.ask))
+    if not as_json:
+        tell = partial(_print_result, robot=robot)
+        return replace(attendance, observe=_progress, tell=tell)
+    if robot:
+        notice(robot)
+    return attendance
 
 
 def _print_line(result: "FoldResult") -> None:

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -99,7 +100,6 @@ def _learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> Str
     length = predicted.bending_length
     time = predicted.retardation_time
     friction = predicted.yield_curvature
-    source = f"fold {run}, as the policy judged it at the touch"
     notes = {
         "bending_length": f"{length.low:.4f} to {length.high:.4f} m",
         "retardation_time": f"{time.low:.3f} to {time.high:.3f} s",
@@ -109,10 +109,6 @@ def _learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> Str
         effects["bending_hysteresis"] = {"yield_curvature": round(friction.value, 1)}
         key = "effects.bending_hysteresis.yield_curvature"
         notes[key] = f"{friction.low:.0f} to {friction.high:.0f} 1/m"
-    provenance = [entry for entry in strip.provenance if entry.key not in notes]
-    for key, interval in notes.items():
-        note = f"of its rods, 68 %: {interval}"
-        provenance.append(Provenance(key=key, source=source, note=note))
     intervals = {"bending_length": (length.low, length.high)}
     intervals |= {"retardation_time": (time.low, time.high)}
     return strip.model_copy(
@@ -121,9 +117,20 @@ def _learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> Str
             "retardation_time": round(time.value, 4),
             "effects": effects,
             "spread": strip.spread | intervals,
-            "provenance": tuple(provenance),
+            "provenance": _provenance(strip, notes, run),
         }
     )
+
+
+def _provenance(strip: StripFile, notes: Mapping[str, str], run: str) -> tuple[Provenance, ...]:
+    """Provenance of `strip` with the parameters of `notes`, intervals as text, from fold `run`."""
+    source = f"fold {run}, as the policy judged it at the touch"
+    kept = (entry for entry in strip.provenance if entry.key not in notes)
+    learned = (
+        Provenance(key=key, source=source, note=f"of its rods, 68 %: {interval}")
+        for key, interval in notes.items()
+    )
+    return (*kept, *learned)
 
 
 def offer_strip(folder: Path, strip: StripFile, predicted: FoldPrediction) -> Path:

@@ -54,7 +54,7 @@ WITHIN, BEYOND = 0.06, 0.04  # m: search range about an end, inwards and outward
 def calibrate_film(
     film: Path, frames: Iterator[Frame], boards: BoardSettings, strip: StripFile
 ) -> tuple[Calibration, float]:
-    """Calibrate by the first seconds of `frames`; also returns when [s] the strip lies still.
+    """Calibrate a film's camera by a board in its first images; also returns when [s] all is still.
 
     Raises ConfigurationError that names what the film at `film` does not show: the board, a still
     scene after it, the strip, its ends.

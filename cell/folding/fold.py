@@ -216,6 +216,13 @@ def run_and_record(
     if timing:
         run_suppressed(lambda: recorder.describe(arm_timing=dict(timing)))
     run_suppressed(lambda: recorder.joints(devices.arm_joints()))
+    return _review_and_finish(outcome, recorder, review)
+
+
+def _review_and_finish(
+    outcome: Outcome, recorder: FileRecorder, review: Callable[[Outcome, Recorder], Outcome]
+) -> Outcome:
+    """Review the outcome, write it as the run's result, and close the record in any case."""
     content = result_content(outcome)  # for a review that is interrupted
     try:
         outcome = review(outcome, recorder)

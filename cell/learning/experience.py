@@ -74,7 +74,7 @@ class Memory:
         return self._off.exists()
 
     def switch(self, *, on: bool) -> None:
-        """Switch learning on or off, without loss; ConfigurationError if it cannot be written."""
+        """Switch learning on or off, keeping experiences; ConfigurationError where that fails."""
         with self._file_lock():
             if on:
                 self._off.unlink(missing_ok=True)

@@ -60,22 +60,26 @@ def _stale(what: str, age: float, limit: float, consequence: str = "") -> str | 
 
 
 def _arm_stale(snapshot: Snapshot, rules: Rules) -> str | None:
+    """Reason to stop where the arm's newest state is too old."""
     return _stale("the arm's state", snapshot.time - snapshot.arm.stamp, rules.limits.arm_age)
 
 
 def _hand_stale(snapshot: Snapshot, rules: Rules) -> str | None:
+    """Reason to stop where the hand's newest state is too old."""
     consequence = ": whether it still holds the strip is not known"
     age = snapshot.time - snapshot.hand.stamp
     return _stale("the hand's state", age, rules.limits.hand_age, consequence)
 
 
 def _setpoint_expired(snapshot: Snapshot, _: Rules) -> str | None:
+    """Reason to stop where the arm braked for want of a fresh velocity target."""
     if not snapshot.arm.expired:
         return None
     return "the arm braked by itself because no fresh velocity target reached it"
 
 
 def _not_finite(snapshot: Snapshot, _: Rules) -> str | None:
+    """Reason to stop where the measured pose is not finite."""
     if np.isfinite(snapshot.arm.pose.as_array()).all():
         return None
     return "the arm reports a pose that is not a number"
@@ -100,6 +104,7 @@ def _image_stale(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _image_frozen(snapshot: Snapshot, rules: Rules) -> str | None:
+    """Reason to stop where too many successive images are identical."""
     limits = rules.limits
     if snapshot.view.identical < limits.identical_images:
         return None
@@ -107,6 +112,7 @@ def _image_frozen(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _reader_dead(snapshot: Snapshot, _: Rules) -> str | None:
+    """Reason to stop where the reader of images has failed."""
     return snapshot.view.reader_failure or None
 
 
@@ -208,6 +214,7 @@ def _outside_workspace(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _force_too_large(snapshot: Snapshot, rules: Rules) -> str | None:
+    """Reason to stop where the measured force on the gripper [N] is too large."""
     limits = rules.limits
     force = float(np.hypot(*snapshot.arm.force))
     if not force > limits.force:  # NaN: not measured
@@ -216,6 +223,7 @@ def _force_too_large(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _grip_lost(snapshot: Snapshot, _: Rules) -> str | None:
+    """Reason to stop where the hand no longer reports a grasp."""
     return None if snapshot.hand.grasped else "the hand no longer holds the strip"
 
 
@@ -225,15 +233,18 @@ def _too_long(what: str, duration: float, limit: float) -> str | None:
 
 
 def _state_overtime(snapshot: Snapshot, rules: Rules) -> str | None:
+    """Reason to stop where the run has been in one state for too long."""
     duration = snapshot.time - snapshot.entered
     return _too_long(snapshot.state, duration, rules.limits.state_duration)
 
 
 def _overtime(snapshot: Snapshot, rules: Rules) -> str | None:
+    """Reason to stop where the whole run lasts too long."""
     return _too_long("the run", snapshot.time, rules.limits.duration)
 
 
 def _calibration_overtime(snapshot: Snapshot, rules: Rules) -> str | None:
+    """Reason to stop where a calibration lasts too long."""
     duration = snapshot.time - snapshot.entered
     return _too_long("the calibration", duration, rules.limits.calibration)
 

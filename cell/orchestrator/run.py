@@ -36,7 +36,7 @@ class Observer(Protocol):
 
 
 class Run:
-    """Drives the devices through the states of one run, and records it."""
+    """Control loop of one run, which drives the devices through its states and records it."""
 
     def __init__(
         self,

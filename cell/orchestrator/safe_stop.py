@@ -19,7 +19,7 @@ def run_suppressed(action: Callable[[], object]) -> bool:
 
 
 class SafeStop:
-    """Stops the arm, repeating the command until the arm confirms it; uses no other device."""
+    """Emergency stop that repeats its command until the arm confirms it; uses no other device."""
 
     def __init__(self, devices: Devices, cycles: int) -> None:
         """Prepare to stop the arm of `devices` within `cycles` of the control loop."""

@@ -156,6 +156,7 @@ def _displacements(
     strips: Sequence[StripFile],
     rng: np.random.Generator,
 ) -> Array:
+    """Displacements (n,) [m] of `strips`, folded in `engine` by `policy`; NaN without a touch."""
     models = [describe(strip) for strip in strips]
     with threadpool_limits(1, user_api="blas"):
         folds = roll_out(policy, engine, strips[0], models, settings=rollout, rng=rng)
