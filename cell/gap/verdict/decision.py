@@ -210,7 +210,7 @@ def reasons(findings: Findings) -> list[str]:
 
 
 def describe_left(findings: Findings) -> str:
-    """Sentence on the residuals that the accepted model leaves, and why effects stay unnamed."""
+    """Sentence on the residuals that the accepted model leaves on held-out runs, with reasons."""
     quantities = findings.subject.scope.quantities
     after = held_out_gap.sizes(findings.held_out_fits.after, quantities)
     noise = held_out_gap.floor(findings.held_out_fits.before.evidence, quantities)

@@ -76,7 +76,7 @@ class ClosedLoops:
         return np.array([self._closed(q, a) for a in (*approach, *angles)])[APPROACH_STEPS:]
 
     def _closed(self, q: Array, angles: Array) -> Array:
-        """Positions (n,) of closed loops near `q` (n,), independent joints at `angles` (k,)."""
+        """Positions (n,) of closed loops at `angles` (k,); Newton steps move `q` (n,) in place."""
         q[self.independent] = angles
         for _ in range(NEWTON_STEPS):
             jacobian, gap = self._jacobian(q)
@@ -86,7 +86,7 @@ class ClosedLoops:
         return q.copy()
 
     def maps(self, q: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Maps between open and closed loops along positions `q` (m, n) of all joints.
+        """Linear maps between joints of open and closed loops along positions `q` (m, n).
 
         Forces of motors by torques of joints (m, actuators, n), motions of all joints by those of
         the independent ones (m, n, k), and whether the motors move the loop there (m,).
