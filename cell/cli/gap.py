@@ -396,7 +396,7 @@ def _cell_file(model: Path | None, configs: Path | None) -> Path | None:
 
 @contextmanager
 def _progress(*, quiet: bool) -> Iterator[Callable[[str, float], None]]:
-    """Yield a function that shows stage and share of the work; shows nothing off a terminal."""
+    """Yield a callback that shows stage and share of the work; silent off a terminal."""
     from rich.console import Console
     from rich.progress import Progress
 

@@ -98,7 +98,7 @@ def with_effects(model: Model, names: Sequence[str], candidates: Sequence[Candid
 
 
 def _secants(origin: Estimate, model: Model, score: Score) -> tuple[Array, ...] | None:
-    """Secants (n, shared + local) of each run for `model`, at the fit `origin` with fewer effects.
+    """Jacobians (n, shared + local) of each run for `model`, from `origin` with fewer effects.
 
     None where one of the effects was not screened there.
     """

@@ -162,7 +162,7 @@ class Search:
         return [free for free, fixed in pairs if _better(free, fixed, fits.likelihood)]
 
     def _with_shape_parameters(self, fits: Fits) -> list[Candidate]:
-        """Candidate effects, shape parameters free where a model of one effect was fitted so."""
+        """Candidate effects, with free shape parameters if a model of one effect was fitted so."""
         fitted = {e.name: e for m in fits.of_size(1) for e in m.model.effects}
         return [fitted.get(c.name, c) for c in self.candidates]
 

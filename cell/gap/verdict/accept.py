@@ -234,7 +234,7 @@ def _restore_interrupted(out: Path, file: Path, cell_file: Path | None) -> None:
 
 
 def _restore(accepted: Path, stored: Acceptance, paths: Mapping[str, Path]) -> None:
-    """Write the files as they were before the acceptance `stored` in `accepted`, and forget it."""
+    """Restore the files that the acceptance `stored` replaced, and delete its record `accepted`."""
     _write({path: stored.before[name] for name, path in paths.items()})
     accepted.unlink()
 

@@ -150,7 +150,7 @@ def _suggest_change(
 
 
 def _zeros(source: Source, how: MappingFile, length: float) -> list[dict[str, Any]]:
-    """Changes by which x is counted from the strip's other end, or begins at its `length` [m]."""
+    """Changes of x's zero: counted from the strip's other end, or begun at its `length` [m]."""
     column, begin = how.ticks.columns["x"], float(read_columns(source, how.ticks)["x"][0])
     begin = column.offset + (-begin if column.reversed else begin)
     zeros = ((True, begin + length), (False, begin - length))

@@ -359,7 +359,7 @@ def documents_of(run: Run) -> dict[str, bytes]:
 
 
 def mapping_of(runs: Sequence[Run], name: Naming, tables: Sequence[str] = TABLES) -> bytes:
-    """The mapping file of exported runs; `name` gives the format's file and column.
+    """Text of the mapping file of exported runs; `name` gives the format's file and column.
 
     A table or column is described where every run has it, the touch where any has.
     """

@@ -184,7 +184,7 @@ class ForwardDynamics(MechanismSubject):
             )
 
     def not_honoured(self) -> Iterator[str]:
-        """Parts of the model that torques along a simulation would lack, by name."""
+        """Names of the parts of the model that torques along a simulation would ignore."""
         model = self._mechanism.model
         plain = (model.actuator_dyntype == 0) & (model.actuator_gaintype == 0)
         plain &= model.actuator_biastype <= int(mujoco.mjtBias.mjBIAS_AFFINE)

@@ -96,7 +96,7 @@ class InverseDynamics(MechanismSubject):
             )
 
     def not_honoured(self) -> Iterator[str]:
-        """Parts of the model that inverse dynamics would leave out of torques, by name."""
+        """Names of the parts of the model that inverse dynamics would ignore."""
         model = self._mechanism.model
         yield from (f"tendon {model.tendon(i).name}: its frictionloss"
                     for i in np.flatnonzero(model.tendon_frictionloss > 0.0))  # fmt: skip

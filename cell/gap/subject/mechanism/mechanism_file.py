@@ -136,7 +136,7 @@ class MechanismFile(Settings):
 
 
 class Link(Settings):
-    """Link of a pendulum: mass [kg], length to the next joint [m], com from its joint [m].
+    """Link of a pendulum: mass [kg], length to the next joint [m], centre of mass [m], inertia.
 
     Inertia [kg m^2] is about the centre of mass, damping [N m s] is viscous, of the link's joint.
     """

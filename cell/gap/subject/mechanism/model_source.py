@@ -119,7 +119,7 @@ def _plain_urdf(root: ET.Element, folder: Path, place: Path) -> None:
 
 
 def _check_copies(root: ET.Element, path: Path, copies: int = 1) -> None:
-    """Refuse elements that repeat bodies more often than can be loaded in a second."""
+    """Refuse elements such as `replicate` that multiply bodies beyond MOST_BODIES."""
     for element in root:
         counts = re.findall(r"[0-9]+", element.get("count", "")) if element.tag in REPEATERS else ()
         inside = copies * math.prod(max(1, int(c)) for c in counts)
@@ -163,7 +163,7 @@ def _check_spec(spec: Any, source: Source, origin: str) -> None:
 
 def compile_model(source: Source, origin: str, slots: int, step: float,
                   edit: Callable[[Any], None] = lambda _: None) -> Any:  # fmt: skip
-    """Compile a model with `slots` user numbers a joint and `step` [s].
+    """Compile a model with `slots` user numbers per joint and the time step `step` [s].
 
     `edit` changes its specification. RK4 replaces the Euler integrator. Raises ConfigurationError
     for a model that does not load.

@@ -130,7 +130,7 @@ def _free_axes(model: Any, body: int) -> Iterator[str]:
 def _base_parameter(
     spec: UncertainSpec, mechanism: Mechanism, number: int, name: str, axis: str
 ) -> BaseParameter:
-    """Base parameter for one field of one owner, with its bounds; `axis` is that of a com."""
+    """Base parameter for one field of one owner, with its bounds; `axis` of a centre of mass."""
     start, put, size = _access(spec.field, mechanism, number, axis)
     width = _spread_width(spec.spread, size)
     high = max(HIGHEST * start, start + FARTHEST * width)
@@ -282,7 +282,7 @@ def check_of(path: Path) -> Callable[[Path], Recording]:
 
 
 def _signal(name: str, spec: SignalSpec, model: Any, origin: str) -> Signal:
-    """Signal of the column `name`, without the noise that recordings tell.
+    """Signal of the column `name` as the file states it, its noise still open.
 
     Raises ConfigurationError for what the model lacks, and for a torque of no motor on a joint.
     """
@@ -320,7 +320,7 @@ def _signal(name: str, spec: SignalSpec, model: Any, origin: str) -> Signal:
 
 def _with_noise(signal: Signal, spec: SignalSpec, recordings: Sequence[Recording],
                 origin: str) -> Signal:  # fmt: skip
-    """The `signal` with its noise, as stated or as repeats show, and a torque's error of models."""
+    """Copy of `signal` with its noise, as stated or by repeats, and a torque's model error."""
     name, floor = signal.name, signal.floor
     sigma = repeat_noise(recordings, name, origin) if spec.sigma == "repeats" else spec.sigma
     if signal.kind == "torque":

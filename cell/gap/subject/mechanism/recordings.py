@@ -204,7 +204,7 @@ def check_angle(t: Array, values: Array, path: Path, name: str) -> None:
 
 
 def repeat_noise(found: Sequence[Recording], column: str, origin: str) -> float:
-    """Standard deviation of a column's noise, by repeats; ConfigurationError without any."""
+    """Standard deviation of a column's noise, by repeated runs; ConfigurationError without any."""
     variances = []
     for a, b in combinations(found, 2):
         if a.condition == b.condition:

@@ -66,7 +66,7 @@ class Images:
 
 
 def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Images:
-    """Images of `profile` to compare, of a strip of `length` [m] seen with noise `sigma` [m].
+    """Midline points to compare, by image of `profile`: thinned, and without outliers.
 
     `grip` (n, 2) [m] is the gripper's position at each of the profile's points.
     """

@@ -44,7 +44,7 @@ def _places(strip: StripFile, lifted: float) -> tuple[float, ...]:
 
 
 def _term_candidate(term: Term) -> Candidate:
-    """Candidate for a generic term of the law, with its amount as the only parameter."""
+    """Candidate effect of a descriptive law `term`, whose only parameter is its amount."""
     step = SECANT * term.size
     amount = Parameter("amount", term.unit, 0.0, term.least, term.most, step=step, spread=term.most)
     sizes = term.size * (term.most / term.size) ** np.array(TRIED)

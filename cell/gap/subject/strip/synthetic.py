@@ -203,7 +203,7 @@ def _header(strip: str, fold: Fold, errors: Instruments) -> dict[str, Any]:
 
 
 def _result(touch: Touch | None) -> dict[str, Any]:
-    """Content of result.yaml for a measured `touch`; without one the path was done."""
+    """Content of result.yaml: the measured `touch`, or the outcome `path_done` without one."""
     if touch is None:
         return {"schema": SCHEMA, "outcome": "path_done"}
     event = {"t_layer_touch": touch.time, "displacement": touch.displacement}

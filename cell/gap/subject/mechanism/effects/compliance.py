@@ -73,7 +73,7 @@ def _sway_path(mechanism: Mechanism, values: Array, t: Array, q: Array, v: Array
 
 @lru_cache(MOTIONS)
 def _momenta(model: Any, motion: bytes) -> tuple[Array, Array, Array]:
-    """Momenta (m, 6, joints) by joint rates, weights (m, 6), and their slopes (m, 6, joints)."""
+    """Momentum Jacobians (m, 6, joints), moments of weight (m, 6), and slopes of these by joint."""
     q, data = np.frombuffer(motion).reshape(-1, model.nv), mujoco.MjData(model)
     mass, foot = model.body_mass.sum(), model.body_pos[model.body_rootid[model.jnt_bodyid[0]]]
     arms, (linear, angular) = np.zeros((len(q), 3)), np.zeros((2, len(q), 3, model.nv))
