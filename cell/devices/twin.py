@@ -52,15 +52,14 @@ class TwinPlant:
 
     def truth(self, origin: float) -> Mapping[str, Any]:
         """True touch time [s] since `origin`, lengths [m] at it, final edge offset [m], plant."""
-        truth = self.twin.world.truth()
-        touch = truth.touch
+        touch = self.twin.world.touch
         return {
             "plant": self.plant.model_dump(mode="json", by_alias=True),
             "displacement": None if touch is None else touch.displacement,
             "t_layer_touch": None if touch is None else touch.time - origin,
             "l1": None if touch is None else touch.to_grasped,
             "l2": None if touch is None else touch.to_fixed,
-            "edge_offset": truth.edge_offset,
+            "edge_offset": self.twin.world.edge_offset,
         }
 
 

@@ -4,7 +4,6 @@ from collections import deque
 from dataclasses import dataclass, replace
 
 from drivers.errors import Fault
-from drivers.strip.engine import Touch
 from drivers.twin.clock import NANOSECONDS, nanoseconds
 from drivers.types import Array, Pose, frozen
 
@@ -72,20 +71,3 @@ def interpolate(earlier: Scene, later: Scene, stamp: float) -> Scene:
     gripper = Pose.from_array(start + share * (end - start))
     width = earlier.finger_width + share * (later.finger_width - earlier.finger_width)
     return replace(earlier, stamp=stamp, points=points, gripper=gripper, finger_width=width)
-
-
-@dataclass(frozen=True, slots=True)
-class Truth:
-    """True states of strip and gripper at k steps since the grasp, at times `t` (k,) [s].
-
-    `contact_x` (k,) [m]; `edge` (k, 3), pose of the strip's grasped edge; `shapes` (k, n, 2) [m],
-    midlines. `edge_offset` [m] is how far the grasped edge lies beyond the fixed one at the end,
-    with the sign of d.
-    """
-
-    t: Array
-    contact_x: Array
-    edge: Array
-    shapes: Array
-    touch: Touch | None
-    edge_offset: float

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import cos, sin
-from typing import NamedTuple, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -14,9 +14,9 @@ from drivers.strip.file import GRAVITY
 from drivers.strip.model import StripModel
 from drivers.strip.observation import GrowingOffsets
 from drivers.twin.clock import NANOSECONDS, nanoseconds
-from drivers.twin.scene import History, Scene, Truth
+from drivers.twin.scene import History, Scene
 from drivers.twin.settings import WorldSettings
-from drivers.types import Array, Pose, frozen
+from drivers.types import Pose, frozen
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,15 +71,6 @@ class Plant(Stepper, Protocol):
         """Release the grasped edge; later gripper poses have no effect on it."""
 
 
-class _Step(NamedTuple):
-    """State after a step of the strip: time [s], observables, its edge, nodes (n, 2) [m]."""
-
-    time: float
-    observed: Observables
-    edge: Pose
-    points: Array
-
-
 class World:
     """Simulated strip on a desk, moved by the reported gripper poses of an arm.
 
@@ -106,7 +97,7 @@ class World:
         plant.reset([model])
         self._arc = frozen(plant.arc()[0])
         self._points = frozen(np.stack([self._arc, np.zeros_like(self._arc)], axis=1))
-        self._record: list[_Step] = []
+        self._observed: Observables | None = None  # after the newest step of a grasped strip
         self._history = History(settings.step, settings.memory)
         self._history.add(self._scene(0.0, start))
 
@@ -189,46 +180,37 @@ class World:
     @property
     def load(self) -> float:
         """Weight [N] of the lifted part of a held strip, from the desk contact on."""
-        if not self.holds_strip or not self._record:
+        if not self.holds_strip or self._observed is None:
             return 0.0
-        lifted = max(float(self._arc[-1]) - float(self._record[-1].observed.contact_x[0]), 0.0)
+        lifted = max(float(self._arc[-1]) - float(self._observed.contact_x[0]), 0.0)
         return GRAVITY * float(np.mean(self.model.mechanics.linear_density)) * lifted
 
     @property
     def grip_force(self) -> tuple[float, float]:
         """Force [N] of the strip on the gripper along the cell's x and z; 0 without a strip."""
-        if not self.holds_strip or not self._record:
+        if not self.holds_strip or self._observed is None:
             return 0.0, 0.0
-        f_x, f_z = self._record[-1].observed.grip_force[0].tolist()
+        f_x, f_z = self._observed.grip_force[0].tolist()
         return f_x, f_z
 
-    def truth(self) -> Truth:
-        """True states of strip and gripper at each step since the grasp."""
-        steps = self._record
-        count = len(self._record)
-        nodes = len(self._arc)
-        return Truth(
-            t=frozen([step.time for step in steps]),
-            contact_x=frozen([step.observed.contact_x[0] for step in steps]),
-            edge=frozen(np.reshape([step.edge.as_array() for step in steps], (count, 3))),
-            shapes=frozen(np.reshape([step.points for step in steps], (count, nodes, 2))),
-            touch=self._touch(),
-            edge_offset=float(self._points[0, 0] - self._points[-1, 0]),
-        )
-
-    def _touch(self) -> Touch | None:
-        touch = self._record[-1].observed.touch[0] if self._record else None
+    @property
+    def touch(self) -> Touch | None:
+        """First touch of the strip's layers, at the time of the run; None before it."""
+        touch = None if self._observed is None else self._observed.touch[0]
         if touch is None or self._grasped_at is None:
             return None
         return replace(touch, time=touch.time + self._grasped_at)
 
+    @property
+    def edge_offset(self) -> float:
+        """Length [m] by which the grasped edge lies beyond the fixed one, with the sign of d."""
+        return float(self._points[0, 0] - self._points[-1, 0])
+
     def _step_strip(self, hand: Pose) -> None:
-        """Step the strip with the hand at its true pose `hand`, and record the step."""
+        """Step the strip with the hand at its true pose `hand`."""
         target = hand if self._grasp is None else self._grasp.edge(hand)
-        observed = self._plant.step(target.as_array()[None], self._settings.step)
+        self._observed = self._plant.step(target.as_array()[None], self._settings.step)
         self._points = frozen(self._plant.shapes()[0])
-        edge = target if self.holds_strip else self._edge()
-        self._record.append(_Step(self.time, observed, edge, self._points))
 
     def _edge(self) -> Pose:
         """Pose of the strip's grasped edge: its last node, with the last segment's angle."""

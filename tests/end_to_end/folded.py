@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,14 +14,14 @@ from cell.folding.fold import fold
 from cell.folding.request import Request
 from cell.folding.result import FoldResult
 from cell.record.run import Run, read_run
-from drivers.twin.scene import Truth
+from tests.support.twin_moves import Steps
 
 
 @dataclass(frozen=True)
 class Folded:
     result: FoldResult
     run: Run
-    truth: Truth
+    truth: SimpleNamespace
     origin: float
 
     def true_shape(self, t: float) -> np.ndarray:
@@ -34,17 +35,17 @@ class Folded:
 
 def fold_and_keep(request: Request) -> Folded:
     """Fold, and keep the twin's truth besides."""
-    opened: list[Devices] = []
+    kept: list[Steps] = []
     open_cell = cell.folding.fold.open_cell
 
     def keeping(*arguments, **options) -> Devices:
-        opened.append(open_cell(*arguments, **options))
-        return opened[-1]
+        devices = open_cell(*arguments, **options)
+        kept.append(Steps(devices.plant.twin.world))
+        return devices
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(cell.folding.fold, "open_cell", keeping)
         result = fold(request, calibration_of(request.cell))
     run = read_run(Path(result.run))
-    truth = opened[-1].plant.twin.world.truth()
     begun = next(event for event in run.events() if event.facts.get("state") == "PREFLIGHT")
-    return Folded(result, run, truth, origin=-begun.t)
+    return Folded(result, run, kept[-1].truth(), origin=-begun.t)

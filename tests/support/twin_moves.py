@@ -1,15 +1,43 @@
 """Motions of a twin that several tests make."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
 from drivers.strip.describe import load_strip
+from drivers.strip.engine import Observables
 from drivers.twin.open import Twin, open_twin
 from drivers.twin.settings import ArmSettings, CameraSettings, TwinSettings
+from drivers.twin.world import World
 from drivers.types import Pose, Velocity
 
 DENIM = load_strip(Path(__file__).parents[2] / "configs" / "strips" / "denim.yaml")
+
+
+class Steps:
+    """Steps of a world's strip from now on: times, edge's poses, midlines and desk contacts."""
+
+    def __init__(self, world: World) -> None:
+        self._world, self._plant = world, world._plant
+        self._rows: list[tuple[float, np.ndarray, np.ndarray, float]] = []
+        world._plant = self
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._plant, name)
+
+    def step(self, poses: np.ndarray, dt: float) -> Observables:
+        observed = self._plant.step(poses, dt)
+        row = (self._world.time, poses[0].copy(), self._plant.shapes()[0].copy())
+        self._rows.append((*row, float(observed.contact_x[0])))
+        return observed
+
+    def truth(self) -> SimpleNamespace:
+        """Times (k,), edge's poses (k, 3), midlines (k, n, 2), contacts (k,), and the touch."""
+        t, edge, shapes, contact_x = map(np.array, zip(*self._rows, strict=True))
+        touch = self._world.touch
+        return SimpleNamespace(t=t, edge=edge, shapes=shapes, contact_x=contact_x, touch=touch)
 
 
 def wait(twin: Twin, seconds: float) -> None:

@@ -11,6 +11,7 @@ from drivers.twin.open import Twin, open_twin
 from drivers.twin.settings import ArmSettings, CameraSettings, TwinSettings, WorldSettings
 from drivers.types import Pose, Velocity
 from tests.support.effect_cases import denim
+from tests.support.twin_moves import Steps
 
 Values = Mapping[str, float]
 FELT: list[tuple[str, Values]] = [
@@ -51,7 +52,7 @@ def test_corrected_arm_reports_where_the_edge_truly_is(name: str, values: Values
     twin.clock.wait_until(2.0)
     twin.hand.grasp()
     twin.clock.wait_until(3.0)
-    told = []
+    told, steps = [], Steps(twin.world)
     for k in range(250):
         arm.set_velocity(Velocity(-0.05, 0.07 if k < 180 else -0.07, 0.6))
         twin.clock.wait_until(3.0 + 0.01 * (k + 1))
@@ -59,7 +60,7 @@ def test_corrected_arm_reports_where_the_edge_truly_is(name: str, values: Values
         told.append([state.stamp, *state.pose.as_array(), state.velocity.vz])
     arm.stop()
     twin.clock.wait_until(6.0)
-    truth, rows = twin.world.truth(), np.array(told)
+    truth, rows = steps.truth(), np.array(told)
     edge = [np.interp(rows[:, 0], truth.t, truth.edge[:, c]) for c in range(3)]
     off = np.abs(rows[:, 1:4].T - edge)
     turning = (rows[:, 0] < 3.2) | (np.abs(rows[:, 0] - 4.85) < 0.15)

@@ -3,23 +3,18 @@
 import numpy as np
 import pytest
 
-from drivers.twin.open import Twin
 from drivers.types import Pose, Velocity
-from tests.support.twin_moves import DENIM, drive, grasp, lift, move, twin_with, wait
+from tests.support.twin_moves import DENIM, Steps, drive, grasp, lift, move, twin_with, wait
 
 L = DENIM.length
 
 
-@pytest.fixture(scope="module")
-def lifted() -> Twin:
+def test_strip_tip_is_on_the_true_gripper_path_in_steady_motion() -> None:
     twin = twin_with()
+    steps = Steps(twin.world)
     grasp(twin)
     lift(twin)
-    return twin
-
-
-def test_strip_tip_is_on_the_true_gripper_path_in_steady_motion(lifted: Twin) -> None:
-    truth = lifted.world.truth()
+    truth = steps.truth()
     steady = truth.t > truth.t[-1] - 0.7
     off = truth.shapes[steady, -1] - truth.edge[steady, :2]
     assert np.abs(np.hypot(*off.T)).max() < 1e-4
@@ -73,7 +68,7 @@ def test_how_often_the_arm_is_read_does_not_change_the_world() -> None:
             for _ in range(reads):
                 twin.arm.state()
             wait(twin, 0.01)
-        return twin.arm.state().pose, twin.world.truth().shapes.tobytes()
+        return twin.arm.state().pose, twin.world.scene(twin.world.time).points.tobytes()
 
     assert run(0) == run(3)
 
@@ -86,7 +81,7 @@ def test_size_of_the_waits_does_not_change_the_world() -> None:
         start = twin.clock.now()
         for part in range(1, parts + 1):
             twin.clock.wait_until(start + 0.6 * part / parts)
-        return twin.world.truth().shapes.tobytes()
+        return twin.world.scene(twin.world.time).points.tobytes()
 
     assert run(1) == run(137)
 

@@ -11,7 +11,7 @@ from drivers.twin.renderer.optics import Optics
 from drivers.twin.settings import ArmSettings, CameraSettings, TwinSettings, WorldSettings
 from drivers.types import Pose, Velocity
 from tests.support.effect_cases import LENGTH, denim
-from tests.support.twin_moves import grasp, move, wait
+from tests.support.twin_moves import Steps, grasp, move, wait
 
 QUIET = TwinSettings(
     arm=ArmSettings(noise=0.0, pitch_noise=0.0),
@@ -37,13 +37,13 @@ def test_strip_lies_at_its_own_length_and_is_taken_at_the_stated_one(error: floa
     assert not lying[:, 1].any()
     twin = at_edge(strip)
     grasp(twin)
-    reports = []
+    reports, steps = [], Steps(twin.world)
     for _ in range(200):
         twin.arm.set_velocity(Velocity(-0.07, 0.07, 0.6))
         wait(twin, 0.01)
         state = twin.arm.state()
         reports.append([state.stamp, state.pose.x, state.pose.z])
-    truth, (t, *places) = twin.world.truth(), np.transpose(reports)
+    truth, (t, *places) = steps.truth(), np.transpose(reports)
     for place, edge in zip(places, truth.edge.T, strict=False):
         np.testing.assert_allclose(np.interp(t, truth.t, edge), place, atol=1e-4)
 

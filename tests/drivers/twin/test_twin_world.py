@@ -10,6 +10,7 @@ from drivers.strip.file import StripFile
 from drivers.twin.settings import WorldSettings
 from drivers.twin.world import World
 from drivers.types import Pose
+from tests.support.twin_moves import Steps
 
 STRIP = StripFile.model_validate(
     {
@@ -84,15 +85,13 @@ def test_truth_is_in_run_time_and_scores_the_edges() -> None:
     world = world_with(Ruler(touch_after=10))
     carry(world, line(EDGE, EDGE, 300), 0.0)
     world.attach()
-    assert world.truth().touch is None
+    assert world.touch is None
+    steps = Steps(world)
     carry(world, line(EDGE, Pose(-0.02, 0.0, 3.0), 100), 0.3)
-    truth = world.truth()
+    truth = steps.truth()
     assert truth.t == pytest.approx(0.305 + STEP * np.arange(20))
     assert truth.touch is not None
     assert truth.touch.time == pytest.approx(0.35)
     assert truth.touch.displacement == pytest.approx(0.05)
-    assert truth.edge_offset == pytest.approx(0.02)
+    assert world.edge_offset == pytest.approx(0.02)
     assert truth.edge[-1] == pytest.approx([-0.02, 0.0, 3.0])
-    assert truth.shapes.shape == (20, 7, 2)
-    with pytest.raises(ValueError, match="read-only"):
-        truth.contact_x[0] = 1.0
