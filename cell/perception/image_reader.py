@@ -156,11 +156,6 @@ class ProcessReader:
             self.close()
             raise Fault("image_reader_dead", f"the process for images did not start: {reason}")
 
-    @property
-    def pid(self) -> int:
-        """Identifier of the process that measures images."""
-        return self._child.pid
-
     def submit(self, request: ImageTask, now: float) -> None:
         """Send the image of `request` to the process; Fault `image_size` for another size."""
         image = request.frame.image
