@@ -84,10 +84,11 @@ def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
 
 def _grab(settings: "V4l2Settings", path: Path, *, as_json: bool) -> None:
     """Take a picture with the camera of `settings` into the PNG file at `path`."""
-    from cell.devices.real_camera import grab, save
+    from calibration.wizard.session import write_image
+    from cell.devices.real_camera import grab
 
     taken = grab(settings)
-    save(taken.frame, path)
+    write_image(path, taken.frame.image)
     if as_json:
         print_json({"file": path, **_grab_line(taken)})
         return

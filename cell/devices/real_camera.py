@@ -1,9 +1,6 @@
 """Real camera of a cell: opening it, settings proposed for cell.yaml, a test picture."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
-
-import cv2
 
 from cell.config.cell import CellFile
 from cell.devices.devices import Devices
@@ -14,7 +11,6 @@ from drivers.camera.session import Setup
 from drivers.camera.settings import V4l2Settings
 from drivers.clock import WallClock
 from drivers.errors import CellError, ConfigurationError
-from drivers.files import write_file
 from drivers.twin.clock import RealTimeClock, TwinClock
 
 BEST_MODE = 1280, 720, 30.0  # px, px, Hz; larger modes are not proposed
@@ -112,14 +108,6 @@ def grab(settings: V4l2Settings) -> Grab:
         raise CellError(f"{settings.device}: was not set up")
     rate = (last.sequence - first.sequence) / (last.stamp - first.stamp)
     return Grab(frame=last, setup=setup, counts=counts, rate=rate, age=last.arrival - last.stamp)
-
-
-def save(image: CameraFrame, path: Path) -> None:
-    """Write the picture `image` as PNG to `path`; ConfigurationError where that fails."""
-    encoded, content = cv2.imencode(".png", image.image)
-    if not encoded:
-        raise CellError(f"{path}: the picture cannot be written as PNG")
-    write_file(path, content.tobytes())
 
 
 def _next_frame(camera: V4l2Camera, after: float) -> CameraFrame:
