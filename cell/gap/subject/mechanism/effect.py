@@ -143,10 +143,12 @@ def single_parameter(
     return (Parameter(key, unit, 0.0, low, high * size, step=step, spread=spread),)
 
 
-def per_encoder(mechanism: Mechanism, key: str, unit: str, spread: float) -> tuple[Parameter, ...]:
-    """Parameters `key_ENCODER` of all encoders, for an error of their readings."""
+def per_encoder(
+    mechanism: Mechanism, key: str, unit: str, spread: float, most: float
+) -> tuple[Parameter, ...]:
+    """Parameters `key_ENCODER` of all encoders, for an error of their readings, `most` at most."""
     return tuple(
-        Parameter(f"{key}_{name}", unit, 0.0, -0.2, 0.2, step=1e-5, spread=spread)
+        Parameter(f"{key}_{name}", unit, 0.0, -most, most, step=1e-5, spread=spread)
         for name in mechanism.encoders
     )
 

@@ -134,7 +134,7 @@ ENCODER_BIAS = Effect(
     sentence="encoders read a constant too much or too little",
     of="rig",
     source="zero of an encoder",
-    parameters=lambda m: per_encoder(m, "bias", "rad", 0.03),
+    parameters=lambda m: per_encoder(m, "bias", "rad", 0.03, most=0.2),
     read=put_by_encoder("bias"),
     modes=MODES,
     revealed_by="hold still in several poses",
@@ -144,7 +144,8 @@ ENCODER_SCALE = Effect(
     sentence="encoders count too much or too little a turn",
     of="rig",
     source="scale of an encoder",
-    parameters=lambda m: per_encoder(m, "scale", "1", 0.02),
+    # more, and lines of a disc or teeth of a gear would be miscounted, which any stop shows
+    parameters=lambda m: per_encoder(m, "scale", "1", 0.02, most=0.05),
     read=put_by_encoder("scale"),
     revealed_by="large motion to both stops",
 )
