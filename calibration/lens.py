@@ -1,5 +1,4 @@
-"""Lens model: pinhole with Brown distortion, fitted to views of a ChArUco board; its files in the
-formats of ROS (camera_info YAML) and OpenCV."""
+"""Lens model (pinhole, Brown distortion), its fit to views of a board, its ROS and OpenCV files."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -134,7 +134,9 @@ def latency_verdict(
         return LatencyVerdict(images=moving, reasons=(f"{reason}; step again, uncover it",))
     latency, misfit = _best_latency(arm, stamps, along, settings.most)
     one, other = (_best_latency(arm, stamps[k::2], along[k::2], settings.most)[0] for k in (0, 1))
-    verdict = LatencyVerdict(latency, abs(one - other), 1e3 * misfit, moving)
+    verdict = LatencyVerdict(
+        latency=latency, apart=abs(one - other), misfit_mm=1e3 * misfit, images=moving
+    )
     drift = _drift_reasons(arm, stamps, along, latency, settings)
     return replace(verdict, reasons=drift or _reasons(verdict, settings))
 
@@ -143,6 +145,20 @@ def _drift_reasons(
     arm: Array, stamps: Array, along: Array, latency: float, settings: LatencySettings
 ) -> tuple[str, ...]:
     """Reason for refusal where the latency drifts over the steps: two clocks of unequal rate."""
+    rate, rate_sigma = _drift_rate(arm, stamps, along, latency)
+    duration = float(np.ptp(stamps))
+    drift = rate * duration
+    if abs(drift) <= settings.uncertainty or abs(rate) < DRIFT_SIGMA * rate_sigma:
+        return ()
+    return (
+        f"the camera's stamps drift against the arm's, by {1e3 * drift:+.0f} ms over "
+        f"{duration:.0f} s (allowed {1e3 * settings.uncertainty:.0f} ms): the two do not run by "
+        "one clock; stamp images by the machine's monotonic clock",
+    )
+
+
+def _drift_rate(arm: Array, stamps: Array, along: Array, latency: float) -> tuple[float, float]:
+    """Change of the latency over time [s/s] and one sigma of it, by a robust fit from `latency`."""
     from scipy.optimize import least_squares
 
     since = stamps - stamps.mean()
@@ -155,18 +171,9 @@ def _drift_reasons(
     fit = least_squares(
         errors, (latency, 0.0, 0.0), loss="cauchy", f_scale=DRIFT_LOSS_SCALE, x_scale="jac"
     )
-    rate = fit.x[1]
     noise = np.mean(errors(fit.x) ** 2)
-    rate_sigma = float(np.sqrt(noise * np.linalg.pinv(fit.jac.T @ fit.jac)[1, 1]))
-    duration = float(np.ptp(stamps))
-    drift = float(rate) * duration
-    if abs(drift) <= settings.uncertainty or abs(rate) < DRIFT_SIGMA * rate_sigma:
-        return ()
-    return (
-        f"the camera's stamps drift against the arm's, by {1e3 * drift:+.0f} ms over "
-        f"{duration:.0f} s (allowed {1e3 * settings.uncertainty:.0f} ms): the two do not run by "
-        "one clock; stamp images by the machine's monotonic clock",
-    )
+    sigma = np.sqrt(noise * np.linalg.pinv(fit.jac.T @ fit.jac)[1, 1])
+    return float(fit.x[1]), float(sigma)
 
 
 def _best_latency(arm: Array, stamps: Array, along: Array, most: float) -> tuple[float, float]:

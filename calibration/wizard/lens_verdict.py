@@ -161,13 +161,9 @@ def lens_verdict(
         return LensVerdict(views=len(ordered), reasons=(reason,))
     try:
         fit = fit_views(ordered, size)
-        one = fit_views(ordered[::2], size).lens
-        other = fit_views(ordered[1::2], size).lens
+        split, bend_mm = _differences_of_halves(ordered, fit.lens)
     except ConfigurationError as error:
         return LensVerdict(views=len(ordered), reasons=(str(error),))
-    focal = float(fit.lens.matrix[0, 0])
-    split = abs(float(one.matrix[0, 0] - other.matrix[0, 0])) / focal
-    depth = float(np.median([view.depth(fit.lens) for view in ordered]))
     bow_reasons = _bow_reasons(estimate_bow(ordered, fit.lens, settings.outline()), settings)
     gates = coverage.gates(ordered, fit.lens, settings)
     refused = [*bow_reasons, *(str(gate) for gate in gates if not gate.passed)]
@@ -177,7 +173,7 @@ def lens_verdict(
     return LensVerdict(
         fit=fit,
         split=split,
-        bend_mm=1e3 * _largest_difference(one, other) * depth / focal,
+        bend_mm=bend_mm,
         views=len(ordered),
         per_view=dict(sorted(zip(numbers, fit.per_view.tolist(), strict=True))),
         reasons=tuple(refused),
@@ -187,6 +183,17 @@ def lens_verdict(
 def fit_views(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
     """Fit a lens to `views` of the board in images of `size` [px]; or ConfigurationError."""
     return fit_lens([view.board for view in views], [view.image for view in views], size)
+
+
+def _differences_of_halves(views: Sequence[BoardView], lens: Lens) -> tuple[float, float]:
+    """Differences of lenses of two halves of `views`: focal length, share, image [mm]."""
+    size = lens.width, lens.height
+    one = fit_views(views[::2], size).lens
+    other = fit_views(views[1::2], size).lens
+    focal = float(lens.matrix[0, 0])
+    split = abs(float(one.matrix[0, 0] - other.matrix[0, 0])) / focal
+    depth = float(np.median([view.depth(lens) for view in views]))
+    return split, 1e3 * _largest_difference(one, other) * depth / focal
 
 
 def _bow_reasons(bow: Bow, settings: BoardSettings) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.settings import ToolSettings
 from drivers.franka import limits
 from drivers.franka.inverse_kinematics import rotation_vector
-from drivers.franka.kinematics import FLANGE_TO_TIP
+from drivers.franka.kinematics import FLANGE_TO_TIP, pose_from_columns
 from drivers.types import Array
 
 PORT = 1337
@@ -152,13 +152,15 @@ def _tool_differences(state: Any, tool: ToolSettings) -> Iterator[str]:
 
     NE_T_EE, EE_T_K and the load are set by programs; F_T_NE and the hand's mass in Desk.
     """
-    effector_remedy = IN_DESK if _same_frame(_matrix(state.NE_T_EE), np.eye(4)) else BY_RESET
+    effector_remedy = (
+        IN_DESK if _same_frame(pose_from_columns(state.NE_T_EE), np.eye(4)) else BY_RESET
+    )
     frames = [
         ("the end effector (F_T_EE)", state.F_T_EE, FLANGE_TO_TIP, effector_remedy),
         ("the stiffness frame (EE_T_K)", state.EE_T_K, np.eye(4), BY_RESET),
     ]
     for quantity, numbers, assumed, remedy in frames:
-        frame = _matrix(numbers)
+        frame = pose_from_columns(numbers)
         if not _same_frame(frame, assumed):
             yield _difference(quantity, _frame_text(frame), _frame_text(assumed), remedy)
     masses = [
@@ -178,10 +180,6 @@ def _tool_differences(state: Any, tool: ToolSettings) -> Iterator[str]:
 
 def _difference(quantity: str, actual: str, assumed: str, remedy: str) -> str:
     return f"{quantity} is {actual}, the cell assumes {assumed}; {remedy}"
-
-
-def _matrix(columns: Any) -> Array:
-    return np.reshape(np.array(columns, dtype=np.float64), (4, 4)).T
 
 
 def _same_frame(first: Array, second: Array) -> bool:

@@ -14,7 +14,7 @@ import ruckig
 from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.force import ForceGuard
 from drivers.franka.inverse_kinematics import ELBOW_JOINT, joint_step
-from drivers.franka.kinematics import forward, pose_and_jacobian
+from drivers.franka.kinematics import forward, pose_and_jacobian, pose_from_columns
 from drivers.motion import TICK
 from drivers.types import Array
 
@@ -265,26 +265,14 @@ class CartesianMotion:
         """Next state of the robot in `motion`, with the hand's setpoint from that of the joints."""
         state = self._robot.read(motion)
         time = state.time.to_sec()
-        first = self._setpoint is None
         if self._setpoint is None:
-            ticks = 1
             setpoint = JointSetpoint.from_state(state)
+            self._resynchronise(setpoint)
             self._sent = setpoint.position
-            self._initial_elbow = setpoint.position[ELBOW_JOINT]
+            self._initial_elbow = self._elbow
         else:
             ticks = max(round((time - self._time) / TICK), 0)
-            setpoint = self._setpoint.followed_by(state, self._sent, ticks)
-        off = largest_difference(setpoint.position, self._sent)
-        if self._sent_pose is not None and ticks == 1 and off < ROUNDING:
-            self._past_poses = [self._sent_pose, *self._past_poses[:2]]
-        else:
-            self._ahead = self._own_clock and not first
-            if self._ahead:
-                setpoint = setpoint.after_a_tick()
-            self._elbow = setpoint.position[ELBOW_JOINT]
-            self._elbow_rate = setpoint.rate[ELBOW_JOINT]
-            self._past_poses = _past_poses(setpoint)
-        self._setpoint = setpoint
+            self._advance(self._setpoint.followed_by(state, self._sent, ticks), ticks)
         self._time = time
         pose, last_pose, pose_before = self._past_poses
         twist = _twist(pose, last_pose)
@@ -297,6 +285,23 @@ class CartesianMotion:
             O_ddP_EE_c=twist_change.tolist(),
         )
 
+    def _advance(self, setpoint: JointSetpoint, ticks: int) -> None:
+        """Continue from `setpoint`, `ticks` after the last; predict a robot on its own clock."""
+        off = largest_difference(setpoint.position, self._sent)
+        if self._sent_pose is not None and ticks == 1 and off < ROUNDING:
+            self._setpoint = setpoint
+            self._past_poses = [self._sent_pose, *self._past_poses[:2]]
+            return
+        self._ahead = self._own_clock
+        self._resynchronise(setpoint.after_a_tick() if self._ahead else setpoint)
+
+    def _resynchronise(self, setpoint: JointSetpoint) -> None:
+        """Set the setpoint, the elbow's motion and the past hand poses to those of `setpoint`."""
+        self._setpoint = setpoint
+        self._elbow = setpoint.position[ELBOW_JOINT]
+        self._elbow_rate = setpoint.rate[ELBOW_JOINT]
+        self._past_poses = _past_poses(setpoint)
+
     def write_pose(self, motion: Any, pose: Numbers, *, last: bool = False) -> None:
         """Command the joints that bring the hand to `pose`, a column-major 4x4 matrix (16,).
 
@@ -305,7 +310,7 @@ class CartesianMotion:
         if self._setpoint is None:
             raise ArmFault(Cause.COMMAND, "a pose was sent before the first state was read")
         near = np.array(self._setpoint.after_a_tick().position)  # one Newton step is exact there
-        target = np.reshape(pose, (4, 4)).T
+        target = pose_from_columns(pose)
         # critically damped return of the elbow
         restoring_rate = ELBOW_GAIN * (self._initial_elbow - self._elbow) - 2.0 * self._elbow_rate
         self._elbow_rate += TICK * ELBOW_GAIN * restoring_rate
@@ -313,16 +318,15 @@ class CartesianMotion:
         near_pose, jacobian = pose_and_jacobian(near)
         step = joint_step(near, near_pose, jacobian, target, self._elbow)
         sent: Numbers = (near + step).tolist()
-        if self._ahead and not self._has_arrived(motion) and not last:
+        if self._ahead and not self._await_prediction(motion, self._setpoint) and not last:
             return
         self._sent = sent
         self._sent_pose = target
         self._robot.write_joints(motion, sent, last=last)
 
-    def _has_arrived(self, motion: Any) -> bool:
-        """Whether the robot reached the predicted setpoint; if not, predict from where it is."""
+    def _await_prediction(self, motion: Any, predicted: JointSetpoint) -> bool:
+        """Read the robot's next state; False, and continue from it, where it is not `predicted`."""
         state = self._robot.read(motion, awaited=False)
-        predicted = self._setpoint or JointSetpoint([], [], [])
         predicted_time = self._time + TICK
         self._time = state.time.to_sec()
         self._ahead = False

@@ -114,10 +114,11 @@ def _go(robot: Any, access: RobotAccess, request: GoTo, pipe: Connection) -> lis
     reached = list(robot.state().q)
     path = clear_path(np.array(reached), np.array(request.joints), solids)
     for joints in path:
-        if not interrupted():
-            if max(map(abs, robot.state().dq)) < REST_RATE:  # its force can be the tare
-                guard = robot.guard()
-            reached = follow_joints(robot, joints.tolist(), request.share, guard, interrupted)
+        if interrupted():
+            break
+        if max(map(abs, robot.state().dq)) < REST_RATE:  # its force can be the tare
+            guard = robot.guard()
+        reached = follow_joints(robot, joints.tolist(), request.share, guard, interrupted)
     termination.check()
     return reached
 
@@ -132,29 +133,33 @@ def retreat(
     the `solids`, or does not free the arm within AWAY.
     """
     state = robot.state()
-    force = np.array(state.O_F_ext_hat_K[:3])
-    size = float(np.linalg.norm(force))
+    size = _force_on_gripper(state)
     if size <= settings.rest:
         return
     if not isfinite(size):
         reason = "the robot reports a force that is no number; check its log before it moves again"
         raise ArmFault(Cause.PRESSED, reason)
-    path = _steps_away(np.array(state.q), force / size)
+    path = _steps_away(np.array(state.q), np.array(state.O_F_ext_hat_K[:3]) / size)
     _require_room(path, solids)
     robot.configure(_raise_thresholds(settings.collision, size))
     guard = ForceGuard(size + FORCE_RISE)
 
     def is_free(state: Any) -> bool:
-        return float(np.linalg.norm(state.O_F_ext_hat_K[:3])) < FREE * settings.rest
+        return _force_on_gripper(state) < FREE * settings.rest
 
     follow_joints(robot, path[-1].tolist(), SPEED_SHARE, guard, interrupted, until=is_free)
-    after = float(np.linalg.norm(robot.state().O_F_ext_hat_K[:3]))
+    after = _force_on_gripper(robot.state())
     if not after <= settings.rest:
         reason = (
             f"the gripper still feels {after:.1f} N after a retreat of {1e3 * AWAY:.0f} mm from "
             f"{size:.1f} N, allowed {settings.rest:.1f} N"
         )
         raise ArmFault(Cause.PRESSED, reason)
+
+
+def _force_on_gripper(state: Any) -> float:
+    """Size [N] of the external force on the gripper in the robot's `state`."""
+    return float(np.linalg.norm(state.O_F_ext_hat_K[:3]))
 
 
 def _steps_away(joints: Array, direction: Array) -> Array:

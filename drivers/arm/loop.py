@@ -231,35 +231,37 @@ class ServoLoop:
             self._profile.stop()
 
     def _publish(self, state: Any) -> None:
-        """Write the report of `state`; brake where its pose is not finite or off the plane."""
+        """Log and report `state`; brake where its pose is not finite or off the plane."""
         self.success = state.control_command_success_rate
         measured = self._checked_pose(state.O_T_EE)
         arrival = self._now()
         self._measured.append((state.seconds, measured))
         self.joints.add(self.ticks * TICK if self._lock_step else arrival, state)
+        self._reports.write(self._report(state, measured, arrival))
+
+    def _report(self, state: Any, measured: Pose, arrival: float) -> Report:
+        """Report on `state`, which arrived at `arrival` [s] with the gripper at `measured`."""
         velocity = self._mean_velocity()
         commanded = self._profile.pose
         fx, fz = self._plane.force(self._touch.beyond_tare(state))
         calm = hypot(velocity.vx, velocity.vz) < CALM[0] and abs(velocity.pitch_rate) < CALM[1]
-        self._reports.write(
-            Report(
-                ticks=self.ticks,
-                number=-1 if self._ending else self._inbox.number,
-                arrival=arrival,
-                x=measured.x,
-                z=measured.z,
-                pitch=measured.pitch,
-                vx=velocity.vx,
-                vz=velocity.vz,
-                pitch_rate=velocity.pitch_rate,
-                x_commanded=commanded.x,
-                z_commanded=commanded.z,
-                pitch_commanded=commanded.pitch,
-                fx=fx,
-                fz=fz,
-                moving=self._profile.moving or not calm,
-                expired=self._profile.expired,
-            )
+        return Report(
+            ticks=self.ticks,
+            number=-1 if self._ending else self._inbox.number,
+            arrival=arrival,
+            x=measured.x,
+            z=measured.z,
+            pitch=measured.pitch,
+            vx=velocity.vx,
+            vz=velocity.vz,
+            pitch_rate=velocity.pitch_rate,
+            x_commanded=commanded.x,
+            z_commanded=commanded.z,
+            pitch_commanded=commanded.pitch,
+            fx=fx,
+            fz=fz,
+            moving=self._profile.moving or not calm,
+            expired=self._profile.expired,
         )
 
     def _checked_pose(self, pose: list[float]) -> Pose:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drivers.franka.inverse_kinematics import rotation, rotation_vector
+from drivers.franka.kinematics import pose_from_columns
 from drivers.geometry import CellInRobot
 from drivers.motion import TICK
 from drivers.types import Array
@@ -85,7 +86,7 @@ class StripPlane:
         `pose` (16,) is a column-major 4x4 matrix, `twist` (6,) [m/s, rad/s] and `acceleration` (6,)
         are its derivatives.
         """
-        hand = matrix(pose)
+        hand = pose_from_columns(pose)
         gripper = hand @ self._back
         lever = gripper[:3, 3] - hand[:3, 3]
         velocity, linear_acceleration = _motion_of_point(lever, twist, acceleration)
@@ -137,7 +138,7 @@ class StripPlane:
 
     def _offset(self, pose: Numbers) -> Array:
         """Pose (4, 4) [m] of a hand at `pose` (16,) relative to its projection into the plane."""
-        off = np.linalg.solve(self.matrix(*self.to_cell(pose)), matrix(pose))
+        off = np.linalg.solve(self.matrix(*self.to_cell(pose)), pose_from_columns(pose))
         return np.asarray(off, dtype=np.float64)
 
     def force(self, wrench: Numbers) -> tuple[float, float]:
@@ -211,8 +212,3 @@ def _cross_matrix(vector: Numbers) -> Array:
 
 def _dot(a: Numbers, b: Numbers) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def matrix(columns: Numbers) -> Array:
-    """Pose (4, 4) [m] from its 16 numbers in column-major order."""
-    return np.array(columns).reshape(4, 4).T

@@ -30,6 +30,7 @@ SINGULAR = 0.02  # smallest singular value of the Jacobian that is allowed
 PATH_VELOCITY_SHARE = 0.9  # of a joint's allowed velocity
 PATH_ITERATIONS = 12  # Newton steps for one pose
 HANGING = np.pi / 2 - 1e-6  # rad of pitch, from the end of the lift on
+NO_POSTURE = "no posture of the arm brings the hand there"
 MOST_PROBLEMS = 5  # problems of one path, after which it is given up
 ELBOWS = (-1.2, -0.9, -0.6, -0.3, -0.15, 0.0, 0.15, 0.3, 0.6, 0.9, 1.2)  # rad of joint 3, tried
 
@@ -94,7 +95,7 @@ def plan_reach(
     candidates = [reach for plane in planes for reach in _postures(plane, poses, times, elbows)]
     if not candidates:
         x, z, pitch = path[0].tolist()
-        unreachable = Problem(x, z, pitch, "no posture of the arm brings the hand there")
+        unreachable = Problem(x, z, pitch, NO_POSTURE)
         return Reach(
             turned=False, start=HOME, margin=0.0, joint=1, followed=0, problems=(unreachable,)
         )
@@ -134,20 +135,19 @@ def _track_path(plane: StripPlane, poses: Array, times: Array, start: Array) -> 
     problems = list[Problem]()
     followed = 0
     margins = np.full(len(start), np.inf)
-    for pose, time in zip(poses, times, strict=True):
-        x, z, pitch = pose.tolist()
+    for (x, z, pitch), time in zip(poses.tolist(), times.tolist(), strict=True):
         tracked = track(joints, plane.matrix(x, z, pitch), elbow, PATH_ITERATIONS)
         if tracked is None:
-            problems.append(Problem(x, z, pitch, "no posture of the arm brings the hand there"))
+            problems.append(Problem(x, z, pitch, NO_POSTURE))
             break
-        next_joints = tracked[0]
-        margins = np.minimum(margins, limits.margins(next_joints))
-        reason = _step_objection(joints, next_joints, time)
+        before = joints
+        joints = tracked[0]
+        margins = np.minimum(margins, limits.margins(joints))
+        reason = _step_objection(before, joints, time)
         if reason:
             problems.append(Problem(x, z, pitch, reason))
         if len(problems) >= MOST_PROBLEMS:
             break
-        joints = next_joints
         followed += 1
     return Reach(
         turned=plane.turned,

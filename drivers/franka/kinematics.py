@@ -1,5 +1,7 @@
 """Forward kinematics and Jacobian of the Franka Research 3, in its base frame."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from drivers.types import Array, frozen
@@ -100,3 +102,8 @@ def from_last_joint(tool: Array) -> Array:
     pose = np.array(tool, dtype=np.float64)
     pose[2, 3] += FLANGE
     return pose
+
+
+def pose_from_columns(columns: Sequence[float]) -> Array:
+    """Pose (4, 4) from its 16 numbers in column-major order, as the robot's state holds it."""
+    return np.array(columns, dtype=np.float64).reshape(4, 4).T

@@ -104,14 +104,8 @@ def open_desk(
     observation = model.observation
     optics = displaced_optics(settings.camera, observation, model.rig.desk_height)
     renderer = Renderer(settings.camera, fabric, seed, optics, observation.contact_bias, look)
-    camera = TwinCamera(
-        staging.view(world),
-        clock,
-        settings.camera,
-        renderer,
-        seed,
-        model.observation.camera_latency,
-    )
+    latency = observation.camera_latency
+    camera = TwinCamera(staging.view(world), clock, settings.camera, renderer, seed, latency)
     clock.every(settings.world.step, world.advance, Rank.WORLD)
     return Desk(clock=clock, world=world, camera=camera, model=model, home=home)
 

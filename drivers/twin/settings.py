@@ -37,7 +37,6 @@ class Surroundings(Settings):
 class CameraSettings(Settings):
     """Settings of the simulated camera, which looks along +y at the plane y = 0.
 
-
     It stands `distance` [m] before the plane. Angles [rad]: `elevation` above the desk seen from
     the near edge, at most 5 degrees; `yaw`, `tilt` and `roll` are mounting errors. The optical axis
     aims at (`aim_x`, `aim_z`) and the image is `view_width` [m] wide there. `principal` is the

@@ -13,7 +13,7 @@ from drivers.files import replace_file, writing
 from drivers.readers import read_bytes
 from drivers.types import Array
 from policies.adaptive.bias import CriticBias, Untrained
-from policies.adaptive.critic import ARRAY_NAMES, OUTPUTS, Critic
+from policies.adaptive.critic import ARRAY_NAMES, Critic, array_shapes
 from policies.adaptive.features import COUNT
 
 COMMITTED = FilePath(__file__).parents[1] / "weights" / "adaptive.npz"
@@ -98,31 +98,14 @@ def _read_weights(path: FilePath) -> dict[str, Array]:
     if missing:
         raise _broken(path, f"lacks {', '.join(missing)}")
     weights = {name: np.asarray(arrays[name]) for name in ARRAY_NAMES}
-    expected = _shapes(weights)
+    units = (weights[f"{layer}_bias"].size for layer in ("recall", "first", "second"))
+    expected = array_shapes(COUNT, *units)
     for name, array in weights.items():
         if array.dtype.kind != "f" or array.shape != expected[name]:
             raise _broken(path, f"{name} is {array.shape}, expected {expected[name]}")
         if not np.isfinite(array).all():
             raise _broken(path, f"{name} holds what is not a number")
     return weights
-
-
-def _shapes(weights: dict[str, Array]) -> dict[str, tuple[int, ...]]:
-    """Expected shape of each array, with the layers' sizes taken from their biases."""
-    memory, one, two = (weights[f"{n}_bias"].size for n in ("recall", "first", "second"))
-    return {
-        "mean": (COUNT,),
-        "whiten": (COUNT, COUNT),
-        "recall": (COUNT, memory),
-        "recall_bias": (memory,),
-        "first": (COUNT + memory, one),
-        "first_bias": (one,),
-        "second": (one, two),
-        "second_bias": (two,),
-        "last": (two, OUTPUTS),
-        "last_bias": (OUTPUTS,),
-        "stretch": (4,),
-    }
 
 
 def _broken(path: FilePath, reason: str) -> ConfigurationError:

@@ -19,10 +19,26 @@ LOG_SIGMA_RANGE = (-8.0, 4.0)  # to which they are clipped, against overflow of 
 INPUT_LIMIT = 8.0  # standard deviations from the mean to which inputs are clipped
 UNIT = 0.01  # m, of displacement in the outputs
 YIELD_UNIT = 10.0  # 1/m, yarn friction that makes one unit of its output
-ARRAY_NAMES = (
-    *("mean", "whiten", "recall", "recall_bias", "first", "first_bias"),
-    *("second", "second_bias", "last", "last_bias", "stretch"),
-)
+
+
+def array_shapes(inputs: int, memory: int, first: int, second: int) -> dict[str, tuple[int, ...]]:
+    """Shapes of the critic's arrays by name, from numbers of inputs, memory and hidden units."""
+    return {
+        "mean": (inputs,),
+        "whiten": (inputs, inputs),
+        "recall": (inputs, memory),
+        "recall_bias": (memory,),
+        "first": (inputs + memory, first),
+        "first_bias": (first,),
+        "second": (first, second),
+        "second_bias": (second,),
+        "last": (second, OUTPUTS),
+        "last_bias": (OUTPUTS,),
+        "stretch": (4,),
+    }
+
+
+ARRAY_NAMES = tuple(array_shapes(1, 1, 1, 1))
 
 
 class Belief(NamedTuple):

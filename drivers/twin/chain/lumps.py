@@ -50,11 +50,7 @@ class HingeLumps:
         middles = np.concatenate([[0.0], 0.5 * (nodes[:-1] + nodes[1:]), [strip.length]])
         reach = np.diff(middles)
         bare = strip.series(strip.rigidity, middles) / reach
-        # Of the hinges' angles the share s is the strip's, below 1 at a compliant grip. Under one
-        # moment angles add up: K' = s K with s = 1 / (1 + C K); then the strip's damping counts
-        # s^2, the cubic term against K' s^3.
-        share = np.ones_like(bare)
-        share[-1] = 1.0 / (1.0 + model.boundary.grip_compliance * bare[-1])
+        share = _strip_share(bare, model.boundary.grip_compliance)
         stiffness = bare * share * scale
         spring = stiffness * (1.0 - law.relaxing)
         growth = law.cubic * share**3 / reach**2
@@ -85,6 +81,18 @@ class HingeLumps:
         accurate in the step.
         """
         return np.maximum(self.damping - h * self.stiffness, 0.0)
+
+
+def _strip_share(stiffness: Array, grip_compliance: float) -> Array:
+    """Share s (n + 1,) of each hinge's angle that is the strip's, below 1 at a compliant grip.
+
+    Under one moment angles add up, so that a hinge of `stiffness` K [N m/rad] in series with the
+    compliance C [rad/(N m)] has s K with s = 1 / (1 + C K); then the strip's damping counts s^2,
+    the cubic term against s K s^3.
+    """
+    share = np.ones_like(stiffness)
+    share[-1] = 1.0 / (1.0 + grip_compliance * stiffness[-1])
+    return share
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Compiled loops of the renderer: projection of a midline, sampling of its surface, splatting."""
+"""Compiled loops of the renderer: curve of a midline, sampling of its surface, splatting."""
 
 from typing import NamedTuple
 
@@ -12,37 +12,6 @@ Indices = NDArray[np.int64]
 
 FULL = 0.96  # coverage from which a pixel counts as filled, as samples leave gaps
 PLANE_SEQUENCE = (0.7548776662466927, 0.5698402909980532)  # a plane sequence of low discrepancy
-
-
-class Pinhole(NamedTuple):
-    """Camera's `centre` (3,) [m], `rotation` (3, 3), `focal`, `principal` [px], `distortion`."""
-
-    centre: Array
-    rotation: Array
-    focal: float
-    principal: tuple[float, float]
-    distortion: tuple[float, float]
-
-
-@entry
-def project_plane_points(points: Array, y: float, camera: Pinhole) -> Array:
-    """Pixels (n, 2) [px] of `points` (n, 2) of x, z [m] in the plane at `y` [m]."""
-    rotation = camera.rotation
-    k1, k2 = camera.distortion
-    depth = y - camera.centre[1]
-    pixels = np.empty((len(points), 2))
-    for i in range(len(points)):
-        x = points[i, 0] - camera.centre[0]
-        z = points[i, 1] - camera.centre[2]
-        right = rotation[0, 0] * x + rotation[0, 2] * z + depth * rotation[0, 1]
-        down = rotation[1, 0] * x + rotation[1, 2] * z + depth * rotation[1, 1]
-        inverse = 1 / (rotation[2, 0] * x + rotation[2, 2] * z + depth * rotation[2, 1])
-        a, b = right * inverse, down * inverse
-        r2 = a * a + b * b
-        scale = (1 + r2 * (k1 + k2 * r2)) * camera.focal
-        pixels[i, 0] = a * scale + camera.principal[0]
-        pixels[i, 1] = b * scale + camera.principal[1]
-    return pixels
 
 
 @entry

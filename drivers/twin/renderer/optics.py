@@ -3,14 +3,14 @@
 Private to the twin: calibration uses only images.
 """
 
-from dataclasses import dataclass, replace
-from typing import Self
+from dataclasses import dataclass
+from typing import NamedTuple, Self
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.twin.renderer.kernels import Pinhole, project_plane_points
+from drivers.strip.rod.compiled import entry
 from drivers.twin.settings import CameraSettings
 from drivers.types import Array, Image
 
@@ -19,8 +19,7 @@ TILE_SHIFTS = 200  # px, so many by as many places of the noise tile under the i
 FIELD = 0.6  # of the image's diagonal, the radius up to which the lens is inverted
 
 
-@dataclass(frozen=True, slots=True)
-class Optics:
+class Optics(NamedTuple):
     """Pinhole camera: `centre` (3,) [m], `rotation` (3, 3), focal length and principal point [px].
 
     `inverse` (5,) are coefficients of the undistorting factor in powers of the squared distorted
@@ -65,7 +64,7 @@ class Optics:
         `shift` is of x, z [m]. All rays turn about the centre, so this holds at every depth.
         """
         centre = (self.centre - (shift[0], 0.0, shift[1])) / (1.0 + scale)
-        return replace(self, centre=np.asarray(centre))
+        return self._replace(centre=np.asarray(centre))
 
     def project(self, points: Array) -> Array:
         """Pixels (..., 2) of `points` (..., 3) [m] of the cell frame."""
@@ -80,13 +79,12 @@ class Optics:
     def plane(self, points: Array, y: float = 0.0) -> Array:
         """Pixels (..., 2) of `points` (..., 2) of x, z [m] in the plane at `y` [m]."""
         flat = np.array(points, dtype=np.float64).reshape(-1, 2)
-        camera = Pinhole(self.centre, self.rotation, self.focal, self.principal, self.distortion)
-        return project_plane_points(flat, y, camera).reshape(points.shape)
+        return _project_plane_points(flat, y, self).reshape(points.shape)
 
     def seen_from(self, origin: tuple[int, int]) -> Self:
         """Copy of the camera whose pixels are counted from `origin` (u, v)."""
         u, v = self.principal
-        return replace(self, principal=(u - origin[0], v - origin[1]))
+        return self._replace(principal=(u - origin[0], v - origin[1]))
 
     def rays(self, u: Pixels, v: Pixels) -> tuple[Pixels, Pixels, Pixels]:
         """Directions x, y, z (...,) in the cell frame of rays through pixels u, v; not unit."""
@@ -106,6 +104,27 @@ class Optics:
         reach = np.float32(z - self.centre[2]) / np.minimum(rays[2], np.float32(-1e-4))
         x, y = (np.asarray(self.centre[j] + reach * rays[j], dtype=np.float32) for j in range(2))
         return x, y
+
+
+@entry
+def _project_plane_points(points: Array, y: float, camera: Optics) -> Array:
+    """Pixels (n, 2) of `points` (n, 2) of x, z [m] in the plane at `y` [m]."""
+    rotation = camera.rotation
+    k1, k2 = camera.distortion
+    depth = y - camera.centre[1]
+    pixels = np.empty((len(points), 2))
+    for i in range(len(points)):
+        x = points[i, 0] - camera.centre[0]
+        z = points[i, 1] - camera.centre[2]
+        right = rotation[0, 0] * x + rotation[0, 2] * z + depth * rotation[0, 1]
+        down = rotation[1, 0] * x + rotation[1, 2] * z + depth * rotation[1, 1]
+        inverse = 1 / (rotation[2, 0] * x + rotation[2, 2] * z + depth * rotation[2, 1])
+        a, b = right * inverse, down * inverse
+        r2 = a * a + b * b
+        scale = (1 + r2 * (k1 + k2 * r2)) * camera.focal
+        pixels[i, 0] = a * scale + camera.principal[0]
+        pixels[i, 1] = b * scale + camera.principal[1]
+    return pixels
 
 
 def axis_rotations(x: float, y: float, z: float) -> tuple[Array, Array, Array]:

@@ -207,9 +207,8 @@ class Renderer:
         if surround.lamp is not None:
             size = (settings.width, settings.height)
             floor = -self._look.thickness / 2
-            image = scale_brightness(
-                image, arm_shadow(surround.lamp, hand, self._optics, size, floor)
-            )
+            gain = arm_shadow(surround.lamp, hand, self._optics, size, floor)
+            image = scale_brightness(image, gain)
         if surround.flicker is not None:
             gain = flicker(surround.flicker, settings.height, scene.stamp, settings.exposure)
             image = scale_brightness(image, gain)

@@ -45,9 +45,8 @@ def stage(
     rows = np.arange(settings.height, dtype=np.float32)
     rays = optics.rays(*np.meshgrid(columns, rows))
     canvas = bgr(around.backdrop).astype(np.float32) * _cloth(rays, settings, rng)
-    back, front = (
-        _row(optics, settings.width, y, floor) for y in (around.desk_back, around.desk_front)
-    )
+    back = _row(optics, settings.width, around.desk_back, floor)
+    front = _row(optics, settings.width, around.desk_front, floor)
     behind = [thing for thing in things if depth(thing) >= around.desk_back]
     draw_things(canvas, behind, optics, rng)
     _cover(canvas, _desk(rays, optics, floor, settings, rng), back)

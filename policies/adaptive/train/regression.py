@@ -10,13 +10,13 @@ from policies.adaptive.critic import (
     DISPLACEMENT,
     INPUT_LIMIT,
     LOG_SIGMA_RANGE,
-    OUTPUTS,
     SLOPE,
     SPREAD,
     STRIP_LOG_SIGMAS,
     STRIP_MEANS,
     UNIT,
     Critic,
+    array_shapes,
 )
 from policies.adaptive.features import CHANNELS, STATE_SIZE
 from policies.adaptive.train.shard import CriticSettings, Shard
@@ -37,10 +37,9 @@ class Network(nn.Module):
 
     def __init__(self, inputs: int, memory: int, hidden: tuple[int, int]) -> None:
         super().__init__()
-        first_size, second_size = hidden
-        sizes = {"recall": (inputs, memory), "first": (inputs + memory, first_size)}
-        sizes |= {"second": (first_size, second_size), "last": (second_size, OUTPUTS)}
-        for name, (rows, columns) in sizes.items():
+        shapes = array_shapes(inputs, memory, *hidden)
+        for name in ("recall", "first", "second", "last"):
+            rows, columns = shapes[name]
             weight = torch.randn(rows, columns) / max(rows, 1) ** 0.5
             self.register_parameter(name, nn.Parameter(weight))
             self.register_parameter(f"{name}_bias", nn.Parameter(torch.zeros(columns)))

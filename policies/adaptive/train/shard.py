@@ -16,7 +16,7 @@ from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.lumping import needs_terms
 from drivers.types import Array
 from policies.adaptive.adaptive import LENGTH_RANGE, Adaptive
-from policies.adaptive.critic import OUTPUTS, YIELD_UNIT, Critic, CriticPrediction
+from policies.adaptive.critic import YIELD_UNIT, Critic, CriticPrediction, array_shapes
 from policies.adaptive.features import COUNT, RISE_AT
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import IMAGE_SENSING, TRAINING
@@ -38,10 +38,8 @@ class NullCritic(Critic):
     """Critic whose weights are all zero, for folds before any training."""
 
     def __init__(self) -> None:
-        sizes = {"mean": (COUNT,), "whiten": (COUNT, 1), "recall": (1, 1), "recall_bias": (1,)}
-        sizes |= {"first": (2, 1), "first_bias": (1,), "second": (1, 1), "second_bias": (1,)}
-        sizes |= {"last": (1, OUTPUTS), "last_bias": (OUTPUTS,), "stretch": (4,)}
-        super().__init__({name: np.zeros(size) for name, size in sizes.items()})
+        shapes = array_shapes(COUNT, memory=1, first=1, second=1)
+        super().__init__({name: np.zeros(shape) for name, shape in shapes.items()})
 
 
 class Explorer(Adaptive):
@@ -68,17 +66,15 @@ class Explorer(Adaptive):
         self._perturbation = perturbation
         self._rng = rng
         self._latest = int(LATEST * rate) // INPUT_STRIDE
-        self.kept: list[Array] = []
-        self.rises: list[Array] = []
-        self.times: list[Array] = []
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
         """Clear all state; draw the time of each fold's switch and its rise after it."""
         super().reset(strip, speed, count)
-        rng, highest = self._rng, self._steering.highest
-        self.kept = []
-        self.rises = []
-        self.times = []
+        rng = self._rng
+        highest = self._steering.highest
+        self.kept: list[Array] = []
+        self.rises: list[Array] = []
+        self.times: list[Array] = []
         self._count = 0
         self.switch = rng.integers(0, self._latest, count)
         if not self._switches:
