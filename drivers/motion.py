@@ -191,12 +191,10 @@ class MotionProfile:
         change = [w - v for w, v in zip(target, self._velocity, strict=True)]
         _limit(request, self._limits, change if straight else _STILL)
         if gently:
-            acceleration = list(request.max_acceleration)
-            for axis, limit in enumerate(acceleration):
-                if axis not in blocked:
-                    soft = max(abs(change[axis]) / CORRECTION_TIME, ACCELERATION_FLOOR * limit)
-                    acceleration[axis] = min(limit, soft)
-            request.max_acceleration = acceleration
+            request.max_acceleration = [
+                limit if axis in blocked else correcting(abs(change[axis]), limit)
+                for axis, limit in enumerate(request.max_acceleration)
+            ]
         self._calculate(request, self._plan, self._state)
         self._elapsed = 0
 
@@ -268,8 +266,8 @@ class MotionProfile:
 def settling(distance: float, speed: float, limit: float) -> float:
     """Acceleration [per s^2], at most `limit`, to stop at `distance` [m or rad] in SETTLE [s].
 
-    `distance` in m or rad, `speed` per s, `limit` per s^2. Corrections in the shortest time would
-    oscillate about the goal where ticks are lost, as a lost tick continues the acceleration.
+    Corrections in the shortest time would oscillate about the goal where ticks are lost, as a lost
+    tick continues the acceleration. `speed` is per s.
     """
     from_rest = 4 * distance / SETTLE**2
     to_rest = 2 * speed / SETTLE  # braking takes SETTLE / 2
@@ -277,6 +275,11 @@ def settling(distance: float, speed: float, limit: float) -> float:
     if distance > SMALLEST_CHANGE:
         needed = max(needed, speed**2 / distance)  # twice what stops at `distance`
     return min(limit, max(needed, ACCELERATION_FLOOR * limit))
+
+
+def correcting(change: float, limit: float) -> float:
+    """Acceleration [per s^2], at most `limit`, to `change` a speed [per s] in CORRECTION_TIME."""
+    return min(limit, max(change / CORRECTION_TIME, ACCELERATION_FLOOR * limit))
 
 
 def _new_request(limits: MotionLimits, synchronization: ruckig.Synchronization) -> Any:

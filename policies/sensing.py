@@ -43,6 +43,12 @@ class Sensing:
     delay_error: float = 0.0
     factor: Range = (1.0, 1.0)
 
+    @property
+    def state_sigma(self) -> Array:
+        """Standard deviations (STATE_SIZE,) [m] of contact x, tip x and tip z in an image."""
+        tip_z = self.tip_sigma if self.tip_z_sigma is None else self.tip_z_sigma
+        return np.array([self.contact_sigma, self.tip_sigma, tip_z])
+
 
 EXACT_SENSING = Sensing(
     contact_sigma=0.0,
@@ -134,9 +140,7 @@ class SimulatedCamera:
         draws = Draws(groups, count // groups, rng)
         self._sensing = sensing
         self._draws = draws
-        # errors of each strip's images: contact, tip x, tip z
-        tip_z = sensing.tip_sigma if sensing.tip_z_sigma is None else sensing.tip_z_sigma
-        self._noise = np.array([sensing.contact_sigma, sensing.tip_sigma, tip_z])
+        self._noise = sensing.state_sigma
         self._delay = draws.uniform(*sensing.delay)
         bias = np.array([sensing.contact_bias, sensing.tip_bias, sensing.tip_bias])
         self._bias = draws.normal(STATE_SIZE) * bias
@@ -146,15 +150,18 @@ class SimulatedCamera:
         self._factor = np.exp(draws.uniform(*np.log(sensing.factor)))
         self._dropped = draws.uniform(*sensing.dropped)
         self._profile_bias = draws.normal(1, 2) * sensing.profile_bias
-        # a ring of true states; an image lies between two of them, `late` decisions ago
         self._points = POINTS if profile else 0
+        self._images: Images | None = None
+        self._allocate(late)
+
+    def _allocate(self, late: Array) -> None:
+        """Allocate a ring of true states, of which images show those `late` (n,) decisions ago."""
         depth = int(np.ceil(late.max(initial=0.0))) + 2
-        self._states: Array = np.full((depth, count, STATE_SIZE + 2 * self._points), np.nan)
+        self._states: Array = np.full((depth, len(late), STATE_SIZE + 2 * self._points), np.nan)
         self._newest = 0
         self._decisions_late = np.floor(late).astype(int)
-        self._share_late = (late - self._decisions_late)[:, None]
-        self._strips = np.arange(count)
-        self._images: Images | None = None
+        self._share_late = (late - self._decisions_late)[:, None]  # an image lies between two
+        self._strips = np.arange(len(late))
 
     def store(self, true: Observables, shapes: Array, arc: Array, grip: Array) -> None:
         """Store the strips' `true` states at the next decision time.

@@ -82,7 +82,7 @@ class FciArm:
 
     def state(self) -> ArmState:
         """The newest measured state of the arm."""
-        self._catch_up()
+        self._advance_and_beat()
         report = self._report()
         waiting = report.number != self._command.number  # the last command has yet to be taken
         return ArmState(
@@ -99,20 +99,20 @@ class FciArm:
 
     def move_to(self, pose: Pose) -> None:
         """Start a motion to rest at `pose`; Fault `outside_workspace` for a pose outside of it."""
-        self._catch_up()
+        self._advance_and_beat()
         self._access.installation.workspace.check(pose)
         self._send(CommandKind.MOVE, pose.x, pose.z, pose.pitch)
 
     def set_velocity(self, velocity: Velocity) -> None:
         """Move the gripper at `velocity`; Fault `velocity_refused` for one above the limits."""
-        self._catch_up()
+        self._advance_and_beat()
         self._access.installation.limits.check(velocity)
         self._send(CommandKind.FOLLOW, velocity.vx, velocity.vz, velocity.pitch_rate)
 
     def stop(self) -> None:
         """Brake the arm to rest within its limits; allowed at any time."""
         if self._connected and not self._closed:
-            self._catch_up()
+            self._advance_and_beat()
             self._send(CommandKind.HOLD, 0.0, 0.0, 0.0)
 
     def close(self) -> None:
@@ -155,7 +155,7 @@ class FciArm:
         if self._closed:
             raise Fault("arm_closed", "the arm was let go; open the cell again")
 
-    def _catch_up(self) -> None:
+    def _advance_and_beat(self) -> None:
         """Advance the robot to the clock's time and send the loop a heartbeat of the cell."""
         self._require_open()
         if self._child is None or not self._connected:

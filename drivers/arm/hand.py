@@ -9,6 +9,7 @@ from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from struct import Struct
+from typing import NamedTuple
 
 from drivers.arm.failure import one_line
 from drivers.arm.settings import HandLimits
@@ -57,6 +58,13 @@ class FingerState:
     grasped: bool
 
 
+class Links(NamedTuple):
+    """Connections to the hand: `tcp` for requests and replies, `udp` for its states."""
+
+    tcp: socket.socket
+    udp: socket.socket
+
+
 class FciHand:
     """Driver of a Franka Hand by its network protocol; no call waits for the fingers.
 
@@ -78,8 +86,7 @@ class FciHand:
         self._settings = settings
         self._clock = clock
         self._ready = ready
-        self._tcp: socket.socket | None = None
-        self._udp: socket.socket | None = None
+        self._links: Links | None = None
         self._received = bytearray()
         self._number = 0
         self._motion: int | None = None
@@ -150,10 +157,9 @@ class FciHand:
 
     def close(self) -> None:
         """Disconnect from the hand; allowed twice."""
-        for link in (self._tcp, self._udp):
-            if link is not None:
-                link.close()
-        self._tcp = self._udp = self._motion = self._stop_sent = None
+        for link in self._links or ():
+            link.close()
+        self._links = self._motion = self._stop_sent = None
         self._received.clear()
 
     def _queue_motions(self, motions: list[Motion]) -> None:
@@ -192,11 +198,11 @@ class FciHand:
 
     def _send(self, motion: Motion) -> int:
         """Send the request for `motion` to the hand and return the request's number."""
-        tcp, _ = self._open_links()
+        links = self._open_links()
         self._number += 1
         command, values = motion
         try:
-            tcp.sendall(_request(self._number, command, values))
+            links.tcp.sendall(_request(self._number, command, values))
         except OSError as error:
             raise _hand_lost(self._address, error) from error
         return self._number
@@ -204,13 +210,13 @@ class FciHand:
     def _receive(self) -> None:
         """Read replies and states, repeat a stop without effect; Fault for a malformed reply."""
         self._ready()
-        tcp, udp = self._open_links()
+        links = self._open_links()
         with suppress(BlockingIOError):  # once none is left
             for _ in range(MOST_DATAGRAMS):
-                self._store_state(_parse_state(udp.recv(256)))
+                self._store_state(_parse_state(links.udp.recv(256)))
         try:
             with suppress(BlockingIOError):
-                self._received += _recv(tcp)
+                self._received += _recv(links.tcp)
             replies = _take_replies(self._received)
         except OSError as error:
             raise _hand_lost(self._address, error) from error
@@ -245,20 +251,20 @@ class FciHand:
         if self._next:
             self._start_next()
 
-    def _open_links(self) -> tuple[socket.socket, socket.socket]:
-        """TCP and UDP connections to the hand, opened at the first call; Fault where that fails."""
-        if self._tcp is None or self._udp is None:
+    def _open_links(self) -> Links:
+        """Connections to the hand, opened at the first call; Fault where that fails."""
+        if self._links is None:
             self._ready()
             try:
-                self._tcp, self._udp, first = _connect(self._address)
+                self._links, first = _connect(self._address)
             except OSError as error:
                 raise _hand_lost(self._address, error) from error
             self._store_state(first)
-        return self._tcp, self._udp
+        return self._links
 
 
-def _connect(address: str) -> tuple[socket.socket, socket.socket, FingerState]:
-    """Connect to the hand at `address`; returns TCP and UDP sockets and the hand's first state."""
+def _connect(address: str) -> tuple[Links, FingerState]:
+    """Connect to the hand at `address`; returns the connections and the hand's first state."""
     with ExitStack() as opened:  # which closes both if anything fails
         udp = opened.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         tcp = opened.enter_context(socket.create_connection((address, PORT), CONNECT_TIMEOUT))
@@ -282,7 +288,7 @@ def _connect(address: str) -> tuple[socket.socket, socket.socket, FingerState]:
         tcp.setblocking(False)
         udp.setblocking(False)
         opened.pop_all()
-        return tcp, udp, first
+        return Links(tcp, udp), first
 
 
 def _recv(tcp: socket.socket) -> bytes:

@@ -206,11 +206,7 @@ def simulate_all(
     paths = [_true_path(model, path) for model, path in zip(models, paths, strict=True)]
     counts = [max(1, round(path.duration / dt)) for path in paths]
     poses = np.stack([_sample(path, dt, max(counts)) for path in paths], axis=1)
-    starts = [
-        path.poses[0] if path.hanging else (model.stated_length, 0.0, 0.0)
-        for model, path in zip(models, paths, strict=True)
-    ]
-    rod.reset(models, np.array(starts) if any(path.hanging for path in paths) else None)
+    rod.reset(models, _starts(models, paths))
     stride = every or len(poses) + 1
     midlines = [np.empty((count // stride, *rod.arc().shape[1:], 2), precision) for count in counts]
     observed = _trace_in_pieces(rod, poses, counts, dt, every, midlines)
@@ -223,6 +219,15 @@ def simulate_all(
             _motion_of_strip(observed_strip, poses[:, i], path, steps, rod.touch[i], dt, stride)
         )
     return motions
+
+
+def _starts(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> Array | None:
+    """Gripper poses (n, 3) at which strips start to move; None where all of them lie flat."""
+    if not any(path.hanging for path in paths):
+        return None
+    flat = [(model.stated_length, 0.0, 0.0) for model in models]
+    hung = [path.poses[0] for path in paths]
+    return np.where([[path.hanging] for path in paths], hung, flat)
 
 
 def _trace_in_pieces(

@@ -173,11 +173,7 @@ class Renderer:
         self, image: Image, scene: Scene, curve: Curve | None, hand: Sequence[Outline]
     ) -> None:
         """Redraw the part of `image` (h, w, 3) in which strip and hand appear, in place."""
-        clouds = list[Cloud]()
-        if curve is not None:
-            picture = project(curve, self._optics, self._look)
-            clouds.append(sample_face(curve, picture, self._optics, self._look, self._weave))
-            clouds.append(sample_edge(curve, picture, self._look, self._weave))
+        clouds = [] if curve is None else self._material(curve)
         hand_faces = faces_of(hand, self._optics)
         window = Window.around(
             [*(cloud.pixels for cloud in clouds), extent(hand_faces, scene, self._optics)],
@@ -199,6 +195,14 @@ class Renderer:
             optics = self._optics.seen_from(window.origin)
             draw_lint(part, window.crop(self._sharp), scene, optics, self._contact_bias, look)
         window.put(blur(part, self._settings.lens_blur), image)
+
+    def _material(self, curve: Curve) -> list[Cloud]:
+        """Material points of a strip along `curve`: of its visible side, then of its near edge."""
+        picture = project(curve, self._optics, self._look)
+        return [
+            sample_face(curve, picture, self._optics, self._look, self._weave),
+            sample_edge(curve, picture, self._look, self._weave),
+        ]
 
     def _lit(self, image: Image, scene: Scene, hand: Sequence[Outline]) -> Image:
         """Copy of `image` (h, w, 3) with the arm's shadow and flicker, where the look has them."""

@@ -90,7 +90,7 @@ def fit(
 
 
 def _fit(shard: Shard, settings: CriticSettings, epochs: int, start: Critic | None) -> Critic:
-    """Fit by Adam with a cosine schedule, adding newly drawn biases to each batch's inputs."""
+    """Fit a critic to `shard` over `epochs`, with the random numbers of torch's generator."""
     if start is None:
         mean, whiten = whitening(shard)
     else:
@@ -99,7 +99,17 @@ def _fit(shard: Shard, settings: CriticSettings, epochs: int, start: Critic | No
     if start is not None:
         network.load_state_dict({n: torch.tensor(start.weights[n]) for n in network.state_dict()})
     data = _tensors(shard, mean, whiten)
-    whiten_bias = torch.tensor(whiten, dtype=torch.float32)
+    _optimise(network, data, torch.tensor(whiten, dtype=torch.float32), epochs)
+    arrays = {name: np.asarray(value.numpy()) for name, value in network.state_dict().items()}
+    arrays |= {"mean": mean, "whiten": whiten, "stretch": np.ones(4)}
+    return Critic({name: arrays[name] for name in ARRAY_NAMES})
+
+
+def _optimise(network: Network, data: list[Tensor], whiten: Tensor, epochs: int) -> None:
+    """Minimise the loss of `network` on `data` by Adam with a cosine schedule, over `epochs`.
+
+    Each batch's inputs have newly drawn biases, whitened by `whiten` (k, k).
+    """
     folds = len(data[0])
     batches = folds // BATCH
     optimiser = torch.optim.Adam(network.parameters(), lr=FIRST_RATE)
@@ -109,14 +119,11 @@ def _fit(shard: Shard, settings: CriticSettings, epochs: int, start: Critic | No
         for batch in torch.split(order, BATCH):
             optimiser.zero_grad()
             whitened, *targets = (part[batch] for part in data)
-            whitened = whitened + (biases(len(whitened)) @ whiten_bias)[:, None]
+            whitened = whitened + (biases(len(whitened)) @ whiten)[:, None]
             loss = _loss(network, [whitened, *targets])
             torch.autograd.backward(loss)
             optimiser.step()
             schedule.step()
-    arrays = {name: np.asarray(value.numpy()) for name, value in network.state_dict().items()}
-    arrays |= {"mean": mean, "whiten": whiten, "stretch": np.ones(4)}
-    return Critic({name: arrays[name] for name in ARRAY_NAMES})
 
 
 def biases(count: int) -> Tensor:

@@ -161,8 +161,8 @@ def test_reply_of_a_size_that_none_has_is_a_lost_hand(size: int) -> None:
         hand.state()
         ours, theirs = socket.socketpair()
         ours.setblocking(False)
-        with hand._tcp, ours, theirs:
-            hand._tcp = ours
+        with hand._links.tcp, ours, theirs:
+            hand._links = hand._links._replace(tcp=ours)
             theirs.send(HEADER.pack(HandCommand.MOVE, 1, size) + bytes(2))
             with pytest.raises(Fault, match=f"a reply of {size} bytes") as fault:
                 hand.state()
