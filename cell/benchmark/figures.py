@@ -53,7 +53,7 @@ def policy_rows(axes: Any, policies: Sequence[str], foot: float = 0.0) -> None:
         label.set(color=colour(policy), fontweight="bold")
 
 
-def zero(axes: Any) -> None:
+def draw_zero_line(axes: Any) -> None:
     """Draw the line of d = 0, where the layers are aligned."""
     axes.axvline(0.0, color=INK, lw=0.8, zorder=1)
 
@@ -82,7 +82,7 @@ def repeats_figure(results: Results) -> str:
     with canvas(PAGE_WIDTH, 0.34 * len(policies) + 0.75) as figure:
         axes = figure.add_subplot()
         axes.axvspan(-half, half, color=BAND, alpha=0.18, lw=0)
-        zero(axes)
+        draw_zero_line(axes)
         widest = 2 * half
         for row, policy in enumerate(policies):
             d = 1e3 * displacements(results.repeats(policy))
@@ -107,7 +107,7 @@ def range_figure(results: Results) -> str:
     with canvas(PAGE_WIDTH, 0.42 * len(policies) + 1.1) as figure:
         axes = figure.add_subplot()
         _draw_paper_numbers(axes)
-        zero(axes)
+        draw_zero_line(axes)
         for row, policy in enumerate(policies):
             _draw_policy_range(axes, results, policy, row)
         axes.use_sticky_edges = False
@@ -133,7 +133,7 @@ def _draw_strips(axes: Any, results: Results) -> None:
     """Draw the displacements of each policy in a row for each strip, soft ones on top."""
     strips = _soft_to_stiff(results)
     _draw_paper_numbers(axes)
-    zero(axes)
+    draw_zero_line(axes)
     for row in range(len(strips)):
         axes.axhline(row, color=RULE, lw=0.6, zorder=0)
     for policy in results.asked.policies:

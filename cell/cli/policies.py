@@ -79,16 +79,12 @@ def train(
     from policies.adaptive.train.shard import CriticSettings
     from policies.train.objective import TrainingSettings
 
-    settings: TrainingSettings | CriticSettings
-    if is_adaptive:
-        settings = CriticSettings(seed=seed)
-        name = f"adaptive-{seed}"
-    else:
+    settings: TrainingSettings | CriticSettings = CriticSettings(seed=seed)
+    if not is_adaptive:
         settings = TrainingSettings(
             seed=seed, generations=generations, population=population, strips=strips
         )
-        name = f"seed-{seed}"
-    folder = out or Path("runs/training") / name
+    folder = out or Path("runs/training") / f"{'adaptive' if is_adaptive else 'seed'}-{seed}"
     default_jobs = 1 if cluster else cores()
     workers = engine(jobs or default_jobs, cluster, TIME_LIMIT)
     console = Console(stderr=True)

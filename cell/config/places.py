@@ -51,7 +51,7 @@ class Configs:
         return self._file("mechanism", name, remedy, "*/mechanism.yaml")
 
     def _file(self, kind: str, name: str, remedy: str, pattern: str = "*.yaml") -> Path:
-        """Path of the `kind` of thing called `name`, or `name` itself if it is a path.
+        """Path of the file of the strip, plant or mechanism (`kind`) with this `name` or path.
 
         Raises ConfigurationError for an unknown name.
         """

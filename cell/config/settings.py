@@ -21,7 +21,7 @@ from policies.path import TAKEOVER_HEIGHT
 
 
 def _check_driver(kind: Kind, name: str) -> str:
-    """The `name` of a driver of this `kind`; raises ValueError for an unknown one."""
+    """Return `name` if it is that of a driver of this `kind`; raises ValueError for another."""
     known = driver_names(kind)
     if name not in known:
         raise ValueError(f"must be one of {', '.join(known)}")

@@ -11,7 +11,7 @@ from cell.devices.devices import ArmHistory, Devices
 from drivers.protocols import Arm, Hand
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import Observation, Rig
+from drivers.strip.model import Observation, Rig, StripModel
 from drivers.strip.observation import (
     LIFT_TRAVEL,
     GrowingOffsets,
@@ -35,18 +35,22 @@ def corrected_calibration(
     observation = model.observation
     if observation == Observation() and model.rig.desk_height == 0:
         return calibration
-    # from measured to true points x, z [m], in homogeneous coordinates
-    origin, x, z = true_points(model, np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]))
-    to_true = np.array([[*(x - origin), 0.0], [*(z - origin), 0.0], [*origin, 1.0]]).T
+    homography = _measured_to_true(model) @ calibration.homography.matrix
     # the bias is of measured lengths, each 1 + scale times the true one
     true_bias = observation.contact_bias / (1.0 + observation.scale)
     return change_calibration(
         calibration,
-        homography=Homography.from_matrix(to_true @ calibration.homography.matrix),
+        homography=Homography.from_matrix(homography),
         landmarks=None,
         latency=calibration.latency + observation.camera_latency,
         contact_bias=calibration.contact_bias + true_bias,
     )
+
+
+def _measured_to_true(model: StripModel) -> Array:
+    """Matrix (3, 3) from measured to true points x, z [m] of the plane, homogeneous coordinates."""
+    origin, x, z = true_points(model, np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]))
+    return np.array([[*(x - origin), 0.0], [*(z - origin), 0.0], [*origin, 1.0]]).T
 
 
 def corrected_devices(devices: Devices, settings: CellFile, strip: StripFile) -> Devices:

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, replace
 
 from calibration.calibration import Calibration
@@ -63,17 +63,21 @@ def fold_all(
     if until is not None:
         yield from _fold_until(requests, until, attendance)
     elif jobs > 1 and len(requests) > 1 and not requests[0].choice.agreed:
-        with attendance.interrupt() as interrupted:
-            folds = ParallelFolds(requests, jobs, attendance.report)
-            try:
-                for result in map(_unless_interrupted, folds.results(interrupted)):
-                    if isinstance(result, FoldResult):
-                        attendance.tell(result)
-                    yield result
-            finally:
-                folds.close()
+        yield from _fold_in_parallel(requests, jobs, attendance)
     else:
         yield from _fold_in_sequence(requests, attendance)
+
+
+def _fold_in_parallel(
+    requests: Sequence[Request], jobs: int, attendance: Attendance
+) -> Iterator[FoldResult | CellError]:
+    """Fold in `jobs` processes side by side; results are yielded in the order of `requests`."""
+    folds = ParallelFolds(requests, jobs, attendance.report)
+    with attendance.interrupt() as interrupted, closing(folds):
+        for result in map(_unless_interrupted, folds.results(interrupted)):
+            if isinstance(result, FoldResult):
+                attendance.tell(result)
+            yield result
 
 
 def agreed(requests: Sequence[Request], ask: Callable[[str], str]) -> tuple[Request, ...]:

@@ -89,12 +89,12 @@ def observe(
         raise ConfigurationError(f"{film}: holds no image")
     appearance = _appearance(first, film, calibration, settings, strip)
     clip = _clip(first, film, calibration, strip) if by_board else None
-    follow = HeldEnd(calibration, settings, strip, appearance, clip)
+    held_end = HeldEnd(calibration, settings, strip, appearance, clip)
     with new_folder(folder) as new_run:
         with FilmWriter(new_run / OVERLAY) as overlay:
             overlay.add(first.stamp, first.image)
             layers = LayerTouch(settings, strip)
-            measured, touch = _measure(frames, follow, layers, calibration, overlay, progress)
+            measured, touch = _measure(frames, held_end, layers, calibration, overlay, progress)
         _check_enough(measured, film)
         _write(new_run, measured, _held_path(measured, strip), strip, calibration, touch)
         write_document(new_run / RUN, _header(cell, strip, calibration, measured))
@@ -152,7 +152,7 @@ def _clip(first: Frame, film: Path, calibration: Calibration, strip: StripFile) 
 
 def _measure(
     frames: Iterator[Frame],
-    follow: HeldEnd,
+    held_end: HeldEnd,
     layers: LayerTouch,
     calibration: Calibration,
     overlay: FilmWriter,
@@ -164,7 +164,7 @@ def _measure(
     for frame in frames:
         image = frame.image
         if touch is None:
-            held = follow.measure(frame.restamp(-calibration.latency))
+            held = held_end.measure(frame.restamp(-calibration.latency))
             measured.append(held)
             image = _draw_measurement(image, held, calibration)
             if held.end is not None and _is_confident(held):

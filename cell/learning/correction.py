@@ -115,7 +115,7 @@ def learned_correction(memory: Memory, subject: Subject, settings: LearningSetti
 def experience_of(
     run: str, subject: Subject, outcome: "Outcome", correction: Correction, key: str = ""
 ) -> Experience | None:
-    """Deviation of a measured fold from its prediction, to learn from; None where it teaches none.
+    """Deviation of a measured fold from its prediction, to learn from; None for an unusable fold.
 
     `run` and `key` name the run, as in `Experience`. Folds without a touch or laid edges,
     folds that were stopped, and predictions made blind are left out. A strip that is unlike the

@@ -39,7 +39,7 @@ HANGS = "its encoder hangs"
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """Film by a camera that stands still, in the file at `path`."""
+    """Video file at `path`, filmed by a camera that stands still."""
 
     path: Path
 

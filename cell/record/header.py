@@ -143,7 +143,7 @@ class MechanismRun(RunOfMotion):
 
 
 class SwingNoise(Part):
-    """Measurement noise of a pendulum's readings, one sigma."""
+    """Measurement noise of a pendulum's readings, one sigma of the `angle` [rad]."""
 
     angle: Annotated[float, Unit("rad"), Field(gt=0.0, lt=0.3)] | None = None
 
@@ -192,7 +192,7 @@ class WitnessNote(Part):
 
 
 class Result(Recorded):
-    """Contents of result.yaml: the outcome, and of the layers' touch time [s] and lengths [m].
+    """Contents of result.yaml: outcome, time [s] of the layers' touch, lengths [m] at the touch.
 
     A run of the cell adds the reason of its end, its `duration` [s], the `confidence` in the touch,
     `edge_offset` [m] of the laid edges, the `witnesses` that were compared, and of a policy that

@@ -240,7 +240,7 @@ def _outcome(
 
 
 def _document(path: Path, keys: Collection[str] = ()) -> dict[str, Any] | None:
-    """The mapping in the YAML file at `path`; None where there is none that can be read.
+    """Mapping in the YAML file at `path`, or None if it cannot be read.
 
     With `keys` only those of the outermost level, where each begins a line: of a run's header that
     is a tenth, and the rest is what takes the time.

@@ -55,7 +55,7 @@ class PartReader:
 
 
 def _cached_part(empty: object) -> Callable[[Callable[["Run"], Part]], Callable[["Run"], Part]]:
-    """Decorate a method that reads a part of a run: a run reads it once, and keeps it.
+    """Decorator of a method that reads a part of a run, so that it is read once and then kept.
 
     A lenient run has `empty`, which cannot be changed, for a broken part.
     """
@@ -122,7 +122,7 @@ class Run:
 
     @_cached_part(())
     def events(self) -> tuple[Event, ...]:
-        """Events of the run in the order of writing; none in a laboratory's run.
+        """Events of the run in the order of writing; none where another program recorded it.
 
         Events are written on the cell's clock, before the start of measured time is known; the
         event `origin` states it, and times here are relative to it.
@@ -149,7 +149,7 @@ class Run:
         return Sights.none()
 
     def measurements(self) -> list[StripMeasurement]:
-        """Measurements of the strip, one per image; of a laboratory's run its profiles alone."""
+        """Measurements of the strip, one per image; profiles alone where no others are recorded."""
         sights = self.sights()
         curves = self.profile.curves()
         if sights.stamp.size == 0:
@@ -177,7 +177,7 @@ class Run:
 
     @_cached_part(())
     def frame_index(self) -> tuple[FrameNote, ...]:
-        """Index entries of all measured images, in order; none in a laboratory's run."""
+        """Index entries of all measured images, in order; none where no index was recorded."""
         return read_index(self.folder)
 
     @_cached_part(NO_TABLES)

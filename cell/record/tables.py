@@ -208,7 +208,7 @@ def place_rows(t: Array, stamps: Array) -> NDArray[np.intp]:
 
 
 def sight_tables(sights: pa.Table) -> Tables:
-    """Tables of the stream of sights: a row per image, and points t, i, x, z of its midlines."""
+    """Tables of the strip's measurements: a row per image, and points t, i, x, z of midlines."""
     counts = pc.list_value_length(sights["profile_x"]).to_numpy()
     points = {
         "t": pa.array(np.repeat(_numbers(sights, "stamp"), counts), pa.float64()),

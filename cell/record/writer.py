@@ -182,7 +182,7 @@ class RunWriter:
 
 
 def sight_row(measurement: StripMeasurement) -> dict[str, Any]:
-    """Row of the stream of sights for the measurement of one image."""
+    """Row of the stream sights.arrows, by column, for the measurement of the strip in one image."""
     names = ("stamp", "sequence", "contact_x", "gap", "gap_x", "contact_confidence")
     row = {name: getattr(measurement, name) for name in (*names, "profile_confidence")}
     row |= {"tip_x": measurement.tip[0], "tip_z": measurement.tip[1]}

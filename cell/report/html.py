@@ -79,7 +79,7 @@ def _file(name: str) -> "Markup":
 
 
 def _address(path: str) -> str:
-    """Address of the file at `path`, whose name may hold any bytes."""
+    """Percent-encoded URL of the file at `path`, whose name may hold any bytes."""
     return quote(os.fsencode(path))
 
 

@@ -80,7 +80,7 @@ class TrialShape:
 
 
 class Problem:
-    """Least-squares problem of one photograph with one prior of the rest curvature.
+    """Least-squares fit of a hanging strip to one photograph, with a prior of its rest curvature.
 
     The unknowns are ln(bending length / typical), the ledge's arc length behind the picture's
     border, the camera's roll, the angle at which the strip leaves the ledge, the ledge's place, and
@@ -138,7 +138,7 @@ class Problem:
         return np.concatenate([-self.trial(values).slopes, np.diag(self._weights)])
 
     def loss(self, squares: Array) -> Array:
-        """Loss (3, 2 n + p) of squared residuals and its slope: Huber's of the misses."""
+        """Loss (3, 2 n + p) of squared residuals and its slopes: Huber's, quadratic for priors."""
         is_far = squares > ROBUST**2
         is_far[-self.size :] = False  # priors
         sigmas = np.sqrt(squares.clip(ROBUST**2))

@@ -101,7 +101,7 @@ def put_into(path: Path, measurement: Measurement, today: date) -> None:
 
 
 def _with_measured(path: Path, value: float, entry: Mapping[str, str], text: str) -> str:
-    """Text of a strip file with the `value` of the key of a provenance `entry`, and that entry.
+    """Copy of a strip file's `text` with a measured `value` and its provenance `entry`.
 
     The old value goes into the note of its own entry.
     """

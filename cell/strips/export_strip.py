@@ -58,26 +58,31 @@ def _mjcf(strip: StripFile, unsaid: tuple[str, ...]) -> str:
     Xml.SubElement(root, "option", integrator="implicit")
     body = Xml.SubElement(root, "worldbody")
     tendons = Xml.SubElement(root, "tendon")
-    hinges = lumps.hinges
-    names = ("stiffness", "cubic", "damping", "quadratic", "presliding")
     place = 0.0
     for i, span in enumerate(lumps.spans.tolist()):
-        of = {name: getattr(hinges, name)[i] / lumps.scale for name in names}
         body = Xml.SubElement(body, "body", name=f"link{i}", pos=f"{place} 0 0")
-        hinge = {"name": f"hinge{i}", "axis": "0 -1 0", "springref": f"{hinges.rest[i]}"}
-        hinge["stiffness"] = f"{of['stiffness']} 0 {of['cubic']}"
-        Xml.SubElement(body, "joint", hinge, damping=f"{of['damping']} {of['quadratic']}")
+        _add_hinge(body, tendons, lumps, i)
         box = {"type": "box", "size": f"{span / 2} {strip.width / 2} {strip.thickness / 2}"}
         box["mass"] = f"{lumps.mass[i] / lumps.scale}"
         Xml.SubElement(body, "geom", box, pos=f"{span / 2} 0 0", contype="0")
-        if hinges.slip[i] * of["presliding"] > 0:
-            yarn = {"stiffness": f"{of['presliding']}", "springyield": f"{hinges.slip[i]}"}
-            yarns = Xml.SubElement(tendons, "fixed", yarn, springlength="0")
-            Xml.SubElement(yarns, "joint", joint=f"hinge{i}", coef="1")
         place = span
     Xml.SubElement(body, "site", name="grasped_edge", pos=f"{place} 0 0")
     Xml.indent(root)
     return Xml.tostring(root, encoding="unicode")
+
+
+def _add_hinge(body: Xml.Element, tendons: Xml.Element, lumps: Lumps, i: int) -> None:
+    """Add hinge number `i` of the chain to `body`, and the friction of its yarns to `tendons`."""
+    hinges = lumps.hinges
+    names = ("stiffness", "cubic", "damping", "quadratic", "presliding")
+    law = {name: getattr(hinges, name)[i] / lumps.scale for name in names}
+    hinge = {"name": f"hinge{i}", "axis": "0 -1 0", "springref": f"{hinges.rest[i]}"}
+    hinge["stiffness"] = f"{law['stiffness']} 0 {law['cubic']}"
+    Xml.SubElement(body, "joint", hinge, damping=f"{law['damping']} {law['quadratic']}")
+    if hinges.slip[i] * law["presliding"] > 0:
+        yarn = {"stiffness": f"{law['presliding']}", "springyield": f"{hinges.slip[i]}"}
+        yarns = Xml.SubElement(tendons, "fixed", yarn, springlength="0")
+        Xml.SubElement(yarns, "joint", joint=f"hinge{i}", coef="1")
 
 
 def _newton(strip: StripFile, unsaid: tuple[str, ...]) -> str:

@@ -33,7 +33,7 @@ def fit_figure(fitted: Fit, straight: Fit) -> bytes:
 
 
 def _title(fitted: Fit, straight: Fit) -> str:
-    """Title of the figure: photograph, bending length, and that of a strip born straight."""
+    """Title of the figure: photograph, bending length, and that for a strip straight at rest."""
     photograph = fitted.photograph
     text = (
         f"{photograph.path.name}, overhang {1e3 * photograph.overhang:.4g} mm: bending length "
@@ -45,7 +45,7 @@ def _title(fitted: Fit, straight: Fit) -> str:
 
 
 def _draw_photograph(axes: Any, fitted: Fit, straight: Fit) -> None:
-    """Draw the photograph with the midline, the fitted strip and the one born straight."""
+    """Draw the photograph with the midline, the fitted strip and the one straight at rest."""
     photograph = fitted.photograph
     image = photograph.image
     scale = min(1.0, PICTURE_HEIGHT / image.shape[0])

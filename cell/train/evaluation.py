@@ -31,7 +31,7 @@ EFFECTS_STREAM = 4  # of random numbers, apart from those of the training
 
 
 def stepper(name: EngineName) -> Stepper:
-    """Engine in which policies are judged: the rod of the training, or the independent chain."""
+    """Simulation engine called `name`: the rod used in training, or the independent chain."""
     return Rod(JUDGING_SEGMENTS, strict=False) if name == "rod" else Chain(LINKS)
 
 

@@ -13,7 +13,7 @@ from cell.perception.strip_measurement import StripMeasurement
 from cell.record.events import EVERY_FRAME, Outlook, log_text
 from cell.record.files import FILM
 from cell.record.run import Run
-from drivers.types import Array, Image
+from drivers.types import Array, Frame, Image
 
 Item = TypeVar("Item")
 
@@ -62,9 +62,8 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
     """Yield the run's ticks, each with what is new at it; before them the images before t = 0."""
     frames = iter(()) if (run.folder / FILM).is_file() else run.frames()
     frame = next(frames, None)
-    no_pose = np.full(3, np.nan)
     while frame is not None and frame.stamp < 0:
-        yield TickView(frame.stamp + origin, np.nan, 0, "", no_pose, image=frame.image)
+        yield _before_lift(frame, origin)
         frame = next(frames, None)
     ticks = run.ticks
     outlook = Outlook.from_events(run.events())
@@ -87,6 +86,12 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
             image=image,
             outlook=prediction,
         )
+
+
+def _before_lift(frame: Frame, origin: float) -> TickView:
+    """View of an image from before t = 0, where neither gripper nor state are recorded."""
+    clock = frame.stamp + origin
+    return TickView(clock, t=nan, tick=0, state="", pose=np.full(3, nan), image=frame.image)
 
 
 def _newest_at(times: Array, stamped: Iterator[tuple[float, Item]]) -> Iterator[Item | None]:
