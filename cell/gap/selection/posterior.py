@@ -10,6 +10,8 @@ each law, smooth in time (Kennedy and O'Hagan 2001, J. R. Stat. Soc. B 63, 425).
 the unknowns is Laplace's (MacKay 2003, Information Theory, chapter 28).
 """
 
+import itertools
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,6 +31,7 @@ from drivers.settings import Seconds, StudyResult
 from drivers.types import Array
 
 LEAST_NORM = 1e-6  # of a whitened response; a smaller one is rounding
+EQUAL = 0.04  # relative difference (one sigma) of two displacements by one cause; set by hand
 
 
 class Beliefs(StudyResult):
@@ -87,11 +90,16 @@ def spike_responses(library: Mapping[str, Array]) -> list[Array]:
 
 @dataclass(frozen=True, slots=True)
 class SetProbability:
-    """A set of effects with its probability `p`, and its log evidence plus log prior, `nats`."""
+    """A set of effects with its probability `p`, and its log evidence plus log prior, `nats`.
+
+    `shared` are its pairs of displacements, each with the log-odds [nats] that one cause outside
+    the library makes both, as a camera and a gripper seem displaced together where the desk is.
+    """
 
     names: frozenset[str]
     nats: float
     p: float
+    shared: tuple[tuple[frozenset[str], float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,14 +116,18 @@ class Posterior:
         return dict(sorted(shares.items(), key=lambda each: (-each[1], each[0])))
 
     def log_odds(self, holds: Callable[[frozenset[str]], bool]) -> float:
-        """Log-odds [nats] that the true set of effects satisfies `holds`; infinite if all do."""
-        holding = np.array([holds(m.names) for m in self.models])
-        nats = np.array([m.nats for m in self.models])
-        if holding.all():
+        """Log-odds [nats] that the true set of effects satisfies `holds`; infinite if all do.
+
+        A set that does counts against it where one cause in place of two effects would not.
+        """
+        held = [m for m in self.models if holds(m.names)]
+        against = [m.nats for m in self.models if m not in held]
+        against += [m.nats + n for m in held for two, n in m.shared if not holds(m.names - two)]
+        if not against:
             return float("inf")
-        if not holding.any():
+        if not held:
             return float("-inf")
-        return float(special.logsumexp(nats[holding]) - special.logsumexp(nats[~holding]))
+        return float(special.logsumexp([m.nats for m in held]) - special.logsumexp(against))
 
     def lead(self, names: frozenset[str]) -> float:
         """Log posterior odds [nats] of the set `names` against no effect."""
@@ -132,8 +144,34 @@ def posterior(fits: Fits, likelihood: LikelihoodScale, prior: Beliefs | None = N
     nats = [common.evidence(m.estimate) + odds * len(m.model.effects) for m in fits.models]
     shares = special.softmax(nats)
     rows = zip(fits.models, nats, shares, strict=True)
-    models = [SetProbability(m.model.names, float(n), float(p)) for m, n, p in rows]
+    models = [
+        SetProbability(m.model.names, float(n), float(p), _shared_causes(m.estimate, odds))
+        for m, n, p in rows
+    ]
     return Posterior(tuple(sorted(models, key=lambda w: (-w.nats, sorted(w.names)))))
+
+
+def _shared_causes(fit: Estimate, odds: float) -> tuple[tuple[frozenset[str], float], ...]:
+    """Pairs of displacements in `fit`, with the log-odds [nats] that one cause makes both.
+
+    Runs show relative places alone: two things that are displaced by the same distance may be one
+    other thing that is. One cause is an effect less, of prior log-odds `odds`, and makes equal
+    distances; those of two effects differ by up to the larger one, whichever way.
+    """
+    _, values = fit.model.split(fit.shared)
+    distances: dict[str, float] = {}
+    for effect in fit.model.effects:
+        amounts = [p.unit == "m" and not p.shape for p in effect.parameters]
+        distance = float(np.linalg.norm((values[effect.name] - effect.null)[amounts]))
+        if distance > 0.0:
+            distances[effect.name] = distance
+    pairs = []
+    for two in itertools.combinations(distances, 2):
+        low, high = sorted(distances[name] for name in two)
+        differ = (1.0 - low / high) / EQUAL
+        density = -0.5 * differ**2 - math.log(EQUAL * math.sqrt(0.5 * math.pi))
+        pairs.append((frozenset(two), density - odds))
+    return tuple(pairs)
 
 
 @dataclass(frozen=True, slots=True)

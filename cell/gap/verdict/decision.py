@@ -195,6 +195,12 @@ def reasons(findings: Findings) -> list[str]:
         p = probability(findings, effect.name)
         if p < LEAST:
             words.append(f"{effect.name} is right with probability {p:.2f} (named from {LEAST:g})")
+    words += [
+        f"{' and '.join(sorted(two))} displace by equal distances, as one other thing may"
+        for sets in findings.posterior.models
+        for two, nats in sets.shared
+        if sets.names == fit.model.names and nats > 0.0
+    ]
     if fit.model.effects and (failed := _failed_prediction(findings)):
         words.append(failed)
     by_run = held_out_gap.rms_by_run(fit, findings.subject.scope.quantities)
