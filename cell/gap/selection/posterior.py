@@ -31,7 +31,7 @@ from drivers.settings import Seconds, StudyResult
 from drivers.types import Array
 
 LEAST_NORM = 1e-6  # of a whitened response; a smaller one is rounding
-EQUAL = 0.04  # relative difference (one sigma) of two displacements by one cause; set by hand
+EQUAL = 0.025  # relative difference (one sigma) of two displacements by one cause; set by hand
 
 
 class Beliefs(StudyResult):
@@ -145,13 +145,13 @@ def posterior(fits: Fits, likelihood: LikelihoodScale, prior: Beliefs | None = N
     shares = special.softmax(nats)
     rows = zip(fits.models, nats, shares, strict=True)
     models = [
-        SetProbability(m.model.names, float(n), float(p), _shared_causes(m.estimate, odds))
+        SetProbability(m.model.names, float(n), float(p), shared_causes(m.estimate, odds))
         for m, n, p in rows
     ]
     return Posterior(tuple(sorted(models, key=lambda w: (-w.nats, sorted(w.names)))))
 
 
-def _shared_causes(fit: Estimate, odds: float) -> tuple[tuple[frozenset[str], float], ...]:
+def shared_causes(fit: Estimate, odds: float) -> tuple[tuple[frozenset[str], float], ...]:
     """Pairs of displacements in `fit`, with the log-odds [nats] that one cause makes both.
 
     Runs show relative places alone: two things that are displaced by the same distance may be one

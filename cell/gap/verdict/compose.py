@@ -139,18 +139,12 @@ def _unexplained(findings: Findings, which: Kind) -> Unexplained | None:
 
 def _posterior(findings: Findings) -> Probable:
     """Posterior part of a verdict: probable sets of effects, and the evidence that decided."""
-    deciding = deciding_evidence(findings)
     return Probable(
+        **deciding_evidence(findings).model_dump(),
         models=[
             ProbableSet(names=sorted(m.names), p=m.p) for m in findings.posterior.models[:MOST_SETS]
         ],
         inclusion=findings.posterior.inclusion,
-        left=deciding.left,
-        correlation=deciding.correlation,
-        log_odds=deciding.log_odds if np.isfinite(deciding.log_odds) else None,
-        ahead=deciding.gain,
-        worst=deciding.worst,
-        strain=deciding.strain,
         law=findings.law is not None,
     )
 

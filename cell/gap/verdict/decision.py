@@ -27,9 +27,9 @@ from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, gain
 from cell.gap.subject.subject import Candidate, Subject
-from cell.gap.verdict.confidence import LEAST, VerdictEvidence, calibration
+from cell.gap.verdict.confidence import LEAST, calibration
 from cell.gap.verdict.findings import Findings
-from cell.gap.verdict.schema import Kind
+from cell.gap.verdict.schema import Kind, VerdictEvidence
 from drivers.types import Array
 
 GAP = 0.5  # excess on held-out runs, in units of the noise, that is a gap by itself; set by hand

@@ -1,11 +1,12 @@
 """Schema of verdict.json, as other programs read it (contract of `cell gap fit`)."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from cell.gap.diagnosis.lack_of_fit import Bin
 from cell.gap.diagnosis.next_experiment import Recommendation
@@ -114,24 +115,44 @@ class ProbableSet(Entry):
     p: float
 
 
-class Probable(Entry):
+LogOdds = Annotated[float, BeforeValidator(lambda value: math.inf if value is None else value)]
+
+
+class VerdictEvidence(Entry):
+    """Evidence for or against an accepted effect: log-odds and gains [nats], residuals, strain.
+
+    `log_odds` [nats] are the posterior's of the effect, or of its class, null in verdict.json where
+    they are infinite; `gain` [nats] is how much better unseen runs are predicted, `worst` that of
+    the run or quantity that gains least. `left` is the rms that no law accounts for in the middle
+    of the runs, in units of noise and floor, over channels that weigh alike; `correlation` that of
+    neighbours in time in it, in fitted or held-out runs, where it is larger. `strain` is the
+    largest deviation of the base from what the file states, in prior standard deviations.
+    """
+
+    log_odds: LogOdds = math.inf
+    gain: Annotated[float, Field(alias="ahead")] = 0.0
+    worst: float = 0.0
+    left: float
+    correlation: float
+    strain: float = 0.0
+
+    @property
+    def correlated(self) -> float:
+        """Rms [noise] of the autocorrelated part of the residuals that the model leaves.
+
+        The correlation itself is high, too, where hardly anything is left.
+        """
+        return self.left * math.sqrt(max(self.correlation, 0.0))
+
+
+class Probable(VerdictEvidence):
     """Posterior over the fitted sets of effects, the most probable first, and deciding evidence.
 
-    `log_odds` [nats] are those of the sets that hold the accepted effect, or its class, None where
-    all do; `ahead` [nats] is by how much better unseen runs are predicted, `worst` that of any run
-    or quantity; `left` is the rms that no law accounts for in units of noise and floor, and
-    `correlation` that of neighbours in time in it; `strain` is the largest deviation of the base
-    from the file in prior standard deviations. `law` is whether one is offered.
+    `law` is whether one is offered.
     """
 
     models: list[ProbableSet]
     inclusion: dict[str, float]
-    left: float
-    correlation: float
-    log_odds: float | None = None
-    ahead: float = 0.0
-    worst: float = 0.0
-    strain: float = 0.0
     law: bool = False
 
 

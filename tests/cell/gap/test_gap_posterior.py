@@ -7,13 +7,21 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
+from cell.gap.fitting.model import Model
 from cell.gap.fitting.tasks import run_all
 from cell.gap.selection.choice import choose
 from cell.gap.selection.likelihood import Fits, LikelihoodScale
-from cell.gap.selection.posterior import Beliefs, Posterior, floor_responses, posterior
+from cell.gap.selection.posterior import (
+    Beliefs,
+    Posterior,
+    SetProbability,
+    floor_responses,
+    posterior,
+    shared_causes,
+)
 from cell.gap.selection.screening import ProbeResponses, detection_limits, run_probes
 from cell.gap.subject.subject import Candidate, Parameter
-from cell.gap.verdict.confidence import VerdictEvidence, calibration
+from cell.gap.verdict.confidence import calibration
 from drivers.types import Array
 from tests.support.curves import Curves, bump, fitted, hidden, judged, validated, wave
 
@@ -80,6 +88,17 @@ def test_twins_share_what_one_of_them_has() -> None:
     assert found.log_odds(lambda names: bool(names & {"bump", "twin"})) > 100.0
 
 
+@pytest.mark.parametrize(("camera", "sure"), [(0.0046, False), (-0.0047, False), (0.008, True)])
+def test_two_equal_displacements_may_be_one_of_something_else(camera: float, sure: bool) -> None:
+    x = Parameter("x", "m", 0.0, -0.03, 0.03, step=1e-4)
+    two = tuple(Candidate(name, "", "cell", (x,), ()) for name in ("camera", "tool"))
+    fit = SimpleNamespace(model=Model((), two), shared=np.array([camera, -0.0046]))
+    both = SetProbability(fit.model.names, 0.0, 1.0, shared_causes(fit, -3.0))
+    tool = SetProbability(frozenset({"tool"}), -30.0, 0.0)
+    log_odds = Posterior((both, tool)).log_odds(lambda names: "camera" in names)
+    assert (log_odds > 20.0) if sure else (log_odds < -5.0)
+
+
 def test_what_the_floor_allows_is_no_effect() -> None:
     """An amount that the model's own error can make speaks for no effect."""
     subject = Curves(hidden(bump, 0.006), repeats=1, seed=1)
@@ -117,7 +136,7 @@ def test_a_verdict_states_what_its_signs_are_worth() -> None:
     assert verdict.posterior.models[0].names == ["bump"]
     assert sum(m.p for m in verdict.posterior.models) == pytest.approx(1.0)
     (effect,) = verdict.effects
-    found = VerdictEvidence.of(verdict.posterior)
+    found = verdict.posterior
     assert effect.confidence == calibration("mechanism").probability(found)
     assert found.left == pytest.approx(1.0, abs=0.2)
     assert abs(found.correlation) < 0.3

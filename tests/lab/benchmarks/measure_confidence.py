@@ -12,13 +12,13 @@ cell/gap/verdict/confidence.yaml holds it.
 
 import sys
 from collections.abc import Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from cell.gap.verdict.confidence import Calibration, VerdictEvidence, calibration
+from cell.gap.verdict.confidence import Calibration, calibration
+from cell.gap.verdict.schema import VerdictEvidence
 from drivers.files import replace_file
 from drivers.readers import read_json_lines
 from drivers.yaml_text import dump_yaml
@@ -35,7 +35,7 @@ from tests.lab.studies.catalogue.confidence import (
 from tests.lab.studies.catalogue.mechanisms import accepted
 from tests.lab.studies.study import Case, Outcome
 
-SIGNS = {field.name for field in fields(VerdictEvidence)}
+SIGNS = set(VerdictEvidence.model_fields)
 
 
 Ledgers = Annotated[list[Path], typer.Argument(exists=True, dir_okay=False)]

@@ -1,7 +1,7 @@
 """Scores verdicts against the key, beside a refit that knows the truth."""
 
+import math
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
 from itertools import product
 from pathlib import Path
 from typing import Literal
@@ -24,8 +24,13 @@ from cell.gap.selection.screening import (
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.strip.subject import open_strip
 from cell.gap.subject.subject import Candidate, Subject
-from cell.gap.verdict.confidence import VerdictEvidence
-from cell.gap.verdict.schema import Interval, Kind as VerdictKind, NamedEffect, Verdict
+from cell.gap.verdict.schema import (
+    Interval,
+    Kind as VerdictKind,
+    NamedEffect,
+    Verdict,
+    VerdictEvidence,
+)
 from drivers.settings import Settings
 from drivers.strip.describe import load_strip
 from drivers.strip.effects import registry
@@ -245,9 +250,9 @@ def _is_suspect_right(verdict: Verdict, case: Case) -> bool | None:
 
 def signs(verdict: Verdict) -> dict[str, float] | None:
     """Evidence that decides on a verdict, by name; None where nothing speaks against it."""
-    if verdict.posterior is None or verdict.posterior.log_odds is None:
+    if verdict.posterior is None or verdict.posterior.log_odds == math.inf:
         return None
-    return asdict(VerdictEvidence.of(verdict.posterior))
+    return verdict.posterior.model_dump(include=set(VerdictEvidence.model_fields))
 
 
 def _rival(verdict: Verdict, named: tuple[str, ...]) -> str:

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.gap.verdict.confidence import Calibration, VerdictEvidence, calibration
+from cell.gap.verdict.confidence import Calibration, calibration
+from cell.gap.verdict.schema import VerdictEvidence
 from tests.lab.benchmarks.measure_confidence import verdicts_in
 from tests.lab.exam.targets import OUTSIDE_SHARE, log_loss, reliable
 from tests.lab.studies.catalogue.confidence import (
@@ -24,7 +25,7 @@ LEDGERS = Path(__file__).parents[1] / "ledgers"
 
 def told(log_odds: float, left: float = 0.6, correlation: float = 0.0) -> VerdictEvidence:
     """VerdictEvidence of a verdict whose unseen runs are predicted 100 nats better."""
-    return VerdictEvidence(log_odds, 100.0, 1.0, left, correlation, 0.1)
+    return VerdictEvidence(log_odds=log_odds, gain=100.0, left=left, correlation=correlation)
 
 
 def drawn(count: int, seed: int = 0) -> list[Name]:

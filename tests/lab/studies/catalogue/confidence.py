@@ -17,7 +17,8 @@ from cell.config.places import find_configs
 from cell.gap.fit import FitOptions, fit
 from cell.gap.rehearse import table
 from cell.gap.verdict.accept import RECORD
-from cell.gap.verdict.confidence import Calibration, VerdictEvidence, calibration
+from cell.gap.verdict.confidence import Calibration, calibration
+from cell.gap.verdict.schema import VerdictEvidence
 from drivers.strip.effects import registry
 from drivers.types import Array
 from tests.lab.exam.case import STRENGTHS, Case
