@@ -1,7 +1,6 @@
 """The calibration of the stated confidence, from verdicts held against the truth."""
 
 import re
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +53,7 @@ def test_names_are_right_as_often_as_stated() -> None:
 
 
 def test_names_are_right_only_where_the_effect_is_in_the_library() -> None:
-    facts = {"case": "a", "signs": asdict(told(9.0)), "is_named": True, "without": []}
+    facts = {"case": "a", "signs": told(9.0).model_dump(), "is_named": True, "without": []}
     facts |= {"hidden": ["seam"], "answer": ["seam"]}
     values = [
         {**facts, "is_right": True},

@@ -53,7 +53,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Score the verdict on a case; also returns how much of the gap an offered law closes."""
+    """Score the verdict on a case; also returns whether a law is offered."""
     hidden = Draw("state", case["kind"], case["number"], case["of_kind"], case["seed"]).case()
     without = names_to_withhold(hidden) if case["library"] != "whole" else []
     configs = find_configs(None)
@@ -71,7 +71,6 @@ def measure(case: Values) -> Values:
         "is_named": named,
         "is_right": (scored.result in RIGHT_RESULTS and not without) if named else None,
         "offered": law is not None,
-        "closed": None if law is None else law["shrink"],
     }
 
 
@@ -216,7 +215,6 @@ STUDY = Study(
         Quantity("is_right", Statistic.SHARE, "%", 100.0, label="right of these", digits=0),
         Quantity("confidence", Statistic.MEAN, "%", 100.0, label="stated", digits=0),
         Quantity("offered", Statistic.SHARE, "%", 100.0, label="a law offered", digits=0),
-        Quantity("closed", Statistic.MEDIAN, "%", 100.0, label="gap that it closes", digits=0),
         Quantity("simulations", Statistic.MEDIAN, "", 1.0, label="simulations", digits=0),
     ),
     fits=(Fit("cell/gap/verdict/confidence.yaml", calibrate),),
