@@ -68,9 +68,7 @@ class TwinClock:
         return self._now / NANOSECONDS
 
     def every(self, period: float, action: Action, rank: Rank) -> TimedCall:
-        """Schedule `action(now)` every `period` [s] from now on; CellError for one under 1 ns."""
-        if nanoseconds(period) < 1:
-            raise CellError(f"clock: a period of {period} s is too short; use 1 ns or more")
+        """Schedule `action(now)` every `period` [s] from now on, at least a nanosecond."""
         return self._push(TimedCall(action, rank, next(self._numbers), self.now(), period))
 
     def at(self, time: float, action: Action, rank: Rank) -> TimedCall:

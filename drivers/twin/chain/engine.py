@@ -21,7 +21,6 @@ PULL = 2e-5  # m beyond a strip's reach: some three times its weight
 LOST_TURN = np.pi  # rad that a hinge turns in a step of a diverging chain; 0.9 is known
 STATE_SPEC = mujoco.mjtState.mjSTATE_INTEGRATION
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)  # arrays compare slowly with a member
-FEWEST_LINKS = 8
 
 
 class ChainStrip:
@@ -169,8 +168,6 @@ class Chain:
     """
 
     def __init__(self, links: int = 60, foreign: Sequence[ExtraForce] = ()) -> None:
-        if links < FEWEST_LINKS:
-            raise ValueError(f"links is {links}, allowed: {FEWEST_LINKS} and more")
         self._links = links
         self._foreign = tuple(foreign)
         self._strips: list[ChainStrip] = []
@@ -186,11 +183,8 @@ class Chain:
 
         Raises SimulationNotFinite when a shape is not finite.
         """
-        targets = np.asarray(poses, dtype=np.float64)
-        if targets.shape != (len(self._strips), 3):
-            raise ValueError(f"poses are {targets.shape}, expected ({len(self._strips)}, 3)")
         parts = max(1, int(np.ceil(dt / LONGEST_STEP - 1e-6)))
-        for strip, pose in zip(self._strips, targets, strict=True):
+        for strip, pose in zip(self._strips, poses, strict=True):
             strip.advance(pose, dt, parts)
         return self._observe()
 

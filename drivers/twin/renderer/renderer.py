@@ -7,7 +7,6 @@ from typing import Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.errors import ConfigurationError
 from drivers.strip.model import CONTACT_HEIGHT
 from drivers.strip.shape import desk_contact
 from drivers.twin.renderer.gripper import (
@@ -154,12 +153,7 @@ class Renderer:
         self.render([_SPECK], 0)  # compiles now, outside the control loop
 
     def render(self, scenes: Sequence[Scene], sequence: int) -> Image:
-        """Frame `sequence` (height, width, 3) BGR, exposed to `scenes`, equally spaced in time.
-
-        Raises ConfigurationError without a scene.
-        """
-        if not scenes:
-            raise ConfigurationError("render: scenes: none given; a frame shows at least one")
+        """Frame `sequence` (height, width, 3) BGR, exposed to `scenes`, equally spaced in time."""
         middle = scenes[len(scenes) // 2]
         curve = expose(scenes, self._spacing) if middle.strip else None
         hand = outlines(middle, self._look.width / 2, -self._look.thickness / 2)
