@@ -20,7 +20,8 @@ from drivers.types import Array, Frame, Image, Pose
 TIP_SIDE, DESK_SIDE = 96, 28  # px, sides of the patches
 SEARCH_RADIUS = 40  # px around a landmark's old position in which it is searched
 DESK_HEIGHTS = (0.010, 0.060)  # m, z over which the desk's edge is searched, above a lying strip
-DESK_RANGE, DESK_PATCHES = (0.05, 0.55), 7  # m, x over which patches of the desk's edge lie
+DESK_RANGE = (0.05, 0.55)  # m, x over which patches of the desk's edge lie
+DESK_PATCHES = 7
 EDGE_ROWS = 4  # px over which the brightness changes at an edge
 CONTRAST = 6.0  # grey levels, least change at an edge
 MATCH_CORRELATION = 0.6  # correlation from which a landmark counts as found

@@ -151,7 +151,7 @@ class Child:
         return False
 
     def send(self, message: object) -> None:
-        """Send the child a `message`; that it has ended is reported by `receive` alone."""
+        """Send the child a `message`; whether the child has ended, `receive` alone reports."""
         with suppress(OSError):
             self.pipe.send(message)
 

@@ -225,7 +225,7 @@ class MotionProfile:
             self._next_move = goal
 
     def _keep_inside(self, state: State) -> State:
-        """`state`, or instead one that brakes the axes which could not stop inside after it."""
+        """`state`, or one that brakes the axes on which no stop in the workspace could follow."""
         for _ in range(3):  # each round blocks one of the three axes or more
             self._calculate(self._brake, self._stopping, state)
             leaving = self._leaving(self._stopping) - self._blocked

@@ -140,7 +140,7 @@ class BoundedLoader(_Loader):
         return super().construct_mapping(node, deep)
 
     def _count_alias(self, event: Any) -> None:
-        """Count an alias as many nodes as what it stands for; MarkedYAMLError within itself."""
+        """Count an alias as all nodes that it stands for; MarkedYAMLError inside of itself."""
         anchor = event.anchor
         if anchor in self.anchors and anchor not in self._sizes:
             raise _error_at(event, f"alias {anchor!r} stands within what it names; write it out")

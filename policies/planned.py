@@ -168,7 +168,8 @@ class _PoseRecorder:
     def step(self, poses: Array, dt: float) -> Observables:
         self.dt = dt
         self.poses.append(poses.copy())
-        scalars, points = np.zeros(self._count), np.zeros((self._count, 2))
+        scalars = np.zeros(self._count)
+        points = np.zeros((self._count, 2))
         return Observables(scalars, points, scalars, points, (None,) * self._count)
 
     def shapes(self) -> Array:

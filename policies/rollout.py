@@ -155,7 +155,8 @@ class _Loop:
         """Move all grippers along `path` from rest up to the take-over height."""
         count = len(self.poses)
         height = min(TAKEOVER_HEIGHT, LIFT_SHARE * float(path.points[:, 1].max()))
-        travel, speed = 0.0, 0.0
+        travel = 0.0
+        speed = 0.0
         while path.at(travel)[1] < height:
             travels = []
             for _ in range(self._settings.substeps):
@@ -181,7 +182,8 @@ class _Loop:
         decided = decision.speed[:, None] * heading
         largest_change = self._settings.acceleration * self._dt
         poses = np.empty((self._settings.substeps, *self.poses.shape))
-        rates, previous = np.empty(self.poses.shape), self.poses
+        rates = np.empty(self.poses.shape)
+        previous = self.poses
         rates[:, 2] = decision.pitch_rate
         for pose in poses:
             change = decided - self._velocity

@@ -58,12 +58,13 @@ def estimate_bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
 
 
 def _pose_free_system(view: BoardView, lens: Lens) -> tuple[Array, Array]:
-    """Derivatives (2n, 11) by lens and bow, and errors (2n,), less what a pose can explain."""
-    of = _linearise(view, lens)
-    shared = np.hstack([of.camera, of.height * np.repeat(_bow_modes(view.board), 2, axis=0)])
-    by_pose = np.linalg.lstsq(of.pose, shared, rcond=None)[0]
-    error_by_pose = np.linalg.lstsq(of.pose, of.error, rcond=None)[0]
-    return shared - of.pose @ by_pose, of.error - of.pose @ error_by_pose
+    """Derivatives (2n, 11) by lens and bow, errors (2n,): both less their fit by the pose."""
+    linear = _linearise(view, lens)
+    bow = linear.height * np.repeat(_bow_modes(view.board), 2, axis=0)
+    shared = np.hstack([linear.camera, bow])
+    by_pose = np.linalg.lstsq(linear.pose, shared, rcond=None)[0]
+    error_by_pose = np.linalg.lstsq(linear.pose, linear.error, rcond=None)[0]
+    return shared - linear.pose @ by_pose, linear.error - linear.pose @ error_by_pose
 
 
 def _bow_modes(points: Array) -> Array:
@@ -120,7 +121,8 @@ class LensVerdict(Verdict):
         """Lines on the lens for the operator, the next step last."""
         lines = []
         if self.fit is not None:
-            focal, (u, v) = self.fit.lens.matrix[0, 0], self.fit.lens.matrix[:2, 2]
+            focal = self.fit.lens.matrix[0, 0]
+            u, v = self.fit.lens.matrix[:2, 2]
             halves = "two halves of the views bend the image alike within "
             halves += f"{self.bend_mm:.2f} mm at the board, and differ by "
             halves += f"{100 * self.split:.2f} % in focal length"

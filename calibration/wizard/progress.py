@@ -138,7 +138,7 @@ def draw_picture(image: Image, marks: Iterable[Mark]) -> Image:
 
 
 def _draw_mark(drawn: Image, mark: Mark) -> None:
-    """Draw a dot, or for a point with a label a circle, its error and its label; wild: a cross."""
+    """Draw `mark`: a dot; with a label a circle, its error and the label, or a cross if wild."""
     at = _pixel(mark.pixel)
     colour = COLOURS_BGR[mark.kind]
     if not mark.label:

@@ -147,7 +147,7 @@ def fit_touches(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -
 def _sort_others(
     fit: TouchFit, touches: Sequence[Touch], newest: Sequence[Touch], settings: TouchSettings
 ) -> TouchFit:
-    """Fill the groups of `fit` with the touches that it does not use.
+    """Copy of `fit` with the touches that it does not use as validation, outliers and others.
 
     A second touch with the first one's error shows that the map is wrong there; one that is off in
     another way says nothing, and does not judge the map.

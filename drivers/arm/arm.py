@@ -196,7 +196,7 @@ class FciArm:
             raise self._fault
 
     def _receive(self, child: Child, patience: float) -> Any:
-        """Next answer of the process; it is killed where none comes within `patience` [s]."""
+        """Next message of the loop's process, which is killed if none comes in `patience` [s]."""
         try:
             return receive(child, patience)
         except ArmFault as fault:

@@ -66,5 +66,5 @@ class ArmFault(Fault):
 
 
 def one_line(error: BaseException) -> str:
-    """Class and message of `error` in one line of text; no decision depends on it."""
+    """Class and message of `error` in one line of text, for people to read."""
     return " ".join(f"{type(error).__name__}: {error}".split())

@@ -76,7 +76,7 @@ class JointSetpoint(NamedTuple):
 
 
 class RateLimits(NamedTuple):
-    """Limits of a joint's rate as it changes: acceleration [rad/s^2], jerk [rad/s^3].
+    """Limits on changes of a joint's rate: acceleration [rad/s^2] and jerk [rad/s^3].
 
     `gain` [1/s] is from an error of the rate to the acceleration.
     """
@@ -242,7 +242,7 @@ class CartesianMotion:
     """
 
     def __init__(self, robot: "Robot", *, own_clock: bool = False) -> None:
-        """Command `robot`; for one on its `own_clock` commands are computed a tick ahead."""
+        """Send commands to `robot`, computed a tick ahead if it runs on its `own_clock`."""
         self._robot = robot
         self._own_clock = own_clock
         self._ahead = False  # whether `_setpoint` predicts the robot a tick after `_time`

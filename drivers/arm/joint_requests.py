@@ -84,7 +84,7 @@ def _run_in_process(access: RobotAccess, request: GoTo | None) -> list[float]:
 
 
 def carry_out(pipe: Connection, access: RobotAccess, request: GoTo | None) -> None:
-    """Connect to the robot and send its pose (16,), or its joints (7,) [rad] after `request`."""
+    """Send through `pipe` the robot's pose (16,), or its joints (7,) [rad] after `request`."""
     with connection(pipe, access) as robot:
         if request is None:
             robot.require_tool()

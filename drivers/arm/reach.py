@@ -36,7 +36,8 @@ ELBOWS = (-1.2, -0.9, -0.6, -0.3, -0.15, 0.0, 0.15, 0.3, 0.6, 0.9, 1.2)  # rad o
 
 # ahead in a motion
 JOINT_MARGIN = 0.03  # rad that each joint keeps from its ends
-ITERATIONS, TOLERANCE = 3, 1e-3  # Newton steps for one pose, and rad that the last may have
+ITERATIONS = 3  # Newton steps for one pose
+TOLERANCE = 1e-3  # rad, that the last of them may have
 REACTION = 0.015  # s until a braking is under way
 VELOCITY_SHARE = 0.95  # of a joint's velocity; the rest is for the beginning of a braking
 ACCELERATION_SHARE = 0.9  # of a joint's acceleration in a motion; the rest is for changes of it

@@ -44,7 +44,7 @@ def _start_thresholds() -> Thresholds:
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """Settings of the emulated robot by a client or by Desk; they outlive the client."""
+    """Settings of the emulated robot by a client or by Desk, kept after the client has gone."""
 
     thresholds: Thresholds = field(default_factory=_start_thresholds)
     flange_to_nominal: Array = field(default_factory=lambda: FLANGE_TO_TIP)
@@ -92,7 +92,7 @@ def rigid(matrix: Array) -> bool:
 
 
 def _collision(old: Configuration, numbers: Array) -> Configuration | None:
-    """Copy of `old` with the thresholds in `numbers` (52,); None for unordered ones."""
+    """Copy of `old` with thresholds `numbers` (52,); None if negative or lower above upper."""
     joints, tool = numbers[:28].reshape(4, 7), numbers[28:].reshape(4, 6)
     pairs = [frozen(rows) for rows in (joints[:2], joints[2:], tool[:2], tool[2:])]
     if any((pair < 0).any() or (pair[0] > pair[1]).any() for pair in pairs):

@@ -123,7 +123,7 @@ class Port(ABC, Generic[K]):
 
     @abstractmethod
     def _answer(self, request: Request[K]) -> bytes:
-        """Content of the reply to a client's `request`, empty where it comes later."""
+        """Content of the reply to a client's `request`; empty for one that is due later."""
 
     @abstractmethod
     def _abandon(self) -> None:
@@ -195,7 +195,7 @@ class Port(ABC, Generic[K]):
         return True
 
     def _greet(self, guest: Connection) -> None:
-        """Read a guest's request to connect and admit it as the client, or refuse it."""
+        """Read the request to connect of `guest`, a waiting connection; admit or refuse it."""
         try:
             present = guest.read()
             request = self._framing.take(guest.received) if present else None

@@ -101,7 +101,8 @@ def _cartesian(
     swing = old.swing_to(_elbow(old, command))
     check_swing(old.swing, swing)
     velocity = joint_step(old.q, old.reached, old.jacobian, pose, float(swing[0])) / TICK
-    q, joints = old.q + TICK * velocity, old.joints.step(velocity)
+    q = old.q + TICK * velocity
+    joints = old.joints.step(velocity)
     check_joints(q, old.joints, joints, CARTESIAN_JOINT)
     return Posture.at_joints(q, tool, joints).with_command(pose, rates, swing)
 

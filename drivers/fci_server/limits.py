@@ -58,7 +58,7 @@ TOOL_REFLEXES = (
 
 
 class BodyCheck:
-    """Collision check of the arm with itself and solids, done only once it may have come close."""
+    """Collision check of the arm with itself and solids, skipped within the last clearance."""
 
     def __init__(self, solids: Solids | None = None) -> None:
         """Check the arm against `solids`, or against itself alone."""

@@ -64,7 +64,7 @@ class MoveStatus(IntEnum):
 
 
 class Generator(IntEnum):
-    """Motion generators, numbered as in the robot's state; requests number them from one less."""
+    """Motion generators, numbered as in the robot's state; in requests numbers are one lower."""
 
     IDLE = 0
     JOINT_POSITION = 1
@@ -209,7 +209,7 @@ class MoveRequest:
 
 @dataclass(frozen=True, slots=True)
 class RobotCommand:
-    """Motion command over UDP in answer to state `message_id`; one of `q` to `twist` counts."""
+    """Motion command over UDP in answer to state `message_id`: joints, tool pose, or rates."""
 
     message_id: int
     q: Array  # (7,) rad

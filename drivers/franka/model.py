@@ -42,7 +42,8 @@ INERTIAS = frozen(
     ]
 )
 HAND_INERTIA = (0.001, 0.0025, 0.0017)  # kg m^2, about its own axes, as Desk states it
-HAND_MASS, HAND_CENTRE = 0.73, (-0.01, 0.0, 0.03)  # kg, m in the flange, as Desk states them
+HAND_MASS = 0.73  # kg, as Desk states it
+HAND_CENTRE = (-0.01, 0.0, 0.03)  # m in the flange, likewise
 
 Seven = tuple[float, float, float, float, float, float, float]
 ZERO_JOINTS: Seven = (0.0,) * 7
@@ -86,7 +87,8 @@ def holding_torques(q: Array, mass: float, centre: Array) -> Array:
     at_joint[2] += FLANGE
     places = np.einsum("jik,jk->ji", joints[:, :3, :3], CENTRES) + joints[:, :3, 3]
     held = joints[6, :3, :3] @ at_joint + joints[6, :3, 3]
-    points, weights = np.vstack([places, held]), np.append(MASSES, mass) * GRAVITY
+    points = np.vstack([places, held])
+    weights = np.append(MASSES, mass) * GRAVITY
     torques = np.zeros(7)
     for joint in range(7):
         origin, axis = joints[joint, :3, 3], joints[joint, :3, 2]

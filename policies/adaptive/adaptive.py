@@ -44,7 +44,7 @@ class Steering:
         return HIGHEST * self._length
 
     def decide(self, x: Array, z: Array, rise: Array) -> Decision:
-        """Command grippers at `x`, `z` (n,) [m] up to lines z = x + `rise` (n,) [m], then along."""
+        """Command grippers at `x`, `z` (n,) [m]: up to z = x + `rise` (n,) [m], down that line."""
         above = (z - x - rise) / math.sqrt(2.0)
         self.descending = self.descending | (above > -self._speed * LEAD)
         turn = np.arctan2(above, LOOK_AHEAD)

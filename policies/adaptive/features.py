@@ -9,7 +9,8 @@ from drivers.types import Array
 from policies.policy import Observation
 from policies.profile import POINTS
 
-CONTACT_CHANNEL, PROFILE_CHANNELS = 0, slice(2, None)  # x of desk contact, then of the tip
+CONTACT_CHANNEL = 0  # x of the desk contact; the next is x of the tip
+PROFILE_CHANNELS = slice(2, None)
 CHANNELS = 2 + 2 * POINTS
 STATE_SIZE = 9  # inputs before the channels' values and rates: see `Features.inputs`
 RISE_AT = 2  # place of the rise among them

@@ -23,7 +23,7 @@ def slip_length(block: Any, r: int) -> Any:
 
 @kernel
 def slide_in_grip(block: Any, alive: Any) -> None:
-    """Lengthen the segment at the grip by what slid out of the grip in the step just solved.
+    """Lengthen the segment at the grip by the length that slid out of the grip in this step.
 
     That piece is straight and massless, valid for a few per cent of the strip. Arc lengths end at
     the edge that was grasped, so l1 does not grow by it.

@@ -64,7 +64,8 @@ class ChainStrip:
 
         Raises SimulationNotFinite when the simulation diverges.
         """
-        start, h = self._grip.pose, dt / parts
+        start = self._grip.pose
+        h = dt / parts
         self._pace(h)
         for part in range(1, parts + 1):
             grip = self._grip.to(start + (pose - start) * (part / parts), h)

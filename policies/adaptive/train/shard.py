@@ -223,7 +223,8 @@ def _fold_strips(
 
 def _shard_of(explorer: Explorer, folds: Folds, strips: list[StripFile], *, trial: bool) -> Shard:
     """Training data from inputs kept by `explorer` and its `folds`; a `trial` always predicts."""
-    times, rises = np.array(explorer.times).T, np.array(explorer.rises).T
+    times = np.array(explorer.times).T
+    rises = np.array(explorer.rises).T
     inputs = np.moveaxis(np.array(explorer.kept), 0, 1)
     rises_seen = inputs[..., RISE_AT] * strips[0].length
     touch_times = np.array([np.inf if touch is None else touch.time for touch in folds.touch])
