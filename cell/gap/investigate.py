@@ -54,31 +54,12 @@ def investigate(
     stages = Investigation(subject, simulate, progress, fitted, np.random.default_rng(seed))
     models = stages.extend(stages.begin(), refit_singles, 0.4)
     models = stages.extend(models, refit_further, 0.75)
-    progress("judge", 0.8)
-    sets = posterior(models.fits, models.fits.likelihood)
-    accepted, fits = stages.choose(models.fits, sets)
-    tests = stages.test_model(accepted, fits, sets)
-    progress("show on held-out runs", 0.9)
-    unseen = with_spreads(unseen, models.base_fit.scatter)
-    shown = stages.refit_held_out(models.base_fit.base, accepted, unseen)
-    progress("advise", 0.95)
-    is_gap = bool(accepted.model.effects) or models.base_fit.gap
-    experiments = stages.advise(models.screen, accepted, fits, tests) if is_gap else ()
-    findings = Findings(
-        subject=subject,
-        held_out=tuple(held_out),
-        base_fit=models.base_fit,
-        screen=models.screen,
-        accepted=accepted,
-        fits=fits,
-        posterior=sets,
-        model_tests=tests,
-        held_out_fits=shown,
-        experiments=experiments,
-    )
+    findings = stages.judge(models, unseen, held_out)
     if decide(findings) != "unexplained":
         return findings
-    return replace(findings, law=offered_law(subject, simulate, fits, shown.before, stages.rng))
+    before = findings.held_out_fits.before
+    law = offered_law(subject, simulate, findings.fits, before, stages.rng)
+    return replace(findings, law=law)
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,6 +144,30 @@ class Investigation:
             p=holm(p),
             detectable=detection_limits(about, probed, likelihood),
             library=library,
+        )
+
+    def judge(self, models: Models, unseen: Evidence, held_out: Sequence[str]) -> Findings:
+        """Choose a model, test it, show it on the runs `unseen`, whose names are `held_out`."""
+        self.progress("judge", 0.8)
+        sets = posterior(models.fits, models.fits.likelihood)
+        accepted, fits = self.choose(models.fits, sets)
+        tests = self.test_model(accepted, fits, sets)
+        self.progress("show on held-out runs", 0.9)
+        unseen = with_spreads(unseen, models.base_fit.scatter)
+        held_out_fits = self.refit_held_out(models.base_fit.base, accepted, unseen)
+        self.progress("advise", 0.95)
+        is_gap = bool(accepted.model.effects) or models.base_fit.gap
+        return Findings(
+            subject=self.subject,
+            held_out=tuple(held_out),
+            base_fit=models.base_fit,
+            screen=models.screen,
+            accepted=accepted,
+            fits=fits,
+            posterior=sets,
+            model_tests=tests,
+            held_out_fits=held_out_fits,
+            experiments=self.advise(models.screen, accepted, fits, tests) if is_gap else (),
         )
 
     def choose(self, fits: Fits, sets: Posterior) -> tuple[CrossValidatedFit, Fits]:

@@ -38,7 +38,7 @@ class BaseFit:
 
     @property
     def gap(self) -> bool:
-        """Whether the base leaves more than noise, in a place, overall or from run to run."""
+        """Whether the base leaves more than noise, in a bin, overall or between repeats."""
         seen = self.misfit < ALPHA or any(place.p < ALPHA for place in self.places)
         return seen or self.repeats.drifts or self.repeats.differ
 
