@@ -2,22 +2,35 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
+from drivers.geometry import arc_lengths
 from drivers.strip.model import StripModel
 from drivers.types import Array
 
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """First touch of a fold's layers: `time` [s], `x` [m], arc lengths [m] to both edges."""
+    """First touch of a fold's layers: `time` [s], `x` [m], arc lengths [m] to both edges.
+
+    `extension` [m] is how much longer than `to_grasped` the upper layer is up to the grip, because
+    it is stretched or slid out of the grip.
+    """
 
     time: float
     x: float
     to_grasped: float
     to_fixed: float
+    extension: float = 0.0
+
+    @classmethod
+    def in_shape(cls, time: float, x: float, s: float, arc: Array, midline: Array) -> Self:
+        """Touch at `x` and arc length `s` [m] of a `midline` (n, 2) with nodes at `arc` (n,)."""
+        along, at_rest = arc_lengths(midline), float(arc[-1]) - s
+        extension = float(along[-1] - np.interp(s, arc, along)) - at_rest
+        return cls(time, x, at_rest, x - float(midline[0, 0]), extension)
 
     @property
     def displacement(self) -> float:

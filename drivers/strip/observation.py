@@ -143,8 +143,9 @@ def measured_touch(model: StripModel, touch: Touch, grip: Array, reported: Array
         touch,
         time=float(image_stamp(model.observation, touch.time)),
         x=x,
-        to_grasped=(1 + model.observation.scale) * touch.to_grasped + missed,
+        to_grasped=(1 + model.observation.scale) * (touch.to_grasped + touch.extension) + missed,
         to_fixed=x,
+        extension=0.0,
     )
 
 

@@ -83,11 +83,6 @@ def midlines(batch: Batch) -> Array:
     return _by_strip(batch, rows[:, 1:-1, [at.X, at.Z]])
 
 
-def fixed_edges(batch: Batch) -> Array:
-    """Positions x (n,) [m] of the fixed edges of all strips of `batch`."""
-    return _by_strip(batch, batch.state[:, 1, at.X].ravel())
-
-
 def _for_each(models: Sequence[StripModel], compute: Callable[[StripModel], Array]) -> Array:
     """Stack (n, ...) of `compute(model)`, computed once for models that are the same object."""
     distinct = {id(model): model for model in models}

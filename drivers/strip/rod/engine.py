@@ -13,7 +13,7 @@ from drivers.strip.engine import Observables, StripMotion, Touch
 from drivers.strip.model import StripModel
 from drivers.strip.observation import true_path
 from drivers.strip.rod import layout as at
-from drivers.strip.rod.batch import compact, end_strips, fixed_edges, flat_batch, living, midlines
+from drivers.strip.rod.batch import compact, end_strips, flat_batch, living, midlines
 from drivers.strip.rod.blocks import step_along
 from drivers.strip.rod.lumping import check
 from drivers.strip.rod.static import FINE_STEPS, fit_length, lift_path, settle
@@ -159,8 +159,8 @@ class Rod:
 
     def _record_touches(self) -> None:
         """Read the touches of layers; raises for a strip that failed where the engine is strict."""
-        pairs = zip(self._batch.monitor, fixed_edges(self._batch).tolist(), strict=True)
-        self.touch = tuple(_touch(monitor, edge) for monitor, edge in pairs)
+        strips = zip(self._batch.monitor, self._batch.arc, midlines(self._batch), strict=True)
+        self.touch = tuple(_touch(*strip) for strip in strips)
         if self._strict and self.failed.any():
             i = int(np.argmax(self.failed))
             time = float(self._batch.monitor[i, at.FAILURE_TIME])
@@ -169,10 +169,10 @@ class Rod:
             raise SimulationNotConverged("rod", i, time)
 
 
-def _touch(monitor: Array, edge: float) -> Touch | None:
-    """Layer touch from a strip's `monitor` (MONITOR_SIZE,), if any; its fixed edge is at `edge`."""
-    time, x, s, length = monitor[[at.TOUCH_TIME, at.TOUCH_X, at.TOUCH_S, at.LENGTH]].tolist()
-    return None if np.isnan(time) else Touch(time, x, to_grasped=length - s, to_fixed=x - edge)
+def _touch(monitor: Array, arc: Array, midline: Array) -> Touch | None:
+    """Layer touch from a strip's `monitor` (MONITOR_SIZE,), if any, in its shape `midline`."""
+    time, x, s = monitor[[at.TOUCH_TIME, at.TOUCH_X, at.TOUCH_S]].tolist()
+    return None if np.isnan(time) else Touch.in_shape(time, x, s, arc, midline)
 
 
 class GripperPath(NamedTuple):

@@ -37,8 +37,9 @@ def fit_length(batch: Batch, models: Sequence[StripModel], steps: int = APPROACH
     """Move the gripped edge of each strip of `batch` to x = its model's `stated_length`.
 
     A shorter strip is stretched evenly; a longer one, moved in `steps` steps, comes to rest with
-    its slack as a wave in front of the grip, as after a grip that came in from above. It is kept
-    inextensible until then: fabric buckles, where a rod may stay straight and compressed.
+    its slack as a wave in front of the grip, as after a grip that came in from above. Until then
+    its ends do not slide and it is kept inextensible: fabric buckles, where a rod may stay straight
+    and compressed.
     """
     slack = batch.arc[:, -1] - np.array([model.stated_length for model in models])
     goal = batch.held - slack[:, None] * (1.0, 0.0, 0.0)
@@ -51,6 +52,8 @@ def fit_length(batch: Batch, models: Sequence[StripModel], steps: int = APPROACH
         path[:, :, 1] = APPROACH_HEIGHT * reach * np.sqrt(share * (1 - share))
         stiff = [with_field(m, "mechanics.stretch_stiffness", np.inf) for m in models]
         rigid = flat_batch(stiff, batch.arc.shape[1] - 1)
+        if batch.terms:
+            rigid.nature[:, :, [at.GRIPPED, at.CLING]] = np.inf
         settle(end_strips(batch._replace(nature=rigid.nature), slack <= 0), path)
         yields = np.array([np.isfinite(m.mechanics.stretch_stiffness) for m in models])
         settle(end_strips(batch, (slack <= 0) | ~yields), goal[None])

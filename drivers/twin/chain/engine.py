@@ -113,8 +113,7 @@ class ChainStrip:
         self._gap = layer_gap(self.points, self.arc, OPENING * strip.touch_gap) or NO_GAP
         if self._gap.height <= strip.touch_gap:
             share, x, s = layer_touch(tuple(before), tuple(self._gap), strip.touch_gap)
-            to_fixed = x - float(self.points[0, 0])
-            self.touch = Touch(self._time + share * h, x, strip.length - s, to_fixed)
+            self.touch = Touch.in_shape(self._time + share * h, x, s, self.arc, self.points)
             layers = Layers.from_angles(self._joints.angles(self._data.qpos)[:-1])
             self._use_model(compile_chain(self._description, self._links, layers))
             self._pace(h)

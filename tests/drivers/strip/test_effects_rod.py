@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
+from drivers.geometry import arc_lengths
 from drivers.strip.describe import describe
 from drivers.strip.model import scale_rigidity
 from drivers.strip.rod.engine import Rod
@@ -57,6 +58,13 @@ def test_strip_starts_between_its_edges_whatever_its_length(error: float) -> Non
     np.testing.assert_allclose(rod.shapes()[1][:, 1], 0.0, atol=1e-12)
 
 
+def test_longer_strip_is_laid_without_sliding_in_its_grip() -> None:
+    loose = {"length_error": {"error": 0.008}, "grip_slip": {"force": 0.02}}
+    rod = Rod(100)
+    rod.reset([describe(denim(), loose)])
+    assert arc_lengths(rod.shapes()[0])[-1] == pytest.approx(LENGTH + 0.008, rel=1e-5)
+
+
 def test_loose_edge_holds_no_more_than_its_friction_and_slides_to_the_pull() -> None:
     friction = 0.4
     rod = Rod(100)
@@ -79,6 +87,11 @@ def test_grip_slips_above_its_force() -> None:
     pulls = [-motion.holding_force.min() for motion in motions]
     assert pulls[1] > 1.0
     assert 0.2 < pulls[0] < 0.3 + WEIGHT
+    slipped, held = (motion.touch for motion in motions)
+    assert slipped is not None
+    assert held is not None
+    assert abs(held.extension) < 1e-6
+    assert slipped.extension > 5e-4
 
 
 @pytest.mark.parametrize(
