@@ -23,7 +23,7 @@ Names = Sequence[str]
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """How signals of a run are predicted, and which signals and effects that way can treat.
+    """Mode of prediction, such as forward or inverse: its compared signals and possible effects.
 
     In mode forward the model is integrated under the recorded commands, and so it is in mode
     planar, that of pendulums; in mode prescribed inverse dynamics gives torques along the measured

@@ -82,7 +82,7 @@ def _text(values: Sequence[float] | Array) -> str:
 
 
 def _changed(mechanism: Mechanism, edited: Any, i: int, *names: str) -> str:
-    """Text of row `i` of the fields `names` of an edited model; empty where it is the model's."""
+    """Text of row `i` of the fields `names` of an edited model; empty where unchanged."""
     old, new = (np.hstack([getattr(m, n)[i] for n in names]) for m in (mechanism.model, edited))
     return "" if np.array_equal(old, new) else _text(new)
 

@@ -69,7 +69,7 @@ class Recording:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """Compared column of a run: its `kind` of quantity, noise `sigma` [SI], and what reads it.
+    """Compared column of a run: `kind` of quantity, noise `sigma` [SI], its joint or sensor.
 
     A torque is read at an actuator, by number, and acts on a joint, with `gear` [N m] there for a
     unit of the reading. A position or rate is the sum of the joints' with `weights` (joints,). Of a
