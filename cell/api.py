@@ -91,7 +91,7 @@ def compare(runs: Places, out: Place = "compare.html") -> Path:
 
 
 def read_run(folder: Place) -> Run:
-    """Read the run in `folder`, complete or not; `last` or the end of a name is found here."""
+    """Read the run in `folder`, a path, the end of its name or `last`; complete or not."""
     return load_run(run_folder(str(folder)))
 
 

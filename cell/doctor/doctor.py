@@ -22,7 +22,8 @@ def checks(
     yield machine.extras()
     why = "nothing is done by a file that cannot be read"
     try:
-        settings, names = configs.cell(), configs.strip_names()
+        settings = configs.cell()
+        names = configs.strip_names()
         for name in names:
             configs.strip(name)
     except CellError as error:

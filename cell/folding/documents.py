@@ -34,7 +34,8 @@ def run_header(
 
     `settings` are those that the run uses, `camera_rate` is that of the open camera [Hz].
     """
-    choice, strip = request.choice, request.strip
+    choice = request.choice
+    strip = request.strip
     return {
         "strip": strip.name,
         "sigma": settings.sigma.model_dump(),

@@ -59,7 +59,8 @@ class FoldTrace:
             return None
         touch = outcome.touch.time + origin
         path = np.array(self._path)
-        stamps, curves = np.array(self._stamps), np.array(self._profiles)
+        stamps = np.array(self._stamps)
+        curves = np.array(self._profiles)
         fold = MeasuredFold.until(touch, path[:, 0], path[:, 1:], stamps, curves)
         try:
             return agreement(self._strip, outcome.predicted, fold)

@@ -74,7 +74,8 @@ def observe(
     calibration, and leaves no folder then.
     """
     configurations = find_configs(configs)
-    cell, strip = configurations.cell(), configurations.strip(strip_name)
+    cell = configurations.cell()
+    strip = configurations.strip(strip_name)
     settings = cell.perception
     if isinstance(calibration, Path):
         calibration = load_calibration(calibration)

@@ -73,7 +73,8 @@ def predict(request: Request) -> Prediction:
 
     The calibration that the cell file names is checked as a fold does.
     """
-    settings, strip = request.cell, request.strip
+    settings = request.cell
+    strip = request.strip
     if settings.calibration is not None:
         calibration = load_calibration(Path(settings.calibration))
         on_twin = not request.choice.camera_driver(settings).real
@@ -115,7 +116,8 @@ def laid_at(folds: Folds) -> float | None:
 
 def _check_path(folds: Folds, request: Request) -> None:
     """Raise ConfigurationError where the arm of `request` cannot follow all of its `folds`."""
-    settings, strip = request.cell, request.strip
+    settings = request.cell
+    strip = request.strip
 
     def carry_at(speed: float) -> Array:
         slower = simulate_policy(request, at_speed(settings, speed), [strip])

@@ -114,7 +114,8 @@ def rehearsal(
 
 def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) -> Outcome:
     """Carry out the motion of the fold of `request` in the air, without strip or grasp."""
-    settings, strip = request.settings, request.strip
+    settings = request.settings
+    strip = request.strip
     folds = simulate_policy(request, settings, [strip])
     path, speeds = fold_poses(settings, strip, folds.trace[:, 0], laid_at(folds))
     is_robot = request.choice.arm_driver(settings).real

@@ -336,7 +336,7 @@ def blueprint(*, filmed: bool) -> Any:
 
 
 def _outlook() -> Any:
-    """Tabs of the policy's predictions: displacement with its interval, and each belief."""
+    """Tabs of the policy's predictions: displacement and each parameter, with their intervals."""
     views = [
         rrb.TimeSeriesView(
             origin="/signals/outlook",
