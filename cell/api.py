@@ -21,7 +21,8 @@ from cell.folding.prediction import Prediction, predict as predict_fold
 from cell.folding.request import Recording, Request
 from cell.folding.result import FoldResult
 from cell.gap.check import Check, check as check_runs
-from cell.gap.fit import FitOptions, fit, quiet
+from cell.gap.fit import FitOptions, fit
+from cell.gap.forward_selection import quiet
 from cell.gap.report.overlay import write_overlay
 from cell.gap.subject.strip.runs import check_fold
 from cell.gap.verdict.accept import AcceptResult, accept as accept_fit, undo as undo_fit

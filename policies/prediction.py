@@ -34,7 +34,9 @@ class FoldPrediction:
 
     def sentence(self) -> str:
         """Text with the predicted displacement and its sigma, for the operator."""
-        return f"predicted {1e3 * self.displacement:+.1f} mm, sigma {1e3 * self.sigma:.1f} mm"
+        where = "beyond" if self.displacement > 0 else "short of"
+        distance = f"{1e3 * abs(self.displacement):.1f} mm, sigma {1e3 * self.sigma:.1f} mm"
+        return f"predicted: the upper layer {where} the lower one by {distance}, at the touch"
 
 
 @runtime_checkable

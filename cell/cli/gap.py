@@ -23,7 +23,7 @@ from cell.cli.options import (
     engine,
     resumable,
 )
-from cell.cli.output import print_json, say, while_busy
+from cell.cli.output import notice, print_json, say, while_busy
 from cell.config.places import Configs as Configurations, check_recordable, find_configs
 from drivers.errors import CellError, ConfigurationError
 
@@ -224,7 +224,7 @@ def fit(
     from cell.gap.verdict.accept import LAW_PATCH
 
     options = FitOptions(hold_out or (), without or (), unchecked, _threads(jobs))
-    with _progress(quiet=as_json) as shown:
+    with _progress() as shown:
         verdict = fit_runs(runs, file, out, options, shown, write_overlay)
     if as_json:
         sys.stdout.write(verdict.to_json())
@@ -255,7 +255,8 @@ def check(
     from drivers.files import write_file
 
     file = _subject_file(strip, model, configs, subject)
-    checked = check_runs(runs, file, _threads(jobs))
+    with _progress() as shown:
+        checked = check_runs(runs, file, _threads(jobs), shown)
     write_file(out / "check.json", checked.to_json())
     write_file(out / "check.html", check_page(checked, file.stem))
     if as_json:
@@ -395,13 +396,13 @@ def _cell_file(model: Path | None, configs: Path | None) -> Path | None:
 
 
 @contextmanager
-def _progress(*, quiet: bool) -> Iterator[Callable[[str, float], None]]:
-    """Yield a callback that shows stage and share of the work; silent off a terminal."""
+def _progress() -> Iterator[Callable[[str, float], None]]:
+    """Yield a callback that shows stage and share of the work; off a terminal a line each."""
     from rich.console import Console
     from rich.progress import Progress
 
-    if quiet or not sys.stderr.isatty():
-        yield lambda _stage, _share: None
+    if not sys.stderr.isatty():
+        yield lambda stage, share: notice(f"{100 * share:3.0f} % {stage}")
         return
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("reading", total=1.0)

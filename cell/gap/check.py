@@ -11,6 +11,7 @@ from pydantic import Field
 from cell.gap.fitting.base_fit import effect_responses, stated_estimate, undetermined_values
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.projection import projection
+from cell.gap.forward_selection import Progress, quiet
 from cell.gap.open_subject import open_subject
 from cell.gap.subject.run_folders import (
     TABLES,
@@ -245,7 +246,7 @@ def refuse(runs: Sequence[RunFolder]) -> None:
         )
 
 
-def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
+def check(paths: Sequence[Path], file: Path, jobs: int = 1, progress: Progress = quiet) -> Check:
     """Check the runs at `paths` of the subject that `file` describes, without fitting anything.
 
     Raises ConfigurationError where there are no runs, or `file` is not YAML; what else cannot be
@@ -253,6 +254,7 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
     """
     read_yaml(file)
     runs, copies = without_copies(find_runs(paths, fewest=1))
+    progress(f"read {plural(len(runs), 'run')}", 0.0)
     measure_again = "measure again; a copy says nothing new"
     findings = [
         Finding(what="copy", run=copy, words=copy_note(copy, first), remedy=measure_again)
@@ -268,6 +270,7 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
     else:
         again = "mend its mapping, or make it again"
         findings += [Finding(what="run", words=words, remedy=again) for words in subject.notes]
+        progress("try each effect at its largest", 0.2)
         findings += identifiable(subject)
     return Check(runs=[run.name for run in runs], findings=findings)
 

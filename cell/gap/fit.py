@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from cell.gap.check import refuse
 from cell.gap.fitting.tasks import CountedSimulation
-from cell.gap.forward_selection import Progress
+from cell.gap.forward_selection import Progress, quiet
 from cell.gap.investigate import investigate
 from cell.gap.open_subject import open_subject
 from cell.gap.report.page import page
@@ -22,13 +22,10 @@ from cell.gap.verdict import accept
 from cell.gap.verdict.compose import deviations, verdict as compose
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Values, Verdict
+from cell.report.words import plural
 from drivers.errors import ConfigurationError
 from drivers.files import write_file, writing
 from drivers.yaml_text import dump_yaml
-
-
-def quiet(stage: str, share: float) -> None:
-    """Progress callback that prints nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +58,7 @@ def fit(
     began = time.monotonic()
     _clear(out)
     folders = find_runs(runs)
+    progress(f"read {plural(len(folders), 'run')}", 0.0)
     hold.check([run.name for run in folders], options.hold_out)
     distinct, copies = without_copies(folders)
     if not options.unchecked:

@@ -34,6 +34,10 @@ Progress = Callable[[str, float], None]
 """Called with the name of a stage and the share of the whole that is done."""
 
 
+def quiet(stage: str, share: float) -> None:
+    """Progress callback that prints nothing."""
+
+
 class Models(NamedTuple):
     """Fitted models: the base, the screen of effects near it, and `fits` of all models so far."""
 

@@ -29,7 +29,7 @@ class LiveView:
 
     It writes run.rrd into the run's folder, serves it on loopback and opens a viewer there. The
     viewer connects to us, so that one that hangs or dies cannot block anything.
-    `failure` is the reason why nothing is recorded any more.
+    `failure` is the reason why nothing is recorded any more, which the fold's warning states.
     """
 
     def __init__(self, folder: Path, strip: StripFile, *, hanging: bool = False) -> None:
