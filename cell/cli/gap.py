@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cell.cli.options import (
+    INTERRUPTED_CODE,
     PLANT_HELP,
     Cluster,
     Configs,
@@ -25,6 +26,8 @@ from cell.cli.options import (
 )
 from cell.cli.output import notice, print_json, say, while_busy
 from cell.config.places import Configs as Configurations, check_recordable, find_configs
+from cell.record.files import runs_in
+from cell.report.words import plural
 from drivers.errors import CellError, ConfigurationError
 
 if TYPE_CHECKING:
@@ -93,9 +96,16 @@ def plan(
     if dry_run:
         _print_plan(requests)
         return
-    code = _fold_all(requests, jobs, as_json=as_json)
+    from cell.orchestrator.operator import Interrupted
+
+    file = _strip_file(strip, configs)
+    try:
+        code = _fold_all(requests, jobs, as_json=as_json)
+    except (Interrupted, KeyboardInterrupt):  # by a second Ctrl-C, or between two folds
+        sys.stderr.write(_next_fit(folder, file, INTERRUPTED_CODE))
+        raise
     if not as_json:
-        _print_next_fit(folder, _strip_file(strip, configs), code)
+        sys.stdout.write(_next_fit(folder, file, code))
     sys.exit(code)
 
 
@@ -115,13 +125,13 @@ def _standard_runs(
     return standard_requests(base)
 
 
-def _print_next_fit(folder: Path, file: Path, code: int) -> None:
-    """Print the command that fits the runs in `folder`, which ended with the exit `code`."""
-    from cell.orchestrator.operator import Interrupted
-
-    if code == Interrupted.exit_code:
-        sys.stdout.write(f"fit what {folder} holds, or plan all again with another --runs\n")
-    sys.stdout.write(f"next: cell gap fit {folder} --strip {file} --out {folder}-fit\n")
+def _next_fit(folder: Path, file: Path, code: int) -> str:
+    """Text with the command that fits the runs in `folder`, which ended with the exit `code`."""
+    text = f"next: cell gap fit {folder} --strip {file} --out {folder}-fit\n"
+    if code != INTERRUPTED_CODE:
+        return text
+    held = plural(len(runs_in(folder)), "run")
+    return f"{folder} holds {held}: fit them, two or more, or plan all with another --runs\n{text}"
 
 
 def _print_plan(requests: "Sequence[Request]") -> None:
