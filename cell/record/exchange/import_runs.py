@@ -114,7 +114,7 @@ def _suggest_change(
     scratch: Path,
     length: Callable[[str], float] | None,
 ) -> str:
-    """Text of the change of axis, unit or zero in the mapping with which the run can be read.
+    """Text of the change of axis, unit, zero or columns in the mapping that mends the run.
 
     Empty where no such change of the gripper's columns, the strip's, or both helps.
     """
@@ -125,8 +125,11 @@ def _suggest_change(
     times = (("t", "t_layer_touch"),)
     for units, names in ((ANGLES, (pitch,)), (LENGTHS, (*axes, touch)), (TIMES, times)):
         tried += product([{"unit": unit} for unit in units], names)
+    tried.append(({}, ("x", "z")))  # no change but that they are swapped
     with suppress(ConfigurationError, IndexError):  # no row
-        tried += product([] if length is None else _zeros(source, how, length(how.strip)), (x,))
+        begins = {} if length is None else {"x": length(how.strip), "z": 0.0}
+        for names in (x, ("z",)):
+            tried += product(_zeros(source, how, names[0], begins[names[0]]), (names,))
     tables = (("ticks", "contact"), *zip(TABLES[1:], strict=True), TABLES)
     done = list[object]()
     for (change, names), changed in product(tried, tables):
@@ -137,23 +140,27 @@ def _suggest_change(
         if not found or (change, found) in done:
             continue
         done.append((change, found))
+        before = {table: dict(of_table) for table, of_table in columns.items()}
+        partner = dict(zip(names, names if change else names[::-1], strict=True))
         for name, table in found:
-            columns[table][name].update(change)
+            stated = before[table].get(partner[name], before[table][name])
+            columns[table][name] = stated | change
         with suppress(ConfigurationError), TemporaryDirectory(dir=scratch) as place:
             run = Path(place) / source.name
             _write_run(source, MappingFile.model_validate(content), 0, run)
             check(run)
-            stated = ", ".join(dump_yaml(change).splitlines())
+            mended = ", ".join(dump_yaml(change).splitlines()) if change else "swapped columns"
             parts = [" and ".join(dict.fromkeys(part)) for part in zip(*found, strict=True)]
-            return f"; {stated} for {' of '.join(parts)} in the mapping would mend it"
+            return f"; {mended} for {' of '.join(parts)} in the mapping would mend it"
     return ""
 
 
-def _zeros(source: Source, how: MappingFile, length: float) -> list[dict[str, Any]]:
-    """Changes of x's zero: counted from the strip's other end, or begun at its `length` [m]."""
-    column, begin = how.ticks.columns["x"], float(read_columns(source, how.ticks)["x"][0])
-    begin = column.offset + (-begin if column.reversed else begin)
-    zeros = ((True, begin + length), (False, begin - length))
+def _zeros(source: Source, how: MappingFile, name: str, begin: float) -> list[dict[str, Any]]:
+    """Changes, turned and not, by which the gripper's x or z, `name`, starts at `begin` [m]."""
+    column = how.ticks.columns[name]
+    first = float(read_columns(source, how.ticks)[name][0])
+    first = column.offset + (-first if column.reversed else first)
+    zeros = ((True, first + begin), (False, first - begin))
     return [{"reversed": turned, "offset": round(offset, 3) + 0.0} for turned, offset in zeros]
 
 

@@ -63,6 +63,8 @@ def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
         ("ticks", "t", {"unit": "mm"}, "t: unit 'mm' is not known"),
         ("ticks", "z", {"unit": "um", "offset": 0.0}, "z: rises less than 0.01 m"),
         ("result", "t_layer_touch", {"unit": "ms"}, "unit: s for t_layer_touch of result (touch."),
+        ("profile", "x", {"column": "z"}, "half the midlines"),
+        ("ticks", "x_cmd", {"column": "height", "unit": "cm"}, "z_cmd: half lie off the gripper"),
         ("profile", "t", {"offset": 0.9}, "points.parquet: x, z: half the midlines end off"),
         ("profile", "t", {"offset": 0.09}, "a: t: the midlines lead the gripper by 0.09"),
         ("profile", "z", {"offset": 0.012}, "a: z: half the midlines begin under the desk by 0.01"),

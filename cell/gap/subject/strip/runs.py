@@ -40,7 +40,8 @@ SHIFTS = (0.01, 0.015)  # by which midlines lie off gripper or desk
 DELAYS = (0.07, 0.2)  # by which midlines are late or early for the gripper's path
 SPREADS = np.array([0.06, 0.005])  # s, m: of delays and of shifts in x
 END_ERROR = 0.0006  # m of a run's midlines at their ends, in common
-LAYER = (0.03, np.inf)  # by which l1 differs from the way to the gripper
+ODD = (0.03, np.inf)  # by which l1 is not the way to the gripper, or a command not its place
+GAP = (0.2, np.inf)  # between two rows: the path in between is guessed
 PERIOD = (0.02,)  # between rows, slower than any servo; the contract asks for 0.01
 NOTICED = 0.1  # s by which a touch is usually noticed too early or late
 TOUCH_ROUNDING = 1e-3  # m by which displacement and l1 - l2 may differ as they are rounded
@@ -301,8 +302,8 @@ def _notes(
             )
         if median > limits[0]:
             yield (
-                f"{name}: {what} {median:.2g}, at most {limits[0]:g} is usual; are "
-                "`start`, columns (l1 and l2?), `offset` and `late` of the mapping right?"
+                f"{name}: {what} {median:.2g}, at most {limits[0]:g} is usual; are columns "
+                "swapped, or `start`, `offset` or `late` of the mapping wrong?"
             )
     if run.result is None:
         yield f"{name}: died after {run.ticks.t[-1]:.1f} s and is used as far as it goes"
@@ -315,6 +316,10 @@ def _reaches(run: Recorded, touch: Touch | None, strip: StripFile) -> Iterator[C
     t, x, z, contact = run.ticks.t, run.ticks.x, run.ticks.z, run.ticks.contact_x
     seen, at = np.isfinite(contact), f"start at x {x[0]:.3f}, z {z[0]:.3f} m is"
     yield TICKS, "t: in s, half the rows are apart by", np.diff(t), PERIOD
+    yield TICKS, "t: two rows are apart by", float(np.diff(t).max()), GAP
+    apart_x, apart_z = np.nan_to_num([run.ticks.x_cmd - x, run.ticks.z_cmd - z])
+    lag = np.hypot(apart_x, apart_z)[z > HELD[0]]
+    yield TICKS, "x_cmd, z_cmd: half lie off the gripper by", lag, ODD
     if run.header.start == "hanging":
         upright, far = abs(run.ticks.pitch[0] - np.pi / 2), np.hypot(x[0], z[0]) - strip.length
         yield TICKS, "pitch: a hanging start is off pi/2 by", upright, HANGING
@@ -338,7 +343,7 @@ def _reaches(run: Recorded, touch: Touch | None, strip: StripFile) -> Iterator[C
     layer = np.hypot(np.interp(touch.time + late, t, x) - l2, np.interp(touch.time + late, t, z))
     yield RESULT, "l1: ends before the gripper by", float(layer.min()) - l1, HELD
     apart = np.abs(layer - l1)[np.abs(late) < NOTICED].min()
-    yield RESULT, "l1: differs from the way from the touch to the gripper by", apart, LAYER
+    yield RESULT, "l1: differs from the way from the touch to the gripper by", apart, ODD
 
 
 def _misses_of_midlines(run: Recorded) -> Iterator[Contradiction]:
