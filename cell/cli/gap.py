@@ -26,8 +26,6 @@ from cell.cli.options import (
 )
 from cell.cli.output import notice, print_json, say, while_busy
 from cell.config.places import Configs as Configurations, check_recordable, find_configs
-from cell.record.files import runs_in
-from cell.report.words import plural
 from drivers.errors import CellError, ConfigurationError
 
 if TYPE_CHECKING:
@@ -96,16 +94,15 @@ def plan(
     if dry_run:
         _print_plan(requests)
         return
-    from cell.orchestrator.operator import Interrupted
-
-    file = _strip_file(strip, configs)
-    try:
+    following = f"next: cell gap fit {folder} --strip {_strip_file(strip, configs)}"
+    following += f" --out {folder}-fit\n"
+    way_on = f"fit them, two or more, or plan all with another --runs\n{following}"
+    with resumable(folder, way_on):
         code = _fold_all(requests, jobs, as_json=as_json)
-    except (Interrupted, KeyboardInterrupt):  # by a second Ctrl-C, or between two folds
-        sys.stderr.write(_next_fit(folder, file, INTERRUPTED_CODE))
-        raise
+        if code == INTERRUPTED_CODE:
+            raise KeyboardInterrupt
     if not as_json:
-        sys.stdout.write(_next_fit(folder, file, code))
+        sys.stdout.write(following)
     sys.exit(code)
 
 
@@ -123,15 +120,6 @@ def _standard_runs(
     record = Recording(truth=truth)
     base = Request(found.cell(), found.strip(strip), "", folder, choice, record=record)
     return standard_requests(base)
-
-
-def _next_fit(folder: Path, file: Path, code: int) -> str:
-    """Text with the command that fits the runs in `folder`, which ended with the exit `code`."""
-    text = f"next: cell gap fit {folder} --strip {file} --out {folder}-fit\n"
-    if code != INTERRUPTED_CODE:
-        return text
-    held = plural(len(runs_in(folder)), "run")
-    return f"{folder} holds {held}: fit them, two or more, or plan all with another --runs\n{text}"
 
 
 def _print_plan(requests: "Sequence[Request]") -> None:

@@ -147,14 +147,14 @@ def ask(question: str) -> str:
 
 
 @contextmanager
-def resumable(folder: Path) -> "Iterator[None]":
-    """Within the block, answer Ctrl-C by printing how to resume, and exit with code 130."""
+def resumable(folder: Path, way_on: str = "run the command again to resume\n") -> "Iterator[None]":
+    """Within the block, answer Ctrl-C by printing the `way_on`, and exit with code 130."""
+    from cell.orchestrator.operator import Interrupted
+
     try:
         yield
-    except KeyboardInterrupt:
-        sys.stderr.write(
-            f"interrupted; what is finished is kept in {folder}: run the command again to resume\n"
-        )
+    except (KeyboardInterrupt, Interrupted):
+        sys.stderr.write(f"interrupted; what is finished is kept in {folder}: {way_on}")
         sys.exit(INTERRUPTED_CODE)
 
 

@@ -246,7 +246,7 @@ def refuse(runs: Sequence[RunFolder]) -> None:
         )
 
 
-def check(paths: Sequence[Path], file: Path, jobs: int = 1, progress: Progress = quiet) -> Check:
+def check(paths: Sequence[Path], file: Path, jobs: int = 1, shown: Progress = quiet) -> Check:
     """Check the runs at `paths` of the subject that `file` describes, without fitting anything.
 
     Raises ConfigurationError where there are no runs, or `file` is not YAML; what else cannot be
@@ -254,7 +254,7 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1, progress: Progress =
     """
     read_yaml(file)
     runs, copies = without_copies(find_runs(paths, fewest=1))
-    progress(f"read {plural(len(runs), 'run')}", 0.0)
+    shown(f"read {plural(len(runs), 'run')}", 0.0)
     measure_again = "measure again; a copy says nothing new"
     findings = [
         Finding(what="copy", run=copy, words=copy_note(copy, first), remedy=measure_again)
@@ -270,7 +270,7 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1, progress: Progress =
     else:
         again = "mend its mapping, or make it again"
         findings += [Finding(what="run", words=words, remedy=again) for words in subject.notes]
-        progress("try each effect at its largest", 0.2)
+        shown("try each effect at its largest", 0.2)
         findings += identifiable(subject)
     return Check(runs=[run.name for run in runs], findings=findings)
 

@@ -29,13 +29,8 @@ WORDS = {  # of a column's name, by what it holds; the first say that it is none
     "i": "i point punkt 番号",
 }
 SECOND = {"log", "y"}  # words of columns that are taken where there is no other
-UNITS = {unit.lower(): unit for unit in FACTORS} | {
-    "sec": "s",
-    "seconds": "s",
-    "°": "deg",
-    "grad": "deg",
-}
-UNITS |= {"度": "deg", "秒": "s"}
+UNITS = {unit.lower(): unit for unit in FACTORS}
+UNITS |= {"sec": "s", "seconds": "s", "秒": "s", "°": "deg", "grad": "deg", "度": "deg"}
 TYPICAL = {"t": 5e-3, "pitch": np.pi / 2, "x": 0.8, "z": 0.3, "f_x": 0.1, "f_z": 0.1}
 """Step [s], turn [rad], paths [lengths of the strip] and forces [N] of a gripper."""
 STRIP = 0.5  # m, typically

@@ -122,8 +122,8 @@ def _suggest_change(
     axes = (x, ("z",), (*x, "z"))
     changes: list[dict[str, Any]] = [{"reversed": True}, {"reversed": False}]
     tried = [*product(changes, (*axes, pitch))]
-    times = (("t", "t_layer_touch"),)
-    for units, names in ((ANGLES, (pitch,)), (LENGTHS, (*axes, touch)), (TIMES, times)):
+    touch_time = ("t", "t_layer_touch")
+    for units, names in ((ANGLES, [pitch]), (LENGTHS, [*axes, touch]), (TIMES, [touch_time])):
         tried += product([{"unit": unit} for unit in units], names)
     tried.append(({}, ("x", "z")))  # no change but that they are swapped
     with suppress(ConfigurationError, IndexError):  # no row
@@ -140,11 +140,10 @@ def _suggest_change(
         if not found or (change, found) in done:
             continue
         done.append((change, found))
-        before = {table: dict(of_table) for table, of_table in columns.items()}
-        partner = dict(zip(names, names if change else names[::-1], strict=True))
+        for of_table in () if change else columns.values():
+            of_table.update({a: of_table[b] for a, b in ("xz", "zx") if {a, b} <= of_table.keys()})
         for name, table in found:
-            stated = before[table].get(partner[name], before[table][name])
-            columns[table][name] = stated | change
+            columns[table][name].update(change)
         with suppress(ConfigurationError), TemporaryDirectory(dir=scratch) as place:
             run = Path(place) / source.name
             _write_run(source, MappingFile.model_validate(content), 0, run)
@@ -264,10 +263,9 @@ def _profile(source: Source, how: MappingFile, begin: float, t: Array) -> dict[s
     points["t"] = points["t"] - begin
     check_clock(points["t"], t, f"{source.place(how.profile)}: t")
     if "i" not in points:  # numbered within each image, in the order of the file
-        first = np.flatnonzero(np.diff(points["t"], prepend=np.nan))  # a NaN counts as a change
-        sizes = np.diff(np.append(first, len(points["t"])))
-        order = np.arange(len(points["t"])) - np.repeat(first, sizes)
-        points["i"] = np.asarray(order, dtype=np.float64)
+        rows = np.arange(len(points["t"]), dtype=np.float64)
+        begins = np.diff(points["t"], prepend=np.nan) != 0.0  # a NaN counts as a change
+        points["i"] = rows - np.maximum.accumulate(np.where(begins, rows, 0.0))
     return points
 
 
