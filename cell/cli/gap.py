@@ -24,7 +24,7 @@ from cell.cli.options import (
     engine,
     resumable,
 )
-from cell.cli.output import notice, print_json, say, while_busy
+from cell.cli.output import busy, notice, print_json, say, while_busy
 from cell.config.places import Configs as Configurations, check_recordable, find_configs
 from drivers.errors import CellError, ConfigurationError
 
@@ -396,12 +396,6 @@ def _cell_file(model: Path | None, configs: Path | None) -> Path | None:
 @contextmanager
 def _progress() -> Iterator[Callable[[str, float], None]]:
     """Yield a callback that shows stage and share of the work; off a terminal a line each."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    if not sys.stderr.isatty():
-        yield lambda stage, share: notice(f"{100 * share:3.0f} % {stage}")
-        return
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("reading", total=1.0)
-        yield lambda stage, share: bar.update(task, description=stage, completed=share)
+    with busy("reading") as show:
+        tell = show if sys.stderr.isatty() else notice
+        yield lambda stage, share: tell(f"{100 * share:3.0f} % {stage}")

@@ -126,7 +126,7 @@ def _suggest_change(
     for units, names in ((ANGLES, [pitch]), (LENGTHS, [*axes, touch]), (TIMES, [touch_time])):
         tried += product([{"unit": unit} for unit in units], names)
     tried.append(({}, ("x", "z")))  # no change but that they are swapped
-    with suppress(ConfigurationError, IndexError):  # no row
+    with suppress(ConfigurationError, LookupError):  # no row, or no length
         begins = {} if length is None else {"x": length(how.strip), "z": 0.0}
         for names in (x, ("z",)):
             tried += product(_zeros(source, how, names[0], begins[names[0]]), (names,))

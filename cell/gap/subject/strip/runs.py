@@ -317,9 +317,8 @@ def _reaches(run: Recorded, touch: Touch | None, strip: StripFile) -> Iterator[C
     seen, at = np.isfinite(contact), f"start at x {x[0]:.3f}, z {z[0]:.3f} m is"
     yield TICKS, "t: in s, half the rows are apart by", np.diff(t), PERIOD
     yield TICKS, "t: two rows are apart by", float(np.diff(t).max()), GAP
-    apart_x, apart_z = np.nan_to_num([run.ticks.x_cmd - x, run.ticks.z_cmd - z])
-    lag = np.hypot(apart_x, apart_z)[z > HELD[0]]
-    yield TICKS, "x_cmd, z_cmd: half lie off the gripper by", lag, ODD
+    lag = np.hypot(*np.nan_to_num([run.ticks.x_cmd - x, run.ticks.z_cmd - z]))
+    yield TICKS, "x_cmd, z_cmd: half lie off the gripper by", lag[z > HELD[0]], ODD
     if run.header.start == "hanging":
         upright, far = abs(run.ticks.pitch[0] - np.pi / 2), np.hypot(x[0], z[0]) - strip.length
         yield TICKS, "pitch: a hanging start is off pi/2 by", upright, HANGING
