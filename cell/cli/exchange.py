@@ -1,5 +1,6 @@
 """Commands `cell import` and `cell export` of runs, and `cell observe` of films."""
 
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -77,9 +78,9 @@ def _propose(places: list[Path], out: Path, strip: "StripFile | None") -> None:
 
     check_free(out)
     text = guess_mapping(places, strip)
-    of = " ".join(map(str, places))
     write_file(out, text)
     sys.stdout.write(f"{text}{out}: read it, and write what is open in place of null\n")
+    of = shlex.join(map(str, places))
     sys.stdout.write(f"next: cell import {of} --mapping {out} --out runs/own\n")
 
 

@@ -122,10 +122,9 @@ class FoldResult:
             folded += f" ({self.outcome})"
         text = f"{self.strip}: {folded}, displacement {1e3 * self.displacement:+.1f} mm"
         text += _true_words(self.displacement_true)
-        if self.edge_offset is not None:
-            where = "beyond" if self.edge_offset > 0 else "before"
-            distance = 1e3 * abs(self.edge_offset)
-            text += f"; laid down, the upper edge lies {distance:.1f} mm {where} the lower one"
+        if (d := self.edge_offset) is not None:
+            where = "beyond" if d > 0 else "before"
+            text += f"; laid down, the upper edge lies {1e3 * abs(d):.1f} mm {where} the lower one"
         elif self.edge_offset_true is not None:
             text += "; the edges are not seen"
         lines = [text + _true_words(self.edge_offset_true), self.predicted]

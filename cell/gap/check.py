@@ -255,9 +255,8 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1, shown: Progress = qu
     read_yaml(file)
     runs, copies = without_copies(find_runs(paths, fewest=1))
     shown(f"read {plural(len(runs), 'run')}", 0.0)
-    measure_again = "measure again; a copy says nothing new"
     findings = [
-        Finding(what="copy", run=copy, words=copy_note(copy, first), remedy=measure_again)
+        Finding(what="copy", run=copy, words=copy_note(copy, first), remedy="measure it again")
         for copy, first in copies.items()
     ]
     findings += recordings(runs)
@@ -265,8 +264,7 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1, shown: Progress = qu
         subject = open_subject(file, runs, jobs)
     except ConfigurationError as error:
         line = str(error).splitlines()[0]
-        remedy = "mend the file that it names"
-        findings.append(Finding(what="unreadable", words=line, remedy=remedy, level="bad"))
+        findings.append(Finding(what="unreadable", words=line, remedy="mend it", level="bad"))
     else:
         again = "mend its mapping, or make it again"
         findings += [Finding(what="run", words=words, remedy=again) for words in subject.notes]
@@ -287,8 +285,7 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
         if sigma >= PROBE_SIGMA:
             directions[candidate.name] = response / sigma
         else:
-            words = f"{candidate.name}: the largest size tried changes the runs by only "
-            words += f"{sigma:.1f} sigma"
+            words = f"{candidate.name}: its largest size changes the runs by only {sigma:.1f} sigma"
             yield Finding(what=IDENTIFIABLE, words=words, remedy=candidate.revealed_by)
     for (first, a), (second, b) in combinations(directions.items(), 2):
         if abs(float(a @ b)) > LARGEST_CORRELATION:

@@ -64,12 +64,11 @@ def fit(
     if not options.unchecked:
         refuse(distinct)
     subject = open_subject(file, distinct, options.jobs, options.without)
-    named = [copies.get(name, name) for name in options.hold_out]
     with writing(f"{out}", "give a folder that can be written"):
         out.mkdir(parents=True, exist_ok=True)
     simulate = CountedSimulation(subject.simulate)
     with threadpool_limits(1, "blas"):  # matrices are small: threads only wait for each other
-        held = hold.held_out(subject, simulate, named)
+        held = hold.held_out(subject, simulate, [copies.get(n, n) for n in options.hold_out])
         findings = investigate(subject, held, simulate, progress)
     verdict = compose(findings, time.monotonic() - began, simulate.total)
     verdict = _with_remarks(verdict, subject, itertools.starmap(copy_note, copies.items()))

@@ -232,9 +232,8 @@ def flat(message: object) -> list[Row]:
         elif not (inner := _fields(value)):
             row[name] = value
         elif inner.keys() in TIMES:
-            row[name] = sum(
-                inner[part] * unit for part, unit in zip(sorted(inner), (1e-9, 1), strict=True)
-            )
+            nanoseconds, seconds = (inner[part] for part in sorted(inner))
+            row[name] = seconds + 1e-9 * nanoseconds
         else:
             rows = [{f"{name}.{key}": part for key, part in each.items()} for each in flat(value)]
             row |= rows[0] if len(rows) == 1 else {}

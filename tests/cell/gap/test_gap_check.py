@@ -84,6 +84,6 @@ def test_a_check_says_what_cannot_be_read(runs: Path) -> None:
 def test_what_runs_cannot_say_is_listed() -> None:
     found = [f.words for f in identifiable(Curves(nothing, names=("bump", "twin", "dead")))]
     assert found == [
-        "dead: the largest size tried changes the runs by only 0.0 sigma",
+        "dead: its largest size changes the runs by only 0.0 sigma",
         "bump and twin change these runs alike: they cannot be separated",
     ]
