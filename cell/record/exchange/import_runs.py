@@ -26,6 +26,7 @@ from cell.record.exchange.mapping import (
     SignalMapping,
     Source,
     TableFiles,
+    TickColumn,
     read_columns,
 )
 from cell.record.files import PROFILE, RESULT, RUN, SIGNALS, TICKS, is_run
@@ -120,16 +121,16 @@ def _suggest_change(
     """
     x, pitch, touch = ("x", "contact_x"), ("pitch",), ("l1", "l2")
     axes = (x, ("z",), (*x, "z"))
-    changes: list[dict[str, Any]] = [{"reversed": True}, {"reversed": False}]
+    changes: list[Content] = [{"reversed": True}, {"reversed": False}]
     tried = [*product(changes, (*axes, pitch))]
     touch_time = ("t", "t_layer_touch")
     for units, names in ((ANGLES, [pitch]), (LENGTHS, [*axes, touch]), (TIMES, [touch_time])):
         tried += product([{"unit": unit} for unit in units], names)
     tried.append(({}, ("x", "z")))  # no change but that they are swapped
-    with suppress(ConfigurationError, LookupError):  # no row, or no length
-        begins = {} if length is None else {"x": length(how.strip), "z": 0.0}
-        for names in (x, ("z",)):
-            tried += product(_zeros(source, how, names[0], begins[names[0]]), (names,))
+    with suppress(ConfigurationError, IndexError):  # no row
+        begins: dict[TickColumn, float] = {"x": length(how.strip), "z": 0.0} if length else {}
+        for name, begin in begins.items():
+            tried += product(_zeros(source, how, name, begin), ((name, f"contact_{name}"),))
     tables = (("ticks", "contact"), *zip(TABLES[1:], strict=True), TABLES)
     done = list[object]()
     for (change, names), changed in product(tried, tables):
@@ -142,9 +143,9 @@ def _suggest_change(
         done.append((change, found))
         for of_table in () if change else columns.values():
             of_table.update({a: of_table[b] for a, b in ("xz", "zx") if {a, b} <= of_table.keys()})
-        for name, table in found:
-            columns[table][name].update(change)
-        with suppress(ConfigurationError), TemporaryDirectory(dir=scratch) as place:
+        for quantity, table in found:
+            columns[table][quantity].update(change)
+        with suppress(ConfigurationError, ValueError), TemporaryDirectory(dir=scratch) as place:
             run = Path(place) / source.name
             _write_run(source, MappingFile.model_validate(content), 0, run)
             check(run)
@@ -154,7 +155,7 @@ def _suggest_change(
     return ""
 
 
-def _zeros(source: Source, how: MappingFile, name: str, begin: float) -> list[dict[str, Any]]:
+def _zeros(source: Source, how: MappingFile, name: TickColumn, begin: float) -> list[Content]:
     """Changes, turned and not, by which the gripper's x or z, `name`, starts at `begin` [m]."""
     column = how.ticks.columns[name]
     first = float(read_columns(source, how.ticks)[name][0])
