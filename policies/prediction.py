@@ -34,9 +34,8 @@ class FoldPrediction:
 
     def sentence(self) -> str:
         """Text with the predicted displacement and its sigma, for the operator."""
-        where = "beyond" if self.displacement > 0 else "short of"
-        distance = f"{1e3 * abs(self.displacement):.1f} mm, sigma {1e3 * self.sigma:.1f} mm"
-        return f"predicted: the upper layer {where} the lower one by {distance}, at the touch"
+        distance, sigma = 1e3 * self.displacement, 1e3 * self.sigma
+        return f"predicted displacement {distance:+.1f} mm, sigma {sigma:.1f} mm"
 
 
 @runtime_checkable

@@ -244,11 +244,9 @@ def _attendance(robot: str, *, as_json: bool) -> "Attendance":
 
 
 def _print_line(result: "FoldResult") -> None:
-    """Print the result as a line of JSON; a warning and a failure on standard error."""
+    """Print the result as a line of JSON, and a failure also on standard error."""
     print_json(result.line())
     sys.stdout.flush()
-    if result.warning:
-        notice(result.warning)
     if result.exit_code != 0:
         notice(": ".join(filter(None, (result.run, result.outcome, result.reason))))
 

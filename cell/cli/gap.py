@@ -96,8 +96,7 @@ def plan(
         return
     following = f"next: cell gap fit {folder} --strip {_strip_file(strip, configs)}"
     following += f" --out {folder}-fit\n"
-    way_on = f"fit them, two or more, or plan all with another --runs\n{following}"
-    with resumable(folder, way_on):
+    with resumable(folder, f"fit two or more, or plan all with another --runs\n{following}"):
         code = _fold_all(requests, jobs, as_json=as_json)
         if code == INTERRUPTED_CODE:
             raise KeyboardInterrupt

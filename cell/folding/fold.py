@@ -155,8 +155,8 @@ def _record_fold(
         blind = replace(devices, plant=None, aids=None)  # the controller cannot read the truth
         run = Run(blind, context, recorder, (trace, *observers, *live_views), interrupted)
         outcome = run_and_record(run, devices, recorder, trace.review)
-    failures = (view.failure for view in live_views)
-    context.warning = "\n  ".join(filter(None, (context.warning, *failures)))
+    said = (context.warning, *(view.failure for view in live_views))
+    context.warning = "\n  ".join(filter(None, said))
     truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)
     if truth and request.record.truth:
         outcome = _write_truth(folder, truth, outcome)

@@ -115,17 +115,14 @@ def _suggest_change(
     scratch: Path,
     length: Callable[[str], float] | None,
 ) -> str:
-    """Text of the change of axis, unit, zero or columns in the mapping that mends the run.
-
-    Empty where no such change of the gripper's columns, the strip's, or both helps.
-    """
+    """Text of the change of axis, unit, zero or columns that mends the run; empty if none does."""
     x, pitch, touch = ("x", "contact_x"), ("pitch",), ("l1", "l2")
     axes = (x, ("z",), (*x, "z"))
     changes: list[Content] = [{"reversed": True}, {"reversed": False}]
     tried = [*product(changes, (*axes, pitch))]
     touch_time = ("t", "t_layer_touch")
-    for units, names in ((ANGLES, [pitch]), (LENGTHS, [*axes, touch]), (TIMES, [touch_time])):
-        tried += product([{"unit": unit} for unit in units], names)
+    for units, moved in ((ANGLES, (pitch,)), (LENGTHS, (*axes, touch)), (TIMES, (touch_time,))):
+        tried += product([{"unit": unit} for unit in units], moved)
     tried.append(({}, ("x", "z")))  # no change but that they are swapped
     with suppress(ConfigurationError, IndexError):  # no row
         begins: dict[TickColumn, float] = {"x": length(how.strip), "z": 0.0} if length else {}
