@@ -162,9 +162,9 @@ def rehearse(
     strip: Strip,
     out: Annotated[Path, typer.Option("--out", help="Folder of outcomes and page.")],
     excess: Annotated[
-        float, typer.Option(min=0.3, max=20.0, help="Gap left by each hidden effect, in noise.")
+        float, typer.Option(min=0.3, max=20.0, help="Gap that a hidden effect leaves, in noise.")
     ] = 2.5,
-    empty: Annotated[int, typer.Option(min=0, help="Copies that hide nothing, as a check.")] = 5,
+    empty: Annotated[int, typer.Option(min=0, help="Copies with nothing hidden.")] = 5,
     jobs: Annotated[int, typer.Option(min=1, help="Copies side by side.")] = 1,
     cluster: Cluster = None,
     configs: Configs = None,

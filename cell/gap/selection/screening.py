@@ -144,6 +144,22 @@ class ProbeResponses:
         """Whether the effect changes nothing in these runs at any of its probes."""
         return all(np.abs(d).max(initial=0.0) < DEAD for d in self.responses)
 
+    @property
+    def has_threshold(self) -> bool:
+        """Whether the effect responds far less, per amount, to its smallest probe than to others.
+
+        By the first probe of each group. False for a two-sided effect with a place: its response
+        may be larger at another place.
+        """
+        if self.candidate.two_sided and _shape_mask(self.candidate).any():
+            return False
+        amounts = [abs(float(group[0][0] - self.candidate.null[0])) for group in self.groups]
+        smallest, *larger = (
+            float(np.linalg.norm(response[:, 0])) / amount if amount else 0.0
+            for amount, response in zip(amounts, self.responses, strict=True)
+        )
+        return smallest < STEEP * max(larger, default=0.0)
+
 
 def run_probes(base: Estimate, candidate: Candidate) -> Task[ProbeResponses]:
     """Simulate an effect's probes at the fit `base`; a task that returns their responses."""
@@ -282,7 +298,7 @@ def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Scor
         if gain > probe_gain and all(choice):  # group 0 holds steps, which are no probes
             probe_gain, best_probe = gain, values
     if probe_gain <= LEAST_SHARE * best.gain:
-        best_probe = values_at_best if any(_has_threshold(p) for p in members) else {}
+        best_probe = values_at_best if any(p.has_threshold for p in members) else {}
     return replace(
         best,
         probe_starts=_probes_to_fit(members, best_probe),
@@ -299,27 +315,11 @@ def _probes_to_fit(
     Beyond a threshold the response is not linear: from the probe that the screen prefers, no step
     of a fit may lead to the best value.
     """
-    if len(members) == 1 and _has_threshold(members[0]):
+    if len(members) == 1 and members[0].has_threshold:
         name = members[0].candidate.name
         _, *probes = members[0].groups
         return tuple({name: vector} for group in probes for vector in group)
     return (unscaled,) if unscaled else ()
-
-
-def _has_threshold(p: ProbeResponses) -> bool:
-    """Whether an effect responds far less per amount at its smallest probe than at larger ones.
-
-    By the first probe of each group. False for a two-sided effect with a place: its response may
-    be larger at another place.
-    """
-    if p.candidate.two_sided and _shape_mask(p.candidate).any():
-        return False
-    amounts = [abs(float(group[0][0] - p.candidate.null[0])) for group in p.groups]
-    smallest, *larger = (
-        float(np.linalg.norm(response[:, 0])) / amount if amount else 0.0
-        for amount, response in zip(amounts, p.responses, strict=True)
-    )
-    return smallest < STEEP * max(larger, default=0.0)
 
 
 def _opposite_sign(

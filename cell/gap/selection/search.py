@@ -170,19 +170,23 @@ class Search:
         """Scores of the effects to add to `fit`, probed at its values, the largest gain first.
 
         Responses at the base mean little beside a strong effect: by them, the most promising
-        effects are chosen, and the values at which each is probed.
+        effects are chosen, and the values at which each is probed. Those with a threshold, which
+        lies elsewhere beside another effect, are probed and begun at all stated values.
         """
         beside = projection(fit, nuisance=spike_responses(fits.library))
         others = [p for p in self.probed if p.candidate.name not in fit.model.names]
         ranked = ranked_singles(probe_equations(beside, others))[: BUDGET.probed]
         promising = {score.names[0]: score for score in ranked}
-        tasks = [
-            run_probes(fit, replace(c, probes=_most_promising(c, promising[c.name])))
-            for c in self._with_shape_parameters(fits)
-            if c.name in promising
-        ]
-        equations = probe_equations(beside, run_all(self.simulate, tasks))
-        return [replace(score, probe_starts=()) for score in ranked_singles(equations)]
+        thresholds = {p.candidate.name for p in others if p.has_threshold}
+        tasks = []
+        for c in self._with_shape_parameters(fits):
+            if c.name in thresholds & promising.keys():
+                tasks.append(run_probes(fit, c))
+            elif c.name in promising:
+                at_one = replace(c, probes=_most_promising(c, promising[c.name]))
+                tasks.append(run_probes(fit, at_one))
+        scores = ranked_singles(probe_equations(beside, run_all(self.simulate, tasks)))
+        return [s if s.names[0] in thresholds else replace(s, probe_starts=()) for s in scores]
 
 
 def _few_steps(model: Model, evidence: Evidence, points: Sequence[Start]) -> Task[list[Estimate]]:
