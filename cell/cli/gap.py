@@ -84,10 +84,14 @@ def plan(
 ) -> None:
     """Fold the standard runs, by which `cell gap fit` identifies what a strip's model lacks."""
     check_names(configs, strip)
-    from cell.record.files import check_empty
+    from cell.record.files import runs_in
 
     folder = runs or Path("runs") / f"{Path(strip).stem}-plan"
-    check_empty(folder)
+    if runs_in(folder):
+        raise ConfigurationError(
+            f"--runs: {folder} holds runs already; name a new folder, so that the standard runs "
+            "stay together"
+        )
     if not dry_run:
         check_recordable(folder)
     requests = _standard_runs(find_configs(configs), strip, plant, folder, seed, truth=not no_truth)
@@ -161,10 +165,6 @@ def rehearse(
     runs: RunFolders,
     strip: Strip,
     out: Annotated[Path, typer.Option("--out", help="Folder of outcomes and page.")],
-    excess: Annotated[
-        float, typer.Option(min=0.3, max=20.0, help="Gap that a hidden effect leaves, in noise.")
-    ] = 2.5,
-    empty: Annotated[int, typer.Option(min=0, help="Copies with nothing hidden.")] = 5,
     jobs: Annotated[int, typer.Option(min=1, help="Copies side by side.")] = 1,
     cluster: Cluster = None,
     configs: Configs = None,
@@ -181,7 +181,7 @@ def rehearse(
 
     threads = _threads(jobs)
     chosen = engine(threads, cluster, COPY_TIMEOUT)
-    planned = rehearsal.rehearsal_plan(runs, _strip_file(strip, configs), excess, empty, threads)
+    planned = rehearsal.rehearsal_plan(runs, _strip_file(strip, configs), threads)
     console = None if as_json else Console(stderr=True)
     with resumable(out), Meter(console, rehearsal.progress_line) as meter:
         records = rehearsal.rehearse(planned, out, chosen, meter)

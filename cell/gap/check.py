@@ -136,7 +136,7 @@ def values(name: str, t: Array, value: Array, command: Array | None = None) -> I
     if stuck is not None:
         yield stuck
         return
-    yield from _saturation(name, t, value)
+    yield from _saturation(name, t, value, command)
 
 
 def _stall(name: str, t: Array, value: Array, command: Array) -> Finding | None:
@@ -154,11 +154,13 @@ def _stall(name: str, t: Array, value: Array, command: Array) -> Finding | None:
     return None
 
 
-def _saturation(name: str, t: Array, value: Array) -> Iterator[Finding]:
-    """Findings on a reading that stays repeatedly at its largest or smallest value."""
+def _saturation(name: str, t: Array, value: Array, command: Array | None) -> Iterator[Finding]:
+    """Findings on a reading that stays at an end of its range, though any `command` moves on."""
+    inner = [(a, b) for a, b in _still(value) if a > 0 and b < len(t) - 1]
+    if command is not None:
+        inner = [(a, b) for a, b in inner if np.ptp(command[a : b + 1]) > MOVED]
     for limit, word in ((np.nanmax(value), "largest"), (np.nanmin(value), "smallest")):
-        ends = [(a, b) for a, b in _still(value) if value[a] == limit and a > 0 and b < len(t) - 1]
-        long = [t[b] - t[a] for a, b in ends if t[b] - t[a] > CLIPPED]
+        long = [t[b] - t[a] for a, b in inner if value[a] == limit and t[b] - t[a] > CLIPPED]
         if len(long) > 1:
             yield Finding(
                 what="saturation",

@@ -41,6 +41,8 @@ from drivers.types import frozen
 
 JOURNAL, PAGE = "journal", "rehearsal.md"
 NO_EFFECT = "nothing"
+EXCESS = 2.5  # sigma that a hidden effect leaves beside the refitted base
+EMPTY_COPIES = 5  # with nothing hidden
 COPY_COST = 30.0  # s of one core, about
 SEGMENTS = 240  # of the copies' rod: finer than any grid of the model
 STEP = 0.002  # s, of that rod
@@ -71,11 +73,11 @@ class Plan(Settings):
     unseen: tuple[str, ...]
 
 
-def rehearsal_plan(paths: Sequence[Path], file: Path, excess: float, empty: int, jobs: int) -> Plan:
+def rehearsal_plan(paths: Sequence[Path], file: Path, jobs: int) -> Plan:
     """Plan of a rehearsal of the runs at `paths`, by a refit of the strip in `file`.
 
-    It has every effect of the library at the size that leaves an excess gap of `excess` [sigma],
-    and `empty` copies with nothing hidden. Raises ConfigurationError for what is no strip.
+    It has every effect of the library at the size that leaves an excess gap of EXCESS, and
+    EMPTY_COPIES with nothing hidden. Raises ConfigurationError for what is no strip.
     """
     folders, _ = without_copies(find_runs(paths))
     strip = load_strip(file)
@@ -84,10 +86,10 @@ def rehearsal_plan(paths: Sequence[Path], file: Path, excess: float, empty: int,
     base = refit_base(subject.simulate, Model(subject.scope.base), evidence(subject.runs))
     values = {p.name: float(v) for p, v in zip(subject.scope.base, base.shared, strict=True)}
     usable = [run for run in measured if run.usable]
-    copies, unseen = copies_with_each_effect(as_fitted(strip, values), usable, excess)
+    copies, unseen = copies_with_each_effect(as_fitted(strip, values), usable)
     copies_without_effect = [
         HiddenCopy(key=f"{NO_EFFECT}-{i}", effect=NO_EFFECT, values={}, seed=i)
-        for i in range(empty)
+        for i in range(EMPTY_COPIES)
     ]
     return Plan(
         file=str(file.resolve()),
@@ -114,9 +116,9 @@ def path_of_run(run: MeasuredRun) -> GripperPath:
 
 
 def copies_with_each_effect(
-    strip: StripFile, runs: Sequence[MeasuredRun], excess: float
+    strip: StripFile, runs: Sequence[MeasuredRun]
 ) -> tuple[list[HiddenCopy], list[str]]:
-    """Copies that hide one effect each, just large enough to leave an `excess` [sigma].
+    """Copies that hide one effect each, just large enough to leave an EXCESS [sigma].
 
     Effects that the refitted `strip` has already are left out; the noise is that of the first run.
     Second, the names of the effects that leave such a gap at no believable size.
@@ -126,7 +128,7 @@ def copies_with_each_effect(
     for seed, (name, effect) in enumerate(sorted(registry().items())):
         if name not in strip.effects:
             strengths = draw_strengths(effect, strip, np.random.default_rng([seed]))
-            share = gap_model.share(strengths, excess)
+            share = gap_model.share(strengths, EXCESS)
             if share is None:
                 unseen.append(name)
             else:
@@ -193,13 +195,14 @@ def rehearse(plan: Plan, folder: Path, engine: Engine, meter: Meter) -> list[Rec
 
 
 def is_right(outcome: Mapping[str, Any]) -> bool:
-    """Whether a verdict names or includes the hidden effect, or says no gap if none is hidden."""
+    """Whether a verdict names the hidden effect or classes it; no gap where none is hidden."""
     name = outcome["hidden"]
     if name == NO_EFFECT:
         return bool(outcome["verdict"] == "no_gap")
-    likes = {name, *indistinguishable_from(name)}
-    within = {n for group in outcome["classes"] for n in group}
-    return bool(outcome["named"] and set(outcome["named"]) <= likes) or bool(likes & within)
+    acceptable = {name, *indistinguishable_from(name)}
+    if outcome["named"]:
+        return acceptable.issuperset(outcome["named"])
+    return any(not acceptable.isdisjoint(group) for group in outcome["classes"])
 
 
 def progress_line(record: Record) -> str:

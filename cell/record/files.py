@@ -45,15 +45,6 @@ def run_folder(text: str) -> Path:
     return max(found, key=lambda run: run.name, default=place)
 
 
-def check_empty(folder: Path) -> None:
-    """Raise ConfigurationError for a folder that holds runs, as a new series begins at run 0."""
-    if runs_in(folder):
-        raise ConfigurationError(
-            f"--runs: {folder} holds runs already; name a new folder, so that the standard runs "
-            "stay together"
-        )
-
-
 def check_run(folder: Path) -> None:
     """Raise ConfigurationError where `folder` is no run; the error suggests one inside."""
     if is_run(folder):

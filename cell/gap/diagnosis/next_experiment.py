@@ -51,7 +51,7 @@ def advise(
         difference = np.nan_to_num((other[i].mean - raw[i].mean) / planned.scales[i])
         own = np.diag([p.spread**-2 for p in planned.runs[i].local])
         square = _unabsorbed_square(difference, jacobians[i], block_diag(information, own))
-        sigma = likelihood.standardise(float(np.sqrt(max(0.0, square))))
+        sigma = float(np.sqrt(max(0.0, square) / likelihood.inefficiency)) / likelihood.scale
         words = f"{experiment.name}: {experiment.instruction}"
         separates = (first.model.name, model.name)
         rated.append(Recommendation(words, separates, sigma, experiment.minutes))

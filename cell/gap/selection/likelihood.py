@@ -1,6 +1,5 @@
 """Fitted models of the same runs, compared by their predictive likelihoods."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -27,10 +26,6 @@ class LikelihoodScale:
 
     scale: float
     inefficiency: float
-
-    def standardise(self, distance: float) -> float:
-        """Distance of two models in standard deviations, from that of their whitened residuals."""
-        return distance / self.scale / math.sqrt(self.inefficiency)
 
 
 def likelihood_scale(models: Sequence[CrossValidatedFit]) -> LikelihoodScale:

@@ -15,7 +15,6 @@ from cell.gap.selection.likelihood import (
     ALPHA,
     MIN_GAIN,
     Fits,
-    LikelihoodScale,
     gain,
     likelihood_ratio_p,
 )
@@ -159,7 +158,12 @@ class Search:
         ends = run_all(self.simulate, [_with_free_shape(m.estimate) for m in plain])
         validated = run_all(self.simulate, [validate(e) for e in ends])
         pairs = zip(validated, plain, strict=True)
-        return [free for free, fixed in pairs if _better(free, fixed, fits.likelihood)]
+        least = BUDGET.shape_gain * MIN_GAIN
+        return [
+            free for free, fixed in pairs
+            if gain(free, fixed, fits.likelihood) > least
+            and likelihood_ratio_p(free, fixed, fits.likelihood) < ALPHA
+        ]  # fmt: skip
 
     def _with_shape_parameters(self, fits: Fits) -> list[Candidate]:
         """Candidate effects, with free shape parameters if a model of one effect was fitted so."""
@@ -180,11 +184,9 @@ class Search:
         thresholds = {p.candidate.name for p in others if p.has_threshold}
         tasks = []
         for c in self._with_shape_parameters(fits):
-            if c.name in thresholds & promising.keys():
-                tasks.append(run_probes(fit, c))
-            elif c.name in promising:
-                at_one = replace(c, probes=_most_promising(c, promising[c.name]))
-                tasks.append(run_probes(fit, at_one))
+            if (score := promising.get(c.name)) is not None:
+                probes = c.probes if c.name in thresholds else _most_promising(c, score)
+                tasks.append(run_probes(fit, replace(c, probes=probes)))
         scores = ranked_singles(probe_equations(beside, run_all(self.simulate, tasks)))
         return [s if s.names[0] in thresholds else replace(s, probe_starts=()) for s in scores]
 
@@ -299,9 +301,3 @@ def _with_free_shape(fit: Estimate) -> Task[Estimate]:
         values[e.name] = e.complete(fixed[e.name]) + off_start
     start = Point(model.join(shared, values), fit.point.local)
     return (yield from refit(model, fit.evidence, start))
-
-
-def _better(new: CrossValidatedFit, plain: CrossValidatedFit, likelihood: LikelihoodScale) -> bool:
-    """Whether free shape parameters gain enough over the model `plain` with fixed ones."""
-    ahead = gain(new, plain, likelihood) > BUDGET.shape_gain * MIN_GAIN
-    return ahead and likelihood_ratio_p(new, plain, likelihood) < ALPHA

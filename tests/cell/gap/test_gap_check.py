@@ -46,6 +46,8 @@ def test_a_reading_that_is_cut_off_is_said_and_one_that_rests_is_not() -> None:
     assert [c.what for c in values("a", T, np.minimum(wave, 0.8))] == ["saturation"]
     assert not list(values("a", T, wave))
     assert not list(values("a", T, np.clip(T - 1.0, 0.0, 2.0)))
+    rests = np.clip(wave, -0.8, 0.8)
+    assert not list(values("a", T, rests, rests))
 
 
 def test_runs_of_the_cell_are_in_order(runs: Path) -> None:

@@ -26,13 +26,13 @@ def made(runs: Path) -> Plan:
     few = {name: registry()[name] for name in ("desk_tilt", "grip_slip")}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rehearse, "registry", lambda: few)
-        return rehearsal_plan([runs], STRIP, 2.5, 2, 1)
+        return rehearsal_plan([runs], STRIP, 1)
 
 
 @pytest.mark.slow
 def test_every_effect_is_hidden_in_its_size_or_said_to_be_beyond_these_runs(made: Plan) -> None:
     effects = [copy.effect for copy in made.copies]
-    assert effects.count("nothing") == 2
+    assert effects.count("nothing") == 5
     assert not set(effects) & set(made.unseen)
     assert "desk_tilt" in effects
     assert {*effects, *made.unseen} == {"desk_tilt", "grip_slip", "nothing"}
@@ -72,6 +72,7 @@ def test_a_copy_is_right_by_its_name_or_by_a_class_that_holds_it() -> None:
     assert not is_right(outcome("seam", "crease"))
     assert not is_right(outcome("seam", "seam", "crease"))
     assert is_right(outcome("seam", classes=(("crease", "seam"),)))
+    assert not is_right(outcome("seam", "ageing", classes=(("crease", "seam"),)))
     assert is_right(outcome("control_delay", "camera_latency"))
     assert is_right(outcome("nothing"))
     assert not is_right(outcome("nothing", "seam"))

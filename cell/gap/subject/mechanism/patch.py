@@ -69,9 +69,7 @@ def accepted_xml(opened: MechanismData, base: Mapping[str, float], effects: Name
     _write_joints(root, m, edited)
     _write_actuators(root, m, edited)
     _write_options(root, m, edited)
-    for i, element in enumerate(root.findall("contact/pair")):
-        if friction := _changed(m, edited, i, "pair_friction"):
-            element.set("friction", friction)
+    _write_contacts(root, m, edited)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
 
@@ -85,6 +83,16 @@ def _changed(mechanism: Mechanism, edited: Any, i: int, *names: str) -> str:
     """Text of row `i` of the fields `names` of an edited model; empty where unchanged."""
     old, new = (np.hstack([getattr(m, n)[i] for n in names]) for m in (mechanism.model, edited))
     return "" if np.array_equal(old, new) else _text(new)
+
+
+def _write_contacts(root: ET.Element, m: Mechanism, edited: Any) -> None:
+    """Write changed friction of contact pairs, which a compiled model holds in another order."""
+    of_geoms = zip(m.model.pair_geom1.tolist(), m.model.pair_geom2.tolist(), strict=True)
+    rows = {frozenset(m.model.geom(g).name for g in two): i for i, two in enumerate(of_geoms)}
+    for element in root.findall("contact/pair"):
+        i = rows[frozenset(element.get(key) for key in ("geom1", "geom2"))]
+        if friction := _changed(m, edited, i, "pair_friction"):
+            element.set("friction", friction)
 
 
 def _write_bodies(root: ET.Element, m: Mechanism, edited: Any) -> None:

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -9,6 +10,10 @@ import pytest
 import yaml
 
 from cell.gap.open_subject import open_mechanism
+from cell.gap.subject.mechanism.model import MODES, joints_of
+from cell.gap.subject.mechanism.model_source import Source
+from cell.gap.subject.mechanism.patch import accepted_xml
+from cell.gap.subject.mechanism.read_mechanism import mechanism_of
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Request
@@ -102,3 +107,22 @@ def test_undo_brings_the_file_back_and_takes_the_model_away(tmp_path: Path) -> N
     undo(tmp_path / "out", file)
     assert file.read_text() == before
     assert not (file.parent / "arm-accepted.xml").exists()
+
+
+def test_friction_is_written_to_the_pair_whose_geoms_it_is_of() -> None:
+    """A compiled model orders pairs by its bodies, its document as they were written."""
+    source = Source("""<mujoco><worldbody><geom name="desk" type="plane" size="1 1 1"/>
+        <body><joint name="x" type="slide"/><geom name="low" size=".1" mass="1"/>
+        <body><joint name="y" type="slide"/><geom name="high" size=".1" mass="1"/></body></body>
+        </worldbody><contact><pair name="b" geom1="high" geom2="desk" friction=".2 .2"/>
+        <pair name="a" geom1="low" geom2="desk" friction=".9 .9"/></contact></mujoco>""")
+    spec = source.spec()
+    spec.nuser_jnt = 16
+    model = spec.compile()
+    joints = joints_of(model, dict.fromkeys("xy", (1.0, 1.0, 1.0)), {})
+    m = mechanism_of(MODES["forward"], 0.002, source, model, joints, [])
+    found = {"contact_friction": {"coefficient": 0.05}}
+    text = accepted_xml(SimpleNamespace(mechanism=m, base=()), {}, found)
+    new = mujoco.MjModel.from_xml_string(text)
+    frictions = [new.pair(name).friction[0] for name in ("a", "b")]
+    np.testing.assert_allclose(frictions, [0.95, 0.25])
