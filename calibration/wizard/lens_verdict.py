@@ -188,7 +188,7 @@ def fit_views(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
 
 
 def _differences_of_halves(views: Sequence[BoardView], lens: Lens) -> tuple[float, float]:
-    """Differences of lenses of two halves of `views`: focal length, share, image [mm]."""
+    """Differences of lenses of even and odd `views`: share of focal length; in image [mm]."""
     size = lens.width, lens.height
     one = fit_views(views[::2], size).lens
     other = fit_views(views[1::2], size).lens

@@ -54,7 +54,7 @@ class Meter(AbstractContextManager["Meter"]):
             self._bar.start()
 
     def finish(self, cost: float, record: Record) -> None:
-        """Advance by a part of this `cost`, which ended with this `record`."""
+        """Advance by a part of `cost`, in the unit of the total, that ended with `record`."""
         self._number += 1
         self._failed += record.state != "measured"
         failed = f", {self._failed} failed" if self._failed else ""

@@ -136,7 +136,7 @@ def values(name: str, t: Array, value: Array, command: Array | None = None) -> I
     if stuck is not None:
         yield stuck
         return
-    yield from _saturation(name, t, value, command)
+    yield from _saturation(name, t, np.where(is_number, value, np.nan), command)
 
 
 def _stall(name: str, t: Array, value: Array, command: Array) -> Finding | None:

@@ -90,9 +90,9 @@ def _piece_ends(strip: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _lying_end(ends: NDArray[np.int64], strip: NDArray[np.int64]) -> int:
-    """Last of the indices `ends` (k,) that strip precedes over LYING_LENGTH, else the first.
+    """Last sample of the last piece of strip that is at least LYING_LENGTH long.
 
-    `strip` (n,) are all samples that show strip.
+    Pieces end at the samples `ends` (k,), of `strip` (n,) that show strip; else that of the first.
     """
     begins = strip[np.searchsorted(strip, ends[:-1] + 1)]
     lying = ends[1:][(ends[1:] - begins) * SAMPLE_SPACING >= LYING_LENGTH]

@@ -110,14 +110,14 @@ def _go(robot: Any, access: RobotAccess, request: GoTo, pipe: Connection) -> lis
     if request.recover:
         retreat(robot, access.settings, interrupted, solids)
     robot.configure(access.settings.collision)
-    guard = robot.guard()
+    guard = robot.tared_guard()
     reached = list(robot.state().q)
     path = clear_path(np.array(reached), np.array(request.joints), solids)
     for joints in path:
         if interrupted():
             break
         if max(map(abs, robot.state().dq)) < REST_RATE:  # its force can be the tare
-            guard = robot.guard()
+            guard = robot.tared_guard()
         reached = follow_joints(robot, joints.tolist(), request.share, guard, interrupted)
     termination.check()
     return reached

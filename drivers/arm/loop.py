@@ -353,7 +353,7 @@ def run_loop(
         clock = WallClock(origin)
         termination = TerminationFlag()
         motion = CartesianMotion(robot, own_clock=not access.settings.in_lock_step)
-        loop = ServoLoop(motion, access, commands, reports, clock.now, robot.guard())
+        loop = ServoLoop(motion, access, commands, reports, clock.now, robot.tared_guard())
         send(pipe, Ready())
         if access.settings.in_lock_step:
             _run_in_lock_step(loop, pipe, termination)

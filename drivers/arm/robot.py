@@ -95,7 +95,7 @@ class Robot:
         with _library_errors(self._stop_reason):
             self._robot.set_collision_behavior(lower, upper, soft, hard)
 
-    def guard(self) -> ForceGuard:
+    def tared_guard(self) -> ForceGuard:
         """Force guard for motions from here, tared now; ArmFault for too large a force at rest."""
         states = [self.state() for _ in range(TARE_STATES)]
         settings = self._settings

@@ -53,9 +53,9 @@ class RecentImages:
         """Stamps (n,) [s] of the strips' newest images, -inf before the first."""
         return self._stamps[:, 0]
 
-    def add(self, stamp: Array, values: Array, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Add images, `values` (n, channels) at `stamp` (n,) [s], where `good` and new: a mask."""
-        new = good & (stamp > self.newest)
+    def add(self, stamp: Array, values: Array, reliable: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Add reliable `values` (n, channels) of a later `stamp` [s]; mask (n,) of those added."""
+        new = reliable & (stamp > self.newest)
         if new.any():
             self._stamps[new, 1:] = self._stamps[new, :-1]
             self._values[new, 1:] = self._values[new, :-1]

@@ -93,7 +93,7 @@ class Place(Settings):
 
 
 class PlaceOfMotion(Place):
-    """Place of a mechanism's run, with its `load` and the recording, `origin`, it was cut from."""
+    """Facts stated of a mechanism's run: order, condition, `load`, `origin` it was cut from."""
 
     origin: str | None = None
     load: Load | None = None

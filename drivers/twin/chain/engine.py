@@ -136,7 +136,7 @@ class ChainStrip:
             raise SimulationNotFinite("chain", self._time + h)
 
     def _within_reach(self, target: Array) -> Array:
-        """Weld `target` (3,) [m, m, rad], drawn in to where a taut strip reaches and PULL beyond.
+        """Target (3,) [m, m, rad] of the grip's weld, at most PULL beyond a taut strip's reach.
 
         A weld with a larger violation pulls so hard that the solver loses the weight in rounding.
         """

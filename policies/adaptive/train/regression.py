@@ -119,15 +119,15 @@ def _optimise(network: Network, data: list[Tensor], whiten: Tensor, epochs: int)
         for batch in torch.split(order, BATCH):
             optimiser.zero_grad()
             whitened, *targets = (part[batch] for part in data)
-            whitened = whitened + (biases(len(whitened)) @ whiten)[:, None]
+            whitened = whitened + (draw_image_biases(len(whitened)) @ whiten)[:, None]
             loss = _loss(network, [whitened, *targets])
             torch.autograd.backward(loss)
             optimiser.step()
             schedule.step()
 
 
-def biases(count: int) -> Tensor:
-    """Draw errors (count, COUNT) of the critic's inputs that are constant over a fold.
+def draw_image_biases(count: int) -> Tensor:
+    """Draw errors (count, inputs) of the critic's inputs, over lengths, constant over a fold.
 
     One of the contact, one of the tip, and one of the profile that changes linearly along it, as
     measured by `python -m tests.lab study perception`.

@@ -89,7 +89,7 @@ def test_a_process_that_hangs_keeps_its_image_and_one_that_is_killed_is_dead() -
     process.submit(ImageTask(image(HANGS), POSE, False), 3.0)
     assert process.result() is None
     assert (process.busy_since, process.failure) == (3.0, "")
-    os.kill(process.pid, signal.SIGKILL)
+    os.kill(process._child.pid, signal.SIGKILL)
     awaited(lambda: process.result() or process.failure or None)
     assert "ended" in process.failure
     process.close()
@@ -101,7 +101,7 @@ def test_a_killed_process_is_dead_before_its_pipe_is_closed() -> None:
     process._child.pipe = SimpleNamespace(poll=lambda _: False, close=pipe.close)
     assert process.result() is None
     assert not process.failure
-    os.kill(process.pid, signal.SIGKILL)
+    os.kill(process._child.pid, signal.SIGKILL)
     awaited(lambda: process.result() or process.failure or None)
     assert "ended" in process.failure
     process.close()

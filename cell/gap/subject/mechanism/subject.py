@@ -146,7 +146,7 @@ class MechanismSubject(Subject):
 
     @abstractmethod
     def _content(self, recording: Recording, cut: Cut, width: float) -> Content:
-        """Content of a run whose readings were cut into samples of `width` [s]."""
+        """Readings of a `recording`, in samples of `width` [s], with load, motion or commands."""
 
     def _phases(self, content: Content) -> Words:
         """Phase (b,) of each sample, by the speed of the first signal."""
@@ -283,7 +283,7 @@ class MechanismSubject(Subject):
     def patch(
         self, base: Mapping[str, float], effects: NamedValues, source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
-        """Content of the mechanism's refitted file; None for cell.yaml, which is not changed."""
+        """Contents of the refitted mechanism file and, as it is not changed, None of cell.yaml."""
         content = self.opened.file.model_dump(mode="json", by_alias=True, exclude_none=True)
         accepted = accepted_content(self.opened, content, base, effects, source)
         return expressed_by_mjcf(self.opened, accepted, effects), None

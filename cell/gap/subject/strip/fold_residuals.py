@@ -62,9 +62,9 @@ class FoldResiduals:
     def distances(
         self, model: StripModel, motion: SimulatedMotion, points: NDArray[np.int64], index: Array
     ) -> Array:
-        """Signed distances (n,) [m] from the simulated midline of the measured `points` (n,).
+        """Distances (n,) [m] of measured points from the simulated midline, positive left of it.
 
-        They are numbers of points; `index` (m,) is that of the shape at the time of each image.
+        `points` (n,) are their indices; `index` (m,) is that of the shape for each image.
         """
         images = self.run.images
         distances = np.empty(len(points))
