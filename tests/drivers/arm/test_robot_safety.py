@@ -103,7 +103,7 @@ def test_force_is_tared_at_rest_in_each_posture_of_the_way_home(monkeypatch, rat
             found.dq = [0.0] * 6 + [-rate]
             return found
 
-        def guard(self) -> ForceGuard:
+        def tared_guard(self) -> ForceGuard:
             taken.append(self.state().q[0])
             return ForceGuard(20.0)
 
