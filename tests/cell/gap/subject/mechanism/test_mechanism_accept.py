@@ -124,5 +124,4 @@ def test_friction_is_written_to_the_pair_whose_geoms_it_is_of() -> None:
     found = {"contact_friction": {"coefficient": 0.05}}
     text = accepted_xml(SimpleNamespace(mechanism=m, base=()), {}, found)
     new = mujoco.MjModel.from_xml_string(text)
-    frictions = [new.pair(name).friction[0] for name in ("a", "b")]
-    np.testing.assert_allclose(frictions, [0.95, 0.25])
+    np.testing.assert_allclose([new.pair(name).friction[0] for name in "ab"], [0.95, 0.25])
