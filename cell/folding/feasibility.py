@@ -52,6 +52,7 @@ def check_feasible(
     home = settings.fold.clear_height
     poses, _ = whole_path(strip.length, home, settings.fold, limits, carry, end=0.0)
     path = poses[1:, :2]  # from beside the strip on
+    taut, _ = whole_path(strip.length, home, settings.fold, limits, carry)
 
     def carry_at(speed: float) -> Array:
         slower = at_speed(settings, speed)
@@ -63,7 +64,7 @@ def check_feasible(
         *path_problems(path, carry, settings, limits, carry_at),
         *_reach_problems(path, settings.installation),
         *_view_problems(path, strip, calibration),
-        *(_desk_collisions(poses, desk) if desk else ()),
+        *(_desk_collisions(taut, desk) if desk else ()),
     ]
     if problems:
         raise PreflightRefused("\n".join(problems))

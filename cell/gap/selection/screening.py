@@ -26,7 +26,6 @@ DEAD = 1e-6  # largest whitened response of an effect that changes nothing
 # Limits of linear extrapolation from probes, set by hand.
 FARTHEST = 3.0  # times a stated probe, to which it is scaled
 LEAST_SHARE = 0.3  # of the gain of the best mix, of an unscaled probe that is a start
-ALIKE = 1e-10  # share of a squared response that is left beside others, below which it is theirs
 STEEP = 0.3  # times the response per amount farther off, below which an effect has a threshold
 
 
@@ -187,22 +186,12 @@ def _steps_from_null(candidate: Candidate) -> tuple[Array, ...]:
 class ProbeEquations:
     """Normal equations for the amounts of the probes of all candidate effects, the base refitted.
 
-    `columns` by candidate and group are the positions of its probes in `form`. `gain_bounds` (G, G)
-    [nats] are upper bounds on the gain of each two of the G groups, of one alone on its diagonal.
+    `columns` by candidate and group are the positions of its probes in `form`.
     """
 
     probed: tuple[ProbeResponses, ...]
     form: NormalEquations
     columns: dict[tuple[str, int], Columns]
-    gain_bounds: Array
-
-    def gain_bounds_of(self, members: Sequence[ProbeResponses]) -> Array:
-        """Upper bounds [nats] on the gain of an effect by group (G,), of two by pair (G1, G2)."""
-        order = list(self.columns)
-        rows = [[order.index((p.candidate.name, g)) for g in range(len(p.groups))] for p in members]
-        if len(rows) == 1:
-            return np.asarray(np.diag(self.gain_bounds)[rows[0]])
-        return np.asarray(self.gain_bounds[np.ix_(*rows)])
 
 
 def probe_equations(projection: Projection, probed: Sequence[ProbeResponses]) -> ProbeEquations:
@@ -216,8 +205,7 @@ def probe_equations(projection: Projection, probed: Sequence[ProbeResponses]) ->
             column += responses.shape[1]
     parts = [projection.weigh(response) for p in alive for response in p.responses]
     stacked = np.concatenate(parts, axis=1) if parts else np.zeros((len(projection.residual), 0))
-    form = projection.form(stacked)
-    return ProbeEquations(alive, form, columns, _gain_bounds(form, list(columns.values())))
+    return ProbeEquations(alive, projection.form(stacked), columns)
 
 
 def ranked_singles(equations: ProbeEquations) -> list[Score]:
@@ -230,68 +218,23 @@ def ranked_pairs(equations: ProbeEquations, among: int, least: float = 0.0) -> l
     """Scores of the best `among` pairs of effects that gain over `least` [nats], best first.
 
     Two effects whose responses nearly cancel gain little alone and much together, so that all
-    pairs compete, not those of the best single ones. Pairs are scored in the order of their upper
-    bounds, which ignore limits of the amounts, until no other can be among the best.
+    pairs compete, not those of the best single ones.
     """
-    pairs = combinations(equations.probed, 2)
-    bounds = [(float(equations.gain_bounds_of(pair).max()), pair) for pair in pairs]
-    scores: list[Score] = []
-    for most, pair in sorted(bounds, key=lambda each: -each[0]):
-        if most <= least or (len(scores) >= among and most < scores[among - 1].gain):
-            break
-        scores = sorted([*scores, _score(equations, pair)], key=lambda s: (-s.gain, s.names))
+    scores = [_score(equations, pair) for pair in combinations(equations.probed, 2)]
+    scores.sort(key=lambda s: (-s.gain, s.names))
     return [s for s in scores[:among] if s.gain > least]
-
-
-def _gain_bounds(form: NormalEquations, groups: Sequence[Columns]) -> Array:
-    """Gain (G, G) [nats] of each two groups of columns with unlimited amounts; diagonal: of one.
-
-    A second group adds its gain by the Schur complement: in what the first does not explain.
-    """
-    gradient, curvature = form.gradient, form.curvature
-    first = np.array([columns[0] for columns in groups], dtype=np.int64)
-    wide = [b for b, columns in enumerate(groups) if len(columns) > 1]
-    most = np.zeros((len(groups), len(groups)))
-    for a, columns in enumerate(groups):
-        inverse = _inverse(curvature[np.ix_(columns, columns)])
-        across = curvature[:, columns] @ inverse
-        slope = gradient - across @ gradient[columns]
-        spare = np.diag(curvature) - (across * curvature[:, columns]).sum(axis=1)
-        is_independent = spare > ALIKE * np.diag(curvature)
-        single = 0.5 * slope**2 * is_independent / np.where(is_independent, spare, 1.0)
-        most[a] = single[first]  # right for groups of one column; wider ones follow
-        for b in (b for b in wide if b > a):
-            other = groups[b]
-            schur = curvature[np.ix_(other, other)]
-            schur = schur - across[other] @ curvature[np.ix_(columns, other)]
-            most[a, b] = 0.5 * float(slope[other] @ _inverse(schur) @ slope[other])
-        most[a, a] = 0.0
-        most[a] += 0.5 * float(gradient[columns] @ inverse @ gradient[columns])
-    return np.asarray(np.triu(most) + np.triu(most, 1).T)
-
-
-def _inverse(matrix: Array) -> Array:
-    """Pseudo-inverse (k, k) of a small symmetric matrix; of one number at most 1e300."""
-    if matrix.shape == (1, 1):
-        return np.asarray(1.0 / np.maximum(matrix, 1e-300))
-    return np.asarray(np.linalg.pinv(matrix, rcond=1e-10, hermitian=True))
 
 
 def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Score:
     """Score of the candidates `members` together, by the best mix of one group of probes of each.
 
-    The amounts solve a quadratic programme, one-sided where physics fixes the sign. Groups are
-    tried in the order of their upper bounds, until no other can be better.
+    The amounts solve a quadratic programme, one-sided where physics fixes the sign.
     """
     best = Score(tuple(p.candidate.name for p in members), 0.0, {})
     values_at_best: dict[str, Array] = {}
     best_probe: dict[str, Array] = {}  # as it is, unscaled
     probe_gain = 0.0
-    bounds = equations.gain_bounds_of(members)
-    for bound, choice in sorted(zip(-bounds.ravel(), np.ndindex(bounds.shape), strict=True)):
-        least_probe_gain = LEAST_SHARE * best.gain
-        if -bound <= min(best.gain, max(probe_gain, least_probe_gain)):
-            break
+    for choice in np.ndindex(*(len(p.groups) for p in members)):
         mix, gain, values = _best_mix(equations, members, choice)
         if mix.gain > best.gain:
             best, values_at_best = mix, values
