@@ -123,11 +123,12 @@ class FoldResult:
         text = f"{self.strip}: {folded}, displacement {1e3 * self.displacement:+.1f} mm"
         text += _true_words(self.displacement_true)
         if (d := self.edge_offset) is not None:
-            where = "beyond" if d > 0 else "before"
-            text += f"; laid down, the upper edge lies {1e3 * abs(d):.1f} mm {where} the lower one"
+            text += f"; laid down, the upper edge lies {_edge_words(d)} the lower one"
         elif self.edge_offset_true is not None:
             text += "; the edges are not seen"
-        lines = [text + _true_words(self.edge_offset_true), self.predicted]
+        if (true := self.edge_offset_true) is not None:
+            text += f" (true {_edge_words(true)})"
+        lines = [text, self.predicted]
         if self.predicted is not None and self.strip == UNKNOWN:
             lines.append(f"strip file with what was learned: {self.run}/{LEARNED}")
         lines += [self.correction, self.warning]
@@ -136,6 +137,11 @@ class FoldResult:
         return "\n  ".join(filter(None, lines))
 
     __repr__ = __str__
+
+
+def _edge_words(offset: float) -> str:
+    """Text of the `offset` [m] of the upper layer's laid edge: beyond or before the lower one."""
+    return f"{1e3 * abs(offset):.1f} mm {'beyond' if offset > 0 else 'before'}"
 
 
 def _true_words(true: float | None) -> str:

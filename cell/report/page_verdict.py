@@ -118,9 +118,10 @@ def _edges_sentences(offset: float | None, true: object) -> list[str]:
     """Sentence on how the laid edges lie, as measured and in truth; none where not measured."""
     if offset is None:
         return []
-    where = "beyond" if offset > 0 else "before"
-    lies = f"the upper edge lies {millimetres(abs(offset))} {where} the lower one"
-    return [f"Laid down, {lies}{_true_words(true)}."]
+    known = [offset, true] if isinstance(true, int | float) else [offset]
+    words = [f"{millimetres(abs(d))} {'beyond' if d > 0 else 'before'}" for d in known]
+    truth = f" (true on the twin: {words[1]})" if len(words) > 1 else ""
+    return [f"Laid down, the upper edge lies {words[0]} the lower one{truth}."]
 
 
 def _touch_sentence(result: Result, displacement: float, true: object) -> str:

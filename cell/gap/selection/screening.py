@@ -14,7 +14,7 @@ from cell.gap.fitting.normal_equations import NormalEquations
 from cell.gap.fitting.projection import Projection
 from cell.gap.fitting.tasks import Task
 from cell.gap.selection.likelihood import LikelihoodScale
-from cell.gap.subject.subject import Candidate, Parameter
+from cell.gap.subject.subject import Candidate
 from drivers.types import Array
 
 Start = tuple[Point, tuple[Array, ...] | None]
@@ -376,16 +376,11 @@ def _detection_limit(
     for vectors, responses in zip(probed.groups, probed.responses, strict=True):
         powers = np.diag(projection.form(projection.weigh(responses)).curvature)
         for vector, power in zip(vectors, powers / likelihood.inefficiency, strict=True):
-            p, value = _moved_parameter(probed.candidate, vector)
+            values = zip(probed.candidate.parameters, vector.tolist(), strict=True)
+            p, value = next((p, v) for p, v in values if v != p.start)  # moved by this probe
             if power > LEAST_POWER and p.unit == main.unit:
                 factor = DETECTED_SIGMA / float(np.sqrt(power))
                 limit = float(p.start + (value - p.start) * factor)
                 stated = p.stated_value(limit) if p.low <= limit <= p.high else None
                 limits.append((abs(np.log(factor)), stated))
     return min(limits, key=itemgetter(0))[1] if limits else None
-
-
-def _moved_parameter(candidate: Candidate, vector: Array) -> tuple[Parameter, float]:
-    """First parameter that the probe `vector` (k,) moves from its start, and its value there."""
-    values = zip(candidate.parameters, map(float, vector), strict=True)
-    return next((p, value) for p, value in values if value != p.start)

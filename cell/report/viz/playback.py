@@ -13,7 +13,7 @@ from cell.perception.strip_measurement import StripMeasurement
 from cell.record.events import EVERY_FRAME, Outlook, log_text
 from cell.record.files import FILM
 from cell.record.run import Run
-from drivers.types import Array, Frame, Image
+from drivers.types import Array, Image
 
 Item = TypeVar("Item")
 
@@ -63,7 +63,8 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
     frames = iter(()) if (run.folder / FILM).is_file() else run.frames()
     frame = next(frames, None)
     while frame is not None and frame.stamp < 0:
-        yield _before_lift(frame, origin)
+        clock = frame.stamp + origin  # before t = 0, gripper and state are not recorded
+        yield TickView(clock, t=nan, tick=0, state="", pose=np.full(3, nan), image=frame.image)
         frame = next(frames, None)
     ticks = run.ticks
     outlook = Outlook.from_events(run.events())
@@ -86,12 +87,6 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
             image=image,
             outlook=prediction,
         )
-
-
-def _before_lift(frame: Frame, origin: float) -> TickView:
-    """View of an image from before t = 0, where neither gripper nor state are recorded."""
-    clock = frame.stamp + origin
-    return TickView(clock, t=nan, tick=0, state="", pose=np.full(3, nan), image=frame.image)
 
 
 def _newest_at(times: Array, stamped: Iterator[tuple[float, Item]]) -> Iterator[Item | None]:
