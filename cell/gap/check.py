@@ -54,7 +54,7 @@ UNEVEN = 0.5  # share of the median step of the clock by which the middle half o
 
 
 class Finding(Entry):
-    """One finding on recordings, of a `level`: `bad` ones forbid a fit, `fair` ones cost accuracy.
+    """Problem of recordings, of a `level`: `bad` ones forbid a fit, `fair` ones cost accuracy.
 
     `run` is the name of a run, empty where the finding concerns all of them; `what` is the check,
     `words` say what is seen where, `remedy` what to do.
@@ -171,7 +171,7 @@ def _saturation(name: str, t: Array, value: Array, command: Array | None) -> Ite
 
 
 def _still(value: Array) -> Iterator[tuple[int, int]]:
-    """First and last row of every stretch in which a column (n,) has one and the same value."""
+    """Yield first and last row of every stretch in which a column (n,) is constant."""
     edges = np.flatnonzero(np.diff(value) != 0.0)
     first = np.concatenate([[0], edges + 1])
     last = np.concatenate([edges, [len(value) - 1]])
@@ -179,7 +179,7 @@ def _still(value: Array) -> Iterator[tuple[int, int]]:
 
 
 def _level(lost: float, limits: tuple[float, float]) -> Level:
-    """Level of a finding by the share `lost` of data, and by the larger of `limits`."""
+    """Level of a finding: `bad` where the share `lost` of data exceeds the larger of `limits`."""
     return "bad" if lost > limits[1] else "fair"
 
 
@@ -271,11 +271,11 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1, shown: Progress = qu
         again = "mend its mapping, or make it again"
         findings += [Finding(what="run", words=words, remedy=again) for words in subject.notes]
         shown("try each effect at its largest", 0.2)
-        findings += identifiable(subject)
+        findings += unidentifiable(subject)
     return Check(runs=[run.name for run in runs], findings=findings)
 
 
-def identifiable(subject: Subject) -> Iterator[Finding]:
+def unidentifiable(subject: Subject) -> Iterator[Finding]:
     """Findings on values and effects that the runs cannot identify, by responses near the base."""
     stated = stated_estimate(subject, subject.simulate)
     for p, s in undetermined_values(stated):
@@ -296,7 +296,7 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
 
 
 def _largest_responses(subject: Subject, stated: Estimate) -> Iterator[tuple[Candidate, Array]]:
-    """Each candidate, and the response (N,) [sigma] to its largest probe that a refit leaves."""
+    """Yield each candidate and its largest probe's response (N,) [sigma] that a refit leaves."""
     largest = [(c, _largest_probe(c)) for c in subject.scope.candidates]
     responses = effect_responses(subject.simulate, stated, largest)
     unabsorbed = projection(stated, robustly=False).unabsorbed(responses)
@@ -304,7 +304,7 @@ def _largest_responses(subject: Subject, stated: Estimate) -> Iterator[tuple[Can
 
 
 def _largest_probe(candidate: Candidate) -> tuple[float, ...]:
-    """Probe of the candidate's largest amount; of several places the one in the middle."""
+    """Parameter values of a candidate's largest probe; of several places the one in the middle."""
     amounts = [abs(group[0][0] - candidate.null[0]) for group in candidate.probes]
     largest = [i for i, amount in enumerate(amounts) if amount == max(amounts)]
     return candidate.probes[largest[len(largest) // 2]][0]

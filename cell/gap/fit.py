@@ -123,7 +123,7 @@ def _patch_name(findings: Findings, verdict: Verdict) -> str | None:
 def _write_patch(
     findings: Findings, out: Path, name: str, model: str, values: Values
 ) -> dict[str, object] | None:
-    """Write the patch `name` and, if there is a model, its file; returns the cell's patch."""
+    """Write the patch `name` and the `model` file, if there is one; returns the cell's patch."""
     patch, cell_patch = findings.subject.patch(*values, f"cell gap fit, {out.name}")
     write_file(out / name, dump_yaml(patch))
     text = findings.subject.model_text(*values)

@@ -57,7 +57,7 @@ class BaseStart(NamedTuple):
 def revised_base(
     simulate: Simulate, fits: Fits, scatter: Sequence[Spread], complete: Evidence
 ) -> BaseStart | None:
-    """Runs, start and spreads for a new fit of the base, from models that lead it; else None.
+    """Runs, start and spreads for a new base fit, from models that beat the base; else None.
 
     `complete` are the runs with all unknowns. A base that lacks an effect takes a part of it for
     scatter, or does not see the scatter for it, and may have stopped in a local minimum.

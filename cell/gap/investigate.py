@@ -147,7 +147,7 @@ class Investigation:
         )
 
     def judge(self, models: Models, unseen: Evidence, held_out: Sequence[str]) -> Findings:
-        """Choose a model, test it, show it on the runs `unseen`, whose names are `held_out`."""
+        """Choose a model, test it, and fit it to the runs `unseen`, whose names are `held_out`."""
         self.progress("judge", 0.8)
         sets = posterior(models.fits, models.fits.likelihood)
         accepted, fits = self.choose(models.fits, sets)

@@ -195,7 +195,7 @@ def rehearse(plan: Plan, folder: Path, engine: Engine, meter: Meter) -> list[Rec
 
 
 def is_right(outcome: Mapping[str, Any]) -> bool:
-    """Whether a verdict names the hidden effect or classes it; no gap where none is hidden."""
+    """Whether a verdict names the hidden effect or its class; no gap if none is hidden."""
     name = outcome["hidden"]
     if name == NO_EFFECT:
         return bool(outcome["verdict"] == "no_gap")

@@ -56,7 +56,7 @@ def _equal(one: Image, other: Image) -> bool:
 
 
 def _distance(one: Pose, other: Pose) -> float:
-    """Larger of the gripper's displacement [m] and the arc of its finger tips in a rotation."""
+    """Larger of the gripper's displacement [m] between poses and the arc [m] of its finger tips."""
     turn = FINGER_LENGTH * abs(one.pitch - other.pitch)
     return max(hypot(one.x - other.x, one.z - other.z), turn)
 

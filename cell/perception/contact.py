@@ -100,7 +100,7 @@ def _lying_end(ends: NDArray[np.int64], strip: NDArray[np.int64]) -> int:
 
 
 def _sharpness(along: Array, end: int, reach: int) -> float:
-    """Confidence, 0 to 1, that strip ends after sample `end`, by the step in shares `along` (n,).
+    """Confidence, 0 to 1, that strip ends after sample `end`, by the step in strip `along` (n,).
 
     It is 0 for a step of 0.3, and 1 for 0.8, over `reach` samples to either side.
     """

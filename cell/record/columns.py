@@ -67,7 +67,7 @@ class Columns:
 
     @classmethod
     def read(cls, table: pa.Table, origin: str) -> dict[str, Array]:
-        """Checked columns (n,) of `table` by name, NaN for one that is not there nor needed.
+        """Checked columns (n,) of `table` by name, NaN for an optional one that is missing.
 
         Raises ConfigurationError that names `origin` and the column.
         """
@@ -168,7 +168,7 @@ class Sights(Columns):
 
 
 def _numbers(table: pa.Table, name: str, origin: str) -> Array:
-    """Column `name` as numbers (n,); raises ConfigurationError for a missing or other one."""
+    """Column `name` as numbers (n,); ConfigurationError where it is missing or not numeric."""
     if name not in table.column_names:
         raise ConfigurationError(f"{origin}: {name}: the column is missing; add it")
     if table.column_names.count(name) > 1:

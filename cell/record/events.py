@@ -96,7 +96,7 @@ def row_of(facts: Mapping[str, object]) -> Array:
 
 
 def _number(value: object, otherwise: float = nan) -> float:
-    """Number `value` as a float, or `otherwise` for another type or beyond LARGEST_VALUE."""
+    """`value` as a float, or `otherwise` where it is no number or exceeds LARGEST_VALUE."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return otherwise
     return float(value) if abs(value) <= LARGEST_VALUE else otherwise

@@ -64,7 +64,7 @@ class Film:
                 yield Frame(stamp - begin, stamp - begin, self.path.name, number, image)
 
     def packets(self) -> Iterator[bytes]:
-        """Yield the encoded images of an H.264 film, Annex B; ConfigurationError if it is none."""
+        """Yield encoded images of an H.264 film, Annex B; ConfigurationError for others."""
         import av
 
         with _open_film(self.path) as container:

@@ -191,7 +191,7 @@ class FrameWriter:
         return failure
 
     def _write_queue(self) -> None:
-        """Write images until the queue ends, and at last the last one as a key frame."""
+        """Write images until the queue ends, then store the last one as a key frame."""
         while (item := self._waiting.get()) is not None:
             self._attempt(self._record, *item)
         if self._keep == "key" and self._last is not None:

@@ -34,7 +34,7 @@ class Touch:
 
     @property
     def displacement(self) -> float:
-        """Displacement d = l1 - l2 [m] between the edges of the layers (paper, its figure of d)."""
+        """Displacement d = l1 - l2 [m] between the edges of the two layers."""
         return self.to_grasped - self.to_fixed
 
 
@@ -65,7 +65,7 @@ class Stepper(Protocol):
         """
 
     def step(self, poses: Array, dt: float) -> Observables:
-        """Advance by `dt` [s] to gripper `poses` (n, 3) of x, z, pitch at the step's end.
+        """Advance by `dt` [s] to gripper `poses` (n, 3) [m, m, rad] at the step's end.
 
         Raises SimulationNotFinite when the simulation diverges.
         """

@@ -83,7 +83,7 @@ def signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
 
 @kernel
 def nearest_node(curve: Any, low: int, high: int, x: float, z: float) -> Any:
-    """Index in low..high of the node of `curve` nearest to x, z: each STRIDE-th, then between."""
+    """Index in low..high of the node of `curve` nearest to x, z, by a coarse and a fine search."""
     best = nearest_among(curve, range(low, high + 1, STRIDE), x, z)
     close = range(max(best - STRIDE + 1, low), min(best + STRIDE, high + 1))
     return nearest_among(curve, close, x, z)

@@ -78,7 +78,7 @@ def reported_poses(rig: Rig, true: Array, share: Array | float) -> Array:
 
 
 def _offset(rig: Rig) -> Array:
-    """Offset (3,) [m, m, rad] of the true gripper pose over the true desk from the reported."""
+    """Offset (3,) [m, m, rad] from the reported to the true gripper pose above the true desk."""
     return np.array([rig.grip_x, rig.grip_z - rig.desk_height, rig.grip_tilt])
 
 

@@ -118,7 +118,7 @@ def thickness_between_fingers(desk: Desk, settings: HandSettings) -> float | Non
 
 
 def weight_on_gripper(desk: Desk, frame: CellInRobot) -> Array:
-    """Weight (3,) [N] of the lifted strip on the gripper, in the base of a robot in `frame`."""
+    """Weight (3,) [N] of the lifted strip on the gripper, along the axes of the robot's base."""
     return np.asarray(frame.matrix[:3, :3] @ (0.0, 0.0, -desk.world.load), dtype=np.float64)
 
 

@@ -203,7 +203,7 @@ class World:
 
     @property
     def edge_offset(self) -> float:
-        """Length [m] by which the grasped edge lies beyond the fixed one, with the sign of d."""
+        """Signed distance [m] along x by which the grasped edge lies beyond the fixed one."""
         return float(self._points[0, 0] - self._points[-1, 0])
 
     def _step_strip(self, hand: Pose) -> None:

@@ -33,13 +33,13 @@ def fit_held_out(simulate: Simulate, estimate: Estimate, evidence: Evidence) -> 
 
 
 def floor(evidence: Evidence, quantities: Mapping[str, Quantity]) -> dict[str, float]:
-    """Root mean square noise of readings by displayed quantity, which a true model leaves."""
+    """Root mean square noise by displayed quantity: the residual that a perfect model leaves."""
     readings = [run.samples.reading**2 for run in evidence.runs]
     return _display_gaps(evidence, readings, quantities)
 
 
 def _mean_by_word(words: Words, square: Array) -> dict[str, float]:
-    """Mean of the finite squares (n,) of each word."""
+    """Mean of the finite values of `square` (n,), by the word of `words` (n,) that marks them."""
     means = {}
     for name in np.unique(words):
         values = square[words == name]
@@ -52,7 +52,7 @@ def _mean_by_word(words: Words, square: Array) -> dict[str, float]:
 def _display_gaps(
     evidence: Evidence, squares_by_run: Sequence[Array], quantities: Mapping[str, Quantity]
 ) -> dict[str, float]:
-    """Root mean square by displayed quantity, in its unit, of `squares_by_run` (n,) [SI^2]."""
+    """Rms residual by displayed quantity, in its unit, of the `squares_by_run` (n,) [SI^2]."""
     squares: dict[str, list[float]] = defaultdict(list)
     for run, square in zip(evidence.runs, squares_by_run, strict=True):
         for name, mean in _mean_by_word(run.samples.quantity, square).items():

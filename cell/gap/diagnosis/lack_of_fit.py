@@ -101,7 +101,7 @@ def pure_error(estimate: Estimate, residuals: Sequence[Array], spent: int = 0) -
 
 
 def _repeated_bins(estimate: Estimate, residuals: Sequence[Array]) -> Iterator[tuple[str, Array]]:
-    """Channel, and mean and count (2, k) of residuals, of each time bin in k > 1 repeats."""
+    """Yield channel, and mean residuals and counts (2, k), of time bins in k > 1 repeats."""
     bins: dict[tuple[Place, int], list[tuple[float, int]]] = defaultdict(list)
     for run, r in zip(estimate.evidence.runs, residuals, strict=True):
         times = (run.samples.t / BIN_TIME).astype(int)

@@ -31,7 +31,7 @@ def advise(
     experiments: Sequence[Experiment],
     likelihood: LikelihoodScale,
 ) -> Task[list[Recommendation]]:
-    """Experiments by how well they separate two models, per minute, best first; yields requests.
+    """Rank `experiments` by how well they separate two models per minute; yields requests.
 
     `second` is a model with its shared values (P,). What the first explanation's parameters may
     still move, given the runs so far, is projected out (design for discrimination: Box and Hill

@@ -174,7 +174,7 @@ def _undetermined_values(estimate: Estimate, keep: Sequence[int]) -> Mask:
 
 
 def _newton_step(estimate: Estimate, held: Mask) -> Array:
-    """Shared values (P,) after one bounded Newton step of `estimate`, `held` (P,) ones fixed."""
+    """Shared values (P,) after a bounded Newton step of `estimate`, those of mask `held` fixed."""
     unknowns, z = estimate.unknowns, estimate.z
     fixed = np.concatenate([held, np.zeros(len(z) - len(held), dtype=bool)])
     low, high = (np.where(fixed, 0.0, bound - z) for bound in (unknowns.low, unknowns.high))
@@ -211,7 +211,7 @@ def _own_response(estimate: Estimate, i: int) -> Array:
 
 
 def _settled_response(estimate: Estimate, i: int) -> Array:
-    """Derivative (n, P) of run `i`'s whitened residuals by shared values, its own refitted."""
+    """Derivative (n, P) of run `i`'s residuals by shared values, its own unknowns refitted."""
     jacobian = estimate.jacobians[i]
     count = len(estimate.shared)
     return np.asarray(jacobian[:, :count] + jacobian[:, count:] @ _own_response(estimate, i))

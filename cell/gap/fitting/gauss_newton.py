@@ -86,7 +86,7 @@ def _step_within_bounds(p: Parameter, value: float) -> float:
 
 
 def _step_one(values: Array, i: int, h: float) -> Array:
-    """Copy of `values` (k,) with `h` added to number `i`."""
+    """Copy of `values` (k,) with `h` added to element `i`."""
     moved = values.copy()
     moved[i] += h
     return moved
@@ -285,7 +285,7 @@ def _estimate_at(
 
 
 def _next_use(share: float, use: JacobianUse) -> JacobianUse:
-    """Whether to keep, correct or renew the Jacobian after a step of `share` predicted gain.
+    """Whether to keep, correct or renew the Jacobian by the `share` of predicted gain achieved.
 
     Of a Jacobian in `use` that was mended already, a further correction is not tried.
     """

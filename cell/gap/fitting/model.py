@@ -34,7 +34,7 @@ class Model:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Parameters that all runs share: of the base, then of each effect; none where held."""
+        """Parameters that all runs share: of the base, then of each effect; none if fixed."""
         if self.held is not None:
             return ()
         return self.base + tuple(p for e in self.effects for p in e.parameters)
@@ -54,7 +54,7 @@ class Model:
         return shared[: len(self.base)], effects
 
     def join(self, base: Array, effects: dict[str, Array]) -> Array:
-        """Shared values (P,) from those of the base and of effects by name, others at null."""
+        """Shared values (P,) from those of base and `effects` by name, missing ones at null."""
         parts = [e.complete(effects.get(e.name, e.null)) for e in self.effects]
         return np.concatenate([base, *parts])
 

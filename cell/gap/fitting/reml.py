@@ -87,7 +87,7 @@ def reml_spreads(estimate: Estimate) -> tuple[Spread, ...]:
 
 
 def _spread(p: Parameter, share: float, error: float) -> Spread:
-    """Spread of `p` and its interval, from `share` of the usual one and the log's `error`."""
+    """Spread of `p`, its prior one times `share`, with an interval by its logarithm's `error`."""
     value = share * p.spread
     factor = float(np.exp(CENTRAL_95 * error))
     low = value * float(np.exp(-CENTRAL_95 * error))
@@ -197,7 +197,7 @@ def _equations(
 
 @dataclass(frozen=True, slots=True)
 class SpreadFit:
-    """Most likely spreads of the quantities `active`: `shares` (k,) of the usual, `loss` [nats]."""
+    """Most likely spreads of the quantities `active`, as `shares` (k,) of their prior spreads."""
 
     likelihood: Likelihood
     active: tuple[int, ...]
@@ -206,7 +206,7 @@ class SpreadFit:
 
     @classmethod
     def of(cls, likelihood: Likelihood, active: Sequence[int], start: Iterable[float] = ()) -> Self:
-        """Fit the shares of the usual spreads of quantities `active`, from shares `start` (j,)."""
+        """Fit shares (k,) of the prior spreads of quantities `active`, from `start` (j,)."""
         if not len(active):
             return cls(likelihood, (), np.zeros(0), likelihood.loss(np.zeros(0), [])[0])
         start_shares = list(start)
@@ -247,7 +247,7 @@ class SpreadFit:
 
 
 def _add_uncommon(fit: SpreadFit, count: int) -> SpreadFit:
-    """Select forward which further quantities of `count` scatter, the first of near equals."""
+    """Add quantities, up to `count`, to those that scatter, while their likelihood gains."""
     while len(fit.active) < count:
         absent = [k for k in range(count) if k not in fit.active]
         trials = [SpreadFit.of(fit.likelihood, [*fit.active, k], fit.shares) for k in absent]

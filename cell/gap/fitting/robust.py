@@ -37,7 +37,7 @@ def bound(r: Array, scale: float = 1.0) -> Array:
 
 
 def weights(r: Array) -> Array:
-    """Weights psi(r) / r (n,) of least squares that is iterated to Huber's estimate."""
+    """Huber's weights psi(r) / r (n,) of residuals `r` (n,), for reweighted least squares."""
     return np.minimum(1.0, HUBER_THRESHOLD / np.maximum(np.abs(r), 1e-300))
 
 

@@ -246,7 +246,7 @@ class _SharedTerms:
 
 
 def _invert(curvature: Array) -> tuple[Array, float]:
-    """Inverse (size, size) of `curvature` and half its log determinant."""
+    """Inverse (size, size) of `curvature`, and half the log determinant of `curvature`."""
     unit = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
     lower = np.linalg.cholesky(curvature * unit[:, None] * unit + 1e-10 * np.eye(len(unit)))
     inverse = cho_solve((lower, True), np.eye(len(unit))) * unit[:, None] * unit
@@ -282,7 +282,7 @@ def _with_proper_priors(limits: Unknowns, laws: slice) -> Unknowns:
 
 
 def _truncation(limits: Unknowns, mean: Array, variance: Array, laws: slice) -> float:
-    """Log ratio [nats] of posterior to prior mass within bounds, each of `laws` by itself."""
+    """Log ratio [nats] of posterior to prior mass within bounds, summed over parameters `laws`."""
 
     def log_mass(middle: Array, deviation: Array) -> Array:
         low = (limits.low[laws] - middle) / deviation

@@ -78,7 +78,7 @@ class Score:
 def fit_starts(
     base: Estimate, score: Score, candidates: Sequence[Candidate]
 ) -> tuple[Model, list[Start]]:
-    """Model with the effects of `score`, and where its fits start: first with new effects at null.
+    """Model with the effects of `score`, and starts of its fits: first with new effects at null.
 
     Only that start has a Jacobian: that of the fit that it extends and, for new effects, the one of
     the screen. A fit computes it anew where it does not predict the decrease.
@@ -209,7 +209,7 @@ def probe_equations(projection: Projection, probed: Sequence[ProbeResponses]) ->
 
 
 def ranked_singles(equations: ProbeEquations) -> list[Score]:
-    """Scores of single effects, of each that changes something, the largest gain first."""
+    """Scores of the single effects that change the runs at all, the largest gain first."""
     scores = [_score(equations, (p,)) for p in equations.probed]
     return sorted(scores, key=lambda s: (-s.gain, s.names))
 
@@ -253,7 +253,7 @@ def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Scor
 def _probes_to_fit(
     members: Sequence[ProbeResponses], unscaled: dict[str, Array]
 ) -> tuple[dict[str, Array], ...]:
-    """Start values (k,) by effect at probes: the mix `unscaled`, or every probe of a threshold.
+    """Further starts (k,) by effect: each probe of a threshold effect, else the mix `unscaled`.
 
     Beyond a threshold the response is not linear: from the probe that the screen prefers, no step
     of a fit may lead to the best value.
@@ -284,7 +284,7 @@ def _opposite_sign(
 def _best_mix(
     equations: ProbeEquations, members: Sequence[ProbeResponses], choice: tuple[int, ...]
 ) -> tuple[Score, float, dict[str, Array]]:
-    """Score of the best amounts for groups `choice`; gain and values (k,) at amounts 1 or -1."""
+    """Score of the best mix of probe groups `choice`; gain and values (k,) at amounts 1 or -1."""
     names = tuple(p.candidate.name for p in members)
     chosen = list(zip(members, choice, strict=True))
     columns = np.concatenate([equations.columns[p.candidate.name, group] for p, group in chosen])

@@ -248,7 +248,7 @@ def _farthest(base: Estimate, begun: Sequence[Estimate], reference: Estimate) ->
 def _most_promising(
     candidate: Candidate, score: Score
 ) -> tuple[tuple[tuple[float, ...], ...], ...]:
-    """Probe of `candidate` with the values of the scored start: one group; empty at the null."""
+    """Start values of `candidate` in `score` as a single group of one probe; empty at the null."""
     values = candidate.complete(score.start.get(candidate.name, candidate.null))
     if np.array_equal(values, candidate.null):
         return ()

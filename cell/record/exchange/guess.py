@@ -129,7 +129,7 @@ def _not_taken(
 
 
 def _columns(content: pa.Table) -> dict[str, Guess]:
-    """Columns of numbers of a table that their names say; times in words are seconds."""
+    """Guesses at the numeric columns whose names tell a quantity; ISO times become seconds."""
     found = dict[str, Guess]()
     names = [name for name in content.column_names if content.column_names.count(name) == 1]
     for name in sorted(names, key=lambda n: (not SECOND.isdisjoint(_words(n)), len(_words(n)))):

@@ -153,7 +153,7 @@ def _suggest_change(
 
 
 def _zeros(source: Source, how: MappingFile, name: TickColumn, begin: float) -> list[Content]:
-    """Changes, turned and not, by which the gripper's x or z, `name`, starts at `begin` [m]."""
+    """Mapping changes that let x or z (`name`) start at `begin` [m], axis reversed or not."""
     column = how.ticks.columns[name]
     first = float(read_columns(source, how.ticks)[name][0])
     first = column.offset + (-first if column.reversed else first)

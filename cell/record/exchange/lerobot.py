@@ -180,7 +180,7 @@ def _at_frames(run: Run, stamps: Array, values: Array) -> Feature:
 
 
 def _newest_images(run: Run) -> list[int]:
-    """Number in the film of the newest image at each row (n,) of ticks, else of the first one."""
+    """Film number of the newest image at each row (n,) of ticks; before any, the first image's."""
     stamps = run.film_stamps()
     newest = np.searchsorted(list(stamps.values()), run.ticks.t, side="right") - 1
     numbers = list(stamps)

@@ -93,7 +93,7 @@ class Place(Settings):
 
 
 class PlaceOfMotion(Place):
-    """Facts stated of a mechanism's run: order, condition, `load`, `origin` it was cut from."""
+    """Facts on a mechanism's run: order, condition, `load`; `origin` is its whole recording."""
 
     origin: str | None = None
     load: Load | None = None
@@ -185,7 +185,7 @@ class TableFiles(Source):
     """A run in CSV and Parquet files: those of a folder, or one alone."""
 
     def __init__(self, path: Path) -> None:
-        """Find the tables in the folder at `path`, or take that file."""
+        """Find the tables in the folder at `path`, or take the single file at `path`."""
         place = path.resolve()
         mapping = place.parent / MAPPING
         self.path, self.name = path, place.stem if path.is_file() else place.name
@@ -336,7 +336,7 @@ def _column_named(content: pa.Table, name: str, origin: str) -> pa.ChunkedArray:
 
 
 def numbers_of(raw: pa.ChunkedArray) -> Array | None:
-    """Numbers (n,) of a column, NaN where it is empty; None for one of anything else."""
+    """Numbers (n,) of a column, NaN where it is empty; None for a column of another type."""
     if not any(holds(raw.type) for holds in NUMBER_TYPES):
         return None
     return np.asarray(raw.cast(pa.float64(), safe=False).to_numpy(), dtype=np.float64)

@@ -220,7 +220,7 @@ class McapFile(Source):
 
 
 def flat(message: object) -> list[Row]:
-    """Rows of scalars of a decoded message, one for each object in its lists or one in all."""
+    """Flatten a decoded message to rows of scalars: one per object in its lists, else one."""
     row, several = Row(), list[Row]()
     for name, value in _fields(message).items():
         if isinstance(value, Sequence) and not isinstance(value, str | bytes):
@@ -242,7 +242,7 @@ def flat(message: object) -> list[Row]:
 
 
 def _fields(value: Any) -> Mapping[str, Any]:
-    """Fields of an object of JSON, protobuf or ROS 2; none of anything else.
+    """Fields of an object of JSON, protobuf or ROS 2 by name; empty for other values.
 
     Protobuf does not send a zero: a field is missing only where it can say so.
     """

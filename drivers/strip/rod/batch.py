@@ -112,7 +112,7 @@ def _flat_states(natures: Array, *, rich: bool) -> Array:
 
 
 def _monitor(model: StripModel) -> Array:
-    """Limits (MONITOR_SIZE,) for contact and touch of a flat strip; results are still NaN."""
+    """Monitor (MONITOR_SIZE,) of a flat strip: limits for contact and touch, results yet NaN."""
     monitor = np.full(at.MONITOR_SIZE, np.nan)
     monitor[at.CONTACT_HEIGHT] = model.observation.contact_height
     monitor[at.OPENING] = 2 * model.mechanics.touch_gap

@@ -72,11 +72,11 @@ class Rod:
             self._begin()
 
     def step(self, poses: Array, dt: float) -> Observables:
-        """Advance by `dt` [s] to gripper `poses` (n, 3) of x, z, pitch at the step's end."""
+        """Advance by `dt` [s] to gripper `poses` (n, 3) [m, m, rad] at the step's end."""
         return self.advance(poses[None], dt)
 
     def advance(self, poses: Array, dt: float) -> Observables:
-        """Advance by a step of `dt` [s] to each of `poses` (k, n, 3); returns the final state."""
+        """Step to each of `poses` (k, n, 3) [m, m, rad], `dt` [s] apart; returns the last state."""
         self._step_all(poses, dt, np.empty((0, 0, 0, 2)), 1)
         last = self._observed
         return Observables(
@@ -88,7 +88,7 @@ class Rod:
         )
 
     def trace(self, poses: Array, dt: float, every: int = 0) -> Trace:
-        """Advance by a step of `dt` [s] to each of `poses` (k, n, 3); returns all observables.
+        """Step to each of `poses` (k, n, 3) [m, m, rad] in `dt` [s]; returns all observables.
 
         Midlines are of every `every`th step, 0 for none.
         """
@@ -259,7 +259,7 @@ def _true_path(model: StripModel, path: GripperPath) -> GripperPath:
 
 
 def _sample(path: GripperPath, dt: float, count: int) -> Array:
-    """Poses (count, 3) of `path` at the ends of `count` steps of `dt` [s]; the last one repeats."""
+    """Poses (count, 3) [m, m, rad] of `path` at each `dt` [s]; its last pose repeats at the end."""
     times = path.t[0] + dt * np.arange(1, count + 1)
     return interpolate_columns(times, path.t, path.poses)
 

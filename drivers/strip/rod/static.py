@@ -72,7 +72,7 @@ def _stretch(batch: Batch, ratio: Array, stretched: NDArray[np.bool_]) -> None:
 
 
 def settle(batch: Batch, path: Array) -> None:
-    """Move the grips along `path` (k, n, 3) by damped steps, and let the strips come to rest."""
+    """Move the grips along `path` (k, n, 3) [m, m, rad] by damped steps; let the strips rest."""
     _follow_damped(batch, path, PERIOD)
     for longer in STILLING:
         _follow_damped(batch, path[-1:], longer)

@@ -179,7 +179,7 @@ class Chain:
         self._strips = [ChainStrip(model, self._links, self._foreign) for model in models]
 
     def step(self, poses: Array, dt: float) -> Observables:
-        """Advance by `dt` [s] to gripper `poses` (n, 3) of x, z, pitch at the step's end.
+        """Advance by `dt` [s] to gripper `poses` (n, 3) [m, m, rad] at the step's end.
 
         Raises SimulationNotFinite when a shape is not finite.
         """

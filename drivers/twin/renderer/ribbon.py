@@ -110,7 +110,7 @@ def random_weave(depth: float, rng: np.random.Generator) -> Weave:
 
 @dataclass(frozen=True, slots=True)
 class Projection:
-    """Image of a midline in the plane y = 0: points `near` (m, 2) [px], vectors [px] from them.
+    """Midline of a strip in an image: points `near` (m, 2) [px], and vectors (m, 2) [px] at them.
 
     `along` (m, 2) [px] is the curve from a point to the next, `half` (m, 2) half of the strip's
     thickness along the normal, `motion` (m, 2) the path during the exposure, empty at rest.

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cell.cli.app import app
-from cell.gap.check import check, clock, identifiable, recordings, values
+from cell.gap.check import check, clock, recordings, unidentifiable, values
 from cell.gap.fit import fit
 from cell.gap.subject.run_folders import RunFolder, find_runs
 from drivers.errors import ConfigurationError
@@ -84,7 +84,7 @@ def test_a_check_says_what_cannot_be_read(runs: Path) -> None:
 
 
 def test_what_runs_cannot_say_is_listed() -> None:
-    found = [f.words for f in identifiable(Curves(nothing, names=("bump", "twin", "dead")))]
+    found = [f.words for f in unidentifiable(Curves(nothing, names=("bump", "twin", "dead")))]
     assert found == [
         "dead: its largest size changes the runs by only 0.0 sigma",
         "bump and twin change these runs alike: they cannot be separated",

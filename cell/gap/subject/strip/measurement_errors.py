@@ -109,7 +109,7 @@ def path_half(x: float, length: float) -> str:
 
 
 def common_errors(samples: Samples, halves: Words) -> dict[str, Array]:
-    """Residuals (n,) [m, s] by one standard deviation of each systematic error, by its name.
+    """Residuals (n,) [m, s] that a standard deviation of each systematic error causes, by name.
 
     `halves` (n,) is `before` or `past`, as the gripper is before or past the middle: past it, a
     lifted strip shows its near edge on the other side.

@@ -85,7 +85,7 @@ class PreparedFold:
     resolution: Resolution = COARSE
 
     def job(self, hashed: Hashed[StripModel]) -> Job:
-        """Simulation of the model `hashed` along the measured path, or lifted for hysteresis."""
+        """Simulation of model `hashed` along the measured path, lifted in case of hysteresis."""
         has_hysteresis = hashed.value.mechanics.law.yield_curvature > 0.0
         path = self.lifted_path if has_hysteresis else self.path
         return Job.of(hashed, path, self.residuals.run.contact_height, self.resolution)
@@ -156,7 +156,7 @@ def linearise_folds(
 def _resolve(
     folds: Sequence[PreparedFold], models: Sequence[Hashed[StripModel]], simulate: Simulation
 ) -> list[PreparedFold]:
-    """Folds with a finer rod where the coarse one deviates by more than the model-error floor."""
+    """Copies of `folds`, with a finer rod where the coarse one errs beyond model error."""
     jobs = [fold.job(model) for fold, model in zip(folds, models, strict=True)]
     coarse = [
         fold.residuals(job.model, motion).mean
@@ -273,7 +273,7 @@ def _lifted_path(path: GripperPath, run: MeasuredRun) -> GripperPath:
 
 
 def replicates(runs: Sequence[Run]) -> Mapping[bytes, PreparedFold]:
-    """Fold whose simulation serves for each fold, by the digest of the fold's path.
+    """Map the digest of each fold's path to the fold whose simulation serves for it.
 
     An effect changes replicates alike, up to far less than the error of a rough time step.
     """

@@ -229,7 +229,7 @@ def check_fold(
 
 
 def _with_pitch(run: Recorded) -> Recorded:
-    """`run`, its pitch filled in where none was recorded: upright if hanging, else as in a lift."""
+    """Fill in an unrecorded gripper pitch: upright if hanging, else as in a lift from the desk."""
     ticks = run.ticks
     if not len(ticks.t) or np.isfinite(ticks.pitch).any():
         return run
@@ -312,7 +312,7 @@ def _notes(
 
 
 def _reaches(run: Recorded, touch: Touch | None, strip: StripFile) -> Iterator[Contradiction]:
-    """Contradictions [m] with the strip: wrong start, below the desk, or beyond its length."""
+    """Yield contradictions [m] of gripper, contacts and touch with a strip of the stated length."""
     t, x, z, contact = run.ticks.t, run.ticks.x, run.ticks.z, run.ticks.contact_x
     seen, at = np.isfinite(contact), f"start at x {x[0]:.3f}, z {z[0]:.3f} m is"
     yield TICKS, "t: in s, half the rows are apart by", np.diff(t), PERIOD

@@ -274,7 +274,7 @@ def open_strip(
 
 
 def _swap_notes(subject: StripSubject) -> tuple[str, ...]:
-    """Note that l1 and l2 seem swapped, where the stated strip is far nearer to their opposite."""
+    """Note that l1 and l2 seem swapped, where the strip predicts the opposite displacements."""
     base, off = np.array([p.start for p in subject.scope.base]), list[Array]()
     requests = [Request(run, base, {}, np.zeros(len(run.local))) for run in subject.runs]
     for run, residuals in zip(subject.runs, subject.simulate(requests), strict=True):

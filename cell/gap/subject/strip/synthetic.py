@@ -263,7 +263,7 @@ def _curve(fold: Fold, stamp: float, errors: Instruments, rng: np.random.Generat
 def _ticks(
     fold: Fold, end: float, stamps: Array, errors: Instruments, rng: np.random.Generator
 ) -> pa.Table:
-    """Table of ticks up to `end` [s], with contacts at the `stamps` (k,) [s] of the images."""
+    """Table of control ticks up to `end` [s], with contacts at image times `stamps` (k,) [s]."""
     t = fold.path.t[fold.path.t <= end]
     poses = fold.path.poses[: len(t)]
     height = fold.model.observation.contact_height
