@@ -103,7 +103,7 @@ class CalibrationFile(Settings):
 
 
 def make_calibration(lens: Lens, homography: Homography, **facts: Any) -> Calibration:
-    """Create a calibration with its id; `facts` are its other values, by name.
+    """Create a calibration with an id; `facts` are its further values by name.
 
     `residual_mm`, `date` and `camera` are required.
     """

@@ -15,7 +15,7 @@ YOUNG_OBJECTS = 50_000  # between collections: fewer, and libraries' objects are
 
 
 def command() -> None:
-    """Run the command line as a process, whose end frees all objects at once and not one by one."""
+    """Run the command line as a process that exits at once, without freeing objects one by one."""
     codes = list[int]()
     atexit.register(lambda: codes and os._exit(codes[0]))  # registered first, it is called last
     try:

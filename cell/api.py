@@ -206,7 +206,7 @@ def undo(out: Place, subject: Place, configs: Place | None = None) -> AcceptResu
 
 
 def _subject_file(subject: Place, configs: Place | None) -> Path:
-    """File of a strip by name, or of what is at that path."""
+    """Path of the file of `subject`: a strip's name, or a path."""
     return find_configs(configs).strip_path(str(subject))
 
 

@@ -64,7 +64,7 @@ class ChildDied(Exception):
 
 
 class SharedMemory:
-    """Memory shared by a parent and its child process, to which it is passed as an argument."""
+    """Memory shared by a parent and a child process, passed to the child as an argument."""
 
     def __init__(self, descriptor: int | None = None) -> None:
         self.descriptor = os.memfd_create("shared") if descriptor is None else descriptor

@@ -80,7 +80,7 @@ def suggestion(name: str, known: Iterable[str]) -> str:
 
 
 def check_known(what: str, name: str, known: Collection[str]) -> None:
-    """Raise ConfigurationError, which lists the `known`, for another `name` of `what`."""
+    """Raise ConfigurationError, with the `known` names, if `name` of a `what` is not among them."""
     if name not in known:
         raise ConfigurationError(
             f"{what}: unknown name {name!r}{suggestion(name, known)}; "

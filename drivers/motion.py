@@ -156,7 +156,7 @@ class MotionProfile:
         return bool(self._elapsed * TICK < self._plan.duration)
 
     def _begin(self) -> None:
-        """Discard what the last command left: its age, its expiry and its goal."""
+        """Discard age, expiry and goal of the last command."""
         self.expired = False
         self._age = 0
         self._goal = self._next_move = None
@@ -225,7 +225,7 @@ class MotionProfile:
             self._next_move = goal
 
     def _keep_inside(self, state: State) -> State:
-        """`state`, or one that brakes the axes on which no stop in the workspace could follow."""
+        """Copy of `state` with those axes braked that could not stop within the workspace."""
         for _ in range(3):  # each round blocks one of the three axes or more
             self._calculate(self._brake, self._stopping, state)
             leaving = self._leaving(self._stopping) - self._blocked

@@ -12,7 +12,7 @@ class Clock(Protocol):
         """Time [s] since the run began."""
 
     def wait_until(self, time: float) -> None:
-        """Return when the clock is at `time` [s]; on the twin only this advances the simulation."""
+        """Wait until the clock is at `time` [s]; on the twin only this advances the simulation."""
 
 
 class Arm(Protocol):
@@ -62,7 +62,7 @@ class Camera(Protocol):
 
     @property
     def rate(self) -> float:
-        """Frame rate [Hz]: as the device accepted it after `connect`, requested before it."""
+        """Frame rate [Hz] that the device accepted or, before `connect`, that is requested."""
 
     def connect(self) -> None:
         """Connect to the camera and start its stream."""

@@ -61,7 +61,7 @@ class HeadingNetwork:
 
 
 class Feedback:
-    """Feedback policy of the paper, with `weights` (p, WEIGHT_COUNT) for p equal groups of strips.
+    """Feedback policy of Petrik and Kyrki (2019), with `weights` (p, WEIGHT_COUNT) of p candidates.
 
     Speed and pitch are constant. The direction always has a component toward the fixed edge, so
     that every fold ends in a touch or past the edge.

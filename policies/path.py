@@ -74,7 +74,7 @@ def vertical_lift(length: float) -> Path:
 
 
 def circular(length: float) -> Path:
-    """Path over a strip of `length` L [m]: half a circle from (L, 0) to (0, 0) (paper)."""
+    """Path over a strip of `length` L [m]: half a circle from (L, 0) to (0, 0)."""
     angle = np.linspace(0.0, np.pi, 361)
     radius = length / 2
     return Path.through(np.stack([radius + radius * np.cos(angle), radius * np.sin(angle)], -1))

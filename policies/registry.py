@@ -49,7 +49,7 @@ class Entry:
 
 
 def _path_policy(name: str) -> "Factory":
-    """Factory of the policy that follows the path of this `name` in `policies.path`."""
+    """Factory of the policy that follows the path `name` of the module `policies.path`."""
 
     def make(_: FilePath | None) -> "Policy":
         from policies import path

@@ -38,20 +38,20 @@ CONDITIONS = ("nothing", "friction", *EFFECTS)  # one effect at a time
 
 
 def strip_at(u: float, v: float) -> StripFile:
-    """Strip of the paper's range at (u, v) of the unit square: log stiffness, log damping."""
+    """Strip at (u, v) of the unit square: log stiffness and log damping in the published range."""
     low, high = STIFFNESS_RANGE
     k = low * (high / low) ** u
     return paper_strip(k, paper_damping_minimum(k) * DAMPING_RATIO**v)
 
 
 def grid(n: int) -> list[StripFile]:
-    """Strips of the paper's range on an n x n logarithmic grid of stiffness, then damping."""
+    """Strips on an n x n logarithmic grid of stiffness, then damping, in the published range."""
     places = np.linspace(0.0, 1.0, n)
     return [strip_at(u, v) for u in places for v in places]
 
 
 def sample(n: int, rng: np.random.Generator) -> list[StripFile]:
-    """Draw n x n strips of the paper's range by stratified sampling: one in each cell."""
+    """Draw n x n strips of the published range by stratified sampling: one in each grid cell."""
     shift: Array = rng.uniform(size=(n, n, 2))
     cells = np.stack(np.meshgrid(np.arange(n), np.arange(n), indexing="ij"), axis=-1)
     places = ((cells + shift) / n).reshape(-1, 2)
@@ -68,14 +68,14 @@ def draw_friction(rng: np.random.Generator, low: float, high: float) -> dict[str
 def draw_effect(
     name: str, rng: np.random.Generator, length: float = STRIP_LENGTH
 ) -> dict[str, float]:
-    """Draw parameters of the effect `name` as of textiles, for a strip of `length` [m]."""
+    """Draw parameters of the effect `name` within ranges for textiles, for a `length` [m]."""
     return {key: span.sample(rng, length) for key, span in registry()[name].textile.items()}
 
 
 def plain_strip(
     rng: np.random.Generator, length: float = STRIP_LENGTH, **effects: Mapping[str, float]
 ) -> StripFile:
-    """Draw a strip of `length` [m] with `effects`, stiffness and damping in the paper's range."""
+    """Draw a strip of `length` [m] with `effects`, of published stiffness and damping ranges."""
     of_paper = strip_at(rng.uniform(), rng.uniform())
     return StripFile(
         name="unknown",

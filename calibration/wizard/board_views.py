@@ -88,7 +88,7 @@ class BoardViews:
         self._last = None
 
     def take_back(self) -> Row | None:
-        """Remove the newest view and request it again; returns its row, None without one."""
+        """Remove the newest view and request it again; returns its row, None if there is none."""
         newest = max(self._views, default=None)
         if newest is None:
             return None
@@ -130,14 +130,14 @@ class BoardViews:
         )
 
     def verdict(self, length: float | None) -> LensVerdict:
-        """Verdict on the lens from the views so far.
+        """Verdict on the lens from the views accepted until now.
 
         `length` [m] is the ruler's length of the board's squares across all columns.
         """
         return lens_verdict(self._views, self._size, length, self._settings)
 
     def _sketch(self, wanted: WantedView | None) -> Sketch:
-        """Outlines in the image of the requested view and of the newest one."""
+        """Outlines [px] in the image of the requested view and of the newest view."""
         outline = self._settings.outline()
         size = self._size or TYPICAL_SIZE
         as_wanted = as_seen = None
@@ -148,7 +148,7 @@ class BoardViews:
         return Sketch(size, as_wanted, as_seen)
 
     def _refuse(self, frame: Frame, look: BoardDetection) -> str | None:
-        """Reason why this image shows no usable view, or None."""
+        """Reason why an image shows no usable view of the board, or None."""
         size = (frame.image.shape[1], frame.image.shape[0])
         if self._size is not None and size != self._size:
             return (

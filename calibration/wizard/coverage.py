@@ -76,7 +76,7 @@ def _words(share: float, low: str, high: str) -> str:
 
 
 def _lean_words(angle: float, positive: str, negative: str) -> str:
-    """Words for a lean by `angle` [rad] to one side or the other; empty where it is flat."""
+    """Words for a lean by `angle` [rad] to either side; empty for a board without lean."""
     if abs(angle) < FLAT_ANGLE:
         return ""
     return f"{positive if angle > 0 else negative} by {degrees(abs(angle)):.0f} deg"

@@ -121,7 +121,7 @@ def read_session(folder: Path, kind: Kind) -> Session:
 
 
 def begin_or_resume(folder: Path, now: Session) -> Session:
-    """Session in `folder`, or `now` in a new one; ConfigurationError where settings differ."""
+    """Session in `folder`, or a new one with settings `now`; ConfigurationError if they differ."""
     if not (folder / SESSION_FILE).exists():
         return now
     stored = read_session(folder, now.kind)

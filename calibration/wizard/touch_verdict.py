@@ -209,7 +209,7 @@ def _common_shift(off: Array, settings: TouchSettings) -> tuple[str, ...]:
 
 
 def _causes(touches: Sequence[Touch], fit: TouchFit, settings: TouchSettings) -> tuple[str, ...]:
-    """Reasons for refusal that explain all others: a mirrored plane, or a camera that moved."""
+    """Reasons for refusal that explain all other ones: a mirrored plane, or a moved camera."""
     middle = np.mean([touched.place for touched in touches], axis=0)
     triangle = middle + ORIENTATION_STEP * np.array([(0, 0), (1, 0), (0, 1)])
     corners = fit.homography.to_image(triangle)

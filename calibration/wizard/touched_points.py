@@ -122,7 +122,7 @@ class TouchedPoints:
         self._repeat_suspects()
 
     def take_back(self) -> Row | None:
-        """Remove the newest touch and request it again; returns its row, None without one."""
+        """Remove the newest touch and request it again; returns its row, None if there is none."""
         if not self._touches:
             return None
         dropped = self._touches.pop()
@@ -132,7 +132,7 @@ class TouchedPoints:
         return Row(number=dropped.number, again=dropped.again, dropped=True)
 
     def verdict(self) -> TouchVerdict:
-        """Verdict on the map from the touched points so far."""
+        """Verdict on the map from the points touched until now."""
         return touch_verdict(self._touches, self.lens, self._settings)
 
     @property
@@ -238,7 +238,7 @@ def _kind(point: Touch) -> MarkKind:
 
 
 def _state(point: Touch | None) -> str:
-    """Character of a planned pose for the terminal: its touch, or that it is to come."""
+    """Character of a planned pose in the terminal: to come, accepted, held out or to repeat."""
     if point is None:
         return "."
     if point.again:

@@ -128,7 +128,7 @@ class TouchFit:
 
 
 def fit_touches(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -> TouchFit:
-    """Fit the homography robustly to the newest touch of each pose, and sort all other touches.
+    """Fit the homography robustly to the newest touch of each pose; sort all other touches.
 
     Held-out poses are not fitted. The order of `touches` does not matter. Raises
     ConfigurationError where they give no map.
@@ -147,7 +147,7 @@ def fit_touches(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -
 def _sort_others(
     fit: TouchFit, touches: Sequence[Touch], newest: Sequence[Touch], settings: TouchSettings
 ) -> TouchFit:
-    """Copy of `fit` with the touches that it does not use as validation, outliers and others.
+    """Copy of `fit` that sorts its unused touches into validation points, outliers and others.
 
     A second touch with the first one's error shows that the map is wrong there; one that is off in
     another way says nothing, and does not judge the map.

@@ -5,7 +5,7 @@ from enum import StrEnum
 
 
 class Level(StrEnum):
-    """Grade of a line printed for the operator: good, fair, bad, or plain if it is not graded."""
+    """Grade of a line printed for the operator: good, fair, bad, or plain without a grade."""
 
     GOOD = "good"
     FAIR = "fair"
@@ -44,7 +44,7 @@ class Verdict:
 
 
 def reasons(*facts: tuple[bool, str]) -> tuple[str, ...]:
-    """Texts of those `facts` (condition, text) whose condition is true."""
+    """Texts of the given (condition, text) pairs whose condition is true."""
     return tuple(text for holds, text in facts if holds)
 
 

@@ -114,7 +114,7 @@ def at_speed(settings: S, speed: float | None) -> S:
 
 
 def limit_to_arm(settings: CellFile, choice: DeviceSelection) -> CellFile:
-    """Settings of the cell with the limits of the selected arm and its start of measured time.
+    """Cell settings limited to the selected arm's motion, with the start that suits the arm.
 
     The start is `fold.start` where that is stated. If not, a run of the in-process arm begins flat:
     it follows the lift as planned, so that a model can repeat it. That of a robot, whose own limits

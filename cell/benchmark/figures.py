@@ -118,7 +118,7 @@ def range_figure(results: Results) -> str:
 
 
 def outside(results: Results, policy: str) -> tuple[int, int]:
-    """Number of strips outside the simulated range of `policy`, and of all strips."""
+    """Number of strips whose d lies outside the simulated range of `policy`, and of all strips."""
     seen = displacements(results.folds(policy))
     seen = seen[np.isfinite(seen)]
     over = results.over_range(policy, "rod")

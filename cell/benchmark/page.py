@@ -37,7 +37,7 @@ def write_main_picture(results: Results, path: Path) -> None:
 
 
 def lines(results: Results) -> list[dict[str, Any]]:
-    """Results as JSON objects: one for each policy, then one for each claim; None if unknown."""
+    """JSON objects of the results: one for each policy, then one a claim; None if unknown."""
     summary = [{"kind": "policy", **asdict(row)} for row in rows(results)]
     claimed = [{"kind": "claim", **asdict(claim)} for claim in claims(results)]
     return [plain(line) for line in (*summary, *claimed)]

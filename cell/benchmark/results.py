@@ -72,7 +72,7 @@ class BenchmarkSpec(Settings):
 
 
 def _check_names(names: tuple[str, ...], known: tuple[str, ...], option: str) -> tuple[str, ...]:
-    """`names` without repetitions; ConfigurationError, naming the option, for one not `known`."""
+    """`names` without repetitions; ConfigurationError, with `option`, for a name not `known`."""
     wanted = tuple(dict.fromkeys(names))
     for name in wanted:
         check_known(f"--{option}", name, known)
@@ -188,5 +188,5 @@ class Results(Settings):
         return tuple(self._of(EffectFolds, policy))
 
     def _of(self, kind: type[PolicyResult], policy: str) -> list[PolicyResult]:
-        """Results of this `kind` by `policy`."""
+        """Results of the class `kind` by `policy`."""
         return [r for r in self.results if isinstance(r, kind) and r.policy == policy]

@@ -33,7 +33,7 @@ def numeral(value: float, *, signed: bool = False) -> str:
 
 @dataclass(frozen=True, slots=True)
 class StripNumbers:
-    """Statistics of folds through images: measured d, true |offset| of laid edges [m]; else NaN."""
+    """Statistics of folds through images: measured d, true |offset| of laid edges [m], or NaN."""
 
     folded: int
     of: int
@@ -99,7 +99,7 @@ class Row:
     spread: float
 
     def strip_cells(self) -> tuple[str, ...]:
-        """Cells of the table of strips: policy, folds, mean, from, to, worst, on, error, differ."""
+        """Cells of a row in the table of strips: policy, count, then statistics of d [mm]."""
         s = self.strips
         return (
             self.policy,

@@ -242,7 +242,7 @@ class TwinOperator:
         self._person = person
 
     def answer(self, question: Question) -> Answer | None:
-        """Answer of the person; one on the pointer puts it into the twin's hand, or removes it."""
+        """Answer of the `person`; once confirmed, the twin's hand takes or returns the pointer."""
         answer = self._person.answer(question)
         if answer is not None and question.ask in POINTER:
             self._aids.hold_pointer(question.ask is Ask.POINTER_IN)

@@ -40,7 +40,7 @@ TRIES = 3  # times that Dask may give up: a part, after several deaths of worker
 
 @dataclass(frozen=True, slots=True)
 class Cluster:
-    """Engine on the Dask cluster at `address` (tcp://HOST:PORT); `limit` [s] is as for Local."""
+    """Engine on the Dask cluster at `address` (tcp://HOST:PORT); a part may take `limit` [s]."""
 
     address: str
     limit: float | None = None
@@ -138,7 +138,7 @@ def event_loop() -> Iterator["IOLoop"]:
 def _run_until_lost(
     client: "Client", parts: list[Part], folder: Path, limit: float | None
 ) -> Iterator[Record]:
-    """Yield records until all parts have one or the scheduler is gone; threads have a part each."""
+    """Yield records until all parts are done or the scheduler is gone, one part per thread."""
     from distributed import wait
 
     waiting = parts[::-1]  # popped from the end: in the order of parts
@@ -231,7 +231,7 @@ def _local_folder() -> Path:
 
 
 def _check(client: "Client", address: str, patience: float) -> None:
-    """Raise ConfigurationError for a cluster without workers, or with some of other versions."""
+    """Raise ConfigurationError for a cluster without workers or with other library versions."""
     try:
         client.wait_for_workers(1, timeout=patience)
     except TimeoutError:

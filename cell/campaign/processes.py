@@ -170,7 +170,7 @@ class ProcessPool:
             running.process.send(Signal.STOP)
 
     def close(self) -> None:
-        """Let all processes end; stoppable calls stop under control, others are ended in time."""
+        """Let all processes end: stoppable calls stop under control, others may finish in time."""
         processes = self._forget_all()
         for process in processes:
             process.pipe.close()

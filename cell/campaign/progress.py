@@ -14,7 +14,7 @@ LINES = 20  # lines printed of a training, and of its evaluation, where there is
 
 
 def failure_text(record: Record) -> str:
-    """Text on why the part of a record was not measured: its state and reason; else empty."""
+    """Text with the state and reason of a part that was not measured; empty if it was."""
     if record.state == "measured":
         return ""
     return f": {record.state.replace('_', ' ')}: {record.reason}"

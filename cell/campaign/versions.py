@@ -42,7 +42,7 @@ def sources(
     patterns: Sequence[str] = ("*.py", "*.yaml"),
     without: tuple[str, ...] = (),
 ) -> str:
-    """Digest, 16 digits, of the files at `places` and below, but those `without`."""
+    """Digest, 16 digits, of the files at and below `places`, except those named by `without`."""
     digest = hashlib.sha256()
     for pattern in patterns:
         for path in sorted(p for place in places for p in _files(ROOT / place, pattern)):

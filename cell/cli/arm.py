@@ -150,7 +150,7 @@ def _go_to(
 
 
 def _at_address(settings: "CellFile", choice: "DeviceSelection") -> bool:
-    """Whether the selected arm is a robot, or an emulated one, at the cell's address."""
+    """Whether the selected arm is a robot, real or emulated, at the address in cell.yaml."""
     return choice.arm_driver(settings).real and settings.fci.address is not None
 
 

@@ -226,7 +226,7 @@ def calibrate_check(
 
 
 def _ask_length(columns: int) -> float:
-    """Ask the operator for the length [m] of `columns` squares, again until it is a length."""
+    """Ask the operator for the length [m] of `columns` squares until the answer is a length."""
 
     def parse(text: str) -> float:
         try:
@@ -273,7 +273,7 @@ def _open_devices(
 
 
 def _use_calibration(configs: Path | None, made: "Calibration", place: Path | None) -> Path:
-    """Name the calibration `made` in cell.yaml; ConfigurationError where `place` lacks it."""
+    """Name the file of calibration `made`, kept in the folder `place`, in cell.yaml."""
     from calibration.calibration import load_calibration
     from cell.calibrate.calibration_in_use import use_calibration
 

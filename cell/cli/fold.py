@@ -108,7 +108,7 @@ class FoldOptions:
     as_json: options.Json = False
 
     def strip_name(self) -> str:
-        """Name of the strip; one without a file is named by its length and thickness."""
+        """Name of the strip; an unmeasured strip is named by its length and thickness."""
         if (self.strip == "unknown") != (self.length is not None):
             raise ConfigurationError(
                 "--length: goes with `--strip unknown`, which needs it; other strips have a file"
@@ -230,7 +230,7 @@ def _fold_all(
 
 
 def _attendance(robot: str, *, as_json: bool) -> "Attendance":
-    """Callbacks to the operator in a batch of folds; `robot` is a remark on an emulated one."""
+    """Callbacks to the operator in a batch of folds; `robot` is a remark on an emulated robot."""
     from cell.arm.run_settings import await_strip
     from cell.folding.batch import Attendance
 
@@ -308,7 +308,7 @@ class _ProgressLine:
         self._show(text)
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
-        """Print a fault on a line of its own, which stays; other events are not shown."""
+        """Print a fault on a line of its own, which stays visible; ignore other events."""
         if kind == "fault":
             sys.stderr.write(f"{time:.2f} s  {facts['name']}: {facts['reason']}\n")
 

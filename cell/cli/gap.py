@@ -358,7 +358,7 @@ def _strip_file(strip: str, configs: Path | None) -> Path:
 
 
 def _relative(file: Path) -> Path:
-    """Path of `file` relative to the working directory, where it lies below."""
+    """Path of `file` relative to the working directory, if the file lies below."""
     return file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file
 
 

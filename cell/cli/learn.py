@@ -80,7 +80,7 @@ def _check_arguments(what: str, run: Path | None, edges: str | None) -> None:
 
 
 def _memory_of(settings: "CellFile", run: Path) -> "Memory":
-    """Memory that holds the fold `run`: that of the twin, or else of the real cell."""
+    """Memory that holds the fold `run`: the one of the twin or that of the real cell."""
     from cell.learning.experience import Memory
 
     twin = Memory(settings.name, twin=True)

@@ -87,7 +87,7 @@ def writable(configs: Path | None) -> Found:
 
 
 def check_readable(path: Path, remedy: str = "") -> None:
-    """Raise ConfigurationError for a file that cannot be opened; `remedy` says what to do."""
+    """Raise ConfigurationError, with a `remedy`, for a file that cannot be opened."""
     try:
         os.close(os.open(path, os.O_RDONLY | os.O_NONBLOCK))  # a pipe is not waited for
     except OSError as error:

@@ -25,7 +25,7 @@ class Outlet(io.FileIO):
     failure: OSError | None = None
 
     def write(self, content: Any) -> int:
-        """Write what the system accepts, and drop the rest after an error; claims every byte."""
+        """Write what the system accepts, drop the rest after an error; reports all as written."""
         block = memoryview(content)
         rest = block.cast("B")
         while self.failure is None and rest.nbytes:
@@ -158,7 +158,7 @@ def printable(text: str) -> str:
 
 
 def _lines(columns: Sequence[str], row: Sequence[str], width: int) -> list[str]:
-    """Lines for one row on a narrow terminal: the first cell, then named cells as they fit."""
+    """Lines for a table row on a narrow terminal: first cell, then named cells, wrapped."""
     named = (f"{name} {cell}" for name, cell in zip(columns[1:], row[1:], strict=True) if cell)
     lines = [row[0]]
     current = ""

@@ -119,7 +119,7 @@ def _next_frame(camera: V4l2Camera, after: float) -> CameraFrame:
 
 
 def _suitability(mode: Mode) -> tuple[bool, bool, int, int]:
-    """Sort key of a mode: fast enough, within BEST_MODE, nearest to it, least work to decode."""
+    """Sort key of a camera mode, best last: fast, within BEST_MODE, near to it, easy to decode."""
     width, height, rate = BEST_MODE
     fits = mode.width <= width and mode.height <= height
     fast = max(mode.rates, default=rate) >= rate - RATE_MARGIN

@@ -51,7 +51,7 @@ class TwinPlant:
     plant: StripFile
 
     def truth(self, origin: float) -> Mapping[str, Any]:
-        """True touch time [s] since `origin`, lengths [m] at it, final edge offset [m], plant."""
+        """True time [s] since `origin` and lengths [m] of the touch, edge offset [m], plant."""
         touch = self.twin.world.touch
         return {
             "plant": self.plant.model_dump(mode="json", by_alias=True),
@@ -65,7 +65,7 @@ class TwinPlant:
 
 @dataclass(frozen=True, slots=True)
 class DeskPlant:
-    """Plant on the twin's `desk`: as `recorded`, as a `strip` alone, and effects of the rig."""
+    """Plant on the twin's `desk`: file to be `recorded`, `strip` alone, and effects of the rig."""
 
     desk: TwinSettings
     recorded: StripFile
@@ -76,7 +76,7 @@ class DeskPlant:
     def selected(
         cls, settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
     ) -> Self:
-        """Plant that `choice` names, else `strip`; a bare desk and a perfect rig to calibrate."""
+        """Plant of `choice`, else `strip`; while `calibrating` a bare desk and a perfect rig."""
         recorded = choice.plant or strip
         lying = recorded
         rig_effects: Effects = settings.effects

@@ -53,7 +53,7 @@ def robot(address: str) -> Check:
 
 
 def camera(settings: CellFile) -> Check:
-    """Check whether the configured camera is connected and its controls are locked as stated."""
+    """Check whether the configured camera is connected, with its controls locked as configured."""
     why = "a picture by other settings is measured by a calibration that does not fit it"
     stated = settings.camera
     if stated is None:

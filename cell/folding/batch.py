@@ -81,7 +81,7 @@ def _fold_in_parallel(
 
 
 def agreed(requests: Sequence[Request], ask: Callable[[str], str]) -> tuple[Request, ...]:
-    """Copies of `requests` with the operator's consent to a real robot's motion, where one folds.
+    """Copies of `requests` with the operator's consent to a real robot's motion, if one moves.
 
     Raises PreflightRefused where the consent is not typed, or a check of the hardware fails.
     """
@@ -131,7 +131,7 @@ def _fold_in_sequence(
 
 
 def _unless_interrupted(result: FoldResult | CellError) -> FoldResult | CellError:
-    """Return the `result` of a fold; raises it where it is the error Interrupted."""
+    """Return a fold's `result`, or raise it if it is the error Interrupted."""
     if isinstance(result, Interrupted):
         raise result
     return result
@@ -176,7 +176,7 @@ class ParallelFolds:
         self._pool.close()
 
     def _begin(self, interrupted: Callable[[], bool]) -> None:
-        """Start folds while there is room; one without a calibration is done with its error.
+        """Start folds while there is room; a fold without calibration ends with an error.
 
         A fold leaves the queue after its calibration, so that Ctrl-C meanwhile does not lose it.
         """

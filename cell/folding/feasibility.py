@@ -131,7 +131,7 @@ def from_edge(strip: StripFile, fold: Array) -> Array:
 
 
 def _simulate(settings: CellSettings, strip: StripFile, policy: Policy) -> Folds | None:
-    """Simulated folds of `strip` and, unless it predicts, of its corner strips; None if failed."""
+    """Simulated folds of `strip` and, for a policy that does not predict, of its corner strips."""
     strips = [strip, *(() if isinstance(policy, Predictor) else corner_strips(strip))]
     try:
         models = [describe(each, settings.effects) for each in strips]

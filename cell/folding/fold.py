@@ -288,7 +288,7 @@ def write_pages(request: Request, result: FoldResult) -> FoldResult:
 
 
 def _warning(outcome: Outcome, *others: str) -> str | None:
-    """Text on lengths that disagree, on a strip unlike its model, and `others`; else None."""
+    """Text on disagreeing lengths, on a strip unlike its model, and `others`; None without any."""
     lines = [check.sentence() for check in disagreements(outcome.witnesses)]
     if outcome.agreement is not None and not outcome.agreement.like_model:
         lines.append(outcome.agreement.sentence())

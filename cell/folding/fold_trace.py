@@ -28,7 +28,7 @@ class FoldTrace:
         self._profiles: list[np.ndarray] = []
 
     def handle_tick(self, snapshot: Snapshot) -> None:
-        """Store the gripper's pose, and the profile where it is new."""
+        """Store the gripper's pose and, if new, the strip's profile."""
         if snapshot.state not in MEASURED_STATES:
             return
         pose = snapshot.arm.pose
@@ -42,7 +42,7 @@ class FoldTrace:
         """Ignore an event of the run."""
 
     def review(self, outcome: Outcome, record: Recorder) -> Outcome:
-        """Add the strip's agreement with its model to `outcome`, which fails where it is poor."""
+        """Add the agreement of strip and model to `outcome`, which fails if it is poor."""
         agreed = self._agreement(outcome, record.origin)
         outcome = replace(outcome, agreement=agreed)
         if agreed is None or agreed.like_model:

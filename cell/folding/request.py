@@ -141,7 +141,7 @@ def with_correction(request: Request, learning: str | None) -> Request:
 
 
 def memory_of(request: Request) -> Memory:
-    """Memory of learned biases to which the fold belongs: the cell's, or that of its twin."""
+    """Memory of learned biases that a fold uses and updates: of the cell, or of its twin."""
     twin = not is_physical(request.cell, request.choice)
     return Memory(request.cell.name, request.learning.memory, twin=twin)
 

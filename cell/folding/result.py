@@ -85,12 +85,12 @@ class FoldResult:
 
     @property
     def offset(self) -> float:
-        """Size [m] of the edges' offset, else of the displacement; infinity without either."""
+        """Size [m] of the edges' offset or, if unknown, of the displacement, or infinity."""
         offset = self.displacement if self.edge_offset is None else self.edge_offset
         return inf if offset is None else abs(offset)
 
     def ends(self, until: float) -> bool:
-        """Whether a series of folds ends with this one: stopped, or edges within `until` [m]."""
+        """Whether a series of folds ends here: stopped, or edges within `until` [m]."""
         return self.exit_code > 1 or (self.exit_code == 0 and self.offset <= until)
 
     @property

@@ -115,7 +115,7 @@ class GapModel:
         return np.array([self.excess_of(response) for response in self.responses(hidden)])
 
     def responses(self, hidden: Sequence[NamedValues]) -> list[Array]:
-        """Changes (N,) [noise] of residuals by each set of effects, less what a refit absorbs."""
+        """Changes (N,) [noise] of residuals that each set of effects leaves after a refit."""
         estimate = self._estimate
         runs = list(zip(estimate.evidence.runs, estimate.point.local, strict=True))
         requests = []
@@ -127,7 +127,7 @@ class GapModel:
         return [self._left_by_base(results[k * count :][:count]) for k in range(len(hidden))]
 
     def _left_by_base(self, results: Sequence[Residuals]) -> Array:
-        """Change (N,) [noise] of residuals from stated to `results`, less what a refit absorbs."""
+        """Change (N,) [noise] of residuals, stated to `results`, that a base refit leaves."""
         runs = zip(results, self._estimate.raw, self._estimate.evidence.scales, strict=True)
         moved = [response(result, base, scale) for result, base, scale in runs]
         return self._about.unabsorbed(np.concatenate(moved))

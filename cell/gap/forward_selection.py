@@ -87,7 +87,7 @@ def leading_models(fits: Fits) -> list[CrossValidatedFit]:
 def better_base(
     simulate: Simulate, fits: Fits, leading: Sequence[CrossValidatedFit]
 ) -> Estimate | None:
-    """Base refitted from its values in the `leading` models; None where it is not clearly better.
+    """Base refitted from its values in the `leading` models; None unless clearly better.
 
     A base that stopped in a local minimum leaves a gap that is none.
     """
@@ -189,7 +189,7 @@ def _refit_pairs(search: Search, screen: Screen, fits: Fits) -> Fits:
 
 
 def _refit_alternatives(search: Search, fits: Fits) -> Fits:
-    """Fit an accepted pair or triple without each effect, and with others instead of it.
+    """Fit variants of an accepted pair or triple: without each effect, or with another one.
 
     Repeats while another set is accepted than before, since each has alternatives of its own.
     """

@@ -87,7 +87,7 @@ class Investigation:
     def extend(
         self, models: Models, add_models: Callable[[Search, Models, Progress], Fits], share: float
     ) -> Models:
-        """Fit more models by `add_models`; if one leads the base, refit the base, then all of them.
+        """Models with more fits by `add_models`; if one leads the base, all are refitted.
 
         `share` of the whole investigation is done by then.
         """
@@ -171,7 +171,7 @@ class Investigation:
         )
 
     def choose(self, fits: Fits, sets: Posterior) -> tuple[CrossValidatedFit, Fits]:
-        """Model to accept, refitted by the finest simulation, and `fits` with it.
+        """Model to accept, refitted by the finest simulation, and a copy of `fits` with this.
 
         Its probability in `sets` stays: those compare all models by the same, coarser simulation.
         """

@@ -102,7 +102,7 @@ def rehearsal_plan(paths: Sequence[Path], file: Path, jobs: int) -> Plan:
 
 
 def as_fitted(strip: StripFile, values: Mapping[str, float]) -> StripFile:
-    """Copy of `strip` with those refitted `values` that a strip file states."""
+    """Copy of `strip` with the refitted `values` of those properties that a strip file states."""
     stated = {name: value for name, value in values.items() if name in StripFile.model_fields}
     return strip.model_copy(update=stated)
 
@@ -118,7 +118,7 @@ def path_of_run(run: MeasuredRun) -> GripperPath:
 def copies_with_each_effect(
     strip: StripFile, runs: Sequence[MeasuredRun]
 ) -> tuple[list[HiddenCopy], list[str]]:
-    """Copies that hide one effect each, just large enough to leave an EXCESS [sigma].
+    """Copies with one hidden effect each, just large enough to leave EXCESS [sigma].
 
     Effects that the refitted `strip` has already are left out; the noise is that of the first run.
     Second, the names of the effects that leave such a gap at no believable size.

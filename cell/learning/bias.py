@@ -102,7 +102,7 @@ class _Learner:
         self._add(first)
 
     def _surprise(self, experience: Experience) -> float:
-        """Deviation of a fold from the bias so far, in sigmas; 0 for the first of an epoch."""
+        """Deviation of a fold from the learned bias in sigmas; 0 for the first fold of an epoch."""
         if not self._epoch_rows:
             return 0.0
         mean, variance = self._predict(self._unknowns_of(experience.strip, experience.specimen))
@@ -117,7 +117,7 @@ class _Learner:
         self._rows.append((unknowns, experience.displacement, self._settings.repeat))
 
     def bias(self, strip: str, specimen: str) -> Bias:
-        """Bias [m] of the next fold of `specimen` of fabric `strip`, by the folds so far."""
+        """Bias [m] of the next fold of `specimen` of fabric `strip`, by the folds learned from."""
         unknowns = self._unknowns_of(strip, specimen)
         mean, variance = self._predict(unknowns)
         rig, _ = self._predict((self._rig,))
@@ -203,7 +203,7 @@ def averaged_parts(
 
 
 def laid_offset(experiences: Sequence[Experience], rig: float, settings: LearningSettings) -> float:
-    """Posterior mean [m] of the offset of laid edges, from images corrected by `rig` [m]; else 0.
+    """Posterior mean [m] of the laid edges' offset, images corrected by `rig` [m]; 0 without data.
 
     Weighs two models with prior odds `settings.off`: an offset of about `changed`, or none and an
     error of the camera of about `laid` for each specimen.

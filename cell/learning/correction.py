@@ -62,7 +62,7 @@ class Correction:
         return self.seen + self.unseen
 
     def apply(self, policy: Policy) -> "Correction | None":
-        """Correct the aim of `policy`; None where the policy does not steer by a model."""
+        """Correct the aim of `policy` and return this; None for a policy without a model."""
         if not isinstance(policy, Correctable):
             return None
         policy.correct(self.seen, self.unseen)
@@ -150,7 +150,7 @@ def experience_of(
 
 
 def correction_of(facts: Mapping[str, Any] | None) -> Correction:
-    """Correction that `facts` of run.yaml state; zero where there is none."""
+    """Correction stated by the `facts` of run.yaml; zero where none was made."""
     facts = facts or {}
     values = [facts.get(key, 0.0) for key in ("seen", "unseen", "place")]
     if not all(isinstance(value, int | float) for value in values):

@@ -96,7 +96,7 @@ class Memory:
         return aim, max((one.place for one in experiences), key=abs, default=0.0)
 
     def find(self, run: Path) -> tuple[Experience, ...]:
-        """Experiences of the run in the folder `run`, or of that name where it is gone."""
+        """Experiences of the run in the folder `run` or, if that is gone, of its name."""
         key = run_key(run)
         return tuple(one for one in self._all() if _is_of(one, key, run.resolve().name))
 
@@ -108,7 +108,7 @@ class Memory:
             append_line(self.path, mend + json_line(asdict(experience)))
 
     def forget(self, run: Path | None = None) -> Path | None:
-        """Move all experiences, or those of `run`, to a file and return it; None without any."""
+        """Move all experiences, or those of `run`, to a file and return its path; None if none."""
         with self._file_lock():
             lines = self._lines()
             chosen = set(lines if run is None else ())
@@ -154,7 +154,7 @@ def _experience(line: bytes) -> Experience | None:
 
 
 def _is_of(experience: Experience, key: str, name: str) -> bool:
-    """Whether an experience is of the run with this key, or name where either has no key."""
+    """Whether an experience is of the run with this `key` or, where a key is missing, `name`."""
     return experience.key == key if experience.key and key else experience.run == name
 
 

@@ -302,7 +302,7 @@ _PHASES: dict[type[Context], dict[State, Callable[[Any, Recorder, Snapshot], ste
 
 
 def phases_of(context: Context) -> dict[State, PhaseFactory]:
-    """Functions that begin each phase of the run with this `context`, by state."""
+    """Functions that begin each phase of a run with this `context`, by the state of the run."""
     return {state: partial(phase, context) for state, phase in _PHASES[type(context)].items()}
 
 

@@ -79,18 +79,18 @@ class FileRecorder(Recorder):
         self._writer.event(clock, ORIGIN)
 
     def tick(self, snapshot: Snapshot) -> None:
-        """Record a control cycle; none before the lift."""
+        """Record a control cycle; cycles before the lift are ignored."""
         if self._lift is not None:
             arm = replace(snapshot.arm, stamp=snapshot.arm.stamp - self._lift)
             self._writer.tick(arm, snapshot.state)
 
     def sight(self, measurement: StripMeasurement) -> None:
-        """Record the measurement of the strip in one image; none before the lift."""
+        """Record the measurement of the strip in one image; ignored before the lift."""
         if self._lift is not None and measurement.stamp >= self._lift:
             self._writer.sight(replace(measurement, stamp=measurement.stamp - self._lift))
 
     def frame(self, frame: Frame) -> None:
-        """Record an image that was measured; before the lift it waits for the time of t = 0."""
+        """Record a measured image; images from before the lift are written once t = 0 is known."""
         if self._lift is None:
             self._early.append(frame)
         else:

@@ -133,7 +133,7 @@ class Run:
         self._notify(lambda observer: observer.handle_tick(snapshot))
 
     def _decide(self, snapshot: Snapshot) -> Command | None:
-        """Next command of the present phase, or of the one after it; None once the run is over."""
+        """Command of the present phase or of its successor; None once the run is over."""
         try:
             if self._phase is not None:
                 return self._phase.send(snapshot)

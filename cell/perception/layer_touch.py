@@ -107,7 +107,7 @@ class LayerTouch:
         return float(np.interp(time, t, places)), float(np.interp(time, t, differences))
 
     def _is_a_fold(self, touch: SeenTouch) -> bool:
-        """Whether a touch has plausible lengths; near the strip's end it is a misreading."""
+        """Whether a touch has plausible lengths; touches near the strip's end are misread."""
         return touch.to_fixed > 0 and abs(touch.displacement) <= UNEVEN * self._length
 
 
@@ -131,7 +131,7 @@ def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:
 
 
 def _closing_time(t: Array, gap: Array, level: float, end: float) -> tuple[float, float] | None:
-    """Time [s] at which the gap closed to `end` [m], and its speed [m/s]; None if it did not.
+    """Time [s] at which the gap closed to `end` [m], and its speed [m/s]; None if it stays open.
 
     The line through the last three gaps above `level` is extrapolated to `end`: later ones may be
     at rest already.

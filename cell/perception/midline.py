@@ -110,7 +110,7 @@ def _geodesic_distance(mask: Mask) -> Array:
 
 
 def _level_centres(mask: Mask, distance: Array, step: float) -> Array:
-    """Centroids (n, 2), u and v [px], of the mask's bands, `step` [px] of `distance` in it wide."""
+    """Centroids (n, 2), u and v [px], of bands of the mask, each `step` [px] of `distance` wide."""
     reached = mask & np.isfinite(distance)
     v, u = np.nonzero(reached)
     band = (distance[reached] / step).astype(int)

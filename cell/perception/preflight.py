@@ -280,7 +280,7 @@ def inspect(
 
 
 class LearntScene(NamedTuple):
-    """Segmenter learnt from an image of a strip at rest, and what it finds in the same image.
+    """Segmenter learnt from an image of a strip at rest, and the strip's place in that image.
 
     `levels` (h, w) are the smoothed matte; `edge` the strip's near edge along its underside, and
     `rise` [m] the edge's median height.

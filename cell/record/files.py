@@ -27,7 +27,7 @@ def is_run(folder: Path) -> bool:
 
 
 def runs_in(folder: Path) -> list[Path]:
-    """Run folders at or in `folder`, by name; none where it holds no run or is not there."""
+    """Run folders at or in `folder`, sorted by name; empty for a folder without runs."""
     return [folder] if is_run(folder) else sorted(path for path in folder.glob("*") if is_run(path))
 
 

@@ -76,7 +76,7 @@ class Film:
 
 @contextmanager
 def _open_film(path: Path) -> Iterator[Any]:
-    """Context with the container of the film at `path`; ConfigurationError where it is none."""
+    """Context with the container of the film at `path`; ConfigurationError for another file."""
     import av
 
     if not path.is_file():
@@ -170,7 +170,7 @@ class FilmWriter(AbstractContextManager["FilmWriter"]):
 
 
 def index_film(path: Path) -> None:
-    """Index the .mp4 at `path`, so that players can seek in it; ConfigurationError if no film."""
+    """Index the .mp4 at `path`, so that players can seek; ConfigurationError for another file."""
     import av
 
     if path.suffix != ".mp4":
@@ -186,7 +186,7 @@ def index_film(path: Path) -> None:
 
 
 class FilmEncoder:
-    """Encoder of a run's images to a video file: one per PERIOD, less those that find no room.
+    """Encoder of a run's images to a video file, one image per PERIOD, fewer when it lags.
 
     The encoder has a process of its own, beside a control loop on the wall clock: a thread that
     lost its core while it held the interpreter would hold up the loop. Where the clock is virtual,

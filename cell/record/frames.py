@@ -185,7 +185,7 @@ class FrameWriter:
         return self._film.failure if self._film else ""
 
     def take_failure(self) -> OSError | None:
-        """Error of writing since the last call, or None; no image is written after it."""
+        """Error of writing since the last call, or None; after an error no image is written."""
         failure = self._failure
         self._failure = None
         return failure

@@ -66,7 +66,7 @@ class RunRow:
 
     @property
     def short(self) -> str:
-        """Name of the run for tables: its last four characters and its time, else all of it."""
+        """Name of the run for tables: the last four characters and the time, if it has them."""
         if BEGAN.match(self.name) is None:
             return self.name
         return f"{self.name[-4:]}  {self.began:%Y-%m-%d %H:%M}"
@@ -269,7 +269,7 @@ def _size(folder: Path) -> int:
 
 
 def _start_time(folder: Path) -> datetime:
-    """Time in the name of `folder`, else that of writing its run.yaml, 1970 for no such time."""
+    """Time in the name of `folder`, else of its run.yaml, else the start of 1970."""
     stamp = BEGAN.match(folder.name)
     with suppress(ValueError):
         if stamp is not None:

@@ -138,7 +138,7 @@ def _check_profiles(sights: pa.Table, path: Path) -> None:
 
 
 def _from_time(begin: float, rows: pa.Table, time: str) -> pa.Table:
-    """Rows from `begin` [s] on, with their column `time` relative to it; all rows for 0."""
+    """Rows from `begin` [s] on, with the column `time` counted from there; all rows for 0."""
     if begin == 0.0:
         return rows
     t = _numbers(rows, time) - begin

@@ -101,7 +101,7 @@ def _pictures(folder: Path, calibration: Calibration | None) -> list[KeyPicture]
 
 
 def _page(title: str, calibration: Calibration | None, folder: Path, **parts: Any) -> str:
-    """HTML page with `parts`, facts on a calibration if there is one, and what `folder` shows."""
+    """HTML page on `calibration`, if there is one, with pictures of `folder` and other `parts`."""
     facts: dict[str, Any] = {"numbers": (), "locks": ()}
     if calibration is not None:
         locks = [(name, str(value)) for name, value in calibration.locks.items()]

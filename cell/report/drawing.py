@@ -177,7 +177,7 @@ def _svg_point(figure: Any, x: float, y: float) -> list[float]:
 
 
 def _curves(axes: Any) -> Iterator[Facts]:
-    """Yield facts of each named line and area: id, name, label, whether it is read, or a band."""
+    """Yield facts of each named line and area: id, name, label, whether values are read from it."""
     from matplotlib.collections import FillBetweenPolyCollection
 
     bars = {patch for container in axes.containers for patch in getattr(container, "patches", ())}

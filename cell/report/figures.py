@@ -106,7 +106,7 @@ def signals_figure(run: Run) -> str:
 
 
 def _draw_outlines(axes: Any, outlines: Sequence[Silhouette]) -> None:
-    """Draw outlines of the strip in the plane, while it is laid and when it lies."""
+    """Draw outlines of the strip in the plane, during the lay motion and after it."""
     drawn_states = set[str]()
     for outline in outlines:
         label = None if outline.state in drawn_states else outline.state

@@ -171,7 +171,7 @@ def _result_rows(result: Result, noticed: float | None) -> Rows:
 
 
 def stated_settings(run: Run) -> list[tuple[str, Any]]:
-    """Pairs (key, value) of what run.yaml states: keys joined by dots, no empty values."""
+    """Pairs (key, value) of the settings in run.yaml: keys joined by dots, no empty values."""
     content = run.header.model_dump(by_alias=True, exclude_none=True, exclude_unset=True)
     unlearned = (0, None)  # values of a fold that nothing was corrected in
     return [
@@ -234,7 +234,7 @@ def _steps_at_the_arm(run: Run) -> list[str]:
 
 
 def _check(item: Mapping[str, Any]) -> tuple[str, str, str]:
-    """Table row (name, result, reason) of one check; a remedy where it failed."""
+    """Table row (name, result, reason) of one check, with a remedy if the check failed."""
     name = str(item.get("name", ""))
     reason = str(item.get("reason", ""))
     if item.get("passed"):

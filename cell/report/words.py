@@ -24,7 +24,7 @@ OUTCOMES = {
 
 
 def plural(count: int, noun: str) -> str:
-    """Text of `count` things called `noun`, in the plural unless there is one."""
+    """Text of `count` things called `noun`, in the plural unless `count` is 1."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
@@ -53,7 +53,7 @@ def milliseconds(value: float | None) -> str:
 
 
 def event_title(kind: str) -> str:
-    """Text of the `kind` of an event in a run: spaces instead of underscores."""
+    """Text of an event's `kind`, with spaces instead of underscores."""
     return EVENT_TITLES.get(kind, kind).replace("_", " ")
 
 

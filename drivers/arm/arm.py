@@ -76,7 +76,7 @@ class FciArm:
         self._start_time = self._clock.now()
 
     def join(self) -> None:
-        """Hold the arm and, in lock-step, advance its robot, with the hand, to the clock's time."""
+        """Hold the arm and, in lock-step, advance its robot and hand to the clock's time."""
         self.hold()
         self.catch_up()
 
@@ -132,7 +132,7 @@ class FciArm:
         child.close(END_PATIENCE)
 
     def catch_up(self) -> tuple[float, Pose] | None:
-        """Advance the arm to the clock's time; stamp [s] and pose, None if not held or closed."""
+        """Advance the arm to the clock's time; returns stamp [s] and pose, None unless held."""
         if self._child is None or self._closed:
             return None
         self._advance(self._child)

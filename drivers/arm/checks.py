@@ -116,7 +116,7 @@ def _connection(address: str) -> Iterator[tuple[socket.socket, int, int]]:
 
 
 def _reply(link: socket.socket) -> bytes:
-    """Content of the next reply, without header; OSError where none comes or it is too long."""
+    """Read a reply's content, without header; OSError if none comes or the reply is too long."""
     link.settimeout(ANSWER_TIMEOUT)
     _, _, size = HEADER.unpack(_read_exactly(link, HEADER.size))
     if not HEADER.size < size <= LARGEST_DESCRIPTION:

@@ -189,7 +189,7 @@ class ServoLoop:
             self._brake_for_good(Cause.CONTACT, objection)
 
     def _resynchronise(self, state: Any, sent: list[float]) -> None:
-        """Continue from the pose setpoint that the robot reports where it is not the one `sent`.
+        """Continue from the robot's reported setpoint where it differs from the one `sent`.
 
         A robot that receives a command too late extrapolates the motion, and a command that
         does not continue it is a discontinuity, which stops the robot.
@@ -380,7 +380,7 @@ def _run_in_lock_step(loop: ServoLoop, pipe: Connection, termination: Terminatio
 
 
 def _receive(pipe: Connection, termination: TerminationFlag) -> RunUntil | Close | None:
-    """The cell's next message; None where the cell has gone or this process is to end."""
+    """Message from the cell; None where the cell has gone or this process is to end."""
     try:
         while not pipe.poll(POLL_INTERVAL):
             if termination.is_set:

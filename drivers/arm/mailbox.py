@@ -122,7 +122,7 @@ class CommandInbox:
         self._heard_at = 0.0  # its robot time [s]
 
     def take(self, time: float) -> LoopCommand | None:
-        """Newest command by robot `time` [s]; None where it was taken before."""
+        """Newest command by robot `time` [s]; None where that command was taken before."""
         command = self._commands.read()
         if command.beat != self._beat:
             self._beat = command.beat

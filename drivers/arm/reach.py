@@ -249,7 +249,7 @@ class ReachGuard:
     def _demand(
         self, rates: Array, rest_rates: Array, velocity: Array, acceleration: Array
     ) -> Array:
-        """Share (7,) of each joint's limits that a motion needs, and braking from it; 1 is all.
+        """Largest share (7,) of each joint's limits in a motion and in braking from it.
 
         `rates` and `rest_rates` (7, 3) are joint rates per unit velocity of each axis: at the
         motion with `velocity` and `acceleration` (3,), and where braking from it ends.

@@ -96,7 +96,7 @@ class Robot:
             self._robot.set_collision_behavior(lower, upper, soft, hard)
 
     def tared_guard(self) -> ForceGuard:
-        """Force guard for motions from here, tared now; ArmFault for too large a force at rest."""
+        """Force guard with a tare taken now, at rest; ArmFault for too large a force."""
         states = [self.state() for _ in range(TARE_STATES)]
         settings = self._settings
         tare = Tare.from_states(states, settings.rest)
@@ -137,7 +137,7 @@ class Robot:
             motion.writeOnce(command)
 
     def _stop_reason(self, cause: Cause) -> ArmFault | None:
-        """ArmFault that the robot's state states as reason for a stop; None where it has none."""
+        """Reason for a stop, from the robot's own state, as an ArmFault; None without a reason."""
         return None if cause is Cause.NETWORK else failure_in(self._robot.read_once())
 
 

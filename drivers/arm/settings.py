@@ -53,7 +53,7 @@ class HandLimits(Settings):
     thickest: float = Field(0.006, ge=0.0005, le=0.02)
 
     def for_thickness(self, low: float, high: float) -> "HandLimits":
-        """Limits within these for a fabric measured to be from `low` to `high` [m] thick."""
+        """Copy narrowed to a fabric measured to be `low` to `high` [m] thick."""
         thickest = min(self.thickest, HEM_LAYERS * high + LOOSENESS)
         thinnest = min(max(self.thinnest, PRESSED * low), thickest)
         return self.model_copy(update={"thinnest": thinnest, "thickest": thickest})

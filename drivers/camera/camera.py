@@ -169,7 +169,7 @@ class NewestFrame:
         )
 
     def _report(self, error: CellError) -> None:
-        """Let the next `newest` raise `error`."""
+        """Store `error`, which the next call of `newest` raises."""
         with self._changed:
             self._trouble = error
             self._recovered = False
@@ -220,7 +220,7 @@ class V4l2Camera:
 
     @property
     def rate(self) -> float:
-        """Frame rate [Hz]: as the device accepted it after `connect`, requested before it."""
+        """Frame rate [Hz] that the device accepted or, before `connect`, that is requested."""
         return self._settings.rate if self.setup is None else self.setup.picture.rate
 
     @property

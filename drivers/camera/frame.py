@@ -27,7 +27,7 @@ class Shutter:
     readout: float
 
     def middle(self, stamp: float, flags: int, taken: float) -> tuple[float, StampSource]:
-        """Middle of a frame's exposure [s] on the monotonic clock, and the time it is from.
+        """Middle of a frame's exposure [s] on the monotonic clock, and the source of that time.
 
         It is from the kernel's `stamp`, or from the time `taken` at which the buffer was dequeued
         where the stamp is more than a period in the future, too old, or of another clock.

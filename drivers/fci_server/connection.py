@@ -195,7 +195,7 @@ class Port(ABC, Generic[K]):
         return True
 
     def _greet(self, guest: Connection) -> None:
-        """Read the request to connect of `guest`, a waiting connection; admit or refuse it."""
+        """Read the connection request of a waiting `guest`, and admit or refuse the guest."""
         try:
             present = guest.read()
             request = self._framing.take(guest.received) if present else None

@@ -95,7 +95,7 @@ class EmulatedHand:
             self._reach_width(motion)
 
     def _close_to(self, width: float) -> bool:
-        """Close to `width` [m] or onto the object in between; returns whether it was touched."""
+        """Close to `width` [m] or onto an object in between; returns whether one was touched."""
         thickness = self._between()
         if thickness is None or width > thickness:
             self.width = width

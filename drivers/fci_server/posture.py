@@ -84,7 +84,7 @@ class Posture:
         return replace(self, pose=pose, tool=rates, swing=swing)
 
     def move_on(self, q: Array, tool: Array, joints: Rates) -> Self:
-        """Posture one tick later at joints `q` (7,) [rad]; the tool (4, 4) is commanded there."""
+        """Posture a tick later at joints `q` (7,) [rad]; the tool (4, 4) is commanded to follow."""
         new = self.at_joints(q, tool, joints)
         rates = self.tool.step(twist_of(self.pose, new.reached))
         return new.with_command(new.reached, rates, self.swing_to(q[ELBOW_JOINT]))

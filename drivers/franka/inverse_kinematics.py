@@ -158,7 +158,7 @@ def damped_inverse(jac: Array, damping: float) -> Array:
 
 
 def straight(joints: Array, step: Array) -> Iterator[Array]:
-    """Yield joints (7,) [rad] without end or check, each `step` (3,) [m] of the tip further."""
+    """Yield joints (7,) [rad] endlessly, each a `step` (3,) [m] of the tip further; no checks."""
     twist = np.concatenate([step, np.zeros(3)])
     while True:
         joints = joints + damped_inverse(jacobian(joints), LINE_DAMPING) @ twist

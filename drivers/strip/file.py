@@ -80,7 +80,7 @@ class StripFile(Settings):
 
 
 def paper_strip(k: float, b: float, **changes: Any) -> StripFile:
-    """The paper's strip with joint stiffness `k` [N m/rad] and damping `b` [N m s/rad].
+    """Strip of Petrik and Kyrki (2019) of joint stiffness `k` [N m/rad], damping `b` [N m s/rad].
 
     Spheres of 3.3 g every 2 mm: c = (k ds / w)^(1/3), retardation time = b / k.
     """
@@ -97,5 +97,5 @@ def paper_strip(k: float, b: float, **changes: Any) -> StripFile:
 
 
 def paper_damping_minimum(k: float) -> float:
-    """Smallest joint damping [N m s/rad] in the paper's range at joint stiffness `k` (appendix)."""
+    """Smallest joint damping [N m s/rad] that Petrik and Kyrki (2019) use at stiffness `k`."""
     return 3e-3 * k + 3.5e-4

@@ -28,7 +28,7 @@ class ExternalWrench:
     """
 
     def __init__(self, settings: WrenchSettings, rng: np.random.Generator) -> None:
-        """Sensor that reads zero force so far; noise and offset come from `rng`."""
+        """Sensor that reads zero force at first; draws noise and offset from `rng`."""
         self._rng = rng
         self._noise = settings.noise
         self._lag_gain = lag_gain(settings.lag)

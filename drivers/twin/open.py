@@ -94,7 +94,7 @@ def open_desk(
     index: int = 0,
     staging: PlantOptions = DEFAULT_PLANT,
 ) -> Desk:
-    """Create a desk with strip and camera on `clock`, for an arm that reports poses to it."""
+    """Create a desk with strip and camera on `clock`, whose gripper an external arm moves."""
     model = describe(plant, cell_effects, index)
     home = Pose(model.stated_length, settings.arm.home_height, 0.0)
     plant_engine = staging.engine(settings.world.links)

@@ -195,7 +195,7 @@ class World:
 
     @property
     def touch(self) -> Touch | None:
-        """First touch of the strip's layers, at the time of the run; None before it."""
+        """First touch of the strip's layers, with the run's time [s]; None before the touch."""
         touch = None if self._observed is None else self._observed.touch[0]
         if touch is None or self._grasped_at is None:
             return None

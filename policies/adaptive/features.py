@@ -111,7 +111,7 @@ class Features:
         return self._window.add(observation.stamp, values / self._length, good)
 
     def inputs(self, observation: Observation, rise: Array, descending: NDArray[np.bool_]) -> Array:
-        """Inputs (n, COUNT) of the critic for an observation and `rise`, `descending` (n,) each."""
+        """Inputs (n, COUNT) of the critic from observation, rises (n,) [m], mask of descents."""
         trend = self._window.trend()
         x, z, r = (lengths / self._length for lengths in (observation.x, observation.z, rise))
         age = np.clip(observation.time - self.newest, 0.0, LARGEST_AGE)

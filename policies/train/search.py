@@ -128,7 +128,7 @@ class Search:
         )
 
     def _is_validated(self, number: int) -> bool:
-        """Whether to validate this generation; only validated weights are kept."""
+        """Whether to validate generation `number`; only validated weights are kept."""
         last = number + 1 == self.settings.generations
         return last or (number + 1) % self.settings.validate_every == 0
 

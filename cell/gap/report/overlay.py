@@ -30,7 +30,7 @@ RADIUS_MM = 1.2  # mm
 
 
 def write_overlay(findings: Findings, verdict: Verdict, path: Path) -> None:
-    """Write the Rerun recording of a fit's runs at `path`; ConfigurationError where it cannot."""
+    """Write the Rerun recording of a fit's runs at `path`; ConfigurationError on failure."""
     words = f"{headline(verdict)}. {sentence(findings, verdict)}"
     write_recording(findings.subject.name, list(replay(findings)), path, words)
 

@@ -143,7 +143,7 @@ def _held_out_rows(findings: Findings, gap: Gap) -> Iterator[tuple[str, ...]]:
 
 
 def conditions(runs: Sequence[Run]) -> list[str]:
-    """Short names of `runs` by their motion, such as `fast`; repeats are numbered."""
+    """Short names of `runs` by their motion, such as `fast`, with numbers for repeats."""
     short = [motion_name(run.condition) for run in runs]
     return [
         name if short.count(name) == 1 else f"{name} {short[: i + 1].count(name)}"
@@ -256,7 +256,7 @@ def _next_commands(findings: Findings, verdict: Verdict, out: Path) -> list[str]
 
 
 def _scatter_table(findings: Findings) -> list[tuple[str, ...]] | None:
-    """Rows on quantities that differ from run to run; None for subjects without such."""
+    """Rows on quantities that differ from run to run; None for a subject without any."""
     if not any(p.random for run in findings.subject.runs for p in run.local):
         return None
     return scatter_rows(findings.model_tests.scatter, findings.subject.scope.scatter)

@@ -69,7 +69,7 @@ def interval_text(value: ValueWithUnit) -> str:
 
 
 def headline(verdict: Verdict) -> str:
-    """Headline of a verdict: deviations from the file, then named effects, or what remains open."""
+    """Headline of a verdict: deviations from the file, then named effects or the open question."""
     parts = []
     if verdict.deviates:
         names = ", ".join(d.parameter.replace("_", " ") for d in verdict.deviates)

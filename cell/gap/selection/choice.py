@@ -14,7 +14,7 @@ from drivers.types import Array
 
 
 def choose(fits: Fits, sets: Posterior) -> CrossValidatedFit:
-    """Most probable model of `fits` in which each effect is needed; the base if there is none."""
+    """Most probable model of `fits` in which each effect is needed; the base if none is."""
     return next(needed_models(fits, sets), fits.base)
 
 
@@ -71,7 +71,7 @@ def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[Cro
 
 
 def join_overlapping(groups: Sequence[Sequence[str]]) -> list[list[str]]:
-    """Disjoint groups of names: those of `groups` that share a name are merged."""
+    """Disjoint groups of names, made of `groups` by merging those that share a name."""
     disjoint: list[set[str]] = []
     for names in groups:
         group = set(names).union(*(g for g in disjoint if not g.isdisjoint(names)))

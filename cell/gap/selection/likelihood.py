@@ -70,7 +70,7 @@ class Fits:
         return by_loss([m for m in self.models if len(m.model.effects) == size], self.likelihood)
 
     def of(self, names: frozenset[str]) -> CrossValidatedFit | None:
-        """The fitted model with exactly the effects `names`; None if there is none."""
+        """Fitted model with exactly the effects `names`; None where there is no such model."""
         return next((m for m in self.models if m.model.names == names), None)
 
     @property
@@ -79,7 +79,7 @@ class Fits:
         return by_loss(self.models, self.likelihood)[0]
 
     def near_best(self, size: int) -> list[CrossValidatedFit]:
-        """Models of `size` effects that have over GAIN_SHARE of the gain of the best one."""
+        """Models of `size` effects with more than GAIN_SHARE of the best one's gain."""
         if not size:
             return []
         models = self.of_size(size)

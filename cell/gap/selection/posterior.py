@@ -81,7 +81,7 @@ def floor_responses(
 
 
 def spike_responses(library: Mapping[str, Array]) -> list[Array]:
-    """Whitened responses (N, k) to one prior standard deviation of each absent effect (spike).
+    """Whitened responses (N, k) to absent effects at one standard deviation of their spike prior.
 
     `library` has the responses of the floor's energy.
     """

@@ -173,7 +173,7 @@ def run_probes(base: Estimate, candidate: Candidate) -> Task[ProbeResponses]:
 
 
 def _steps_from_null(candidate: Candidate) -> tuple[Array, ...]:
-    """Parameter vectors (k,) of an effect at its null but for one parameter, a step away."""
+    """Parameter vectors (k,) of an effect, each a step from its null in one parameter."""
     moved = []
     for i, p in enumerate(candidate.parameters):
         vector = candidate.null

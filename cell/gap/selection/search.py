@@ -52,7 +52,7 @@ BUDGET = Budget()
 
 
 def within_reach(gain: float, most: float) -> bool:
-    """Whether an unfinished fit of `gain` [nats] may still come up to one with `most` [nats]."""
+    """Whether an unfinished fit of `gain` [nats] may still reach the gain `most` [nats]."""
     return gain >= min(BUDGET.share * most, most - BUDGET.reach)
 
 
@@ -91,7 +91,7 @@ class Search:
         return fits.merge(run_all(self.simulate, [validate(e) for e in finished]))
 
     def extend(self, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:
-        """`fits` with copies of `models` added that have one effect more, by a linear screen.
+        """Copy of `fits` with one more effect added to `models`, chosen by a linear screen.
 
         Along one response a test is sharper than over all residuals (score test: Rao 1948, Proc.
         Camb. Phil. Soc. 44, 50): runs without a gap as a whole may still hold a small effect.
@@ -135,7 +135,7 @@ class Search:
         return [Score(s.names, s.gain, {}, origin=estimate) for s, estimate in order[:most]]
 
     def other_signs(self, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:
-        """`fits` with `models` refitted from the other sign of each two-sided effect with a place.
+        """Copy of `fits` with `models` refitted by other signs of two-sided effects with a place.
 
         A stiff seam here resembles a soft one next to it, on another base or beside another effect.
         """
@@ -149,7 +149,7 @@ class Search:
         return fits.merge(run_all(self.simulate, [validate(e) for e in finished]))
 
     def free_shapes(self, fits: Fits) -> list[CrossValidatedFit]:
-        """Best models refitted with free shape parameters, those of them that gain significantly.
+        """Best models refitted with free shape parameters, if that gains significantly.
 
         These fits go on to the end: a rough one stops short of the gain that is asked of them.
         """
@@ -256,7 +256,7 @@ def _most_promising(
 
 
 def without_each(accepted: CrossValidatedFit) -> list[Score]:
-    """Scores of the `accepted` model less one effect each, to be fitted from its values.
+    """Scores of the models that lack one effect of `accepted`, to be fitted from its values.
 
     Beside another effect a fit may have left a local minimum.
     """
@@ -266,7 +266,7 @@ def without_each(accepted: CrossValidatedFit) -> list[Score]:
 
 
 def _with_other_sign(fit: Estimate, effect: Candidate, beside: Estimate) -> Task[Estimate | None]:
-    """Fit of the model of `fit` with `effect` of the other sign, from where that gains most.
+    """Fit of the model of `fit` with the other sign of `effect`, started where that gains most.
 
     It gains that `beside` the other effects, as fitted without it. None without such a place, or
     where the fit comes no farther; yields simulations.

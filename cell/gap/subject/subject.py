@@ -227,7 +227,7 @@ class ScatterSource:
 
     @property
     def parameter(self) -> Parameter:
-        """Random unknown of a run for this quantity, with the usual spread as prior."""
+        """Random unknown of a run for this quantity, with the `usual` spread as its prior."""
         most = FARTHEST * self.usual
         return Parameter(self.name, self.unit, 0.0, -most, most, self.step, self.usual,
                          random=True, common=self.common)  # fmt: skip

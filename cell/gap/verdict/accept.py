@@ -105,7 +105,7 @@ def read_stored(path: Path, model: type[S]) -> S:
 
 @dataclass(frozen=True, slots=True)
 class AcceptResult:
-    """Files that an acceptance or undo has written, and the effects or values it was for."""
+    """Files that an acceptance or undo has written, and the effects or values concerned."""
 
     files: tuple[Path, ...]
     effects: tuple[str, ...]
@@ -149,7 +149,7 @@ def accept(
 
 
 def _store_undo(out: Path, changes: Mapping[Path, str]) -> None:
-    """Store in `out`, before any file changes, what restores the texts that `changes` replaces."""
+    """Store in `out`, before any file changes, the texts that `changes` will replace."""
     _check_writable(changes)
     before = {_name(p): read_text(p) if p.exists() else ABSENT for p in changes}
     after = {_name(p): _hash(text) for p, text in changes.items()}
@@ -186,7 +186,7 @@ def _patch(out: Path, *, law: bool, force: bool) -> Path:
 
 
 def _nothing_to_accept(out: Path, *, law: bool) -> str:
-    """Message that there is nothing to accept, with what is offered instead."""
+    """Message that there is nothing to accept, with a hint at an option that helps."""
     if law:
         return "no law was offered, so there is none to accept"
     offered = "; a law is offered: add --law" if (out / LAW_PATCH).is_file() else ""

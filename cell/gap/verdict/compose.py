@@ -99,7 +99,7 @@ def intervals(
 
 
 def _interval(p: Parameter, value: float, half: float) -> ValueWithUnit:
-    """Estimate of `p` with the half-width of its interval, within its bounds, as files state it."""
+    """Estimate of `p` with the half-width of its interval, cut at bounds, in the file's form."""
     ends = [max(p.low, value - half), min(p.high, value + half)]
     stated = sorted(p.stated_value(v) for v in ends)
     low, high = (v if np.isfinite(v) else None for v in stated)
@@ -128,7 +128,7 @@ def _gap(findings: Findings) -> Gap:
 
 
 def _unexplained(findings: Findings, which: Kind) -> Unexplained | None:
-    """Description of an unexplained residual, or of what named effects leave; None without one."""
+    """Unexplained residual, alone or beside named effects, for the verdict; None without any."""
     if which == "no_gap" or not (which == "unexplained" or findings.model_tests.remains):
         return None
     law = findings.law.words if findings.law is not None else "no sparse law found"

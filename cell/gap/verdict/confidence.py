@@ -58,5 +58,5 @@ class Calibration(Settings):
 
 @cache
 def calibration(kind: str = "strip") -> Calibration:
-    """Load the shipped calibration of confidence for a kind of subject."""
+    """Load the shipped calibration of confidence for strips or mechanisms (`kind`)."""
     return load(Path(__file__).with_name(FILES[kind]), Calibration)

@@ -59,7 +59,7 @@ def credible_effects(findings: Findings) -> list[Candidate]:
 
 
 def _failed_prediction(findings: Findings) -> str:
-    """Clause that the accepted model does not predict unseen runs better; empty if it does."""
+    """Clause on an accepted model that predicts unseen runs no better; empty if better."""
     runs, quantities = _gains(findings)
     if sum(runs) <= 0.0:
         return "runs that the fit has not seen are predicted no better"

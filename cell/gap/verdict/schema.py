@@ -42,7 +42,7 @@ class ValueWithUnit(Interval):
     unit: str
 
     def __str__(self) -> str:
-        """Value with unit, if it has one, and interval."""
+        """Text of the value with its unit, if any, and its interval."""
         ends = ("any" if end is None else f"{end:.4g}" for end in (self.low, self.high))
         return f"{f'{self.value:.4g} {self.unit}'.removesuffix(' 1')} ({' to '.join(ends)})"
 

@@ -62,7 +62,7 @@ class Guess:
         return np.asarray(sign * (self.values * FACTORS[self.unit] - self.offset))
 
     def line(self, quantity: str) -> str:
-        """Line of the mapping for the `quantity`, with how sure it is."""
+        """Line of the mapping file for `quantity`, with a remark on how sure the guess is."""
         stated: dict[str, object] = {"column": self.column, "unit": self.unit}
         stated |= {} if self.offset == 0.0 else {"offset": self.offset}
         stated |= {"reversed": True} if self.reversed else {}

@@ -278,7 +278,7 @@ def _guess_marks(rows: str, delimiter: str | None, decimal: str | None) -> tuple
 
 
 def _is_number(text: str) -> bool:
-    """Whether `text` is a number as `float` reads it."""
+    """Whether `float` can read `text` as a number."""
     try:
         float(text)
     except ValueError:
@@ -343,7 +343,7 @@ def numbers_of(raw: pa.ChunkedArray) -> Array | None:
 
 
 def seconds_of(raw: pa.ChunkedArray) -> Array | None:
-    """Seconds (n,) since 1970 of a column of times by ISO 8601, with their zone or all without."""
+    """Seconds (n,) since 1970 of a column of ISO 8601 times, all with a zone or all without."""
     if not (pa.types.is_string(raw.type) or pa.types.is_timestamp(raw.type)):
         return None
     for kind in (pa.timestamp("ns"), pa.timestamp("ns", "UTC")):

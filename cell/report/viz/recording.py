@@ -141,7 +141,7 @@ class Signals:
         self._rows.append(values)
 
     def send(self, recording: rr.RecordingStream) -> None:
-        """Send what is buffered to `recording`, in the units of its plots."""
+        """Send the buffered values to `recording`, in the units of its plots."""
         if not self._rows:
             return
         times = [
@@ -188,7 +188,7 @@ class Screen:
             self._draw_tick(item)
 
     def _draw_tick(self, tick: TickView) -> None:
-        """Draw what is new at a tick: state, image, measurement, prediction, motion."""
+        """Draw what changed in a tick: state, image, measurement, prediction and motion."""
         self._to.set_time("tick", sequence=tick.tick)
         has_begun = math.isfinite(tick.t)
         if tick.state and (tick.state, has_begun) != self._drawn_state:

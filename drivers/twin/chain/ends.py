@@ -33,7 +33,7 @@ class Grip:
         return cls(pose, np.zeros(3))
 
     def to(self, pose: Array, h: float) -> Self:
-        """Grip that has moved from here to `pose` (3,) within `h` [s]."""
+        """Grip at `pose` (3,) [m, m, rad], with the rate of a move there within `h` [s]."""
         return type(self)(pose, (pose - self.pose) / h)
 
     def target(self, before: Self, h: float) -> Array:

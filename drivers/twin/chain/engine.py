@@ -147,7 +147,7 @@ class ChainStrip:
         return target * (reach / distance, reach / distance, 1.0)
 
     def _pace(self, h: float) -> None:
-        """Set the time step `h` [s] of the model, and the damping that belongs to it."""
+        """Set the model's time step `h` [s], and the joints' damping for steps of that length."""
         if self._model.opt.timestep != h:
             self._model.opt.timestep = h
             self._model.dof_damping[self._joints.hinges] = self._lumps.hinges.damping_at(h)

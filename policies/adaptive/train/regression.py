@@ -167,7 +167,7 @@ def _loss(network: Network, batch: list[Tensor]) -> Tensor:
 
 
 def _gaussian_loss(error: Tensor, log_sigma: Tensor, power: float) -> Tensor:
-    """Negative log likelihood of normal errors, weighted by their variance to some `power`."""
+    """Negative log likelihood of normal errors, weighted by their variance to the power `power`."""
     loss = 0.5 * (error * torch.exp(-log_sigma)) ** 2 + log_sigma
     return loss * torch.exp(2.0 * power * log_sigma).detach() if power else loss
 

@@ -222,7 +222,7 @@ def _fold_strips(
 
 
 def _shard_of(explorer: Explorer, folds: Folds, strips: list[StripFile], *, trial: bool) -> Shard:
-    """Training data from inputs kept by `explorer` and its `folds`; a `trial` always predicts."""
+    """Training data from `folds` and inputs of `explorer`; a `trial` predicts at all moments."""
     times = np.array(explorer.times).T
     rises = np.array(explorer.rises).T
     inputs = np.moveaxis(np.array(explorer.kept), 0, 1)

@@ -229,7 +229,7 @@ def relinearise(run: Run, about: Linearisation) -> Run:
 
 
 def _drop_large(change: Array, limit: Array) -> Array:
-    """`change` (n,) with zeros where it is NaN or not below `limit` (n,) in size."""
+    """`change` (n,) with zeros in place of NaN and of values beyond `limit` (n,)."""
     finite = np.nan_to_num(change)
     return np.where(np.abs(finite) < limit, finite, 0.0)
 
@@ -254,7 +254,7 @@ def _fold(run: MeasuredRun, strip: StripFile, floors: Floors) -> PreparedFold:
 
 
 def _lifted_path(path: GripperPath, run: MeasuredRun) -> GripperPath:
-    """Measured `path`, changed to rise before it moves in: the lying strip is never pushed.
+    """Copy of the measured `path` that rises before it moves in: no lying strip is pushed.
 
     A strip lifted by z draws the grip in by about z^2: so does this one, until it joins `path`.
     """

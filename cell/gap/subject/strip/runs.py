@@ -102,7 +102,7 @@ def _check_indices(folders: Sequence[RunFolder], heads: Sequence[Header]) -> Non
 
 
 def _batch_key(header: Header) -> str:
-    """Key of the batch of a fold: the command that ran it on the twin, else a constant."""
+    """Key of a fold's batch: the command that ran it on the twin, else a constant."""
     drivers = header.drivers
     if drivers is None or drivers.arm != "twin" or header.seed is None:
         return ""

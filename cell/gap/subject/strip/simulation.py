@@ -58,7 +58,7 @@ def hashed_path(path: GripperPath) -> Hashed[GripperPath]:
 
 
 def hashed_model(model: StripModel) -> Hashed[StripModel]:
-    """`model` of strip and rig with the hash of all but how it is observed."""
+    """`model` of strip and rig with a hash of all its numbers but those of observation."""
     blind = replace(model, observation=Observation())
     digest = hashlib.blake2b(pickle.dumps(blind, protocol=5), digest_size=16).digest()
     return Hashed(model, digest)
@@ -165,7 +165,7 @@ class Simulation:
         return motions
 
     def _simulate_batch(self, jobs: Sequence[Job]) -> list[SimulatedMotion | None]:
-        """Simulate a batch together, or one by one where a job of it fails; None for that one."""
+        """Simulate a batch together, or its jobs singly if one fails; None for failed jobs."""
         try:
             return self._simulate_together(jobs)
         except (Fault, Unsupported, ValueError):  # it cannot lie or hang as its run begins

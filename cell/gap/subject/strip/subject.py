@@ -231,7 +231,7 @@ class StripSubject(Subject):
         return self._replicates.get(fold.path.digest, fold)
 
     def _model(self, request: Request, fold: PreparedFold) -> Hashed[StripModel]:
-        """Strip model, cached, of `request`; earlier runs count only where an effect ages it."""
+        """Cached strip model of `request`; earlier runs count only if an effect ages the strip."""
         effects = tuple((name, tuple(map(float, v))) for name, v in request.effects.items())
         ages = self._ages or not AGEING.isdisjoint(request.effects)
         index = fold.index if ages else 0
