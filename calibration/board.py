@@ -66,7 +66,7 @@ class BoardSettings(Settings):
         return np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * (self.width, self.rows * self.square)
 
     def board(self) -> cv2.aruco.CharucoBoard:
-        """OpenCV's object of the board; raises ConfigurationError for impossible sizes."""
+        """OpenCV's object of the calibration board; ConfigurationError for impossible sizes."""
         if self.rows % 2 == 0:
             raise ConfigurationError(f"board: rows: is {self.rows}, must be odd; print another")
         if self.marker >= self.square:
@@ -86,7 +86,7 @@ class BoardView:
     image: Array
 
     def distance(self, other: "BoardView") -> float:
-        """Median distance [px] of the corners that both views have; inf without any."""
+        """Median distance [px] of the corners seen in this view and in `other`; inf without any."""
         _, mine, others = np.intersect1d(self.ids, other.ids, return_indices=True)
         if len(mine) == 0:
             return float("inf")

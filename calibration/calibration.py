@@ -79,12 +79,12 @@ class CalibrationFile(Settings):
     accepted_anyway: tuple[str, ...] = ()
 
     def content(self) -> dict[str, Any]:
-        """Content as a plain mapping for YAML; empty values are omitted."""
+        """Content of the calibration file as a plain mapping for YAML, without empty values."""
         left_out = {key for key in OPTIONAL_KEYS if not getattr(self, key)}
         return self.model_dump(mode="json", by_alias=True, exclude=left_out)
 
     def calibration(self, origin: str) -> Calibration:
-        """Calibration from this file; ConfigurationError where its content contradicts its id."""
+        """Calibration read from this file; ConfigurationError if it contradicts its id."""
         lens = self.lens.lens(f"{origin}: lens")
         homography = Homography.from_matrix(self.homography.array((3, 3), f"{origin}: homography"))
         expected = _digest(self.content())

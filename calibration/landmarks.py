@@ -54,12 +54,12 @@ class Landmark(Settings):
 
     @classmethod
     def cut(cls, kind: Literal["tip", "desk"], grey: Image, left: int, top: int, side: int) -> Self:
-        """Cut the patch of `side` [px] at `left`, `top` out of the image `grey` (height, width)."""
+        """Landmark of `side` [px] at `left`, `top`, cut out of the image `grey` (height, width)."""
         _, content = cv2.imencode(".png", grey[top : top + side, left : left + side])
         return cls(kind=kind, left=left, top=top, png=b64encode(bytes(content)).decode("ascii"))
 
     def patch(self) -> Image:
-        """Grey levels (side, side) of the patch; raises ConfigurationError for a broken PNG."""
+        """Grey levels (side, side) of the landmark; ConfigurationError for a broken PNG."""
         try:
             content = b64decode(self.png, validate=True)
         except ValueError:
@@ -99,7 +99,7 @@ class CameraShift:
 
     @property
     def distance(self) -> float:
-        """Larger of the shifts by tip and desk [mm] that are known; NaN where none is."""
+        """Larger of the shifts [mm] by finger tip and desk that are known; NaN without any."""
         shifts = (abs(self.desk), float(np.hypot(self.x, self.z)))
         return max(filter(np.isfinite, shifts), default=float("nan"))
 

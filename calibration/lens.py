@@ -154,12 +154,12 @@ class MatrixFile(Settings):
 
     @classmethod
     def from_array(cls, matrix: Array) -> Self:
-        """File content that holds `matrix` (rows, cols)."""
+        """File content of a matrix (rows, cols) in ROS format."""
         rows, cols = matrix.shape
         return cls(rows=rows, cols=cols, data=tuple(float(value) for value in matrix.ravel()))
 
     def array(self, shape: tuple[int, int], origin: str) -> Array:
-        """Matrix as an array of `shape`; raises ConfigurationError where it has another."""
+        """Matrix of a ROS file as an array of `shape`; ConfigurationError for another shape."""
         if (self.rows, self.cols) != shape or len(self.data) != shape[0] * shape[1]:
             raise ConfigurationError(f"{origin}: must be {shape[0]} x {shape[1]} numbers")
         return frozen(np.reshape(self.data, shape))
@@ -179,7 +179,7 @@ class CameraFile(Settings):
 
     @classmethod
     def from_lens(cls, lens: Lens, name: str) -> Self:
-        """File content that describes `lens` of the camera `name`."""
+        """Content of a ROS camera_info file for `lens` of the camera `name`."""
         projection = np.column_stack([lens.matrix, np.zeros(3)])
         return cls(
             image_width=lens.width,
@@ -192,7 +192,7 @@ class CameraFile(Settings):
         )
 
     def lens(self, origin: str) -> Lens:
-        """Lens from this file; ConfigurationError for wrong shapes or implausible numbers."""
+        """Lens in a camera_info file; ConfigurationError for wrong shapes, implausible numbers."""
         matrix = self.camera_matrix.array((3, 3), f"{origin}: camera_matrix")
         distortion = self.distortion_coefficients.array(
             (1, 5), f"{origin}: distortion_coefficients"

@@ -73,7 +73,7 @@ class SharedMemory:
         return type(self), (self.descriptor,)
 
     def close(self) -> None:
-        """Close the memory's file descriptor; what is mapped stays usable."""
+        """Close the shared memory's file descriptor; mapped parts stay usable."""
         os.close(self.descriptor)
 
 
@@ -114,7 +114,7 @@ class Child:
     """
 
     def __init__(self, main: Callable[..., None], *arguments: Any) -> None:
-        """Start the process; it shares any SharedMemory among its `arguments`."""
+        """Start the child process `main`; it shares any SharedMemory among the `arguments`."""
         self._failure: Failure | None = None
         self.pipe, theirs = Pipe()
         with socket.socket(fileno=os.dup(self.pipe.fileno())) as end:
@@ -151,7 +151,7 @@ class Child:
         return False
 
     def send(self, message: object) -> None:
-        """Send the child a `message`; whether the child has ended, `receive` alone reports."""
+        """Send the child a `message`; only `receive` reports that the child has ended."""
         with suppress(OSError):
             self.pipe.send(message)
 
@@ -175,7 +175,7 @@ class Child:
         return message
 
     def close(self, patience: float = 1.0) -> None:
-        """Close the pipe and wait until the child has ended; allowed twice.
+        """Close the pipe to the child and wait until the child has ended; allowed twice.
 
         It gets SIGTERM after `patience` [s], and SIGKILL after TERMINATION_TIMEOUT more.
         """

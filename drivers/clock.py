@@ -17,7 +17,7 @@ class WallClock:
         self.origin = time.monotonic() if origin is None else origin
 
     def now(self) -> float:
-        """Time [s] of this clock, since its origin."""
+        """Time [s] of the wall clock since its origin."""
         return time.monotonic() - self.origin
 
     def wait_until(self, time_s: float) -> None:

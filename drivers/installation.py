@@ -25,7 +25,7 @@ class AxisLimits(Settings):
     jerk: float = Field(gt=0, le=12500)
 
     def tighter(self, other: "AxisLimits") -> "AxisLimits":
-        """Copy in which each limit is the lower one of this axis and of `other`."""
+        """Copy with the lower limits of this axis and of `other`."""
         limits = AxisLimits.model_fields
         return AxisLimits(
             **{name: min(getattr(self, name), getattr(other, name)) for name in limits}
@@ -45,11 +45,11 @@ class MotionLimits(Settings):
 
     @property
     def axes(self) -> tuple[AxisLimits, AxisLimits, AxisLimits]:
-        """Limits of the axes x, z and pitch, in this order."""
+        """Motion limits of the axes x, z and pitch, in this order."""
         return self.x, self.z, self.pitch
 
     def tighter(self, other: "MotionLimits") -> "MotionLimits":
-        """Copy in which each limit of each axis is the lower one of these limits and of `other`."""
+        """Copy with the lower limits of these and of `other`, axis by axis."""
         axes = (a.tighter(b) for a, b in zip(self.axes, other.axes, strict=True))
         return MotionLimits(**dict(zip(AXIS_NAMES, axes, strict=True)))
 

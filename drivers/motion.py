@@ -46,7 +46,7 @@ class MotionProfile:
     """
 
     def __init__(self, limits: MotionLimits, workspace: Workspace, start: Pose) -> None:
-        """Start at rest at pose `start`, which may lie outside the workspace."""
+        """Start the setpoints at rest at `start`, which may lie outside the workspace."""
         self.expired = False
         self._limits = limits
         self._workspace = workspace
@@ -82,7 +82,7 @@ class MotionProfile:
         return Velocity(*self._acceleration)
 
     def predict(self, seconds: float) -> PredictedMotion:
-        """Commanded motion `seconds` from now, if no other command comes."""
+        """Commanded motion in `seconds` from now, if no other command comes."""
         pose, rate, change = self._plan.at_time(self._elapsed * TICK + seconds)
         return PredictedMotion(Pose(*pose), Velocity(*rate), Velocity(*change))
 
@@ -110,7 +110,7 @@ class MotionProfile:
         self._move(self._goal)
 
     def stop(self) -> None:
-        """Brake to rest as fast as the limits allow."""
+        """Brake the commanded motion to rest as fast as the limits allow."""
         self._begin()
         self._follow(_STILL)
 
@@ -128,7 +128,7 @@ class MotionProfile:
             self._move(self._goal, gently=True)
 
     def _is_at(self, goal: Numbers) -> bool:
-        """Whether the setpoint is within ARRIVED of `goal` and its remaining motion as small."""
+        """Whether the setpoint is within ARRIVED of `goal`, and nearly at rest."""
         distances = (abs(g - p) for g, p in zip(goal, self._position, strict=True))
         remainders = (
             abs(rate) * SETTLE + abs(change) * LONGEST_GAP**2

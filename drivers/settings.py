@@ -52,7 +52,7 @@ class StudyResult(Settings):
     @classmethod
     @cache
     def shipped(cls) -> Self:
-        """Content of the file that ships with the package, `FILE` of the class."""
+        """Content of the class's data file (`FILE`) that ships with the package."""
         return load(cls.FILE, cls)
 
     FILE: ClassVar[Path]

@@ -27,7 +27,7 @@ class Pose:
         return cls(*values.tolist())
 
     def as_array(self) -> Array:
-        """Array (3,) of x, z [m] and pitch [rad]."""
+        """Pose as an array (3,) of x, z [m] and pitch [rad]."""
         return np.array([self.x, self.z, self.pitch])
 
 

@@ -84,7 +84,7 @@ class PathPolicy:
         self._follower = Follower(self.path(strip.length), count)
 
     def lift(self) -> Path:
-        """Path of the lift: the policy's path."""
+        """Path of the lift, which is the policy's whole path."""
         return self._follower.path
 
     def decide(self, observation: Observation) -> Decision:

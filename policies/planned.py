@@ -54,7 +54,7 @@ class Paths:
         return self._each[0]
 
     def decide(self, observation: Observation) -> Decision:
-        """Command each gripper along its path."""
+        """Command the gripper of each strip along its own path."""
         decisions = [
             follower.decide(x, z, self._speed)
             for follower, x, z in zip(
@@ -86,7 +86,7 @@ class Planned(Paths):
         self._known: tuple[tuple[StripFile, ...], float, float] | None = None
 
     def correct(self, simulation_bias: float, measurement_bias: float) -> None:
-        """Correct by biases [m]: measured less simulated, and true less measured displacement."""
+        """Correct the aim by biases [m]: measured less simulated, and true less measured d."""
         self._aim = -simulation_bias - measurement_bias
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:

@@ -135,7 +135,7 @@ class _Loop:
     def __init__(
         self, engine: Stepper, settings: Rollout, camera: SimulatedCamera, count: int
     ) -> None:
-        """Loop of `count` folds before their lift."""
+        """Closed loop of `count` folds, before their lift."""
         self.camera = camera
         self.time = 0.0
         self.poses: Array = np.zeros((count, 3))

@@ -78,7 +78,7 @@ class ImageNoise(StudyResult):
     strips: int
 
     def sensing(self) -> Sensing:
-        """Noise model with this noise and the delays of a calibrated camera."""
+        """Noise model of policies' measurements: this noise, a calibrated camera's delays."""
         sizes = self.model_dump(exclude={"schema_", "strips", "source", "belongs_to"})
         return Sensing(**sizes, delay=(0.02, 0.04), delay_error=0.002)
 
@@ -112,11 +112,11 @@ class Draws:
     rng: np.random.Generator
 
     def normal(self, *shape: int) -> Array:
-        """Draw standard normal values (n, *shape)."""
+        """Draw standard normal values (n, *shape), equal in all groups."""
         return np.concatenate([self.rng.normal(size=(self.size, *shape))] * self.groups)
 
     def uniform(self, low: float, high: float) -> Array:
-        """Draw uniform values (n,) in [low, high)."""
+        """Draw uniform values (n,) in [low, high), equal in all groups."""
         return np.concatenate([self.rng.uniform(low, high, size=self.size)] * self.groups)
 
 

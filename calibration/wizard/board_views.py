@@ -82,7 +82,7 @@ class BoardViews:
         return None
 
     def skip(self) -> None:
-        """Give up the requested view."""
+        """Give up the view of the board that is requested now."""
         self._wanted = self._wanted[1:]
         self._tries = 0
         self._last = None
@@ -103,7 +103,7 @@ class BoardViews:
 
     @property
     def marks(self) -> tuple[Mark, ...]:
-        """Corners of all accepted views, to show the coverage."""
+        """Marks on the corners of all accepted views, which show the coverage."""
         return tuple(Mark(corner) for view in self.views for corner in view.image)
 
     def gates(self) -> tuple[Gate, ...]:

@@ -32,7 +32,7 @@ class WantedView(BoardPlacement):
         return f"{where}, {100 * self.size:.0f} % of the image wide, {how}"
 
     def outline(self, corners: Array, lens: Lens) -> Array:
-        """Image points (4, 2) [px] of the board's outer `corners` (4, 2) [m] in this view."""
+        """Image points (4, 2) [px] of the board's outer `corners` (4, 2) [m] in the wanted view."""
         from scipy.spatial.transform import Rotation  # half a second that no fold needs
 
         rotation = Rotation.from_euler("zxy", (self.roll, -self.tilt, -self.turn)).as_rotvec()
@@ -116,17 +116,17 @@ class Gate:
 
     @property
     def share(self) -> float:
-        """Fraction of the requirement that is met, at most 1."""
+        """Fraction of the required coverage that the views reach, at most 1."""
         return min(self.have / self.need, 1.0)
 
     @property
     def passed(self) -> bool:
-        """Whether the views meet the requirement."""
+        """Whether the accepted views meet the requirement on coverage."""
         return self.have >= self.need
 
     @property
     def ratio(self) -> str:
-        """Text with `have` of `need`, as integers where views are counted."""
+        """Text `have` of `need` for the coverage, with integers where views are counted."""
         digits = 0 if self.unit else 2
         return f"{self.have:.{digits}f} of {self.need:.{digits}f}"
 

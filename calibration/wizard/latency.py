@@ -81,7 +81,7 @@ class LatencySteps:
 
     @property
     def left(self) -> int:
-        """Number of moves of the arm still required."""
+        """Number of moves of the arm that the latency measurement still requires."""
         return len(self._queue)
 
     @property
@@ -95,7 +95,7 @@ class LatencySteps:
         return np.reshape(self._seen, (-1, 3))
 
     def ask(self) -> Pose | None:
-        """Next pose of the pointer; None once all moves are done."""
+        """Next pose of the calibration pointer; None once all moves are done."""
         return self._queue[0] if self._queue else None
 
     def record_arrival(self) -> None:
@@ -103,12 +103,12 @@ class LatencySteps:
         self._queue = self._queue[1:]
 
     def tell_arm(self, state: ArmState) -> None:
-        """Add the arm's newest `state`, unless it was added already."""
+        """Add the arm's newest `state`, unless the same state was added before."""
         if not self._arm or state.stamp > self._arm[-1][0]:
             self._arm.append((state.stamp, state.pose.x, state.pose.z))
 
     def tell_frame(self, frame: Frame) -> None:
-        """Add a new image, which is ignored unless it shows the pointer."""
+        """Add a new image; ignored where the image does not show the pointer."""
         centre = find_pointer(frame.image)
         if centre is not None:
             self._seen.append((frame.stamp, float(centre[0]), float(centre[1])))

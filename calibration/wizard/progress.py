@@ -52,11 +52,11 @@ class Result:
 
     @property
     def waits(self) -> bool:
-        """Whether the image was neither accepted nor refused: the next one decides."""
+        """Whether an image was neither accepted nor refused, so that the next image decides."""
         return not self.taken and self.row.refused is None
 
     def text(self, kind: str, taken: str) -> str:
-        """Text of the result for the operator; empty while the next image is awaited."""
+        """Text of an image's result for the operator; empty while the next one is awaited."""
         return "" if self.waits else f"{kind} {self.row.number}: {self.row.refused or taken}"
 
 

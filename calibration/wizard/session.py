@@ -65,7 +65,7 @@ class SessionFolder:
     """
 
     def __init__(self, folder: Path, session: Session, watch: Observer = ignore) -> None:
-        """Create `folder`, which must be new or empty, or resume that of the same `session`.
+        """Create the session's `folder`, new or empty, or resume that of the same `session`.
 
         Raises ConfigurationError for a folder that cannot be written.
         """
@@ -85,7 +85,7 @@ class SessionFolder:
         write_yaml(folder / SESSION_FILE, session.model_dump(mode="json", by_alias=True))
 
     def __call__(self, progress: Progress) -> None:
-        """Write the measurements in `progress`, with the image where it was accepted."""
+        """Write the measurements in `progress`, and the image if it was accepted."""
         if progress.frame is not None:
             self.newest = progress.frame
         if progress.steps is not None:
@@ -98,7 +98,7 @@ class SessionFolder:
         self._watch(progress)
 
     def add(self, row: Row, image: Image | None = None) -> None:
-        """Append `row` to told.jsonl and write its `image` (h, w, 3); ConfigurationError if not."""
+        """Append `row` to told.jsonl, write its `image` (h, w, 3); or ConfigurationError."""
         if image is not None:
             name = f"{IMAGES_FOLDER}/{self._count:04d}.png"
             self._count += 1

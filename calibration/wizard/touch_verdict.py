@@ -146,7 +146,7 @@ class MapVerdict:
     calibration: Calibration | None = None
 
     def accept(self, lens: Lens, *, anyway: bool = False, **facts: Any) -> "MapVerdict":
-        """Copy with a calibration of map and `lens`, unless there are reasons to refuse it.
+        """Copy with a calibration of map and `lens`, unless it is refused for some reason.
 
         `facts` are further values of `make_calibration`. Reasons for refusal are overridden by
         `anyway`, but no calibration is made without a map.

@@ -39,7 +39,7 @@ class TouchedPoints:
         *,
         fitted: bool = True,
     ) -> None:
-        """Touch the grid of `settings`, or the poses of a `plan`.
+        """Collect touches on the grid of `settings`, or at the poses of a `plan`.
 
         Points that are not `fitted` may be few, and each is touched once. Raises ConfigurationError
         for a plan with too few points to fit a map.
@@ -63,7 +63,7 @@ class TouchedPoints:
 
     @property
     def number(self) -> int | None:
-        """Number of the requested pose; None once there are enough points."""
+        """Number of the pose to touch next; None once there are enough points."""
         return self._queue[0] if self._queue else None
 
     def ask(self) -> Pose | None:
@@ -115,7 +115,7 @@ class TouchedPoints:
         return None
 
     def skip(self) -> None:
-        """Give up the requested pose."""
+        """Give up the pose that is to be touched next."""
         self._queue = self._queue[1:]
         self._tries = 0
         self._last = None
@@ -221,7 +221,7 @@ class TouchedPoints:
         return None
 
     def _touched(self, row: Row, centre: Array) -> Touch:
-        """The point of `row`, whose image shows the pointer at `centre` (2,) [px]."""
+        """Touch that `row` describes, whose image shows the pointer at `centre` (2,) [px]."""
         if row.pose is None:
             raise ConfigurationError(f"told.jsonl: point {row.number} has no pose; leave it out")
         return Touch(

@@ -116,7 +116,7 @@ class TouchFit:
         return np.asarray(mapped - touched.place)
 
     def describe(self, points: Sequence[Touch]) -> dict[int, str]:
-        """Texts with place [m] and residual [px] of `points`, by their numbers."""
+        """Texts with place [m] and residual [px] of touched `points`, by their numbers."""
         texts = {}
         for point in sorted(points, key=lambda p: p.number):
             mapped = self.homography.to_image(point.place)[0]

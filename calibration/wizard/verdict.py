@@ -29,7 +29,7 @@ class Verdict:
 
     @property
     def passed(self) -> bool:
-        """Whether the result may be used."""
+        """Whether the result of the calibration may be used."""
         return not self.reasons
 
     def bad_lines(self) -> list[Line]:

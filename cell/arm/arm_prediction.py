@@ -28,7 +28,7 @@ class ArmPrediction:
         return self.reach.allowed and self.clearance > 0
 
     def line(self) -> dict[str, Any]:
-        """JSON object of the prediction, part of `cell fold --dry-run --arm fci --json`."""
+        """JSON object of the arm's prediction, a part of `cell fold --dry-run --json`."""
         return {
             "reachable": self.allowed,
             "hand_turned": self.reach.turned,

@@ -51,7 +51,7 @@ class BenchmarkSpec(Settings):
         *,
         quick: bool,
     ) -> Self:
-        """Make the specification from options of the command line; no names mean all known ones.
+        """Specification by options of the command line; no names stand for all known ones.
 
         Raises ConfigurationError for an unknown name.
         """

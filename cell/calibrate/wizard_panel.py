@@ -70,13 +70,13 @@ class WizardPanel:
         self._news: Progress | None = None
 
     def __enter__(self) -> Self:
-        """Start the live view."""
+        """Start the live view of the calibration wizard."""
         if self._live is not None:
             self._live.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the live view, whose last state stays visible without a question."""
+        """End the wizard's live view; its last state stays visible, without a question."""
         if self._live is not None:
             self.ask("")
             self._live.stop()
@@ -104,7 +104,7 @@ class WizardPanel:
             self._console.print(words, markup=False, highlight=False, soft_wrap=True)
 
     def draw(self, progress: Progress) -> RenderableType:
-        """Render the panel, no higher than the terminal: a higher live view leaves lines behind."""
+        """Render the wizard's panel, no higher than the terminal, which could not redraw it."""
         body = points_map(progress.plan) if progress.plan else views_table(progress)
         rows = (("next", progress.request, "bold"), ("why ", progress.why, ""))
         head = [
@@ -197,7 +197,7 @@ class Keys:
         self._line = b""
 
     def read(self, seconds: float) -> str | None:
-        """Next key in lower case, ENTER, or CTRL_D at the end; None if none comes in `seconds`."""
+        """Next typed key in lower case, ENTER, CTRL_D at the end; None if none in `seconds`."""
         number = self._number
         if number is None:
             return CTRL_D
@@ -259,7 +259,7 @@ class Keyboard:
         self._alone = False
 
     def answer(self, question: Question) -> Answer | None:
-        """Answer by a typed key, None until then; raises Interrupted at the end of the input."""
+        """Answer of the operator by a typed key; Interrupted at the end of the input."""
         if self._alone and question.ask not in POINTER:
             return Answer.GO
         if question != self._asked:

@@ -51,7 +51,7 @@ class Record(BaseModel):
 
     @property
     def done(self) -> bool:
-        """Whether the part need not be measured again."""
+        """Whether a campaign's part is finished and need not be measured again."""
         return self.state != "failed"
 
 
@@ -79,12 +79,12 @@ class Journal:
             replace_file(path, record.model_dump_json(by_alias=True, indent=1).encode())
 
     def records(self) -> tuple[Record, ...]:
-        """All records that can be read, by file name."""
+        """All records of the campaign that can be read, by file name."""
         records = map(_read, sorted(self.folder.glob("[!.]*.json")))
         return tuple(record for record in records if record is not None)
 
     def forget(self, keys: Iterable[tuple[str, str]]) -> None:
-        """Remove the records with these pairs (key, of)."""
+        """Remove the records of the parts with these pairs of key and digest."""
         for key, of in keys:
             self.path(key, of).unlink(missing_ok=True)
 

@@ -58,7 +58,7 @@ class StopSignal:
         self._requests = 0
 
     def __call__(self) -> bool:
-        """Whether a stop was requested; raises KeyboardInterrupt from the second request on."""
+        """Whether this call is to stop; raises KeyboardInterrupt from the second request on."""
         while self._pipe.poll():
             try:
                 self._pipe.recv()
@@ -125,12 +125,12 @@ class ProcessPool:
 
     @property
     def is_busy(self) -> bool:
-        """Whether a call is under way."""
+        """Whether a call is under way in any process of the pool."""
         return bool(self._running)
 
     @property
     def has_room(self) -> bool:
-        """Whether another call can begin."""
+        """Whether the pool can begin another call now."""
         return len(self._running) < self._size
 
     def begin(
@@ -178,12 +178,12 @@ class ProcessPool:
             process.close(TERMINATION_TIMEOUT)
 
     def kill(self) -> None:
-        """End all processes at once."""
+        """End all processes of the pool at once."""
         for process in self._forget_all():
             process.kill()
 
     def _receive(self, running: _Running) -> Iterator[tuple[Any, Any]]:
-        """Yield the key and result of a call that has ended; nothing for a process now ready."""
+        """Yield key and result of an ended call; nothing for a process that is ready now."""
         try:
             message = running.process.receive()
         except ChildDied as died:

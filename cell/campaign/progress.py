@@ -40,7 +40,7 @@ class Meter(AbstractContextManager["Meter"]):
     def begin(
         self, count: int, known: int, cost: float | None = None, known_cost: float | None = None
     ) -> None:
-        """Start with `known` of `count` steps done, each costs 1 unless both costs are given."""
+        """Show `known` of `count` steps as done; each costs 1 unless both costs are given."""
         self._count = count
         self._number = known
         self._total = float(count) if cost is None else cost
@@ -54,7 +54,7 @@ class Meter(AbstractContextManager["Meter"]):
             self._bar.start()
 
     def finish(self, cost: float, record: Record) -> None:
-        """Advance by a part of `cost`, in the unit of the total, that ended with `record`."""
+        """Advance the progress bar by a finished part of `cost`, whose result is `record`."""
         self._number += 1
         self._failed += record.state != "measured"
         failed = f", {self._failed} failed" if self._failed else ""
@@ -82,7 +82,7 @@ class Meter(AbstractContextManager["Meter"]):
             self._bar.update(self._task, completed=self._done, description=text)
 
     def _time_left(self) -> str:
-        """Text of the estimated time left, by the time of the steps since the start; or empty."""
+        """Text of the estimated time left, from the time per step since the start; or empty."""
         here = self._done - self._before
         left = self._total - self._done
         passed = time.monotonic() - self._started_at

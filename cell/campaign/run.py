@@ -98,12 +98,12 @@ class Engine(Protocol):
         """Yield the records of `parts` as they finish, each stored in the journal at `folder`."""
 
     def executor(self) -> AbstractContextManager[Executor]:
-        """Open an executor, for a search that keeps a journal of its own."""
+        """Open an executor on the engine, for a search that keeps a journal of its own."""
 
 
 @dataclass(frozen=True, slots=True)
 class Local:
-    """Engine of `jobs` processes; a part may take `limit` [s] of wall time, any time where None."""
+    """Engine of `jobs` local processes; `limit` [s] bounds the wall time of a part, unless None."""
 
     jobs: int = 1
     limit: float | None = None

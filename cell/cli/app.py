@@ -37,7 +37,7 @@ class Grouped(TyperGroup):
     """Command group whose help lists the commands under the headings of COMMANDS."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002  typer's
-        """Write the commands of each heading as a section of the help."""
+        """Write the commands under each heading as a section of the help text."""
         room = formatter.width - 6 - max(map(len, self.commands))
         for heading, named in COMMANDS.items():
             shown = [(name, self.commands[name].get_short_help_str(room)) for name in named]

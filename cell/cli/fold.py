@@ -124,7 +124,7 @@ class FoldOptions:
         return unmeasured_name(self.length, self.thickness)
 
     def close_edges(self) -> float | None:
-        """Offset [m] of the edges that ends a series of folds, by `--until`; None without it.
+        """Offset [m] of the edges at which `--until` ends a series of folds; None unless given.
 
         Raises ConfigurationError beside options with which no fold corrects the next one.
         """

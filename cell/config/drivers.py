@@ -27,7 +27,7 @@ class Driver:
     real: bool = True
 
     def load(self) -> Callable[..., Any]:
-        """Import and return the function that opens devices with this driver."""
+        """Import and return the driver's function that opens devices."""
         loaded: Callable[..., Any] = EntryPoint("driver", self.opener, "folding_cell").load()
         return loaded
 

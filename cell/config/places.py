@@ -36,12 +36,12 @@ class Configs:
         return cell.model_copy(update={"calibration": str(self.folder / cell.calibration)})
 
     def strip_path(self, name: str) -> Path:
-        """Path of the strip file `name`, or a path ending in .yaml; raises ConfigurationError."""
+        """Path of the strip file `name`, or of one at a path in .yaml; or ConfigurationError."""
         remedy = "make one with `cell strips new`, or give a path to a .yaml file"
         return self._file("strip", name, remedy)
 
     def plant_path(self, name: str) -> Path:
-        """Path of the plant file `name`, or a path ending in .yaml; raises ConfigurationError."""
+        """Path of the plant file `name`, or of one at a path in .yaml; or ConfigurationError."""
         remedy = "name one, or give the path to a strip file that lies on the twin's desk"
         return self._file("plant", name, remedy)
 

@@ -38,7 +38,7 @@ class CalibrationAids(Protocol):
         """Length [m] of all columns of the board's squares, measured by a ruler."""
 
     def hold_pointer(self, held: bool) -> None:
-        """Put the pointer between the fingers, or remove it."""
+        """Put the pointer between the fingers if `held`, else remove it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +85,7 @@ class ArmHistory:
         self._states: deque[ArmState] = deque(maxlen=STATES_KEPT)
 
     def add(self, state: ArmState) -> None:
-        """Append the newest measured state of the arm."""
+        """Append the newest measured state of the arm to the history."""
         self._states.append(state)
 
     def pose_at(self, stamp: float) -> Pose:

@@ -158,12 +158,12 @@ class NoCamera:
     rate = 0.0
 
     def connect(self) -> None:
-        """Raise Fault `camera_closed`, as there is no camera."""
+        """Raise Fault `camera_closed`: this placeholder stands for a camera that is not open."""
         raise Fault("camera_closed", "no camera was opened")
 
     def read(self, after: float, timeout: float) -> Frame | None:  # noqa: ARG002
-        """Return None, as this camera delivers no image."""
+        """None, as this placeholder of a camera delivers no images."""
         return None
 
     def close(self) -> None:
-        """Do nothing, as no device is open."""
+        """Do nothing, as this placeholder of a camera holds no device."""

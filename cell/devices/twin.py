@@ -35,11 +35,11 @@ class TwinCalibrationAids:
         )
 
     def measure_board(self) -> float:
-        """Length [m] of all columns of printed squares."""
+        """Length [m] of all columns of squares on the twin's board, as printed."""
         return self.settings.boards.width
 
     def hold_pointer(self, held: bool) -> None:
-        """Put the pointer between the twin's fingers, or remove it."""
+        """Put the pointer between the twin's fingers if `held`, else remove it."""
         self.twin.world.hold_pointer(held)
 
 

@@ -192,7 +192,7 @@ class ParallelFolds:
             self._pool.begin(number, _fold_in_process, request, calibration, stoppable=True)
 
     def _collect(self) -> None:
-        """Collect finished results, waiting briefly for them."""
+        """Collect results of folds that have ended, waiting briefly for them."""
         for number, result in self._pool.ended(POLL_INTERVAL):
             if isinstance(result, ChildDied):
                 result = Fault("process_died", f"the process of a fold: {result}")  # noqa: PLW2901

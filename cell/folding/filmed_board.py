@@ -159,7 +159,7 @@ class _SeenStrip(NamedTuple):
 
     @property
     def length(self) -> float:
-        """Distance [m] between both ends."""
+        """Distance [m] between the left and the right end of the strip."""
         return float(np.hypot(*(self.right - self.left)))
 
 

@@ -39,7 +39,7 @@ class FoldTrace:
             self._profiles.append(image_profile(seen.profile, seen.contact_x, seen.gripper)[0])
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
-        """Ignore an event of the run."""
+        """Ignore an event of the run, as the trace needs none."""
 
     def review(self, outcome: Outcome, record: Recorder) -> Outcome:
         """Add the agreement of strip and model to `outcome`, which fails if it is poor."""

@@ -67,7 +67,7 @@ class Rehearsal:
         return (first + 1 + np.flatnonzero(~straight)).tolist()
 
     def _follow_part(self, first: int, last: int) -> Motion:
-        """Drive along the path between two corners, eased in and out, then rest."""
+        """Drive along the path between two corners, speeding up and slowing down smoothly."""
         part = slice(first, last + 1)
         poses, times = densify(self.path[part], self.speeds[part])
         due = EASE * np.concatenate([[0.0], np.cumsum(times[1:])])

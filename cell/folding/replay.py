@@ -39,7 +39,7 @@ class Replay:
 
     @property
     def same(self) -> bool:
-        """Whether every repeated image and decision equals the recorded one."""
+        """Whether every image and decision repeated in the replay equals the recorded one."""
         return not self.differences and self.decisions > 0
 
 

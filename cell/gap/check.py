@@ -212,7 +212,7 @@ class Check(Entry):
         return max((f.level for f in self.findings), key=[*HEADLINES].index, default="good")
 
     def __str__(self) -> str:
-        """Level, and a line for each finding."""
+        """Text of the check: its level, then a line for each finding."""
         lines = (f"\n  {f.level}  {f.run or 'all'}: {f.what}: {f.words}" for f in self.findings)
         return f"{self.level}{''.join(lines)}"
 

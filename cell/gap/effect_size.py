@@ -42,7 +42,7 @@ class Strengths:
     largest: float
 
     def at(self, share: float) -> dict[str, float]:
-        """Parameter values by name at the fraction `share`, above 0 and up to 1, of `largest`."""
+        """Parameter values by name at the fraction `share`, in (0, 1], of the largest size."""
         p = self.effect.parameters[0]
         if p.null is None:
             value = self.largest / share

@@ -146,7 +146,7 @@ def _secants(fit: Estimate, evidence: Evidence) -> tuple[Array, ...] | None:
 
 
 def refit_singles(search: Search, models: Models, progress: Progress) -> Fits:
-    """`fits` of `models` with the best single effects added, if any can be accepted."""
+    """Copy of the fits with the best single effects fitted, if any of them can be accepted."""
     progress("refit the best", 0.25)
     fits = models.fits
     least = MIN_GAIN * fits.likelihood.inefficiency

@@ -110,7 +110,7 @@ class _Learner:
         return float((experience.displacement - mean) / sigma)
 
     def _add(self, experience: Experience) -> None:
-        """Add a fold to the present epoch."""
+        """Add a fold to the data of the present epoch."""
         self._epoch_rows.append(len(self._rows))
         self.epoch.append(experience)
         unknowns = self._unknowns_of(experience.strip, experience.specimen)
@@ -152,7 +152,7 @@ class _Learner:
         return float(getattr(self._settings, level))
 
     def _predict(self, unknowns: tuple[Unknown, ...]) -> tuple[float, float]:
-        """Mean [m] and variance [m^2] of the sum of `unknowns`, given the rows."""
+        """Mean [m] and variance [m^2] of the sum of `unknowns`, given the epoch's folds."""
         names = sorted({*unknowns, *(name for used, *_ in self._rows for name in used)}, key=str)
         place = {name: i for i, name in enumerate(names)}
         precision = np.diag([self._sigma(name) ** -2 for name in names])

@@ -27,7 +27,7 @@ class Correctable(Protocol):
     """Protocol of a policy that steers by a model, whose aim can be corrected."""
 
     def correct(self, seen: float, unseen: float) -> None:
-        """Aim the opposite of a bias from the next `reset` on.
+        """Aim at the opposite of a bias [m], `seen` and `unseen`, from the next `reset` on.
 
         It is the sum of what the camera shows, `seen`, and what it does not, `unseen`, both [m].
         """

@@ -101,7 +101,7 @@ class Memory:
         return tuple(one for one in self._all() if _is_of(one, key, run.resolve().name))
 
     def add(self, experience: Experience) -> None:
-        """Append one experience to the file on disk; ConfigurationError where it is refused."""
+        """Append `experience` to the memory's file; ConfigurationError where it is refused."""
         with self._file_lock():
             last = self._lines()[-1:]
             mend = b"\n" if last and not last[0].endswith(b"\n") else b""  # after a crash

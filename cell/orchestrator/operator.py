@@ -48,7 +48,7 @@ class Unattended:
     """Operator that answers every question with "continue"."""
 
     def answer(self, _: Question) -> Answer | None:
-        """Continue at once, whatever the question."""
+        """Answer "continue" at once, whatever the question."""
         return Answer.GO
 
 
@@ -66,16 +66,16 @@ class Interrupt:
         self._before: dict[signal.Signals, Any] = {}
 
     def __call__(self) -> bool:
-        """Whether a controlled stop was requested."""
+        """Whether the operator requested a controlled stop by Ctrl-C."""
         return self._requested
 
     def __enter__(self) -> Self:
-        """Install the signal handlers."""
+        """Install the handlers of the stop signals."""
         self._before = {number: signal.signal(number, self._count_signal) for number in SIGNALS}
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Restore the previous signal handlers."""
+        """Restore the signal handlers from before the block."""
         for number, before in self._before.items():
             signal.signal(number, before)
 

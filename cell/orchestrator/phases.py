@@ -142,11 +142,11 @@ class Swing:
 
     @property
     def still(self) -> bool:
-        """Whether the strip has moved less than REST_TRAVEL over enough images."""
+        """Whether the hanging strip has moved less than REST_TRAVEL over enough images."""
         return self.moved < REST_TRAVEL
 
     def add(self, snapshot: Snapshot, since: float) -> None:
-        """Add the profile in `snapshot`, if it is new and from an image after `since` [s]."""
+        """Add the strip's profile in `snapshot`, if new and imaged after `since` [s]."""
         measurement = snapshot.view.measurement
         if not snapshot.view.read or measurement is None or measurement.stamp < since:
             return

@@ -20,7 +20,7 @@ class Recorder:
         return 0.0
 
     def describe(self, **facts: Any) -> None:
-        """Add `facts` that were not known at the run's start to its header."""
+        """Add `facts` to the run's header that were not known at its start."""
 
     def begin(self, clock: float) -> None:
         """Start measured time at the clock time `clock` [s]; a second call restarts it."""
@@ -51,7 +51,7 @@ class FileRecorder(Recorder):
     """
 
     def __init__(self, writer: RunWriter, *, hanging: bool = False) -> None:
-        """Record with `writer`; `hanging` where the lift is not part of the measured run."""
+        """Record a run with `writer`; if `hanging`, the lift is not part of the measured time."""
         self._writer = writer
         self._hanging = hanging
         self._lift: float | None = None
@@ -68,7 +68,7 @@ class FileRecorder(Recorder):
         self._writer.describe(**facts)
 
     def begin(self, clock: float) -> None:
-        """Start measured time with the lift at `clock` [s]; again where the strip is `hanging`."""
+        """Start measured time at the lift, `clock` [s], or once a `hanging` strip is still."""
         if self._lift is None:
             self._lift = clock
             self._flush_early()

@@ -73,7 +73,7 @@ class Run:
         self._velocity = ZERO_VELOCITY
 
     def execute(self) -> Outcome:
-        """Run to DONE or FAULT and until the arm rests; an error in a cycle stops the arm first."""
+        """Run to DONE or FAULT and until the arm rests; an error in a cycle stops the arm."""
         clock = self._devices.clock
         period = 1.0 / self._context.settings.fold.control_rate
         start = clock.now()
@@ -185,7 +185,7 @@ class Run:
         self._notify(lambda observer: observer.handle_event(now, kind, facts))
 
     def _notify(self, call: Callable[[Observer], None]) -> None:
-        """Notify the observers; one that raises is not called again."""
+        """Call `call` for all observers; one that raises is not called again."""
         self._observers = tuple(o for o in self._observers if run_suppressed(lambda: call(o)))  # noqa: B023
 
     def _sense(self) -> Snapshot:
@@ -209,7 +209,7 @@ class Run:
         return self._snapshot
 
     def _record(self, view: View, state: State) -> None:
-        """Record the measurement and the image that are new in `view`."""
+        """Record the measurement and the image in `view` that are new."""
         if view.read and state in MEASURED_STATES and view.measurement is not None:
             self._recorder.sight(view.measurement)
         if view.fresh and state in RECORDED and view.frame is not None:

@@ -28,7 +28,7 @@ class SafeStop:
         self._stop_sent = False
 
     def apply(self, hand: HandState | None) -> None:
-        """Stop the arm, and also the fingers if `hand` shows them moving or is not known."""
+        """Stop the arm, and the fingers too if `hand` shows a motion or is unknown."""
         self._stop_sent = run_suppressed(self._devices.arm.stop)
         if hand is None or hand.moving:
             run_suppressed(self._devices.hand.stop)

@@ -74,7 +74,7 @@ class Machine:
         self.state = State.IDLE
 
     def apply(self, event: Event) -> State:
-        """Apply `event` and return the new state; raises Fault where it has no transition."""
+        """Apply `event`, return the new state; raises Fault for an event that is not allowed."""
         try:
             self.state = TRANSITIONS[self.state, event]
         except KeyError:

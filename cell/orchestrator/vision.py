@@ -51,7 +51,7 @@ class Vision:
     """Reader of the camera on each tick, which has the strip measured in its images in a fold."""
 
     def __init__(self, camera: Camera, limits: MonitorLimits) -> None:
-        """Read from `camera`; `limits` are those of confidence, camera shift and image age."""
+        """Read images from `camera`; `limits` hold for confidence, camera shift and image age."""
         self._camera = camera
         self._limits = limits
         self._frozen = FrozenImages()
@@ -74,7 +74,7 @@ class Vision:
         return self._view
 
     def _take_frame(self, state: State, arm: ArmHistory) -> bool:
-        """Take a frame newer than the last one; returns whether one arrived."""
+        """Take a camera frame newer than the last one; returns whether one arrived."""
         after = -1.0 if self._view.frame is None else self._view.frame.stamp
         if state not in MEASURED_STATES:
             after += IDLE_IMAGE_PERIOD

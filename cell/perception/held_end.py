@@ -166,7 +166,7 @@ class HeldEnd:
         return best if sure else replace(best, end=None)
 
     def _at_mouth(self, frame: Frame, clip: Clip, face: Pose) -> HeldMeasurement:
-        """Measure up to the mouth of a `clip`, near the pose `face` that its visible face gives.
+        """Measure up to the mouth of the `clip`, near the pose `face` of its visible face.
 
         The clip's depth moves its face by parallax; the mouth is where the strip's near edge ends.
         It stays where it was in the face while the strip is seen edge on, and the clip before it.

@@ -99,7 +99,7 @@ class ImageTask:
     touches: bool = False
 
     def answer(self, measurer: Measurer) -> Answer:
-        """Measurement of the image by `measurer`, or preflight checks of one before the grasp."""
+        """Measurement of the image by `measurer`, or preflight checks if taken before the grasp."""
         if self.gripper is None:
             return measurer.inspect(self.frame)
         return measurer.measure(self.frame, self.gripper, touches=self.touches)
@@ -140,7 +140,7 @@ class ProcessReader:
     """
 
     def __init__(self, inputs: StripInputs, maker: Maker = Measurer) -> None:
-        """Start the process; raises Fault `image_reader_dead` where it does not start in time."""
+        """Start the measuring process; Fault `image_reader_dead` if it does not start in time."""
         lens = inputs.calibration.lens
         self._shape = lens.height, lens.width, 3
         self.latency = inputs.calibration.latency

@@ -116,7 +116,7 @@ class Perception:
         return np.asarray(largest.reshape(-1, 2) + matte.region.origin)
 
     def _matte(self, frame: Frame, gripper: Pose, around: float = 0.0) -> Matte:
-        """Matte of `frame` where the strip can appear, less the hand and a margin `around` [m]."""
+        """Matte of `frame` where the strip can appear, without the hand and `around` [m] of it."""
         region = strip_region(self._calibration, self._strip.length, gripper, CELL_PX)
         visible = without_hand(region, self._calibration, gripper)
         if around > 0:

@@ -93,7 +93,7 @@ class Region:
         return image[self.top : self.bottom, self.left : self.right]
 
     def cells(self, cell: int) -> tuple[int, int]:
-        """Numbers of rows and columns of cells, `cell` [px] wide, that cover the region."""
+        """Numbers of rows and columns of cells of `cell` [px] that cover the region."""
         rows = ceil((self.bottom - self.top) / cell)
         return rows, ceil((self.right - self.left) / cell)
 

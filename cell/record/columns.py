@@ -57,12 +57,12 @@ class Columns:
 
     @classmethod
     def none(cls) -> Self:
-        """Columns without rows."""
+        """Table columns without any rows."""
         return cls(**{name: frozen([]) for name in quantities(cls)})
 
     @classmethod
     def parse(cls, table: pa.Table, origin: str) -> Self:
-        """Check `table`, return its columns; ConfigurationError names `origin` and the column."""
+        """Check `table` and return its columns; ConfigurationError names `origin` and column."""
         return cls(**cls.read(table, origin))
 
     @classmethod

@@ -80,7 +80,7 @@ class Outlook(NamedTuple):
         return cls(np.array([event.t for event in stated]), rows.reshape(-1, len(COLUMN_NAMES)))
 
     def column(self, name: str) -> Array:
-        """Values (k,) of the predicted quantity `name`."""
+        """Predicted values (k,) of the quantity `name`."""
         return np.asarray(self.rows[:, COLUMN_NAMES.index(name)])
 
 

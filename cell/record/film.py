@@ -149,7 +149,7 @@ class FilmWriter(AbstractContextManager["FilmWriter"]):
         self._container.mux(self._stream.encode(picture))
 
     def __exit__(self, *_: object) -> None:
-        """Flush the encoder, close the file and index it."""
+        """Flush the video encoder, close the film's file and index it."""
         if self._stream is not None:
             self._container.mux(self._stream.encode(None))
         self._container.close()
@@ -248,7 +248,7 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
     """Writer of a video file in a process of its own, which completes it if this process dies."""
 
     def __init__(self, path: Path, encoder: str) -> None:
-        """Start the encoder's process; OSError if it cannot open the film at `path`."""
+        """Start the film's encoder process; OSError if it cannot open the film at `path`."""
         self._image = SharedImage()
         self._child = Child(encode, path, encoder, self._image)
         try:
@@ -264,7 +264,7 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
         self._await_answer()
 
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
-        """Wait until the film is complete; raises OSError with the reason where it is not.
+        """Wait until the film is complete; raises OSError with the reason for a broken film.
 
         After an `error` in the block the film has broken off, and that is its reason.
         """
@@ -276,12 +276,12 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
             self._close()
 
     def _close(self) -> None:
-        """End the process and release the shared image."""
+        """End the film's encoder process and release the shared image."""
         self._child.close(ENCODER_TIMEOUT)
         self._image.close()
 
     def _await_answer(self) -> None:
-        """Wait for the process; raises OSError where it has died or stalled."""
+        """Wait for an answer of the encoder process; OSError where it has died or stalled."""
         try:
             answer = self._child.receive(ENCODER_TIMEOUT)
         except ChildDied as died:

@@ -81,7 +81,7 @@ class KeyFrames:
         self._count = 0
 
     def choose(self, mark: bool) -> bool:
-        """Whether to store the next image, which may be a marked one."""
+        """Whether to store the next image as a key frame; `mark` speaks for it."""
         number = self._count
         self._count += 1
         if mark and self._marks_left > 0:
@@ -147,7 +147,7 @@ class FrameWriter:
     def __init__(
         self, folder: Path, keep: Keep, patient: bool, encoder: Encoder | None = None
     ) -> None:
-        """Write images into `folder`, and with an `encoder` also a film."""
+        """Write a run's images into `folder` and, with an `encoder`, also as a film."""
         self._film = encoder and FilmEncoder(folder / FILM, encoder, patient)
         self._failure: OSError | None = None
         self._given_up = False

@@ -44,7 +44,7 @@ class PartReader:
     problems: list[str] = field(default_factory=list)
 
     def read(self, part: Callable[[], Part], empty: Part) -> Part:
-        """Result of reading the `part`, or `empty`; ConfigurationError unless lenient."""
+        """Result of reading a run's `part`; a broken one is `empty` if lenient, else an error."""
         try:
             return part()
         except ConfigurationError as error:
@@ -112,7 +112,7 @@ class Run:
 
     @property
     def problems(self) -> list[str]:
-        """Lines on the broken parts that were read as empty."""
+        """Lines of text on the run's broken parts, which were read as empty."""
         return self.reader.problems
 
     @property

@@ -48,12 +48,12 @@ class StreamFile:
         self._write(schema.serialize())
 
     def append(self, row: Mapping[str, Any]) -> None:
-        """Append one row, a value for each column; OSError where the system does not take it."""
+        """Append a row with a value for each column; OSError where writing fails."""
         rows = pa.array([row], self._row)
         self._write(pa.RecordBatch.from_struct_array(rows).serialize())
 
     def close(self) -> None:
-        """Close the stream; allowed twice."""
+        """Close the stream's file; allowed twice."""
         if not self._file.closed:
             try:
                 self._write(END_OF_STREAM)

@@ -75,7 +75,7 @@ class RunWriter:
         opened.callback(self._sights.close)
 
     def describe(self, **facts: Any) -> None:
-        """Add `facts` to run.yaml, once the run has ended, that were not known at its start.
+        """Add `facts` to run.yaml after the run's end that were unknown at its start.
 
         A document that is on disk costs more than a turn of the control loop has.
         """
@@ -150,7 +150,7 @@ class RunWriter:
             os.close(handle)
 
     def close(self) -> None:
-        """Close the files; without `finish` before it, the run counts as died."""
+        """Close the run's files; without `finish` before it, the run counts as died."""
         with self._recording():
             try:
                 self._close_streams()

@@ -101,7 +101,7 @@ class Problem:
         self._local_frames = _local_frames(photograph)
 
     def trial(self, values: Array) -> TrialShape:
-        """Solve the strip's shape for `values` (p,), compare it with the midline; raises NoRest."""
+        """Compare the strip's shape for `values` (p,) with the midline; NoRest if there is none."""
         measured = self.photograph
         hanging = hanging_shape(
             measured.overhang,
@@ -174,7 +174,7 @@ class _Samples:
         self._swing = self._before * (-straight[1], straight[0])
 
     def at(self, nodes: Array) -> Array:
-        """Values (n, ...) at the arc lengths, interpolated between those at the nodes (m, ...)."""
+        """Values (n, ...) at the samples, interpolated between values at the nodes (m, ...)."""
         share = self._share.reshape(-1, *[1] * (nodes.ndim - 1))
         return np.asarray((1 - share) * nodes[self._index] + share * nodes[self._index + 1])
 

@@ -47,7 +47,7 @@ class Cause(StrEnum):
     MODEL = "arm_limits_differ", "nothing has moved; the cell knows the Franka Research 3 alone"
 
     def __new__(cls, name: str, remedy: str) -> Self:
-        """A cause that equals its `name`."""
+        """Cause of an arm fault that equals the text `name`."""
         member = str.__new__(cls, name)
         member._value_ = name
         member.remedy = remedy

@@ -26,7 +26,7 @@ class Tare:
 
     @classmethod
     def from_states(cls, states: Sequence[Any], allowed: float) -> Self:
-        """Mean over robot `states` at rest; ArmFault for a force above `allowed` [N] or NaN."""
+        """Tare from robot `states` at rest; ArmFault for a force above `allowed` [N] or NaN."""
         wrench = np.mean([state.O_F_ext_hat_K for state in states], axis=0)
         torques = np.mean([state.tau_ext_hat_filtered for state in states], axis=0)
         force = float(np.linalg.norm(wrench[:3]))
@@ -71,7 +71,7 @@ class DriftMonitor:
     """
 
     def __init__(self, guard: ForceGuard, allowed: float, tick: float) -> None:
-        """Allow a mean of `allowed` [N] less the tare of `guard`, a state every `tick` [s]."""
+        """Allow a mean force of `allowed` [N] less `guard`'s tare, a state every `tick` [s]."""
         self._guard = guard
         self._allowed = allowed
         self._tick = tick

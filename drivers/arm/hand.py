@@ -171,7 +171,7 @@ class FciHand:
             self._interrupt()
 
     def _start_next(self) -> None:
-        """Request the first of the queued motions."""
+        """Request the first of the hand's queued motions."""
         self._closed = self._flagged = False
         self._motion = self._send(self._next.pop(0))
 
@@ -252,7 +252,7 @@ class FciHand:
             self._start_next()
 
     def _open_links(self) -> Links:
-        """Connections to the hand, opened at the first call; Fault where that fails."""
+        """Network connections to the hand, opened at the first call; Fault where that fails."""
         if self._links is None:
             self._ready()
             try:

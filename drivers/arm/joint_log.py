@@ -56,7 +56,7 @@ class Timing:
     heard: float = 0.0
 
     def update(self, arrival: float, success: float) -> None:
-        """Count a state at `arrival` [s]; `success` is its share of commands in time."""
+        """Count a robot state at `arrival` [s]; `success` is the share of commands in time."""
         self.heard += success
         if self.last is not None:
             interval = arrival - self.last
@@ -65,7 +65,7 @@ class Timing:
         self.last = arrival
 
     def content(self) -> dict[str, Any]:
-        """The histogram as plain values, for the record of a run."""
+        """Histogram of the states' intervals as plain values, for the record of a run."""
         return {
             "edges_ms": list(EDGES_MS),
             "counts": self.counts,

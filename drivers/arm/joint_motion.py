@@ -101,7 +101,7 @@ class JointMotion:
     """
 
     def __init__(self, state: Any, goal: Numbers, share: float) -> None:
-        """Plan from rest in `state` to rest at `goal` (7,) [rad], at a `share` of full speed."""
+        """Plan from rest in `state` to rest at joints `goal` (7,) [rad], at `share` of speed."""
         start = list(state.q_d)
         self._planner = ruckig.Ruckig(AXES, TICK)
         self._input = _planner_input(start, goal, share)
@@ -242,7 +242,7 @@ class CartesianMotion:
     """
 
     def __init__(self, robot: "Robot", *, own_clock: bool = False) -> None:
-        """Send commands to `robot`, computed a tick ahead if it runs on its `own_clock`."""
+        """Send joint commands to `robot`, a tick ahead if it runs on its `own_clock`."""
         self._robot = robot
         self._own_clock = own_clock
         self._ahead = False  # whether `_setpoint` predicts the robot a tick after `_time`
@@ -296,7 +296,7 @@ class CartesianMotion:
         self._resynchronise(setpoint.after_a_tick() if self._ahead else setpoint)
 
     def _resynchronise(self, setpoint: JointSetpoint) -> None:
-        """Set the setpoint, the elbow's motion and the past hand poses to those of `setpoint`."""
+        """Set the joints' setpoint, the elbow's motion and past hand poses to `setpoint`."""
         self._setpoint = setpoint
         self._elbow = setpoint.position[ELBOW_JOINT]
         self._elbow_rate = setpoint.rate[ELBOW_JOINT]

@@ -75,7 +75,7 @@ class ServoLoop:
         now: Callable[[], float],
         touch: ForceGuard,
     ) -> None:
-        """Start the motion at the arm's present pose; ArmFault for a hand out of the plane.
+        """Start the servo loop at the arm's present pose; ArmFault for a hand out of the plane.
 
         `now` gives the time [s] at which a state has arrived; `touch` limits the external force.
         """
@@ -141,7 +141,7 @@ class ServoLoop:
             self._check_ahead()
 
     def end(self) -> None:
-        """Brake to rest and end the motion; later commands are ignored."""
+        """Brake the arm to rest and end the motion; later commands are ignored."""
         self._ending = True
         self._profile.stop()
         while self._profile.moving or not at_rest(self._state):

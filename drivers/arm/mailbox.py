@@ -73,7 +73,7 @@ class Mailbox(SharedMemory, Generic[V]):
     """
 
     def __init__(self, kind: type[V], descriptor: int | None = None) -> None:
-        """Values of `kind`, a NamedTuple of int and float; by default in new memory."""
+        """Mailbox for values of `kind`, a NamedTuple of int and float; by default in new memory."""
         super().__init__(descriptor)
         letters = ("d" if field is float else "q" for field in kind.__annotations__.values())
         self._struct = struct.Struct("=" + "".join(letters))
@@ -90,11 +90,11 @@ class Mailbox(SharedMemory, Generic[V]):
 
     @property
     def count(self) -> int:
-        """Number of values that have been written."""
+        """Number of values that have been written into the mailbox."""
         return self._count[0]
 
     def write(self, value: V) -> None:
-        """Publish `value` as the newest one."""
+        """Publish `value` as the mailbox's newest one."""
         after = self._count[0] + 1
         self._struct.pack_into(self._slots[after & 1], 0, *value)
         self._count[0] = after

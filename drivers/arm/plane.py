@@ -158,7 +158,7 @@ class FadingOffset:
         self._age = FADE_TICKS
 
     def begin(self, start: Coordinates) -> None:
-        """Fade from the offset and angles of `start` [m, rad, rad]."""
+        """Begin to fade from the offset and two angles of `start` [m, rad, rad]."""
         self._start = start
         self._age = 0
 

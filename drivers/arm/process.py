@@ -40,7 +40,7 @@ class TerminationFlag:
             signal.signal(number, self._note_signal)
 
     def check(self) -> None:
-        """Raise ArmFault if the flag is set; called once the arm rests."""
+        """Raise ArmFault if a signal has asked this process to end; called once the arm rests."""
         if self.is_set:
             raise ArmFault(Cause.ENDED, "the process of the arm was asked to end")
 

@@ -217,7 +217,7 @@ class ReachGuard:
     """
 
     def __init__(self, plane: StripPlane, motion: MotionLimits, joints: list[float]) -> None:
-        """Check a motion in `plane` that begins at `joints` (7,) [rad], with its axes' limits."""
+        """Guard a motion in `plane` that begins at `joints` (7,) [rad], with its axes' limits."""
         self._plane = plane
         self._elbow = float(joints[ELBOW_JOINT])
         self._ahead: Array = np.array(joints)

@@ -43,7 +43,7 @@ class Robot:
     """Connection to a robot by pylibfranka; every error of the library is raised as ArmFault."""
 
     def __init__(self, address: str, settings: FciSettings) -> None:
-        """Connect to the robot; ArmFault where its joint limits are narrower than the cell's."""
+        """Connect to the robot at `address`; ArmFault if its joint limits are too narrow."""
         description = read_description(address)
         if description is not None:
             require_limits(description)

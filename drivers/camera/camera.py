@@ -79,7 +79,7 @@ class NewestFrame:
             return self._newest if self._fresh(after) else None
 
     def close(self) -> None:
-        """Stop the thread, which releases the device."""
+        """Stop the thread that takes frames, which releases the camera."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()
@@ -176,7 +176,7 @@ class NewestFrame:
             self._changed.notify_all()
 
     def _restart(self) -> None:
-        """Restart the stream, or release the device where that fails."""
+        """Restart the camera's stream, or release the device where that fails."""
         if self._current is None:
             return
         try:

@@ -35,11 +35,11 @@ class MappedBuffer:
         )
 
     def copy(self, length: int) -> Image:
-        """Copy (length,) of the buffer's first bytes."""
+        """Copy (length,) of the first bytes of the frame buffer."""
         return np.frombuffer(self._memory[:length], np.uint8)
 
     def close(self) -> None:
-        """Unmap the buffer."""
+        """Unmap the frame buffer."""
         self._memory.close()
 
 
@@ -51,7 +51,7 @@ class Kernel:
         return os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
 
     def close(self, fd: int) -> None:
-        """Close the file descriptor `fd`."""
+        """Close the device's file descriptor `fd`."""
         os.close(fd)
 
     def ioctl(self, fd: int, request: Ioctl, argument: Argument) -> None:
@@ -230,7 +230,7 @@ class Device:
             yield entry
 
     def present(self) -> bool:
-        """Whether the device still answers, as one that was unplugged does not."""
+        """Whether the device still answers, unlike an unplugged one."""
         try:
             return self.supports(Ioctl.QUERYCAP, Capability())
         except CameraLost:

@@ -58,7 +58,7 @@ class Session:
     """An open camera device with its `setup`, streaming into mapped buffers until `close`."""
 
     def __init__(self, device: Device, settings: V4l2Settings) -> None:
-        """Configure the open `device`; raises CameraRefused for a value that it refuses."""
+        """Configure the open camera `device`; raises CameraRefused for a value that it refuses."""
         self.setup = set_up(device, settings)
         self._device = device
         self._buffers = settings.buffers
@@ -108,7 +108,7 @@ class Session:
         self._device.close()
 
     def _start(self) -> None:
-        """Map and queue buffers, and start the stream; where that fails nothing stays mapped."""
+        """Map and queue buffers, start the stream; on failure nothing stays mapped."""
         device = self._device
         with ExitStack() as undo:  # a camera that streams refuses the next user
             undo.callback(self._stop)

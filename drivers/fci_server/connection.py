@@ -46,7 +46,7 @@ class Connection:
         return bool(content) and len(self.received) <= MOST_PENDING
 
     def send(self, content: bytes) -> bool:
-        """Send `content` over TCP; False where the client does not take all of it."""
+        """Send `content` to the client over TCP; False where not all of it is taken."""
         try:
             return self._tcp.send(content) == len(content)
         except OSError:
@@ -66,7 +66,7 @@ class Connection:
         return True
 
     def send_datagram(self, content: bytes) -> None:
-        """Send one UDP datagram, which may be lost."""
+        """Send the client one UDP datagram, which may be lost."""
         if self._udp is not None:
             try:
                 self._udp.send(content)
@@ -83,7 +83,7 @@ class Connection:
             return None
 
     def close(self, reset: bool = False) -> None:
-        """Close both sockets; `reset` sends RST, so that the client does not wait for a reply."""
+        """Close both sockets of the client; `reset` sends RST, so that it does not wait."""
         if reset:
             self._tcp.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
         self._tcp.close()
@@ -102,7 +102,7 @@ class Port(ABC, Generic[K]):
     def __init__(
         self, address: str, port: int, poll: select.epoll, framing: Framing[K], version: int
     ) -> None:
-        """Listen at `address` for requests in `framing`, of protocol `version`."""
+        """Listen for clients at `address`, for requests in `framing`, of protocol `version`."""
         self._poll = poll
         self._framing = framing
         self.address = address
@@ -146,12 +146,12 @@ class Port(ABC, Generic[K]):
         self._abandon()
 
     def repeat(self) -> None:
-        """Send the last state to the client again, as datagrams may be lost."""
+        """Send the last state to the client again, as a datagram may have been lost."""
         if self.client is not None and self._datagram:
             self.client.send_datagram(self._datagram)
 
     def close(self) -> None:
-        """Disconnect all clients and stop listening."""
+        """Disconnect all clients of the port and stop listening."""
         self._dismiss()
         for guest in list(self._guests.values()):
             self._refuse(guest)

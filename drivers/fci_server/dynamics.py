@@ -21,7 +21,7 @@ class Dynamics:
     """Joint torques of an arm: published model with friction, load, sensor errors of a `plant`."""
 
     def __init__(self, plant: ArmPlant) -> None:
-        """Build the model with mass errors and tilt of `plant`; the hand keeps the model's mass."""
+        """Build the arm's model with mass errors and tilt of `plant`, the hand's mass unchanged."""
         self._plant = plant
         model = mujoco.MjModel.from_xml_string(arm_mjcf())
         for number, error in enumerate(plant.mass_error, start=1):

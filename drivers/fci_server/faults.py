@@ -127,7 +127,7 @@ class Disturbance:
         return self._robot.time < self._nan_ends
 
     def add(self, fault: Fault) -> None:
-        """Schedule one more fault, which is due at once where its tick has passed."""
+        """Schedule another fault, which is due at once where its tick has passed."""
         self._waiting = sorted([*self._waiting, fault], key=lambda waiting: waiting.at)
 
     def strike(self) -> None:
@@ -142,7 +142,7 @@ class Disturbance:
             self._apply(self._waiting.pop(0))
 
     def _apply(self, fault: Fault) -> None:
-        """Let `fault` begin."""
+        """Let the scripted `fault` begin."""
         robot = self._robot
         match fault:
             case ReflexFault():

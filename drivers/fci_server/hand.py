@@ -57,7 +57,7 @@ class EmulatedHand:
         return STATE_PACKET.pack(time & 0xFFFFFFFF, width, widest, self.is_grasped, TEMPERATURE)
 
     def begin(self, request: HandRequest) -> None:
-        """Start the command of `request` and abort the one in progress."""
+        """Start the hand's command in `request` and abort the one in progress."""
         if request.command is HandCommand.STOP and self.deaf > 0:
             self.deaf -= 1
             return
@@ -71,7 +71,7 @@ class EmulatedHand:
             self._motion = _finger_motion(request)
 
     def interrupt(self) -> None:
-        """Abort the command in progress; the fingers stop where they are."""
+        """Abort the hand's command in progress; the fingers stop where they are."""
         if self._motion is not None:
             self._answer(self._motion.request, HandStatus.ABORTED)
             self._motion = None
@@ -115,7 +115,7 @@ class EmulatedHand:
         self._answer(motion.request, status)
 
     def _reach_width(self, motion: FingerMotion) -> None:
-        """Go on to the next width of `motion`, or end it after the last one."""
+        """Let the fingers go on to the next width of `motion`, or end it after the last one."""
         motion.widths.pop(0)
         if motion.widths:
             return

@@ -61,7 +61,7 @@ class BodyCheck:
     """Collision check of the arm with itself and solids, skipped within the last clearance."""
 
     def __init__(self, solids: Solids | None = None) -> None:
-        """Check the arm against `solids`, or against itself alone."""
+        """Check the arm for collisions with `solids`, or with itself alone."""
         self._solids = solids
         self._checked_q: Array | None = None
         self._room = 0.0  # m, at the joints checked last

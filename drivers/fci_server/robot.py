@@ -158,7 +158,7 @@ class EmulatedRobot:
             self.motion.stopping = True
 
     def set(self, request: Request[Command]) -> Status:
-        """Change the setting that `request` states; refused unless the robot is idle."""
+        """Change the setting that `request` states, which only an idle robot accepts."""
         if request.command not in SETTERS or self.mode is not Mode.IDLE:
             return Status.NOT_POSSIBLE
         old = self.configuration

@@ -60,11 +60,11 @@ class Pace:
         self._deadline = time.monotonic()
 
     def remaining(self) -> float:
-        """Time [s] until the next period is due; zero or less once it is due."""
+        """Time [s] until the next control period is due; zero or less once it is due."""
         return self._deadline - time.monotonic()
 
     def begin_next(self) -> None:
-        """Start the next period on schedule.
+        """Start the next control period on schedule.
 
         Of a delay of this machine at most LONGEST_CATCH_UP is caught up; by the rest the robot's
         time falls behind the wall clock, so that the client keeps most of a period to answer.
@@ -73,7 +73,7 @@ class Pace:
         self._deadline = max(self._deadline, now - LONGEST_CATCH_UP) + TICK
 
     def restart(self) -> None:
-        """Start a period now, however late the last one was."""
+        """Start a control period now, however late the last one was."""
         self._deadline = time.monotonic() + TICK
 
 
@@ -192,7 +192,7 @@ class RobotServer:
             self._poll.close()
 
     def _run_once(self) -> None:
-        """Run one pass of the event loop.
+        """Run one pass of the server's event loop.
 
         It waits for the next command while the client is the clock, for any request while no
         client is connected and nothing moves, else until the control period has passed.

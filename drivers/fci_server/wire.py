@@ -168,7 +168,7 @@ class Framing(Generic[K]):
     sizes: dict[K, int]  # bytes of the payload
 
     def take(self, buffer: bytearray) -> Request[K] | None:
-        """Remove the first complete request from `buffer` and return it; None for none yet.
+        """Remove the first complete request from `buffer` and return it; None if incomplete.
 
         Raises Malformed for an unknown command or a wrong size.
         """

@@ -37,7 +37,7 @@ class _Inputs:
 
     @classmethod
     def of(cls, strip: StripFile, effects: Effects, index: int) -> Self:
-        """Inputs with their text as key: dicts have no hash, and repr keeps -0.0 and 0.0 apart."""
+        """Inputs of a strip model with their text as key, which tells -0.0 from 0.0."""
         return cls(f"{strip!r} {sorted(effects.items())!r} {index}", strip, effects, index)
 
 

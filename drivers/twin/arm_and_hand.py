@@ -28,7 +28,7 @@ class ExternalWrench:
     """
 
     def __init__(self, settings: WrenchSettings, rng: np.random.Generator) -> None:
-        """Sensor that reads zero force at first; draws noise and offset from `rng`."""
+        """Force sensor that reads zero at first; draws noise and offset from `rng`."""
         self._rng = rng
         self._noise = settings.noise
         self._lag_gain = lag_gain(settings.lag)
@@ -37,7 +37,7 @@ class ExternalWrench:
         self.reading = (0.0, 0.0)
 
     def tick(self, force: tuple[float, float]) -> None:
-        """Update the reading from the true `force` (f_x, f_z) [N], with lag, offset and noise."""
+        """Update the force reading from the true `force` (f_x, f_z) [N]: lag, offset, noise."""
         self._average += self._lag_gain * (np.array(force) - self._average)
         noise = self._noise * self._rng.standard_normal(2)
         x, z = (self._average + self._offset + noise).tolist()
@@ -145,7 +145,7 @@ class TwinArm:
         return Pose(*self._cell_in_robot.to_cell(self._cell_in_robot.to_robot(*position)))
 
     def _trail(self, command: list[float]) -> None:
-        """Move the position towards `command` (x, z, pitch) with a first-order lag."""
+        """Move the arm's position towards `command` (x, z, pitch) with a first-order lag."""
         lags = zip(command, self._position, strict=True)
         step = [self._lag_gain * (goal - actual) for goal, actual in lags]
         self._position = [actual + move for actual, move in zip(self._position, step, strict=True)]
@@ -167,7 +167,7 @@ class TwinArm:
         return behind <= SETTLED_DISTANCE
 
     def _measure(self) -> Pose:
-        """Pose with the measurement noise of the robot, in the cell frame."""
+        """Gripper pose with the robot's measurement noise, in the cell frame."""
         noise: Array = self._noise[self._ticks % NOISE_BLOCK] * self._sigma
         x, z, pitch, *_ = self._report()
         pose = self._cell_in_robot.to_robot(x, z, pitch + noise[3])

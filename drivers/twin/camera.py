@@ -57,7 +57,7 @@ class TwinCamera:
         return self._settings.rate
 
     def connect(self) -> None:
-        """Start delivering frames."""
+        """Start to deliver frames of the simulated camera."""
         self._connected = True
 
     def read(self, after: float, timeout: float) -> Frame | None:  # noqa: ARG002
@@ -76,7 +76,7 @@ class TwinCamera:
         return self._newest
 
     def close(self) -> None:
-        """Stop delivering frames."""
+        """Stop the delivery of frames by the simulated camera."""
         self._connected = False
         self._newest = None
 
@@ -134,7 +134,7 @@ class PacedCamera:
     """
 
     def __init__(self, camera: Camera) -> None:
-        """Deliver the frames of `camera`."""
+        """Deliver the frames of the simulated `camera`, one tick after they are rendered."""
         self._camera = camera
         self._drawn: Frame | None = None
         self._last = -inf
@@ -145,7 +145,7 @@ class PacedCamera:
         return self._camera.rate
 
     def connect(self) -> None:
-        """Start delivering frames."""
+        """Start to deliver frames of the wrapped camera."""
         self._camera.connect()
 
     def read(self, after: float, timeout: float) -> Frame | None:
@@ -165,7 +165,7 @@ class PacedCamera:
         return None
 
     def close(self) -> None:
-        """Stop delivering frames."""
+        """Stop the delivery of frames by the wrapped camera."""
         self._drawn = None
         self._camera.close()
 

@@ -41,7 +41,7 @@ class TimedCall:
     cancelled: bool = False
 
     def cancel(self) -> None:
-        """Remove the call; allowed twice and from within the action."""
+        """Remove the scheduled call; allowed twice and from within the action."""
         self.cancelled = True
 
     def due(self) -> int:

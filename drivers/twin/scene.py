@@ -37,7 +37,7 @@ class History:
         self._scenes: deque[Scene] = deque(maxlen=nanoseconds(memory) // self._step + 2)
 
     def add(self, scene: Scene) -> None:
-        """Append a scene, which must be one step later than the last."""
+        """Append a scene, which must be one `step` later than the last scene."""
         self._scenes.append(scene)
 
     @property

@@ -55,7 +55,7 @@ class Grasp:
         return cls(c * dx + s * dz, c * dz - s * dx, edge.pitch - hand.pitch)
 
     def edge(self, hand: Pose) -> Pose:
-        """Pose of the strip's edge while the hand is at `hand`."""
+        """Pose of the grasped strip edge while the hand is at the pose `hand`."""
         c, s = cos(hand.pitch), sin(hand.pitch)
         return Pose(
             hand.x + c * self.along - s * self.across,
@@ -136,7 +136,7 @@ class World:
         return self._history.at(stamp)
 
     def move_fingers(self, fingers: Fingers) -> None:
-        """Replace the motion of the fingers from now on."""
+        """Replace the motion of the fingers by `fingers`."""
         self._fingers = fingers
 
     def hold_pointer(self, held: bool) -> None:

@@ -76,7 +76,7 @@ class Adaptive:
         self._begin(REFERENCE_LENGTH, SPEED, 1)
 
     def correct(self, simulation_bias: float, measurement_bias: float) -> None:
-        """Correct by biases [m]: measured less predicted, and true less measured displacement."""
+        """Correct the aim by biases [m]: measured less predicted, and true less measured d."""
         self._seen = simulation_bias
         self._unseen = measurement_bias
 

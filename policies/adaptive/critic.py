@@ -94,7 +94,7 @@ class FoldMemory:
     """Memory of n folds in progress: the mean of the critic's memory units over their images."""
 
     def __init__(self, count: int, units: int) -> None:
-        """Empty memory of `count` folds, each of this number of `units`."""
+        """Empty memory of `count` folds, with `units` values each."""
         self._sums = np.zeros((count, units))
         self._images = np.zeros((count, 1))
 

@@ -44,7 +44,7 @@ class RecentImages:
     """Buffer of the measurements in the newest FRAME_COUNT images of each of n strips."""
 
     def __init__(self, count: int, channels: int) -> None:
-        """Buffer for `count` strips, with `channels` values per image."""
+        """Buffer of images for `count` strips, with `channels` values per image."""
         self._stamps: Array = np.full((count, FRAME_COUNT), -np.inf)
         self._values: Array = np.zeros((count, FRAME_COUNT, channels))
 
@@ -103,7 +103,7 @@ class Features:
         return self._window.newest
 
     def add(self, observation: Observation) -> NDArray[np.bool_]:
-        """Add an observation; returns the mask (n,) of strips with a new, reliable image."""
+        """Add an observation; returns the mask (n,) of strips with a new reliable image."""
         count = len(observation.x)
         flat = observation.profile.reshape(count, -1)
         values = np.column_stack([observation.contact_x, observation.tip_x, flat])

@@ -30,7 +30,7 @@ class TrainingJournal:
     def __init__(
         self, path: FilePath, settings: Settings, keys: frozenset[str] = frozenset()
     ) -> None:
-        """Open the journal at `path`, or begin one with `settings`."""
+        """Open the training's journal at `path`, or begin one with `settings`."""
         self.path = path
         self._keys = keys
         with writing(path, OTHER_FOLDER):
@@ -44,13 +44,13 @@ class TrainingJournal:
         write_file(path, "".join(map(_line, [header, *self.lines])), OTHER_FOLDER)
 
     def append(self, line: Line) -> None:
-        """Append `line` to the file and flush it to disk."""
+        """Append `line` to the journal's file and flush it to disk."""
         with writing(self.path, OTHER_FOLDER):
             append_line(self.path, _line(line).encode())
         self.lines.append(line)
 
     def _read(self) -> list[Line]:
-        """Lines of the file, settings first; ConfigurationError where it is no training journal."""
+        """Lines of the journal, settings first; ConfigurationError for another file."""
         text = read_text(self.path, LARGEST_JOURNAL)
         complete = text[: text.rfind("\n") + 1]
         try:
@@ -65,7 +65,7 @@ class TrainingJournal:
         return lines
 
     def _check(self, begun: Any, asked: dict[str, Any]) -> None:
-        """Raise ConfigurationError for other settings; more generations are allowed."""
+        """Refuse a journal of other settings; more generations are allowed."""
         if not isinstance(begun, dict):
             raise self._not_a_journal()
         differ = [

@@ -83,7 +83,7 @@ class Search:
 
     @property
     def known(self) -> int:
-        """Number of generations in the journal."""
+        """Number of generations of the training that the journal holds."""
         return len(self._journal.lines)
 
     @property

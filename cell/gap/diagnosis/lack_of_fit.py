@@ -70,7 +70,7 @@ class Repeats:
 
     @property
     def differ(self) -> bool:
-        """Whether repeats differ, drift aside, by more than UNSTEADY times the stated noise."""
+        """Whether repeats differ by more than UNSTEADY times the stated noise, without drift."""
         return max(self.inflation.values(), default=1.0) > UNSTEADY
 
     @property

@@ -69,7 +69,7 @@ class CrossValidatedFit:
 
     @property
     def model(self) -> Model:
-        """The model that was fitted."""
+        """Model that was fitted and cross-validated."""
         return self.estimate.model
 
     def losses(self, scale: float) -> Array:

@@ -38,7 +38,7 @@ def linearise(model: Model, evidence: Evidence, point: Point) -> Task[Linearised
 def _linearise_run(
     model: Model, run: Run, scale: Array, shared: Array, local: Array
 ) -> Task[tuple[Residuals, Array]]:
-    """Residuals and Jacobian (n, shared + local) of one run, whitened by `scale` (n,); a task."""
+    """Residuals and Jacobian (n, shared + local) of a run, over `scale` (n,); yields requests."""
     batch, steps = _secant_requests(model, run, shared, local)
     answers = yield batch
     at_point, *stepped = answers[1:] if run.replicate else answers
@@ -196,7 +196,7 @@ class Estimate:
         return NormalEquations(gradient + prior * (z - unknowns.mean), curvature + np.diag(prior))
 
     def on(self, indices: Sequence[int]) -> Self:
-        """Copy of the estimate that is restricted to the runs numbered `indices`."""
+        """Copy of the estimate restricted to the runs with the numbers `indices`."""
 
         def pick(by_run: Sequence[T]) -> tuple[T, ...]:
             return tuple(by_run[i] for i in indices)
@@ -350,7 +350,7 @@ def _broyden_update(fit: Estimate, trial: Estimate, curvature: Array) -> tuple[A
 
 
 def _evaluate(fit: Estimate, points: Sequence[Array]) -> Task[list[Estimate]]:
-    """Estimates at `points` (size,), clipped to the bounds, with the Jacobians of `fit`; a task."""
+    """Estimates at `points` (size,) within bounds, with `fit`'s Jacobians; yields requests."""
     runs = fit.evidence.runs
     inside = list(map(fit.unknowns.point, points))
     answers = yield [q for p in inside for q in requests(fit.model, runs, p)]

@@ -61,7 +61,7 @@ class Spread:
 
     @property
     def error(self) -> float:
-        """Standard error of the natural logarithm of the spread."""
+        """Standard error of the natural logarithm of the run-to-run spread."""
         return float(np.log(self.high / self.low)) / (2.0 * CENTRAL_95)
 
 
@@ -222,7 +222,7 @@ class SpreadFit:
         return cls(likelihood, tuple(active), np.exp(optimum.x), float(optimum.fun))
 
     def mean_share(self, i: int, *, common: bool) -> float:
-        """Posterior mean of the share of active quantity `i`, the others at their most likely.
+        """Posterior mean of the share of quantity `i`, at the others' most likely shares.
 
         With few runs the likelihood of a spread has a long tail to large values, so that its peak
         is mostly too small. For a `common` quantity the mean allows for no scatter at all, too.

@@ -57,12 +57,12 @@ class Fits:
 
     @property
     def base(self) -> CrossValidatedFit:
-        """The fitted model without effects."""
+        """Fitted model without any effect."""
         return next(m for m in self.models if not m.model.effects)
 
     @property
     def likelihood(self) -> LikelihoodScale:
-        """Dispersion and inefficiency of the model that fits best."""
+        """Likelihood scale of these fits: dispersion and inefficiency of the best fitting one."""
         return likelihood_scale(self.models)
 
     def of_size(self, size: int) -> list[CrossValidatedFit]:
@@ -87,7 +87,7 @@ class Fits:
         return [m for m, n in zip(models, nats, strict=True) if n > GAIN_SHARE * nats[0]]
 
     def merge(self, more: Sequence[CrossValidatedFit]) -> "Fits":
-        """Copy with the models `more`; of two with the same effects the better fit is kept."""
+        """Copy with the models `more` added; of two with equal effects the better fit is kept."""
         merged = {m.model.names: m for m in self.models}
         for m in more:
             earlier = merged.get(m.model.names)

@@ -185,7 +185,7 @@ class _SharedTerms:
 
     @classmethod
     def of(cls, fits: Fits, likelihood: LikelihoodScale, prior: Beliefs) -> "_SharedTerms":
-        """Weights of samples and spikes for all sets of `fits`.
+        """Weights of samples and spikes that the evidence of all sets in `fits` shares.
 
         Wild samples are those of the best fit: at its own, a bad model would call wild what it does
         not explain.
@@ -227,7 +227,7 @@ class _SharedTerms:
         return nats + _truncation(limits, z + step[: len(z)], np.diag(inverse)[: len(z)], laws)
 
     def _whiten(self, columns: Array, law_error: Array) -> tuple[Array, float]:
-        """Columns (N, k) whitened by noise and `law_error` (N,), and its log determinant."""
+        """Columns (N, k) whitened by noise and `law_error` (N,), and the log determinant."""
         weighed = columns * self.weight[:, None]
         error = law_error * self.weight
         if not error.any():

@@ -65,7 +65,7 @@ class Search:
     probed: Sequence[ProbeResponses]
 
     def fit_scored_models(self, fits: Fits, scores: Sequence[Score]) -> Fits:
-        """`fits` with the models of `scores` added, each fitted along with the base parameters.
+        """Copy of `fits` with the models of `scores`, each fitted along with the base.
 
         Each fit starts at null and at the values of the screen; it replaces a fit of the same model
         only if it gains more. Models that gain far less than the best after a few steps are not

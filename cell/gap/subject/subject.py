@@ -44,7 +44,7 @@ class Parameter:
     tolerated: tuple[float, float] | None = None
 
     def stated_value(self, value: float) -> float:
-        """`value` as files state it: its reciprocal, for an `inverse` parameter."""
+        """Engine `value` as files state it: the reciprocal for an `inverse` parameter."""
         if not self.inverse:
             return value
         return 1.0 / value if value else float("inf")
@@ -82,7 +82,7 @@ class Candidate:
         return replace(self, parameters=whole, shape_parameters=())
 
     def complete(self, values: Array) -> Array:
-        """Full parameter vector (n,): `values` (k,) of the first, start values of the others."""
+        """Parameter vector (n,): `values` (k,) for the first ones, start values for the others."""
         return np.concatenate([values, self.null[len(values) :]])
 
     @property
@@ -119,7 +119,7 @@ class Samples:
 
     @classmethod
     def stack(cls, series: Sequence[Mapping[str, Any]]) -> "Samples":
-        """Samples of several time series, one after another; `series` holds their columns by field.
+        """Samples of several time series one after another, from `series` of columns by field.
 
         A column is an array with an entry per sample, or one value for all of them.
         """

@@ -41,7 +41,7 @@ class StoredFile(Settings):
     schema_: Literal[1] = Field(1, alias="schema")
 
     def to_json(self) -> str:
-        """JSON text of the file."""
+        """JSON text of the stored file."""
         return self.model_dump_json(by_alias=True, indent=1)
 
 
@@ -66,7 +66,7 @@ class FitRecord(StoredFile):
 
     @property
     def laws(self) -> tuple[str, ...]:
-        """Names of the terms of the offered law."""
+        """Names of the terms of the empirical law that the fit offers."""
         return tuple(self.law.terms) if self.law is not None else ()
 
 

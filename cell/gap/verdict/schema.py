@@ -208,7 +208,7 @@ class Verdict(Entry):
             yield f"note: {note}"
 
     def _repr_html_(self) -> str:
-        """What is missing, and bars of the held-out gap before and after, for a notebook."""
+        """HTML for a notebook: what is missing, and bars of the held-out gap before and after."""
         rows = "".join(
             f"<tr><td>{escape(key.replace('_', ' '))}</td>{_meter(was, now)}{_meter(now, was)}"
             f"<td>{self.gap.floor.get(key, 0.0):.3g}</td></tr>"
@@ -225,7 +225,7 @@ class Verdict(Entry):
 
 
 def _meter(value: float, other: float) -> str:
-    """Table cell of a `value` as number and bar, on one scale with the `other`."""
+    """Table cell with number and bar of a `value`, to the same scale as the `other` value."""
     return f'<td>{value:.3g} <meter max="{max(value, other)}" value="{value}"></meter></td>'
 
 

@@ -54,11 +54,11 @@ class Feature(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Number of components."""
+        """Number of components of the feature."""
         return 1 if self.values.ndim == 1 else self.values.shape[1]
 
     def stated(self) -> dict[str, Any]:
-        """The feature as meta/info.json states it."""
+        """Description of the feature as meta/info.json holds it."""
         return {"dtype": str(self.values.dtype), "shape": [self.size], "names": self.names}
 
 

@@ -110,7 +110,7 @@ class SignalMapping(Settings):
 
     @property
     def tables(self) -> dict[str, Table[Any]]:
-        """The foreign table of signals, by the file of the run that it is imported to."""
+        """Foreign table of a mechanism's signals, by the run's file that it is imported to."""
         return {SIGNALS: self.signals}
 
 
@@ -148,7 +148,7 @@ class MappingFile(Settings):
 
     @property
     def tables(self) -> dict[str, Table[Any]]:
-        """The foreign tables, by the file of the run that each is imported to."""
+        """Foreign tables of a fold, by the run's file that each is imported to."""
         stated = {TICKS: self.ticks, PROFILE: self.profile, RESULT: self.result}
         return {file: table for file, table in stated.items() if table is not None}
 
@@ -163,7 +163,7 @@ class Source(ABC):
 
     @abstractmethod
     def table(self, how: Table[Any]) -> pa.Table:
-        """The foreign table that `how` names; ConfigurationError where it cannot be read."""
+        """Foreign table that `how` names; ConfigurationError where it cannot be read."""
 
     def missing(self, how: Table[Any]) -> ConfigurationError:
         """Error of a mapping that names a table, `how`, which the source does not hold."""

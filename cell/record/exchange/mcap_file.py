@@ -143,7 +143,7 @@ class McapFile(Source):
     """A run in an MCAP file, a table per topic; a truncated file gives its whole chunks."""
 
     def __init__(self, path: Path) -> None:
-        """Read attachments and names of topics from the file at `path`."""
+        """Read attachments and topic names of the MCAP file at `path`."""
         self.path, self.name = path, path.stem
         self.documents: dict[str, bytes] = {}
         self._content = read_bytes(path, LARGEST_FILE)

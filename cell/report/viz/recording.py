@@ -135,7 +135,7 @@ class Signals:
         return len(self._rows)
 
     def add(self, tick: TickView, values: Sequence[float]) -> None:
-        """Buffer the `values` at a `tick` of the run, one for each signal, in SI units."""
+        """Buffer the signals' `values` in SI units at a `tick` of the run."""
         self._times.append(tick.t)
         self._ticks.append(tick.tick)
         self._rows.append(values)
@@ -176,7 +176,7 @@ class Screen:
         self._log_surroundings(1.0 if strip is None else strip.length)
 
     def draw(self, item: TickView | LogLine) -> None:
-        """Draw a tick, or add a line to the log."""
+        """Draw a tick of the run, or add a line to the recording's log."""
         self._to.reset_time()
         self._to.set_time("clock", duration=item.clock)
         if math.isfinite(item.t):
@@ -243,7 +243,7 @@ class Screen:
         )
 
     def _log_surroundings(self, length: float) -> None:
-        """Draw what does not change: desk, names and colours of states and signals."""
+        """Draw static parts: the desk, names and colours of states and signals."""
         desk = [MM * np.array([(-0.1, 0.0), (length + 0.15, 0.0)])]
         self._to.log("desk", rr.LineStrips2D(desk, colors=0x8A9099FF, radii=1.0), static=True)
         lanes = rr.StateConfiguration(

@@ -33,7 +33,7 @@ class LiveView:
     """
 
     def __init__(self, folder: Path, strip: StripFile, *, hanging: bool = False) -> None:
-        """Show a run with the calibration from its folder; without one, images have no overlays.
+        """Show a run live; the calibration in its folder gives images their overlays.
 
         Measured time begins with the lift, or with the fold in a run that starts `hanging`.
         """
@@ -84,7 +84,7 @@ class LiveView:
         self._put(LogLine(time, log_text(kind, facts), kind == "fault", time - self._origin))
 
     def close(self, timeout: float = CLOSING_TIMEOUT) -> None:
-        """Wait at most `timeout` [s] until the queue is drawn; allowed twice."""
+        """Wait at most `timeout` [s] until all queued ticks are drawn; allowed twice."""
         self._over.set()
         self._news.set()
         self._thread.join(timeout)
@@ -103,7 +103,7 @@ class LiveView:
         return None if late else snapshot.view.frame.image
 
     def _put(self, item: TickView | LogLine) -> None:
-        """Queue `item`, dropping the oldest one where the queue is full."""
+        """Queue `item` for drawing, dropping the oldest one where the queue is full."""
         if not self._thread.is_alive():
             return
         if len(self._waiting) >= WAITING:

@@ -38,7 +38,7 @@ class Span:
     of_length: bool = False
 
     def sample(self, rng: np.random.Generator, length: float) -> float:
-        """Random value for a strip of `length` [m]."""
+        """Random value of the distribution, for a strip of `length` [m]."""
         if self.log:
             value = float(np.exp(rng.uniform(np.log(self.low), np.log(self.high))))
         else:

@@ -131,7 +131,7 @@ class Rod:
             fit_length(self._batch, models, FINE_STEPS)
 
     def _begin(self) -> None:
-        """Start a motion: time 0, no step before, no touch, no observables."""
+        """Start a motion at time 0, without touch, observables or a step before it."""
         count = len(self._batch.arc)
         self._time = 0.0
         self._last = np.inf
@@ -139,7 +139,7 @@ class Rod:
         self._observed = np.zeros((count, at.OBSERVABLE_COUNT))
 
     def _step_all(self, poses: Array, dt: float, shapes: Array, every: int) -> Array:
-        """Step along `poses` (k, n, 3); returns observables (k, n, OBSERVABLE_COUNT) of each."""
+        """Step along `poses` (k, n, 3) [m, m, rad]; observables (k, n, OBSERVABLE_COUNT)."""
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         if poses.shape[1:] != self._batch.held.shape:
             raise ValueError(f"poses {poses.shape}; expected (k, {len(self._batch.held)}, 3)")

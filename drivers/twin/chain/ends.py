@@ -29,7 +29,7 @@ class Grip:
 
     @classmethod
     def at_rest(cls, pose: Array) -> Self:
-        """Grip at rest at `pose` (3,)."""
+        """Grip at rest at the gripper pose `pose` (3,) [m, m, rad]."""
         return cls(pose, np.zeros(3))
 
     def to(self, pose: Array, h: float) -> Self:
@@ -89,7 +89,7 @@ class Slide:
             self.sliding = float(np.sign(force))
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Write the element's spring, or its constant force, into `model` and `data`."""
+        """Write the stick-slip element's spring, or constant force, into `model` and `data`."""
         model.jnt_stiffness[self.joint] = self.stiffness if self.sliding == NOT_SLIDING else 0.0
         model.qpos_spring[self.joint] = self.rest
         data.qfrc_applied[self.joint] = -self.sliding * self.limit

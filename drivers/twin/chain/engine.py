@@ -60,7 +60,7 @@ class ChainStrip:
         self._data.eq_active[0] = 0
 
     def advance(self, pose: Array, dt: float, parts: int) -> None:
-        """Step to gripper `pose` (3,) after `dt` [s], in equal `parts` on a straight line.
+        """Step to gripper `pose` (3,) [m, m, rad] in `dt` [s], in equal straight `parts`.
 
         Raises SimulationNotFinite when the simulation diverges.
         """
@@ -105,7 +105,7 @@ class ChainStrip:
         self._grip = Grip.at_rest(self._grip.pose)
 
     def _step_until_touch(self, grip: Grip, h: float) -> None:
-        """Advance by a step; repeat it from its start with solid layers if they touch in it."""
+        """Advance by a step; if layers touch in it, repeat the step with solid layers."""
         mujoco.mj_getState(self._model, self._data, self._state, STATE_SPEC)
         before = self._gap
         self._step(grip, h)
@@ -153,7 +153,7 @@ class ChainStrip:
             self._model.dof_damping[self._joints.hinges] = self._lumps.hinges.damping_at(h)
 
     def _use_model(self, model: mujoco.MjModel) -> None:
-        """Continue with `model`, in its initial state."""
+        """Continue the simulation with another `model`, in its initial state."""
         self._model = model
         self._data = mujoco.MjData(model)
 

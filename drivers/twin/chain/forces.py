@@ -30,7 +30,7 @@ class Loads:
         self._elapsed = 0.0
 
     def update(self, data: mujoco.MjData, h: float) -> None:
-        """Write the forces for a step of `h` [s] into `data`, from the state in it."""
+        """Write friction, relaxation and drag for a step of `h` [s] into the state `data`."""
         if self._has_friction or self._relaxes:
             data.qfrc_applied[self._joints.hinges] = self._moments(data, h)
         if self._has_drag:
@@ -93,7 +93,7 @@ class DahlFriction:
         self._angle = 0.0 * limit
 
     def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG002
-        """Moments (n,) [N m] and slopes [N m/rad] at `angle` (n,); exact for one direction."""
+        """Moments (n,) [N m] of friction at hinge `angle` (n,) [rad], and slopes [N m/rad]."""
         turn = angle - self._angle
         sign = np.where(turn < 0, -1.0, 1.0)
         reserve = 1.0 - sign * self._moment / self._limit  # 0 in full sliding, 2 at a reversal

@@ -75,7 +75,7 @@ class Window:
     def around(
         cls, extents: Sequence[tuple[Array, Array]], size: tuple[int, int], margin: int
     ) -> Self | None:
-        """Window, `margin` twice around all points u, v [px]; None where outside the image."""
+        """Window with twice `margin` around all points u, v [px]; None if outside the image."""
         present = [extent for extent in extents if len(extent[0])]
         if not present:
             return None

@@ -149,7 +149,7 @@ class Cloud:
 
     @property
     def pixels(self) -> tuple[Array, Array]:
-        """Columns and rows (n,) [px] of the points."""
+        """Columns and rows (n,) [px] of the material points."""
         return self.points[0], self.points[1]
 
 

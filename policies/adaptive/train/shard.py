@@ -59,7 +59,7 @@ class Explorer(Adaptive):
         *,
         switches: bool = True,
     ) -> None:
-        """Perturb rises once by `perturbation` [m] if `switches`; decide at `rate` [Hz]."""
+        """Explore: switch rises once by `perturbation` [m] if `switches`; decide at `rate` [Hz]."""
         super().__init__(critic or NullCritic())
         self._random_rises = critic is None
         self._switches = switches

@@ -24,7 +24,7 @@ class RunEffect(ScatterSource):
     place: str
 
     def apply(self, model: StripModel, value: float) -> StripModel:
-        """Copy of `model` with `value` added to the quantity, as a share where its unit is 1."""
+        """Copy of `model` with `value` added to the effect's field; relative if its unit is 1."""
         part, _, field = self.place.partition(".")
         owner = getattr(model, part)
         stated = getattr(owner, field)

@@ -91,7 +91,7 @@ class Job:
 
     @property
     def key(self) -> bytes:
-        """Digest of all inputs that determine the simulated motion."""
+        """Digest of all inputs that determine a simulated motion."""
         return self.digest + struct.pack("<id", *astuple(self.resolution))
 
 
@@ -115,11 +115,11 @@ class SimulatedMotion:
 
     @property
     def size(self) -> int:
-        """Memory of the motion [bytes]."""
+        """Memory that a simulated motion takes [bytes]."""
         return int(self.shapes.nbytes + 7 * self.t.nbytes)
 
     def index_at(self, time: Array) -> Array:
-        """Fractional index (k,) into the shapes at times (k,) [s]; may lie beyond their ends."""
+        """Fractional index (k,) of the shapes at times (k,) [s]; may lie beyond either end."""
         return (time - self.begin) / SHAPE_PERIOD
 
 

@@ -112,7 +112,7 @@ class StripSubject(Subject):
         floors: Floors | None = None, without: Sequence[str] = (),
         scatter: Sequence[RunEffect] = RUN_EFFECTS,
     ) -> None:  # fmt: skip
-        """Prepare the folds of `runs`, which simulates them; effects `without` are no candidates.
+        """Prepare the measured folds `runs` for fits; effects `without` are no candidates.
 
         `scatter` are the quantities that may differ from run to run.
         """
@@ -157,7 +157,7 @@ class StripSubject(Subject):
         ]
 
     def _compare(self, jobs: Mapping[ResidualKey, Job]) -> dict[ResidualKey, Residuals]:
-        """Simulate and compare by key, a portion of motions of similar duration at a time.
+        """Simulate and compare jobs, in portions of similar duration; residuals by key.
 
         Keys of one motion stay together, in the order in which they are requested; motions are not
         kept.
